@@ -1,0 +1,1 @@
+"""The plucking model: plectrum, string, key and the press as a whole."""

@@ -1,0 +1,1 @@
+"""From the terminal block to a durable file."""

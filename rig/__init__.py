@@ -1,0 +1,1 @@
+"""The bench in numbers: every quantity, its unit, default and source."""

@@ -1,0 +1,361 @@
+"""The rig: every number of the bench, frozen, in SI units.
+
+A field's docstring gives its unit and its meaning. In TOML each is a quantity
+(``press_arm = "171 mm"``) or, where its origin matters, a table:
+``inertia = { value = "7e-4 kg m^2", assumed = ["5e-4 kg m^2", "10e-4 kg m^2"] }``.
+Lengths on the key are measured from the balance pin; x runs from the pin towards
+the jack, z upwards, and the key's angle is positive when the jack rises.
+"""
+
+import math
+from datetime import date
+from typing import Annotated, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+from rig.units import Unit
+
+GRAVITY = 9.80665
+"""m/s^2, standard acceleration of gravity."""
+
+Length = Annotated[float, Unit("m", "14 mm")]
+Mass = Annotated[float, Unit("kg", "6 g")]
+Force = Annotated[float, Unit("N", "20 mN")]
+Angle = Annotated[float, Unit("rad", "30 deg")]
+Time = Annotated[float, Unit("s", "10 ms")]
+Frequency = Annotated[float, Unit("Hz", "22 kHz")]
+Voltage = Annotated[float, Unit("V", "4 V")]
+Moment = Annotated[float, Unit("N*m", "4 mN m")]
+
+
+class Section(BaseModel):
+    """A table of the rig file: frozen, no unknown keys, no NaN."""
+
+    model_config = ConfigDict(
+        frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True
+    )
+
+
+class Key(Section):
+    """The lever on its balance pin."""
+
+    press_arm: Length = Field(gt=0)
+    """m, from the pin to the pressing point."""
+    laser_arm: Length = Field(gt=0)
+    """m, from the pin to the laser spot, which stays where it is while the key turns."""
+    jack_arm: Length = Field(gt=0)
+    """m, from the pin to the jack."""
+    front_arm: Length = Field(gt=0)
+    """m, from the pin to the front edge."""
+    surface_height: Length = Field(ge=0)
+    """m, of the playing surface above the pin."""
+    jack_surface_height: Length = Field(ge=0)
+    """m, of the surface under the jack above the pin."""
+    inertia: Annotated[float, Unit("kg*m**2", "7e-4 kg m^2")] = Field(gt=0)
+    """kg m^2, of the bare key about the pin."""
+    front_heaviness: Moment
+    """N m, weight moment of the bare key about the pin; positive lowers the front."""
+    pivot_coulomb_friction: Moment = Field(ge=0)
+    """N m, dry friction at the pin."""
+    pivot_viscous_friction: Annotated[float, Unit("N*m*s/rad", "0.1 mN m s/rad")] = Field(ge=0)
+    """N m s/rad, viscous friction at the pin."""
+    dip: Length = Field(gt=0)
+    """m, travel of the pressing point from rest to the front felt."""
+    felt_stiffness: Annotated[float, Unit("N/m", "20 kN/m")] = Field(gt=0)
+    """N/m, of the front felt, referred to the pressing point."""
+    felt_damping: Annotated[float, Unit("N*s/m", "10 N s/m")] = Field(ge=0)
+    """N s/m, of the front felt, referred to the pressing point."""
+
+
+class Jack(Section):
+    """The vertical slider that carries the plectrum."""
+
+    mass: Mass = Field(gt=0)
+    """kg, plectrum and tongue included."""
+    register_friction: Force = Field(ge=0)
+    """N, dry friction in the register."""
+    string_clearance: Length = Field(gt=0)
+    """m, rise of the jack from rest until the plectrum meets the string."""
+
+
+class Plectrum(Section):
+    """The cantilever clamped in the jack."""
+
+    length: Length = Field(gt=0)
+    """m, free length from the clamp to the tip."""
+    width: Length = Field(gt=0)
+    """m, across the bending plane."""
+    thickness: Length = Field(gt=0)
+    """m, in the bending plane."""
+    youngs_modulus: Annotated[float, Unit("Pa", "2.9 GPa")] = Field(gt=0)
+    """Pa."""
+    poisson_ratio: float = Field(ge=0, lt=0.5)
+    """1."""
+    density: Annotated[float, Unit("kg/m**3", "1247 kg/m^3")] = Field(gt=0)
+    """kg/m^3."""
+    overlap: Length = Field(gt=0)
+    """m, from the string's centre at rest to the tip, along the undeformed mid-line."""
+
+    @property
+    def bending_stiffness(self) -> float:
+        """N m^2, EI = E W h^3 / 12."""
+        return self.youngs_modulus * self.width * self.thickness**3 / 12
+
+
+class String(Section):
+    """The string above the plectrum."""
+
+    tension: Force = Field(gt=0)
+    """N."""
+    length: Length = Field(gt=0)
+    """m, between nut and bridge."""
+    plucking_point: Length = Field(gt=0)
+    """m, from the nut to the plectrum."""
+    frequency: Frequency = Field(gt=0)
+    """Hz, of the fundamental."""
+
+    @property
+    def static_stiffness(self) -> float:
+        """N/m, at the plucking point: K = T / (L b (1 - b)), the paper's equation 2 corrected."""
+        b = self.plucking_point / self.length
+        return self.tension / (self.length * b * (1 - b))
+
+    @property
+    def linear_density(self) -> float:
+        """kg/m, mu = T / (2 L f)^2."""
+        return self.tension / (2 * self.length * self.frequency) ** 2
+
+
+class Press(Section):
+    """What one press does, said of the jack."""
+
+    jack_speed: Annotated[float, Unit("m/s", "0.072 m/s")] = Field(ge=0.005, le=1.0)
+    """m/s, of the cruise."""
+    jack_rise: Length = Field(ge=1e-3, le=15e-3)
+    """m, from rest to the end of the press."""
+    hold: Literal["point", "normal"]
+    """`point` keeps the pressing point, `normal` keeps link 2 orthogonal to the key."""
+    run_up_acceleration: Annotated[float, Unit("m/s**2", "12 m/s^2")] = Field(gt=0)
+    """m/s^2, largest of the jack before the cruise."""
+    run_up_jerk: Annotated[float, Unit("m/s**3", "3000 m/s^3")] = Field(gt=0)
+    """m/s^3, largest of the jack before the cruise."""
+    run_down_acceleration: Annotated[float, Unit("m/s**2", "1.5 m/s^2")] = Field(gt=0)
+    """m/s^2, largest of the jack after the cruise and on the way back; the key
+    leaves the finger where this is more than its own weight gives."""
+    run_down_jerk: Annotated[float, Unit("m/s**3", "200 m/s^3")] = Field(gt=0)
+    """m/s^3, largest of the jack after the cruise and on the way back."""
+    bottom_hold: Time = Field(ge=0)
+    """s, rest at the end of the press."""
+    return_speed: Annotated[float, Unit("m/s", "0.05 m/s")] = Field(gt=0, le=1.0)
+    """m/s, largest of the jack on the way back."""
+    hover: Length = Field(gt=0)
+    """m, height of the fingertip above the key between sessions."""
+
+
+class Arm(Section):
+    """The two-link planar robot finger; joint 1 from the x axis, joint 2 from link 1."""
+
+    upper_length: Length = Field(gt=0)
+    """m, link 1, base to elbow."""
+    lower_length: Length = Field(gt=0)
+    """m, link 2, elbow to the centre of the fingertip."""
+    upper_mass: Mass = Field(gt=0)
+    """kg, link 1, a slender rod."""
+    lower_mass: Mass = Field(gt=0)
+    """kg, link 2, a slender rod."""
+    fingertip_radius: Length = Field(gt=0)
+    """m, of the sphere that touches the key."""
+    base_x: Length
+    """m, of joint 1."""
+    base_z: Length
+    """m, of joint 1."""
+    elbow: Literal["up", "down"]
+    """The side of the line from base to fingertip on which the elbow lies: `up` is its left."""
+    counts_per_revolution: int = Field(ge=16, le=2**31)
+    """Encoder counts a turn of either joint."""
+    home_angles: tuple[Angle, Angle]
+    """rad, of the two joints at their home switches."""
+    lower_limits: tuple[Angle, Angle]
+    """rad, of the two joints."""
+    upper_limits: tuple[Angle, Angle]
+    """rad, of the two joints."""
+    speed_limit: Annotated[float, Unit("rad/s", "6 rad/s")] = Field(gt=0)
+    """rad/s, of either joint."""
+    acceleration_limit: Annotated[float, Unit("rad/s**2", "200 rad/s^2")] = Field(gt=0)
+    """rad/s^2, of either joint."""
+    torque_limit: Moment = Field(gt=0)
+    """N m, of either joint."""
+
+    @model_validator(mode="after")
+    def _limits_in_order(self):
+        for joint, (low, high) in enumerate(zip(self.lower_limits, self.upper_limits, strict=True)):
+            if not low < high:
+                raise ValueError(
+                    f"lower_limits and upper_limits of joint {joint + 1}: the lower,"
+                    f" {math.degrees(low):.6g} deg, is not below the upper,"
+                    f" {math.degrees(high):.6g} deg; swap them"
+                )
+        return self
+
+
+class Controller(Section):
+    """The motor controller, a Galil DMC-4x."""
+
+    port: str = Field(min_length=1)
+    """Serial device, or any URL that pyserial takes."""
+    baud_rate: int = Field(gt=0)
+    """Bits a second."""
+    timeout: Time = Field(gt=0)
+    """s, wait for an answer before the controller counts as silent."""
+    sample_period: Time = Field(gt=0)
+    """s, of one controller sample; with TM 1000 it is 976 us and not 1 ms."""
+    segment_limit: int = Field(ge=8)
+    """PVT segments that the controller's FIFO holds for each axis."""
+    position_error_limit: int = Field(gt=0)
+    """Counts of following error at which the controller switches the motors off."""
+    trigger_output: int = Field(ge=1, le=16)
+    """Digital output wired to the acquisition's trigger input."""
+
+
+class _Channel(Section):
+    """One analog input with what its sensor's calibration chart says."""
+
+    name: str = Field(pattern=r"^[a-z][a-z0-9_]*$")
+    """Name of the signal, and of its topic in a recording."""
+    terminal: str = Field(min_length=1)
+    """Physical channel of the DAQ device, without the device: `ai0`."""
+    sensor: str
+    """Make and model."""
+    range: Voltage = Field(gt=0)
+    """V, largest magnitude that sensor and input take."""
+    delay: Time = Field(ge=0)
+    """s, by which the signal lags the motion."""
+    low_pass: Frequency = Field(ge=0)
+    """Hz, corner of the sensor's low-pass; 0 for none."""
+    high_pass: Frequency = Field(ge=0)
+    """Hz, corner of the AC coupling; 0 for none."""
+    serial_number: str = ""
+    """As engraved on the sensor."""
+    calibrated: date | None = None
+    """Date of the calibration chart."""
+
+
+class VelocityChannel(_Channel):
+    """A vibrometer; positive where the key's front goes down."""
+
+    quantity: Literal["velocity"]
+    """What the channel measures."""
+    scale: Annotated[float, Unit("m/s/V", "25 mm/s/V")] = Field(gt=0)
+    """m/s a volt."""
+
+    @property
+    def unit(self) -> str:
+        """SI unit of the signal."""
+        return "m/s"
+
+
+class ForceChannel(_Channel):
+    """A force transducer; positive where the finger presses on the key."""
+
+    quantity: Literal["force"]
+    """What the channel measures."""
+    scale: Annotated[float, Unit("N/V", "1 N/V")] = Field(gt=0)
+    """N a volt."""
+
+    @property
+    def unit(self) -> str:
+        """SI unit of the signal."""
+        return "N"
+
+
+Channel = Annotated[VelocityChannel | ForceChannel, Field(discriminator="quantity")]
+
+
+class Daq(Section):
+    """The acquisition: one NI-DAQmx device."""
+
+    address: str
+    """`host:port` of NI's gRPC device server; empty for the driver of this machine."""
+    device: str = Field(min_length=1)
+    """Name of the device in NI MAX."""
+    sample_rate: Frequency = Field(ge=1000, le=1e6)
+    """Hz, of every channel."""
+    trigger_source: str = Field(min_length=1)
+    """Terminal that the controller's trigger output is wired to: `PFI0`."""
+    trigger_timeout: Time = Field(gt=0)
+    """s, wait for the trigger's edge, and for any one block of samples after it."""
+    tail: Time = Field(ge=0)
+    """s, recorded after the motion has ended."""
+    block: int = Field(ge=16, le=100_000)
+    """Samples read, and logged, at a time."""
+    channels: tuple[Channel, ...] = Field(min_length=1)
+    """The analog inputs."""
+
+    @model_validator(mode="after")
+    def _each_channel_once(self):
+        for what in ("name", "terminal"):
+            values = [getattr(channel, what) for channel in self.channels]
+            twice = sorted({value for value in values if values.count(value) > 1})
+            if twice:
+                raise ValueError(
+                    f"channels: {what} {', '.join(twice)} is used twice; give each channel its own"
+                )
+        return self
+
+    def channel(self, quantity: str) -> VelocityChannel | ForceChannel | None:
+        """Return the first channel that measures ``quantity``, or None."""
+        return next((c for c in self.channels if c.quantity == quantity), None)
+
+
+class Rig(Section):
+    """The whole bench. Load one with `rig.load.load_rig`."""
+
+    name: str = Field(min_length=1)
+    """Of the bench, for titles."""
+    key: Key
+    jack: Jack
+    plectrum: Plectrum
+    string: String
+    press: Press
+    arm: Arm
+    controller: Controller
+    daq: Daq
+    assumed: dict[str, tuple[float, float]] = Field(default_factory=dict, repr=False)
+    """SI; plausible range of every value that no source gives, by its dotted key."""
+    sources: dict[str, str] = Field(default_factory=dict, repr=False)
+    """Where a value comes from, by its dotted key."""
+
+    @model_validator(mode="after")
+    def _parts_fit(self):
+        key, jack = self.key, self.jack
+        faults = []
+        if key.press_arm > key.front_arm:
+            faults.append(
+                f"key.press_arm: {key.press_arm * 1e3:.6g} mm lies in front of the key's edge at"
+                f" {key.front_arm * 1e3:.6g} mm; lower press_arm or raise front_arm"
+            )
+        if key.laser_arm > key.front_arm:
+            faults.append(
+                f"key.laser_arm: {key.laser_arm * 1e3:.6g} mm lies in front of the key's edge at"
+                f" {key.front_arm * 1e3:.6g} mm; lower laser_arm or raise front_arm"
+            )
+        if self.plectrum.overlap >= self.plectrum.length:
+            faults.append(
+                f"plectrum.overlap: {self.plectrum.overlap * 1e3:.6g} mm is not less than the"
+                f" plectrum's length of {self.plectrum.length * 1e3:.6g} mm; lower it"
+            )
+        if self.string.plucking_point >= self.string.length:
+            faults.append(
+                f"string.plucking_point: {self.string.plucking_point * 1e3:.6g} mm is not on the"
+                f" string of {self.string.length * 1e3:.6g} mm; lower it"
+            )
+        back = jack.mass * GRAVITY * key.jack_arm
+        if key.front_heaviness >= back:
+            faults.append(
+                f"key.front_heaviness: {key.front_heaviness * 1e3:.6g} mN m is not less than the"
+                f" jack's {back * 1e3:.6g} mN m, so the key would not rest on its back rail;"
+                " lower it or raise jack.mass"
+            )
+        if faults:
+            raise ValueError("\n".join(faults))
+        return self

@@ -1,0 +1,1 @@
+"""From the key's geometry to joint motion: pure numpy, no input or output."""

@@ -1,0 +1,40 @@
+"""A motion as a controller takes it: whole counts and whole samples, cubic in between."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+Counts = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Segments:
+    """PVT segments of both joints.
+
+    Between two points a controller interpolates with the cubic that has the given
+    positions and velocities at its ends.
+    """
+
+    start: Counts
+    """Counts, absolute joint positions before the first segment; shape (2,)."""
+    steps: Counts
+    """Counts, relative move of each segment; shape (n_segments, 2)."""
+    velocities: Counts
+    """Counts a second at the end of each segment; shape (n_segments, 2)."""
+    samples: Counts
+    """Controller samples that each segment lasts; shape (n_segments,)."""
+
+    def __len__(self) -> int:
+        return len(self.samples)
+
+    @property
+    def total_samples(self) -> int:
+        """Controller samples of the whole motion."""
+        return int(self.samples.sum())
+
+    @property
+    def end(self) -> Counts:
+        """Counts, absolute joint positions after the last segment; shape (2,)."""
+        return self.start + self.steps.sum(axis=0)
