@@ -82,7 +82,9 @@ def with_values(rig: Rig, values: Mapping[str, Any]) -> Rig:
             if not isinstance(node, dict) or last not in node or isinstance(node[last], dict):
                 raise KeyError(last)
         except (KeyError, IndexError, ValueError, TypeError):
-            faults.append(f"{dotted}: no such quantity in a rig{near_miss(dotted, list(model_keys(Rig)))}")
+            faults.append(
+                f"{dotted}: no such quantity in a rig{near_miss(dotted, list(model_keys(Rig)))}"
+            )
             continue
         node[last] = value
     try:
@@ -167,7 +169,9 @@ def _range_faults(values: dict[str, Any], assumed: dict[str, Any]) -> list[str]:
             faults.append(f"{key}: {error}")
             continue
         if not low <= value <= high:
-            faults.append(f"{key}: {node!r} is outside its assumed range {pair[0]!r} to {pair[1]!r}")
+            faults.append(
+                f"{key}: {node!r} is outside its assumed range {pair[0]!r} to {pair[1]!r}"
+            )
     return faults
 
 

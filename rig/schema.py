@@ -140,14 +140,19 @@ class Press(Section):
     run_up_jerk: Annotated[float, Unit("m/s**3", "3000 m/s^3")] = Field(gt=0)
     """m/s^3, largest of the jack before the cruise."""
     run_down_acceleration: Annotated[float, Unit("m/s**2", "1.5 m/s^2")] = Field(gt=0)
-    """m/s^2, largest of the jack after the cruise and on the way back; the key
-    leaves the finger where this is more than its own weight gives."""
+    """m/s^2, largest of the jack after the cruise; the key leaves the finger where this is
+    more than its own weight gives."""
     run_down_jerk: Annotated[float, Unit("m/s**3", "200 m/s^3")] = Field(gt=0)
     """m/s^3, largest of the jack after the cruise and on the way back."""
+    return_acceleration: Annotated[float, Unit("m/s**2", "0.6 m/s^2")] = Field(gt=0)
+    """m/s^2, largest of the jack on the way back; friction holds the key up, so this is
+    less than on the way down."""
     bottom_hold: Time = Field(ge=0)
     """s, rest at the end of the press."""
     return_speed: Annotated[float, Unit("m/s", "0.05 m/s")] = Field(gt=0, le=1.0)
     """m/s, largest of the jack on the way back."""
+    speed_tolerance: float = Field(gt=0, le=0.1)
+    """1, largest error of the jack's speed in the cruise that rounding may cause."""
     hover: Length = Field(gt=0)
     """m, height of the fingertip above the key between sessions."""
 
@@ -185,6 +190,8 @@ class Arm(Section):
     """rad/s^2, of either joint."""
     torque_limit: Moment = Field(gt=0)
     """N m, of either joint."""
+    approach_speed: Annotated[float, Unit("rad/s", "0.5 rad/s")] = Field(gt=0)
+    """rad/s, of either joint on its way between home, hover and key."""
 
     @model_validator(mode="after")
     def _limits_in_order(self):

@@ -38,3 +38,23 @@ class Segments:
     def end(self) -> Counts:
         """Counts, absolute joint positions after the last segment; shape (2,)."""
         return self.start + self.steps.sum(axis=0)
+
+
+def segments_document(segments: Segments, sample_period: float, home: Counts, hover: Counts) -> dict[str, object]:
+    """Return a motion as JSON would hold it, for whoever drives a controller by hand.
+
+    Args:
+        segments: What is to be sent.
+        sample_period: s, of one controller sample.
+        home: Counts, joint positions at the home switches; shape (2,).
+        hover: Counts, joint positions above the key; shape (2,).
+    """
+    return {
+        "sample_period": sample_period,
+        "home": home.tolist(),
+        "hover": hover.tolist(),
+        "start": segments.start.tolist(),
+        "steps": segments.steps.tolist(),
+        "velocities": segments.velocities.tolist(),
+        "samples": segments.samples.tolist(),
+    }

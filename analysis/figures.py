@@ -1,0 +1,124 @@
+"""Pictures of presses; what a stand-in made says so on the picture itself."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from analysis.model.predict import Prediction
+from analysis.phases import Phases
+from analysis.press import Press
+
+MEASURED, PREDICTED = "#1f4e79", "#c8502d"
+PHASE_COLOURS = ("#e8eef4", "#fbe3cf", "#e5f0e2")
+
+
+def plot_comparison(
+    path: str | Path,
+    presses: Sequence[Press],
+    phases: Sequence[Phases],
+    prediction: Prediction,
+) -> None:
+    """Draw deflection and force with the phases, and force on deflection.
+
+    The first press is drawn over time with the three phases marked, as in the paper's
+    figure 7; all presses and the prediction are drawn aligned at contact, as in figure 8.
+
+    Args:
+        path: Where the picture goes; its suffix chooses the format.
+        presses: Recorded presses.
+        phases: Theirs, in the same order.
+        prediction: The model's press.
+    """
+    import matplotlib as mpl
+
+    mpl.use("Agg")
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(12, 6.5), layout="constrained")
+    grid = figure.add_gridspec(2, 2, width_ratios=(1.25, 1))
+    top = figure.add_subplot(grid[0, 0])
+    below = figure.add_subplot(grid[1, 0], sharex=top)
+    right = figure.add_subplot(grid[:, 1])
+    _over_time(top, below, presses[0], phases[0], prediction)
+    _force_on_deflection(right, presses, phases, prediction)
+    simulated = any(press.simulated for press in presses)
+    kind = "SIMULATED, made on the stand-in" if simulated else "measured"
+    name = presses[0].rig.name
+    figure.suptitle(f"Rig {name}: {len(presses)} press{'es' * (len(presses) > 1)}, {kind}")
+    if simulated:
+        figure.text(
+            0.5, 0.5, "simulated", fontsize=90, color="#00000014", rotation=25,
+            ha="center", va="center",
+        )  # fmt: skip
+    figure.savefig(path, dpi=120)
+
+
+def _over_time(top, below, press: Press, phases: Phases, prediction: Prediction) -> None:
+    time = press.data.index.to_numpy() * 1e3
+    model = (prediction.time + phases.start) * 1e3
+    if phases.plucks:
+        model = (prediction.time - prediction.contact + phases.plucks[0].contact) * 1e3
+    top.plot(time, press.data["deflection"] * 1e3, color=MEASURED, label=_label(press))
+    top.plot(model, prediction.deflection * 1e3, color=PREDICTED, ls="--", label="predicted")
+    top.set_ylabel("deflection at the laser (mm)")
+    top.legend(loc="lower right")
+    below.plot(time, press.data["force"], color=MEASURED, lw=0.8)
+    below.plot(model, prediction.finger_force, color=PREDICTED, ls="--")
+    below.set_ylabel("finger force (N)")
+    below.set_xlabel("time from the trigger (ms)")
+    end = phases.bottom * 1e3
+    below.set_xlim(0, end)
+    inside = press.data["force"].to_numpy()[time <= end]
+    below.set_ylim(
+        min(0.0, inside.min()) - 0.05, max(inside.max(), prediction.finger_force_peak) * 1.15
+    )
+    edges = [0.0, end]
+    names = ["free"]
+    if phases.plucks:
+        edges = [0.0, phases.plucks[0].contact * 1e3, phases.plucks[0].release * 1e3, end]
+        names = ["free", "string held", "string released"]
+    for axes in (top, below):
+        for i, colour in zip(range(len(names)), PHASE_COLOURS, strict=False):
+            axes.axvspan(edges[i], edges[i + 1], color=colour, zorder=0)
+    for i, name in enumerate(names):
+        middle = (edges[i] + edges[i + 1]) / 2
+        top.text(middle, 0.97, name, transform=top.get_xaxis_transform(), ha="center", va="top")
+
+
+def _force_on_deflection(axes, presses, phases, prediction: Prediction) -> None:
+    first = True
+    for press, found in zip(presses, phases, strict=True):
+        if not found.plucks:
+            continue
+        held = found.plucks[0]
+        data = press.data.loc[held.contact - 5e-3 : min(held.release + 5e-3, found.bottom)]
+        zero = float(np.interp(held.contact, press.data.index, press.data["deflection"]))
+        axes.plot(
+            (data["deflection"] - zero) * 1e3,
+            data["force"],
+            color=MEASURED,
+            lw=0.7,
+            alpha=0.7,
+            label=f"{_label(press)}, {len(presses)} in all" if first else None,
+        )
+        first = False
+    zero = float(np.interp(prediction.contact, prediction.time, prediction.deflection))
+    near = (prediction.time > prediction.contact - 5e-3) & (
+        prediction.time < prediction.release + 5e-3
+    )
+    axes.plot(
+        (prediction.deflection[near] - zero) * 1e3,
+        prediction.finger_force[near],
+        color=PREDICTED,
+        ls="--",
+        lw=2,
+        label=f"predicted ({prediction.level})",
+    )
+    axes.set_xlabel("deflection at the laser from contact (mm)")
+    axes.set_ylabel("finger force (N)")
+    axes.legend(loc="upper left")
+
+
+def _label(press: Press) -> str:
+    return "simulated" if press.simulated else "measured"

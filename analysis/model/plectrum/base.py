@@ -1,0 +1,50 @@
+"""What every level of the plectrum answers."""
+
+from typing import NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Floats = NDArray[np.float64]
+
+
+class Bend(NamedTuple):
+    """Where a loaded plectrum meets the string, in the clamp's frame, with derivatives.
+
+    x runs from the clamp along the undeformed mid-line, z upwards; under a string's load
+    z and theta are negative. All fields have the shape of s and F broadcast together.
+    """
+
+    x: Floats
+    """m."""
+    z: Floats
+    """m."""
+    theta: Floats
+    """rad, of the tangent."""
+    x_s: Floats
+    """dx/ds, 1."""
+    z_s: Floats
+    """dz/ds, 1."""
+    theta_s: Floats
+    """dtheta/ds, rad/m."""
+    x_f: Floats
+    """dx/dF, m/N."""
+    z_f: Floats
+    """dz/dF, m/N."""
+    theta_f: Floats
+    """dtheta/dF, rad/N."""
+
+
+class PlectrumMap(Protocol):
+    """A cantilever loaded at material position s by a force F normal to its deformed surface."""
+
+    length: float
+    """m, from clamp to tip."""
+
+    def bend(self, s: ArrayLike, force: ArrayLike) -> Bend:
+        """Return the contact point for positions s [m] and forces F [N]."""
+        ...
+
+    def force_limit(self, s: ArrayLike) -> Floats:
+        """Return the largest force [N] at positions s [m] that the level can answer for."""
+        ...

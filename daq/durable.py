@@ -1,0 +1,81 @@
+"""A file that takes its name only when it is whole and on the disk."""
+
+import errno
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import BinaryIO
+
+from daq.errors import RecordingError
+
+_FULL = {
+    errno.ENOSPC: "the disk is full; free some space",
+    errno.EFBIG: "the file has reached the size that the system allows; raise the limit",
+    getattr(errno, "EDQUOT", errno.ENOSPC): "the disk quota is used up; free some space",
+}
+
+
+class DurableFile:
+    """A binary file written beside its name, as ``name.part``, and renamed at the end."""
+
+    def __init__(self, path: str | Path):
+        """Open ``path.part`` for writing.
+
+        Raises:
+            RecordingError: Either name is taken, or the folder cannot be written.
+        """
+        self.path = Path(path)
+        self.part_path = self.path.with_name(self.path.name + ".part")
+        for taken in (self.path, self.part_path):
+            if os.path.lexists(taken):
+                raise RecordingError(
+                    f"recording {taken}: it exists and is never overwritten; move it away or"
+                    " give another name"
+                )
+        if not self.path.parent.is_dir():
+            raise RecordingError(
+                f"recording {self.path}: there is no folder {self.path.parent}; make it first"
+            )
+        with self.writing():
+            self.stream: BinaryIO = self.part_path.open("xb")
+
+    @contextmanager
+    def writing(self) -> Iterator[None]:
+        """Turn an OSError into a RecordingError with the remedy."""
+        try:
+            yield
+        except OSError as error:
+            code = error.errno
+            reason = _FULL.get(code) if code is not None else None
+            left = f"; what was written is left in {self.part_path}" * self.part_path.exists()
+            raise RecordingError(
+                f"recording {self.path}: cannot be written:"
+                f" {reason or f'{error.strerror or error}; see to the disk'} and press"
+                f" again{left}"
+            ) from error
+
+    def close(self) -> None:
+        """Put everything on the disk, under the name with ``.part``."""
+        with self.writing():
+            try:
+                self.stream.flush()
+                os.fsync(self.stream.fileno())
+            finally:
+                self.stream.close()
+
+    def publish(self) -> None:
+        """Give a closed file its name."""
+        if os.path.lexists(self.path):
+            raise RecordingError(
+                f"recording {self.path}: it came into being meanwhile and is not overwritten;"
+                f" this one is in {self.part_path}: give that another name"
+            )
+        with self.writing():
+            self.part_path.rename(self.path)
+            if os.name == "posix":
+                folder = os.open(self.path.parent, os.O_RDONLY)
+                try:
+                    os.fsync(folder)
+                finally:
+                    os.close(folder)

@@ -1,0 +1,11 @@
+"""What goes wrong between the terminal block and the file."""
+
+from rig.errors import SautereauError
+
+
+class DaqError(SautereauError):
+    """A fault of the acquisition; the message says who, the value, the limit, the remedy."""
+
+
+class RecordingError(DaqError):
+    """A recording that cannot be written or read."""

@@ -1,0 +1,104 @@
+"""The messages of a recording, as protobuf descriptors built without a compiler.
+
+Every message exists twice. The declared one, whose descriptor stands in the file for
+viewers, has ``repeated double`` arrays. Its twin has ``bytes`` in their place: packed
+little-endian doubles are the same bytes on the wire, and numpy reads them at once.
+"""
+
+from functools import cache
+from typing import Any
+
+import numpy as np
+from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
+from google.protobuf.message import Message
+from numpy.typing import NDArray
+
+PACKAGE = "sautereau"
+
+_Field = descriptor_pb2.FieldDescriptorProto
+_SCALARS = {
+    "int64": _Field.TYPE_INT64,
+    "uint64": _Field.TYPE_UINT64,
+    "double": _Field.TYPE_DOUBLE,
+    "string": _Field.TYPE_STRING,
+}
+_ARRAY = "doubles"
+
+FIELDS: dict[str, dict[str, str]] = {
+    # t0: ns since 1970 of the trigger; first_sample: index since the trigger; rate: Hz.
+    "Samples": {"t0": "int64", "first_sample": "uint64", "rate": "double", "volts": _ARRAY},
+    "Scalar": {"value": "double"},
+    # t: s since the trigger; q1, q2: rad; jack_rise: m.
+    "Plan": {"t": _ARRAY, "q1": _ARRAY, "q2": _ARRAY, "jack_rise": _ARRAY},
+    # t: s since the trigger on the controller's clock; q1, q2: rad.
+    "Joints": {"t": _ARRAY, "q1": _ARRAY, "q2": _ARRAY},
+    # time: s since the trigger.
+    "Event": {"time": "double", "kind": "string", "text": "string"},
+}
+"""Fields of each message in the order of their numbers."""
+
+
+def _file(package: str, *, twin: bool) -> descriptor_pb2.FileDescriptorProto:
+    file = descriptor_pb2.FileDescriptorProto(
+        name=f"{package}.proto", package=package, syntax="proto3"
+    )
+    for name, fields in FIELDS.items():
+        message = file.message_type.add(name=name)
+        for number, (field, kind) in enumerate(fields.items(), 1):
+            added = message.field.add(name=field, number=number, label=_Field.LABEL_OPTIONAL)
+            if kind != _ARRAY:
+                added.type = _SCALARS[kind]
+            elif twin:
+                added.type = _Field.TYPE_BYTES
+            else:
+                added.type = _Field.TYPE_DOUBLE
+                added.label = _Field.LABEL_REPEATED
+                added.options.packed = True
+    return file
+
+
+@cache
+def schema_data() -> bytes:
+    """Return the FileDescriptorSet that MCAP schema records carry."""
+    declared = descriptor_pb2.FileDescriptorSet(file=[_file(PACKAGE, twin=False)])
+    return declared.SerializeToString(deterministic=True)
+
+
+@cache
+def _classes(twin: bool) -> dict[str, type[Message]]:
+    package = f"{PACKAGE}.wire" if twin else PACKAGE
+    pool = descriptor_pool.DescriptorPool()
+    pool.Add(_file(package, twin=twin))  # type: ignore[attr-defined]
+    return {
+        name: message_factory.GetMessageClass(pool.FindMessageTypeByName(f"{package}.{name}"))
+        for name in FIELDS
+    }
+
+
+def declared_class(name: str) -> type[Message]:
+    """Return the message as viewers see it, with repeated doubles."""
+    return _classes(False)[name]
+
+
+def encode(name: str, **values: Any) -> bytes:
+    """Return the wire bytes of a message; arrays are given as 1-D float arrays."""
+    fields = FIELDS[name]
+    plain = {
+        field: np.ascontiguousarray(value, dtype="<f8").tobytes()
+        if fields[field] == _ARRAY
+        else value
+        for field, value in values.items()
+    }
+    return _classes(True)[name](**plain).SerializeToString()
+
+
+def decode(name: str, data: bytes) -> Any:
+    """Return the twin of a message; pass its array fields through `doubles`."""
+    message = _classes(True)[name]()
+    message.ParseFromString(data)
+    return message
+
+
+def doubles(field: bytes) -> NDArray[np.float64]:
+    """Return an array field of a decoded message, shape (n,), without copying."""
+    return np.frombuffer(field, dtype="<f8")

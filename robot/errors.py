@@ -1,0 +1,78 @@
+"""What can go wrong between a trajectory and a press."""
+
+# ruff: noqa: N818 - the names say what happened
+
+from rig.errors import SautereauError
+
+
+class RobotError(SautereauError):
+    """A fault of the robot or of its controller; the message says what to do.
+
+    Where the arm may have been moving, ``aftermath`` says whether it is known to stand.
+    """
+
+    aftermath: str = ""
+    """What was done to make the arm safe, and whether the controller confirmed it."""
+
+    def __str__(self) -> str:
+        return f"{super().__str__()}\n{self.aftermath}".rstrip()
+
+
+class PortUnavailable(RobotError):
+    """The serial port does not exist, is not ours, or is taken."""
+
+
+class LineLost(RobotError):
+    """The connection broke: cable, adapter or the controller's power."""
+
+
+class SilentController(RobotError):
+    """The controller did not answer within its timeout."""
+
+
+class GarbledAnswer(RobotError):
+    """The controller said something that is no answer to what was asked."""
+
+
+class CommandRefused(RobotError):
+    """The controller answered `?`.
+
+    Args:
+        controller: Port of the controller, for the message.
+        command: The command refused; those before it on its line were executed.
+        code: As `TC1` gives it.
+        text: As `TC1` gives it.
+    """
+
+    def __init__(self, controller: str, command: str, code: int, text: str):
+        self.controller, self.command, self.code, self.text = controller, command, code, text
+        remedy = _REMEDIES.get(code, f"look up code {code} under TC in the command reference")
+        super().__init__(f"controller on {controller} refused {command!r}: {code} {text}; {remedy}")
+
+    def __reduce__(self):
+        return type(self), (self.controller, self.command, self.code, self.text)
+
+
+class NotReady(RobotError):
+    """A call out of order; the message names the state and the way out of it."""
+
+
+class UnsafeRequest(RobotError):
+    """A motion that the rig's limits forbid; nothing was sent."""
+
+
+class SettingNotTaken(RobotError):
+    """The controller accepted a setting, and reads back another."""
+
+
+class MotionFault(RobotError):
+    """A motion that did not end where and as it should."""
+
+
+_REMEDIES = {
+    1: "this firmware does not know the command: check the controller's model and revision",
+    6: "a number is out of the controller's range: compare the rig file with the manual",
+    7: "a motion is running: call wait() or stop() first",
+    20: "the motors are off: check the emergency stop, then enter powered() again",
+    22: "a limit stands in the way: move the arm off it by hand, then home()",
+}

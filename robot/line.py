@@ -1,0 +1,191 @@
+"""The request/answer line of a Galil controller: commands out, `:` or `?` back."""
+
+import re
+from collections.abc import Iterable, Iterator
+
+from robot.errors import (
+    CommandRefused,
+    GarbledAnswer,
+    LineLost,
+    RobotError,
+    SilentController,
+)
+from robot.port import Port, port_errors
+
+LONGEST_LINE = 79
+"""Characters of one command line, without its carriage return."""
+_LONGEST_ANSWER = 1 << 18
+_MARK = "4711"
+
+
+class Line:
+    """Ask one thing at a time and read exactly its answer.
+
+    Args:
+        port: An open serial port, whose reads end after its timeout.
+        name: Of the port, for messages.
+        timeout: s, of one read, for messages.
+    """
+
+    def __init__(self, port: Port, name: str, timeout: float):
+        self.port, self.name, self.timeout = port, name, timeout
+        self._gone = port_errors()
+
+    def ask(self, *commands: str) -> str:
+        """Send commands on one line and return the text that they answer.
+
+        Raises:
+            CommandRefused: With the code and text of `TC1`.
+            SilentController: No byte came within the timeout.
+            GarbledAnswer: Bytes that no controller sends, or that nobody asked for.
+            LineLost: The port has gone away.
+        """
+        if said := self._waiting():
+            self.resynchronise()
+            raise GarbledAnswer(
+                f"controller on {self.name} said {said!r} before it was asked"
+                f" {';'.join(commands)!r}: its program failed, or another program shares the"
+                " line; look the message up, then connect() again"
+            )
+        self._send(";".join(commands))
+        return self._answer(commands)
+
+    def numbers(self, command: str, count: int | None = None) -> list[float]:
+        """Ask a query and return the numbers that it answers; ``count`` is how many to demand."""
+        text = self.ask(command)
+        try:
+            values = [float(word) for word in text.replace(",", " ").split()]
+        except ValueError:
+            values = []
+        if not values or (count is not None and len(values) != count):
+            wanted = "numbers" if count is None else f"{count} numbers"
+            raise GarbledAnswer(
+                f"controller on {self.name} answered {command!r} with {_short(text)}, where"
+                f" {wanted} were due; check the baud rate and the firmware's revision"
+            )
+        return values
+
+    def read(self, *operands: str) -> list[float]:
+        """Return the values of operands such as `_TPA`."""
+        return self.numbers(f"MG {','.join(operands)}", len(operands))
+
+    def ask_packed(self, commands: Iterable[str]) -> None:
+        """Send commands that answer nothing, as many on a line as it holds."""
+        for line in pack(commands):
+            self.ask(*line)
+
+    def download(self, program: Iterable[str]) -> None:
+        """Replace the controller's program.
+
+        How many `:` a download answers differs between firmwares, so a number of our own
+        is asked for afterwards and everything before it belongs to the download.
+        """
+        for text in ("DL", *program, "\\", f"MG {_MARK}"):
+            self._send(text)
+        received = ""
+        while not re.search(rf"{_MARK}(\.0*)?\s*:$", received):
+            received += self._more("DL", received)
+        if "?" in received:
+            self._refuse("DL")
+
+    def resynchronise(self) -> None:
+        """Forget whatever the controller has said so far."""
+        try:
+            self.port.reset_input_buffer()
+        except self._gone as error:
+            raise self._lost("reset", error) from error
+
+    def close(self) -> None:
+        """Close the port; a port that has gone away counts as closed."""
+        try:
+            self.port.close()
+        except self._gone:  # nothing is left to close
+            return
+
+    def _waiting(self) -> bytes:
+        try:
+            count = self.port.in_waiting
+            return (self.port.read(count) or b"") if count else b""
+        except self._gone as error:
+            raise self._lost("listen", error) from error
+
+    def _send(self, text: str) -> None:
+        try:
+            self.port.write(f"{text}\r".encode("ascii"))
+        except self._gone as error:
+            raise self._lost(text, error) from error
+
+    def _answer(self, commands: tuple[str, ...]) -> str:
+        received = ""
+        while received.count(":") < len(commands):
+            received += self._more(";".join(commands), received)
+            if "?" in received:
+                self._refuse(commands[received.partition("?")[0].count(":")])
+        if not received.endswith(":") or received.count(":") != len(commands):
+            raise GarbledAnswer(
+                f"controller on {self.name} answered {';'.join(commands)!r} with"
+                f" {_short(received)}, more than was asked; check that no other program shares"
+                " the line, then connect() again"
+            )
+        return received.replace(":", "").strip()
+
+    def _more(self, asked: str, received: str) -> str:
+        """Return at least one character more of an answer."""
+        try:
+            data = self.port.read(max(1, self.port.in_waiting))
+        except self._gone as error:
+            raise self._lost(asked, error) from error
+        if not data:
+            so_far = f" after {_short(received)}" if received else ""
+            raise SilentController(
+                f"controller on {self.name} did not answer {asked!r} within"
+                f" {self.timeout:g} s{so_far}; check its power, the cable, that"
+                " controller.port is its port and controller.baud_rate its baud rate"
+            )
+        if any(byte > 126 or (byte < 32 and byte not in b"\t\n\r") for byte in data):
+            self.resynchronise()
+            raise GarbledAnswer(
+                f"controller on {self.name} answered {asked!r} with {data[:40]!r}, which is no"
+                " text; check controller.baud_rate and that controller.port is the controller"
+            )
+        if len(received) + len(data) > _LONGEST_ANSWER:
+            raise GarbledAnswer(
+                f"controller on {self.name} answers {asked!r} without end, more than"
+                f" {_LONGEST_ANSWER} characters; check that controller.port is the controller"
+            )
+        return data.decode("ascii")
+
+    def _refuse(self, command: str) -> None:
+        answer = "?"
+        if command != "TC1":
+            self._send("TC1")
+            answer = self._answer(("TC1",)).removeprefix("TC1").strip()  # the echo may be on
+        code, _, text = answer.partition(" ")
+        if not code.isdigit():
+            raise GarbledAnswer(
+                f"controller on {self.name} refused {command!r} and gave {_short(answer)}, not the"
+                " code and text of TC1; check the firmware's revision"
+            )
+        raise CommandRefused(self.name, command, int(code), text.strip())
+
+    def _lost(self, asked: str, error: Exception) -> RobotError:
+        return LineLost(
+            f"connection to the controller on {self.name} lost at {asked!r}: {error}; check the"
+            " cable, the adapter and the controller's power, then connect() and home() again"
+        )
+
+
+def pack(commands: Iterable[str]) -> Iterator[tuple[str, ...]]:
+    """Group commands so that each group, joined by `;`, fits on one line."""
+    line: list[str] = []
+    for command in commands:
+        if line and len(";".join([*line, command])) > LONGEST_LINE:
+            yield tuple(line)
+            line = []
+        line.append(command)
+    if line:
+        yield tuple(line)
+
+
+def _short(text: str) -> str:
+    return repr(text if len(text) <= 60 else f"{text[:57]}...")

@@ -1,0 +1,97 @@
+"""What the DAQmx stand-in speaks for: a card, its runs, and the driver's errors."""
+
+import re
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+class DaqmxError(Exception):
+    """An error as the driver answers it: its code and text."""
+
+    def __init__(self, code: int, message: str):
+        super().__init__(message)
+        self.code = code
+        self.samples_read: int | None = None
+        """Samples of each channel that a failed read gave; None where nothing was read."""
+
+
+@dataclass(frozen=True)
+class TaskSetup:
+    """What a task asks of the card when it starts."""
+
+    terminals: tuple[str, ...]
+    """Physical channels without the device, in the task's order: ``("ai0", "ai1")``."""
+    rate: float
+    """Hz, of every channel."""
+    n_samples: int
+    """Samples of each channel, after which the acquisition ends by itself."""
+    trigger: str | None
+    """Terminal whose rising edge starts the samples, ``"/Dev1/PFI0"``; None starts at once."""
+
+
+class Run(Protocol):
+    """A started acquisition."""
+
+    def wait_for(self, n: int, timeout: float) -> int:
+        """Return the samples of each channel now there, after waiting for ``n`` of them.
+
+        Returns before ``timeout`` (s, of the wall clock) only with ``n`` samples or more,
+        or after `stop`.
+        """
+        ...
+
+    def read(self, first: int, n: int) -> NDArray[np.float64]:
+        """Return samples ``first`` to ``first + n``: shape (n_channels, n), V."""
+        ...
+
+    def stop(self) -> None:
+        """End the acquisition; harmless when it has ended."""
+        ...
+
+
+class Card(Protocol):
+    """A DAQ device; `start` may raise `DaqmxError`."""
+
+    @property
+    def name(self) -> str:
+        """Of the device, ``"Dev1"``."""
+        ...
+
+    @property
+    def terminals(self) -> tuple[str, ...]:
+        """Its analog inputs, ``("ai0", "ai1")``."""
+        ...
+
+    def start(self, setup: TaskSetup) -> Run:
+        """Arm an acquisition."""
+        ...
+
+
+def physical_channels(text: str, card: Card) -> list[str]:
+    """Return the terminals that ``"Dev1/ai0:1, Dev1/ai3"`` names, without the device."""
+    known = {terminal.lower(): terminal for terminal in card.terminals}
+    found = []
+    for part in (part.strip() for part in text.split(",")):
+        device, _, terminal = part.rpartition("/")
+        if not part:
+            raise DaqmxError(-200099, "Physical channel not specified.")
+        if device.lstrip("/").lower() != card.name.lower():
+            raise DaqmxError(-200220, f"Device identifier is invalid. Device: {device or part}")
+        if span := re.fullmatch(r"([A-Za-z]+)(\d+):(?:[A-Za-z]+)?(\d+)", terminal):
+            first, last = int(span[2]), int(span[3])
+            step = 1 if last >= first else -1
+            names = [f"{span[1]}{n}" for n in range(first, last + step, step)]
+        else:
+            names = [terminal]
+        for name in names:
+            if name.lower() not in known:
+                raise DaqmxError(
+                    -200170,
+                    "Physical channel specified does not exist on this device.\n"
+                    f"Physical Channel Name: {card.name}/{name}",
+                )
+            found.append(known[name.lower()])
+    return found

@@ -1,0 +1,7 @@
+"""Faults of scenes and of the stand-in."""
+
+from rig.errors import SautereauError
+
+
+class SceneError(SautereauError):
+    """A scene that cannot be simulated; the message lists every fault in it."""

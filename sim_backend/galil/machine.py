@@ -1,0 +1,152 @@
+"""The controller's state, and what it does with it in every sample."""
+
+from collections.abc import Callable
+from typing import Protocol
+
+from sim_backend.galil.arrays import Arrays, Capture
+from sim_backend.galil.axis import Axis
+from sim_backend.galil.faults import CommandError
+from sim_backend.galil.motion import StopCode
+from sim_backend.galil.program import THREADS, Program, Thread
+
+OUTPUTS = 8
+"""Digital outputs, numbered from 1."""
+INPUTS = 8
+"""Digital inputs, numbered from 1."""
+
+
+class Plant(Protocol):
+    """What the amplifiers and encoders are wired to; axes A and B."""
+
+    def encoder_counts(self) -> tuple[int, int]:
+        """Return the raw encoder counts since power-up."""
+        ...
+
+    def home_counts(self) -> tuple[int, int]:
+        """Return the raw encoder counts at the home switches."""
+        ...
+
+    def torque_volts(self) -> tuple[float, float]:
+        """Return the commands to the amplifiers, in volts."""
+        ...
+
+
+class Machine:
+    """Everything that the firmware remembers from one sample to the next.
+
+    Args:
+        plant: The motors and encoders.
+        revision: Answer to ^R^V.
+        on_output: Called with number and level when a digital output changes.
+        execute: Carries out one command of a program's thread.
+    """
+
+    def __init__(
+        self,
+        plant: Plant,
+        revision: str,
+        on_output: Callable[[int, bool], None],
+        execute: Callable[["Machine", str, Thread], None],
+    ) -> None:
+        self.plant = plant
+        self.revision = revision
+        self.axes = [Axis(counts) for counts in plant.encoder_counts()]
+        self.inputs = [True] * INPUTS
+        self.outputs = [False] * OUTPUTS
+        self.sample_time = 1000
+        """TM; microseconds of 1/1024 s a thousand."""
+        self.samples = 0
+        """Samples since power-up."""
+        self.error_code = 0
+        """Of the last refused command, for TC."""
+        self.echo = True
+        self.download: str | None = None
+        """Text of the program that is coming in; None outside DL."""
+        self.program = Program()
+        self.threads: dict[int, Thread] = {}
+        self.arrays = Arrays()
+        self.capture = Capture()
+        self.unsolicited = ""
+        """What programs have said and no host has read yet."""
+        self._on_output = on_output
+        self._execute = execute
+
+    @property
+    def in_motion(self) -> bool:
+        """Whether an axis moves."""
+        return any(axis.profile is not None for axis in self.axes)
+
+    def position(self, axis: int) -> int:
+        """Return the counts that TP tells."""
+        return self.plant.encoder_counts()[axis] + self.axes[axis].offset
+
+    def reference(self, axis: int) -> int:
+        """Return the counts that RP tells; with the motor off that is the position."""
+        if not self.axes[axis].motor_on:
+            return self.position(axis)
+        return self.axes[axis].reported
+
+    def error(self, axis: int) -> int:
+        """Return the following error that TE tells, in counts."""
+        return self.reference(axis) - self.position(axis)
+
+    def set_output(self, number: int, level: bool) -> None:
+        """Set a digital output, and tell if that changes it."""
+        if self.outputs[number - 1] != level:
+            self.outputs[number - 1] = level
+            self._on_output(number, level)
+
+    def motor_off(self, axis: Axis, code: StopCode) -> None:
+        """Switch an axis off, and say why."""
+        axis.halt(code)
+        axis.stop_code = code
+        axis.motor_on = False
+
+    def abort(self, *, programs: bool) -> None:
+        """Stop both axes dead; where OE is 1 the motor goes off as well."""
+        for axis in self.axes:
+            axis.halt(StopCode.ABORTED)
+            if axis.settings["OE"]:
+                axis.motor_on = False
+        if programs:
+            self.halt_threads(range(THREADS))
+
+    def halt_threads(self, numbers: range | list[int]) -> None:
+        """End threads; those that do not run are no matter."""
+        for number in numbers:
+            if number in self.threads:
+                self.threads.pop(number).running = False
+
+    def tick(self) -> None:
+        """Do one sample: programs, safety, capture, and then the profilers.
+
+        The first three see the instant at which the sample begins.
+        """
+        counts = self.plant.encoder_counts()
+        for axis, raw in zip(self.axes, counts, strict=True):
+            if not axis.motor_on:
+                axis.follow(raw)
+        if self.threads:
+            self._run_threads()
+        for axis, raw in zip(self.axes, counts, strict=True):
+            if axis.motor_on and axis.settings["OE"] and axis.exceeds_error_limit(raw):
+                self.motor_off(axis, StopCode.OFF_ON_ERROR)
+                axis.follow(raw)
+        if self.capture.running:
+            self.capture.sample()
+        for axis in self.axes:
+            axis.step()
+        self.samples += 1
+
+    def _run_threads(self) -> None:
+        for number, thread in sorted(self.threads.items()):
+            if not thread.running:
+                continue
+            try:
+                thread.tick(lambda command, thread: self._execute(self, command, thread))
+            except CommandError as error:
+                self.error_code = error.code
+                self.unsolicited += f"?{thread.line} {thread.command}\r\n"
+                thread.running = False
+            if not thread.running and self.threads.get(number) is thread:
+                del self.threads[number]

@@ -1,0 +1,211 @@
+"""The profilers of one axis: PVT segments, trapezoids, jogs and decelerated stops.
+
+Everything here is in the raw encoder's frame and in the controller's own time:
+counts, counts a sample, counts a sample squared. A profile is asked for the state
+one sample on; between two samples the reference is the cubic with those positions
+and velocities at its ends, which inside a PVT segment is the segment's own cubic.
+"""
+
+import math
+from collections import deque
+from enum import IntEnum
+from typing import NamedTuple, Protocol
+
+SAMPLES_PER_SECOND = 1024
+"""The firmware's fixed ratio between counts a second and counts a sample, at any TM."""
+
+FIFO_LENGTH = 255
+"""PVT segments that an axis can hold besides the one under way."""
+
+
+class StopCode(IntEnum):
+    """What SC answers."""
+
+    RUNNING = 0
+    AT_TARGET = 1
+    FORWARD_LIMIT = 2
+    REVERSE_LIMIT = 3
+    STOPPED = 4
+    ABORTED = 7
+    OFF_ON_ERROR = 8
+    HOMED = 10
+    PVT_RUNNING = 30
+    PVT_COMPLETE = 31
+    PVT_STARVED = 32
+
+
+class Segment(NamedTuple):
+    """One entry of the PVT buffer."""
+
+    distance: int
+    """Counts, relative."""
+    velocity: int
+    """Counts a second, at the segment's end."""
+    samples: int
+    """Controller samples; 0 ends the sequence."""
+
+
+class Profile(Protocol):
+    """A motion under way."""
+
+    code: StopCode
+    """What SC answers while it runs and after it has ended."""
+    done: bool
+    """Whether the axis is at rest at the end of the last step."""
+
+    def step(self) -> tuple[float, float]:
+        """Go one sample on; return position [counts] and velocity [counts a sample]."""
+        ...
+
+
+class Ramp:
+    """A motion of constant accelerations, one after the other, that ends at rest.
+
+    Args:
+        position: Counts, at the start.
+        velocity: Counts a sample, at the start.
+        pieces: Durations [samples] and accelerations [counts a sample squared].
+        code: Stop code of the motion and of its end.
+        target: Counts, of the end; None takes what the pieces add up to.
+    """
+
+    def __init__(
+        self,
+        position: float,
+        velocity: float,
+        pieces: list[tuple[float, float]],
+        code: StopCode,
+        target: float | None = None,
+    ) -> None:
+        self.code = code
+        self.done = not pieces
+        self._position, self._velocity = position, velocity
+        self._pieces = deque(pieces)
+        self._target = target
+
+    def step(self) -> tuple[float, float]:
+        """Go one sample on; return position [counts] and velocity [counts a sample]."""
+        left = 1.0
+        pieces = self._pieces
+        while pieces:
+            duration, acceleration = pieces[0]
+            time = min(duration, left)
+            self._position += (self._velocity + acceleration * time / 2) * time
+            self._velocity += acceleration * time
+            left -= time
+            if time < duration:
+                pieces[0] = (duration - time, acceleration)
+                return self._position, self._velocity
+            pieces.popleft()
+        self.done = True
+        self._velocity = 0.0
+        if self._target is not None:
+            self._position = self._target
+        return self._position, self._velocity
+
+
+def brake(velocity: float, deceleration: float) -> list[tuple[float, float]]:
+    """Return the pieces of a `Ramp` from ``velocity`` to rest."""
+    if velocity == 0:
+        return []
+    return [(abs(velocity) / deceleration, -math.copysign(deceleration, velocity))]
+
+
+def trapezoid(
+    distance: float, speed: float, acceleration: float, deceleration: float
+) -> list[tuple[float, float]]:
+    """Return the pieces of a `Ramp` from rest to rest over ``distance`` counts.
+
+    A speed of 0 holds still until it is stopped, as the controller does.
+    """
+    if distance == 0:
+        return []
+    if speed == 0:
+        return [(math.inf, 0.0)]
+    length, sign = abs(distance), math.copysign(1.0, distance)
+    ramps = (1 / acceleration + 1 / deceleration) / 2
+    speed = min(speed, math.sqrt(length / ramps))
+    cruise = max(0.0, (length - ramps * speed**2) / speed)
+    return [
+        (speed / acceleration, sign * acceleration),
+        (cruise, 0.0),
+        (speed / deceleration, -sign * deceleration),
+    ]
+
+
+def jog(
+    velocity: float, goal: float, acceleration: float, deceleration: float
+) -> list[tuple[float, float]]:
+    """Return the pieces of a `Ramp` from ``velocity`` to ``goal``, held until stopped."""
+    pieces: list[tuple[float, float]] = []
+    if velocity * goal < 0:
+        pieces = brake(velocity, deceleration)
+        velocity = 0.0
+    rate = acceleration if abs(goal) > abs(velocity) else deceleration
+    pieces.append((abs(goal - velocity) / rate, math.copysign(rate, goal - velocity)))
+    return [*pieces, (math.inf, 0.0)]
+
+
+class Pvt:
+    """The PVT buffer of an axis being worked through.
+
+    Where the buffer runs dry, or its end comes at speed, the axis brakes.
+
+    Args:
+        position: Counts, where the first segment starts, at rest.
+        fifo: The buffer, shared with the axis, which goes on filling it.
+        deceleration: Counts a sample squared, of the braking.
+    """
+
+    def __init__(self, position: float, fifo: deque[Segment], deceleration: float) -> None:
+        self.code = StopCode.PVT_RUNNING
+        self.done = False
+        self.executed = 0
+        """Segments worked off; the closing zero segment counts as one."""
+        self._fifo, self._deceleration = fifo, deceleration
+        self._start, self._start_velocity = position, 0.0
+        self._distance, self._velocity = 0.0, 0.0
+        self._sample = self._samples = 0
+        self._brake: Ramp | None = None
+
+    def step(self) -> tuple[float, float]:
+        """Go one sample on; return position [counts] and velocity [counts a sample]."""
+        if self._brake is None and self._sample == self._samples:
+            self._next_segment()
+        if self._brake is not None:
+            state = self._brake.step()
+            self.done = self._brake.done
+            return state
+        self._sample += 1
+        if self._sample == self._samples:
+            self._start += self._distance
+            self._start_velocity = self._velocity
+            self.executed += 1
+            if self._fifo and self._fifo[0].samples == 0:
+                self._next_segment()
+            return self._start, self._start_velocity
+        # Cubic Hermite interpolation: x = p0 + v0 t + (3 q - 2 v0 - v1) t s + (v0 + v1 - 2 q) t s^2
+        # with s = t / T and the mean velocity q = (p1 - p0) / T.
+        time = self._sample
+        s = time / self._samples
+        mean = self._distance / self._samples
+        v0 = self._start_velocity
+        second = 3 * mean - 2 * v0 - self._velocity
+        third = v0 + self._velocity - 2 * mean
+        position = self._start + time * (v0 + s * (second + s * third))
+        return position, v0 + s * (2 * second + 3 * s * third)
+
+    def _next_segment(self) -> None:
+        segment = self._fifo.popleft() if self._fifo else None
+        if segment is not None and segment.samples > 0:
+            self._distance = float(segment.distance)
+            self._velocity = segment.velocity / SAMPLES_PER_SECOND
+            self._sample, self._samples = 0, segment.samples
+            return
+        if segment is not None:
+            self.executed += 1
+            self._fifo.clear()
+        self.code = StopCode.PVT_STARVED if segment is None else StopCode.PVT_COMPLETE
+        pieces = brake(self._start_velocity, self._deceleration)
+        self._brake = Ramp(self._start, self._start_velocity, pieces, self.code)
+        self.done = self._brake.done

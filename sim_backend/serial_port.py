@@ -1,0 +1,160 @@
+"""Serial lines for the stand-in: a pseudo-terminal, or a socket on loopback.
+
+Each is a context manager with a `url` that pyserial opens, and a thread that hands
+what comes in to a handler and sends back what that returns.
+"""
+
+import contextlib
+import os
+import select
+import socket
+import threading
+from collections.abc import Callable
+from types import TracebackType
+from typing import Self
+
+Handler = Callable[[bytes], bytes]
+"""Takes the bytes that came in and returns those to answer; called in the port's thread."""
+
+_CHUNK = 4096
+
+
+class _Port:
+    """The thread, and its bookkeeping: subclasses open, wait, read and write."""
+
+    def __init__(self, handler: Handler) -> None:
+        self.url = ""
+        """What pyserial opens; known once the port is entered."""
+        self._handler = handler
+        self._failure: Exception | None = None
+        self._stopping = False
+
+    def __enter__(self) -> Self:
+        self._failure, self._stopping = None, False
+        self._waker, self._wake = socket.socketpair()
+        try:
+            self._open()
+        except BaseException:
+            self._waker.close()
+            self._wake.close()
+            raise
+        self._thread = threading.Thread(target=self._run, name=f"port {self.url}", daemon=True)
+        self._thread.start()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """Close the line; what the host has not read yet may be lost.
+
+        Raises:
+            Exception: What the handler raised, which ended the thread.
+        """
+        self._stopping = True
+        self._waker.send(b"x")
+        self._thread.join()
+        self._close()
+        self._waker.close()
+        self._wake.close()
+        if self._failure is not None and error is None:
+            raise self._failure
+
+    def _run(self) -> None:
+        try:
+            self._serve()
+        except Exception as error:  # noqa: BLE001 - the thread has nobody else to tell; __exit__ raises it
+            self._failure = error
+
+    def _open(self) -> None:
+        raise NotImplementedError(f"{type(self).__name__} does not say how it opens")
+
+    def _close(self) -> None:
+        raise NotImplementedError(f"{type(self).__name__} does not say how it closes")
+
+    def _serve(self) -> None:
+        raise NotImplementedError(f"{type(self).__name__} does not say how it serves")
+
+
+class PtyPort(_Port):
+    """A pseudo-terminal; the host may close it and open it again.
+
+    Args:
+        handler: Takes what comes in, returns what to answer.
+    """
+
+    def _open(self) -> None:
+        import tty  # there is none on Windows
+
+        # The port keeps the host's end open as well: without it a host that closes would hang up.
+        self._ours, self._theirs = os.openpty()
+        tty.setraw(self._theirs)
+        os.set_blocking(self._ours, False)
+        self.url = os.ttyname(self._theirs)
+
+    def _close(self) -> None:
+        os.close(self._ours)
+        os.close(self._theirs)
+
+    def _serve(self) -> None:
+        answers = bytearray()
+        while True:
+            writers = [self._ours] if answers else []
+            readable, writable, _ = select.select([self._ours, self._wake], writers, [])
+            if self._stopping:
+                return
+            if self._ours in readable:
+                with contextlib.suppress(BlockingIOError):
+                    answers += self._handler(os.read(self._ours, _CHUNK))
+            if writable:
+                with contextlib.suppress(BlockingIOError):
+                    del answers[: os.write(self._ours, answers[:_CHUNK])]
+
+
+class SocketPort(_Port):
+    """A TCP port on loopback, for one host at a time; the next may come when it has gone.
+
+    Args:
+        handler: Takes what comes in, returns what to answer.
+    """
+
+    def _open(self) -> None:
+        self._listener = socket.create_server(("127.0.0.1", 0))
+        self.url = f"socket://127.0.0.1:{self._listener.getsockname()[1]}"
+
+    def _close(self) -> None:
+        self._listener.close()
+
+    def _serve(self) -> None:
+        while True:
+            readable, _, _ = select.select([self._listener, self._wake], [], [])
+            if self._stopping:
+                return
+            if readable:
+                host, _ = self._listener.accept()
+                with host:
+                    self._serve_host(host)
+
+    def _serve_host(self, host: socket.socket) -> None:
+        host.setblocking(False)
+        host.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        answers = bytearray()
+        while True:
+            writers = [host] if answers else []
+            readable, writable, _ = select.select([host, self._wake], writers, [])
+            if self._stopping:
+                return
+            try:
+                if readable:
+                    data = host.recv(_CHUNK)
+                    if not data:
+                        return
+                    answers += self._handler(data)
+                if writable:
+                    del answers[: host.send(answers)]
+            except BlockingIOError:
+                continue
+            except ConnectionError:
+                return

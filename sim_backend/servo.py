@@ -1,0 +1,57 @@
+"""The two position loops: PID on encoder counts at the controller's sample."""
+
+import math
+
+from rig.schema import GRAVITY, Arm
+from sim_backend.scene import Servo
+
+
+class PositionLoops:
+    """Turn reference and encoder into the torque of each joint, once a sample."""
+
+    def __init__(self, servo: Servo, arm: Arm, period: float):
+        self.servo = servo
+        self.arm = arm
+        self.period = period
+        self.radians = 2 * math.pi / arm.counts_per_revolution
+        self._integral = [0.0, 0.0]
+        self._last = [0.0, 0.0]
+
+    def engage(self, joints: tuple[float, float]) -> None:
+        """Take over the standing arm: the integrators have settled on its weight."""
+        self._integral = list(weight_torque(self.arm, joints))
+        self._last = [0.0, 0.0]
+
+    def torque(
+        self, error: tuple[float, float], acceleration: tuple[float, float]
+    ) -> tuple[float, float]:
+        """Return the joint torques [N m] for the sample that begins.
+
+        Args:
+            error: Counts, reference less encoder.
+            acceleration: rad/s^2, of the reference.
+        """
+        servo, limit = self.servo, self.arm.torque_limit
+        torques = []
+        for j in (0, 1):
+            lag = error[j] * self.radians
+            rate = (lag - self._last[j]) / self.period
+            self._last[j] = lag
+            torque = (
+                servo.stiffness[j] * lag
+                + servo.damping[j] * rate
+                + servo.feedforward[j] * acceleration[j]
+                + self._integral[j]
+            )
+            if abs(torque) < limit:  # no wind-up while the amplifier saturates
+                self._integral[j] += servo.stiffness[j] * lag * self.period / servo.integral_time
+            torques.append(max(-limit, min(limit, torque)))
+        return torques[0], torques[1]
+
+
+def weight_torque(arm: Arm, joints: tuple[float, float]) -> tuple[float, float]:
+    """Return the joint torques [N m] that carry the links' weight."""
+    upper = arm.upper_length * math.cos(joints[0])
+    lower = arm.lower_length / 2 * math.cos(joints[0] + joints[1])
+    second = arm.lower_mass * GRAVITY * lower
+    return arm.upper_mass * GRAVITY * upper / 2 + arm.lower_mass * GRAVITY * upper + second, second

@@ -1,0 +1,213 @@
+"""The real nidaqmx, over loopback gRPC, against a card of noise; and every fault's message."""
+
+import math
+import socket
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from daq.acquisition import Acquisition
+from daq.errors import DaqError
+
+
+def acquire(daq, after_block=lambda: None):
+    """Run a whole acquisition of 50 ms."""
+    with Acquisition(daq, 0.05) as acquisition:
+        acquisition.start()
+        for _ in acquisition.blocks():
+            after_block()
+
+
+def fault_of(daq, after_block=lambda: None):
+    """Return the one error that a whole acquisition raises."""
+    with pytest.raises(DaqError) as caught:
+        acquire(daq, after_block)
+    return caught.value
+
+
+def test_samples_are_bit_exact(bench):
+    card, _, rig = bench()
+    with Acquisition(rig.daq, 0.5) as acquisition:
+        assert acquisition.n_samples == 25_600
+        assert acquisition.rate == 51_200.0
+        assert acquisition.simulated is True
+        assert "stand-in" in acquisition.device_description
+        acquisition.start()
+        blocks = list(acquisition.blocks())
+        acquisition.stop()
+    assert [block.first_sample for block in blocks] == list(range(0, 25_600, 1024))
+    found = np.concatenate([block.volts for block in blocks], axis=1)
+    assert np.array_equal(found.view(np.uint64), card.runs[0].volts.view(np.uint64))
+    assert card.setup.terminals == ("ai0", "ai1")
+    assert card.setup.trigger == "/Dev1/PFI0"
+    assert card.runs[0].stopped.is_set()
+
+
+def test_the_last_block_is_shorter_and_duration_is_rounded_up(bench):
+    _, _, rig = bench(daq__block=1000)
+    with Acquisition(rig.daq, 2500.2 / 51_200) as acquisition:
+        acquisition.start()
+        assert [block.volts.shape for block in acquisition.blocks()] == [
+            (2, 1000),
+            (2, 1000),
+            (2, 501),
+        ]
+
+
+def test_one_channel_is_enough(bench):
+    card, _, rig = bench()
+    daq = rig.daq.model_copy(update={"channels": rig.daq.channels[1:]})
+    with Acquisition(daq, 0.02) as acquisition:
+        acquisition.start()
+        (block,) = acquisition.blocks()
+    assert card.setup.terminals == ("ai1",)
+    assert np.array_equal(block.volts, card.runs[0].volts)
+
+
+def test_leaving_by_an_exception_frees_the_card(bench):
+    card, _, rig = bench()
+    with pytest.raises(ZeroDivisionError):
+        acquire(rig.daq, lambda: 1 / 0)
+    assert card.runs[0].stopped.is_set()
+    with Acquisition(rig.daq, 0.05) as acquisition:
+        acquisition.start()
+        assert sum(block.volts.shape[1] for block in acquisition.blocks()) == 2560
+
+
+def test_no_driver(paper):
+    message = str(fault_of(paper.daq))
+    assert "driver is not installed" in message
+    assert "daq.address" in message
+    assert "--sim" in message
+
+
+def test_no_server(paper):
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        address = f"127.0.0.1:{free.getsockname()[1]}"
+    message = str(fault_of(paper.daq.model_copy(update={"address": address})))
+    assert address in message
+    assert "2 s" in message
+    assert "start NI's gRPC device server" in message
+
+
+@pytest.mark.parametrize(
+    "address", ["192.168.1.20:31763", "daq.example.org:31763", "0.0.0.0:31763", "[2001:db8::1]:1"]
+)
+def test_another_machine_is_refused(paper, address):
+    message = str(fault_of(paper.daq.model_copy(update={"address": address})))
+    assert address in message
+    assert "TLS is not built yet" in message
+
+
+@pytest.mark.parametrize("address", ["localhost", "127.0.0.1:", "127.0.0.1:99999", ":31763"])
+def test_an_address_that_is_none(paper, address):
+    assert "not host:port" in str(fault_of(paper.daq.model_copy(update={"address": address})))
+
+
+def test_wrong_channel(bench):
+    _, _, rig = bench(**{"daq.channels.1.terminal": "ai7"})
+    message = str(fault_of(rig.daq))
+    assert "Dev1/ai7" in message
+    assert "-200170" in message
+    assert "it has Dev1/ai0, Dev1/ai1" in message
+
+
+def test_missing_device(bench):
+    _, _, rig = bench(daq__device="Dev9")
+    message = str(fault_of(rig.daq))
+    assert "Dev9" in message
+    assert "the driver knows Dev1" in message
+    assert "daq.device" in message
+
+
+def test_trigger_that_never_comes(bench, noise_card):
+    card, _, rig = bench(noise_card(ready=0))
+    message = str(fault_of(rig.daq))
+    for word in ("/Dev1/PFI0", "0.3 s", "controller.trigger_output", "cable"):
+        assert word in message
+    assert card.runs[0].stopped.is_set()
+
+
+def test_samples_that_stop_coming(bench, noise_card):
+    _, _, rig = bench(noise_card(ready=1500))
+    message = str(fault_of(rig.daq))
+    assert "stopped at 1500 of 2560" in message
+    assert "daq.trigger_timeout" in message
+
+
+def test_lost_samples(bench, noise_card):
+    _, _, rig = bench(noise_card(fault=(1024, -200279)))
+    message = str(fault_of(rig.daq))
+    assert "-200279" in message
+    assert "daq.block" in message
+
+
+def test_wrong_trigger_terminal(bench):
+    _, _, rig = bench(daq__trigger_source="ao/StartTrigger")
+    message = str(fault_of(rig.daq))
+    assert "-89120" in message
+    assert "arming" in message
+
+
+def test_range_beyond_the_card(bench):
+    _, _, rig = bench(**{"daq.channels.1.range": "12 V"})
+    assert "-200077" in str(fault_of(rig.daq))
+
+
+def test_a_card_in_use(bench):
+    _, _, rig = bench()
+    with Acquisition(rig.daq, 0.05) as acquisition:
+        acquisition.start()
+        assert "another task or program holds it" in str(fault_of(rig.daq))
+
+
+def test_server_gone_in_mid_read(bench):
+    _, server, rig = bench()
+    fault = fault_of(rig.daq, lambda: server.__exit__(None, None, None))
+    assert "no answer while reading" in str(fault)
+    (note,) = fault.__notes__
+    assert "could not be cleared" in note
+
+
+def test_server_gone_at_the_end_is_told(bench):
+    _, server, rig = bench()
+    with pytest.raises(DaqError, match="while clearing"), Acquisition(rig.daq, 0.05):
+        server.__exit__(None, None, None)
+
+
+def test_a_hung_server_is_a_fault(bench, noise_card, monkeypatch):
+    class Hung(noise_card):
+        def start(self, setup):
+            run = super().start(setup)
+            run.wait_for = lambda n, timeout: run.stopped.wait() and 0
+            return run
+
+    monkeypatch.setattr("daq.connection.ANSWER_DEADLINE", 0.2)
+    _, _, rig = bench(Hung())
+    assert "no answer while reading" in str(fault_of(rig.daq))
+
+
+@pytest.mark.parametrize("duration", [0.0, -1.0, math.nan, math.inf])
+def test_a_duration_that_is_none(paper, duration):
+    with pytest.raises(DaqError, match="duration"):
+        Acquisition(paper.daq, duration)
+
+
+def test_use_outside_the_context(paper):
+    acquisition = Acquisition(paper.daq, 0.1)
+    for use in (acquisition.start, acquisition.stop, lambda: next(acquisition.blocks())):
+        with pytest.raises(DaqError, match="inside `with"):
+            use()
+    with pytest.raises(DaqError, match="inside `with`"):
+        _ = acquisition.simulated
+
+
+def test_the_driver_is_imported_only_when_used():
+    code = (
+        "import sys, daq.recording, daq.reading, daq.acquisition;"
+        "sys.exit(bool({'nidaqmx', 'grpc', 'pandas', 'matplotlib'} & set(sys.modules)))"
+    )
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

@@ -1,0 +1,209 @@
+"""A recording is read whole or refused, whatever has happened to the file."""
+
+import shutil
+
+import numpy as np
+import pytest
+from mcap.records import Chunk, DataEnd, Footer, Metadata
+from mcap.stream_reader import StreamReader
+from mcap.writer import Writer
+
+from daq.errors import RecordingError
+from daq.provenance import PROFILE
+from daq.reading import describe, read_recording
+from daq.recording import Block, Recording
+from daq.schemas import encode, schema_data
+from rig.load import rig_json
+
+
+@pytest.fixture
+def good(tmp_path, record, volts):
+    return record(tmp_path / "good.mcap", volts)
+
+
+def refused(path):
+    with pytest.raises(RecordingError) as caught:
+        read_recording(path)
+    message = str(caught.value)
+    assert str(path) in message
+    with pytest.raises(RecordingError):
+        describe(path)
+    return message
+
+
+def write(path, data):
+    path.write_bytes(data)
+    return path
+
+
+def test_a_missing_file(tmp_path):
+    assert "no such file" in refused(tmp_path / "none.mcap")
+
+
+def test_a_folder(tmp_path):
+    assert "it is a folder" in refused(tmp_path)
+
+
+def test_an_empty_file(tmp_path):
+    assert "it is empty" in refused(write(tmp_path / "empty.mcap", b""))
+
+
+@pytest.mark.parametrize("data", [b"RIFF....WAVEfmt ", b"\x00" * 100, b"\x89MCAQ0\r\n"])
+def test_another_kind_of_file(tmp_path, data):
+    assert "it is no MCAP file" in refused(write(tmp_path / "other.mcap", data))
+
+
+def test_an_mcap_of_another_program(tmp_path):
+    path = tmp_path / "ros.mcap"
+    writer = Writer(str(path))
+    writer.start(profile="ros2")
+    writer.finish()
+    assert "does not say that sautereau has made it" in refused(path)
+
+
+def test_every_truncation_is_refused(tmp_path, good):
+    data = good.read_bytes()
+    path = tmp_path / "short.mcap"
+    sizes = {*range(1, 60), *range(60, len(data), 997), *range(len(data) - 80, len(data))}
+    for size in sorted(sizes):
+        message = refused(write(path, data[:size]))
+        assert "it is cut short" in message, size
+        assert "planned for a later version" in message
+
+
+def test_more_bytes_than_were_written_are_refused(tmp_path, good):
+    refused(write(tmp_path / "long.mcap", good.read_bytes() + b"\x00"))
+    refused(write(tmp_path / "twice.mcap", good.read_bytes() * 2))
+
+
+def test_every_changed_byte_is_refused(tmp_path, good):
+    """Bytes all over the file, and those that steer a reader: prefixes, checksums, footer."""
+    data = bytearray(good.read_bytes())
+    path = tmp_path / "changed.mcap"
+    places = {*range(50), *range(50, len(data), 251), *range(len(data) - 60, len(data))}
+    for place in sorted(places):
+        data[place] ^= 0x41
+        message = refused(write(path, bytes(data)))
+        data[place] ^= 0x41
+        assert any(word in message for word in ("corrupted", "cut short", "no MCAP", "header"))
+
+
+def test_a_chunk_with_its_checksums_removed_is_refused(tmp_path, good):
+    """A CRC of zero means "none" to MCAP, and would switch its own check off."""
+    data = good.read_bytes()
+    with good.open("rb") as file:
+        found = list(StreamReader(file, emit_chunks=True).records)
+    chunk = next(r for r in found if isinstance(r, Chunk))
+    end = next(r for r in found if isinstance(r, DataEnd))
+    footer = next(r for r in found if isinstance(r, Footer))
+    for crc in (chunk.uncompressed_crc, end.data_section_crc, footer.summary_crc):
+        stored = crc.to_bytes(4, "little")
+        assert data.count(stored) == 1
+        changed = write(tmp_path / "zeroed.mcap", data.replace(stored, b"\x00" * 4))
+        assert "corrupted" in refused(changed)
+
+
+def forge(path, rig, session, blocks, *, metadata=None):
+    """Write a file whose checksums hold, with blocks of (channel, first sample, volts)."""
+    writer = Writer(str(path), enable_data_crcs=True)
+    writer.start(profile=PROFILE)
+    heads = {
+        "rig": {"json": rig_json(rig)},
+        "software": {"python": "3"},
+        "session": session.to_metadata(),
+    }
+    for name, values in (heads | (metadata or {})).items():
+        if values is not None:
+            writer.add_metadata(name, values)
+    schema = writer.register_schema("sautereau.Samples", "protobuf", schema_data())
+    numbers = {
+        channel.name: writer.register_channel(f"/daq/{channel.name}", "protobuf", schema)
+        for channel in rig.daq.channels
+    }
+    for name, first, volts in blocks:
+        data = encode("Samples", t0=0, first_sample=first, rate=51_200.0, volts=volts)
+        writer.add_message(numbers[name], 0, data, 0)
+    writer.finish()
+    return path
+
+
+def test_a_hole_is_named_and_never_filled(tmp_path, paper, session):
+    block = np.zeros(512)
+    path = forge(
+        tmp_path / "hole.mcap",
+        paper,
+        session,
+        [("velocity", 0, block), ("velocity", 1024, block), ("force", 0, block)],
+    )
+    message = refused(path)
+    assert "samples 512 to 1023 of velocity are missing, 10 ms to 20 ms" in message
+
+
+def test_a_channel_that_ends_early_is_a_hole(tmp_path, paper, session):
+    blocks = [("velocity", 0, np.zeros(1024)), ("force", 0, np.zeros(512))]
+    path = forge(tmp_path / "early.mcap", paper, session, blocks)
+    assert "samples 512 to 1023 of force are missing" in refused(path)
+
+
+def test_a_block_that_is_there_twice(tmp_path, paper, session):
+    blocks = [("velocity", 0, np.zeros(512)), ("velocity", 256, np.zeros(512))]
+    path = forge(tmp_path / "twice.mcap", paper, session, blocks)
+    assert "samples 256 to 511 of velocity are there twice" in refused(path)
+
+
+@pytest.mark.parametrize(
+    ("metadata", "message"),
+    [
+        ({"session": None}, "lacks the metadata session"),
+        ({"rig": {"json": "{}"}}, "the rig stored here cannot be read"),
+        ({"session": {"press": "1"}}, "lacks started, simulated"),
+    ],
+)
+def test_a_head_that_is_not_complete(tmp_path, paper, session, metadata, message):
+    path = forge(tmp_path / "head.mcap", paper, session, [], metadata=metadata)
+    assert message in refused(path)
+
+
+def test_the_simulated_flag_has_two_values_only(tmp_path, paper, session):
+    wrong = session.to_metadata() | {"simulated": "perhaps"}
+    path = forge(tmp_path / "flag.mcap", paper, session, [], metadata={"session": wrong})
+    assert "simulated = 'perhaps'" in refused(path)
+
+
+def test_a_recording_without_samples(tmp_path, paper, session):
+    path = tmp_path / "press.mcap"
+    recording = Recording(path, paper, session=session)
+    with pytest.raises(TimeoutError), recording:
+        raise TimeoutError("no edge")
+    with pytest.raises(RecordingError, match="holds no samples"):
+        read_recording(recording.part_path)
+    found = describe(recording.part_path)
+    assert found["n_samples"] == 0
+    assert found["complete"] is False
+    assert "aborted: TimeoutError: no edge" in found["events"][0]
+
+
+def test_a_copy_reads_the_same(tmp_path, good, volts):
+    copy = tmp_path / "copy.mcap"
+    shutil.copy(good, copy)
+    assert np.array_equal(np.stack(list(read_recording(copy).volts.values())), volts)
+
+
+def test_the_first_chunk_repeats_what_the_metadata_says(good):
+    with good.open("rb") as file:
+        metadata = {
+            r.name: r.metadata for r in StreamReader(file).records if isinstance(r, Metadata)
+        }
+    assert set(metadata["channels"]) >= {"/daq/velocity", "/daq/force", "/plan", "/events"}
+
+
+def test_long_recordings_of_many_chunks(tmp_path, paper, session):
+    volts = np.random.default_rng(2).standard_normal((2, 200_000))
+    path = tmp_path / "long.mcap"
+    with Recording(path, paper, session=session) as recording:
+        for first in range(0, 200_000, 5000):
+            recording.write_block(Block(first, volts[:, first : first + 5000]))
+    with path.open("rb") as file:
+        chunks = [r for r in StreamReader(file, emit_chunks=True).records if isinstance(r, Chunk)]
+    assert len(chunks) > 5
+    assert np.array_equal(read_recording(path).volts["force"], volts[1])

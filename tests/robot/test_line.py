@@ -1,0 +1,118 @@
+"""The request/answer line: what comes back, and what does not."""
+
+import pickle
+
+import pytest
+
+from robot.errors import CommandRefused, GarbledAnswer, LineLost, SilentController
+from robot.line import LONGEST_LINE, pack
+
+
+@pytest.fixture
+def line(bench, lines):
+    def make(*pairs):
+        controller, transcript = bench(lines.connect, pairs)
+        controller.connect()
+        return controller._connection.line, transcript
+
+    return make
+
+
+def test_a_refused_command_is_named_with_its_code(line):
+    refused, _ = line(("SP 1,1;AC 0,0;DC 1,1", ":?"), ("TC1", "6 Number out of range\r\n:"))
+    with pytest.raises(CommandRefused, match=r"'AC 0,0': 6 Number out of range; .*range") as caught:
+        refused.ask("SP 1,1", "AC 0,0", "DC 1,1")
+    assert str(pickle.loads(pickle.dumps(caught.value))) == str(caught.value)
+
+
+def test_an_unknown_code_says_where_to_look(line):
+    refused, _ = line(("XX", "?"), ("TC1", "150 Odd\r\n:"))
+    with pytest.raises(CommandRefused, match="look up code 150 under TC"):
+        refused.ask("XX")
+
+
+@pytest.mark.parametrize("answer", ["?", "what\r\n:", "\r\n:"])
+def test_a_refusal_without_a_code(line, answer):
+    refused, _ = line(("XX", "?"), ("TC1", answer))
+    with pytest.raises(GarbledAnswer, match="TC1"):
+        refused.ask("XX")
+
+
+def test_silence_names_command_timeout_and_remedy(line):
+    silent, _ = line(("MG _TPA", " 12.00"))
+    with pytest.raises(
+        SilentController, match=r"'MG _TPA' within 0\.2 s after ' 12\.00'; check its power"
+    ):
+        silent.read("_TPA")
+
+
+@pytest.mark.parametrize("answer", [b"\xfe\x80\x00:", b"\x00\x00", b"12\x7f:"])
+def test_bytes_that_are_no_text(line, answer):
+    garbled, _ = line(("MG _TPA", answer))
+    with pytest.raises(GarbledAnswer, match="baud_rate"):
+        garbled.read("_TPA")
+
+
+@pytest.mark.parametrize("answer", ["1.0 2.0\r\n:", "one\r\n:", "\r\n:", ":", "1.0.0\r\n:"])
+def test_answers_that_are_not_the_numbers_asked_for(line, answer):
+    garbled, _ = line(("MG _TPA", answer))
+    with pytest.raises(GarbledAnswer, match="1 numbers were due"):
+        garbled.read("_TPA")
+
+
+def test_more_than_was_asked(line):
+    garbled, _ = line(("SH AB", "::"))
+    with pytest.raises(GarbledAnswer, match="more than was asked"):
+        garbled.ask("SH AB")
+
+
+def test_something_said_unasked_is_not_taken_for_an_answer(line):
+    unasked, port = line()
+    port.incoming = b"?7 BT AB\r\n"
+    with pytest.raises(GarbledAnswer, match=r"said b'\?7 BT AB.*before it was asked 'SH AB'"):
+        unasked.ask("SH AB")
+
+
+def test_an_answer_without_end(line):
+    endless, _ = line(("MG _TPA", "1" * 600_000))
+    with pytest.raises(GarbledAnswer, match="without end"):
+        endless.read("_TPA")
+
+
+@pytest.mark.parametrize("said", [OSError("gone"), OSError(5, "Input/output error")])
+def test_a_port_that_went_away(line, said):
+    lost, _ = line(("MG _TPA", said))
+    with pytest.raises(LineLost, match=r"lost at 'MG _TPA': .*check the cable"):
+        lost.read("_TPA")
+
+
+@pytest.mark.parametrize(
+    "said",
+    [("", "", "::"), (":", "", ":"), ("", "", ":"), (":", ":", ":"), ("", "", "")],
+)
+def test_a_download_however_the_firmware_acknowledges_it(line, said):
+    pairs = zip(("DL", "EN", "\\"), said, strict=True)
+    downloading, port = line(*pairs, ("MG 4711", " 4711.0000\r\n:"))
+    downloading.download(["EN"])
+    assert not port.incoming
+
+
+def test_a_refused_download(line):
+    refused, _ = line(
+        ("DL", ""), ("EN", ""), ("\\", "?"), ("MG 4711", " 4711.0000\r\n:"), ("TC1", "51 Full\r\n:")
+    )
+    with pytest.raises(CommandRefused, match="'DL': 51 Full"):
+        refused.download(["EN"])
+
+
+def test_packing_fills_lines_and_loses_nothing():
+    commands = [f"PVA={i},{i * i},{i % 7 + 1}" for i in range(300)]
+    packed = list(pack(commands))
+    assert [command for group in packed for command in group] == commands
+    lengths = [len(";".join(group)) for group in packed]
+    assert max(lengths) <= LONGEST_LINE
+    assert all(
+        length + 1 + len(following[0]) > LONGEST_LINE
+        for length, following in zip(lengths, packed[1:], strict=False)
+    )
+    assert list(pack([])) == []

@@ -1,0 +1,59 @@
+"""Ports that are not there, not ours or not free; and real pyserial where nobody answers."""
+
+import pytest
+import serial
+
+from rig.load import with_values
+from robot.errors import GarbledAnswer, LineLost, PortUnavailable, SilentController
+from robot.galil import GalilController
+from robot.port import open_port
+
+
+@pytest.mark.parametrize("name", ["/dev/no_such_port", "odd://thing", "socket://127.0.0.1:1"])
+def test_a_missing_port_is_named_with_the_ports_there_are(rig, name):
+    controller = GalilController(with_values(rig, {"controller.port": name}))
+    with pytest.raises(PortUnavailable) as caught:
+        controller.connect()
+    for said in (name, "controller.port", "ports of this machine"):
+        assert said in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("number", "text", "remedy"),
+    [
+        (13, "Permission denied", "dialout"),
+        (16, "Device or resource busy", "another program"),
+        (11, "Could not exclusively lock port", "another program"),
+    ],
+)
+def test_a_port_that_is_not_ours(monkeypatch, number, text, remedy):
+    def refuse(*_, **__):
+        raise serial.SerialException(number, text)
+
+    monkeypatch.setattr(serial, "serial_for_url", refuse)
+    with pytest.raises(PortUnavailable, match=remedy):
+        open_port("/dev/ttyUSB0", 115200, 0.1)
+
+
+def test_a_port_is_opened_for_one_program(terminal, lines):
+    controller, end = terminal(lines.connect)
+    with controller, pytest.raises(PortUnavailable, match="another program"):
+        open_port(end.port, 115200, 0.1)
+
+
+def test_nobody_answers(terminal):
+    controller, _ = terminal([("EO 0", "")])
+    with pytest.raises(SilentController, match=r"'EO 0' within 0\.2 s; check its power"):
+        controller.connect()
+
+
+def test_another_baud_rate(terminal):
+    controller, _ = terminal([("EO 0", b"\xf8\x80\x1e\xe0")])
+    with pytest.raises(GarbledAnswer, match="baud_rate"):
+        controller.connect()
+
+
+def test_hung_up_while_connecting(terminal, lines):
+    controller, _ = terminal(lines.connect[:3], [("TM 1000", None)])
+    with pytest.raises(LineLost, match="TM 1000"):
+        controller.connect()

@@ -1,0 +1,81 @@
+"""A controller on a bench without inertia, shared by the tests of the firmware."""
+
+import numpy as np
+import pytest
+
+from sim_backend.galil.firmware import GalilFirmware
+
+
+class BareBench:
+    """Encoders that are where the reference is (or stay put), and the host's end of the line."""
+
+    def __init__(self):
+        self.counts = [0, 0]
+        self.follows = True
+        self.outputs = []
+        self.positions, self.velocities = [], []
+        self.firmware = GalilFirmware(self, on_output=self._note_output)
+        self.firmware.receive(b"EO 0\r")
+
+    def encoder_counts(self):
+        return self.counts[0], self.counts[1]
+
+    def home_counts(self):
+        return 1500, -700
+
+    def torque_volts(self):
+        return 0.5, -1.25
+
+    def _note_output(self, number, level):
+        self.outputs.append((self.firmware.samples, number, level))
+
+    def send(self, text):
+        return self.firmware.receive(text.encode("latin-1") + b"\r").decode("latin-1")
+
+    def accept(self, *lines):
+        for line in lines:
+            answer = self.send(line)
+            assert set(answer) == {":"}, f"{line!r} answered {answer!r}, {self.send('TC1')}"
+
+    def refusal(self, line):
+        assert self.send(line).endswith("?")
+        return int(self.send("TC1").split()[0])
+
+    def number(self, expression):
+        answer = self.send(f"MG {expression}")
+        assert answer.endswith("\r\n:"), (expression, answer)
+        return float(answer[:-3])
+
+    def tick(self, times=1):
+        for _ in range(times):
+            self.firmware.tick()
+            positions, velocities = self.firmware.reference(np.array([0.0, 0.5, 1.0]))
+            self.positions.append(positions)
+            self.velocities.append(velocities)
+            if self.follows:
+                self.counts = [round(value) for value in positions[-1]]
+
+    def run(self, limit=20_000):
+        """Tick until nothing moves; return how many samples that took."""
+        start = self.firmware.samples
+        while self.firmware.moving:
+            self.tick()
+            assert self.firmware.samples - start < limit, "does not come to an end"
+        return self.firmware.samples - start
+
+    def assert_smooth(self):
+        """Position and velocity go on from one sample to the next without a step."""
+        positions, velocities = np.array(self.positions), np.array(self.velocities)
+        np.testing.assert_allclose(positions[1:, 0], positions[:-1, 2], atol=1e-6)
+        np.testing.assert_allclose(velocities[1:, 0], velocities[:-1, 2], atol=1e-9)
+
+
+@pytest.fixture
+def bench():
+    return BareBench()
+
+
+@pytest.fixture(scope="session")
+def make_bench():
+    """For tests that need a fresh bench for every example."""
+    return BareBench

@@ -1,0 +1,232 @@
+"""The DAQmx stand-in, asked by the real, unmodified nidaqmx over loopback gRPC."""
+
+import threading
+
+import grpc
+import numpy as np
+import pytest
+from nidaqmx import DaqError, GrpcSessionOptions, Task
+from nidaqmx.constants import READ_ALL_AVAILABLE, AcquisitionType, Edge, TaskMode
+from nidaqmx.errors import DaqReadError, RpcError
+from nidaqmx.stream_readers import AnalogMultiChannelReader
+from nidaqmx.system import Device, System
+
+from sim_backend.daqmx.server import DaqmxError, TaskSetup, serve
+
+
+class NoiseRun:
+    def __init__(self, volts, ready):
+        self.volts, self.ready = volts, ready
+        self.stopped = threading.Event()
+
+    def wait_for(self, n, timeout):
+        if n > self.ready:
+            self.stopped.wait(timeout)
+        return self.ready
+
+    def read(self, first, n):
+        return self.volts[:, first : first + n]
+
+    def stop(self):
+        self.stopped.set()
+
+
+class NoiseCard:
+    name = "Dev1"
+    terminals = ("ai0", "ai1", "ai2", "ai3")
+
+    def __init__(self):
+        self.ready = None
+        self.setups = []
+
+    def start(self, setup: TaskSetup):
+        if setup.rate == 666:
+            raise DaqmxError(-200361, "Onboard device memory overflow.")
+        self.setups.append(setup)
+        shape = (len(setup.terminals), setup.n_samples)
+        self.volts = np.random.default_rng(5).standard_normal(shape)
+        return NoiseRun(self.volts, setup.n_samples if self.ready is None else self.ready)
+
+
+@pytest.fixture
+def card():
+    return NoiseCard()
+
+
+@pytest.fixture
+def options(card):
+    with serve(card) as server:
+        limit = [("grpc.max_receive_message_length", 64 * 2**20)]
+        with grpc.insecure_channel(server.address, limit) as channel:
+            yield GrpcSessionOptions(channel, "")
+    assert not [t for t in threading.enumerate() if t.name.startswith("daqmx stand-in")]
+
+
+@pytest.fixture
+def task(options):
+    with Task(grpc_options=options) as task:
+        yield task
+
+
+def finite(task, n_samples, rate=51_200.0, channels="Dev1/ai0:1"):
+    task.ai_channels.add_ai_voltage_chan(channels)
+    task.timing.cfg_samp_clk_timing(
+        rate, sample_mode=AcquisitionType.FINITE, samps_per_chan=n_samples
+    )
+
+
+def code_of(function, *arguments, **named):
+    with pytest.raises(DaqError) as caught:
+        function(*arguments, **named)
+    return caught.value.error_code
+
+
+def test_a_finite_triggered_acquisition_is_bit_exact(card, task):
+    finite(task, 25_600)
+    task.triggers.start_trigger.cfg_dig_edge_start_trig("/Dev1/PFI0", Edge.RISING)
+    task.in_stream.input_buf_size = 25_600
+    task.start()
+    reader = AnalogMultiChannelReader(task.in_stream)
+    found = np.empty((2, 25_600))
+    for first in range(0, 25_600, 1024):
+        block = np.empty((2, 1024))
+        assert reader.read_many_sample(block, 1024, timeout=5) == 1024
+        found[:, first : first + 1024] = block
+    task.wait_until_done(timeout=5)
+    assert task.is_task_done()
+    task.stop()
+    assert np.array_equal(found.view(np.uint64), card.volts.view(np.uint64))
+    assert card.setups == [TaskSetup(("ai0", "ai1"), 51_200.0, 25_600, "/Dev1/PFI0")]
+
+
+def test_a_large_read_in_one_answer(card, task):
+    finite(task, 400_000)
+    assert np.array_equal(task.read(READ_ALL_AVAILABLE), card.volts)
+
+
+def test_plain_reads(card, task):
+    task.ai_channels.add_ai_voltage_chan("Dev1/ai2")
+    assert task.read() == card.volts[0, 0]
+    assert task.read(4) == list(card.volts[0])
+    task.ai_channels.add_ai_voltage_chan("Dev1/ai3", "second")
+    assert task.read() == list(card.volts[:, 0])
+    assert task.channel_names == ["Dev1/ai2", "second"]
+
+
+def test_a_task_read_without_start_can_be_read_again(card, task):
+    finite(task, 100)
+    for _ in range(2):
+        assert np.array_equal(task.read(100), card.volts)
+    assert len(card.setups) == 2
+
+
+def test_a_partial_read_gives_what_is_there(card, task):
+    finite(task, 1000)
+    card.ready = 300
+    task.start()
+    reader = AnalogMultiChannelReader(task.in_stream)
+    found = np.full((2, 1000), -1.0)
+    with pytest.raises(DaqReadError) as caught:
+        reader.read_many_sample(found, 1000, timeout=0.05)
+    assert caught.value.error_code == -200284
+    assert caught.value.samps_per_chan_read == 300
+    assert np.array_equal(found[:, :300], card.volts[:, :300])
+    assert code_of(task.wait_until_done, timeout=0.05) == -200560
+    assert not task.is_task_done()
+    assert task.in_stream.avail_samp_per_chan == 0
+    assert task.in_stream.total_samp_per_chan_acquired == 300
+
+
+def test_the_device_says_that_it_is_simulated(options):
+    system = System.remote(options)
+    assert system.devices.device_names == ["Dev1"]
+    device = Device("dev1", grpc_options=options)
+    assert device.is_simulated is True
+    assert "sautereau stand-in" in device.product_type
+    assert device.serial_num > 0
+    assert device.ai_physical_chans.channel_names == [f"Dev1/ai{n}" for n in range(4)]
+    assert device.ai_voltage_rngs == [-10.0, 10.0]
+    assert device.ao_physical_chans.channel_names == []
+    with pytest.raises(DaqError) as caught:
+        _ = Device("Dev9", grpc_options=options).product_type
+    assert caught.value.error_code == -200220
+
+
+@pytest.mark.parametrize(
+    ("channels", "code"),
+    [("Dev1/ai4", -200170), ("Dev1/ao0", -200170), ("Dev2/ai0", -200220), ("", -200099)],
+)
+def test_channels_that_are_not_there(task, channels, code):
+    assert code_of(task.ai_channels.add_ai_voltage_chan, channels) == code
+
+
+def test_settings_that_are_not_possible(task):
+    add = task.ai_channels.add_ai_voltage_chan
+    clock = task.timing.cfg_samp_clk_timing
+    assert code_of(add, "Dev1/ai0", min_val=-11, max_val=11) == -200077
+    assert code_of(add, "Dev1/ai0", min_val=1, max_val=-1) == -200077
+    add("Dev1/ai0")
+    assert code_of(add, "Dev1/ai0") == -200489
+    with pytest.raises(DaqError, match="Continuous acquisition is not built"):
+        clock(1000, sample_mode=AcquisitionType.CONTINUOUS)
+    assert code_of(clock, 2e6) == -200077
+    assert code_of(clock, 1000, source="/Dev1/PFI1") == -200452
+    trigger = task.triggers.start_trigger.cfg_dig_edge_start_trig
+    assert code_of(trigger, "/Dev1/PFI0", Edge.FALLING) == -200452
+
+
+def test_a_trigger_terminal_that_is_not_there(task):
+    finite(task, 100)
+    task.triggers.start_trigger.cfg_dig_edge_start_trig("/Dev1/Trigger", Edge.RISING)
+    assert code_of(task.start) == -89120
+
+
+def test_the_order_of_calls_matters(options, task):
+    assert code_of(task.start) == -200460
+    finite(task, 100)
+    task.start()
+    assert code_of(task.start) == -200479
+    assert code_of(task.read, 101) == -200278
+    with Task(grpc_options=options) as other:
+        finite(other, 100)
+        assert code_of(other.start) == -50103
+        assert code_of(other.read, 100) == -50103
+        task.control(TaskMode.TASK_ABORT)
+        other.start()
+
+
+def test_a_cleared_task_is_invalid(options):
+    task = Task(grpc_options=options)
+    handle, interpreter = task._handle, task._interpreter
+    task.close()
+    assert code_of(interpreter.start_task, handle) == -200088
+
+
+def test_an_error_of_the_card_reaches_the_client(task):
+    finite(task, 100, rate=666)
+    assert code_of(task.start) == -200361
+
+
+def test_what_is_not_built_says_so(task):
+    with pytest.raises(RpcError, match="UNIMPLEMENTED"):
+        task.ai_channels.add_ai_thrmcpl_chan("Dev1/ai0")
+    with pytest.raises(RpcError, match="UNIMPLEMENTED"):
+        _ = task.timing.samp_clk_src
+    with pytest.raises(DaqError) as caught:
+        _ = task.timing.samp_clk_timebase_rate
+    assert caught.value.error_code == -200197
+
+
+def test_stopping_the_server_ends_a_read_that_waits(card):
+    card.ready = 0
+    with serve(card) as server, grpc.insecure_channel(server.address) as channel:
+        task = Task(grpc_options=GrpcSessionOptions(channel, ""))
+        finite(task, 100)
+        task.start()
+        stopper = threading.Timer(0.1, server.__exit__, (None, None, None))
+        stopper.start()
+        with pytest.raises((RpcError, DaqError)):
+            task.read(100, timeout=-1)
+        stopper.join()
+        with pytest.raises(RpcError):
+            task.close()

@@ -1,0 +1,170 @@
+"""What the serial line of the emulated controller says, byte by byte."""
+
+import pytest
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
+
+from sim_backend.galil.commands import COMMANDS
+from sim_backend.galil.firmware import GalilFirmware
+
+REVISION = "DMC4020 Rev 1.3a-SIM sautereau stand-in"
+
+
+@pytest.mark.parametrize(
+    "transcript",
+    [
+        [
+            ("", ":"),
+            ("\x12\x16", REVISION + "\r\n:"),
+            ("TM ?", " 1000\r\n:"),
+            ("MG _TM", " 1000.0000\r\n:"),
+        ],
+        [("TP", " 0, 0\r\n:"), ("TPB", " 0\r\n:"), ("TE AB", " 0, 0\r\n:"), ("TPY", " 0\r\n:")],
+        [("TT", " 0.5000,-1.2500\r\n:"), ("SC", " 1, 1\r\n:"), ("TSA", " 44\r\n:")],
+        [("tp", "?"), ("TC1", "1 Unrecognized command\r\n:"), ("TC1", "0\r\n:"), ("TC", "0\r\n:")],
+        [
+            ("SB 1;CB 1", "::"),
+            ("TP;FOO", " 0, 0\r\n:?"),
+            ("SB 1;XX;SB 2", ":?"),
+            ("MG @OUT[1],@OUT[2]", " 1.0000 0.0000\r\n:"),
+        ],
+        [
+            ("SP 1000,2000", ":"),
+            ("SP ?,?", " 1000, 2000\r\n:"),
+            ("SPB=?", " 2000\r\n:"),
+            ("SPA?", "?"),
+            ("SP*=7", ":"),
+            ("SP ?,?", " 6, 6\r\n:"),
+        ],
+        [
+            ("AC 100000", ":"),
+            ("MG _ACA", " 99328.0000\r\n:"),
+            ("KP ,2.5", ":"),
+            ("KPB=?", " 2.5000\r\n:"),
+        ],
+        [
+            ("ER 100,200;OE 1,1;FLA=5;BLA=-5;TL 3", ":::::"),
+            ("MG _ERB,_OEA,_FLA,_BLA,_TLA", " 200.0000 1.0000 5.0000 -5.0000 3.0000\r\n:"),
+        ],
+        [
+            ("DP 10,-20", ":"),
+            ("TP", " 10,-20\r\n:"),
+            ("RP", " 10,-20\r\n:"),
+            ("DPA=0", ":"),
+            ("TP", " 0,-20\r\n:"),
+            ("DP ?,?", " 0,-20\r\n:"),
+        ],
+        [("DE 4,5", ":"), ("TD", " 4, 5\r\n:"), ("TP", " 0, 0\r\n:")],
+        [
+            ("MG 2+3*4", " 20.0000\r\n:"),
+            ("MG (2+3)*-4,$10", "-20.0000 16.0000\r\n:"),
+            ('MG "A;B=",1/4', "A;B= 0.2500\r\n:"),
+        ],
+        [
+            (
+                "MG _PVA,_BTA,_BGA,_MOA,_XQ,_RC,_HMA",
+                " 255.0000 0.0000 0.0000 1.0000 -1.0000 0.0000 0.0000\r\n:",
+            )
+        ],
+        [("OP 5", ":"), ("MG _OP,@OUT[3]", " 5.0000 1.0000\r\n:"), ("TI", " 255\r\n:")],
+        [
+            ("DM X[3],Y[15997]", ":"),
+            ("MG _DM,X[-1],X[0]", " 0.0000 3.0000 0.0000\r\n:"),
+            ("QU X[]", " 0.0000\r\n 0.0000\r\n 0.0000\r\n:"),
+            ("QU X[],1,2,1", " 0.0000, 0.0000\r\n:"),
+            ("DA *[]", ":"),
+            ("MG _DM", " 16000.0000\r\n:"),
+        ],
+    ],
+)
+def test_transcript(bench, transcript):
+    for sent, answered in transcript:
+        assert bench.send(sent) == answered, sent
+
+
+@pytest.mark.parametrize(
+    ("line", "code"),
+    [
+        ("FOO", 1), ("sh", 1), ("#A", 1), ("AM", 2), ("WT 5", 2), ("AI 1", 2), ("EN", 2),
+        ("PVA 1,2,3", 4), ("SB 1,2", 4), ("AB2", 4), ("DL#A", 4),
+        ("SB 0", 6), ("SB 9", 6), ("SB 1.5", 6), ("SP -1", 6), ("AC 1", 6), ("EO 2", 6),
+        ("PVA=1,1,2049", 6), ("PVA=1,1,0", 6), ("PVA=1,1,-2", 6), ("PVA=.5,1,2", 6),
+        ("PVA=44000001,0,9", 6), ("PVA=1,99999999,9", 6), ("DP 99999999999", 6), ("MG 1/0", 6),
+        ("PVA=1,2", 50), ("PVA=1,2,3,4", 4), ("PVA=a,2,3", 9), ("PVA=1e3,2,3", 83),
+        ("PVC=1,2,3", 90),
+        ("MG speed", 9), ("XQ", 10), ("XQ #A", 10), ("XQ 5", 11), ("XQ X", 11),
+        ("BGAB", 20), ("BT AB", 20), ("SP", 50), ("SP 1,2,3", 90), ("SHC", 90), ("MG", 50),
+        ('MG "A', 52), ("MG 1{F4.0}", 53), ("DM X", 55), ("MG @OUT", 55), ("MG @FOO[1]", 57),
+        ("DM 1X[5]", 57), ("MG _GNX", 58), ("MG _TP", 58), ("MG (1+2", 59), ("MG 1)", 59),
+        ("DM X[20000]", 84), ("DM X[9000],Y[9000]", 66), ("RC 1", 81), ("RC 9", 6), ("RD _KPA", 81),
+        ("QU X[]", 82), ("RA X[]", 82), ("DA X[]", 82), ("MG X[0]", 82), ("MG 1__2", 83),
+        ("SP 1;" + "TP;" * 30, 5),
+    ],
+)  # fmt: skip
+def test_refusals_leave_their_code(bench, line, code):
+    assert bench.refusal(line) == code
+    assert bench.send("TC1") == "0\r\n:"
+
+
+def test_arrays_are_bounded(bench):
+    bench.accept("DM X[10]")
+    assert bench.refusal("DM X[10]") == 57
+    assert bench.refusal("MG X[10]") == 56
+    assert bench.refusal("QU X[],0,10") == 56
+    assert bench.refusal("RD _TPA;RC 1") == 81
+    for number in range(29):
+        bench.accept(f"DM A{number}[1]")
+    assert bench.refusal("DM B[1]") == 67
+
+
+def test_echo_is_on_at_power_up_and_line_feeds_are_ignored(bench):
+    firmware = GalilFirmware(bench, on_output=lambda number, level: None)
+    assert firmware.receive(b"TP\r\n") == b"TP\r 0, 0\r\n:"
+    assert firmware.receive(b"EO 0\r") == b"EO 0\r:"
+    assert firmware.receive(b"\nTP\n\r") == b" 0, 0\r\n:"
+    assert firmware.receive(b"T") == b""
+    assert firmware.receive(b"P") == b""
+    assert firmware.receive(b"\r") == b" 0, 0\r\n:"
+
+
+def test_outputs_tell_only_changes(bench):
+    bench.accept("SB 3", "SB 3", "CB 1", "CB 3", "OP 129")
+    assert bench.outputs == [(0, 3, True), (0, 3, False), (0, 1, True), (0, 8, True)]
+
+
+def _still(bench):
+    bench.firmware.receive(b"\\\r\r")
+    bench.tick(3)
+    assert bench.firmware.motors_on == (False, False)
+    assert bench.counts == [0, 0]
+    assert all((positions == 0).all() for positions in bench.positions)
+
+
+@given(st.binary(max_size=300).filter(lambda data: b"SH" not in data))
+@example(b'\x12\x16\r\xff\x00\\\r;;;\r"\r[\r' + b"(" * 200 + b"\r" + b"(" * 79 + b"\r")
+@settings(max_examples=200, deadline=None)
+def test_random_bytes_neither_crash_nor_move(make_bench, data):
+    bench = make_bench()
+    bench.firmware.receive(data)
+    _still(bench)
+
+
+@given(
+    st.lists(
+        st.tuples(
+            st.sampled_from(sorted(set(COMMANDS) - {"SH"})),
+            st.sampled_from(["", "A", "AB", "A=", " ", "#P", "X[]", "X[", " _TPA", "1,", "*="]),
+            st.text(alphabet='AB01259-+*/%&|()[]"?,.$_@XTPM ', max_size=12),
+            st.sampled_from(["\r", ";", "\r#P\r", "\\"]),
+        ),
+        max_size=12,
+    )
+)
+@settings(max_examples=200, deadline=None)
+def test_random_commands_neither_crash_nor_move_without_power(make_bench, parts):
+    bench = make_bench()
+    bench.firmware.receive(b"DM X[10]\r")
+    for part in parts:
+        bench.firmware.receive("".join(part).encode())
+        bench.tick()
+    _still(bench)

@@ -1,0 +1,165 @@
+"""Trapezoids, jogs, stops, limits and homing of the emulated controller, against closed forms."""
+
+import numpy as np
+import pytest
+
+RATE = 1024
+"""Samples that the firmware counts as a second."""
+
+
+@pytest.mark.parametrize("distance", [1, -40, 10_000, -100_000])
+def test_a_move_takes_the_time_of_its_trapezoid(bench, distance):
+    speed, acceleration, deceleration = 20_000, 1_024_000, 512_000
+    bench.accept(f"SP {speed};AC {acceleration};DC {deceleration};SH;PRA={distance};BGA")
+    samples = bench.run()
+    ramps = (1 / acceleration + 1 / deceleration) / 2
+    length = abs(distance)
+    if length > ramps * speed**2:
+        expected = 2 * ramps * speed + (length - ramps * speed**2) / speed
+    else:
+        expected = 2 * np.sqrt(ramps * length)
+    assert abs(samples - expected * RATE) <= 1
+    assert bench.counts == [distance, 0]
+    assert np.abs(bench.velocities).max() <= speed / RATE * (1 + 1e-9)
+    assert bench.number("_SCA") == 1
+    bench.assert_smooth()
+
+
+def test_absolute_and_relative_moves_in_the_hosts_frame(bench):
+    bench.accept("SH", "DP 1000,0", "PA 1500,-200", "BG")
+    bench.run()
+    assert bench.counts == [500, -200]
+    assert bench.send("TP") == " 1500,-200\r\n:"
+    bench.accept("PR -10", "BGA")
+    bench.run()
+    bench.accept("BGA")
+    bench.run()
+    assert bench.send("TP") == " 1480,-200\r\n:"
+
+
+def test_stop_takes_the_distance_and_time_of_its_deceleration(bench):
+    bench.accept("SH", "DC 512000,512000", "JG 40960,-20480", "BG")
+    bench.tick(300)
+    start = bench.positions[-1][-1]
+    np.testing.assert_allclose(bench.velocities[-1][-1], [40, -20])
+    bench.accept("ST AB")
+    assert bench.send("SC") == " 4, 4\r\n:"
+    rate = 512_000 / RATE**2
+    assert bench.run() == int(np.ceil(40 / rate))
+    distance = bench.positions[-1][-1] - start
+    np.testing.assert_allclose(distance, [40**2 / 2 / rate, -(20**2) / 2 / rate])
+    assert bench.send("SC;MG _BGA") == " 4, 4\r\n: 0.0000\r\n:"
+    bench.assert_smooth()
+
+
+def test_jog_changes_its_speed_smoothly_through_zero(bench):
+    bench.accept("SH", "JGA=10240", "BGA")
+    bench.tick(200)
+    assert bench.refusal("PRA=1") == 7
+    bench.accept("JGA=-5120")
+    bench.tick(200)
+    assert bench.velocities[-1][-1, 0] == pytest.approx(-5)
+    bench.accept("STA")
+    bench.run()
+    bench.assert_smooth()
+    assert bench.refusal("PRA=10;BGA;JGA=5") == 13
+
+
+@pytest.mark.parametrize(
+    ("limit", "speed", "code"), [("FLA=3000", 20_480, 2), ("BLA=-3000", -20_480, 3)]
+)
+def test_software_limit_brakes(bench, limit, speed, code):
+    bench.accept("SH", limit, f"JGA={speed};BGA")
+    bench.run()
+    assert bench.number("_SCA") == code
+    rate = 256_000 / RATE**2
+    reach = abs(bench.counts[0]) - 3000
+    assert 20**2 / 2 / rate - 1 <= reach <= 20**2 / 2 / rate + 21
+    bench.assert_smooth()
+    assert bench.refusal("BGA") == 22
+    bench.accept(f"PVA={np.sign(speed) * 9},0,9")
+    assert bench.refusal("BTA") == 22
+    bench.accept(f"JGA={-speed};BGA")
+
+
+def test_abort_stops_dead(bench):
+    bench.accept("SH", "JGA=10240", "BGA")
+    bench.tick(200)
+    bench.accept("AB")
+    here = bench.counts[0]
+    assert not bench.firmware.moving
+    bench.tick(5)
+    assert bench.counts[0] == here
+    assert bench.firmware.motors_on == (True, True)
+    assert bench.send("SC") == " 7, 1\r\n:"
+    bench.accept("OE 1,0;BGA;AB")
+    assert bench.firmware.motors_on == (False, True)
+
+
+def test_error_limit_switches_the_axis_off(bench):
+    bench.accept("SH", "ER 500,500", "OE 1,1", "PR 10000", "BGA")
+    bench.follows = False
+    bench.run()
+    assert bench.firmware.motors_on == (False, True)
+    assert bench.number("_SCA") == 8
+    assert bench.send("TE") == " 0, 0\r\n:"
+    assert abs(bench.positions[-2][-1, 0]) > 500
+    bench.accept("SH")
+    assert bench.firmware.motors_on == (True, True)
+    assert bench.number("_SCA") == 1
+
+
+@pytest.mark.parametrize("setup", ["OE 0", "ER -1;OE 1"])
+def test_without_an_error_limit_the_motor_stays_on(bench, setup):
+    bench.accept("SH", "ER 10", setup, "PR 1000", "BGA")
+    bench.follows = False
+    bench.run()
+    assert bench.firmware.motors_on == (True, True)
+    assert bench.send("TE") == " 1000, 0\r\n:"
+    assert int(bench.send("TSA").split()[0]) == bench.number("_TSA")
+    bench.accept("SH")
+    assert bench.send("TE") == " 0, 0\r\n:"
+
+
+def test_motor_off_lets_the_reference_follow(bench):
+    bench.counts = [123, -45]
+    bench.tick()
+    np.testing.assert_array_equal(bench.positions[-1], [[123, -45]] * 3)
+    np.testing.assert_array_equal(bench.velocities[-1], 0)
+    assert bench.send("TP;RP") == " 123,-45\r\n: 123,-45\r\n:"
+
+
+def test_homing_ends_at_zero(bench):
+    bench.accept("SH", "DP 5000,5000", "HM", "BG")
+    assert bench.number("_HMA") == 0
+    bench.run()
+    assert bench.counts == [1500, -700]
+    assert bench.send("TP;SC;MG _HMA") == " 0, 0\r\n: 10, 10\r\n: 1.0000\r\n:"
+    bench.accept("PA 10,10;BG")
+    bench.run()
+    assert bench.counts == [1510, -690]
+    bench.assert_smooth()
+
+
+def test_refused_while_moving(bench):
+    bench.accept("SH", "PR 5000,0", "PVB=1,0,5", "BGA")
+    for line in ("BGA", "BT A", "MO", "MOA", "SHA", "DP 0", "PA 5", "HMA"):
+        assert bench.refusal(line) == 7, line
+    assert bench.refusal("BTA;BTB") == 7
+    bench.run()
+    assert bench.refusal("BTA") == 24
+    bench.accept("MO")
+    assert bench.refusal("BTB") == 20
+    assert bench.firmware.motors_on == (False, False)
+
+
+def test_a_refused_begin_starts_neither_axis(bench):
+    bench.accept("SHA", "PR 100,100")
+    assert bench.refusal("BG AB") == 20
+    assert not bench.firmware.moving
+
+
+def test_sample_period_follows_tm(bench):
+    assert bench.firmware.sample_period == 1 / 1024
+    bench.accept("TM 500")
+    assert bench.firmware.sample_period == 0.5 / 1024

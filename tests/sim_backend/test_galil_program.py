@@ -1,0 +1,159 @@
+"""Programs, capture, and the trigger edge of the emulated controller."""
+
+import numpy as np
+import pytest
+
+
+def download(bench, *lines, end="\\\r"):
+    return bench.firmware.receive(("DL\r" + "\r".join(lines) + "\r" + end).encode()).decode()
+
+
+def capture(bench, *sources, exponent=1, size=100):
+    names = [f"D{number}[]" for number in range(len(sources))]
+    bench.accept(
+        "DM " + ",".join(name.replace("]", f"{size}]") for name in names),
+        "RA " + ",".join(names),
+        "RD " + ",".join(sources),
+    )
+
+
+def upload(bench, name, comma=True):
+    answer = bench.send(f"QU {name}[]" + (",0,99,1" if comma else ""))
+    return [float(text) for text in answer[:-1].split("," if comma else "\r\n") if text.strip()]
+
+
+def test_a_press_triggers_starts_and_captures_in_one_sample(bench):
+    bench.accept("SH")
+    for axis, sign in (("A", 1), ("B", -1)):
+        for part in (f"{sign * 500},{sign * 9000},60", f"{sign * 500},0,60", "0,0,0"):
+            bench.accept(f"PV{axis}={part}")
+    capture(bench, "_TPA", "_TPB", "_TEA")
+    assert download(bench, "#PRESS", "WT 5", "RC 1;SB 1;BT AB", "AM", "CB 1", "EN") == ":"
+    bench.accept("XQ #PRESS")
+    assert bench.number("_XQ") == 0
+    bench.run()
+    (up, number, level), (down, _, _) = bench.outputs
+    assert (number, level) == (1, True)
+    path = np.array(bench.positions)
+    # The edge is at the very sample from whose beginning the reference leaves rest.
+    first = int(np.argmax(path[:, -1, 0] != 0))
+    assert first == up
+    assert path[first, 0, 0] == 0
+    assert down == up + 121
+    assert bench.send("MG _XQ;SC") == "-1.0000\r\n: 31, 31\r\n:"
+    # Record k is the encoder 2 k samples after the edge.
+    at_edge = np.round(path[up : up + 200 : 2, 0, :])
+    assert upload(bench, "D0") == list(at_edge[:, 0])
+    assert upload(bench, "D1", comma=False) == list(at_edge[:, 1])
+    assert not any(upload(bench, "D2"))
+    assert bench.counts == [1000, -1000]
+
+
+def test_capture_stops_when_full_or_told_and_records_every_power_of_two(bench):
+    bench.accept("SH", "JGA=8192", "BGA")
+    capture(bench, "_RPA")
+    bench.accept("RC 3,5")
+    assert bench.send("MG _RC,_RD") == " 1.0000 0.0000\r\n:"
+    assert bench.refusal("RC 1") == 80
+    assert bench.refusal("DA *[]") == 80
+    bench.tick(33)
+    assert bench.send("MG _RC,_RD") == " 0.0000 5.0000\r\n:"
+    path = np.array(bench.positions)[:, 0, 0]
+    assert upload(bench, "D0")[:5] == list(np.round(path[0:33:8]))
+    bench.accept("RC 1,-10")
+    bench.tick(50)
+    assert bench.number("_RC") == 1
+    bench.accept("RC 0", "AB")
+    assert not bench.firmware.moving
+    assert bench.refusal("RC 1,101") == 84
+
+
+def test_a_line_a_sample_and_a_line_in_one_go(bench):
+    download(bench, "#A;SB 1", "SB 2;SB 3", "", "NO a comment; SB 4", "' another", "EN")
+    bench.accept("XQ #A")
+    assert bench.outputs == []
+    assert bench.run() == 5
+    assert bench.outputs == [(0, 1, True), (1, 2, True), (1, 3, True), (2, 4, True)]
+
+
+def test_a_trip_point_releases_the_rest_of_its_line(bench):
+    bench.accept("SH", "PVA=100,0,10;PVA=0,0,0")
+    download(bench, "#WAIT", "AI -2;SB 1;BTA", "AM;CB 1;EN")
+    bench.accept("XQ #WAIT,3")
+    bench.tick(20)
+    assert bench.outputs == []
+    assert bench.send("MG _XQ3,_XQ0,_HX3") == " 1.0000 -1.0000 1.0000\r\n:"
+    bench.firmware.set_input(2, False)
+    bench.run()
+    assert bench.outputs == [(20, 1, True), (30, 1, False)]
+
+
+def test_threads_run_side_by_side_and_halt(bench):
+    download(bench, "#A", "WT 100", "SB 1", "EN", "#B", "SB 2", "HX 0", "EN")
+    bench.accept("XQ #A", "XQ #B,1")
+    assert bench.refusal("XQ #B,1") == 19
+    assert bench.refusal("DL") == 17
+    assert bench.refusal("XQ #A,8") == 6
+    bench.run()
+    assert [(number, level) for _, number, level in bench.outputs] == [(2, True)]
+    bench.accept("XQ #A", "HX")
+    assert not bench.firmware.moving
+
+
+@pytest.mark.parametrize(("line", "left"), [("AB", 0), ("AB1", 1), ("ST", 0), ("STA", 1)])
+def test_which_stops_end_the_programs_too(bench, line, left):
+    download(bench, "#A", "WT 100", "EN")
+    bench.accept("SH", "JGA=5000;BGA", "XQ #A")
+    bench.tick(3)
+    bench.accept(line)
+    assert bench.number("_HX0") == left
+    bench.run()
+
+
+def test_a_refused_command_ends_the_program_and_is_told(bench):
+    download(bench, "#A", "SB 1;BT AB;SB 2", "EN")
+    bench.accept("XQ #A")
+    bench.run()
+    assert bench.firmware.receive(b"") == b"?1 BT AB\r\n"
+    assert bench.send("TC1") == "20 Begin not valid with motor off\r\n:"
+    assert [number for _, number, _ in bench.outputs] == [1]
+
+
+@pytest.mark.parametrize(
+    ("lines", "code"), [(["#A", "QU X[]"], 3), (["#A", "DL"], 3), (["#A", "SB 1"], 10)]
+)
+def test_a_program_refuses(bench, lines, code):
+    assert download(bench, *lines) == ":"
+    bench.accept("XQ #A")
+    bench.run()
+    assert bench.firmware.receive(b"").startswith(b"?")
+    assert bench.send("TC1").startswith(f"{code} ")
+
+
+def test_programs_speak_without_being_asked(bench):
+    download(bench, "#A", 'MG "POS",_TPA', "TP", "EN")
+    bench.accept("XQ #A")
+    bench.run()
+    assert bench.send("MG 1") == "POS 0.0000\r\n 0, 0\r\n 1.0000\r\n:"
+
+
+@pytest.mark.parametrize("end", ["\\", "\\\r", "\\\r\n"])
+def test_download_answers_once(bench, end):
+    assert download(bench, "#A", "EN", end=end) == ":"
+    assert bench.send("LS") == "0 #A\r\n1 EN\r\n:"
+
+
+@pytest.mark.parametrize(
+    ("lines", "code"),
+    [
+        (["#A", "#A"], 61),
+        (["#TOOLONGNAME"], 61),
+        (["M" * 81], 60),
+        (["EN"] * 2001, 60),
+        ([f"#A{number}" for number in range(511)], 62),
+    ],
+)
+def test_a_bad_download_leaves_no_program(bench, lines, code):
+    assert download(bench, *lines) == "?"
+    assert bench.send("TC1").startswith(f"{code} ")
+    assert bench.refusal("XQ") == 10

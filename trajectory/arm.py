@@ -1,0 +1,170 @@
+"""The two-link finger: joint motion from the fingertip's, and back, in closed form.
+
+Joint angle 1 is measured from the x axis, joint angle 2 from link 1. The two holds are
+two ways to spend two joints on a fingertip that follows the key: `point` keeps the
+material point under the fingertip, `normal` keeps link 2 along the key's normal.
+"""
+
+import numpy as np
+
+from rig.schema import Arm, Key
+from trajectory.errors import TrajectoryError
+from trajectory.key import surface_axes
+from trajectory.motion import Floats, Motion, cross
+
+
+def base(arm: Arm) -> Floats:
+    """Return the position [m] of joint 1, shape (2,)."""
+    return np.array([arm.base_x, arm.base_z])
+
+
+def elbow_sign(arm: Arm) -> int:
+    """Return the sign that joint angle 2 has on the arm's branch."""
+    return -1 if arm.elbow == "up" else 1
+
+
+def reach_margins(arm: Arm, centre: Floats) -> tuple[Floats, Floats]:
+    """Return by how much [m] points lie inside the outer and outside the inner reach.
+
+    Args:
+        arm: The arm.
+        centre: m, centre of the fingertip, shape (n, 2).
+    """
+    distance = np.hypot(*(centre - base(arm)).T)
+    outer = arm.upper_length + arm.lower_length
+    return outer - distance, distance - abs(arm.upper_length - arm.lower_length)
+
+
+def fingertip_motion(arm: Arm, joints: Motion) -> Motion:
+    """Return the motion [m] of the fingertip's centre from the joints' [rad]; (n, 2)."""
+    first, total = joints.position[..., 0], joints.position.sum(-1)
+    upper, upper_turned = _link(arm.upper_length, first)
+    lower, lower_turned = _link(arm.lower_length, total)
+    speed1, speed2 = joints.velocity[..., :1], joints.velocity.sum(-1, keepdims=True)
+    spin1, spin2 = joints.acceleration[..., :1], joints.acceleration.sum(-1, keepdims=True)
+    return Motion(
+        base(arm) + upper + lower,
+        speed1 * upper_turned + speed2 * lower_turned,
+        spin1 * upper_turned - speed1**2 * upper + spin2 * lower_turned - speed2**2 * lower,
+    )
+
+
+def joints_holding_point(arm: Arm, centre: Motion) -> Motion:
+    """Return the joints [rad] that bring the fingertip's centre along a path, arrays (n, 2).
+
+    Raises:
+        TrajectoryError: The path leaves the reach, or touches its edge, where the joints'
+            speed has no bound.
+    """
+    outside, inside = reach_margins(arm, centre.position)
+    if min(outside.min(), inside.min()) <= 0:
+        short = min(outside.min(), inside.min())
+        side = "beyond the outer" if outside.min() < inside.min() else "inside the inner"
+        raise TrajectoryError(
+            f"reach: the fingertip's path goes {-short * 1e3:.4g} mm {side} reach of the arm"
+            f" (links {arm.upper_length * 1e3:.4g} and {arm.lower_length * 1e3:.4g} mm, base at"
+            f" x = {arm.base_x * 1e3:.4g}, z = {arm.base_z * 1e3:.4g} mm);"
+            " move arm.base_x and arm.base_z, or change key.press_arm"
+        )
+    l1, l2 = arm.upper_length, arm.lower_length
+    offset = centre.position - base(arm)
+    distance = np.hypot(offset[..., 0], offset[..., 1])
+    cosine = (distance**2 - l1**2 - l2**2) / (2 * l1 * l2)
+    # Heron's product keeps its digits where the arm is nearly straight or folded.
+    product = outside * (l1 + l2 + distance) * inside * (distance + abs(l1 - l2))
+    sine = elbow_sign(arm) * np.sqrt(product) / (2 * l1 * l2)
+    second = np.arctan2(sine, cosine)
+    first = np.arctan2(offset[..., 1], offset[..., 0]) - np.arctan2(l2 * sine, l1 + l2 * cosine)
+    _, turned1 = _link(l1, first)
+    lower, turned2 = _link(l2, first + second)
+    upper = offset - lower
+    determinant = l1 * l2 * sine
+    # J = [turned1 + turned2, turned2] maps joint speeds to the fingertip's velocity.
+    velocity = _solve(turned1 + turned2, turned2, determinant, centre.velocity)
+    total = velocity.sum(-1, keepdims=True)
+    centripetal = velocity[..., :1] ** 2 * upper + total**2 * lower
+    acceleration = _solve(
+        turned1 + turned2, turned2, determinant, centre.acceleration + centripetal
+    )
+    return Motion(np.stack([np.unwrap(first), second], -1), velocity, acceleration)
+
+
+def joints_holding_normal(arm: Arm, key: Key, angle: Motion) -> tuple[Motion, Floats]:
+    """Return the joints [rad] that keep link 2 along the key's normal, and the tip's slide.
+
+    The elbow stays at the height H = surface + radius + link 2 over the key's pin line,
+    at a distance s along it with |elbow - base| = link 1.
+
+    Returns:
+        The joints, arrays (n, 2), and the slide [m] of the contact along the key from the
+        nominal pressing point, shape (n,).
+
+    Raises:
+        TrajectoryError: Link 1 is too short or too long for this hold.
+    """
+    height = key.surface_height + arm.fingertip_radius + arm.lower_length
+    tangent, normal = surface_axes(angle.position)
+    base_along, base_above = tangent @ base(arm), normal @ base(arm)
+    rest = arm.upper_length**2 - (height - base_above) ** 2
+    if rest.min() <= 0:
+        raise TrajectoryError(
+            f'reach: with hold = "normal" the elbow runs {abs(height - base_above).max() * 1e3:.4g}'
+            f" mm from the base, more than link 1 of {arm.upper_length * 1e3:.4g} mm;"
+            " move arm.base_z towards the elbow's height"
+        )
+    side = np.sign(np.mean(-key.press_arm - base_along))
+    across = side * np.sqrt(rest)
+    along = base_along + across
+    elbow = _elbow_motion(angle, along, across, height, base_above, tangent, normal)
+    offset = elbow.position - base(arm)
+    squared = arm.upper_length**2
+    first = np.unwrap(np.arctan2(offset[..., 1], offset[..., 0]))
+    speed = cross(offset, elbow.velocity) / squared
+    spin = cross(offset, elbow.acceleration) / squared
+    second = angle.position - np.pi / 2 - first
+    second = second - 2 * np.pi * np.round(second.mean() / (2 * np.pi))
+    joints = Motion(
+        np.stack([first, second], -1),
+        np.stack([speed, angle.velocity - speed], -1),
+        np.stack([spin, angle.acceleration - spin], -1),
+    )
+    return joints, along + key.press_arm
+
+
+def _elbow_motion(angle, along, across, height, base_above, tangent, normal) -> Motion:
+    """Differentiate |elbow - base|^2 = link 1^2 twice along the key's motion."""
+    turn, spin = angle.velocity, angle.acceleration
+    above = height - base_above
+    slide = height * turn - along * turn * above / across
+    velocity_t, velocity_n = slide - height * turn, along * turn
+    known_n = 2 * slide * turn - height * turn**2 + along * spin
+    slide_rate = (
+        height * spin + along * turn**2 - (velocity_t**2 + velocity_n**2 + above * known_n) / across
+    )
+    acceleration_t = slide_rate - height * spin - along * turn**2
+
+    def vector(t, n):
+        return t[..., None] * tangent + n[..., None] * normal
+
+    return Motion(
+        vector(along, np.full_like(along, height)),
+        vector(velocity_t, velocity_n),
+        vector(acceleration_t, known_n),
+    )
+
+
+def tilt(angle: Floats, joints: Floats) -> Floats:
+    """Return the angle [rad] from the key's inward normal to link 2, shape (n,)."""
+    raw = joints.sum(-1) - (angle - np.pi / 2)
+    return raw - 2 * np.pi * np.round(raw / (2 * np.pi))
+
+
+def _link(length: float, angle: Floats) -> tuple[Floats, Floats]:
+    """Return a link's vector and its derivative by the angle, each (n, 2)."""
+    cosine, sine = length * np.cos(angle), length * np.sin(angle)
+    return np.stack([cosine, sine], -1), np.stack([-sine, cosine], -1)
+
+
+def _solve(column1: Floats, column2: Floats, determinant: Floats, right: Floats) -> Floats:
+    """Solve the 2 by 2 systems [column1, column2] x = right by Cramer's rule."""
+    return np.stack([cross(right, column2) / determinant, cross(column1, right) / determinant], -1)

@@ -1,0 +1,49 @@
+"""What holds of a planned press, and by how much."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Check:
+    """One quantity against its limit."""
+
+    name: str
+    value: float
+    """In `unit`."""
+    limit: float
+    """In `unit`."""
+    unit: str
+    at_least: bool
+    """Whether the value must stay above the limit, and not below it."""
+    remedy: str
+    """What would mend a failure."""
+
+    @property
+    def margin(self) -> float:
+        """By how much the check holds, in `unit`; negative where it fails."""
+        return self.value - self.limit if self.at_least else self.limit - self.value
+
+    @property
+    def holds(self) -> bool:
+        """Whether the value is on the right side of its limit; NaN never is."""
+        return bool(np.isfinite(self.value)) and self.margin >= 0
+
+    def __str__(self) -> str:
+        side = "at least" if self.at_least else "at most"
+        verdict = "holds" if self.holds else "fails"
+        return (
+            f"{self.name}: {self.value:.6g} {self.unit}, {side} {self.limit:.6g} {self.unit}:"
+            f" {verdict} by {abs(self.margin):.3g} {self.unit}"
+        )
+
+
+def at_most(name: str, value: float, limit: float, unit: str, remedy: str) -> Check:
+    """Return a check that a value stays below its limit."""
+    return Check(name, float(value), float(limit), unit, False, remedy)
+
+
+def at_least(name: str, value: float, limit: float, unit: str, remedy: str) -> Check:
+    """Return a check that a value stays above its limit."""
+    return Check(name, float(value), float(limit), unit, True, remedy)

@@ -1,0 +1,27 @@
+"""Encoder counts of a joint's angle, and back."""
+
+import math
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from trajectory.segments import Counts, Floats
+
+
+def to_counts(angles: ArrayLike, counts_per_revolution: int) -> Counts:
+    """Round angles to encoder counts.
+
+    Args:
+        angles: rad, any shape.
+        counts_per_revolution: Encoder counts a turn.
+
+    Returns:
+        Counts, of the same shape; half a count rounds to the even one.
+    """
+    turns = np.asarray(angles, dtype=np.float64) / (2 * math.pi)
+    return np.rint(turns * counts_per_revolution).astype(np.int64)
+
+
+def to_angles(counts: ArrayLike, counts_per_revolution: int) -> Floats:
+    """Return the angles (rad, same shape) that encoder counts stand for."""
+    return np.asarray(counts, dtype=np.float64) * (2 * math.pi / counts_per_revolution)

@@ -1,0 +1,113 @@
+"""The key's geometry in closed form: jack, lever and the surface under the finger.
+
+The plane is x (balance pin towards jack) and z (up), the origin is the pin, and the
+angle a turns the key's surface tangent to (cos a, sin a) and its normal to (-sin a, cos a).
+"""
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from rig.schema import Key
+from trajectory.motion import Floats, Motion, dot
+
+
+def rise_of_angle(key: Key, angle: ArrayLike) -> Floats:
+    """Return the jack's rise [m] at a key angle [rad]: b tan a + hb (1/cos a - 1)."""
+    angle = np.asarray(angle, dtype=float)
+    versine = np.sin(angle / 2) ** 2 * 2 / np.cos(angle)
+    return key.jack_arm * np.tan(angle) + key.jack_surface_height * versine
+
+
+def angle_of_rise(key: Key, rise: ArrayLike) -> Floats:
+    """Return the key angle [rad] at a rise of the jack [m], the inverse of `rise_of_angle`.
+
+    With c = hb + rise the law is c cos a - b sin a = hb, whose root is taken in the
+    half-angle form, which keeps its digits where the rise is small.
+    """
+    rise = np.asarray(rise, dtype=float)
+    b, hb = key.jack_arm, key.jack_surface_height
+    root = np.sqrt(b**2 + rise * (2 * hb + rise))
+    return 2 * np.arctan(rise / (b + root))
+
+
+def rise_slope(key: Key, angle: ArrayLike) -> Floats:
+    """Return d(rise)/da [m/rad] at a key angle [rad]."""
+    angle = np.asarray(angle, dtype=float)
+    b, hb = key.jack_arm, key.jack_surface_height
+    return (b + hb * np.sin(angle)) / np.cos(angle) ** 2
+
+
+def rise_curvature(key: Key, angle: ArrayLike) -> Floats:
+    """Return d2(rise)/da2 [m/rad^2] at a key angle [rad]."""
+    angle = np.asarray(angle, dtype=float)
+    b, hb = key.jack_arm, key.jack_surface_height
+    sine = np.sin(angle)
+    return (2 * b * sine + hb * (1 + sine**2)) / np.cos(angle) ** 3
+
+
+def key_motion(key: Key, rise: Motion) -> Motion:
+    """Return the key's angle [rad] and its derivatives from the jack's rise [m]."""
+    angle = angle_of_rise(key, rise.position)
+    slope = rise_slope(key, angle)
+    velocity = rise.velocity / slope
+    acceleration = (rise.acceleration - rise_curvature(key, angle) * velocity**2) / slope
+    return Motion(angle, velocity, acceleration)
+
+
+def jack_motion(key: Key, angle: Motion) -> Motion:
+    """Return the jack's rise [m] and its derivatives from the key's angle [rad]."""
+    slope = rise_slope(key, angle.position)
+    bend = rise_curvature(key, angle.position) * angle.velocity**2
+    return Motion(
+        rise_of_angle(key, angle.position),
+        slope * angle.velocity,
+        slope * angle.acceleration + bend,
+    )
+
+
+def surface_axes(angle: ArrayLike) -> tuple[Floats, Floats]:
+    """Return the unit tangent and normal of the key's surface, each of shape (n, 2)."""
+    angle = np.asarray(angle, dtype=float)
+    cosine, sine = np.cos(angle), np.sin(angle)
+    return np.stack([cosine, sine], -1), np.stack([-sine, cosine], -1)
+
+
+def point_on_key(angle: Motion, along: float, above: float) -> Motion:
+    """Return the motion [m] of a point fixed to the key, each array of shape (n, 2).
+
+    Args:
+        angle: Key's angle [rad].
+        along: m, from the pin along the surface's tangent.
+        above: m, from the pin along the surface's normal.
+    """
+    tangent, normal = surface_axes(angle.position)
+    radius = along * tangent + above * normal
+    turned = along * normal - above * tangent
+    speed, spin = angle.velocity[..., None], angle.acceleration[..., None]
+    return Motion(radius, speed * turned, spin * turned - speed**2 * radius)
+
+
+def key_under_fingertip(key: Key, radius: float, centre: Motion) -> Motion:
+    """Return the angle [rad] of a key that touches a spherical fingertip.
+
+    The centre C of the sphere stays at the height H = surface + radius over the key:
+    C . n(a) = H, for a fingertip in front of the pin.
+
+    Args:
+        key: The key.
+        radius: m, of the fingertip.
+        centre: m, of the sphere, arrays of shape (n, 2).
+    """
+    height = key.surface_height + radius
+    x, z = centre.position[..., 0], centre.position[..., 1]
+    along = np.sqrt(x**2 + z**2 - height**2)
+    angle = np.arctan2(-x, z) - np.arctan2(along, height)
+    tangent, normal = surface_axes(angle)
+    reach = dot(centre.position, tangent)
+    velocity = dot(centre.velocity, normal) / reach
+    acceleration = (
+        dot(centre.acceleration, normal)
+        - 2 * velocity * dot(centre.velocity, tangent)
+        - velocity**2 * height
+    ) / reach
+    return Motion(angle, velocity, acceleration)
