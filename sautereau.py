@@ -4,25 +4,31 @@ Rooms are imported inside the commands that need them, so that `sautereau --help
 """
 
 import math
+import signal
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-from cyclopts import App, Parameter
+from cyclopts import App, CycloptsError, Parameter
 
 if TYPE_CHECKING:
+    from analysis.model.predict import Prediction
     from analysis.phases import Phases
     from analysis.press import Press
+    from rig.schema import Rig
 
 app = App(
     name="sautereau",
     help="Press a harpsichord key with a robot finger, record it, compare it with a model.",
     result_action="return_value",
+    suppress_keyboard_interrupt=False,
 )
 
 Flag = Parameter(negative=())
 Json = Annotated[bool, Flag]
-Count = Annotated[int, Parameter(name=["-n", "--number"])]
 
 
 @Parameter(name="*")
@@ -34,7 +40,7 @@ class Simulation:
     """Run on the stand-in instead of the hardware."""
     scene: str | None = None
     """Scene of the stand-in, by path or packaged name; implies --sim. Default: paper."""
-    seed: int | None = None
+    seed: Annotated[int | None, Parameter(validator=lambda t, v: _seed_fits(v))] = None
     """Of every random number. Default: a fresh one, which is recorded."""
 
 
@@ -51,35 +57,39 @@ def plan(rig: str = "paper", *, out: Path | None = None, json: Json = False) -> 
     json
         Print one JSON object and nothing else.
     """
-    from trajectory.press import draft_press, segments_document
+    from trajectory.press import draft_press
+    from trajectory.segments import segments_document
 
-    bench = _rig(rig)
+    bench = _load_rig(rig)
     draft = draft_press(bench)
     failed = [check for check in draft.checks if not check.holds]
+    tilt, slide = float(abs(draft.tilt).max()), float(abs(draft.slide).max())
     result = {
         "cruise_speed": draft.cruise_speed,
         "cruise_error_max": draft.cruise_error,
-        "tilt_max": float(abs(draft.tilt).max()),
-        "slide_max": float(abs(draft.slide).max()),
+        "tilt_max": tilt,
+        "slide_max": slide,
         "duration": float(draft.time[-1]),
         "segments": len(draft.segments),
         "feasible": not failed,
         "checks": [asdict(c) | {"margin": c.margin, "holds": c.holds} for c in draft.checks],
     }
     lines = [
-        f"Press of rig {bench.name}: {draft.time[-1] * 1e3:.4g} ms in {len(draft.segments)} segments",
-        f"jack's cruise: {draft.cruise_speed:.6g} m/s from {draft.cruise[0] * 1e3:.4g} to"
-        f" {draft.cruise[1] * 1e3:.4g} ms, wrong by at most {draft.cruise_error:.2%}",
-        f"finger: tilts by at most {math.degrees(result['tilt_max']):.3g} deg,"
-        f" slides by at most {result['slide_max'] * 1e3:.3g} mm",
+        f"rig {bench.name}: {draft.time[-1] * 1e3:.4g} ms in {len(draft.segments)} segments",
+        f"the jack cruises at {draft.cruise_speed:.6g} m/s from {draft.cruise[0] * 1e3:.4g} to"
+        f" {draft.cruise[1] * 1e3:.4g} ms; rounding makes that wrong by at most"
+        f" {draft.cruise_error:.2g}",
+        f"the finger tilts by {math.degrees(tilt):.3g} deg and slides by {slide * 1e3:.3g} mm",
         *(f"  {check}" for check in draft.checks),
     ]
     if out and not failed:
-        _write(out, json_text(segments_document(bench, draft)))
+        period = bench.controller.sample_period
+        document = segments_document(draft.segments, period, draft.home, draft.hover)
+        _write(out, _json(document))
         lines.append(f"segments: {out}")
     _answer(json, result, lines)
     if failed:
-        return _fail("the press cannot be made:", *(f"  {c}; {c.remedy}" for c in failed))
+        return _fail("\n  ".join(["the press cannot be made:", *map(str, failed)]))
     return 0
 
 
@@ -87,7 +97,7 @@ def plan(rig: str = "paper", *, out: Path | None = None, json: Json = False) -> 
 def press(
     rig: str = "paper",
     *,
-    n: Count = 1,
+    n: Annotated[int, Parameter(name=["-n", "--number"])] = 1,
     out: Path,
     notes: str = "",
     simulation: Simulation = Simulation(),
@@ -112,58 +122,65 @@ def press(
     from analysis.model.predict import predict as predict_press
     from analysis.phases import find_phases
     from analysis.press import load_press
+    from analysis.summary import (
+        HEADER,
+        comparison_lines,
+        comparison_summary,
+        press_line,
+        press_summary,
+    )
     from robot.galil import GalilController
     from robot.session import run_session
     from trajectory.press import plan_press
 
-    bench = _rig(rig)
-    plan_press(bench)
+    nominal = _load_rig(rig)
+    trajectory = plan_press(nominal)
     pressed: list[Press] = []
     found: list[Phases] = []
-    with _stopping_on_signals(), _bench(bench, simulation) as (bench, scene, seed):
+    with _signals_stop(), _hardware(nominal, simulation) as (bench, scene, seed), _bar(n) as step:
 
         def done(path: Path) -> None:
+            if not found:
+                where = "the stand-in: SIMULATED" if scene else "the hardware"
+                _say(not json, f"rig {bench.name} on {where}\n{HEADER}")
             pressed.append(load_press(path))
             found.append(find_phases(pressed[-1]))
-            if not json:
-                _say(*([_HEADER] if len(found) == 1 else []), _row(pressed[-1], found[-1]))
-            bar.advance()
+            _say(not json, press_line(pressed[-1], found[-1]))
+            step()
 
-        if not json:
-            _say(f"Rig {bench.name}: {n} press{'es' * (n != 1)}" + " on the stand-in" * bool(scene))
-        with _progress("pressing", n) as bar:
-            recordings = run_session(
-                bench,
-                plan_press(bench),
-                GalilController(bench),
-                out,
-                n,
-                scene=scene,
-                seed=seed,
-                notes=notes,
-                on_press=done,
-            )
+        recordings = run_session(
+            bench,
+            trajectory,
+            GalilController(bench),
+            out,
+            n,
+            scene=scene,
+            seed=seed,
+            notes=notes,
+            on_press=done,
+        )
     result: dict[str, Any] = {
         "recordings": [str(path) for path in recordings],
-        "presses": [_press_result(p, f) for p, f in zip(pressed, found, strict=True)],
+        "presses": [press_summary(p, f) for p, f in zip(pressed, found, strict=True)],
         "simulated": any(p.simulated for p in pressed),
         "seed": seed,
     }
-    lines = []
+    lines = [warning for f in found for warning in f.warnings]
     if any(f.plucks for f in found):
         prediction = predict_press(bench)
         comparison = compare_presses(found, prediction)
-        picture = _picture(out / "comparison.png", pressed, found, prediction)
-        result |= _comparison_result(comparison) | {"picture": str(picture)}
-        lines = [*_comparison_lines(comparison, prediction.level), f"picture: {picture}"]
+        picture = out / f"{recordings[0].stem}-to-{recordings[-1].stem}.png"
+        _draw(picture, pressed, found, prediction)
+        result |= comparison_summary(comparison) | {"picture": str(picture)}
+        lines += [*comparison_lines(comparison, prediction.level), f"picture:    {picture}"]
     else:
-        lines = ["no pluck in any press: nothing to compare with the model"]
-    _answer(json, result, [*lines, f"recordings: {recordings[0]} to {recordings[-1].name}"])
+        lines.append("no press has a pluck: there is nothing to compare with the model")
+    _answer(json, result, [*lines, *(f"recording:  {path}" for path in recordings)])
     return 0
 
 
 @app.command
-def phases(files: list[Path], *, json: Json = False) -> int:
+def phases(files: list[Path], /, *, json: Json = False) -> int:
     """Find when the string was met and let go in recorded presses.
 
     Parameters
@@ -173,10 +190,306 @@ def phases(files: list[Path], *, json: Json = False) -> int:
     json
         Print one JSON object and nothing else.
     """
-    _, found = (pressed := _load(files)), [f for _, f in pressed]
-    del found
-    result = {"files": [_press_result(p, f) for p, f in pressed]}
-    rows = [_HEADER, *(_row(p, f) for p, f in pressed)]
-    warnings = [f"{p.path}: {w}" for p, f in pressed for w in f.warnings]
-    _answer(json, result, [*rows, *warnings])
+    from analysis.summary import HEADER, press_line, press_summary
+
+    both = _load(files)
+    warnings = [f"{p.path}: {warning}" for p, f in both for warning in f.warnings]
+    lines = [HEADER, *(press_line(p, f) for p, f in both), *warnings]
+    _answer(json, {"files": [press_summary(p, f) for p, f in both]}, lines)
     return 0
+
+
+@app.command
+def predict(rig: str = "paper", *, level: str = "elastica", json: Json = False) -> int:
+    """Predict a press by the model alone.
+
+    Parameters
+    ----------
+    rig
+        Path of a rig file, or name of a packaged one.
+    level
+        Of the plectrum.
+    json
+        Print one JSON object and nothing else.
+    """
+    from analysis.model.predict import predict as predict_press
+
+    bench = _load_rig(rig)
+    found = predict_press(bench, level)
+    result = {
+        "contact_duration": found.contact_duration,
+        "release_force": found.release_force,
+        "release_lift": found.release_lift,
+        "release_angle": found.release_angle,
+        "finger_force_peak": found.finger_force_peak,
+        "v_osc": found.v_osc,
+    }
+    lines = [
+        f"rig {bench.name}, plectrum as {level}, jack at {bench.press.jack_speed:.4g} m/s",
+        f"contact {found.contact * 1e3:.4g} ms, release {found.release * 1e3:.4g} ms:"
+        f" the string is held for {found.contact_duration * 1e3:.4g} ms",
+        f"at release: {found.release_force:.4g} N, string lifted {found.release_lift * 1e3:.4g} mm,"
+        f" plectrum at {math.degrees(found.release_angle):.4g} deg",
+        f"the finger pushes with up to {found.finger_force_peak:.4g} N",
+        f"the string leaves at {found.v_osc:.4g} m/s",
+    ]
+    _answer(json, result, lines)
+    return 0
+
+
+@app.command
+def compare(
+    files: list[Path], /, *, level: str = "elastica", plot: Path | None = None, json: Json = False
+) -> int:
+    """Compare recorded presses with the model of the rig that they carry.
+
+    Parameters
+    ----------
+    files
+        Recordings of one rig.
+    level
+        Of the plectrum.
+    plot
+        File for the picture; its suffix chooses the format.
+    json
+        Print one JSON object and nothing else.
+    """
+    from analysis.compare import compare as compare_presses
+    from analysis.model.predict import predict as predict_press
+    from analysis.summary import comparison_lines, comparison_summary
+
+    both = _load(files)
+    pressed, found = [p for p, _ in both], [f for _, f in both]
+    prediction = predict_press(pressed[0].rig, level)
+    comparison = compare_presses(found, prediction)
+    simulated = any(p.simulated for p in pressed)
+    lines = [*comparison_lines(comparison, level)]
+    if simulated:
+        lines.insert(0, "SIMULATED: at least one of these presses was made on the stand-in")
+    result = comparison_summary(comparison) | {"simulated": simulated}
+    if plot:
+        _draw(plot, pressed, found, prediction)
+        lines.append(f"picture: {plot}")
+        result["picture"] = str(plot)
+    _answer(json, result, lines)
+    return 0
+
+
+@app.command
+def info(file: Path, /, *, json: Json = False) -> int:
+    """Describe a recording.
+
+    Parameters
+    ----------
+    file
+        The recording.
+    json
+        Print one JSON object and nothing else.
+    """
+    from daq.reading import describe
+
+    found = describe(file)
+    lines = [f"{'SIMULATED' if found['simulated'] else 'measured'}: {file}"]
+    for name, value in found.items():
+        if isinstance(value, dict):
+            lines += [f"{name}:", *(f"  {key}: {item}" for key, item in value.items())]
+        else:
+            lines.append(f"{name}: {value}")
+    _answer(json, dict(found), lines)
+    return 0
+
+
+@app.command(name="stand-in")
+def stand_in(
+    scene: str = "paper",
+    /,
+    *,
+    rig: str = "paper",
+    seed: Annotated[int, Parameter(validator=lambda t, v: _seed_fits(v))] = 0,
+    fast: Annotated[bool, Flag] = False,
+    json: Json = False,
+) -> int:
+    """Serve the simulated bench to any client until it is interrupted.
+
+    Parameters
+    ----------
+    scene
+        Path of a scene file, or name of a packaged one.
+    rig
+        Path of a rig file, or name of a packaged one.
+    seed
+        Of every random number.
+    fast
+        Let simulated time go as fast as it can, and not with the clock on the wall.
+    json
+        Print one JSON object and nothing else.
+    """
+    from sim_backend.bench import StandIn
+    from sim_backend.scene import load_scene
+
+    bench = _load_rig(rig)
+    with (
+        _signals_stop(),
+        StandIn(bench, load_scene(scene), seed, paced=not fast) as served,
+        suppress(KeyboardInterrupt),
+    ):
+        result = {"serial_port": served.serial_port, "daq_address": served.daq_address}
+        lines = [
+            f"scene {scene} of rig {bench.name}, SIMULATED; Ctrl-C ends it",
+            f"serial port:  {served.serial_port}",
+            f"DAQ address:  {served.daq_address}",
+        ]
+        _answer(json, result, lines)
+        sys.stdout.flush()
+        served.serve_forever()
+    return 0
+
+
+@app.command
+def doctor(rig: str = "paper", *, json: Json = False) -> int:
+    """Tell what is installed, connected and missing, with the remedy.
+
+    Parameters
+    ----------
+    rig
+        Path of a rig file, or name of a packaged one.
+    json
+        Print one JSON object and nothing else.
+    """
+    from robot.doctor import examine
+
+    found = examine(_load_rig(rig), Path())
+    lines = []
+    for finding in found:
+        lines.append(f"{'ok     ' if finding.ok else 'MISSING'} {finding.name}: {finding.detail}")
+        if not finding.ok:
+            lines.append(f"        remedy: {finding.remedy}")
+    _answer(json, {"checks": [asdict(finding) for finding in found]}, lines)
+    return 0
+
+
+def main() -> None:
+    """Run the command line and exit with its status."""
+    try:
+        status = app(print_error=False, exit_on_error=False)
+    except CycloptsError as error:
+        status = _fail(f"{error}\nsautereau --help tells the commands", status=2)
+    except BrokenPipeError:
+        sys.stderr.close()  # whoever read our output has gone, and with it any use of a message
+        status = 1
+    except KeyboardInterrupt as error:
+        status = _fail("\n".join(["interrupted", *getattr(error, "__notes__", [])]))
+    except Exception as error:
+        from rig.errors import SautereauError
+
+        if not isinstance(error, SautereauError | OSError):
+            raise
+        status = _fail("\n".join([str(error), *getattr(error, "__notes__", [])]))
+    sys.exit(status)
+
+
+def _load_rig(name: str) -> "Rig":
+    from rig.load import load_rig
+
+    return load_rig(name)
+
+
+def _load(files: list[Path]) -> "list[tuple[Press, Phases]]":
+    from analysis.phases import find_phases
+    from analysis.press import load_press
+
+    both = []
+    with _bar(len(files)) as step:
+        for file in files:
+            press = load_press(file)
+            both.append((press, find_phases(press)))
+            step()
+    return both
+
+
+@contextmanager
+def _hardware(rig: "Rig", simulation: Simulation) -> "Iterator[tuple[Rig, str, int | None]]":
+    """Yield the rig with the addresses to use, the scene's text and the seed."""
+    if not simulation.sim and simulation.scene is None:
+        yield rig, "", None
+        return
+    import secrets
+
+    from sim_backend.bench import StandIn
+    from sim_backend.scene import load_scene
+
+    scene = load_scene(simulation.scene or "paper")
+    seed = simulation.seed if simulation.seed is not None else secrets.randbits(32)
+    with StandIn(rig, scene, seed) as served:
+        yield served.rig, scene.model_dump_json(), seed
+
+
+def _draw(path: Path, presses: Any, found: Any, prediction: "Prediction") -> None:
+    from analysis.figures import plot_comparison
+
+    plot_comparison(path, presses, found, prediction)
+
+
+@contextmanager
+def _signals_stop() -> Iterator[None]:
+    """Let SIGTERM and a closed terminal end a command as Ctrl-C does: by an exception."""
+
+    def interrupt(number: int, _frame: object) -> None:
+        raise KeyboardInterrupt(signal.Signals(number).name)
+
+    names = [name for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)]
+    before = {name: signal.signal(getattr(signal, name), interrupt) for name in names}
+    try:
+        yield
+    finally:
+        for name, handler in before.items():
+            signal.signal(getattr(signal, name), handler)
+
+
+@contextmanager
+def _bar(total: int) -> "Iterator[Any]":
+    """Yield a function that advances a progress bar on a terminal, and does nothing else."""
+    if total < 2 or not sys.stderr.isatty():
+        yield lambda: None
+        return
+    from rich.console import Console
+    from rich.progress import Progress
+
+    with Progress(console=Console(stderr=True), transient=True) as progress:
+        task = progress.add_task("", total=total)
+        yield lambda: progress.advance(task)
+
+
+def _seed_fits(value: int | None) -> None:
+    if value is not None and not 0 <= value < 2**63:
+        raise ValueError("a seed is a whole number from 0 to 2**63 - 1")
+
+
+def _json(result: dict[str, Any]) -> str:
+    import json
+
+    return json.dumps(result, indent=2, default=str, allow_nan=False)
+
+
+def _answer(as_json: bool, result: dict[str, Any], lines: list[str]) -> None:
+    sys.stdout.write((_json(result) if as_json else "\n".join(lines)) + "\n")
+
+
+def _say(wanted: bool, line: str) -> None:
+    if wanted:
+        sys.stdout.write(line + "\n")
+        sys.stdout.flush()
+
+
+def _write(path: Path, text: str) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(text + "\n", encoding="utf-8")
+
+
+def _fail(message: str, status: int = 1) -> int:
+    sys.stderr.write(f"sautereau: {message}\n")
+    return status
+
+
+if __name__ == "__main__":
+    main()

@@ -62,10 +62,10 @@ def predicted_features(prediction: Prediction) -> tuple[float, float]:
 
     They are taken as the phases take them from a recording.
     """
-    time = prediction.time
-    held = (time >= prediction.contact) & (time <= prediction.release)
+    pressing = np.flatnonzero(prediction.string_force > 0)
+    held = slice(pressing[0] - 1, pressing[-1] + 1)
     force, deflection = prediction.finger_force[held], prediction.deflection[held]
-    even = np.linspace(deflection[0], deflection[-1], held.sum())
+    even = np.linspace(deflection[0], deflection[-1], len(deflection))
     slope = np.polyfit(even, np.interp(even, deflection, force), 1)[0]
     return float(slope), float(force[-1] - force[0])
 

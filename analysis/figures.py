@@ -2,12 +2,17 @@
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from analysis.errors import AnalysisError
 from analysis.model.predict import Prediction
 from analysis.phases import Phases
 from analysis.press import Press
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 MEASURED, PREDICTED = "#1f4e79", "#c8502d"
 PHASE_COLOURS = ("#e8eef4", "#fbe3cf", "#e5f0e2")
@@ -19,22 +24,32 @@ def plot_comparison(
     phases: Sequence[Phases],
     prediction: Prediction,
 ) -> None:
-    """Draw deflection and force with the phases, and force on deflection.
-
-    The first press is drawn over time with the three phases marked, as in the paper's
-    figure 7; all presses and the prediction are drawn aligned at contact, as in figure 8.
+    """Draw `comparison_figure` into a file.
 
     Args:
         path: Where the picture goes; its suffix chooses the format.
         presses: Recorded presses.
         phases: Theirs, in the same order.
         prediction: The model's press.
-    """
-    import matplotlib as mpl
 
-    mpl.use("Agg")
+    Raises:
+        AnalysisError: There is no press to draw.
+    """
+    comparison_figure(presses, phases, prediction).savefig(path, dpi=120)
+
+
+def comparison_figure(
+    presses: Sequence[Press], phases: Sequence[Phases], prediction: Prediction
+) -> "Figure":
+    """Return a figure of deflection and force with the phases, and of force on deflection.
+
+    The first press is drawn over time with the three phases marked, as in the paper's
+    figure 7; all presses and the prediction are drawn aligned at contact, as in figure 8.
+    """
     from matplotlib.figure import Figure
 
+    if not presses:
+        raise AnalysisError("there is no press to draw; give at least one recording")
     figure = Figure(figsize=(12, 6.5), layout="constrained")
     grid = figure.add_gridspec(2, 2, width_ratios=(1.25, 1))
     top = figure.add_subplot(grid[0, 0])
@@ -51,7 +66,7 @@ def plot_comparison(
             0.5, 0.5, "simulated", fontsize=90, color="#00000014", rotation=25,
             ha="center", va="center",
         )  # fmt: skip
-    figure.savefig(path, dpi=120)
+    return figure
 
 
 def _over_time(top, below, press: Press, phases: Phases, prediction: Prediction) -> None:

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from analysis.errors import AnalysisError
 from analysis.press import Press
 from rig.schema import Rig
 from trajectory.motion import Floats
@@ -17,10 +18,20 @@ DERIVATIVE_WINDOW = 1e-3
 """s, over which velocity is differentiated and lines are fitted beside a step."""
 HINGE_WINDOW = 7e-3
 """s, on either side of contact, in which the bend is fitted."""
+HINGE_SEARCH = 4e-3
+"""s, on either side of a first guess, in which contact is looked for."""
+HINGE_MARGIN = 1e-3
+"""s, of signal that the fit needs on either side of contact."""
 STEP_SIGNIFICANCE = 8.0
 """Standard deviations that a fall of force must exceed to be a release."""
 LEAST_STEP = 0.02
 """N, below which a fall of force is no release whatever the noise."""
+SPIKE = 5
+"""Samples of the running median that keeps a spike of two from looking like a fall."""
+EDGE = 3
+"""Samples on either side of a fall that the sensor's filter may have spread it over."""
+FULL_SPEED = 0.95
+"""1, share of the median speed above which the jack counts as neither starting nor ending."""
 
 
 @dataclass(frozen=True)
@@ -67,27 +78,49 @@ class Phases:
 
 
 def find_phases(press: Press) -> Phases:
-    """Find contact and release in a press; a press without a pluck has none."""
+    """Find contact and release in a press; a press without a pluck has none.
+
+    Raises:
+        AnalysisError: Force or velocity hold samples that are not numbers.
+    """
     data = press.data
+    for column in ("force", "velocity"):
+        bad = int(np.count_nonzero(~np.isfinite(data[column].to_numpy())))
+        if bad:
+            raise AnalysisError(
+                f"press {press.path}: {bad} samples of its {column} are not finite numbers;"
+                " look at the recording, and press again"
+            )
     time = data.index.to_numpy()
     force, speed, rise = (data[c].to_numpy() for c in ("force", "jack_speed", "jack_rise"))
     begin, end = _stroke(rise)
     if begin is None:
-        warning = "the key did not move"
+        most = max(0.0, rise.max(initial=0.0)) * 1e3
+        warning = (
+            f"the key did not go down: the jack rose by {most:.2g} mm at most;"
+            " look at the aim and the sign of the vibrometer"
+        )
         return Phases(0.0, 0.0, (), 0.0, None, None, (warning,))
+    if end - begin < max(16, 4 * DERIVATIVE_WINDOW * press.rate):
+        warning = (
+            f"the key moved for only {(end - begin) / press.rate * 1e3:.2g} ms of the recording,"
+            " too little to find phases in; record for longer"
+        )
+        mean = float(speed[begin : end + 1].mean())
+        return Phases(float(time[begin]), float(time[end]), (), mean, None, None, (warning,))
     cleared = force - _inertial_force(press.rig, data["velocity"].to_numpy(), press.rate)
     noise = _noise(force)
     released = _largest_fall(force[:end], press.rate, noise, begin)
     warnings = []
+    if speed[end] > 0.5 * speed[begin : end + 1].max():
+        warnings.append("the recording ends while the key still goes down; record for longer")
     plucks: tuple[HeldString, ...] = ()
     contact = time[end]
     if released is not None:
         held, weak = _held_string(press, time, force, cleared, begin, released)
         plucks, contact = (held,), held.contact
         warnings += weak
-    settled = (time >= (time[begin] + contact) / 2) & (time < contact)
-    if settled.sum() < 8:
-        settled = (time >= time[begin]) & (time <= contact)
+    settled = _at_full_speed(time, speed, time[begin], contact)
     slope, offset = np.polyfit(time[settled], rise[settled], 1)
     held_speed = released_speed = None
     if plucks:
@@ -105,9 +138,18 @@ def find_phases(press: Press) -> Phases:
     )
 
 
+def _at_full_speed(time: Floats, speed: Floats, start: float, end: float):
+    """Return which samples of the later half between two instants [s] are neither start nor end."""
+    inside = (time >= (start + end) / 2) & (time < end)
+    if inside.sum() < 8:
+        inside = (time >= start) & (time <= end)
+    full = inside & (speed >= FULL_SPEED * np.median(speed[inside]))
+    return full if full.sum() >= 8 else inside
+
+
 def _stroke(rise: Floats) -> tuple[int | None, int]:
     """Return where the jack leaves its rest and where it comes to its highest."""
-    top = rise.max()
+    top = rise.max(initial=0.0)
     if top < 1e-4:
         return None, len(rise) - 1
     begin = int(np.argmax(rise > 0.005 * top))
@@ -136,18 +178,22 @@ def _largest_fall(force: Floats, rate: float, noise: float, begin: int) -> int |
     Lines fitted before and after each instant are carried on to it; their gap is a step
     whatever the slope.
     """
+    from scipy.ndimage import median_filter
+
     m = max(4, int(DERIVATIVE_WINDOW * rate))
-    if len(force) < 2 * m + begin + 2:
+    # Room for the free phase on one side, for the lines of `_release` on both.
+    first, last = begin + 2 * m + EDGE, len(force) - m - EDGE
+    if last <= first:
         return None
+    force = median_filter(force, SPIKE)
     x = np.arange(m) - (m - 0.5)
     weights = np.linalg.pinv(np.stack([np.ones(m), x], 1))[0]
     before = np.convolve(force, weights[::-1], "valid")
     after = np.convolve(force, weights, "valid")
     fall = before[: len(before) - m] - after[m:]
-    fall[: max(0, begin - m)] = -np.inf
-    best = int(np.argmax(fall))
+    best = first + int(np.argmax(fall[first - m : last - m]))
     least = max(LEAST_STEP, STEP_SIGNIFICANCE * noise * np.sqrt(8 / m))
-    return best + m if fall[best] > least else None
+    return best if fall[best - m] > least else None
 
 
 def _held_string(press, time, force, cleared, begin, released):
@@ -155,11 +201,21 @@ def _held_string(press, time, force, cleared, begin, released):
     rate = press.rate
     margin = int(1.5 * DERIVATIVE_WINDOW * rate)
     release, before, after = _release(time, force, released, rate)
-    guess = _contact_guess(time, cleared, rate, begin, released - margin)
-    reach = int(HINGE_WINDOW * rate)
-    middle = int(np.searchsorted(time, guess))
-    window = slice(max(begin, middle - reach), min(released - margin, middle + reach))
-    contact, std = _hinge(time[window], cleared[window], guess)
+    last = max(released - margin, begin + margin)
+    guess = _contact_guess(time, cleared, rate, begin, last)
+    contact, std = _contact(time, cleared, rate, begin, last, guess)
+    weak = []
+    speed = press.data["jack_speed"].to_numpy()[begin:released]
+    steady = float(time[begin + np.argmax(speed >= FULL_SPEED * np.median(speed))])
+    if contact - steady < 2 * HINGE_MARGIN:
+        # It may be anywhere from the beginning: this is the rms distance from there.
+        std = max(std, float(contact - time[begin]) / np.sqrt(3))
+        weak.append(
+            f"contact may lie in the run-up, which ends at {steady * 1e3:.4g} ms and hides it:"
+            f" it is uncertain by {std * 1e3:.2g} ms; press more slowly"
+        )
+    elif std > 0.5e-3:
+        weak.append(f"contact is uncertain by {std * 1e3:.2g} ms: the force hardly bends there")
     inside = (time >= contact) & (time < release)
     deflection = press.data["deflection"].to_numpy()
     slope = float(np.polyfit(deflection[inside], force[inside], 1)[0])
@@ -175,10 +231,26 @@ def _held_string(press, time, force, cleared, begin, released):
         force_step=before - after,
         slope=slope,
     )
-    weak = []
-    if std > 0.5e-3:
-        weak.append(f"contact is uncertain by {std * 1e3:.2g} ms: the force hardly bends there")
     return held, weak
+
+
+def _contact(
+    time: Floats, cleared: Floats, rate: float, begin: int, end: int, guess: float
+) -> tuple[float, float]:
+    """Return the instant [s] at which the force bends, and its standard uncertainty [s].
+
+    The fit looks a little way to either side of the guess; what it finds at the end of
+    that is the next guess.
+    """
+    reach = int(HINGE_WINDOW * rate)
+    for _ in range(4):
+        middle = int(np.searchsorted(time, guess))
+        window = slice(max(begin, middle - reach), min(end, middle + reach))
+        contact, std = _hinge(time[window], cleared[window], guess, rate)
+        if abs(contact - guess) < 0.9 * HINGE_SEARCH:
+            break
+        guess = contact
+    return contact, std
 
 
 def _release(time: Floats, force: Floats, near: int, rate: float) -> tuple[float, float, float]:
@@ -188,10 +260,9 @@ def _release(time: Floats, force: Floats, near: int, rate: float) -> tuple[float
     them are where the fall is half done.
     """
     m = max(4, int(DERIVATIVE_WINDOW * rate))
-    gap = 3
-    left, right = slice(near - gap - m, near - gap), slice(near + gap, near + gap + m)
+    left, right = slice(near - EDGE - m, near - EDGE), slice(near + EDGE, near + EDGE + m)
     lines = [np.polyfit(time[s] - time[near], force[s], 1) for s in (left, right)]
-    between = slice(near - gap, near + gap + 1)
+    between = slice(near - EDGE, near + EDGE + 1)
     tau = time[between] - time[near]
     before, after = (np.polyval(line, tau) for line in lines)
     share = np.clip((force[between] - after) / (before - after), 0, 1)
@@ -215,7 +286,7 @@ def _contact_guess(time: Floats, cleared: Floats, rate: float, begin: int, end: 
     return float(np.clip(time[first] + (level - offset) / slope, time[begin], time[end]))
 
 
-def _hinge(time: Floats, signal: Floats, guess: float) -> tuple[float, float]:
+def _hinge(time: Floats, signal: Floats, guess: float, rate: float) -> tuple[float, float]:
     """Return the instant [s] at which a line starts to bend upwards, and its uncertainty.
 
     Before it the signal is a line, after it that line and a parabola through it; for each
@@ -233,7 +304,10 @@ def _hinge(time: Floats, signal: Floats, guess: float) -> tuple[float, float]:
         solution = np.linalg.lstsq(matrix, signal, rcond=None)[0]
         return float(((signal - matrix @ solution) ** 2).sum())
 
-    low, high = max(time[0] + 1e-3, guess - 4e-3), min(time[-1] - 1e-3, guess + 4e-3)
+    if len(time) < 8:
+        return guess, HINGE_WINDOW
+    low = max(time[0] + HINGE_MARGIN, guess - HINGE_SEARCH)
+    high = min(time[-1] - HINGE_MARGIN, guess + HINGE_SEARCH)
     if high <= low:
         return guess, float(time[-1] - time[0])
     grid = np.linspace(low, high, 41)
@@ -246,9 +320,23 @@ def _hinge(time: Floats, signal: Floats, guess: float) -> tuple[float, float]:
     matrix = columns(instant)
     solution = np.linalg.lstsq(matrix, signal, rcond=None)[0]
     bend = -(solution[2] + 2 * solution[3] * np.maximum(time - instant, 0)) * (time > instant)
-    variance = found.fun / max(len(time) - 5, 1)
+    variance = _variance(signal - matrix @ solution, max(1, int(DERIVATIVE_WINDOW * rate)))
     covariance = np.linalg.pinv(np.column_stack([matrix, bend]).T @ np.column_stack([matrix, bend]))
     return instant, float(np.sqrt(variance * covariance[-1, -1]))
+
+
+def _variance(residual: Floats, width: int) -> float:
+    """Return the variance of white noise that would move a fit as much as this noise does.
+
+    The differentiated velocity's noise holds together over ``width`` samples, and its
+    sums over blocks of that many show it.
+    """
+    white = float((residual**2).sum()) / max(len(residual) - 5, 1)
+    blocks = len(residual) // width
+    if blocks < 8:
+        return white
+    sums = residual[: blocks * width].reshape(blocks, width).sum(axis=1)
+    return max(white, float((sums**2).sum()) / width / (blocks - 5))
 
 
 def _mean(signal: Floats, time: Floats, start: float, end: float) -> float:

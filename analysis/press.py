@@ -62,6 +62,11 @@ def load_press(path: str | Path) -> Press:
     n = len(next(iter(recorded.volts.values())))
     longest = max(channel.delay for channel in rig.daq.channels)
     rows = n - int(np.ceil(longest * rate))
+    if rows < 16:
+        raise AnalysisError(
+            f"recording {path}: {max(rows, 0)} samples are left once the delay of"
+            f" {longest * 1e3:.4g} ms is taken back, too few for a press; record for longer"
+        )
     signals = {}
     for quantity in ("velocity", "force"):
         channel = rig.daq.channel(quantity)
@@ -72,11 +77,6 @@ def load_press(path: str | Path) -> Press:
             )
         signals[quantity] = _undelayed(
             correct(recorded.volts[channel.name], channel, rate), channel.delay * rate, rows
-        )
-    if rows < 16:
-        raise AnalysisError(
-            f"recording {path}: {max(rows, 0)} samples are left once the delay of"
-            f" {longest * 1e3:.4g} ms is taken back, too few for a press; record for longer"
         )
     angle = cumulative_trapezoid(signals["velocity"], dx=1 / rate, initial=0) / rig.key.laser_arm
     spin = signals["velocity"] / rig.key.laser_arm

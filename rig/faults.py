@@ -7,7 +7,7 @@ from typing import Any
 
 from pydantic import BaseModel, ValidationError
 
-from rig.units import Unit
+from rig.units import Unit, shown
 
 
 def fault_list(origin: str, faults: list[str]) -> str:
@@ -21,26 +21,55 @@ def validation_faults(error: ValidationError, model: type[BaseModel], text: str)
     """Turn pydantic's errors into lines: place, key, value, what is allowed, remedy."""
     faults = []
     for item in error.errors(include_url=False):
-        location = [part for part in item["loc"] if part not in ("velocity", "force")]
+        location = _without_tags(item["loc"])
+        if item["type"] in ("union_tag_invalid", "union_tag_not_found"):
+            location.append(item.get("ctx", {})["discriminator"].strip("'"))
         key = ".".join(map(str, location))
-        line = _line_of(text, key)
-        place = f"line {line}: " if line else ""
-        prefix = f"{place}{key}: " if key else place
-        value = item["input"]
-        if item["type"] == "extra_forbidden":
-            near = near_miss(key, list(model_keys(model)))
-            faults.append(f"{prefix}unknown key{near or '; remove it'}")
-        elif item["type"] == "missing":
-            faults.append(f"{prefix}missing; add it")
-        elif item["type"] == "value_error":
-            faults += [f"{prefix}{fault}" for fault in str(item["ctx"]["error"]).split("\n")]
-        elif item["type"] == "quantity" and isinstance(value, str):
-            faults.append(f"{prefix}{item['msg']}")
+        if item["type"] == "value_error":
+            for fault in str(item.get("ctx", {})["error"]).split("\n"):
+                named = ".".join(filter(None, (key, fault.partition(":")[0])))
+                faults.append((line_of(text, named), f"{key}: {fault}" if key else fault))
         else:
-            message = item["msg"][0].lower() + item["msg"][1:]
-            unit = unit_of(model, location)
-            faults.append(f"{prefix}{value!r} is refused: {message}{f' (in {unit})' * bool(unit)}")
-    return faults
+            message = _message(item, model, location)
+            faults.append((line_of(text, key), f"{key}: {message}" if key else message))
+    faults.sort(key=lambda fault: fault[0] or 0)
+    return [at_line(line, fault) for line, fault in faults]
+
+
+def _without_tags(location: tuple[int | str, ...]) -> list[int | str]:
+    """Return the place of a fault without the tag that pydantic puts after a list's index."""
+    places, tagged = [], False
+    for part in location:
+        if not (tagged and part in ("velocity", "force")):
+            places.append(part)
+        tagged = isinstance(part, int)
+    return places
+
+
+def _message(item: Any, model: type[BaseModel], location: list[int | str]) -> str:
+    """Return what is wrong at one place, and what would be right."""
+    kind, value = item["type"], item["input"]
+    if kind == "extra_forbidden":
+        key = ".".join(map(str, location))
+        return f"unknown key{near_miss(key, list(model_keys(model))) or '; remove it'}"
+    if kind in ("missing", "union_tag_not_found"):
+        return "missing; add it"
+    if kind == "quantity":
+        return item["msg"]
+    if kind == "union_tag_invalid":
+        return f"{shown(item['ctx']['tag'])} is none of {item['ctx']['expected_tags']}"
+    if kind in ("model_type", "model_attributes_type", "dict_type"):
+        return f"{shown(value)} is refused: a table is needed"
+    if kind == "tuple_type":
+        return f"{shown(value)} is refused: an array is needed"
+    unit = unit_of(model, location) if isinstance(value, float) else None
+    message = item["msg"][0].lower() + item["msg"][1:]
+    return f"{shown(value)}{f' {unit}' * bool(unit)} is refused: {message}"
+
+
+def at_line(line: int | None, fault: str) -> str:
+    """Return a fault with the line it is on, where that is known."""
+    return f"line {line}: {fault}" if line else fault
 
 
 def near_miss(key: str, known: list[str]) -> str:
@@ -48,22 +77,23 @@ def near_miss(key: str, known: list[str]) -> str:
     bare = re.sub(r"\.\d+(?=\.|$)", "", key)
     section, _, last = bare.rpartition(".")
     beside = [k.rpartition(".")[2] for k in known if k.rpartition(".")[0] == section]
-    close = difflib.get_close_matches(last, beside, n=1)
-    if close:
+    if close := difflib.get_close_matches(last, beside, n=1):
         return f"; did you mean {close[0]!r}?"
     elsewhere = [k for k in known if k.rpartition(".")[2] == last]
     if elsewhere:
         return f"; did you mean {elsewhere[0]!r}?"
-    return f"; {section or 'a rig'} has {', '.join(sorted(set(beside)))}" if beside else ""
+    if beside:
+        return f"; {section or 'the top level'} has {', '.join(sorted(set(beside)))}"
+    return near_miss(section, known) if section else ""
 
 
-def _line_of(text: str, key: str) -> int | None:
+def line_of(text: str, key: str) -> int | None:
     """Return the line that sets a dotted key, or that opens its nearest table."""
     best = None
     table: list[str] = []
     counts: dict[str, int] = {}
     wanted = key.split(".")
-    for number, line in enumerate(text.splitlines(), 1):
+    for number, line in enumerate(text.split("\n"), 1):
         if header := re.match(r"\s*(\[\[?)\s*([\w.\-]+)\s*\]", line):
             table = header[2].split(".")
             if header[1] == "[[":
@@ -115,8 +145,10 @@ def _find_unit(items: Any) -> str | None:
 
 
 def model_keys(model: type[BaseModel], prefix: str = "") -> Iterator[str]:
-    """Yield every dotted key of a model, tables included."""
+    """Yield every dotted key that a file may set, tables included."""
     for name, field in model.model_fields.items():
+        if field.exclude:
+            continue
         yield prefix + name
         for inner in _submodels(field.annotation):
             yield from model_keys(inner, f"{prefix}{name}.")

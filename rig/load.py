@@ -1,6 +1,7 @@
 """Read a rig file, report all its faults at once, and write a rig back."""
 
 import json
+import re
 import tomllib
 from collections.abc import Mapping
 from importlib import resources
@@ -10,11 +11,20 @@ from typing import Any
 from pydantic import BaseModel, ValidationError
 
 from rig.errors import RigError
-from rig.faults import fault_list, model_keys, near_miss, unit_of, validation_faults
+from rig.faults import (
+    at_line,
+    fault_list,
+    line_of,
+    model_keys,
+    near_miss,
+    unit_of,
+    validation_faults,
+)
 from rig.schema import Rig
-from rig.units import format_quantity, parse_quantity
+from rig.units import format_quantity, parse_quantity, shown
 
-_ORIGIN = {"value", "assumed", "source"}
+_ORIGIN = ("assumed", "source")
+_ORIGINS = {"assumed", "sources"}
 
 
 def load_rig(name: str | Path = "paper") -> Rig:
@@ -24,11 +34,13 @@ def load_rig(name: str | Path = "paper") -> Rig:
         RigError: Lists every fault of the file with its line, value, what is allowed.
     """
     path = Path(name)
-    if path.suffix == ".toml" or path.is_file():
-        try:
-            text = path.read_text(encoding="utf-8")
-        except (OSError, UnicodeDecodeError) as error:
-            raise RigError(f"rig file {path}: cannot be read: {error}") from error
+    try:
+        text = path.read_text("utf-8") if path.suffix == ".toml" or path.is_file() else None
+    except (OSError, ValueError) as error:  # no UTF-8, or a name that no file can have
+        raise RigError(
+            f"rig file {path}: cannot be read: {error}; give the path of a UTF-8 text file"
+        ) from error
+    if text is not None:
         return parse_rig(text, str(path))
     packaged = resources.files("rig").joinpath(f"{name}.toml")
     if not packaged.is_file():
@@ -47,16 +59,17 @@ def packaged_rigs() -> list[str]:
 
 def parse_rig(text: str, origin: str = "rig") -> Rig:
     """Build a rig from the text of a TOML file; ``origin`` names it in errors."""
-    document = read_toml(text, origin, RigError)
-    values, assumed, sources = _split_origins(document)
-    faults = _range_faults(values, assumed)
+    values, assumed, sources, faults = _split_origins(read_toml(text, origin, RigError))
+    ranges, range_faults = _ranges(assumed)
+    faults = [
+        at_line(line_of(text, key), f"{key}: {fault}") for key, fault in faults + range_faults
+    ]
     try:
         rig = Rig.model_validate(values)
     except ValidationError as error:
-        faults = validation_faults(error, Rig, text) + faults
+        raise RigError(fault_list(origin, validation_faults(error, Rig, text) + faults)) from error
     if faults:
         raise RigError(fault_list(origin, faults))
-    ranges = {key: _range(key, pair) for key, pair in assumed.items()}
     return rig.model_copy(update={"assumed": ranges, "sources": sources})
 
 
@@ -91,6 +104,7 @@ def with_values(rig: Rig, values: Mapping[str, Any]) -> Rig:
         changed = Rig.model_validate(document)
     except ValidationError as error:
         faults += validation_faults(error, Rig, "")
+        raise RigError(fault_list(f"rig {rig.name}", faults)) from error
     if faults:
         raise RigError(fault_list(f"rig {rig.name}", faults))
     return changed.model_copy(update={"assumed": rig.assumed, "sources": rig.sources})
@@ -107,14 +121,22 @@ def rig_json(rig: Rig) -> str:
 
 
 def rig_from_json(text: str) -> Rig:
-    """Read back what `rig_json` wrote."""
+    """Read back what `rig_json` wrote.
+
+    Raises:
+        RigError: The text is not what `rig_json` writes.
+    """
+    origin = "the rig stored here cannot be read"
     try:
         saved = json.loads(text)
-        rig = Rig.model_validate(saved["values"])
-        assumed = {key: (float(low), float(high)) for key, (low, high) in saved["assumed"].items()}
-        return rig.model_copy(update={"assumed": assumed, "sources": saved["sources"]})
-    except (ValueError, KeyError, TypeError, AttributeError) as error:
-        raise RigError(f"the rig stored here cannot be read: {error}") from error
+        origins = {"assumed": saved["assumed"], "sources": saved["sources"]}
+        return Rig.model_validate(saved["values"] | origins)
+    except ValidationError as error:
+        raise RigError(fault_list(origin, validation_faults(error, Rig, ""))) from error
+    except (ValueError, KeyError, TypeError, RecursionError) as error:
+        raise RigError(
+            f"{origin}: {type(error).__name__}: {error}; only what rig_json wrote can be read back"
+        ) from error
 
 
 def read_toml(text: str, origin: str, error_type: type[Exception]) -> dict[str, Any]:
@@ -123,66 +145,88 @@ def read_toml(text: str, origin: str, error_type: type[Exception]) -> dict[str, 
         return tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         raise error_type(f"{origin}: not valid TOML: {error}; mend that line") from error
+    except (ValueError, RecursionError) as error:  # numbers too long, arrays too deep
+        raise error_type(f"{origin}: not valid TOML: {error}; shorten it") from error
 
 
 def _split_origins(document: dict[str, Any]):
-    """Part a document into plain values, assumed ranges and sources by dotted key."""
-    assumed: dict[str, Any] = {}
+    """Part a document into values, (value, assumed range) and sources by dotted key, faults."""
+    assumed: dict[str, tuple[Any, Any]] = {}
     sources: dict[str, str] = {}
+    faults: list[tuple[str, str]] = []
 
     def walk(node: Any, path: tuple[str, ...]) -> Any:
-        if isinstance(node, dict):
-            if "value" in node and set(node) <= _ORIGIN:
-                if "assumed" in node:
-                    assumed[".".join(path)] = node["assumed"]
-                if "source" in node:
-                    sources[".".join(path)] = str(node["source"])
-                return node["value"]
-            return {key: walk(value, (*path, key)) for key, value in node.items()}
         if isinstance(node, list):
             return [walk(value, (*path, str(i))) for i, value in enumerate(node)]
-        return node
+        if not isinstance(node, dict):
+            return node
+        if not path or "value" not in node:
+            return {key: walk(value, (*path, key)) for key, value in node.items()}
+        key = ".".join(path)
+        for unknown in sorted(set(node) - {"value", *_ORIGIN}):
+            remedy = near_miss(unknown, ["value", *_ORIGIN]).replace("the top level", "a quantity")
+            faults.append((f"{key}.{unknown}", f"unknown key{remedy}"))
+        if "assumed" in node:
+            assumed[key] = (node["value"], node["assumed"])
+        if "source" in node:
+            sources[key] = node["source"]
+            if not isinstance(node["source"], str):
+                faults.append((f"{key}.source", f"{shown(node['source'])} is refused: give a text"))
+        return node["value"]
 
-    return walk(document, ()), assumed, sources
+    values = walk(document, ())
+    for name in _ORIGINS & set(values):
+        del values[name]
+        faults.append((name, "unknown key; give each quantity its own, beside its value"))
+    return values, assumed, sources, faults
 
 
-def _range(key: str, pair: Any) -> tuple[float, float]:
-    unit = unit_of(Rig, key.split("."))
-    if unit is None or not isinstance(pair, list) or len(pair) != 2:
-        raise ValueError(f"{pair!r} is refused: assumed holds the least and the largest quantity")
-    low, high = (parse_quantity(str(end), unit) for end in pair)
-    if not low <= high:
-        raise ValueError(f"assumed range {pair!r} is empty; give the least value first")
-    return low, high
-
-
-def _range_faults(values: dict[str, Any], assumed: dict[str, Any]) -> list[str]:
-    faults = []
-    for key, pair in assumed.items():
-        node: Any = values
-        for part in key.split("."):
-            node = node[int(part)] if isinstance(node, list) else node[part]
+def _ranges(assumed: dict[str, tuple[Any, Any]]):
+    """Return the assumed ranges [SI] by dotted key, and the faults in them."""
+    known = set(model_keys(Rig))
+    ranges: dict[str, tuple[float, float]] = {}
+    faults: list[tuple[str, str]] = []
+    for key, (value, pair) in assumed.items():
+        if re.sub(r"\.\d+(?=\.|$)", "", key) not in known:
+            continue  # which is a fault of the key, and reported as such
         try:
-            low, high = _range(key, pair)
-            value = parse_quantity(str(node), unit_of(Rig, key.split(".")) or "")
+            ranges[key] = _range(unit_of(Rig, key.split(".")), value, pair)
         except ValueError as error:
-            faults.append(f"{key}: {error}")
-            continue
-        if not low <= value <= high:
-            faults.append(
-                f"{key}: {node!r} is outside its assumed range {pair[0]!r} to {pair[1]!r}"
-            )
-    return faults
+            faults.append((key, str(error)))
+    return ranges, faults
+
+
+def _range(unit: str | None, value: Any, pair: Any) -> tuple[float, float]:
+    if unit is None or isinstance(value, list):
+        raise ValueError("only one quantity with a unit has an assumed range; remove assumed")
+    if not isinstance(pair, list) or len(pair) != 2 or not all(isinstance(p, str) for p in pair):
+        raise ValueError(
+            f"assumed range {shown(pair)} is refused: it holds the least and the largest"
+            f" quantity in {unit}"
+        )
+    try:
+        low, high = (parse_quantity(end, unit) for end in pair)
+    except ValueError as error:
+        raise ValueError(f"assumed range: {error}; a quantity in {unit} is needed") from error
+    if not low <= high:
+        raise ValueError(f"assumed range {shown(pair)} is empty; give the least value first")
+    try:
+        inside = low <= parse_quantity(value, unit) <= high
+    except (ValueError, TypeError):  # a fault of the value itself, and reported as such
+        return low, high
+    if not inside:
+        raise ValueError(
+            f"{value!r} is outside its assumed range {pair[0]!r} to {pair[1]!r};"
+            " change the value or widen the range"
+        )
+    return low, high
 
 
 def _document(model: BaseModel, kind: type[BaseModel]) -> dict[str, Any]:
     document: dict[str, Any] = {}
-    for name in kind.model_fields:
-        value = getattr(model, name)
-        if kind is Rig and name in ("assumed", "sources"):
-            continue
-        unit = unit_of(kind, [name])
-        document[name] = _plain(value, unit)
+    for name, field in kind.model_fields.items():
+        if not field.exclude:
+            document[name] = _plain(getattr(model, name), unit_of(kind, [name]))
     return document
 
 

@@ -89,7 +89,7 @@ class Plectrum(Section):
     """m, in the bending plane."""
     youngs_modulus: Annotated[float, Unit("Pa", "2.9 GPa")] = Field(gt=0)
     """Pa."""
-    poisson_ratio: float = Field(ge=0, lt=0.5)
+    poisson_ratio: float = Field(strict=True, ge=0, lt=0.5)
     """1."""
     density: Annotated[float, Unit("kg/m**3", "1247 kg/m^3")] = Field(gt=0)
     """kg/m^3."""
@@ -135,23 +135,23 @@ class Press(Section):
     """m, from rest to the end of the press."""
     hold: Literal["point", "normal"]
     """`point` keeps the pressing point, `normal` keeps link 2 orthogonal to the key."""
-    run_up_acceleration: Annotated[float, Unit("m/s**2", "12 m/s^2")] = Field(gt=0)
+    run_up_acceleration: Annotated[float, Unit("m/s**2", "12 m/s^2")] = Field(ge=1e-3, le=1e4)
     """m/s^2, largest of the jack before the cruise."""
-    run_up_jerk: Annotated[float, Unit("m/s**3", "3000 m/s^3")] = Field(gt=0)
+    run_up_jerk: Annotated[float, Unit("m/s**3", "3000 m/s^3")] = Field(ge=0.1, le=1e8)
     """m/s^3, largest of the jack before the cruise."""
-    run_down_acceleration: Annotated[float, Unit("m/s**2", "1.5 m/s^2")] = Field(gt=0)
+    run_down_acceleration: Annotated[float, Unit("m/s**2", "1.5 m/s^2")] = Field(ge=1e-3, le=1e4)
     """m/s^2, largest of the jack after the cruise; the key leaves the finger where this is
     more than its own weight gives."""
-    run_down_jerk: Annotated[float, Unit("m/s**3", "200 m/s^3")] = Field(gt=0)
+    run_down_jerk: Annotated[float, Unit("m/s**3", "200 m/s^3")] = Field(ge=0.1, le=1e8)
     """m/s^3, largest of the jack after the cruise and on the way back."""
-    return_acceleration: Annotated[float, Unit("m/s**2", "0.6 m/s^2")] = Field(gt=0)
+    return_acceleration: Annotated[float, Unit("m/s**2", "0.6 m/s^2")] = Field(ge=1e-3, le=1e4)
     """m/s^2, largest of the jack on the way back; friction holds the key up, so this is
     less than on the way down."""
-    bottom_hold: Time = Field(ge=0)
+    bottom_hold: Time = Field(ge=0, le=60)
     """s, rest at the end of the press."""
-    return_speed: Annotated[float, Unit("m/s", "0.05 m/s")] = Field(gt=0, le=1.0)
+    return_speed: Annotated[float, Unit("m/s", "0.05 m/s")] = Field(ge=1e-4, le=1.0)
     """m/s, largest of the jack on the way back."""
-    speed_tolerance: float = Field(gt=0, le=0.1)
+    speed_tolerance: float = Field(strict=True, gt=0, le=0.1)
     """1, largest error of the jack's speed in the cruise that rounding may cause."""
     hover: Length = Field(gt=0)
     """m, height of the fingertip above the key between sessions."""
@@ -176,7 +176,7 @@ class Arm(Section):
     """m, of joint 1."""
     elbow: Literal["up", "down"]
     """The side of the line from base to fingertip on which the elbow lies: `up` is its left."""
-    counts_per_revolution: int = Field(ge=16, le=2**31)
+    counts_per_revolution: int = Field(strict=True, ge=16, le=2**31)
     """Encoder counts a turn of either joint."""
     home_angles: tuple[Angle, Angle]
     """rad, of the two joints at their home switches."""
@@ -200,7 +200,7 @@ class Arm(Section):
                 raise ValueError(
                     f"lower_limits and upper_limits of joint {joint + 1}: the lower,"
                     f" {math.degrees(low):.6g} deg, is not below the upper,"
-                    f" {math.degrees(high):.6g} deg; swap them"
+                    f" {math.degrees(high):.6g} deg; lower the one or raise the other"
                 )
         return self
 
@@ -210,17 +210,17 @@ class Controller(Section):
 
     port: str = Field(min_length=1)
     """Serial device, or any URL that pyserial takes."""
-    baud_rate: int = Field(gt=0)
+    baud_rate: int = Field(strict=True, gt=0)
     """Bits a second."""
     timeout: Time = Field(gt=0)
     """s, wait for an answer before the controller counts as silent."""
     sample_period: Time = Field(gt=0)
     """s, of one controller sample; with TM 1000 it is 976 us and not 1 ms."""
-    segment_limit: int = Field(ge=8)
+    segment_limit: int = Field(strict=True, ge=8)
     """PVT segments that the controller's FIFO holds for each axis."""
-    position_error_limit: int = Field(gt=0)
+    position_error_limit: int = Field(strict=True, gt=0)
     """Counts of following error at which the controller switches the motors off."""
-    trigger_output: int = Field(ge=1, le=16)
+    trigger_output: int = Field(strict=True, ge=1, le=16)
     """Digital output wired to the acquisition's trigger input."""
 
 
@@ -245,6 +245,15 @@ class _Channel(Section):
     """As engraved on the sensor."""
     calibrated: date | None = None
     """Date of the calibration chart."""
+
+    @model_validator(mode="after")
+    def _corners_in_order(self):
+        if 0 < self.low_pass <= self.high_pass:
+            raise ValueError(
+                f"high_pass: {self.high_pass:.6g} Hz is not below low_pass, {self.low_pass:.6g} Hz,"
+                " so nothing would pass; lower it or raise low_pass"
+            )
+        return self
 
 
 class VelocityChannel(_Channel):
@@ -293,7 +302,7 @@ class Daq(Section):
     """s, wait for the trigger's edge, and for any one block of samples after it."""
     tail: Time = Field(ge=0)
     """s, recorded after the motion has ended."""
-    block: int = Field(ge=16, le=100_000)
+    block: int = Field(strict=True, ge=16, le=100_000)
     """Samples read, and logged, at a time."""
     channels: tuple[Channel, ...] = Field(min_length=1)
     """The analog inputs."""
@@ -327,9 +336,9 @@ class Rig(Section):
     arm: Arm
     controller: Controller
     daq: Daq
-    assumed: dict[str, tuple[float, float]] = Field(default_factory=dict, repr=False)
+    assumed: dict[str, tuple[float, float]] = Field(default_factory=dict, repr=False, exclude=True)
     """SI; plausible range of every value that no source gives, by its dotted key."""
-    sources: dict[str, str] = Field(default_factory=dict, repr=False)
+    sources: dict[str, str] = Field(default_factory=dict, repr=False, exclude=True)
     """Where a value comes from, by its dotted key."""
 
     @model_validator(mode="after")

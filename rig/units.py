@@ -1,6 +1,7 @@
 """Quantities with units at the edge of the program, SI floats inside."""
 
 import math
+import re
 from dataclasses import dataclass
 from functools import cache
 from typing import Any
@@ -8,7 +9,9 @@ from typing import Any
 from pydantic import GetCoreSchemaHandler
 from pydantic_core import PydanticCustomError, core_schema
 
-_ANGLES = {"radian", "degree", "turn", "milliradian", "arcminute", "arcsecond"}
+_NUMBER_AND_UNIT = re.compile(
+    r"\s*([+-]?(?:\d[\d_]*\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*)", re.DOTALL
+)
 
 
 @cache
@@ -26,32 +29,46 @@ def parse_quantity(text: str, unit: str) -> float:
         unit: SI unit of the result, as pint spells it; ``"rad"`` demands an angle.
 
     Raises:
-        ValueError: The text is no quantity, or not one of that dimension, or not finite.
+        ValueError: The text is no number with a unit, or not one of that dimension (an angle
+            counts as one), or not finite.
     """
     registry = _registry()
+    parts = _NUMBER_AND_UNIT.fullmatch(text)
+    if parts is None:
+        raise ValueError(f"{shown(text)} is not a number with a unit")
     try:
-        quantity = registry.Quantity(text)
+        number, given = float(parts[1]), registry.parse_units(parts[2])
     except Exception as error:  # pint raises its own, tokenizer's and arithmetic errors alike
-        raise ValueError(f"{text!r} is not a quantity") from error
+        raise ValueError(f"{shown(text)} is not a number with a unit") from error
     wanted = registry.Unit(unit)
-    names = set(quantity._units)
-    if unit == "rad" and not names & _ANGLES:
-        raise ValueError(f"{text!r} is no angle")
-    if unit != "rad" and names and names <= _ANGLES:
-        raise ValueError(f"{text!r} is an angle")
-    if quantity.dimensionality != wanted.dimensionality:
-        raise ValueError(f"{text!r} has the dimension {quantity.dimensionality}")
-    if not names and unit:
-        raise ValueError(f"{text!r} has no unit")
-    value = float(quantity.to(wanted).magnitude)
+    if unit and not parts[2]:
+        raise ValueError(f"{shown(text)} has no unit")
+    if given.dimensionality != wanted.dimensionality:
+        dimension = f"has the dimension {given.dimensionality}"
+        raise ValueError(f"{shown(text)} {'is a ratio' if given.dimensionless else dimension}")
+    # Angles are dimensionless to pint, so 6 Hz would pass for 6 rad/s.
+    _, root = registry.get_root_units(wanted)
+    if registry.get_root_units(given)[1] != root:
+        has = "no" if "radian" in str(root) else "an"
+        raise ValueError(f"{shown(text)} has {has} angle in its unit")
+    value = float(registry.Quantity(number, given).to(wanted).magnitude)
     if not math.isfinite(value):
-        raise ValueError(f"{text!r} is not finite")
+        raise ValueError(f"{shown(text)} is not finite")
     return value
 
 
 def format_quantity(value: float, unit: str) -> str:
     """Write an SI value so that `parse_quantity` gives back the same float."""
     return f"{value!r} {unit}".strip()
+
+
+def shown(value: object) -> str:
+    """Return a value as an error shows it, cut where it is long."""
+    try:
+        text = repr(value)
+    except ValueError:  # an integer of more digits than Python cares to print
+        return "a number too long to print"
+    return text if len(text) <= 60 else f"{text[:57]}..."
 
 
 @dataclass(frozen=True)
@@ -67,16 +84,14 @@ class Unit:
         return core_schema.no_info_before_validator_function(self._read, handler(source))
 
     def _read(self, value: object) -> object:
-        hint = {"example": self.example, "unit": self.name}
-        if not isinstance(value, str):
-            raise PydanticCustomError(
-                "quantity", 'a quantity in {unit}, written like "{example}"', hint
-            )
         try:
-            return parse_quantity(value, self.name)
+            if isinstance(value, str):
+                return parse_quantity(value, self.name)
+            number = isinstance(value, int | float) and not isinstance(value, bool)
+            raise ValueError(f"{shown(value)} {'has no unit' if number else 'is no quantity'}")
         except ValueError as error:
             raise PydanticCustomError(
                 "quantity",
                 '{fault}; a quantity in {unit} is needed, written like "{example}"',
-                hint | {"fault": str(error)},
+                {"fault": str(error), "unit": self.name, "example": self.example},
             ) from error

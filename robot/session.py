@@ -51,19 +51,20 @@ def run_session(
     """
     if n < 1:
         raise RobotError(f"session: {n} presses were asked for; ask for 1 or more")
-    numbers = _free_numbers(out, n)
     speed = rig.arm.approach_speed * rig.arm.counts_per_revolution / (2 * np.pi)
     made: list[Path] = []
-    with controller, controller.powered():
-        controller.home()
-        controller.move_to(trajectory.hover, speed)
-        for number in numbers:
-            controller.move_to(trajectory.segments.start, speed)
-            path = out / FILE.format(number)
-            _press(rig, trajectory, controller, path, number, scene, seed, notes)
-            made.append(path)
-            on_press(path)
-        controller.move_to(trajectory.hover, speed)
+    with controller:
+        numbers = _free_numbers(out, n)
+        with controller.powered():
+            controller.home()
+            controller.move_to(trajectory.hover, speed)
+            for number in numbers:
+                controller.move_to(trajectory.segments.start, speed)
+                path = out / FILE.format(number)
+                _press(rig, trajectory, controller, path, number, scene, seed, notes)
+                made.append(path)
+                on_press(path)
+            controller.move_to(trajectory.hover, speed)
     return made
 
 

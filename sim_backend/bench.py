@@ -242,6 +242,11 @@ class StandIn:
             {"controller.port": self.serial_port, "daq.address": self.daq_address},
         )
 
+    def serve_forever(self) -> None:
+        """Wait until the stand-in fails, or the waiting thread is interrupted."""
+        while self.bench.failure is None:
+            time.sleep(0.2)
+
     def truth(self) -> list[Truth]:
         """Return what really happened after each trigger; no recording holds it."""
         return self.bench.truth()

@@ -47,7 +47,7 @@ class Plucking:
             step: s.
         """
         height = rise - self.clearance
-        if height <= 0:
+        if not height > 0:  # nor where it is no number, for which the world looks itself
             self._held = self._released = False
             return 0.0
         if self._released:

@@ -56,7 +56,7 @@ class SampledRun:
             )
             for i, name in enumerate(terminals)
         ]
-        self._blocks: list[Floats] = []
+        self._blocks: list[Floats] = [np.empty((len(terminals), 0))]
         self._done = 0
 
     @property

@@ -1,5 +1,7 @@
 """The sensor chain: from what happens on the bench to volts at the terminal block."""
 
+import bisect
+
 import numpy as np
 from numpy.random import Generator
 from scipy import signal
@@ -35,10 +37,16 @@ class Signal:
         self._values.extend(values.tolist())
 
     def at(self, times: Floats) -> Floats:
-        """Return the value at times [s]; before the first instant, the value at rest."""
-        first = np.searchsorted(self._times, times[0] if len(times) else 0.0) - 1
-        first = max(int(first), 0)
-        return np.interp(times, self._times[first:], self._values[first:])
+        """Return the value at times [s] that only grow; before the first instant, that at rest.
+
+        Instants that are no longer needed, save two for a slope, are let go.
+        """
+        if len(times) == 0:
+            return np.zeros(0)
+        past = bisect.bisect_left(self._times, times[0]) - 2
+        if past > 0:
+            del self._times[:past], self._values[:past]
+        return np.interp(times, self._times, self._values)
 
     def _slope(self, times: Floats, values: Floats, k: int) -> float:
         """Return the slope before instant k, from the two instants before it."""

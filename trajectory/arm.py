@@ -49,8 +49,13 @@ def fingertip_motion(arm: Arm, joints: Motion) -> Motion:
     )
 
 
-def joints_holding_point(arm: Arm, centre: Motion) -> Motion:
+def joints_holding_point(arm: Arm, centre: Motion, what: str = "the fingertip's path") -> Motion:
     """Return the joints [rad] that bring the fingertip's centre along a path, arrays (n, 2).
+
+    Args:
+        arm: The arm.
+        centre: m, of the fingertip's sphere, arrays (n, 2).
+        what: The path's name in errors.
 
     Raises:
         TrajectoryError: The path leaves the reach, or touches its edge, where the joints'
@@ -61,7 +66,7 @@ def joints_holding_point(arm: Arm, centre: Motion) -> Motion:
         short = min(outside.min(), inside.min())
         side = "beyond the outer" if outside.min() < inside.min() else "inside the inner"
         raise TrajectoryError(
-            f"reach: the fingertip's path goes {-short * 1e3:.4g} mm {side} reach of the arm"
+            f"reach: {what} goes {-short * 1e3:.4g} mm {side} reach of the arm"
             f" (links {arm.upper_length * 1e3:.4g} and {arm.lower_length * 1e3:.4g} mm, base at"
             f" x = {arm.base_x * 1e3:.4g}, z = {arm.base_z * 1e3:.4g} mm);"
             " move arm.base_x and arm.base_z, or change key.press_arm"
@@ -86,7 +91,7 @@ def joints_holding_point(arm: Arm, centre: Motion) -> Motion:
     acceleration = _solve(
         turned1 + turned2, turned2, determinant, centre.acceleration + centripetal
     )
-    return Motion(np.stack([np.unwrap(first), second], -1), velocity, acceleration)
+    return Motion(np.stack([_unwound(arm, first), second], -1), velocity, acceleration)
 
 
 def joints_holding_normal(arm: Arm, key: Key, angle: Motion) -> tuple[Motion, Floats]:
@@ -112,13 +117,13 @@ def joints_holding_normal(arm: Arm, key: Key, angle: Motion) -> tuple[Motion, Fl
             f" mm from the base, more than link 1 of {arm.upper_length * 1e3:.4g} mm;"
             " move arm.base_z towards the elbow's height"
         )
-    side = np.sign(np.mean(-key.press_arm - base_along))
+    side = 1.0 if np.mean(-key.press_arm - base_along) >= 0 else -1.0
     across = side * np.sqrt(rest)
     along = base_along + across
     elbow = _elbow_motion(angle, along, across, height, base_above, tangent, normal)
     offset = elbow.position - base(arm)
     squared = arm.upper_length**2
-    first = np.unwrap(np.arctan2(offset[..., 1], offset[..., 0]))
+    first = _unwound(arm, np.arctan2(offset[..., 1], offset[..., 0]))
     speed = cross(offset, elbow.velocity) / squared
     spin = cross(offset, elbow.acceleration) / squared
     second = angle.position - np.pi / 2 - first
@@ -157,6 +162,13 @@ def tilt(angle: Floats, joints: Floats) -> Floats:
     """Return the angle [rad] from the key's inward normal to link 2, shape (n,)."""
     raw = joints.sum(-1) - (angle - np.pi / 2)
     return raw - 2 * np.pi * np.round(raw / (2 * np.pi))
+
+
+def _unwound(arm: Arm, first: Floats) -> Floats:
+    """Return joint 1 [rad] without jumps, and starting in the turn that its limits are in."""
+    path = np.unwrap(first)
+    middle = (arm.lower_limits[0] + arm.upper_limits[0]) / 2
+    return path - 2 * np.pi * np.round((path[0] - middle) / (2 * np.pi))
 
 
 def _link(length: float, angle: Floats) -> tuple[Floats, Floats]:

@@ -33,9 +33,10 @@ class Check:
     def __str__(self) -> str:
         side = "at least" if self.at_least else "at most"
         verdict = "holds" if self.holds else "fails"
+        unit = "" if self.unit == "1" else f" {self.unit}"
         return (
-            f"{self.name}: {self.value:.6g} {self.unit}, {side} {self.limit:.6g} {self.unit}:"
-            f" {verdict} by {abs(self.margin):.3g} {self.unit}"
+            f"{self.name}: {self.value:.6g}{unit}, {side} {self.limit:.6g}{unit}:"
+            f" {verdict} by {abs(self.margin):.3g}{unit}"
         )
 
 

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from rig.schema import Key
+from trajectory.errors import TrajectoryError
 from trajectory.motion import Floats, Motion, dot
 
 
@@ -97,10 +98,19 @@ def key_under_fingertip(key: Key, radius: float, centre: Motion) -> Motion:
         key: The key.
         radius: m, of the fingertip.
         centre: m, of the sphere, arrays of shape (n, 2).
+
+    Raises:
+        TrajectoryError: The centre is within H of the pin, where no angle would do.
     """
     height = key.surface_height + radius
     x, z = centre.position[..., 0], centre.position[..., 1]
-    along = np.sqrt(x**2 + z**2 - height**2)
+    squared = x**2 + z**2 - height**2
+    if squared.min() <= 0:
+        raise TrajectoryError(
+            f"contact: the fingertip comes within {height * 1e3:.4g} mm of the balance pin,"
+            " where it touches the key at no angle; move the arm's base or raise key.press_arm"
+        )
+    along = np.sqrt(squared)
     angle = np.arctan2(-x, z) - np.arctan2(along, height)
     tangent, normal = surface_axes(angle)
     reach = dot(centre.position, tangent)

@@ -1,6 +1,7 @@
 """Plan one press: from the jack's law to checked, quantised joint motion."""
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -14,10 +15,17 @@ from trajectory.arm import (
     tilt,
 )
 from trajectory.checks import Check, at_least, at_most
+from trajectory.counts import to_counts
 from trajectory.errors import TrajectoryError
 from trajectory.key import jack_motion, key_motion, key_under_fingertip, point_on_key
 from trajectory.motion import Floats, Motion
-from trajectory.quantise import GRAIN, choose_knots, controller_motion, quantise
+from trajectory.quantise import (
+    GRAIN,
+    LONGEST_SEGMENT,
+    choose_knots,
+    controller_motion,
+    quantise,
+)
 from trajectory.segments import Counts, Segments
 from trajectory.timing import PressLaw, press_law
 
@@ -54,6 +62,8 @@ class Trajectory:
     """m/s, mean of the quantised motion over the cruise."""
     cruise_error: float
     """1, largest departure of the quantised speed in the cruise from the planned one."""
+    home: Counts
+    """Counts, joint positions at the home switches; shape (2,)."""
     hover: Counts
     """Counts, joint positions with the fingertip above the key; shape (2,)."""
     checks: tuple[Check, ...]
@@ -81,41 +91,69 @@ def draft_press(rig: Rig) -> Trajectory:
     """
     law = press_law(rig.press)
     period = rig.controller.sample_period
+    longest = rig.controller.segment_limit * LONGEST_SEGMENT * period
+    if law.law.duration > longest:
+        raise TrajectoryError(
+            f"press: lasts {law.law.duration:.4g} s, and {rig.controller.segment_limit} segments of"
+            f" {LONGEST_SEGMENT} samples (controller.segment_limit) last {longest:.4g} s;"
+            " raise press.return_speed and return_acceleration, or lower press.bottom_hold"
+        )
     grains = int(np.ceil(law.law.duration / period / GRAIN))
-    time = np.arange(grains * GRAIN + 1) * period
-    rise = law.law.at(time)
-    angle = key_motion(rig.key, rise)
-    fingertip, joints, slide = _follow_key(rig, angle)
+    time = np.arange(grains * GRAIN + 1, dtype=np.float64) * period
+    path = _follow_key(rig, law.law.at(time))
+    joints = path.joints
     per_radian = rig.arm.counts_per_revolution / (2 * np.pi)
     slower = np.abs(joints.velocity).min(axis=1) * per_radian * period
     knots = choose_knots(law.law, slower, period)
-    segments = quantise(joints, knots, per_radian, period)
+    segments = quantise(joints, knots, per_radian)
     cruise, speed, error = _cruise(rig, law, segments)
-    hover = np.rint(_hover_joints(rig) * per_radian).astype(np.int64)
-    tilts = tilt(angle.position, joints.position)
-    checks = _checks(rig, angle, fingertip, joints, segments, error)
+    turn = rig.arm.counts_per_revolution
+    hover = _hover_joints(rig, joints.position[0])
+    # Accelerations are largest where phases meet, which may be between two samples.
+    peaks = _follow_key(rig, law.law.at(np.union1d(time, law.law.times)))
     return Trajectory(
-        law, time, rise, angle, fingertip, joints, tilts, slide,
-        segments, cruise, speed, error, hover, checks,
+        law, time, path.rise, path.angle, path.fingertip, joints,
+        tilt(path.angle.position, joints.position), path.slide,
+        segments, cruise, speed, error, to_counts(rig.arm.home_angles, turn),
+        to_counts(hover, turn), _checks(rig, peaks, hover, segments, error),
     )  # fmt: skip
 
 
-def _follow_key(rig: Rig, angle: Motion) -> tuple[Motion, Motion, Floats]:
+class _Path(NamedTuple):
+    """The mechanism at the same times; as in `Trajectory`."""
+
+    rise: Motion
+    angle: Motion
+    fingertip: Motion
+    joints: Motion
+    slide: Floats
+
+
+def _follow_key(rig: Rig, rise: Motion) -> _Path:
     key, arm = rig.key, rig.arm
+    angle = key_motion(key, rise)
     if rig.press.hold == "normal":
         joints, slide = joints_holding_normal(arm, key, angle)
-        return fingertip_motion(arm, joints), joints, slide
+        return _Path(rise, angle, fingertip_motion(arm, joints), joints, slide)
     above = key.surface_height + arm.fingertip_radius
     fingertip = point_on_key(angle, -key.press_arm, above)
-    return fingertip, joints_holding_point(arm, fingertip), np.zeros_like(angle.position)
+    joints = joints_holding_point(arm, fingertip)
+    return _Path(rise, angle, fingertip, joints, np.zeros_like(angle.position))
 
 
-def _hover_joints(rig: Rig) -> Floats:
-    """Return the joint angles [rad] with the fingertip above the pressing point at rest."""
+def _hover_joints(rig: Rig, start: Floats) -> Floats:
+    """Return the joint angles [rad] with the fingertip above the pressing point at rest.
+
+    Args:
+        rig: The bench.
+        start: rad, joint angles at the start of the press, in whose turn joint 1 hovers.
+    """
     above = rig.key.surface_height + rig.arm.fingertip_radius + rig.press.hover
     still = np.zeros((1, 2))
     centre = Motion(np.array([[-rig.key.press_arm, above]]), still, still)
-    return joints_holding_point(rig.arm, centre).position[0]
+    joints = joints_holding_point(rig.arm, centre, "the point press.hover above the key")
+    first, second = joints.position[0]
+    return np.array([first + 2 * np.pi * np.round((start[0] - first) / (2 * np.pi)), second])
 
 
 def _cruise(rig: Rig, law: PressLaw, segments: Segments):
@@ -142,11 +180,15 @@ def _cruise(rig: Rig, law: PressLaw, segments: Segments):
     return cruise, float(travelled / (cruise[1] - cruise[0])), float(error)
 
 
-def _checks(rig, angle, fingertip, joints, segments, error) -> tuple[Check, ...]:
+def _checks(
+    rig: Rig, path: _Path, hover: Floats, segments: Segments, error: float
+) -> tuple[Check, ...]:
     arm, key, press = rig.arm, rig.key, rig.press
-    outside, inside = reach_margins(arm, fingertip.position)
+    joints = path.joints
+    outside, inside = reach_margins(arm, path.fingertip.position)
     bend = elbow_sign(arm) * joints.position[:, 1]
-    depth = -point_on_key(angle, -key.press_arm, key.surface_height).position[:, 1]
+    depth = -point_on_key(path.angle, -key.press_arm, key.surface_height).position[:, 1]
+    from_pin = key.press_arm - path.slide
     move_base = "move arm.base_x or arm.base_z"
     slower = "lower press.jack_speed"
     softer = "lower press.run_up_acceleration or press.run_down_acceleration"
@@ -158,6 +200,13 @@ def _checks(rig, angle, fingertip, joints, segments, error) -> tuple[Check, ...]
             SINGULARITY_MARGIN,
             "rad",
             f"{move_base}, or change arm.elbow: the elbow must stay bent to its own side",
+        ),
+        at_least(
+            "contact on the key",
+            min(from_pin.min(), key.front_arm - from_pin.max()),
+            0.0,
+            "m",
+            f'{move_base}, or set press.hold = "point": the finger slides off the key',
         ),
         at_most(
             "dip",
@@ -183,7 +232,8 @@ def _checks(rig, angle, fingertip, joints, segments, error) -> tuple[Check, ...]
     ]
     for j in (0, 1):
         speed, spin = np.abs(joints.velocity[:, j]).max(), np.abs(joints.acceleration[:, j]).max()
-        low, high = joints.position[:, j].min(), joints.position[:, j].max()
+        reached = np.append(joints.position[:, j], hover[j])
+        low, high = reached.min(), reached.max()
         name = f"joint {j + 1}"
         found += [
             at_least(f"{name} lower limit", low, arm.lower_limits[j], "rad", move_base),

@@ -42,14 +42,17 @@ def choose_knots(law: JerkLaw, joint_speed: Floats, period: float) -> Counts:
         if stop <= start:
             continue
         counts = np.abs(joint_speed[start * GRAIN : stop * GRAIN + 1]).min()
-        length = min(LONGEST_SEGMENT, STEADY_COUNTS / max(counts, 1e-9)) / GRAIN
-        pieces = max(1, int(np.ceil((stop - start) / max(length, 1.0) - 0.5)))
+        steady = max(1.0, STEADY_COUNTS / max(counts, 1e-9) / GRAIN)
+        span = stop - start
+        pieces = max(np.ceil(span / steady - 0.5), np.ceil(span * GRAIN / LONGEST_SEGMENT))
         inside = set(range(start + 1, stop))
-        chosen = (chosen - inside) | set(np.linspace(start, stop, pieces + 1).astype(int).tolist())
+        chosen = (chosen - inside) | set(
+            np.linspace(start, stop, int(pieces) + 1).astype(int).tolist()
+        )
     return GRAIN * np.array(sorted(chosen), dtype=np.int64)
 
 
-def quantise(joints: Motion, knots: Counts, counts_per_radian: float, period: float) -> Segments:
+def quantise(joints: Motion, knots: Counts, counts_per_radian: float) -> Segments:
     """Round a motion at its knots to whole counts, counts a second and samples.
 
     Positions are rounded, not steps, so that rounding never adds up.
@@ -58,7 +61,6 @@ def quantise(joints: Motion, knots: Counts, counts_per_radian: float, period: fl
         joints: Joint motion at every controller sample [rad], arrays (n, 2).
         knots: Sample numbers at which segments meet.
         counts_per_radian: Encoder counts.
-        period: s, one controller sample.
     """
     positions = np.rint(joints.position[knots] * counts_per_radian).astype(np.int64)
     velocities = np.rint(joints.velocity[knots] * counts_per_radian).astype(np.int64)

@@ -40,7 +40,9 @@ class Segments:
         return self.start + self.steps.sum(axis=0)
 
 
-def segments_document(segments: Segments, sample_period: float, home: Counts, hover: Counts) -> dict[str, object]:
+def segments_document(
+    segments: Segments, sample_period: float, home: Counts, hover: Counts
+) -> dict[str, object]:
     """Return a motion as JSON would hold it, for whoever drives a controller by hand.
 
     Args:

@@ -6,6 +6,7 @@ X(s, F) = x0 - F sin(theta) / K, and then h = F cos(theta) / K - Z(s, F): PHYSIC
 string (paper, 2.4) and of the plectrum's map. The string leaves at s = length.
 """
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,6 +16,8 @@ from analysis.model.plectrum.base import Floats, PlectrumMap
 
 POINTS = 401
 """Points of the tabulated pluck."""
+ROUNDING = 1e-15
+"""1, of the plectrum's length: a residual that is no more than rounding."""
 
 
 @dataclass(frozen=True)
@@ -63,9 +66,14 @@ def solve_pluck(plectrum: PlectrumMap, stiffness: float, overlap: float) -> Pluc
         overlap: m, from the string at rest to the tip, along the undeformed mid-line.
 
     Raises:
-        ModelError: The overlap is not on the plectrum, or the string does not leave it
-            within the range of its level.
+        ModelError: The overlap is not on the plectrum, the string has no stiffness, or it
+            does not leave the plectrum within the range of its level.
     """
+    if not 0 < stiffness < math.inf:
+        raise ModelError(
+            f"string: its stiffness of {stiffness:.4g} N/m must be finite and above 0;"
+            " see string.tension and string.plucking_point"
+        )
     if not 0 < overlap < plectrum.length:
         raise ModelError(
             f"plectrum.overlap: {overlap * 1e3:.6g} mm must lie between 0 and the plectrum's"
@@ -117,9 +125,10 @@ def _position(plectrum: PlectrumMap, stiffness: float, rest: float, force: Float
         residual = bend.x - rest + force * np.sin(bend.theta) / stiffness
         slope = bend.x_s + force * np.cos(bend.theta) * bend.theta_s / stiffness
         step = residual / slope
-        s = np.clip(s - step, 0.1 * rest, plectrum.length * 1.5)
-        if np.abs(step).max() <= 1e-14 * plectrum.length:
+        found = np.abs(residual) <= ROUNDING * plectrum.length
+        if np.all(found | (np.abs(step) <= 10 * ROUNDING * plectrum.length)):
             return s
+        s = np.clip(s - step, 0.5 * rest, 1.01 * plectrum.length)
     raise ModelError(
         "the string's position on the plectrum was not found (residual"
         f" {np.abs(residual).max():.3g} m at a string of {stiffness:.4g} N/m);"

@@ -91,7 +91,7 @@ def predict(rig: Rig, level: str = "elastica") -> Prediction:
             f" released at {released * 1e3:.4g} mm; raise jack_rise or lower plectrum.overlap"
         )
     # Contact and release are instants of the time base, release with the string still held.
-    after = np.nextafter(released, np.inf)
+    after = released * (1 + 1e-12)
     rise = np.linspace(0.0, rig.press.jack_rise, STEPS)
     rise = np.sort(np.concatenate([rise, [clearance, released, after]]))
     still = np.zeros_like(rise)

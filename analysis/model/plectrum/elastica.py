@@ -17,7 +17,7 @@ from analysis.model.plectrum.base import Bend, Floats
 from rig.schema import Plectrum
 
 Q_MAX = 3.43
-"""1, largest load q that is tabulated: the tangent has turned by 90 degrees at 3.4377."""
+"""1, largest load q that is tabulated: the tangent has turned by 90 degrees at 3.4376."""
 
 
 @cache

@@ -1,0 +1,1 @@
+"""Measurements that check their results; `python -m benchmarks` rewrites docs/figures.md."""

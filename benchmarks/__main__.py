@@ -1,0 +1,22 @@
+"""Run all benchmarks, or those that are named, and rewrite the page of figures."""
+
+import importlib
+import sys
+
+from benchmarks.figures import table, write_page
+
+ALL = ("press",)
+
+
+def main() -> None:
+    names = sys.argv[1:] or ALL
+    tables = []
+    for name in names:
+        module = importlib.import_module(f"benchmarks.{name}")
+        tables.append(table(module.__doc__.splitlines()[0].rstrip("."), module.run()))
+        print(tables[-1])
+    if tuple(names) == ALL:
+        write_page(tables)
+
+
+main()

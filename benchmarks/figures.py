@@ -1,0 +1,49 @@
+"""A measured figure, and the page that tables of them are written to."""
+
+import os
+import platform
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+
+PAGE = Path(__file__).parents[1] / "docs" / "figures.md"
+
+
+@dataclass(frozen=True)
+class Figure:
+    """One measured number beside the limit or the peer of the same run."""
+
+    what: str
+    value: float
+    unit: str
+    against: str
+    """Name of the limit or peer."""
+    reference: float
+    """Of the limit or peer, in the same unit."""
+
+    def __str__(self) -> str:
+        return (
+            f"| {self.what} | {self.value:.4g} {self.unit} | {self.against}:"
+            f" {self.reference:.4g} {self.unit} | {self.value / self.reference:.3g} |"
+        )
+
+
+def machine() -> str:
+    """Return what this machine is, without its name."""
+    cores = os.cpu_count()
+    system = f"{platform.system()}, Python {platform.python_version()}"
+    return f"{platform.machine()}, {cores} cores, {system}"
+
+
+def table(title: str, figures: Sequence[Figure]) -> str:
+    """Return a titled Markdown table."""
+    head = "| what | measured | against | ratio |\n|---|---|---|---|"
+    return "\n".join([f"## {title}", "", head, *map(str, figures), ""])
+
+
+def write_page(tables: Sequence[str]) -> None:
+    """Replace the page of figures."""
+    day = datetime.now(UTC).date().isoformat()
+    head = f"# Figures\n\nWritten by `make bench` on {day}; {machine()}.\n"
+    PAGE.write_text("\n".join([head, *tables]), encoding="utf-8")

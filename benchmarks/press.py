@@ -1,0 +1,71 @@
+"""One press on the stand-in, from the command line's start to the comparison."""
+
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from itertools import pairwise
+from pathlib import Path
+
+from benchmarks.figures import Figure
+from rig.load import load_rig
+
+PRESSES = 10
+STARTS = 9
+LIMIT = ("limit", 1.5)
+"""s, of a press after start-up."""
+
+
+def run() -> list[Figure]:
+    """Return the time of `--help`, of a press, and the errors of what was found in it."""
+    return [_help(), *_presses("ideal"), *_presses("paper")]
+
+
+def _help() -> Figure:
+    times = []
+    for _ in range(STARTS):
+        start = time.perf_counter()
+        done = subprocess.run(
+            [sys.executable, "-m", "sautereau", "--help"], capture_output=True, check=True
+        )
+        times.append(time.perf_counter() - start)
+        assert b"stand-in" in done.stdout
+    return Figure("sautereau --help", statistics.median(times), "s", "limit", 0.3)
+
+
+def _presses(scene: str) -> list[Figure]:
+    from analysis.compare import compare
+    from analysis.model.predict import predict
+    from analysis.phases import find_phases
+    from analysis.press import load_press
+    from robot.galil import GalilController
+    from robot.session import run_session
+    from sim_backend.bench import StandIn
+    from sim_backend.scene import load_scene
+    from trajectory.press import plan_press
+
+    marks, found = [], []
+
+    def done(path: Path) -> None:
+        found.append(find_phases(load_press(path)))
+        plan_press(stand_in.rig)
+        compare(found[-1:], predict(stand_in.rig))
+        marks.append(time.perf_counter())
+
+    with tempfile.TemporaryDirectory() as out, StandIn(load_rig(), load_scene(scene)) as stand_in:
+        rig = stand_in.rig
+        run_session(rig, plan_press(rig), GalilController(rig), Path(out), PRESSES, on_press=done)
+        truth = stand_in.truth()
+    times = [after - before for before, after in pairwise(marks)]
+    held = [p.plucks[0] for p in found]
+    contact = max(abs(h.contact - t.contacts[0]) for h, t in zip(held, truth, strict=True))
+    release = max(abs(h.release - t.releases[0]) for h, t in zip(held, truth, strict=True))
+    limit = 0.1e-3 if scene == "ideal" else 0.3e-3
+    assert max(contact, release) < limit
+    worst = f"found, largest error of {PRESSES} presses"
+    return [
+        Figure(f"{scene}: a press, from plan to comparison", statistics.median(times), "s", *LIMIT),
+        Figure(f"{scene}: contact {worst}", contact * 1e3, "ms", "limit", limit * 1e3),
+        Figure(f"{scene}: release {worst}", release * 1e3, "ms", "limit", limit * 1e3),
+    ]

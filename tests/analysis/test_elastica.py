@@ -1,0 +1,156 @@
+"""The exact plectrum against its closed forms and an independent boundary-value solve."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.integrate import solve_ivp
+from scipy.optimize import root
+from scipy.special import beta
+
+from analysis.model.plectrum.elastica import Q_MAX, Elastica, _table
+from rig.load import load_rig
+
+PLECTRUM = load_rig("paper").plectrum
+EI = PLECTRUM.bending_stiffness
+
+
+@pytest.fixture(scope="module")
+def elastica():
+    return Elastica(PLECTRUM)
+
+
+def shoot(s, force):
+    """Return x, z, theta of EI theta'' = F cos(theta - theta(s)), theta(0) = theta'(s) = 0.
+
+    In arc length from the clamp, counter to the table's way; all in units of s.
+    """
+    q = force * s**2 / EI
+
+    def along(unknown):
+        bend, tip = unknown
+
+        def right(_, y):
+            return [y[1], q * np.cos(y[0] - tip), np.cos(y[0]), np.sin(y[0])]
+
+        return solve_ivp(right, (0, 1), [0, bend, 0, 0], "DOP853", rtol=1e-13, atol=1e-15).y[:, -1]
+
+    def misses(unknown):
+        end = along(unknown)
+        return [end[0] - unknown[1], end[1]]
+
+    found = root(misses, [-q * 0.9, -q / 2 * 0.9], tol=1e-13)
+    end = along(found.x)
+    assert np.abs(misses(found.x)).max() < 1e-11
+    return end[2], end[3], end[0]
+
+
+@pytest.mark.parametrize(
+    ("force", "z", "shift", "degrees"),
+    [(0.33, 0.4979, -0.033, 9.5), (0.5, 0.7501, -0.076, 14.4), (1.0, 1.4565, -0.295, 28.7)],
+)
+def test_reference_values(elastica, force, z, shift, degrees):
+    """To all the digits that they are printed with."""
+    bend = elastica.bend(PLECTRUM.length, force)
+    assert -bend.z * 1e3 == pytest.approx(z, rel=1e-4)
+    assert (bend.x - PLECTRUM.length) * 1e3 == pytest.approx(shift, abs=0.5e-3)
+    assert -np.degrees(bend.theta) == pytest.approx(degrees, abs=0.05)
+
+
+def test_section_is_that_of_table_1():
+    assert EI == pytest.approx(2.0045e-5, rel=1e-4)
+    assert 3 * EI / PLECTRUM.length**3 == pytest.approx(660, rel=1e-3)
+
+
+def test_an_independent_solve_agrees(elastica):
+    random = np.random.default_rng(3)
+    for share, place in random.uniform(0.01, 1, (12, 2)):
+        s = place * PLECTRUM.length
+        force = share * float(elastica.force_limit(s))
+        bend = elastica.bend(s, force)
+        expected = shoot(s, force)
+        found = (bend.x / s, bend.z / s, bend.theta)
+        np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-10)
+
+
+def test_the_limit_is_just_short_of_ninety_degrees(elastica):
+    s = np.array([1e-4, PLECTRUM.length])
+    theta = np.degrees(elastica.bend(s, elastica.force_limit(s)).theta)
+    np.testing.assert_allclose(theta, -90, atol=0.2)
+    assert np.all(theta > -90)
+    # psi'^2 = 2 sin psi, so that xi at 90 degrees is a quarter of a beta function.
+    right_angle = (beta(0.25, 0.5) / np.sqrt(8)) ** 2
+    assert right_angle == pytest.approx(3.4376, abs=1e-4)
+    assert 0.997 * right_angle < Q_MAX < right_angle
+
+
+def test_a_small_load_gives_euler_bernoulli(elastica):
+    """z = -F s^3 / 3 EI and theta = -F s^2 / 2 EI, with an error that falls as the load squared."""
+    s, errors = PLECTRUM.length, []
+    for force in (0.08, 0.04, 0.02):
+        bend = elastica.bend(s, force)
+        errors.append(
+            (
+                bend.z / (-force * s**3 / (3 * EI)) - 1,
+                bend.theta / (-force * s**2 / (2 * EI)) - 1,
+                bend.x / s - 1,
+            )
+        )
+    errors = np.abs(errors)
+    assert errors[-1].max() < 2e-4
+    np.testing.assert_allclose(np.log2(errors[:-1] / errors[1:]), 2.0, atol=0.02)
+
+
+def test_no_load_bends_nothing(elastica):
+    bend = elastica.bend(PLECTRUM.length, 0.0)
+    assert bend.x == pytest.approx(PLECTRUM.length, rel=1e-13)
+    assert bend.z == 0
+    assert bend.theta == 0
+    assert bend.x_s == pytest.approx(1, rel=1e-13)
+    assert bend.z_f == pytest.approx(-(PLECTRUM.length**3) / (3 * EI), rel=1e-10)
+    assert bend.theta_f == pytest.approx(-(PLECTRUM.length**2) / (2 * EI), rel=1e-10)
+
+
+@settings(max_examples=60, deadline=None)
+@given(place=st.floats(0.1, 1.0), share=st.floats(0.01, 0.9))
+def test_derivatives_are_those_of_the_map(place, share):
+    """Against sixth-order central differences."""
+    plectrum = Elastica(PLECTRUM)
+    s = place * PLECTRUM.length
+    force = share * float(plectrum.force_limit(s))
+    weights = np.array([-1, 9, -45, 0, 45, -9, 1]) / 60
+    at, step = np.arange(-3, 4), 1e-3
+    bend = plectrum.bend(s, force)
+    by_s = plectrum.bend(s * (1 + at * step), force)
+    by_f = plectrum.bend(s, force * (1 + at * step))
+    for name in ("x", "z", "theta"):
+        scale = s if name != "theta" else 1.0
+        found = getattr(bend, f"{name}_s") * s / scale, getattr(bend, f"{name}_f") * force / scale
+        expected = [weights @ getattr(b, name) / step / scale for b in (by_s, by_f)]
+        np.testing.assert_allclose(found, expected, atol=1e-9)
+
+
+def test_shapes_broadcast(elastica):
+    s = np.array([1e-3, 2e-3, 4e-3])
+    force = np.array([0.1, 0.2])
+    bend = elastica.bend(s[:, None], force)
+    for field in bend:
+        assert field.shape == (3, 2)
+    one = elastica.bend(s[2], force[1])
+    for field, alone in zip(bend, one, strict=True):
+        assert field[2, 1] == alone
+    assert elastica.force_limit(s).shape == (3,)
+
+
+def test_stiffness_scales_the_force_alone():
+    """The table has one variable: E times 10 and F times 10 is the same shape."""
+    stiffer = PLECTRUM.model_copy(update={"youngs_modulus": PLECTRUM.youngs_modulus * 10})
+    one, ten = Elastica(PLECTRUM).bend(4e-3, 0.7), Elastica(stiffer).bend(4e-3, 7.0)
+    np.testing.assert_allclose(one[:6], ten[:6], rtol=1e-12)
+    np.testing.assert_allclose(one[6:], np.multiply(ten[6:], 10), rtol=1e-12)
+
+
+def test_the_table_has_converged():
+    """The last coefficients of its Chebyshev series are rounding."""
+    for series in _table():
+        assert np.abs(series.coef[-3:]).max() < 1e-13

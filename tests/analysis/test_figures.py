@@ -1,0 +1,84 @@
+"""The picture, and that what was simulated says so on it."""
+
+import numpy as np
+import pytest
+
+from analysis.errors import AnalysisError
+from analysis.figures import comparison_figure, plot_comparison
+from analysis.model.predict import predict
+from analysis.phases import find_phases
+
+
+@pytest.fixture(scope="module")
+def prediction(paper):
+    return predict(paper)
+
+
+def texts(figure):
+    """Return every text on a figure, titles and legends too."""
+    from matplotlib.text import Text
+
+    return [t.get_text() for t in figure.findobj(Text) if t.get_text()]
+
+
+def test_simulated_is_written_on_the_picture(make_press, prediction):
+    press = make_press()
+    figure = comparison_figure([press], [find_phases(press)], prediction)
+    assert "simulated" in texts(figure)
+    assert "Rig paper: 1 press, SIMULATED, made on the stand-in" in texts(figure)
+    assert not any("measured" in text for text in texts(figure))
+
+
+def test_measured_presses_are_called_measured(make_press, prediction):
+    press = make_press(simulated=False)
+    figure = comparison_figure([press, press], [find_phases(press)] * 2, prediction)
+    assert "Rig paper: 2 presses, measured" in texts(figure)
+    assert not any("simulated" in text.lower() for text in texts(figure))
+
+
+def test_one_simulated_press_among_measured_ones_is_enough(make_press, prediction):
+    presses = [make_press(simulated=False), make_press(simulated=True)]
+    figure = comparison_figure(presses, [find_phases(p) for p in presses], prediction)
+    assert "simulated" in texts(figure)
+
+
+def test_the_phases_are_named(make_press, prediction):
+    press = make_press()
+    shown = texts(comparison_figure([press], [find_phases(press)], prediction))
+    for name in ("free", "string held", "string released", "finger force (N)"):
+        assert name in shown
+
+
+def test_all_curves_meet_at_contact(make_press, prediction):
+    """On the right, every deflection is counted from its own contact."""
+    press = make_press()
+    phases = find_phases(press)
+    *_, right = comparison_figure([press], [phases], prediction).axes
+    for line, contact_force in zip(
+        right.lines, (0.33, np.interp(prediction.contact, prediction.time, prediction.finger_force)),
+        strict=True,
+    ):  # fmt: skip
+        x, y = line.get_data()
+        assert x[0] < 0 < x[-1]
+        assert np.interp(0, x, y) == pytest.approx(contact_force, abs=0.02)
+
+
+def test_a_mute_press_is_drawn(make_press, prediction):
+    press = make_press(slope=0)
+    shown = texts(comparison_figure([press], [find_phases(press)], prediction))
+    assert "free" in shown
+    assert "string held" not in shown
+
+
+@pytest.mark.parametrize("suffix", ["png", "svg", "pdf"])
+def test_a_file_appears(tmp_path, make_press, prediction, suffix):
+    press = make_press()
+    path = tmp_path / f"picture.{suffix}"
+    plot_comparison(path, [press], [find_phases(press)], prediction)
+    start = {"png": b"\x89PNG", "svg": b"<?xml", "pdf": b"%PDF"}[suffix]
+    assert path.read_bytes().startswith(start)
+
+
+def test_no_press_is_refused(tmp_path, prediction):
+    with pytest.raises(AnalysisError, match="no press to draw"):
+        plot_comparison(tmp_path / "none.png", [], [], prediction)

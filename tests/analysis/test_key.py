@@ -1,0 +1,106 @@
+"""The finger's force against closed forms and the energy of key and jack."""
+
+import numpy as np
+import pytest
+from scipy.integrate import trapezoid
+
+from analysis.model.key import finger_force, jack_load
+from rig.load import with_values
+from rig.schema import GRAVITY
+from trajectory.key import jack_motion, key_motion, rise_of_angle
+from trajectory.motion import Motion
+
+
+@pytest.fixture
+def smooth(paper):
+    return with_values(
+        paper,
+        {
+            "key.pivot_coulomb_friction": "0 N m",
+            "key.pivot_viscous_friction": "0 N m s/rad",
+            "jack.register_friction": "0 N",
+        },
+    )
+
+
+def still(rise):
+    rise = np.atleast_1d(np.asarray(rise, float))
+    return Motion(rise, np.zeros_like(rise), np.zeros_like(rise))
+
+
+def test_statics_at_rest_is_the_weight_through_the_lever(paper):
+    """F a_p = m g b - front heaviness; nothing rubs that does not move."""
+    found = finger_force(paper, still(0.0), np.zeros(1))
+    weight = paper.jack.mass * GRAVITY * paper.key.jack_arm - paper.key.front_heaviness
+    assert found[0] == pytest.approx(weight / paper.key.press_arm, rel=1e-12)
+    assert found[0] / GRAVITY == pytest.approx(0.005, abs=0.003)
+
+
+def test_statics_of_a_held_string_at_any_angle(paper):
+    """With the rise b tan a + hb (1 / cos a - 1): F a_p = (m g + F_s)(b + hb sin a) / cos^2 a."""
+    angle = np.radians([0.0, 1.0, 3.0])
+    key = paper.key
+    found = finger_force(paper, still(angle), np.full(3, 0.5))
+    lever = (key.jack_arm + key.jack_surface_height * np.sin(angle)) / np.cos(angle) ** 2
+    moment = (paper.jack.mass * GRAVITY + 0.5) * lever - key.front_heaviness
+    np.testing.assert_allclose(found, moment / key.press_arm, rtol=1e-12)
+
+
+def test_friction_works_against_the_motion(paper, smooth):
+    """Up and down differ by twice the dry friction, and by the viscous one."""
+    key, jack = paper.key, paper.jack
+    up, down = (Motion(np.zeros(1), np.array([v]), np.zeros(1)) for v in (0.4, -0.4))
+    bare = finger_force(smooth, up, np.zeros(1))
+    rubbing = finger_force(paper, up, np.zeros(1)) - bare
+    dry = key.pivot_coulomb_friction + jack.register_friction * key.jack_arm
+    expected = (dry + key.pivot_viscous_friction * 0.4) / key.press_arm
+    assert rubbing[0] == pytest.approx(expected, rel=1e-9)
+    assert finger_force(paper, down, np.zeros(1)) - bare == pytest.approx(-rubbing, rel=1e-9)
+
+
+def test_the_jack_leaves_the_key_when_the_key_falls_faster(paper):
+    falling = Motion(np.zeros(2), np.zeros(2), np.array([-1.01, -0.99]) * GRAVITY)
+    load = jack_load(paper, falling, np.zeros(2))
+    assert load[0] < 0 < load[1]
+
+
+def test_the_fingers_work_is_energy_and_heat(paper):
+    """Over any smooth motion, the power of every force is in the balance."""
+    key, jack = paper.key, paper.jack
+    errors = []
+    for n in (500, 1000, 2000):
+        time = np.linspace(0, 0.1, n)
+        w = 2 * np.pi / 0.17
+        angle = Motion(
+            0.02 * (1 - np.cos(w * time)), 0.02 * w * np.sin(w * time), 0.02 * w**2 * np.cos(w * time)
+        )
+        string = 0.3 + 40 * angle.position
+        force = finger_force(paper, angle, string)
+        rise = jack_motion(key, angle)
+        work = trapezoid(force * key.press_arm * angle.velocity, time)
+        heat = trapezoid(
+            key.pivot_viscous_friction * angle.velocity**2
+            + key.pivot_coulomb_friction * np.abs(angle.velocity)
+            + jack.register_friction * np.abs(rise.velocity)
+            + string * rise.velocity,
+            time,
+        )
+        kinetic = key.inertia * angle.velocity**2 / 2 + jack.mass * rise.velocity**2 / 2
+        potential = (
+            jack.mass * GRAVITY * rise_of_angle(key, angle.position)
+            - key.front_heaviness * angle.position
+        )
+        errors.append(work - heat - np.ptp((kinetic + potential)[[0, -1]]))
+    orders = np.log2(np.abs(np.divide(errors[:-1], errors[1:])))
+    np.testing.assert_allclose(orders, 2, atol=0.1)
+    assert abs(errors[-1]) < 1e-6 * work
+
+
+def test_inertia_of_key_and_jack_at_the_pressing_point(smooth):
+    """From rest at angle 0: F a_p = (I + m b^2) a'' + weight, the curvature having no speed."""
+    key, jack = smooth.key, smooth.jack
+    rise = Motion(np.zeros(1), np.zeros(1), np.array([12.0]))
+    angle = key_motion(key, rise)
+    found = finger_force(smooth, angle, np.zeros(1)) - finger_force(smooth, still(0.0), np.zeros(1))
+    inertia = key.inertia + jack.mass * key.jack_arm**2
+    assert found[0] == pytest.approx(inertia * 12.0 / key.jack_arm / key.press_arm, rel=1e-12)

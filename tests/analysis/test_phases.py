@@ -1,0 +1,212 @@
+"""Contact and release in presses of which both are known."""
+
+import numpy as np
+import pytest
+
+from analysis.errors import AnalysisError
+from analysis.phases import find_phases
+from analysis.press import Press
+
+CONTACT, RELEASE = 0.052, 0.072
+NOISY = {"force_noise": 5e-3, "velocity_noise": 5e-5, "hum": 1e-3}
+RATES = [10e3, 20e3, 51.2e3, 100e3, 200e3]
+
+
+def only_pluck(press):
+    phases = find_phases(press)
+    assert len(phases.plucks) == 1
+    return phases.plucks[0], phases
+
+
+def assert_finite(phases):
+    numbers = [phases.start, phases.bottom, phases.free_speed]
+    numbers += [v for v in (phases.held_speed, phases.released_speed) if v is not None]
+    for held in phases.plucks:
+        numbers += vars(held).values()
+        assert held.contact_std > 0
+        assert held.contact < held.release
+    assert np.isfinite(numbers).all()
+
+
+def cut(press, rows):
+    return Press(press.path, press.rig, press.simulated, press.data.iloc[rows], press.rate)
+
+
+@pytest.mark.parametrize("rate", RATES)
+def test_a_clean_press_is_known_to_a_sample(make_press, rate):
+    held, phases = only_pluck(make_press(rate=rate))
+    assert held.contact == pytest.approx(CONTACT, abs=1e-6)
+    assert held.release == pytest.approx(RELEASE, abs=0.51 / rate)
+    assert held.release_std == pytest.approx(1 / rate / np.sqrt(12), rel=1e-9)
+    assert held.duration == pytest.approx(0.020, abs=0.6 / rate)
+    assert held.contact_force == pytest.approx(0.33, abs=1e-3)
+    assert held.peak_force == pytest.approx(0.33 + 27 * 0.02, abs=27 / rate)
+    assert held.force_step == pytest.approx(27 * 0.02, abs=27 / rate)
+    assert phases.start == pytest.approx(0.030, abs=2e-6)
+    assert phases.free_speed == pytest.approx(0.072, rel=1e-4)
+    assert phases.held_speed == pytest.approx(0.072, rel=1e-4)
+    assert phases.released_speed == pytest.approx(0.072, rel=1e-4)
+    assert not phases.warnings
+
+
+@pytest.mark.parametrize("rate", RATES)
+@pytest.mark.parametrize("seed", range(4))
+def test_a_noisy_press(make_press, rate, seed):
+    held, phases = only_pluck(make_press(rate=rate, seed=seed, **NOISY))
+    limit = 0.3e-3 if rate > 20e3 else 0.5e-3
+    assert held.contact == pytest.approx(CONTACT, abs=limit)
+    assert held.release == pytest.approx(RELEASE, abs=max(0.1e-3, 1 / rate))
+    assert held.force_step == pytest.approx(0.54, abs=0.02)
+    assert phases.free_speed == pytest.approx(0.072, rel=1e-3)
+    assert_finite(phases)
+
+
+@pytest.mark.parametrize(("slope", "limit"), [(5, 1.0e-3), (10, 0.5e-3), (50, 0.1e-3), (200, 0.03e-3)])
+def test_weak_and_strong_strings(make_press, slope, limit):
+    held, _ = only_pluck(make_press(slope=slope, **NOISY))
+    assert held.contact == pytest.approx(CONTACT, abs=limit)
+    assert held.release == pytest.approx(RELEASE, abs=0.1e-3)
+    on_deflection = slope / (0.072 * 82 / 215)
+    assert held.slope == pytest.approx(on_deflection, rel=0.02)
+
+
+@pytest.mark.parametrize("curvature", [-500.0, 300.0, 1000.0])
+def test_a_force_that_bends(make_press, curvature):
+    """Where its first guess lay beyond its search, contact once came half a millisecond late."""
+    held, _ = only_pluck(make_press(slope=20, curvature=curvature))
+    assert held.contact == pytest.approx(CONTACT, abs=1e-5)
+    errors = [
+        only_pluck(make_press(slope=20, curvature=curvature, seed=seed, **NOISY))[0].contact - CONTACT
+        for seed in range(8)
+    ]
+    assert abs(np.mean(errors)) < 0.1e-3
+
+
+@pytest.mark.parametrize(
+    ("speed", "contact", "release", "slope"),
+    [(0.02, 0.12, 0.19, 7), (0.072, 0.052, 0.072, 27), (0.15, 0.043, 0.053, 50), (0.3, 0.039, 0.044, 100)],
+)
+def test_speeds(make_press, speed, contact, release, slope):
+    press = make_press(
+        speed=speed, contact=contact, release=release, slope=slope, until=release + 0.5, **NOISY
+    )
+    held, phases = only_pluck(press)
+    assert held.contact == pytest.approx(contact, abs=max(0.1e-3, 3 * held.contact_std))
+    assert held.contact == pytest.approx(contact, abs=0.6e-3)
+    assert held.release == pytest.approx(release, abs=0.1e-3)
+    assert phases.free_speed == pytest.approx(speed, rel=0.01)
+    assert phases.held_speed == pytest.approx(speed, rel=0.01)
+
+
+@pytest.mark.parametrize(
+    "change", [{}, {"slope": 10}, {"slope": 10, "curvature": 1000}, {"rate": 10e3}, {"rate": 100e3}]
+)
+def test_the_uncertainty_is_that_of_repeated_presses(make_press, change):
+    """Their errors in units of the standard uncertainty have an rms of about 1."""
+    presses = (make_press(seed=seed, **{**NOISY, "hum": 0.0, **change}) for seed in range(30))
+    held = [only_pluck(press)[0] for press in presses]
+    scores = [(h.contact - CONTACT) / h.contact_std for h in held]
+    assert 0.6 < np.sqrt(np.mean(np.square(scores))) < 1.4
+    errors = [h.contact - CONTACT for h in held]
+    assert abs(np.mean(errors)) < 3 * np.std(errors) / np.sqrt(30) + 1e-5
+
+
+@pytest.mark.parametrize("noise", [{}, NOISY, {"force_noise": 0.05}, {"hum": 0.02}])
+def test_a_mute_press_has_no_pluck(make_press, noise):
+    phases = find_phases(make_press(slope=0, **noise))
+    assert phases.plucks == ()
+    assert phases.held_speed is None
+    assert phases.released_speed is None
+    assert phases.start == pytest.approx(0.030, abs=0.1e-3)
+    assert phases.free_speed == pytest.approx(0.072, rel=2e-3)
+    assert not phases.warnings
+
+
+@pytest.mark.parametrize("height", [0.3, 1.0, 10.0])
+@pytest.mark.parametrize("width", [1, 2])
+def test_a_spike_is_no_pluck(make_press, height, width):
+    press = make_press(slope=0, **NOISY)
+    force = press.data["force"].to_numpy().copy()
+    force[3000 : 3000 + width] += height
+    force[5000 : 5000 + width] -= height
+    phases = find_phases(make_press.build(press.data["velocity"].to_numpy(), force, press.rate))
+    assert phases.plucks == ()
+
+
+@pytest.mark.parametrize("at", [0.045, 0.060, 0.090])
+def test_a_spike_beside_a_pluck_leaves_the_release(make_press, at):
+    press = make_press(**NOISY)
+    force = press.data["force"].to_numpy().copy()
+    force[round(at * press.rate)] += 1
+    held, _ = only_pluck(make_press.build(press.data["velocity"].to_numpy(), force, press.rate))
+    assert held.release == pytest.approx(RELEASE, abs=0.1e-3)
+    assert held.contact == pytest.approx(CONTACT, abs=max(0.3e-3, 3 * held.contact_std))
+
+
+def test_nothing_moves(make_press):
+    zeros = np.zeros(4000)
+    phases = find_phases(make_press.build(zeros, zeros, 51_200.0))
+    assert phases.plucks == ()
+    assert "did not go down" in phases.warnings[0]
+    assert_finite(phases)
+
+
+def test_a_vibrometer_of_the_wrong_sign_is_told(make_press):
+    press = make_press()
+    velocity, force = (press.data[name].to_numpy() for name in ("velocity", "force"))
+    phases = find_phases(make_press.build(-velocity, force, press.rate))
+    assert "sign of the vibrometer" in phases.warnings[0]
+    assert " 0 mm" in phases.warnings[0]
+
+
+@pytest.mark.parametrize("n", [0, 1, 2, 5, 16, 50, 200, 1000, 1500, 1600, 1700, 2000, 3000, 3680, 3690, 3750])
+def test_a_press_that_was_cut_short(make_press, n):
+    """From nothing to just after release: found, or none and a warning, never a crash."""
+    phases = find_phases(cut(make_press(**NOISY), slice(0, n)))
+    assert_finite(phases)
+    assert phases.plucks or phases.warnings
+
+
+@pytest.mark.parametrize("n", [16, 40, 60, 100, 300])
+def test_a_stretch_in_the_middle_of_a_press(make_press, n):
+    press = make_press(**NOISY)
+    velocity, force = (press.data[name].to_numpy()[2000 : 2000 + n] for name in ("velocity", "force"))
+    phases = find_phases(make_press.build(velocity, force, press.rate))
+    assert_finite(phases)
+    assert phases.warnings
+
+
+@pytest.mark.parametrize(("contact", "release"), [(0.029, 0.072), (0.029, 0.0375), (0.027, 0.031)])
+def test_contact_in_the_run_up_is_not_claimed(make_press, contact, release):
+    """Inertia hides it: the uncertainty covers where it may be, and a warning says why."""
+    phases = find_phases(make_press(contact=contact, release=release, slope=60, **NOISY))
+    assert_finite(phases)
+    for held in phases.plucks:
+        assert abs(held.contact - contact) < 3 * held.contact_std
+        assert any("run-up" in warning for warning in phases.warnings)
+
+
+@pytest.mark.parametrize("column", ["force", "velocity"])
+def test_samples_that_are_no_numbers_are_refused(make_press, column):
+    press = make_press()
+    data = press.data.copy()
+    data.loc[data.index[[7, 1000]], column] = np.nan
+    broken = Press(press.path, press.rig, press.simulated, data, press.rate)
+    with pytest.raises(AnalysisError, match=rf"press-0001\.mcap: 2 samples of its {column}"):
+        find_phases(broken)
+
+
+def test_random_force_on_a_moving_key_is_no_pluck(make_press):
+    velocity = make_press().data["velocity"].to_numpy()
+    for seed in range(20):
+        force = np.random.default_rng(seed).standard_normal(len(velocity))
+        phases = find_phases(make_press.build(velocity, force, 51_200.0))
+        assert phases.plucks == ()
+
+
+def test_finding_does_not_change_the_press(make_press):
+    press = make_press(**NOISY)
+    before = press.data.copy(deep=True)
+    first = find_phases(press)
+    assert press.data.equals(before)
+    assert find_phases(press) == first

@@ -1,0 +1,75 @@
+"""Whole presses: real pyserial and real nidaqmx against the stand-in, files on disk."""
+
+import os
+import re
+import subprocess
+import sys
+from importlib import resources
+from pathlib import Path
+
+import pytest
+
+from rig.load import load_rig
+from robot.galil import GalilController
+from robot.session import run_session
+from sim_backend.bench import StandIn
+from sim_backend.scene import load_scene
+from trajectory.press import plan_press
+
+
+def run_on_stand_in(scene: str, out: Path, n: int = 1, seed: int = 0, rig=None):
+    """Make n presses; return the recordings and what really happened in them."""
+    with StandIn(rig or load_rig(), load_scene(scene), seed) as stand_in:
+        paths = run_session(
+            stand_in.rig, plan_press(stand_in.rig), GalilController(stand_in.rig), out, n
+        )
+        return paths, stand_in.truth()
+
+
+@pytest.fixture(scope="session")
+def bench():
+    """`run_on_stand_in`."""
+    return run_on_stand_in
+
+
+@pytest.fixture(scope="session")
+def ideal(tmp_path_factory):
+    """Two presses of the scene `ideal`."""
+    return run_on_stand_in("ideal", tmp_path_factory.mktemp("ideal"), 2)
+
+
+@pytest.fixture
+def rig_file(tmp_path):
+    """Write the paper's rig with lines replaced: rig_file(port='...', terminal='...')."""
+
+    def write(**changes: str) -> Path:
+        text = resources.files("rig").joinpath("paper.toml").read_text(encoding="utf-8")
+        for key, value in changes.items():
+            text, n = re.subn(
+                rf"(?m)^{key} = .*$", lambda _, k=key, v=value: f"{k} = {v}", text, count=1
+            )
+            assert n == 1, key
+        path = tmp_path / "rig.toml"
+        path.write_text(text, encoding="utf-8")
+        return path
+
+    return write
+
+
+@pytest.fixture
+def sautereau(tmp_path):
+    """Run the command line in a process of its own."""
+
+    def run(*words: object, **options) -> subprocess.CompletedProcess:
+        return subprocess.run(
+            [sys.executable, "-m", "sautereau", *map(str, words)],
+            capture_output=True,
+            text=True,
+            cwd=tmp_path,
+            env=os.environ | {"PYTHONWARNINGS": "error"},
+            timeout=60,
+            check=False,
+            **options,
+        )
+
+    return run

@@ -1,0 +1,280 @@
+"""The command line as users' scripts meet it: keys, exit codes, one message a fault."""
+
+import json
+import os
+import re
+import resource
+import signal
+import socket
+import subprocess
+import sys
+import threading
+from pathlib import Path
+
+import pytest
+
+from rig.load import load_rig
+from sim_backend.bench import StandIn
+from sim_backend.scene import load_scene
+
+
+def refused(done: subprocess.CompletedProcess, *words: str) -> None:
+    """Check that a command ended with 1, and one message that has all these words."""
+    assert done.returncode == 1, done.stderr
+    assert done.stderr.count("sautereau: ") == 1
+    assert "Traceback" not in done.stderr
+    for word in words:
+        assert word in done.stderr
+
+
+def test_help_imports_nothing_heavy(tmp_path):
+    probe = (
+        "import sys, sautereau\n"
+        "try: sautereau.app(['--help'])\n"
+        "finally: print(*[m for m in ('pandas', 'matplotlib', 'pymunk', 'nidaqmx', 'numpy',"
+        " 'scipy', 'pint', 'pydantic') if m in sys.modules], file=sys.stderr)"
+    )
+    done = subprocess.run([sys.executable, "-c", probe], capture_output=True, text=True, check=True)
+    assert done.stderr.strip() == ""
+    assert "stand-in" in done.stdout
+
+
+def test_plan_answers_the_keys_of_the_contract(sautereau, tmp_path):
+    done = sautereau("plan", "--json", "--out", "plan.json")
+    assert done.returncode == 0
+    result = json.loads(done.stdout)
+    assert {
+        "cruise_speed", "cruise_error_max", "tilt_max", "slide_max", "duration", "segments",
+        "feasible", "checks",
+    } <= set(result)  # fmt: skip
+    assert result["cruise_speed"] == pytest.approx(0.072, rel=1e-3)
+    assert result["feasible"] is True
+    plan = json.loads((tmp_path / "plan.json").read_text())
+    assert len(plan["steps"]) == result["segments"]
+
+
+def test_press_phases_compare_info_on_the_stand_in(sautereau, tmp_path):
+    made = sautereau("press", "--sim", "-n", 2, "--seed", 3, "--out", "out", "--json")
+    assert made.returncode == 0, made.stderr
+    result = json.loads(made.stdout)
+    assert [Path(p).name for p in result["recordings"]] == [
+        "press-0001.mcap", "press-0002.mcap",
+    ]  # fmt: skip
+    assert result["simulated"] is True
+    assert result["seed"] == 3
+    assert all(0.025 < press["contact"] < press["release"] for press in result["presses"])
+    assert (tmp_path / result["picture"]).read_bytes().startswith(b"\x89PNG")
+
+    found = json.loads(sautereau("phases", *result["recordings"], "--json").stdout)
+    assert len(found["files"]) == 2
+    assert {"path", "plucks", "speeds", "forces", "warnings"} <= set(found["files"][0])
+    pluck = found["files"][0]["plucks"][0]
+    assert set(pluck) == {"contact", "release", "contact_std", "release_std"}
+    assert pluck["contact"] == result["presses"][0]["contact"]
+
+    compared = json.loads(sautereau("compare", *result["recordings"], "--json").stdout)
+    for key in ("slope_error", "magnitude_error", "duration_error"):
+        low, high = compared[key]["ci95"]
+        assert low < compared[key]["value"] < high
+
+    told = sautereau("info", result["recordings"][0])
+    assert told.stdout.startswith("SIMULATED")
+    assert json.loads(sautereau("info", result["recordings"][0], "--json").stdout)["simulated"]
+    told = sautereau("compare", result["recordings"][0], "--plot", "figure.svg")
+    assert "SIMULATED" in told.stdout
+    assert "simulated" in (tmp_path / "figure.svg").read_text()
+
+
+def test_predict_and_doctor_answer_the_keys_of_the_contract(sautereau):
+    predicted = json.loads(sautereau("predict", "--json").stdout)
+    assert set(predicted) == {
+        "contact_duration", "release_force", "release_lift", "release_angle",
+        "finger_force_peak", "v_osc",
+    }  # fmt: skip
+    checks = json.loads(sautereau("doctor", "--json").stdout)["checks"]
+    assert all(check["remedy"] for check in checks if not check["ok"])
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["frobnicate"],
+        ["plan", "--nonsense"],
+        ["press"],
+        ["press", "--sim", "--out", "out", "-n", "many"],
+        ["press", "--sim", "--out", "out", "--seed", "-1"],
+        ["phases"],
+    ],
+)
+def test_wrong_usage_ends_with_two(sautereau, words):
+    done = sautereau(*words)
+    assert done.returncode == 2
+    assert done.stdout == ""
+    assert "--help" in done.stderr
+
+
+def test_every_fault_of_a_rig_is_told_at_once(sautereau, rig_file):
+    path = rig_file(
+        press_arm='"171 g"', tension='"66.95 N"\ntensoin = "1 N"', baud_rate="115200\nspeed = 3"
+    )
+    done = sautereau("plan", path)
+    refused(done, "3 faults", "key.press_arm", "'171 g'", "string.tensoin", "controller.speed")
+    assert "did you mean 'tension'" in done.stderr
+
+
+def test_an_unreachable_pressing_point(sautereau, rig_file):
+    path = rig_file(base_x='"-390 mm"')
+    refused(sautereau("plan", path), "reach", "arm.base_x")
+    done = sautereau("press", path, "--sim", "--out", "out")
+    refused(done, "reach", "arm.base_x")
+
+
+def test_a_serial_port_that_does_not_exist(sautereau, tmp_path):
+    refused(sautereau("press", "--out", "out"), "/dev/ttyUSB0", "controller.port")
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.fixture
+def answering_port():
+    """A pseudo-terminal that answers every line with the same bytes, but knows TC1."""
+    masters = []
+
+    def serve(answer: bytes) -> str:
+        master, slave = os.openpty()
+        import tty
+
+        tty.setraw(slave)
+        masters.extend([master, slave])
+
+        def respond():
+            try:
+                while data := os.read(master, 4096):
+                    if data == b"TC1\r":
+                        os.write(master, b" 1 Unrecognized command\r\n:")
+                    elif answer:
+                        os.write(master, answer * data.count(b"\r"))
+            except OSError:
+                return
+
+        threading.Thread(target=respond, daemon=True).start()
+        return os.ttyname(slave)
+
+    yield serve
+    for fd in masters[::-1]:
+        os.close(fd)
+
+
+def test_a_controller_that_is_silent(sautereau, rig_file, answering_port):
+    path = rig_file(port=f'"{answering_port(b"")}"', timeout='"0.2 s"')
+    refused(sautereau("press", path, "--out", "out"), "0.2 s", "answer")
+
+
+def test_a_controller_that_refuses_everything(sautereau, rig_file, answering_port):
+    path = rig_file(port=f'"{answering_port(b"?")}"', timeout='"0.2 s"')
+    refused(sautereau("press", path, "--out", "out"), "EO 0", "1 Unrecognized command")
+
+
+@pytest.fixture
+def stand_in():
+    """The scene `ideal` in this process, for a command line in another."""
+    with StandIn(load_rig(), load_scene("ideal")) as served:
+        yield served
+        assert served.bench.firmware.motors_on == (False, False)
+
+
+def test_the_hardware_path_against_a_served_stand_in(sautereau, rig_file, stand_in):
+    path = rig_file(port=f'"{stand_in.serial_port}"', address=f'"{stand_in.daq_address}"')
+    done = sautereau("press", path, "--out", "out")
+    assert done.returncode == 0, done.stderr
+    assert "simulated" in done.stdout
+
+
+def test_no_daq_server(sautereau, rig_file, stand_in):
+    with socket.socket() as closed:
+        closed.bind(("127.0.0.1", 0))
+        address = f"127.0.0.1:{closed.getsockname()[1]}"
+    path = rig_file(port=f'"{stand_in.serial_port}"', address=f'"{address}"')
+    refused(sautereau("press", path, "--out", "out"), address)
+
+
+def test_a_wrong_channel(sautereau, rig_file, stand_in):
+    path = rig_file(
+        port=f'"{stand_in.serial_port}"', address=f'"{stand_in.daq_address}"', terminal='"ai7"'
+    )
+    refused(sautereau("press", path, "--out", "out"), "ai7", "ai0")
+
+
+def test_a_trigger_that_never_comes(sautereau, rig_file, stand_in, tmp_path):
+    path = rig_file(
+        port=f'"{stand_in.serial_port}"',
+        address=f'"{stand_in.daq_address}"',
+        trigger_output="2",
+        trigger_timeout='"0.3 s"',
+    )
+    done = sautereau("press", path, "--out", "out")
+    refused(done, "PFI0", "press-0001.mcap.part")
+    assert [p.name for p in (tmp_path / "out").iterdir()] == ["press-0001.mcap.part"]
+
+
+def test_a_full_disk(sautereau, tmp_path):
+    def small_files_only():
+        signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+        resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, 100_000))
+
+    done = sautereau("press", "--sim", "--out", "out", preexec_fn=small_files_only)
+    refused(done, "press-0001.mcap.part", "cannot be written")
+
+
+def test_a_recording_that_is_none(sautereau, tmp_path):
+    (tmp_path / "notes.txt").write_text("not a recording")
+    for words in (["info"], ["phases"], ["compare"]):
+        refused(sautereau(*words, "notes.txt"), "notes.txt", "no MCAP file")
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_an_interrupted_session_leaves_a_safe_arm_and_whole_files(rig_file, tmp_path, number):
+    with StandIn(load_rig(), load_scene("ideal")) as served:
+        path = rig_file(port=f'"{served.serial_port}"', address=f'"{served.daq_address}"')
+        command = [sys.executable, "-m", "sautereau", "press", path, "-n", "500", "--out", "out"]
+        with subprocess.Popen(
+            command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        ) as process:
+            assert process.stdout
+            for line in process.stdout:
+                if "press-0002" in line:
+                    break
+            process.send_signal(number)
+            _, message = process.communicate(timeout=30)
+        assert process.returncode == 1
+        assert "interrupted" in message
+        assert "Traceback" not in message
+        assert served.bench.firmware.motors_on == (False, False)
+    for left in (tmp_path / "out").iterdir():
+        assert left.suffix == ".mcap" or left.name in message
+
+
+def test_plain_clients_press_against_a_served_stand_in(tmp_path, sautereau):
+    example = Path(__file__).parents[2] / "examples" / "plain_clients.py"
+    assert not re.search(
+        r"(?m)^\s*(from|import) (rig|robot|daq|trajectory|analysis|sim_)", example.read_text()
+    )
+    assert sautereau("plan", "--out", "plan.json").returncode == 0
+    command = [sys.executable, "-m", "sautereau", "stand-in", "ideal", "--fast", "--json"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, cwd=tmp_path) as server:
+        try:
+            assert server.stdout
+            text = ""
+            while not text.rstrip().endswith("}"):
+                text += server.stdout.readline()
+            (tmp_path / "bench.json").write_text(text)
+            done = subprocess.run(
+                [sys.executable, example, "bench.json", "plan.json"],
+                capture_output=True, text=True, cwd=tmp_path, timeout=60, check=False,
+            )  # fmt: skip
+            assert done.returncode == 0, done.stderr
+            assert done.stdout.startswith("25600 samples")
+            force = float(done.stdout.split()[-2])
+            assert force == pytest.approx(0.728, rel=0.01)
+        finally:
+            server.send_signal(signal.SIGTERM)
+            assert server.wait(timeout=10) == 0

@@ -1,0 +1,111 @@
+"""What a press on the stand-in must show, from the trigger to the phases."""
+
+import numpy as np
+import pytest
+
+from analysis.model.predict import predict
+from analysis.phases import find_phases
+from analysis.press import load_press
+from daq.reading import read_recording
+from rig.load import load_rig, with_values
+
+
+def test_ideal_jack_cruises_at_the_speed_asked_for(ideal):
+    for path in ideal[0]:
+        press = load_press(path)
+        phases = find_phases(press)
+        speed = press.data["jack_speed"]
+        held = phases.plucks[0]
+        cruise = speed[(speed.index > 0.0125) & (speed.index < 0.115)]
+        assert phases.free_speed == pytest.approx(0.072, rel=1e-3)
+        assert cruise.mean() == pytest.approx(0.072, rel=1e-3)
+        assert phases.held_speed == pytest.approx(0.072, rel=1e-3)
+        assert held.duration == pytest.approx(20.0e-3, abs=0.1e-3)
+
+
+def test_ideal_contact_release_and_force_are_the_models(ideal):
+    prediction = predict(load_rig())
+    for path, truth in zip(*ideal, strict=True):
+        press = load_press(path)
+        phases = find_phases(press)
+        held = phases.plucks[0]
+        assert held.contact - phases.start == pytest.approx(1.944e-3 / 0.072, abs=0.1e-3)
+        assert held.contact == pytest.approx(truth.contacts[0], abs=0.1e-3)
+        assert held.release == pytest.approx(truth.releases[0], abs=0.1e-3)
+        rise = np.interp([held.contact, held.release], press.data.index, press.data["jack_rise"])
+        assert np.diff(rise)[0] == pytest.approx(1.440e-3, rel=0.005)
+        # The moment of the string's 0.536 N, normal to a plectrum at 15.5 deg, on the key.
+        expected = 0.536 * np.cos(np.radians(15.5)) * 215 / 171
+        assert held.force_step == pytest.approx(expected, rel=0.005)
+        assert held.peak_force == pytest.approx(prediction.finger_force_peak, rel=0.005)
+
+
+def test_encoders_were_where_the_plan_wanted_them(ideal):
+    recorded = read_recording(ideal[0][0])
+    for name in ("q1", "q2"):
+        planned = np.interp(recorded.joints.t, recorded.plan.t, getattr(recorded.plan, name))
+        assert np.abs(getattr(recorded.joints, name) - planned).max() < 3e-5
+
+
+def test_a_simulated_recording_says_so_whatever_the_command_line_says(ideal):
+    recorded = read_recording(ideal[0][0])
+    assert recorded.simulated
+    assert "stand-in" in recorded.session.controller
+    assert "stand-in" in recorded.session.daq
+
+
+def test_the_same_seed_gives_the_same_bytes_and_another_does_not(bench, tmp_path):
+    volts = []
+    for folder, seed in (("a", 5), ("b", 5), ("c", 6)):
+        paths, _ = bench("paper", tmp_path / folder, 2, seed)
+        volts.append([read_recording(path).volts for path in paths])
+    for name in ("velocity", "force"):
+        for press in (0, 1):
+            assert volts[0][press][name].tobytes() == volts[1][press][name].tobytes()
+            assert volts[0][press][name].tobytes() != volts[2][press][name].tobytes()
+
+
+def test_paper_phases_are_found_on_twenty_seeds(bench, tmp_path):
+    for seed in range(20):
+        paths, truths = bench("paper", tmp_path / str(seed), 1, seed)
+        phases = find_phases(load_press(paths[0]))
+        held = phases.plucks[0]
+        assert held.contact == pytest.approx(truths[0].contacts[0], abs=0.3e-3)
+        assert held.release == pytest.approx(truths[0].releases[0], abs=0.3e-3)
+        assert not phases.warnings
+
+
+def test_paper_jack_slows_down_while_the_string_is_held(bench, tmp_path):
+    (path,), _ = bench("paper", tmp_path, 1)
+    press = load_press(path)
+    held = find_phases(press).plucks[0]
+    speed = press.data["jack_speed"].rolling(51, center=True).mean()
+    before = speed.loc[held.contact - 3e-3 : held.contact].mean()
+    at_release = speed.loc[held.release - 2e-3 : held.release - 1e-3].mean()
+    assert 0.10 < 1 - at_release / before < 0.30
+
+
+def test_truth_apart_from_the_rig_is_seen_in_the_recording(tmp_path):
+    from robot.galil import GalilController
+    from robot.session import run_session
+    from sim_backend.bench import StandIn
+    from sim_backend.scene import load_scene
+    from trajectory.press import plan_press
+
+    truth = {"plectrum.overlap": "0.35 mm", "jack.string_clearance": "2.5 mm"}
+    scene = load_scene("ideal").model_copy(update={"truth": truth})
+    with StandIn(load_rig(), scene) as stand_in:
+        rig = stand_in.rig
+        assert rig.plectrum.overlap == load_rig().plectrum.overlap
+        (path,) = run_session(rig, plan_press(rig), GalilController(rig), tmp_path, 1)
+    phases = find_phases(load_press(path))
+    expected = predict(with_values(load_rig(), truth))
+    assert phases.plucks[0].duration == pytest.approx(expected.contact_duration, abs=0.1e-3)
+    assert phases.plucks[0].contact - phases.start == pytest.approx(2.5 / 72, abs=0.1e-3)
+
+
+def test_numbers_go_on_where_a_folder_ends(bench, tmp_path):
+    (tmp_path / "press-0007.mcap.part").write_bytes(b"left behind")
+    paths, _ = bench("ideal", tmp_path, 1)
+    assert [path.name for path in paths] == ["press-0008.mcap"]
+    assert (tmp_path / "press-0007.mcap.part").read_bytes() == b"left behind"

@@ -1,0 +1,270 @@
+"""Every fault of a rig file, all at once, each with its line, key, value and remedy."""
+
+import re
+from importlib import resources
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from rig.errors import RigError
+from rig.load import load_rig, parse_rig
+from rig.schema import Rig
+
+PAPER = resources.files("rig").joinpath("paper.toml").read_text(encoding="utf-8")
+
+
+def line_with(start):
+    return next(n for n, line in enumerate(PAPER.split("\n"), 1) if line.startswith(start))
+
+
+def test_three_faults_in_one_error(changed):
+    with pytest.raises(RigError) as raised:
+        changed(
+            ('jack_arm = { value = "215 mm"', 'jack_arm = { value = "215 g"'),
+            ("register_friction =", "register_frction ="),
+            ('name = "paper"', 'name = "paper"; colour = "red"'.replace("; ", "\n")),
+        )
+    text = str(raised.value)
+    assert text.startswith("bench.toml: 4 faults\n")
+    assert (
+        f"line {line_with('jack_arm') + 1}: key.jack_arm: '215 g' has the dimension [mass];"
+        ' a quantity in m is needed, written like "14 mm"'
+    ) in text
+    assert (
+        f"line {line_with('register_friction') + 1}: jack.register_frction: unknown key;"
+        " did you mean 'register_friction'?"
+    ) in text
+    assert "line 8: colour: unknown key; the top level has arm, controller" in text
+    assert f"line {line_with('[jack]') + 1}: jack.register_friction: missing; add it" in text
+
+
+def test_faults_come_in_the_order_of_the_file(changed):
+    with pytest.raises(RigError) as raised:
+        changed(('"185 mm"', '"185 g"'), ('"6 g"', '"6 m"'), ('"460 mm"', "460"), ('"1 s"', '"s"'))
+    lines = [int(n) for n in re.findall(r"line (\d+):", str(raised.value))]
+    assert len(lines) == 4
+    assert lines == sorted(lines)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "messages"),
+    [
+        ('"171 mm"', "171", ["key.press_arm: 171 has no unit", 'written like "14 mm"']),
+        ('"171 mm"', "true", ["key.press_arm: True is no quantity"]),
+        ('"171 mm"', '["171 mm"]', ["key.press_arm: ['171 mm'] is no quantity"]),
+        ('"171 mm"', '"-171 mm"', ["key.press_arm: -0.171 m is refused", "greater than 0"]),
+        ('"0.072 m/s"', '"9 m/s"', ["press.jack_speed: 9.0 m/s is refused", "equal to 1"]),
+        ('"12 m/s^2"', '"1e200 m/s^2"', ["press.run_up_acceleration: 1e+200 m/s**2 is refused"]),
+        ('"6 rad/s"', '"6 Hz"', ["arm.speed_limit: '6 Hz' has no angle", "rad/s"]),
+        ('"365 Hz"', '"365 rad/s"', ["string.frequency: '365 rad/s' has an angle"]),
+        ("value = 0.35", 'value = "0.35"', ["plectrum.poisson_ratio: '0.35' is refused"]),
+        ("value = 0.35", "value = 0.5", ["plectrum.poisson_ratio: 0.5 is refused", "less than"]),
+        ("value = 0.35", "value = nan", ["plectrum.poisson_ratio: nan is refused", "finite"]),
+        ("= 115200", '= "115200"', ["controller.baud_rate: '115200' is refused", "integer"]),
+        ("trigger_output = 1", "trigger_output = true", ["controller.trigger_output: True"]),
+        ('elbow = "up"', 'elbow = "left"', ["arm.elbow: 'left' is refused", "'up' or 'down'"]),
+        ('hold = "point"', "hold = 1", ["press.hold: 1 is refused", "'point' or 'normal'"]),
+        ('["0 deg", "-90 deg"]', '["0 deg"]', ["arm.home_angles.1: missing; add it"]),
+        ('["0 deg", "-90 deg"]', '"0 deg"', ["arm.home_angles: '0 deg'", "an array is needed"]),
+        ('["0 deg", "-90 deg"]', "[0, 1]", ["arm.home_angles.0: 0 has no unit", "30 deg"]),
+        ('name = "force"', 'name = "Force 1"', ["daq.channels.1.name: 'Force 1' is refused"]),
+        ("[jack]\n", "[jakc]\n", ["jack: missing", "jakc: unknown key; did you mean 'jack'?"]),
+        ("[jack]\n", "[jack]\ndip = 3\n", ["jack.dip: unknown key; did you mean 'key.dip'?"]),
+        ('name = "paper"', "", ["bench.toml: name: missing; add it"]),
+        ('name = "paper"', 'name = "a"\nassumed = {}', ["line 8: assumed: unknown key", "beside"]),
+        ('name = "paper"', 'name = "a"\nforce = 3', ["line 8: force: unknown key"]),
+        ('name = "paper"', 'name = "a"\n"a.b" = {value=1, assumed=[1]}', ["a.b: unknown key"]),
+        ('"6 g", assumed', '"6 g", assumd', ["jack.mass.assumd", "did you mean 'assumed'?"]),
+        ('source = "paper"', "source = 5", ["key.jack_arm.source: 5 is refused: give a text"]),
+    ],
+)
+def test_a_fault_says_key_value_and_remedy(changed, old, new, messages):
+    with pytest.raises(RigError) as raised:
+        changed((old, new))
+    for message in messages:
+        assert message in str(raised.value)
+    assert "assumed range" not in str(raised.value)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ('["4 g", "12 g"]', '["12 g", "4 g"]', "is empty; give the least value first"),
+        ('["4 g", "12 g"]', '["4 g"]', "it holds the least and the largest quantity in kg"),
+        ('["4 g", "12 g"]', "[4, 12]", "it holds the least and the largest quantity in kg"),
+        ('["4 g", "12 g"]', '["4 m", "12 m"]', "'4 m' has the dimension [length]; a"),
+        ('["4 g", "12 g"]', '["7 g", "12 g"]', "'6 g' is outside its assumed range '7 g' to"),
+    ],
+)  # fmt: skip
+def test_a_faulty_assumed_range(changed, old, new, message):
+    with pytest.raises(RigError) as raised:
+        changed((old, new))
+    assert f"bench.toml: line {line_with('mass')}: jack.mass: " in str(raised.value)
+    assert message in str(raised.value)
+
+
+@pytest.mark.parametrize(
+    ("old", "key"),
+    [
+        ("value = 0.35", "plectrum.poisson_ratio"),
+        ('home_angles = ["0 deg", "-90 deg"]', "arm.home_angles"),
+    ],
+)
+def test_only_a_quantity_has_an_assumed_range(changed, old, key):
+    new = {
+        "plectrum.poisson_ratio": "value = 0.35, assumed = [0.3, 0.4]",
+        "arm.home_angles": 'home_angles = { value = ["0 deg", "1 deg"], assumed = ["0 m", "1 m"] }',
+    }[key]
+    with pytest.raises(RigError, match=f"{key}: only one quantity .* remove assumed"):
+        changed((old, new))
+
+
+@pytest.mark.parametrize(
+    ("replacements", "messages"),
+    [
+        ([('"171 mm"', '"190 mm"')], ["key.press_arm: 190 mm lies in front", "raise front_arm"]),
+        ([('"82 mm"', '"190 mm"')], ["key.laser_arm: 190 mm lies in front", "lower laser_arm"]),
+        ([('"4.5 mm"', '"0.2 mm"')], ["plectrum.overlap: 0.263 mm", "length of 0.2 mm; lower it"]),
+        ([('"108 mm"', '"460 mm"')], ["string.plucking_point: 460 mm is not on the string"]),
+        (
+            [('"4 mN m", assumed', '"13 mN m", assumed'), ('"12 mN m"', '"14 mN m"')],
+            ["key.front_heaviness: 13 mN m is not less than the jack's 12.65", "raise jack.mass"],
+        ),
+        ([('["-80 deg"', '["80 deg"')], ["arm: lower_limits", "joint 1", "lower the one"]),
+        ([('name = "force"', 'name = "velocity"')], ["daq: channels: name velocity is used twice"]),
+        ([('"ai1"', '"ai0"')], ["daq: channels: terminal ai0 is used twice", "give each"]),
+        (
+            [('high_pass = "0.1 Hz"', 'high_pass = "22 kHz"')],
+            ["daq.channels.1: high_pass: 22000 Hz is not below low_pass", "raise low_pass"],
+        ),
+    ],
+)  # fmt: skip
+def test_each_rule_between_fields(changed, replacements, messages):
+    with pytest.raises(RigError) as raised:
+        changed(*replacements)
+    assert re.match(r"bench.toml: line \d+: ", str(raised.value))
+    for message in messages:
+        assert message in str(raised.value)
+
+
+def test_rules_between_fields_are_reported_together(changed):
+    with pytest.raises(RigError) as raised:
+        changed(('"171 mm"', '"190 mm"'), ('"108 mm"', '"500 mm"'), ('"4.5 mm"', '"0.2 mm"'))
+    assert "3 faults" in str(raised.value)
+    for start in ("press_arm", "overlap", "plucking_point"):
+        assert f"line {line_with(start)}: " in str(raised.value)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ('quantity = "force"', "", ".quantity: missing; add it"),
+        ('quantity = "force"', 'quantity = "mood"', ".quantity: 'mood' is none of 'velocity'"),
+        ('scale = { value = "1 N/V"', 'scale = { value = "1 m/s/V"', ".scale: '1 m/s/V' has the"),
+        ('terminal = "ai1"', 'terminl = "ai1"', ".terminl: unknown key; did you mean 'terminal'?"),
+        ('terminal = "ai1"', 'terminal = "ai1"\nforce = 1', ".force: unknown key"),
+    ],
+)  # fmt: skip
+def test_faults_of_a_channel_are_readable(changed, old, new, message):
+    with pytest.raises(RigError) as raised:
+        changed((old, new))
+    assert f"daq.channels.1{message}" in str(raised.value)
+    assert all(len(line) < 260 for line in str(raised.value).split("\n"))
+
+
+def test_an_empty_file_lists_what_is_missing():
+    with pytest.raises(RigError) as raised:
+        parse_rig("", "empty.toml")
+    assert str(raised.value).startswith("empty.toml: 9 faults\n")
+    for section in ("name", "key", "jack", "plectrum", "string", "press", "arm", "daq"):
+        assert f"  {section}: missing; add it" in str(raised.value)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "name = ",
+        "name = 'a'\nname = 'b'",
+        "x = 1" + "0" * 5000,
+        "x = " + "[" * 20_000,
+        "x = 2024-13-01",
+        "\x00",
+    ],
+    ids=["cut off", "twice", "long number", "deep", "date", "control character"],
+)
+def test_text_that_is_no_toml(text):
+    with pytest.raises(RigError, match=r"rig: not valid TOML: .*; (mend|shorten)"):
+        parse_rig(text)
+
+
+@pytest.mark.parametrize("text", ["value = 3", "value = 3\nassumed = [1, 2]", "key = 3\njack = []"])
+def test_a_document_of_another_shape(text):
+    with pytest.raises(RigError, match="press: missing; add it"):
+        parse_rig(text)
+
+
+def test_files_that_cannot_be_read(tmp_path):
+    (tmp_path / "latin.toml").write_bytes(b'name = "Fl\xfcgel"')
+    (tmp_path / "folder.toml").mkdir()
+    for name in ("latin.toml", "folder.toml", "none.toml", "\x00.toml", "x" * 300 + ".toml"):
+        with pytest.raises(
+            RigError, match=r"cannot be read: .*; give the path of a UTF-8 text file"
+        ):
+            load_rig(tmp_path / name)
+
+
+@pytest.mark.parametrize("name", ["papre", "", ".", "../rig/paper2", "x" * 300])
+def test_a_name_that_no_rig_has(name):
+    with pytest.raises(RigError, match=r"give the path of a .*file"):
+        load_rig(name)
+
+
+def test_a_file_is_loaded_whatever_its_ending(tmp_path, paper):
+    for name in ("bench.toml", "bench"):
+        (tmp_path / name).write_text(PAPER, encoding="utf-8")
+        assert load_rig(str(tmp_path / name)) == paper
+
+
+VALUES = [
+    "", "1", "-1", "0", "1e999", "nan", "true", "[]", "{}", "[[]]", '""', '"1"', '"1 m"', '"0 mm"',
+    '"-3 kg"', '"1e308 km"', '"nan m"', '"{unit}"', "2024-01-01", "[1, 2]", '{ value = "1 m" }',
+    '{ value = 1, assumed = 2 }', '{ value = "1 m", assumed = ["0 m", 3], source = [] }',
+]  # fmt: skip
+
+
+@st.composite
+def mutilated(draw):
+    lines = PAPER.split("\n")
+    for _ in range(draw(st.integers(1, 4))):
+        at = draw(st.integers(0, len(lines) - 1))
+        what = draw(st.sampled_from(["delete", "value", "key", "swap", "garbage", "repeat"]))
+        other = draw(st.integers(0, len(lines) - 1))
+        key, equals, value = lines[at].partition("=")
+        if what == "delete":
+            lines[at] = ""
+        elif what == "value" and equals:
+            lines[at] = f"{key}= {draw(st.sampled_from(VALUES))}"
+        elif what == "key" and equals:
+            lines[at] = f"{draw(st.sampled_from(['x', 'a.b', '9', 'value', 'sources']))} ={value}"
+        elif what == "swap" and equals and "=" in lines[other]:
+            lines[at] = f"{key}={lines[other].partition('=')[2]}"
+        elif what == "garbage":
+            lines[at] += draw(st.text(max_size=10))
+        else:
+            lines[at] = lines[other]
+    return "\n".join(lines)
+
+
+@given(mutilated())
+@settings(deadline=None, max_examples=150)
+def test_any_mutilated_file_is_a_rig_or_a_rig_error(text):
+    try:
+        rig = parse_rig(text, "bench.toml")
+    except RigError as error:
+        rig = error
+    if isinstance(rig, RigError):
+        assert str(rig).startswith("bench.toml: ")
+        assert "pydantic" not in str(rig)
+    else:
+        assert isinstance(rig, Rig)

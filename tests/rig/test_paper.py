@@ -1,0 +1,105 @@
+"""The packaged rig holds the numbers of the paper."""
+
+import math
+
+import pytest
+
+from rig.load import load_rig, packaged_rigs
+from rig.schema import GRAVITY
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        ("key.press_arm", 0.171),
+        ("key.laser_arm", 0.082),
+        ("key.jack_arm", 0.215),
+        ("key.front_arm", 0.185),
+        ("key.surface_height", 0.010),
+        ("key.jack_surface_height", 0.010),
+        ("key.inertia", 7e-4),
+        ("jack.mass", 0.006),
+        ("plectrum.length", 4.5e-3),
+        ("plectrum.width", 0.75e-3),
+        ("plectrum.thickness", 0.48e-3),
+        ("plectrum.youngs_modulus", 2.9e9),
+        ("plectrum.poisson_ratio", 0.35),
+        ("plectrum.density", 1247.0),
+        ("plectrum.overlap", 0.263e-3),
+        ("string.tension", 66.95),
+        ("string.length", 0.46),
+        ("string.frequency", 365.0),
+        ("press.jack_speed", 0.072),
+        ("press.jack_rise", 0.010),
+        ("arm.upper_length", 0.12),
+        ("arm.lower_length", 0.10),
+        ("arm.upper_mass", 0.15),
+        ("arm.lower_mass", 0.10),
+        ("arm.fingertip_radius", 0.004),
+        ("arm.counts_per_revolution", 2_000_000),
+        ("arm.speed_limit", 6.0),
+        ("arm.acceleration_limit", 200.0),
+        ("arm.torque_limit", 2.0),
+        ("controller.sample_period", 1 / 1024),
+    ],
+)
+def test_each_number_of_the_paper(paper, key, value):
+    section, name = key.split(".")
+    assert getattr(getattr(paper, section), name) == pytest.approx(value, rel=1e-12)
+
+
+def test_stiffness_of_string_and_plectrum(paper):
+    assert paper.string.plucking_point / paper.string.length == pytest.approx(0.2348, abs=5e-5)
+    assert paper.string.static_stiffness == pytest.approx(810.0, rel=1e-3)
+    assert paper.string.linear_density == pytest.approx(5.937e-4, rel=1e-4)
+    assert paper.plectrum.bending_stiffness == pytest.approx(2.0045e-5, rel=1e-4)
+    cantilever = 3 * paper.plectrum.bending_stiffness / paper.plectrum.length**3
+    assert cantilever == pytest.approx(660.0, rel=1e-3)
+
+
+def test_mass_of_the_string_element(paper):
+    element = paper.string.linear_density * paper.plectrum.width
+    assert element == pytest.approx(4.45e-7, rel=1e-3)
+
+
+def test_contact_comes_at_the_papers_27_ms(paper):
+    assert paper.jack.string_clearance / paper.press.jack_speed == pytest.approx(0.027)
+
+
+def test_the_key_rests_on_its_back_rail(paper):
+    weight = paper.jack.mass * GRAVITY * paper.key.jack_arm
+    assert weight - paper.key.front_heaviness > paper.key.pivot_coulomb_friction
+
+
+def test_assumed_ranges_hold_their_values(paper):
+    assert len(paper.assumed) > 20
+    for key, (low, high) in paper.assumed.items():
+        value = paper
+        for part in key.split("."):
+            value = value[int(part)] if part.isdigit() else getattr(value, part)
+        assert low <= value <= high, key
+        assert low < high, key
+    assert paper.assumed["jack.mass"] == pytest.approx((0.004, 0.012))
+    assert paper.assumed["daq.channels.1.delay"] == pytest.approx((10e-6, 225e-6))
+
+
+def test_sources_are_kept_by_key(paper):
+    assert paper.sources["string.tension"].startswith("Table 1")
+    assert "confirm it" in paper.sources["daq.channels.0.scale"]
+
+
+def test_channels_are_found_by_what_they_measure(paper):
+    velocity, force = paper.daq.channel("velocity"), paper.daq.channel("force")
+    assert (velocity.unit, velocity.scale) == ("m/s", pytest.approx(0.025))
+    assert (force.unit, force.scale) == ("N", 1.0)
+    assert paper.daq.channel("temperature") is None
+
+
+def test_angles_are_in_radians(paper):
+    assert paper.arm.home_angles == pytest.approx((0.0, -math.pi / 2))
+    assert paper.arm.lower_limits == pytest.approx((math.radians(-80), math.radians(-150)))
+
+
+def test_the_paper_is_packaged_and_the_default(paper):
+    assert "paper" in packaged_rigs()
+    assert load_rig() == paper

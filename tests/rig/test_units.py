@@ -1,0 +1,89 @@
+"""Quantities: their dimension, their angles, and the exact way there and back."""
+
+import math
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from rig.units import format_quantity, parse_quantity
+
+UNITS = [
+    "m", "kg", "N", "rad", "s", "Hz", "V", "Pa", "N*m", "kg*m**2", "N*m*s/rad", "N/m", "N*s/m",
+    "kg/m**3", "m/s", "m/s**2", "m/s**3", "rad/s", "rad/s**2", "m/s/V", "N/V",
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("text", "unit", "value"),
+    [
+        ("14 mm", "m", 0.014),
+        ("14mm", "m", 0.014),
+        ("-274.94 mm", "m", -0.27494),
+        (".5 mm", "m", 0.0005),
+        ("7e-4 kg m^2", "kg*m**2", 7e-4),
+        ("0.1 mN m s/rad", "N*m*s/rad", 1e-4),
+        ("2.9 GPa", "Pa", 2.9e9),
+        ("976.5625 us", "s", 976.5625e-6),
+        ("25 mm/s/V", "m/s/V", 0.025),
+        ("30 deg", "rad", math.pi / 6),
+        ("60 rpm", "rad/s", 2 * math.pi),
+        ("1 turn/s^2", "rad/s**2", 2 * math.pi),
+        ("0.35", "", 0.35),
+    ],
+)
+def test_reads_a_quantity_in_the_wanted_unit(text, unit, value):
+    assert parse_quantity(text, unit) == pytest.approx(value, rel=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("text", "unit", "fault"),
+    [
+        ("14 g", "m", "has the dimension [mass]"),
+        ("14", "m", "has no unit"),
+        ("0", "rad", "has no unit"),
+        ("5 %", "m", "is a ratio"),
+        ("5 percent", "rad", "has no angle in its unit"),
+        ("5 count", "rad", "has no angle in its unit"),
+        ("3 rad", "", "has an angle in its unit"),
+        ("6 Hz", "rad/s", "has no angle in its unit"),
+        ("365 rad/s", "Hz", "has an angle in its unit"),
+        ("60 rpm", "Hz", "has an angle in its unit"),
+        ("0.1 mN m s", "N*m*s/rad", "has no angle in its unit"),
+        ("20 degC", "m", "has the dimension [temperature]"),
+        ("nan m", "m", "is not a number with a unit"),
+        ("inf m", "m", "is not a number with a unit"),
+        ("1e400 m", "m", "is not finite"),
+        ("9e307 km", "m", "is not finite"),
+        ("mm", "m", "is not a number with a unit"),
+        ("2*7 mm", "m", "is not a number with a unit"),
+        ("1 m + 1 s", "m", "is not a number with a unit"),
+        ("5 furlong/", "m", "is not a number with a unit"),
+        ("5 zorkmid", "m", "is not a number with a unit"),
+        ("", "m", "is not a number with a unit"),
+    ],
+)
+def test_refuses_what_is_no_such_quantity(text, unit, fault):
+    with pytest.raises(ValueError, match=r"is |has ") as raised:
+        parse_quantity(text, unit)
+    assert fault in str(raised.value)
+    assert repr(text) in str(raised.value)
+
+
+@given(st.floats(allow_nan=False, allow_infinity=False), st.sampled_from(UNITS))
+@settings(deadline=None)
+def test_a_written_float_reads_back_as_itself(value, unit):
+    assert parse_quantity(format_quantity(value, unit), unit) == value
+
+
+@given(st.text(max_size=20), st.sampled_from(UNITS))
+@settings(deadline=None)
+def test_any_text_is_a_finite_quantity_or_a_value_error(text, unit):
+    try:
+        value = parse_quantity(text, unit)
+    except ValueError as error:
+        value, fault = 0.0, str(error)
+    else:
+        fault = " is "
+    assert math.isfinite(value)
+    assert " is " in fault or " has " in fault

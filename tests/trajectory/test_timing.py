@@ -1,0 +1,149 @@
+"""The jack's law of motion: smooth, within its limits, and exact where it cruises."""
+
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+
+from rig.load import load_rig
+from trajectory.errors import TrajectoryError
+from trajectory.timing import press_law
+
+PAPER = load_rig().press
+
+
+@st.composite
+def presses(draw):
+    return PAPER.model_copy(
+        update={
+            "jack_speed": max(0.005, 10 ** draw(st.floats(-2.3, 0))),
+            "jack_rise": draw(st.floats(1e-3, 15e-3)),
+            "run_up_acceleration": draw(st.floats(0.5, 500)),
+            "run_up_jerk": draw(st.floats(100, 1e6)),
+            "run_down_acceleration": draw(st.floats(0.5, 500)),
+            "run_down_jerk": draw(st.floats(100, 1e6)),
+            "return_acceleration": draw(st.floats(0.05, 50)),
+            "return_speed": draw(st.floats(0.005, 1.0)),
+            "bottom_hold": draw(st.floats(0, 0.1)),
+        }
+    )
+
+
+def check_law(press):
+    found = press_law(press)
+    law, times = found.law, found.law.times
+    assert (np.diff(times) >= -1e-15).all()
+    # Rise, speed and acceleration are continuous where phases meet.
+    start = law.states[:-1]
+    span = np.diff(times)
+    rise, speed, acceleration = start.T
+    ends = np.stack(
+        [
+            rise + speed * span + acceleration * span**2 / 2 + law.jerks * span**3 / 6,
+            speed + acceleration * span + law.jerks * span**2 / 2,
+            acceleration + law.jerks * span,
+        ],
+        -1,
+    )
+    # A time is rounded, which at a jerk j tells by j times that on the acceleration.
+    scale = [press.jack_rise, 1.0, np.abs(law.jerks).max() * law.duration]
+    assert (np.abs(ends - law.states[1:]) / scale).max() < 1e-12
+    # From rest to rest, through the whole rise.
+    assert (np.abs(law.states[[0, -1]]) / scale).max() < 1e-11
+    bottom = law.at(np.array([found.bottom, (found.bottom + found.return_start) / 2]))
+    assert bottom.position == pytest.approx(press.jack_rise, rel=1e-11)
+    assert np.abs(bottom.velocity).max() < 1e-12
+    # No limit is exceeded, and the cruise is exact.
+    t = np.union1d(np.linspace(0, law.duration, 4001), times)
+    motion = law.at(t)
+    slack = 1 + 1e-9
+    assert motion.position.min() > -1e-12
+    assert motion.position.max() < press.jack_rise * slack
+    parts = [
+        (t <= found.cruise_start, press.run_up_acceleration, press.jack_speed),
+        ((t >= found.cruise_end) & (t <= found.bottom), press.run_down_acceleration, 1.0),
+        (t > found.return_start, press.return_acceleration, press.return_speed),
+    ]
+    for inside, acceleration, speed in parts:
+        assert np.abs(motion.acceleration[inside]).max(initial=0) <= acceleration * slack + 1e-9
+        assert np.abs(motion.velocity[inside]).max(initial=0) <= speed * slack
+    assert motion.velocity[t <= found.bottom].min() > -1e-11
+    assert motion.velocity[t >= found.return_start].max() < 1e-11
+    assert np.abs(law.jerks[times[1:] <= found.cruise_start]).max() <= press.run_up_jerk
+    assert np.abs(law.jerks[times[:-1] >= found.cruise_end]).max() <= press.run_down_jerk
+    cruise = law.at(np.linspace(found.cruise_start, found.cruise_end, 50)[1:-1])
+    assert cruise.velocity == pytest.approx(press.jack_speed, rel=1e-12)
+    assert np.abs(cruise.acceleration).max() < 1e-9 * press.run_up_acceleration
+    # A jack always at cruise speed would have met the same rises.
+    line = press.jack_speed * (found.cruise_start - found.extrapolated_start)
+    assert law.at(np.array([found.cruise_start])).position[0] == pytest.approx(line, rel=1e-11)
+    return found
+
+
+@given(presses())
+@settings(deadline=None, max_examples=150)
+def test_any_press_keeps_its_limits_or_is_refused(press):
+    try:
+        press_law(press)
+    except TrajectoryError:
+        assume(False)
+    check_law(press)
+
+
+def test_the_papers_press():
+    found = check_law(PAPER)
+    assert found.cruise_start == pytest.approx(0.072 / 12 + 12 / 3000)
+    assert len(found.law.jerks) == 3 + 1 + 3 + 1 + 3 + 1 + 3
+
+
+@pytest.mark.parametrize(
+    ("change", "phases"),
+    [
+        ({"run_up_acceleration": 1000.0}, 2 + 1 + 3 + 1 + 7),
+        ({"run_down_acceleration": 1000.0}, 3 + 1 + 2 + 1 + 7),
+        ({"return_acceleration": 100.0}, 3 + 1 + 3 + 1 + 5),
+    ],
+    ids=["run-up", "run-down", "return"],
+)
+def test_a_ramp_that_never_reaches_its_acceleration_is_triangular(change, phases):
+    found = check_law(PAPER.model_copy(update=change))
+    assert len(found.law.jerks) == phases
+
+
+@pytest.mark.parametrize("acceleration", [0.6, 100.0], ids=["trapezoidal", "triangular"])
+def test_a_way_back_too_short_for_its_speed(acceleration):
+    change = {"return_speed": 1.0, "return_acceleration": acceleration}
+    found = check_law(PAPER.model_copy(update=change))
+    t = np.linspace(found.return_start, found.law.duration, 10_001)
+    assert np.abs(found.law.at(t).velocity).max() < 0.5
+    cruise = np.diff(found.law.times)[-4 if acceleration < 1 else -3]
+    assert cruise == pytest.approx(0.0, abs=1e-12)
+
+
+def test_before_and_after_the_jack_rests():
+    law = press_law(PAPER).law
+    outside = law.at(np.array([-1.0, law.duration + 1.0]))
+    for values in outside:
+        assert np.abs(values).max() < 1e-12
+
+
+def test_acceleration_and_speed_are_derivatives(derivatives, close):
+    law = press_law(PAPER).law
+    step = 1e-5
+    edges = law.times[:, None]
+    t = np.linspace(0, law.duration, 997)[1:-1]
+    t = t[np.abs(t - edges).min(0) > 5 * step]
+    first, _ = derivatives(lambda t: law.at(t).position, t, step)
+    close(law.at(t).velocity, first, 1e-9)
+    second, _ = derivatives(lambda t: law.at(t).velocity, t, step)
+    close(law.at(t).acceleration, second, 1e-9)
+
+
+def test_no_room_for_a_cruise_is_refused_with_remedies():
+    with pytest.raises(TrajectoryError) as raised:
+        press_law(PAPER.model_copy(update={"jack_speed": 0.5}))
+    text = str(raised.value)
+    assert text.startswith("press.jack_speed: at 0.5 m/s the run-up takes 11.4 mm")
+    assert "of the rise of 10 mm" in text
+    remedies = ("lower jack_speed", "run_up_acceleration", "run_up_jerk", "run_down_acceleration")
+    assert all(remedy in text for remedy in remedies)
