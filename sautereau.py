@@ -169,7 +169,8 @@ def press(
     if any(f.plucks for f in found):
         prediction = predict_press(bench)
         comparison = compare_presses(found, prediction)
-        picture = out / f"{recordings[0].stem}-to-{recordings[-1].stem}.png"
+        names = dict.fromkeys((recordings[0].stem, recordings[-1].stem))
+        picture = out / f"{'-to-'.join(names)}.png"
         _draw(picture, pressed, found, prediction)
         result |= comparison_summary(comparison) | {"picture": str(picture)}
         lines += [*comparison_lines(comparison, prediction.level), f"picture:    {picture}"]

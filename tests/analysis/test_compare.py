@@ -83,5 +83,7 @@ def test_features_of_a_line_are_the_lines(prediction):
     force = np.where(held, 0.4 + 900 * prediction.deflection, 0.2)
     slope, rise = predicted_features(replace(prediction, finger_force=force))
     assert slope == pytest.approx(900, rel=1e-9)
-    deflected = np.interp([prediction.contact, prediction.release], prediction.time, prediction.deflection)
+    deflected = np.interp(
+        [prediction.contact, prediction.release], prediction.time, prediction.deflection
+    )
     assert rise == pytest.approx(900 * np.ptp(deflected), rel=1e-9)

@@ -72,7 +72,9 @@ def test_the_fingers_work_is_energy_and_heat(paper):
         time = np.linspace(0, 0.1, n)
         w = 2 * np.pi / 0.17
         angle = Motion(
-            0.02 * (1 - np.cos(w * time)), 0.02 * w * np.sin(w * time), 0.02 * w**2 * np.cos(w * time)
+            0.02 * (1 - np.cos(w * time)),
+            0.02 * w * np.sin(w * time),
+            0.02 * w**2 * np.cos(w * time),
         )
         string = 0.3 + 40 * angle.position
         force = finger_force(paper, angle, string)

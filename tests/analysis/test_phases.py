@@ -61,7 +61,9 @@ def test_a_noisy_press(make_press, rate, seed):
     assert_finite(phases)
 
 
-@pytest.mark.parametrize(("slope", "limit"), [(5, 1.0e-3), (10, 0.5e-3), (50, 0.1e-3), (200, 0.03e-3)])
+@pytest.mark.parametrize(
+    ("slope", "limit"), [(5, 1.0e-3), (10, 0.5e-3), (50, 0.1e-3), (200, 0.03e-3)]
+)
 def test_weak_and_strong_strings(make_press, slope, limit):
     held, _ = only_pluck(make_press(slope=slope, **NOISY))
     assert held.contact == pytest.approx(CONTACT, abs=limit)
@@ -76,7 +78,8 @@ def test_a_force_that_bends(make_press, curvature):
     held, _ = only_pluck(make_press(slope=20, curvature=curvature))
     assert held.contact == pytest.approx(CONTACT, abs=1e-5)
     errors = [
-        only_pluck(make_press(slope=20, curvature=curvature, seed=seed, **NOISY))[0].contact - CONTACT
+        only_pluck(make_press(slope=20, curvature=curvature, seed=seed, **NOISY))[0].contact
+        - CONTACT
         for seed in range(8)
     ]
     assert abs(np.mean(errors)) < 0.1e-3
@@ -84,7 +87,12 @@ def test_a_force_that_bends(make_press, curvature):
 
 @pytest.mark.parametrize(
     ("speed", "contact", "release", "slope"),
-    [(0.02, 0.12, 0.19, 7), (0.072, 0.052, 0.072, 27), (0.15, 0.043, 0.053, 50), (0.3, 0.039, 0.044, 100)],
+    [
+        (0.02, 0.12, 0.19, 7),
+        (0.072, 0.052, 0.072, 27),
+        (0.15, 0.043, 0.053, 50),
+        (0.3, 0.039, 0.044, 100),
+    ],
 )
 def test_speeds(make_press, speed, contact, release, slope):
     press = make_press(
@@ -159,7 +167,9 @@ def test_a_vibrometer_of_the_wrong_sign_is_told(make_press):
     assert " 0 mm" in phases.warnings[0]
 
 
-@pytest.mark.parametrize("n", [0, 1, 2, 5, 16, 50, 200, 1000, 1500, 1600, 1700, 2000, 3000, 3680, 3690, 3750])
+@pytest.mark.parametrize(
+    "n", [0, 1, 2, 5, 16, 50, 200, 1000, 1500, 1600, 1700, 2000, 3000, 3680, 3690, 3750]
+)
 def test_a_press_that_was_cut_short(make_press, n):
     """From nothing to just after release: found, or none and a warning, never a crash."""
     phases = find_phases(cut(make_press(**NOISY), slice(0, n)))
@@ -170,7 +180,9 @@ def test_a_press_that_was_cut_short(make_press, n):
 @pytest.mark.parametrize("n", [16, 40, 60, 100, 300])
 def test_a_stretch_in_the_middle_of_a_press(make_press, n):
     press = make_press(**NOISY)
-    velocity, force = (press.data[name].to_numpy()[2000 : 2000 + n] for name in ("velocity", "force"))
+    velocity, force = (
+        press.data[name].to_numpy()[2000 : 2000 + n] for name in ("velocity", "force")
+    )
     phases = find_phases(make_press.build(velocity, force, press.rate))
     assert_finite(phases)
     assert phases.warnings

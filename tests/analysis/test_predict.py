@@ -40,7 +40,9 @@ def test_arrays_are_one_time_base(paper, prediction):
         assert array.shape == prediction.time.shape
         assert np.isfinite(array).all()
     assert np.all(np.diff(prediction.time) > 0)
-    np.testing.assert_allclose(prediction.rise, paper.press.jack_speed * prediction.time, rtol=1e-12)
+    np.testing.assert_allclose(
+        prediction.rise, paper.press.jack_speed * prediction.time, rtol=1e-12
+    )
     assert prediction.rise[-1] == paper.press.jack_rise
 
 

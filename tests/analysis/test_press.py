@@ -104,7 +104,9 @@ def test_both_quantities_are_needed(paper, record, kept):
     channel = paper.daq.channel(kept)
     daq = paper.daq.model_copy(update={"channels": (channel,)})
     missing = {"velocity": "force", "force": "velocity"}[kept]
-    with pytest.raises(AnalysisError, match=f"it has no {missing} channel, .* quantity = '{missing}'"):
+    with pytest.raises(
+        AnalysisError, match=f"it has no {missing} channel, .* quantity = '{missing}'"
+    ):
         load_press(record(paper.model_copy(update={"daq": daq}), np.ones((1, 3000))))
 
 

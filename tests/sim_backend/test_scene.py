@@ -1,0 +1,133 @@
+"""Scenes: the shipped ones, every fault of a file at once, truth and charts."""
+
+import pytest
+
+from rig.errors import RigError
+from rig.load import load_rig
+from sim_backend.errors import SceneError
+from sim_backend.scene import load_scene, packaged_scenes, parse_scene
+
+MUTE = """
+finger = "ideal"
+plectrum = "none"
+string = "none"
+friction = false
+felt = false
+step = "100 us"
+iterations = 10
+"""
+
+
+@pytest.fixture(scope="module")
+def rig():
+    return load_rig("paper")
+
+
+def test_shipped_scenes_load():
+    assert packaged_scenes() == ["ideal", "paper"]
+    ideal, paper = load_scene("ideal"), load_scene()
+    assert (ideal.finger, ideal.servo, ideal.sensors) == ("ideal", None, None)
+    assert paper.finger == "servo"
+    assert paper.servo.stiffness == (27.0, 10.0)
+    assert paper.sensors.velocity_noise == pytest.approx(5e-5)
+    assert paper.sensors.force_noise == pytest.approx(5e-3)
+    assert paper.sensors.hum == pytest.approx(1e-3)
+    for scene in (ideal, paper):
+        assert scene.step == pytest.approx(1e-4)
+        assert scene.truth == {}
+
+
+def test_a_file_is_a_scene(tmp_path):
+    path = tmp_path / "mute.toml"
+    path.write_text(MUTE, encoding="utf-8")
+    assert load_scene(path) == parse_scene(MUTE)
+    assert load_scene(str(path)).plectrum == "none"
+
+
+def test_a_scene_is_frozen():
+    with pytest.raises(ValueError, match="frozen"):
+        load_scene("ideal").step = 1e-5
+
+
+def test_no_such_scene(tmp_path):
+    with pytest.raises(SceneError, match=r"'cathedral' is neither a file nor .* \(ideal, paper\)"):
+        load_scene("cathedral")
+    with pytest.raises(SceneError, match=r"none\.toml: cannot be read"):
+        load_scene(tmp_path / "none.toml")
+
+
+def test_a_file_that_is_no_text(tmp_path):
+    path = tmp_path / "broken.toml"
+    path.write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(SceneError, match=r"broken\.toml: cannot be read"):
+        load_scene(path)
+    path.write_text("finger = [", encoding="utf-8")
+    with pytest.raises(SceneError, match=r"broken\.toml"):
+        load_scene(path)
+
+
+def test_all_faults_are_told_at_once():
+    text = MUTE.replace('"ideal"', '"glove"').replace('"100 us"', '"2 ms"')
+    text = text.replace("iterations = 10", "iteration = 10").replace("felt = false", "")
+    with pytest.raises(SceneError) as caught:
+        parse_scene(text, "my scene")
+    message = str(caught.value)
+    assert message.startswith("my scene: 5 faults\n")
+    for part in (
+        "line 2: finger: 'glove' is refused",
+        "line 7: step",
+        "iteration: unknown key; did you mean 'iterations'?",
+        "iterations: missing; add it",
+        "felt: missing; add it",
+    ):
+        assert part in message
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ('"100 us"', '"0 s"', "step"),
+        ('"100 us"', '"nan s"', "step"),
+        ('"100 us"', '"1 mm"', "step"),
+        ("= 10", "= 0", "iterations"),
+        ('plectrum = "none"', 'plectrum = "elastica"', "leave out both or neither"),
+        ('"ideal"', '"servo"', r"table \[servo\] do not go together"),
+        ('"ideal"', '"servo"\nsensors = { hum = "1 V" }', r"sensors\.hum"),
+    ],
+)
+def test_a_fault_names_its_key(old, new, words):
+    with pytest.raises(SceneError, match=words):
+        parse_scene(MUTE.replace(old, new))
+
+
+def test_both_misfits_are_told():
+    text = MUTE.replace('"ideal"', '"servo"').replace('string = "none"', 'string = "spring"')
+    with pytest.raises(SceneError, match=r"(?s)2 faults.*\[servo\].*leave out both"):
+        parse_scene(text)
+
+
+def test_truth_overrides_the_rig(rig):
+    scene = parse_scene(MUTE + '[truth]\n"jack.mass" = "7 g"\n"plectrum.overlap" = "0.3 mm"\n')
+    true = scene.true_rig(rig)
+    assert true.jack.mass == pytest.approx(7e-3)
+    assert true.plectrum.overlap == pytest.approx(0.3e-3)
+    assert true.key == rig.key
+    assert rig.jack.mass == pytest.approx(6e-3)
+    assert parse_scene(MUTE).true_rig(rig) is rig
+
+
+def test_truth_that_is_no_part_of_a_rig(rig):
+    scene = parse_scene(MUTE + '[truth]\n"jack.masss" = "7 g"\n')
+    with pytest.raises(RigError, match="mass"):
+        scene.true_rig(rig)
+
+
+def test_without_sensors_the_charts_are_those_of_ideal_ones(rig):
+    for channel, chart in zip(
+        load_scene("ideal").as_wired(rig).daq.channels, rig.daq.channels, strict=True
+    ):
+        assert (channel.delay, channel.low_pass, channel.high_pass) == (0, 0, 0)
+        assert (channel.scale, channel.range, channel.terminal) == (
+            chart.scale, chart.range, chart.terminal,
+        )  # fmt: skip
+    assert load_scene("paper").as_wired(rig) is rig

@@ -1,0 +1,229 @@
+"""The sensor chain against the closed forms of its parts."""
+
+import math
+
+import numpy as np
+import pytest
+
+from daq.sensors import correct
+from rig.load import load_rig
+from sim_backend.scene import load_scene
+from sim_backend.sensors import ADC_RANGE, SensorChain, Signal
+
+RATE = 51_200.0
+SILENT = load_scene("paper").sensors.model_copy(
+    update={"velocity_noise": 0.0, "force_noise": 0.0, "hum": 0.0}
+)
+PLAIN = {"delay": 0.0, "low_pass": 0.0, "high_pass": 0.0}
+VELOCITY, FORCE = load_rig("paper").daq.channels
+
+
+def chain(channel=FORCE, sensors=None, rest=0.0, seed=0, rate=RATE, **chart):
+    channel = channel.model_copy(update={**PLAIN, **chart})
+    return SensorChain(channel, sensors, rate, rest, np.random.default_rng(seed))
+
+
+def fed(chain, function, duration, step=None):
+    """Feed a function of time, at the samples' own instants unless a step is given."""
+    time = np.arange(1, round(duration / (step or 1 / chain.rate)) + 1) * (step or 1 / chain.rate)
+    chain.input.extend(time, function(time), [])
+    return chain
+
+
+def test_a_signal_is_linear_between_instants_and_at_rest_before():
+    signal = Signal(3.0)
+    signal.extend(np.array([1.0, 2.0]), np.array([5.0, 4.0]), [])
+    np.testing.assert_allclose(signal.at(np.array([-9.0, 0.0, 0.5, 1.0, 1.75])), [3, 3, 4, 5, 4.25])
+
+
+def test_a_jump_is_kept_sharp():
+    """Both sides are carried on to the jump: no sample lies on a slope between them."""
+    signal = Signal(0.0)
+    signal.extend(np.array([1.0, 2.0]), np.array([1.0, 2.0]), [])
+    signal.extend(np.array([3.0, 4.0]), np.array([0.5, 0.5]), [2.6])
+    found = signal.at(np.array([2.3, 2.5999, 2.6, 2.6001, 3.0, 3.7]))
+    np.testing.assert_allclose(found, [2.3, 2.5999, 2.6, 0.5, 0.5, 0.5], atol=1e-9)
+
+
+def test_two_jumps_in_one_stretch():
+    signal = Signal(0.0)
+    times = np.arange(1.0, 9.0)
+    values = np.array([1.0, 2, 3, 0, 0, 0, 7, 7])
+    signal.extend(times, values, [3.5, 6.5])
+    found = signal.at(np.array([3.4, 3.6, 6.4, 6.6]))
+    np.testing.assert_allclose(found, [3.4, 0, 0, 7], atol=1e-9)
+
+
+@pytest.mark.parametrize("at", [1.0, 2.0, 3.0])
+def test_a_jump_at_an_instant(at):
+    signal = Signal(1.0)
+    signal.extend(
+        np.array([1.0, 2.0, 3.0]), np.array([1.0, 1.0, 1.0]) * (np.arange(1, 4) < at), [at]
+    )
+    found = signal.at(np.array([at - 0.01, at + 1e-9]))
+    np.testing.assert_allclose(found, [1, 0], atol=1e-6)
+
+
+def test_times_that_grow_give_what_one_call_gives():
+    whole, parts = Signal(0.3), Signal(0.3)
+    random = np.random.default_rng(1)
+    time, values = np.arange(1, 2001) * 1e-4, random.standard_normal(2000)
+    wanted = np.arange(0, 2000) / 10_300.0
+    whole.extend(time, values, [0.0512])
+    at_once = whole.at(wanted)
+    pieces = []
+    for i in range(0, 2000, 10):
+        parts.extend(time[i : i + 10], values[i : i + 10], [0.0512] * (i == 510))
+        now = wanted[(wanted <= time[i + 9]) & (wanted > (time[i - 1] if i else -1))]
+        pieces.append(parts.at(now))
+        assert len(parts._times) < 50, "it keeps what nobody needs"
+    np.testing.assert_array_equal(np.concatenate(pieces), at_once[: sum(map(len, pieces))])
+
+
+@pytest.mark.parametrize("delay", [0.0, 3.7e-6, 10e-6, 1.1e-3, 0.0123])
+def test_the_delay_is_exact_to_a_fraction_of_a_sample(delay):
+    """Of a sine of 40 Hz, known every 2 us: linear in between errs by (w dt)^2 / 8."""
+    sensor = chain(delay=delay)
+    w = 2 * math.pi * 40
+    fed(sensor, lambda t: np.sin(w * t), 0.1, step=2e-6)
+    time = np.arange(5000) / RATE
+    expected = np.where(time > delay, np.sin(w * (time - delay)), 0)
+    np.testing.assert_allclose(sensor.volts(0, 5000), expected, atol=1e-7)
+
+
+@pytest.mark.parametrize("corner", [0.1, 0.5, 5.0])
+def test_ac_coupling_of_a_step_is_an_exponential(corner):
+    """Half a sample before the first, on average, the step was."""
+    sensor = fed(chain(high_pass=corner), np.ones_like, 0.5)
+    volts = sensor.volts(0, 25_600)
+    time = (np.arange(25_600) - 0.5) / RATE
+    np.testing.assert_allclose(volts[1:], np.exp(-2 * math.pi * corner * time[1:]), rtol=1e-6)
+
+
+def test_a_force_that_was_there_before_is_no_step():
+    """AC coupling has forgotten it; the low-pass and the direct way show it."""
+    coupled = fed(chain(rest=0.4, high_pass=0.1, low_pass=5000.0), lambda t: 0.4 + 0 * t, 0.01)
+    np.testing.assert_allclose(coupled.volts(0, 500), 0, atol=1e-12)
+    direct = fed(chain(rest=0.4, low_pass=5000.0), lambda t: 0.4 + 0 * t, 0.01)
+    np.testing.assert_allclose(direct.volts(0, 500), 0.4, rtol=1e-12)
+
+
+@pytest.mark.parametrize("corner", [500.0, 5000.0, 20_000.0])
+def test_low_pass_is_3_db_at_its_corner(corner):
+    """And first order: 1 / sqrt(1 + tan^2 / tan^2) of the half angles, below and above."""
+    n = 51_200
+    for factor in (0.1, 1.0, 1.2):
+        frequency = round(corner * factor)
+        sensor = fed(chain(low_pass=corner), lambda t, f=frequency: np.sin(2 * np.pi * f * t), 1.0)
+        volts = sensor.volts(0, n)[n // 2 :]
+        gain = np.sqrt(2 * np.mean(volts**2))
+        ratio = math.tan(math.pi * frequency / RATE) / math.tan(math.pi * corner / RATE)
+        assert gain == pytest.approx(1 / math.sqrt(1 + ratio**2), rel=1e-4)
+        if factor == 1:
+            assert 20 * math.log10(gain) == pytest.approx(-3.0103, abs=1e-3)
+
+
+def test_a_low_pass_above_the_samples_own_band_does_nothing():
+    sensor = fed(chain(low_pass=22_000.0, rate=20_000.0), lambda t: np.sin(300 * t), 0.1)
+    np.testing.assert_allclose(
+        sensor.volts(0, 2000), np.sin(300 * np.arange(2000) / 20_000), atol=1e-9
+    )
+
+
+@pytest.mark.parametrize(("channel", "rms"), [(VELOCITY, 0.05e-3), (FORCE, 5e-3)])
+def test_noise_has_its_rms_and_is_white(channel, rms):
+    sensors = SILENT.model_copy(update={"velocity_noise": 0.05e-3, "force_noise": 5e-3})
+    n = 100_000
+    values = fed(chain(channel, sensors), np.zeros_like, 2).volts(0, n) * channel.scale
+    assert values.std() == pytest.approx(rms, rel=0.01)
+    assert values.mean() == pytest.approx(0, abs=4 * rms / math.sqrt(n))
+    next_to = np.mean(values[1:] * values[:-1]) / rms**2
+    assert next_to == pytest.approx(0, abs=4 / math.sqrt(n))
+
+
+def test_hum_is_one_line_on_the_force_alone():
+    sensors = SILENT.model_copy(update={"hum": 1e-3, "hum_frequency": 60.0})
+    n = 51_200
+    volts = fed(chain(FORCE, sensors), np.zeros_like, 1).volts(0, n)
+    spectrum = np.abs(np.fft.rfft(volts)) / n * 2
+    assert np.argmax(spectrum) == 60
+    assert spectrum[60] == pytest.approx(1e-3, rel=1e-3)
+    assert np.abs(fed(chain(VELOCITY, sensors), np.zeros_like, 1).volts(0, n)).max() == 0
+
+
+def test_the_range_clips():
+    sensor = fed(chain(VELOCITY, SILENT), lambda t: 0.3 * np.sin(300 * t), 0.1)
+    volts = sensor.volts(0, 5000)
+    assert volts.max() == pytest.approx(4, abs=2e-6)
+    assert volts.min() == pytest.approx(-4, abs=2e-6)
+    assert np.mean(np.abs(volts) > 3.999) > 0.5
+
+
+def test_the_converter_stays_within_its_codes():
+    """24 bits over +-10 V: no code above +10 V less one step."""
+    step = 20 / 2**24
+    sensor = fed(chain(FORCE, SILENT, range=50.0), lambda t: 1000 * np.sin(300 * t), 0.1)
+    volts = sensor.volts(0, 5000)
+    assert volts.max() == ADC_RANGE - step
+    assert volts.min() == -ADC_RANGE
+
+
+def test_the_converter_rounds_to_its_step():
+    step = 20 / 2**24
+    sensor = fed(chain(FORCE, SILENT), lambda t: 0.37 * t, 0.1)
+    volts = sensor.volts(0, 5000)
+    codes = volts / step
+    np.testing.assert_array_equal(codes, np.rint(codes))
+    error = volts - 0.37 * np.arange(5000) / RATE
+    assert np.abs(error).max() <= step / 2 * (1 + 1e-6)
+    assert error.std() == pytest.approx(step / math.sqrt(12), rel=0.05)
+
+
+def test_without_sensors_nothing_is_added():
+    sensor = fed(chain(FORCE, None, range=0.1), lambda t: 20 * t, 0.1)
+    np.testing.assert_allclose(
+        sensor.volts(0, 5000), 20 * np.arange(5000) / RATE, rtol=1e-9, atol=1e-15
+    )
+
+
+NOISY = load_scene("paper").sensors
+
+
+def noisy(seed=0):
+    sensor = chain(FORCE, NOISY, seed=seed, delay=10e-6, low_pass=22_000.0, high_pass=0.1)
+    return fed(sensor, lambda t: np.sin(40 * t), 0.1)
+
+
+def test_the_same_seed_gives_the_same_bits():
+    np.testing.assert_array_equal(noisy(3).volts(0, 5000), noisy(3).volts(0, 5000))
+    assert np.any(noisy(3).volts(0, 5000) != noisy(4).volts(0, 5000))
+
+
+@pytest.mark.parametrize("block", [1, 7, 50, 4999])
+def test_blocks_do_not_change_a_bit(block):
+    whole, parts = noisy(), noisy()
+    expected = whole.volts(0, 5000)
+    found = [parts.volts(i, min(block, 5000 - i)) for i in range(0, 5000, block)]
+    np.testing.assert_array_equal(np.concatenate(found), expected)
+
+
+def test_an_empty_block_is_harmless():
+    one, other = noisy(), noisy()
+    assert other.volts(0, 0).shape == (0,)
+    np.testing.assert_array_equal(one.volts(0, 100), other.volts(0, 100))
+
+
+@pytest.mark.parametrize(("channel", "corner"), [(VELOCITY, 0.5), (FORCE, 0.1), (VELOCITY, 1.0)])
+def test_what_the_chain_droops_the_correction_restores(channel, corner):
+    """A press of 500 ms: down, hold, back; to 0.2 % of its height."""
+
+    def course(t):
+        return channel.scale * (np.tanh((t - 0.05) * 100) - np.tanh((t - 0.4) * 80))
+
+    sensor = fed(chain(channel, SILENT, rest=course(0.0), high_pass=corner), course, 0.5)
+    volts = sensor.volts(0, 25_600)
+    time = np.arange(25_600) / RATE
+    expected = course(time)
+    restored = correct(volts, sensor.channel, RATE)
+    assert np.abs(volts * channel.scale - expected).max() > 0.1 * expected.max()
+    np.testing.assert_allclose(restored, expected, atol=2e-3 * expected.max())
