@@ -6,8 +6,10 @@ bends upwards at contact and falls at release. Both are found there as change po
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from analysis.errors import AnalysisError
 from analysis.press import Press
@@ -138,7 +140,7 @@ def find_phases(press: Press) -> Phases:
     )
 
 
-def _at_full_speed(time: Floats, speed: Floats, start: float, end: float):
+def _at_full_speed(time: Floats, speed: Floats, start: float, end: float) -> NDArray[np.bool_]:
     """Return which samples of the later half between two instants [s] are neither start nor end."""
     inside = (time >= (start + end) / 2) & (time < end)
     if inside.sum() < 8:
@@ -161,7 +163,8 @@ def _inertial_force(rig: Rig, velocity: Floats, rate: float) -> Floats:
     from scipy.signal import savgol_filter
 
     window = max(5, int(DERIVATIVE_WINDOW * rate) | 1)
-    spin = savgol_filter(velocity, window, 2, deriv=1, delta=1 / rate) / rig.key.laser_arm
+    slope = np.asarray(savgol_filter(velocity, window, 2, deriv=1, delta=1 / rate))
+    spin = slope / rig.key.laser_arm
     inertia = rig.key.inertia + rig.jack.mass * rig.key.jack_arm**2
     return inertia * spin / rig.key.press_arm
 
@@ -243,6 +246,7 @@ def _contact(
     that is the next guess.
     """
     reach = int(HINGE_WINDOW * rate)
+    contact, std = guess, HINGE_WINDOW
     for _ in range(4):
         middle = int(np.searchsorted(time, guess))
         window = slice(max(begin, middle - reach), min(end, middle + reach))
@@ -313,7 +317,7 @@ def _hinge(time: Floats, signal: Floats, guess: float, rate: float) -> tuple[flo
     grid = np.linspace(low, high, 41)
     best = grid[int(np.argmin([misfit(instant) for instant in grid]))]
     step = grid[1] - grid[0]
-    found = minimize_scalar(
+    found: Any = minimize_scalar(
         misfit, bounds=(best - step, best + step), method="bounded", options={"xatol": 1e-7}
     )
     instant = float(found.x)

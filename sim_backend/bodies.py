@@ -8,6 +8,13 @@ import math
 from collections.abc import Sequence
 
 import pymunk
+from pymunk.constraints import (
+    Constraint,
+    GrooveJoint,
+    PivotJoint,
+    RotaryLimitJoint,
+    SimpleMotor,
+)
 
 from rig.schema import GRAVITY, Arm, Jack, Key
 
@@ -19,6 +26,8 @@ SLOP = 1e-3
 """mm, overlap of touching surfaces that the engine leaves alone; they start at half of it."""
 FOOT = 0.1
 """mm, radius of the jack's foot."""
+RAIL = 1e-5
+"""rad/ms, speed at which the back rail lifts a key that sank into it; more would be a bounce."""
 
 _KEY, _FINGER, _JACK = 0b001, 0b010, 0b100
 
@@ -44,11 +53,12 @@ def add_key(space: pymunk.Space, key: Key, *, friction: bool) -> pymunk.Body:
     arm, under = key.jack_arm * MM, key.jack_surface_height * MM - FOOT
     back = pymunk.Segment(body, (arm - 20, under), (arm + 20, under), 0)
     back.filter = pymunk.ShapeFilter(categories=_KEY, mask=_JACK)
-    pin = pymunk.PivotJoint(space.static_body, body, (0, 0), (0, 0))
-    rail = pymunk.RotaryLimitJoint(space.static_body, body, 0, math.pi / 2)
+    pin = PivotJoint(space.static_body, body, (0, 0), (0, 0))
+    rail = RotaryLimitJoint(space.static_body, body, 0, math.pi / 2)
+    rail.max_bias = RAIL
     space.add(body, front, back, _hard(pin), _hard(rail))
     if friction and key.pivot_coulomb_friction > 0:
-        dry = pymunk.SimpleMotor(space.static_body, body, 0)
+        dry = SimpleMotor(space.static_body, body, 0)
         dry.max_force = key.pivot_coulomb_friction * MM
         space.add(dry)
     return body
@@ -61,10 +71,10 @@ def add_jack(space: pymunk.Space, key: Key, jack: Jack, *, friction: bool) -> py
     body.position = (x, z)
     foot = pymunk.Circle(body, FOOT + SLOP / 2)
     foot.filter = pymunk.ShapeFilter(categories=_JACK, mask=_KEY)
-    register = pymunk.GrooveJoint(space.static_body, body, (x, z - 50), (x, z + 50), (0, 0))
+    register = GrooveJoint(space.static_body, body, (x, z - 50), (x, z + 50), (0, 0))
     space.add(body, foot, _hard(register))
     if friction and jack.register_friction > 0:
-        dry = pymunk.PivotJoint(space.static_body, body, (x, z), (0, 0))
+        dry = PivotJoint(space.static_body, body, (x, z), (0, 0))
         dry.max_bias = 0
         dry.max_force = jack.register_friction
         space.add(dry)
@@ -91,8 +101,8 @@ def add_arm(
     elbow = base + pymunk.Vec2d(l1, 0).rotated(first)
     upper.position = base + pymunk.Vec2d(l1 / 2, 0).rotated(first)
     lower.position = elbow + pymunk.Vec2d(l2 / 2, 0).rotated(total)
-    shoulder = pymunk.PivotJoint(space.static_body, upper, base, (-l1 / 2, 0))
-    hinge = pymunk.PivotJoint(upper, lower, (l1 / 2, 0), (-l2 / 2, 0))
+    shoulder = PivotJoint(space.static_body, upper, base, (-l1 / 2, 0))
+    hinge = PivotJoint(upper, lower, (l1 / 2, 0), (-l2 / 2, 0))
     hinge.collide_bodies = False
     tip = _fingertip(lower, arm, (l2 / 2, 0))
     space.add(upper, lower, tip, _hard(shoulder), _hard(hinge))
@@ -101,17 +111,17 @@ def add_arm(
 
 def add_brakes(
     space: pymunk.Space, upper: pymunk.Body, lower: pymunk.Body
-) -> tuple[pymunk.SimpleMotor, pymunk.SimpleMotor]:
+) -> tuple[SimpleMotor, SimpleMotor]:
     """Add the brakes that hold both joints while the motors are off."""
     brakes = (
-        pymunk.SimpleMotor(space.static_body, upper, 0),
-        pymunk.SimpleMotor(upper, lower, 0),
+        SimpleMotor(space.static_body, upper, 0),
+        SimpleMotor(upper, lower, 0),
     )
     space.add(*brakes)
     return brakes
 
 
-def _hard(joint: pymunk.Constraint) -> pymunk.Constraint:
+def _hard(joint: Constraint) -> Constraint:
     """Let a joint take back all of its drift in one step."""
     joint.error_bias = 0.0
     return joint

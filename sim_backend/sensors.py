@@ -41,7 +41,7 @@ class Signal:
 
         Instants that are no longer needed, save two for a slope, are let go.
         """
-        past = bisect.bisect_left(self._times, times[0]) - 2
+        past = bisect.bisect_left(self._times, times[0]) - 2 if len(times) else 0
         if past > 0:
             del self._times[:past], self._values[:past]
         return np.interp(times, self._times, self._values)

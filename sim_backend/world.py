@@ -102,7 +102,7 @@ class World:
                 f"the simulated bench lost its numbers at {self.time:.6g} s with steps of"
                 f" {self.step * 1e6:.4g} us; lower the scene's step or the stiffness in it"
             )
-        time = start + np.arange(1, steps + 1) * self.step
+        time = start + np.arange(1.0, steps + 1.0) * self.step
         return Motions(time, *table.T)
 
     def _step(self, time: float, index: int) -> tuple[float, float, float, float]:
@@ -154,7 +154,7 @@ class World:
         self._arbiters.clear()
         fields = _ARBITER.BODY_A_ID | _ARBITER.BODY_B_ID | _ARBITER.TOTAL_IMPULSE
         pymunk.batch.get_space_arbiters(self.space, fields, self._arbiters)
-        ids = memoryview(self._arbiters.int_buf()).cast("N")
+        ids = memoryview(self._arbiters.int_buf()).cast("N")  # pyright: ignore
         impulses = memoryview(self._arbiters.float_buf()).cast("d")
         for i in range(0, len(ids), 2):
             impulse = math.hypot(impulses[i], impulses[i + 1])

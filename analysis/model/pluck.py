@@ -101,7 +101,7 @@ def solve_pluck(plectrum: PlectrumMap, stiffness: float, overlap: float) -> Pluc
 
 def _release_force(plectrum: PlectrumMap, stiffness: float, rest: float) -> float:
     """Return the force [N] at which the string has come to the tip."""
-    from scipy.optimize import brentq
+    from scipy.optimize import root_scalar
 
     def beyond(force: float) -> float:
         bend = plectrum.bend(plectrum.length, force)
@@ -114,12 +114,15 @@ def _release_force(plectrum: PlectrumMap, stiffness: float, rest: float) -> floa
             f" at {limit:.4g} N, where the plectrum is bent beyond this level's range;"
             " lower overlap or raise string.tension"
         )
-    return float(brentq(beyond, 0.0, limit, xtol=1e-15 * limit, rtol=1e-14))
+    found = root_scalar(
+        beyond, bracket=(0.0, limit), method="brentq", xtol=1e-15 * limit, rtol=1e-14
+    )
+    return float(found.root)
 
 
 def _position(plectrum: PlectrumMap, stiffness: float, rest: float, force: Floats) -> Floats:
     """Solve X(s, F) = x0 - F sin(theta) / K for s [m] by Newton's method, shape (n,)."""
-    s = np.full_like(force, rest)
+    s, residual = np.full_like(force, rest), np.full_like(force, np.inf)
     for _ in range(50):
         bend = plectrum.bend(s, force)
         residual = bend.x - rest + force * np.sin(bend.theta) / stiffness

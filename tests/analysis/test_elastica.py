@@ -58,7 +58,7 @@ def test_reference_values(elastica, force, z, shift, degrees):
 
 
 def test_section_is_that_of_table_1():
-    assert EI == pytest.approx(2.0045e-5, rel=1e-4)
+    assert pytest.approx(2.0045e-5, rel=1e-4) == EI
     assert 3 * EI / PLECTRUM.length**3 == pytest.approx(660, rel=1e-3)
 
 

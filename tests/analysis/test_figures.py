@@ -54,10 +54,8 @@ def test_all_curves_meet_at_contact(make_press, prediction):
     press = make_press()
     phases = find_phases(press)
     *_, right = comparison_figure([press], [phases], prediction).axes
-    for line, contact_force in zip(
-        right.lines, (0.33, np.interp(prediction.contact, prediction.time, prediction.finger_force)),
-        strict=True,
-    ):  # fmt: skip
+    predicted = np.interp(prediction.contact, prediction.time, prediction.finger_force)
+    for line, contact_force in zip(right.lines, (0.33, predicted), strict=True):
         x, y = line.get_data()
         assert x[0] < 0 < x[-1]
         assert np.interp(0, x, y) == pytest.approx(contact_force, abs=0.02)

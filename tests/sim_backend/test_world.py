@@ -326,10 +326,12 @@ def test_key_and_jack_fall_back_together():
         + jack.mass * GRAVITY * happened.rise
         - key.front_heaviness * happened.angle
     )
-    falls = happened.angle > 0.002
+    falls = np.cumsum(happened.angle < 0.002) == 0
     np.testing.assert_allclose(energy[falls], energy[0], rtol=0.01)
-    assert happened.angle[-1] == pytest.approx(0, abs=1e-6)
-    assert happened.angle.min() > -1e-5
+    # The back rail stops it without a bounce; a step's way is how far it sinks in.
+    assert happened.angle[~falls].max() < 0.002
+    assert happened.angle[time > 0.15] == pytest.approx(0, abs=1e-5)
+    assert happened.angle.min() > -1.5 * abs(happened.spin).max() * 1e-4
 
 
 def test_the_felt_stops_the_finger_at_the_bottom():
@@ -352,7 +354,7 @@ def test_the_felt_stops_the_finger_at_the_bottom():
 
 def test_numbers_that_run_away_are_an_error():
     """A friction far past the step's limit of stability: told, with time and step."""
-    player = Player("ideal", truth={"key.pivot_viscous_friction": "100 N m s/rad"})
+    player = Player("paper", truth={"key.pivot_viscous_friction": "100 N m s/rad"})
     with pytest.raises(
         SceneError, match=r"lost its numbers at .* s with steps of 97\.66 us; lower"
     ):
