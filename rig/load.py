@@ -20,6 +20,7 @@ from rig.faults import (
     unit_of,
     validation_faults,
 )
+from rig.gesture import read_gesture
 from rig.schema import Rig
 from rig.units import format_quantity, parse_quantity, shown
 
@@ -41,7 +42,7 @@ def load_rig(name: str | Path = "paper") -> Rig:
             f"rig file {path}: cannot be read: {error}; give the path of a UTF-8 text file"
         ) from error
     if text is not None:
-        return parse_rig(text, str(path))
+        return parse_rig(text, str(path), path.parent)
     packaged = resources.files("rig").joinpath(f"{name}.toml")
     if not packaged.is_file():
         raise RigError(
@@ -57,9 +58,19 @@ def packaged_rigs() -> list[str]:
     return sorted(file.name[:-5] for file in files if file.name.endswith(".toml"))
 
 
-def parse_rig(text: str, origin: str = "rig") -> Rig:
-    """Build a rig from the text of a TOML file; ``origin`` names it in errors."""
+def parse_rig(text: str, origin: str = "rig", folder: Path | None = None) -> Rig:
+    """Build a rig from the text of a TOML file.
+
+    Args:
+        text: TOML.
+        origin: Name of the rig in errors.
+        folder: Where the files are that it names; None for the working directory.
+
+    Raises:
+        RigError: Lists every fault.
+    """
     values, assumed, sources, faults = _split_origins(read_toml(text, origin, RigError))
+    faults += _read_files(values, folder or Path())
     ranges, range_faults = _ranges(assumed)
     faults = [
         at_line(line_of(text, key), f"{key}: {fault}") for key, fault in faults + range_faults
@@ -137,6 +148,20 @@ def rig_from_json(text: str) -> Rig:
         raise RigError(
             f"{origin}: {type(error).__name__}: {error}; only what rig_json wrote can be read back"
         ) from error
+
+
+def _read_files(values: dict[str, Any], folder: Path) -> list[tuple[str, str]]:
+    """Put the contents of a gesture's file in its place; return what is wrong with it."""
+    press = values.get("press")
+    gesture = press.get("gesture") if isinstance(press, dict) else None
+    if not isinstance(press, dict) or not isinstance(gesture, dict) or set(gesture) != {"file"}:
+        return []
+    try:
+        press["gesture"] = read_gesture(folder / str(gesture["file"]))
+    except RigError as error:
+        del press["gesture"]
+        return [("press.gesture", str(error))]
+    return []
 
 
 def read_toml(text: str, origin: str, error_type: type[Exception]) -> dict[str, Any]:

@@ -9,6 +9,7 @@ the jack, z upwards, and the key's angle is positive when the jack rises.
 
 import math
 from datetime import date
+from itertools import pairwise
 from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
@@ -26,6 +27,11 @@ Time = Annotated[float, Unit("s", "10 ms")]
 Frequency = Annotated[float, Unit("Hz", "22 kHz")]
 Voltage = Annotated[float, Unit("V", "4 V")]
 Moment = Annotated[float, Unit("N*m", "4 mN m")]
+Inertia = Annotated[float, Unit("kg*m**2", "7e-4 kg m^2")]
+
+
+RotorInertia = Annotated[float, Unit("kg*m**2", "1e-6 kg m^2"), Field(ge=0)]
+GearRatio = Annotated[float, Field(gt=0)]
 
 
 class Section(BaseModel):
@@ -51,7 +57,7 @@ class Key(Section):
     """m, of the playing surface above the pin."""
     jack_surface_height: Length = Field(ge=0)
     """m, of the surface under the jack above the pin."""
-    inertia: Annotated[float, Unit("kg*m**2", "7e-4 kg m^2")] = Field(gt=0)
+    inertia: Inertia = Field(gt=0)
     """kg m^2, of the bare key about the pin."""
     front_heaviness: Moment
     """N m, weight moment of the bare key about the pin; positive lowers the front."""
@@ -59,6 +65,8 @@ class Key(Section):
     """N m, dry friction at the pin."""
     pivot_viscous_friction: Annotated[float, Unit("N*m*s/rad", "0.1 mN m s/rad")] = Field(ge=0)
     """N m s/rad, viscous friction at the pin."""
+    neighbour_height: Length
+    """m, of the highest surface of the neighbouring keys above the pin."""
     dip: Length = Field(gt=0)
     """m, travel of the pressing point from rest to the front felt."""
     felt_stiffness: Annotated[float, Unit("N/m", "20 kN/m")] = Field(gt=0)
@@ -126,6 +134,38 @@ class String(Section):
         return self.tension / (2 * self.length * self.frequency) ** 2
 
 
+class Gesture(Section):
+    """A jack's rise over time, as recorded from a player."""
+
+    time: tuple[Time, ...] = Field(min_length=3)
+    """s, from 0 and increasing."""
+    rise: tuple[Length, ...] = Field(min_length=3)
+    """m, from rest at 0."""
+
+    @model_validator(mode="after")
+    def _goes_from_rest(self):
+        faults = []
+        if len(self.time) != len(self.rise):
+            faults.append(
+                f"gesture: {len(self.time)} times and {len(self.rise)} rises; give one for each"
+            )
+        if self.time[0] != 0 or any(b <= a for a, b in pairwise(self.time)):
+            faults.append("gesture: time must start at 0 s and increase; sort or shift it")
+        if abs(self.rise[0]) > 1e-6:
+            faults.append(
+                f"gesture: it starts at a rise of {self.rise[0] * 1e3:.4g} mm and not at 0 mm;"
+                " take the rest off every rise"
+            )
+        if not -1e-6 <= min(self.rise) <= max(self.rise) <= 15e-3:
+            faults.append(
+                f"gesture: rises from {min(self.rise) * 1e3:.4g} to {max(self.rise) * 1e3:.4g} mm"
+                " are not within 0 to 15 mm; check the unit of the file"
+            )
+        if faults:
+            raise ValueError("\n".join(faults))
+        return self
+
+
 class Press(Section):
     """What one press does, said of the jack."""
 
@@ -151,10 +191,17 @@ class Press(Section):
     """s, rest at the end of the press."""
     return_speed: Annotated[float, Unit("m/s", "0.05 m/s")] = Field(ge=1e-4, le=1.0)
     """m/s, largest of the jack on the way back."""
+    settle: Time = Field(ge=0, le=10)
+    """s, rest with the finger on the key before the run-up."""
+    approach_speed: Annotated[float, Unit("m/s", "0.05 m/s")] = Field(ge=1e-4, le=1.0)
+    """m/s, largest of the fingertip between its height above the key and contact."""
+    gesture: Gesture | None = None
+    """A recorded gesture to replay in place of the constant speed; in a file
+    ``gesture = { file = "gesture.csv" }``, with columns time (s) and rise (m)."""
     speed_tolerance: float = Field(strict=True, gt=0, le=0.1)
     """1, largest error of the jack's speed in the cruise that rounding may cause."""
     hover: Length = Field(gt=0)
-    """m, height of the fingertip above the key between sessions."""
+    """m, height of the fingertip above the key before and after the presses."""
 
 
 class Arm(Section):
@@ -187,7 +234,17 @@ class Arm(Section):
     speed_limit: Annotated[float, Unit("rad/s", "6 rad/s")] = Field(gt=0)
     """rad/s, of either joint."""
     acceleration_limit: Annotated[float, Unit("rad/s**2", "200 rad/s^2")] = Field(gt=0)
-    """rad/s^2, of either joint."""
+    """rad/s^2, of either joint; also that of a decelerated stop."""
+    jerk_limit: Annotated[float, Unit("rad/s**3", "1e5 rad/s^3")] = Field(gt=0)
+    """rad/s^3, of either joint."""
+    rotor_inertias: tuple[RotorInertia, RotorInertia] = (0.0, 0.0)
+    """kg m^2, of the two motors' rotors about their own axes."""
+    gear_ratios: tuple[GearRatio, GearRatio] = (1.0, 1.0)
+    """1, turns of each motor a turn of its joint."""
+    mount_x: tuple[Length, Length]
+    """m, least and largest base_x at which the robot can be clamped."""
+    mount_z: tuple[Length, Length]
+    """m, least and largest base_z at which the robot can be clamped."""
     torque_limit: Moment = Field(gt=0)
     """N m, of either joint."""
     approach_speed: Annotated[float, Unit("rad/s", "0.5 rad/s")] = Field(gt=0)
@@ -201,6 +258,12 @@ class Arm(Section):
                     f"lower_limits and upper_limits of joint {joint + 1}: the lower,"
                     f" {math.degrees(low):.6g} deg, is not below the upper,"
                     f" {math.degrees(high):.6g} deg; lower the one or raise the other"
+                )
+        for name, (low, high) in (("mount_x", self.mount_x), ("mount_z", self.mount_z)):
+            if not low < high:
+                raise ValueError(
+                    f"{name}: from {low * 1e3:.4g} to {high * 1e3:.4g} mm there is no room;"
+                    " give the least value first"
                 )
         return self
 

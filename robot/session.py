@@ -101,10 +101,12 @@ def _press(
             controller.wait()
             recording.event("trigger", f"edge on {rig.daq.trigger_source}", 0.0)
             joints = trajectory.joints.position
-            recording.write_plan(trajectory.time, *joints.T, trajectory.rise.position)
+            recording.write_plan(
+                trajectory.time, joints[:, 0], joints[:, 1], trajectory.rise.position
+            )
             capture = controller.capture()
             angles = to_angles(capture.counts, rig.arm.counts_per_revolution)
-            recording.write_joints(capture.times, *angles.T)
+            recording.write_joints(capture.times, angles[:, 0], angles[:, 1])
 
 
 def _free_numbers(out: Path, n: int) -> range:

@@ -38,8 +38,8 @@ def reach_margins(arm: Arm, centre: Floats) -> tuple[Floats, Floats]:
 def fingertip_motion(arm: Arm, joints: Motion) -> Motion:
     """Return the motion [m] of the fingertip's centre from the joints' [rad]; (n, 2)."""
     first, total = joints.position[..., 0], joints.position.sum(-1)
-    upper, upper_turned = _link(arm.upper_length, first)
-    lower, lower_turned = _link(arm.lower_length, total)
+    upper, upper_turned = link_vectors(arm.upper_length, first)
+    lower, lower_turned = link_vectors(arm.lower_length, total)
     speed1, speed2 = joints.velocity[..., :1], joints.velocity.sum(-1, keepdims=True)
     spin1, spin2 = joints.acceleration[..., :1], joints.acceleration.sum(-1, keepdims=True)
     return Motion(
@@ -80,8 +80,8 @@ def joints_holding_point(arm: Arm, centre: Motion, what: str = "the fingertip's 
     sine = elbow_sign(arm) * np.sqrt(product) / (2 * l1 * l2)
     second = np.arctan2(sine, cosine)
     first = np.arctan2(offset[..., 1], offset[..., 0]) - np.arctan2(l2 * sine, l1 + l2 * cosine)
-    _, turned1 = _link(l1, first)
-    lower, turned2 = _link(l2, first + second)
+    _, turned1 = link_vectors(l1, first)
+    lower, turned2 = link_vectors(l2, first + second)
     upper = offset - lower
     determinant = l1 * l2 * sine
     # J = [turned1 + turned2, turned2] maps joint speeds to the fingertip's velocity.
@@ -171,7 +171,7 @@ def _unwound(arm: Arm, first: Floats) -> Floats:
     return path - 2 * np.pi * np.round((path[0] - middle) / (2 * np.pi))
 
 
-def _link(length: float, angle: Floats) -> tuple[Floats, Floats]:
+def link_vectors(length: float, angle: Floats) -> tuple[Floats, Floats]:
     """Return a link's vector and its derivative by the angle, each (n, 2)."""
     cosine, sine = length * np.cos(angle), length * np.sin(angle)
     return np.stack([cosine, sine], -1), np.stack([-sine, cosine], -1)
