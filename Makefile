@@ -11,13 +11,17 @@ $(VENV)/installed: pyproject.toml
 	$(BIN)/python -m pip install --quiet --editable . --group dev
 	touch $@
 
+$(VENV)/peers: $(VENV)/installed
+	$(BIN)/python -m pip install --quiet --group peers && touch $@ \
+	  || echo "no peers: what compares with them is left out"
+
 press: $(VENV)/installed  ## three presses on the stand-in, compared with the model
 	$(BIN)/sautereau press --sim -n 3 --out $(OUT)/press
 
 test: $(VENV)/installed
 	$(BIN)/python -m pytest -q
 
-test-all: $(VENV)/installed
+test-all: $(VENV)/peers
 	$(BIN)/python -m pytest -q -m "slow or not slow"
 
 lint: $(VENV)/installed
@@ -26,7 +30,7 @@ lint: $(VENV)/installed
 	$(BIN)/pyright
 	$(BIN)/lint-imports
 
-bench: $(VENV)/installed
+bench: $(VENV)/peers
 	$(BIN)/python -m benchmarks
 
 clean:

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from analysis.phases import Phases
     from analysis.press import Press
     from rig.schema import Rig
+    from trajectory.expected import Expectation
 
 app = App(
     name="sautereau",
@@ -61,26 +62,33 @@ def plan(rig: str = "paper", *, out: Path | None = None, json: Json = False) -> 
     from trajectory.segments import segments_document
 
     bench = _load_rig(rig)
-    draft = draft_press(bench)
+    expected, doubts = _expected(bench)
+    draft = draft_press(bench, expected)
+    warnings = [*doubts, *draft.warnings]
     failed = [check for check in draft.checks if not check.holds]
     tilt, slide = float(abs(draft.tilt).max()), float(abs(draft.slide).max())
     result = {
-        "cruise_speed": draft.cruise_speed,
-        "cruise_error_max": draft.cruise_error,
+        "cruise_speed": draft.cruise.speed,
+        "cruise_error_max": draft.cruise.error,
+        "cruise_time": [draft.cruise.start, draft.cruise.end],
+        "cruise_rise": list(draft.cruise.rise),
         "tilt_max": tilt,
         "slide_max": slide,
         "duration": float(draft.time[-1]),
         "segments": len(draft.segments),
         "feasible": not failed,
+        "warnings": warnings,
         "checks": [asdict(c) | {"margin": c.margin, "holds": c.holds} for c in draft.checks],
     }
     lines = [
         f"rig {bench.name}: {draft.time[-1] * 1e3:.4g} ms in {len(draft.segments)} segments",
-        f"the jack cruises at {draft.cruise_speed:.6g} m/s from {draft.cruise[0] * 1e3:.4g} to"
-        f" {draft.cruise[1] * 1e3:.4g} ms; rounding makes that wrong by at most"
-        f" {draft.cruise_error:.2g}",
+        f"the jack cruises at {draft.cruise.speed:.6g} m/s from {draft.cruise.start * 1e3:.4g} to"
+        f" {draft.cruise.end * 1e3:.4g} ms and from {draft.cruise.rise[0] * 1e3:.4g} to"
+        f" {draft.cruise.rise[1] * 1e3:.4g} mm; its speed is wrong by at most"
+        f" {draft.cruise.error * 100:.2g} %",
         f"the finger tilts by {math.degrees(tilt):.3g} deg and slides by {slide * 1e3:.3g} mm",
         *(f"  {check}" for check in draft.checks),
+        *(f"warning: {warning}" for warning in warnings),
     ]
     if out and not failed:
         period = bench.controller.sample_period
@@ -134,7 +142,10 @@ def press(
     from trajectory.press import plan_press
 
     nominal = _load_rig(rig)
-    trajectory = plan_press(nominal)
+    expected, doubts = _expected(nominal)
+    trajectory = plan_press(nominal, expected)
+    for warning in (*doubts, *trajectory.warnings):
+        sys.stderr.write(f"warning: {warning}\n")
     pressed: list[Press] = []
     found: list[Phases] = []
     with _signals_stop(), _hardware(nominal, simulation) as (bench, scene, seed), _bar(n) as step:
@@ -393,6 +404,17 @@ def _load_rig(name: str) -> "Rig":
     from rig.load import load_rig
 
     return load_rig(name)
+
+
+def _expected(rig: "Rig") -> "tuple[Expectation | None, list[str]]":
+    """Return what the model expects a press to meet, or why it expects nothing."""
+    from analysis.errors import ModelError
+    from analysis.model.predict import expectation, predict
+
+    try:
+        return expectation(predict(rig)), []
+    except ModelError as error:
+        return None, [f"planned as if the key were empty, for the model says: {error}"]
 
 
 def _load(files: list[Path]) -> "list[tuple[Press, Phases]]":

@@ -5,7 +5,7 @@ import sys
 
 from benchmarks.figures import table, write_page
 
-ALL = ("press",)
+ALL = ("press", "planner")
 
 
 def main() -> None:

@@ -14,6 +14,7 @@ from robot.controller import MotionController
 from robot.errors import RobotError
 from trajectory.counts import to_angles
 from trajectory.press import Trajectory
+from trajectory.segments import Segments
 
 FILE = "press-{:04d}.mcap"
 
@@ -58,14 +59,22 @@ def run_session(
         with controller.powered():
             controller.home()
             controller.move_to(trajectory.hover, speed)
+            _play(controller, trajectory.approach)
             for number in numbers:
-                controller.move_to(trajectory.segments.start, speed)
                 path = out / FILE.format(number)
                 _press(rig, trajectory, controller, path, number, scene, seed, notes)
                 made.append(path)
                 on_press(path)
-            controller.move_to(trajectory.hover, speed)
+            _play(controller, trajectory.retreat)
     return made
+
+
+def _play(controller: MotionController, motion: Segments) -> None:
+    """Make a motion that nothing records; its trigger's edge goes unheard."""
+    controller.load(motion)
+    controller.arm()
+    controller.start()
+    controller.wait()
 
 
 def _press(

@@ -8,10 +8,12 @@ import numpy as np
 import pymunk
 
 from rig.schema import Rig
-from sim_backend.bodies import MM, add_arm, add_brakes, add_ideal_finger
+from sim_backend.bodies import INERTIA, MM, add_arm, add_brakes, add_ideal_finger
+from sim_backend.errors import SceneError
 from sim_backend.scene import Servo
 from sim_backend.servo import PositionLoops
 from trajectory.arm import fingertip_motion
+from trajectory.dynamics import armature
 from trajectory.motion import Floats, Motion
 
 SETTLED = 10
@@ -106,14 +108,29 @@ class IdealFinger:
 
 
 class ServoFinger:
-    """Two links, their motors under the controller's position loops."""
+    """Two links, their motors under the controller's position loops.
+
+    Link 1 turns as joint 1 does, so that it carries its motor's armature. Joint 2's would
+    have to resist the turn of one link against the other, and no body does.
+
+    Raises:
+        SceneError: The motor of joint 2 has a rotor.
+    """
 
     def __init__(self, space: pymunk.Space, rig: Rig, start: tuple[float, float], servo: Servo):
+        first, second = armature(rig.arm)
+        if second > 0:
+            raise SceneError(
+                f"arm.rotor_inertias: joint 2's rotor adds {second:.4g} kg m^2 to its joint, and a"
+                f' servo scene models the rotor of joint 1 alone; set it to "0 kg m^2" in the'
+                ' scene\'s table [truth] or in the rig, or take finger = "ideal"'
+            )
         self.radians = 2 * math.pi / rig.arm.counts_per_revolution
         self.period = rig.controller.sample_period
         self.loops = PositionLoops(servo, rig.arm, self.period)
         self._half = rig.arm.lower_length / 2 * MM
         self.upper, self.lower = add_arm(space, rig.arm, start)
+        self.upper.moment += first * INERTIA
         self.brakes = add_brakes(space, self.upper, self.lower)
         self._start = start
         self._powered = False

@@ -2,8 +2,11 @@
 
 import math
 
-from rig.schema import GRAVITY, Arm
+import numpy as np
+
+from rig.schema import Arm
 from sim_backend.scene import Servo
+from trajectory.dynamics import gravity_torque
 
 
 class PositionLoops:
@@ -51,7 +54,5 @@ class PositionLoops:
 
 def weight_torque(arm: Arm, joints: tuple[float, float]) -> tuple[float, float]:
     """Return the joint torques [N m] that carry the links' weight."""
-    upper = arm.upper_length * math.cos(joints[0])
-    lower = arm.lower_length / 2 * math.cos(joints[0] + joints[1])
-    second = arm.lower_mass * GRAVITY * lower
-    return arm.upper_mass * GRAVITY * upper / 2 + arm.lower_mass * GRAVITY * upper + second, second
+    first, second = gravity_torque(arm, np.array(joints)).tolist()
+    return first, second

@@ -35,6 +35,14 @@ def reach_margins(arm: Arm, centre: Floats) -> tuple[Floats, Floats]:
     return outer - distance, distance - abs(arm.upper_length - arm.lower_length)
 
 
+def fingertip_place(arm: Arm, joints: Floats) -> Floats:
+    """Return the place [m] of the fingertip's centre at joint angles [rad]; (..., 2)."""
+    first, total = joints[..., 0], joints.sum(-1)
+    x = arm.upper_length * np.cos(first) + arm.lower_length * np.cos(total)
+    z = arm.upper_length * np.sin(first) + arm.lower_length * np.sin(total)
+    return np.stack([arm.base_x + x, arm.base_z + z], -1)
+
+
 def fingertip_motion(arm: Arm, joints: Motion) -> Motion:
     """Return the motion [m] of the fingertip's centre from the joints' [rad]; (n, 2)."""
     first, total = joints.position[..., 0], joints.position.sum(-1)

@@ -1,8 +1,9 @@
-"""Rigid-body dynamics of the two-link finger: slender rods, rotors behind gears.
+"""Rigid-body dynamics of the two-link finger: slender rods, and rotors behind gears.
 
-M(q) q'' + c(q, q') + g(q) = torque + J^T(tip force), for joint 2 measured from link 1.
-A rotor adds its inertia times the squared gear ratio to its own joint (the armature); what
-it would add to the other joint is smaller by the gear ratio, and left out.
+M(q) q'' + c(q, q') + g(q) = torque + J^T tip_force, for joint 2 measured from link 1.
+A rotor adds its inertia times the squared gear ratio to its own joint (the armature).
+The second rotor's own turning with link 1 is left out: that is smaller by the gear
+ratio, and so as large as the armature where joint 2 has no gear.
 """
 
 import numpy as np
@@ -12,34 +13,31 @@ from trajectory.arm import link_vectors
 from trajectory.motion import Floats, Motion, dot
 
 
-def mass_matrix(arm: Arm, joints: Floats) -> Floats:
-    """Return M [kg m^2] at joint angles [rad] of shape (n, 2); shape (n, 2, 2)."""
-    coupling = arm.lower_mass * arm.upper_length * arm.lower_length / 2 * np.cos(joints[..., 1])
-    lower = arm.lower_mass * arm.lower_length**2 / 3
-    upper = arm.upper_mass * arm.upper_length**2 / 3 + arm.lower_mass * arm.upper_length**2
-    first, second = armature(arm)
-    matrix = np.empty((*joints.shape[:-1], 2, 2))
-    matrix[..., 0, 0] = upper + lower + 2 * coupling + first
-    matrix[..., 0, 1] = matrix[..., 1, 0] = lower + coupling
-    matrix[..., 1, 1] = lower + second
-    return matrix
-
-
 def armature(arm: Arm) -> tuple[float, float]:
     """Return the inertia [kg m^2] that each rotor has at its joint."""
-    first, second = (
-        inertia * ratio**2
-        for inertia, ratio in zip(arm.rotor_inertias, arm.gear_ratios, strict=True)
-    )
-    return first, second
+    (rotor1, rotor2), (gear1, gear2) = arm.rotor_inertias, arm.gear_ratios
+    return rotor1 * gear1**2, rotor2 * gear2**2
+
+
+def mass_matrix(arm: Arm, joints: Floats) -> Floats:
+    """Return M [kg m^2], shape (n, 2, 2), at joint angles [rad] of shape (n, 2)."""
+    upper = (arm.upper_mass / 3 + arm.lower_mass) * arm.upper_length**2
+    lower = arm.lower_mass * arm.lower_length**2 / 3
+    coupling = _coupling(arm) * np.cos(joints[..., 1])
+    armature1, armature2 = armature(arm)
+    matrix = np.empty((*joints.shape, 2))
+    matrix[..., 0, 0] = upper + lower + 2 * coupling + armature1
+    matrix[..., 0, 1] = matrix[..., 1, 0] = lower + coupling
+    matrix[..., 1, 1] = lower + armature2
+    return matrix
 
 
 def gravity_torque(arm: Arm, joints: Floats) -> Floats:
     """Return the torques [N m] that carry the links' weight; shape (n, 2)."""
+    upper, lower = _weight_moments(arm)
     first, total = joints[..., 0], joints.sum(-1)
-    second = arm.lower_mass * GRAVITY * arm.lower_length / 2 * np.cos(total)
-    carried = (arm.upper_mass / 2 + arm.lower_mass) * GRAVITY * arm.upper_length * np.cos(first)
-    return np.stack([carried + second, second], -1)
+    torque2 = lower * np.cos(total)
+    return np.stack([upper * np.cos(first) + torque2, torque2], -1)
 
 
 def joint_torques(arm: Arm, joints: Motion, tip_force: Floats | None = None) -> Floats:
@@ -50,32 +48,42 @@ def joint_torques(arm: Arm, joints: Motion, tip_force: Floats | None = None) -> 
         joints: rad, arrays of shape (n, 2).
         tip_force: N, of the world on the fingertip's centre, shape (n, 2); None for none.
     """
-    speed = joints.velocity
-    twist = arm.lower_mass * arm.upper_length * arm.lower_length / 2
-    twist = -twist * np.sin(joints.position[..., 1])
-    centrifugal = np.stack(
-        [twist * (2 * speed[..., 0] + speed[..., 1]) * speed[..., 1], -twist * speed[..., 0] ** 2],
-        -1,
-    )
     inertial = np.einsum("...ij,...j", mass_matrix(arm, joints.position), joints.acceleration)
-    torque = inertial + centrifugal + gravity_torque(arm, joints.position)
+    torque = inertial + _centrifugal(arm, joints) + gravity_torque(arm, joints.position)
     if tip_force is not None:
         torque = torque - _tip_torque(arm, joints.position, tip_force)
     return torque
 
 
 def energy(arm: Arm, joints: Motion) -> Floats:
-    """Return kinetic and potential energy [J] together, shape (n,)."""
-    first, total = joints.position[..., 0], joints.position.sum(-1)
+    """Return kinetic and potential energy [J] together, shape (n,); heights from the base."""
     matrix = mass_matrix(arm, joints.position)
     kinetic = np.einsum("...i,...ij,...j", joints.velocity, matrix, joints.velocity) / 2
-    height = (arm.upper_mass / 2 + arm.lower_mass) * arm.upper_length * np.sin(first)
-    height = height + arm.lower_mass * arm.lower_length / 2 * np.sin(total)
-    return kinetic + GRAVITY * height
+    upper, lower = _weight_moments(arm)
+    first, total = joints.position[..., 0], joints.position.sum(-1)
+    return kinetic + upper * np.sin(first) + lower * np.sin(total)
+
+
+def _coupling(arm: Arm) -> float:
+    """Return what joins the links' turning, times the cosine of joint 2 [kg m^2]."""
+    return arm.lower_mass * arm.upper_length * arm.lower_length / 2
+
+
+def _weight_moments(arm: Arm) -> tuple[float, float]:
+    """Return the weight's moments [N m] about joints 1 and 2 of each link, level."""
+    upper = (arm.upper_mass / 2 + arm.lower_mass) * arm.upper_length
+    return GRAVITY * upper, GRAVITY * arm.lower_mass * arm.lower_length / 2
+
+
+def _centrifugal(arm: Arm, joints: Motion) -> Floats:
+    """Return c [N m], centrifugal and Coriolis torques; shape (n, 2)."""
+    speed1, speed2 = joints.velocity[..., 0], joints.velocity[..., 1]
+    twist = _coupling(arm) * np.sin(joints.position[..., 1])
+    return np.stack([-twist * (2 * speed1 + speed2) * speed2, twist * speed1**2], -1)
 
 
 def _tip_torque(arm: Arm, joints: Floats, force: Floats) -> Floats:
-    """Return J^T force [N m], with J the fingertip's Jacobian; shape (n, 2)."""
+    """Return J^T force [N m], with J the Jacobian of the fingertip's centre; shape (n, 2)."""
     _, upper = link_vectors(arm.upper_length, joints[..., 0])
     _, lower = link_vectors(arm.lower_length, joints.sum(-1))
     return np.stack([dot(upper + lower, force), dot(lower, force)], -1)

@@ -1,99 +1,133 @@
-"""From a smooth motion to whole counts and samples, and back to what the controller does."""
+"""From a smooth motion to whole counts and whole samples."""
 
 import numpy as np
 
+from trajectory.errors import TrajectoryError
+from trajectory.jerk import JerkLaw
 from trajectory.motion import Floats, Motion
 from trajectory.segments import Counts, Segments
-from trajectory.timing import JerkLaw
 
 GRAIN = 2
-"""Controller samples that every segment lasts a multiple of, as PVT mode wants it; also
-the distance of knots where the jack's speed changes."""
-STEADY_COUNTS = 1500
+"""Controller samples that every segment lasts a multiple of, as PVT mode wants it."""
+STEADY_COUNTS = 20_000
 """Counts that the slower joint moves between knots at steady speed: a knot is rounded by
-at most half a count, so a segment's mean speed is wrong by at most one in this many."""
+at most half a count, so longer segments keep the speed better, until the cubic no longer
+follows the finger's path: some 100 ms of it at 0.072 m/s are followed to 1e-4."""
 LONGEST_SEGMENT = 1024
 """Controller samples that one segment may last."""
+ROUNDING_SHARE = 0.1
+"""1, of the joints' acceleration limit that rounding to counts may take where it varies."""
 
 
-def choose_knots(law: JerkLaw, joint_speed: Floats, period: float) -> Counts:
-    """Choose the controller samples at which segments meet.
+def sample_times(law: JerkLaw, period: float, limit: int) -> Floats:
+    """Return the times [s] of a law's controller samples, an even number of steps.
 
-    Knots are close where the speed changes, for the cubic to follow, and far apart at
-    steady speed, where rounding to whole counts would change the speed.
-
-    Args:
-        law: The jack's law.
-        joint_speed: Counts a sample of the slower joint, at every controller sample; an
-            even number of samples lies between the first and the last.
-        period: s, one controller sample.
-
-    Returns:
-        Sample numbers from 0 to ``len(joint_speed) - 1``, increasing.
+    Raises:
+        TrajectoryError: The law lasts longer than so many segments can.
     """
-    grains = (len(joint_speed) - 1) // GRAIN
-    chosen = {0, grains}
-    for i, jerk in enumerate(law.jerks):
-        first, end = law.times[i] / period / GRAIN, law.times[i + 1] / period / GRAIN
-        if jerk != 0 or abs(law.states[i, 2]) > 1e-9:
-            chosen |= set(range(int(first), min(grains, int(np.ceil(end))) + 1))
-            continue
-        start, stop = int(np.ceil(first)), min(grains, int(end))
-        if stop <= start:
-            continue
-        counts = np.abs(joint_speed[start * GRAIN : stop * GRAIN + 1]).min()
-        steady = max(1.0, STEADY_COUNTS / max(counts, 1e-9) / GRAIN)
-        span = stop - start
-        pieces = max(np.ceil(span / steady - 0.5), np.ceil(span * GRAIN / LONGEST_SEGMENT))
-        inside = set(range(start + 1, stop))
-        chosen = (chosen - inside) | set(
-            np.linspace(start, stop, int(pieces) + 1).astype(int).tolist()
+    longest = limit * LONGEST_SEGMENT * period
+    if law.duration > longest:
+        raise TrajectoryError(
+            f"press: a motion of {law.duration:.4g} s is longer than the {longest:.4g} s that"
+            f" {limit} segments of {LONGEST_SEGMENT} samples last (controller.segment_limit);"
+            " raise press.return_speed and return_acceleration, or lower press.bottom_hold"
         )
-    return GRAIN * np.array(sorted(chosen), dtype=np.int64)
+    grains = int(np.ceil(law.duration / period / GRAIN - 1e-9))
+    return np.arange(grains * GRAIN + 1, dtype=np.float64) * period
 
 
-def quantise(joints: Motion, knots: Counts, counts_per_radian: float) -> Segments:
-    """Round a motion at its knots to whole counts, counts a second and samples.
+def quantise(
+    law: JerkLaw,
+    joints: Motion,
+    counts_per_radian: float,
+    period: float,
+    acceleration_limit: float,
+    segment_limit: int,
+) -> Segments:
+    """Round a motion to whole counts, counts a second and samples.
 
-    Positions are rounded, not steps, so that rounding never adds up.
+    Positions are rounded, not steps, so that rounding never adds up. Knots lie further
+    apart where that is needed to fit into the controller's FIFO.
 
     Args:
-        joints: Joint motion at every controller sample [rad], arrays (n, 2).
-        knots: Sample numbers at which segments meet.
+        law: What the joints follow.
+        joints: Their motion at every controller sample [rad], arrays (n, 2).
         counts_per_radian: Encoder counts.
+        period: s, one controller sample.
+        acceleration_limit: rad/s^2, of the joints.
+        segment_limit: Segments that the FIFO holds, the one that ends it included.
     """
-    positions = np.rint(joints.position[knots] * counts_per_radian).astype(np.int64)
+    exact = joints.position * counts_per_radian
+    whole = np.rint(exact)
+    # A cubic that misses both its ends by half a count is accelerated by 6 counts / T^2.
+    coarse = 6 / counts_per_radian / (ROUNDING_SHARE * acceleration_limit)
+    grains = max(1, int(np.ceil(np.sqrt(coarse) / period / GRAIN)))
+    speed = np.abs(joints.velocity).min(axis=1) * counts_per_radian * period
+    missed = np.abs(exact - whole).max(axis=1)
+    while True:
+        knots = _knots(law, speed, missed, period, grains)
+        if len(knots) <= segment_limit or grains * GRAIN >= LONGEST_SEGMENT:
+            break
+        grains += 1
+    positions = whole[knots].astype(np.int64)
     velocities = np.rint(joints.velocity[knots] * counts_per_radian).astype(np.int64)
     return Segments(positions[0], np.diff(positions, axis=0), velocities[1:], np.diff(knots))
 
 
-def controller_motion(
-    segments: Segments, per_sample: int, counts_per_radian: float, period: float
-) -> tuple[Floats, Motion]:
-    """Recompute the motion that a controller makes of the segments, by its own cubic.
+def _knots(law: JerkLaw, speed: Floats, missed: Floats, period: float, grains: int) -> Counts:
+    """Choose the controller samples at which segments meet.
+
+    Knots are close where the speed changes, for the cubic to follow, and far apart at
+    steady speed, where rounding would change it; there they go where it happens to be small.
 
     Args:
-        segments: What is sent.
-        per_sample: Points evaluated in each controller sample.
-        counts_per_radian: Encoder counts.
+        law: What the joints follow.
+        speed: Counts a sample of the slower joint, at every controller sample.
+        missed: Counts by which rounding moves the joints, at every controller sample.
         period: s, one controller sample.
-
-    Returns:
-        Times [s], shape (n,), and the joints' motion [rad], arrays (n, 2).
+        grains: Between knots where the speed changes.
     """
-    ends = np.concatenate([[0], np.cumsum(segments.samples)])
-    ticks = np.arange(segments.total_samples * per_sample + 1) / per_sample
-    index = np.clip(np.searchsorted(ends, ticks, side="right") - 1, 0, len(segments) - 1)
-    position = segments.start + np.vstack([[0, 0], np.cumsum(segments.steps, axis=0)])
-    velocity = np.vstack([[0, 0], segments.velocities])
-    span = (segments.samples[index] * period)[:, None]
-    u = ((ticks - ends[index]) / segments.samples[index])[:, None]
-    step, v0, v1 = segments.steps[index], velocity[index] * span, velocity[index + 1] * span
-    # Cubic Hermite on u in [0, 1]: p = p0 + v0 u + c2 u^2 + c3 u^3.
-    c2, c3 = 3 * step - 2 * v0 - v1, v0 + v1 - 2 * step
-    motion = Motion(
-        (position[index] + ((c3 * u + c2) * u + v0) * u) / counts_per_radian,
-        ((3 * c3 * u + 2 * c2) * u + v0) / span / counts_per_radian,
-        (6 * c3 * u + 2 * c2) / span**2 / counts_per_radian,
-    )
-    return ticks * period, motion
+    last = (len(speed) - 1) // GRAIN
+    chosen = {0, last}
+    for first, end, steady in _stretches(law):
+        start, stop = first / period / GRAIN, end / period / GRAIN
+        if not steady:
+            low, high = int(start), min(last, int(np.ceil(stop - 1e-9)))
+            pieces = int(np.ceil((high - low) / grains))
+            chosen |= set(np.linspace(low, high, pieces + 1).astype(int).tolist())
+            continue
+        low, high = int(np.ceil(start - 1e-9)), min(last, int(stop + 1e-9))
+        if high > low:
+            chosen -= set(range(low + 1, high))
+            chosen |= _steady_knots(low, high, speed, missed)
+    return GRAIN * np.array(sorted(chosen), dtype=np.int64)
+
+
+def _stretches(law: JerkLaw) -> list[tuple[float, float, bool]]:
+    """Return start and end [s] of stretches of varying and of steady speed."""
+    found: list[tuple[float, float, bool]] = []
+    for i, jerk in enumerate(law.jerks):
+        if law.times[i + 1] == law.times[i]:
+            continue
+        steady = bool(jerk == 0 and abs(law.states[i, 2]) < 1e-9)
+        if found and not steady and not found[-1][2]:
+            found[-1] = (found[-1][0], law.times[i + 1], False)
+        else:
+            found.append((law.times[i], law.times[i + 1], steady))
+    return found
+
+
+def _steady_knots(low: int, high: int, speed: Floats, missed: Floats) -> set[int]:
+    """Choose the knots, in grains, of a stretch of steady speed."""
+    counts = speed[low * GRAIN : high * GRAIN + 1].min()
+    wanted = max(1.0, STEADY_COUNTS / max(counts, 1e-9) / GRAIN)
+    span = high - low
+    # Knots move by a quarter of a piece at most, so a piece grows by half.
+    least = np.ceil(1.5 * span * GRAIN / LONGEST_SEGMENT)
+    pieces = int(max(np.ceil(span / wanted - 0.5), least))
+    reach = span // pieces // 4
+    knots = {low, high}
+    for even in np.linspace(low, high, pieces + 1).astype(int)[1:-1].tolist():
+        near = np.arange(even - reach, even + reach + 1)
+        knots.add(int(near[np.argmin(missed[near * GRAIN])]))
+    return knots

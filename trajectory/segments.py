@@ -39,6 +39,11 @@ class Segments:
         """Counts, absolute joint positions after the last segment; shape (2,)."""
         return self.start + self.steps.sum(axis=0)
 
+    def reversed(self) -> "Segments":
+        """The same way back, from `end` to `start` and as fast."""
+        ends = np.concatenate([[[0, 0]], self.velocities])
+        return Segments(self.end, -self.steps[::-1], -ends[-2::-1], self.samples[::-1])
+
 
 def segments_document(
     segments: Segments, sample_period: float, home: Counts, hover: Counts

@@ -1,51 +1,21 @@
-"""The jack's law of motion: jerk-limited run-up and run-down around an exact cruise."""
+"""The jack's law of motion in a press: a constant speed, or a recorded gesture."""
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
 
-from rig.schema import Press
+from rig.schema import Gesture, Press
 from trajectory.errors import TrajectoryError
-from trajectory.motion import Floats, Motion
-
-Phase = tuple[float, float]
-"""Duration [s] and constant jerk [m/s^3]."""
-
-
-@dataclass(frozen=True)
-class JerkLaw:
-    """A motion from rest made of phases of constant jerk; build it with `jerk_law`."""
-
-    times: Floats
-    """s, start of each phase and end of the last; shape (n + 1,)."""
-    states: Floats
-    """Rise [m], speed [m/s], acceleration [m/s^2] at those times; shape (n + 1, 3)."""
-    jerks: Floats
-    """m/s^3, of each phase; shape (n,)."""
-
-    @property
-    def duration(self) -> float:
-        """Length of the motion [s]."""
-        return float(self.times[-1])
-
-    def at(self, time: Floats) -> Motion:
-        """Return rise [m], speed and acceleration at times [s]; outside, the jack rests."""
-        inside = np.clip(time, 0.0, self.times[-1])
-        index = np.searchsorted(self.times, inside, side="right") - 1
-        index = np.clip(index, 0, len(self.jerks) - 1)
-        return Motion(
-            *_advance(self.states[index].T, self.jerks[index], inside - self.times[index])
-        )
-
-
-def jerk_law(phases: list[Phase]) -> JerkLaw:
-    """Chain phases of constant jerk from rest at zero."""
-    times, states = [0.0], [(0.0, 0.0, 0.0)]
-    for duration, jerk in phases:
-        states.append(_advance(states[-1], jerk, duration))
-        times.append(times[-1] + duration)
-    return JerkLaw(np.array(times), np.array(states), np.array([jerk for _, jerk in phases]))
+from trajectory.jerk import (
+    JerkLaw,
+    chained,
+    falling,
+    jerk_law,
+    length,
+    ramp,
+    rest_to_rest,
+    reversed_law,
+)
 
 
 @dataclass(frozen=True)
@@ -53,28 +23,38 @@ class PressLaw:
     """The law of a whole press, and when its parts begin; times in s from the start."""
 
     law: JerkLaw
+    start: float
+    """End of the rest on the key."""
     cruise_start: float
+    """Of a gesture, its start."""
     cruise_end: float
+    """Of a gesture, its end."""
     bottom: float
     """End of the press: the jack stands at its full rise."""
     return_start: float
+    steady: bool = True
+    """Whether the cruise is one of constant speed, and not a gesture."""
 
     @property
     def extrapolated_start(self) -> float:
         """s, when a jack always at cruise speed would have left its rest."""
-        return self.cruise_start / 2
+        return (self.start + self.cruise_start) / 2
 
 
 def press_law(press: Press) -> PressLaw:
-    """Return the jack's law: run-up, exact cruise, run-down, hold, return to rest.
+    """Return the jack's law: rest, run-up, exact cruise, run-down, hold, return to rest.
+
+    A gesture takes the place of everything between the two rests.
 
     Raises:
         TrajectoryError: Run-up and run-down leave no room for a cruise.
     """
+    if press.gesture is not None:
+        return _gesture_law(press, press.gesture)
     speed, rise = press.jack_speed, press.jack_rise
-    up = _ramp(speed, press.run_up_acceleration, press.run_up_jerk)
-    down = _ramp(speed, press.run_down_acceleration, press.run_down_jerk)
-    run_up, run_down = _length(up), _length(down)
+    up = ramp(speed, press.run_up_acceleration, press.run_up_jerk)
+    down = ramp(speed, press.run_down_acceleration, press.run_down_jerk)
+    run_up, run_down = length(up), length(down)
     cruise = rise / speed - (run_up + run_down) / 2
     if cruise <= 0:
         raise TrajectoryError(
@@ -84,49 +64,51 @@ def press_law(press: Press) -> PressLaw:
             " which leaves no cruise; lower jack_speed, or raise run_up_acceleration,"
             " run_up_jerk, run_down_acceleration or run_down_jerk"
         )
-    back = _ramp(*_return_limits(press))
-    cruise_back = rise / _return_limits(press)[0] - _length(back)
-    phases = [*up, (cruise, 0.0), *_falling(down), (press.bottom_hold, 0.0)]
-    phases += [*_falling(back), (max(cruise_back, 0.0), 0.0), *back]
-    law = jerk_law(phases)
-    bottom = run_up + cruise + run_down
-    return PressLaw(law, run_up, run_up + cruise, bottom, bottom + press.bottom_hold)
-
-
-def _return_limits(press: Press) -> tuple[float, float, float]:
-    """Return the speed that the way back reaches, with its acceleration and jerk.
-
-    A stroke of two equal ramps without cruise reaches the speed v of v T(v) = rise.
-    """
-    a, jerk, rise = press.return_acceleration, press.run_down_jerk, press.jack_rise
-    reached = (rise**2 * jerk / 4) ** (1 / 3)
-    if reached > a**2 / jerk:
-        reached = (math.sqrt((a**2 / jerk) ** 2 + 4 * a * rise) - a**2 / jerk) / 2
-    return min(press.return_speed, reached), a, jerk
-
-
-def _ramp(speed: float, acceleration: float, jerk: float) -> list[Phase]:
-    """Return the phases of the quickest jerk-limited change of speed from rest."""
-    if speed > acceleration**2 / jerk:
-        edge = acceleration / jerk
-        return [(edge, jerk), (speed / acceleration - edge, 0.0), (edge, -jerk)]
-    edge = math.sqrt(speed / jerk)
-    return [(edge, jerk), (edge, -jerk)]
-
-
-def _falling(phases: list[Phase]) -> list[Phase]:
-    return [(duration, -jerk) for duration, jerk in phases]
-
-
-def _length(phases: list[Phase]) -> float:
-    return sum(duration for duration, _ in phases)
-
-
-def _advance(state, jerk, t):
-    """Return rise, speed and acceleration after a time t [s] at constant jerk."""
-    x, v, a = state
-    return (
-        x + v * t + a * t**2 / 2 + jerk * t**3 / 6,
-        v + a * t + jerk * t**2 / 2,
-        a + jerk * t,
+    stroke = jerk_law([(press.settle, 0.0), *up, (cruise, 0.0), *falling(down)])
+    return PressLaw(
+        law=chained([stroke, _rest(press.bottom_hold), _return(press, rise)]),
+        start=press.settle,
+        cruise_start=press.settle + run_up,
+        cruise_end=press.settle + run_up + cruise,
+        bottom=stroke.duration,
+        return_start=stroke.duration + press.bottom_hold,
     )
+
+
+def approach_law(press: Press) -> JerkLaw:
+    """Return the fingertip's way down [m], from its height above the key to contact."""
+    limits = press.approach_speed, press.return_acceleration, press.run_down_jerk
+    return jerk_law(rest_to_rest(press.hover, *limits))
+
+
+def _gesture_law(press: Press, gesture: Gesture) -> PressLaw:
+    """Replay samples of a player's gesture: the cubic spline through them, at rest at its ends."""
+    from scipy.interpolate import CubicSpline
+
+    spline = CubicSpline(gesture.time, gesture.rise, bc_type="clamped")
+    times = spline.x - spline.x[0]
+    states = np.stack([spline(spline.x, order) for order in range(3)], -1)
+    played = JerkLaw(times, states - np.array([states[0, 0], 0.0, 0.0]), 6 * spline.c[0])
+    end = float(played.states[-1, 0])
+    parts = [_rest(press.settle), played, _rest(press.bottom_hold)]
+    if end > 0:
+        parts.append(_return(press, end))
+    bottom = press.settle + played.duration
+    return PressLaw(
+        law=chained(parts),
+        start=press.settle,
+        cruise_start=press.settle,
+        cruise_end=bottom,
+        bottom=bottom,
+        return_start=bottom + press.bottom_hold,
+        steady=False,
+    )
+
+
+def _rest(duration: float) -> JerkLaw:
+    return jerk_law([(duration, 0.0)])
+
+
+def _return(press: Press, rise: float) -> JerkLaw:
+    limits = press.return_speed, press.return_acceleration, press.run_down_jerk
+    return reversed_law(jerk_law(rest_to_rest(rise, *limits)))

@@ -11,6 +11,7 @@ from analysis.model.plectrum.elastica import Elastica
 from analysis.model.pluck import Pluck, solve_pluck
 from analysis.model.string import release_speed
 from rig.schema import Rig
+from trajectory.expected import Expectation
 from trajectory.key import key_motion
 from trajectory.motion import Motion
 
@@ -57,6 +58,17 @@ class Prediction:
     def finger_force_peak(self) -> float:
         """Largest force of the finger [N]."""
         return float(self.finger_force.max())
+
+
+def expectation(prediction: Prediction) -> Expectation:
+    """Return what a planner needs to know of a predicted press."""
+    held = np.flatnonzero(prediction.string_force > 0)
+    return Expectation(
+        rise=prediction.rise,
+        force=prediction.finger_force,
+        contact=float(prediction.rise[held[0] - 1]),
+        release=float(prediction.rise[held[-1]]),
+    )
 
 
 def plectrum_map(rig: Rig, level: str) -> PlectrumMap:

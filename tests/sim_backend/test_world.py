@@ -467,4 +467,4 @@ def test_the_jacks_motion_is_the_keys_in_closed_form(ideal):
     cruise = in_cruise(happened.time)
     np.testing.assert_allclose(happened.rise[cruise], jack.position[cruise], atol=1e-7)
     slope = np.polyfit(happened.time[cruise], happened.rise[cruise], 1)[0]
-    assert slope == pytest.approx(PLAN.cruise_speed, rel=1e-3)
+    assert slope == pytest.approx(PLAN.cruise.speed, rel=1e-3)

@@ -46,7 +46,7 @@ def test_the_papers_press_can_be_made(bench, hold):
 def test_the_same_rig_gives_the_same_plan(paper):
     one, two = plan_press(paper), plan_press(paper)
     assert (one.segments.steps == two.segments.steps).all()
-    assert one.cruise_error == two.cruise_error
+    assert one.cruise.error == two.cruise.error
 
 
 def test_the_finger_hovers_above_the_pressing_point(paper):

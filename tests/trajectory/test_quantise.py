@@ -6,8 +6,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.interpolate import CubicHermiteSpline
 
+from trajectory.cubic import controller_motion
 from trajectory.press import draft_press, plan_press
-from trajectory.quantise import GRAIN, LONGEST_SEGMENT, controller_motion
+from trajectory.quantise import GRAIN, LONGEST_SEGMENT
 from trajectory.segments import Segments, segments_document
 
 
@@ -25,7 +26,7 @@ def spline(segments, period):
 def cruise_error(rig, planned):
     """Brute force at 100 kHz: the jack's speed by differences of a bisected key angle."""
     arm, key = rig.arm, rig.key
-    start, end = planned.cruise
+    start, end = planned.cruise.start, planned.cruise.end
     t = np.linspace(start, end, int((end - start) * 1e5) + 1)
     first, second = spline(planned.segments, rig.controller.sample_period)(t).T / per_radian(rig)
     x = arm.base_x + arm.upper_length * np.cos(first) + arm.lower_length * np.cos(first + second)
@@ -105,29 +106,29 @@ def test_any_segments_are_played_as_the_cubic_spline(rows):
 
 def test_the_papers_cruise_error_is_true_and_below_a_thousandth(planned):
     rig, plan = planned
-    assert plan.cruise_error <= 1e-3
-    assert plan.cruise_error == pytest.approx(cruise_error(rig, plan), rel=0.02, abs=2e-6)
-    assert plan.cruise_speed == pytest.approx(rig.press.jack_speed, rel=1e-4)
+    assert plan.cruise.error <= 1e-3
+    assert plan.cruise.error == pytest.approx(cruise_error(rig, plan), rel=0.02, abs=2e-6)
+    assert plan.cruise.speed == pytest.approx(rig.press.jack_speed, rel=1e-4)
 
 
 @pytest.mark.parametrize("counts", [8192, 65_536, 500_000, 2**24])
 def test_other_encoders_are_reported_truthfully(bench, counts):
     rig = bench(arm__counts_per_revolution=counts)
     draft = draft_press(rig)
-    assert draft.cruise_error == pytest.approx(cruise_error(rig, draft), rel=0.02, abs=2e-6)
-    assert abs(draft.cruise_speed / rig.press.jack_speed - 1) <= draft.cruise_error
+    assert draft.cruise.error == pytest.approx(cruise_error(rig, draft), rel=0.02, abs=2e-6)
+    assert abs(draft.cruise.speed / rig.press.jack_speed - 1) <= draft.cruise.error
 
 
 def test_a_coarse_encoder_is_worse_than_a_fine_one(bench):
     errors = [
-        draft_press(bench(arm__counts_per_revolution=n)).cruise_error for n in (256, 8192, 2**24)
+        draft_press(bench(arm__counts_per_revolution=n)).cruise.error for n in (256, 8192, 2**24)
     ]
     assert errors[0] > 0.02 > errors[1] > 3e-3 > errors[2]
 
 
 def test_the_cruise_is_a_window_of_whole_segments(planned):
     rig, plan = planned
-    start, end = plan.cruise
+    start, end = plan.cruise.start, plan.cruise.end
     assert plan.law.cruise_start <= start < end <= plan.law.cruise_end
     knots = np.cumsum(plan.segments.samples) * rig.controller.sample_period
     for edge in (start, end):

@@ -1,0 +1,155 @@
+"""The planner: one press planned, and its parts beside roboticstoolbox and ruckig."""
+
+import importlib
+import math
+import statistics
+import time
+from collections.abc import Callable
+from types import ModuleType
+
+import numpy as np
+
+from benchmarks.figures import Figure
+from rig.load import load_rig
+from rig.schema import Rig
+from trajectory.arm import base, fingertip_motion, joints_holding_point
+from trajectory.motion import Floats, Motion
+from trajectory.press import plan_press
+from trajectory.timing import press_law
+
+RUNS = 50
+CRUISE_LIMIT = 0.1
+"""%, of the jack's speed in the cruise."""
+REACH_LIMIT = 1e-9
+"""m, of a fingertip's place, ours or a peer's."""
+SAME = 1e-12
+"""m/s and m, and s, within which two time-optimal run-ups are one."""
+
+
+def run() -> list[Figure]:
+    """Return time and error of a plan, of its inverse kinematics and of its run-up."""
+    rig = load_rig()
+    return [*_plan(rig), *_inverse_kinematics(rig), *_run_up(rig)]
+
+
+def _plan(rig: Rig) -> list[Figure]:
+    plan = plan_press(rig)
+    error = plan.cruise.error * 100
+    assert all(check.holds for check in plan.checks)
+    assert error < CRUISE_LIMIT
+    spent = _median_time(lambda: plan_press(rig)) * 1e3
+    return [
+        Figure("a press planned, quantised and checked", spent, "ms", "limit", 5.0),
+        Figure("speed error in its cruise", error, "%", "limit", CRUISE_LIMIT),
+    ]
+
+
+def _inverse_kinematics(rig: Rig) -> list[Figure]:
+    """Solve the whole path; ours gives the joints' speeds and accelerations along with it."""
+    path = plan_press(rig).fingertip
+    ours = joints_holding_point(rig.arm, path).position
+    error = _fingertip_error(rig, ours, path.position)
+    assert error < REACH_LIMIT
+    spent = _median_time(lambda: joints_holding_point(rig.arm, path))
+    their_error = their_spent = math.nan
+    toolbox, name = _peer("roboticstoolbox")
+    if toolbox:
+        theirs, their_spent = _toolbox_joints(toolbox, rig, path.position, ours[0])
+        their_error = _fingertip_error(rig, theirs, path.position)
+        assert their_error < REACH_LIMIT
+        assert np.abs(theirs - ours).max() < 1e-7
+        name = f"{name} ik_GN"
+    what = f"joints of {len(ours)} poses"
+    return [
+        Figure(f"{what}: time", spent * 1e3, "ms", name, their_spent * 1e3),
+        Figure(f"{what}: largest error of the fingertip", error, "m", name, their_error),
+    ]
+
+
+def _toolbox_joints(
+    toolbox: ModuleType, rig: Rig, centre: Floats, start: Floats
+) -> tuple[Floats, float]:
+    """Return a peer's joints [rad], (n, 2), and its time [s], each pose begun at the last one.
+
+    Its plane is x and y; Gauss-Newton is the quickest of its numeric solvers here.
+    """
+    arm = rig.arm
+    lengths = (arm.upper_length, arm.lower_length)
+    robot = toolbox.DHRobot([toolbox.RevoluteDH(a=length) for length in lengths])
+    poses = np.tile(np.eye(4), (len(centre), 1, 1))
+    poses[:, :2, 3] = centre - base(arm)
+    joints, last = [], start
+    begun = time.perf_counter()
+    for pose in poses:
+        last, found, *_ = robot.ik_GN(pose, q0=last, mask=[1, 1, 0, 0, 0, 0], tol=1e-20)
+        assert found
+        joints.append(last)
+    return np.array(joints), time.perf_counter() - begun
+
+
+def _fingertip_error(rig: Rig, joints: Floats, centre: Floats) -> float:
+    """Return the largest distance [m] of fingertips, by forward kinematics, from a path."""
+    still = np.zeros_like(joints)
+    reached = fingertip_motion(rig.arm, Motion(joints, still, still)).position
+    return float(np.hypot(*(reached - centre).T).max())
+
+
+def _run_up(rig: Rig) -> list[Figure]:
+    """Compare with the time-optimal change of speed under the same limits."""
+    press = rig.press
+    law = press_law(press)
+    spent = _median_time(lambda: press_law(press)) * 1e6
+    duration = their_duration = their_spent = speed = place = math.nan
+    duration = law.cruise_start
+    ruckig, name = _peer("ruckig")
+    if ruckig:
+        solve = _ruckig_run_up(ruckig, rig)
+        theirs = solve()
+        their_spent, their_duration = _median_time(solve) * 1e6, theirs.duration
+        instants = np.linspace(0, duration, 101)
+        ours = law.law.at(instants)
+        states = np.array([theirs.at_time(t) for t in instants])[:, :, 0]
+        place = float(np.abs(ours.position - states[:, 0]).max())
+        speed = float(np.abs(ours.velocity - states[:, 1]).max())
+        assert max(place, speed, abs(duration - their_duration)) < SAME
+    return [
+        Figure("run-up to the cruise", duration * 1e3, "ms", name, their_duration * 1e3),
+        Figure(f"largest difference in speed from {name}", speed, "m/s", "limit", SAME),
+        Figure(f"largest difference in place from {name}", place, "m", "limit", SAME),
+        Figure("law of the whole press: time", spent, "us", f"{name}, run-up alone", their_spent),
+    ]
+
+
+def _ruckig_run_up(ruckig: ModuleType, rig: Rig) -> Callable:
+    press = rig.press
+    solver, wanted = ruckig.Ruckig(1), ruckig.InputParameter(1)
+    wanted.control_interface = ruckig.ControlInterface.Velocity
+    wanted.current_position = wanted.current_velocity = wanted.current_acceleration = [0.0]
+    wanted.target_velocity, wanted.target_acceleration = [press.jack_speed], [0.0]
+    wanted.max_acceleration, wanted.max_jerk = [press.run_up_acceleration], [press.run_up_jerk]
+
+    def solve():
+        trajectory = ruckig.Trajectory(1)
+        assert solver.calculate(wanted, trajectory) == ruckig.Result.Working
+        return trajectory
+
+    return solve
+
+
+def _peer(name: str) -> tuple[ModuleType | None, str]:
+    """Return a peer, if it is there, and how its rows are to call it."""
+    try:
+        return importlib.import_module(name), name
+    except ImportError:
+        return None, f"{name} (not installed)"
+
+
+def _median_time(work: Callable) -> float:
+    """Return the median time [s] of several runs, after one that warms up."""
+    work()
+    times = []
+    for _ in range(RUNS):
+        begun = time.perf_counter()
+        work()
+        times.append(time.perf_counter() - begun)
+    return statistics.median(times)

@@ -1,0 +1,113 @@
+"""What the controller makes of segments: cubics, evaluated, and their exact extremes."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from trajectory.motion import Floats, Motion
+from trajectory.segments import Segments
+
+
+class Cubics(NamedTuple):
+    """p(u) = p0 + p1 u + p2 u^2 + p3 u^3 with u from 0 to 1; arrays of shape (m, 2)."""
+
+    p0: Floats
+    """rad."""
+    p1: Floats
+    p2: Floats
+    p3: Floats
+    span: Floats
+    """s, of each segment; shape (m, 1)."""
+
+
+class Extremes(NamedTuple):
+    """The extremes of each joint over a motion; arrays of shape (2,)."""
+
+    low: Floats
+    """rad."""
+    high: Floats
+    """rad."""
+    speed: Floats
+    """rad/s."""
+    acceleration: Floats
+    """rad/s^2."""
+    jerk: Floats
+    """rad/s^3."""
+
+
+def segment_cubics(segments: Segments, counts_per_radian: float, period: float) -> Cubics:
+    """Return the cubics that have the segments' positions and velocities at their ends."""
+    before = segments.start + np.cumsum(segments.steps, axis=0) - segments.steps
+    span = (segments.samples * period)[:, None]
+    ends = np.vstack([[0, 0], segments.velocities])
+    v0, v1 = ends[:-1] * span, ends[1:] * span
+    step = segments.steps
+    terms = before, v0, 3 * step - 2 * v0 - v1, v0 + v1 - 2 * step
+    return Cubics(*(term / counts_per_radian for term in terms), span)
+
+
+def evaluate(cubics: Cubics, index: Floats, u: Floats) -> Motion:
+    """Return the joints' motion [rad] in segments, at u from 0 to 1; arrays (n, 2)."""
+    p0, p1, p2, p3, span = (array[index] for array in cubics)
+    u = u[:, None]
+    return Motion(
+        p0 + ((p3 * u + p2) * u + p1) * u,
+        ((3 * p3 * u + 2 * p2) * u + p1) / span,
+        (6 * p3 * u + 2 * p2) / span**2,
+    )
+
+
+def controller_motion(
+    segments: Segments, per_sample: int, counts_per_radian: float, period: float
+) -> tuple[Floats, Motion]:
+    """Recompute the motion that a controller makes of the segments, by its own cubic.
+
+    Args:
+        segments: What is sent.
+        per_sample: Points evaluated in each controller sample.
+        counts_per_radian: Encoder counts.
+        period: s, one controller sample.
+
+    Returns:
+        Times [s], shape (n,), and the joints' motion [rad], arrays (n, 2).
+    """
+    ends = np.concatenate([[0], np.cumsum(segments.samples)])
+    ticks = np.arange(segments.total_samples * per_sample + 1) / per_sample
+    index = np.clip(np.searchsorted(ends, ticks, side="right") - 1, 0, len(segments) - 1)
+    u = (ticks - ends[index]) / segments.samples[index]
+    cubics = segment_cubics(segments, counts_per_radian, period)
+    return ticks * period, evaluate(cubics, index, u)
+
+
+def extremes(cubics: Cubics) -> Extremes:
+    """Return the exact extremes of a motion, those between knots included."""
+    p0, p1, p2, p3, span = cubics
+    with np.errstate(divide="ignore", invalid="ignore"):
+        root = np.sqrt(p2**2 - 3 * p1 * p3)
+        # Both roots of p' = 0 in the form that keeps its digits; nan and inf are outside.
+        q = -(p2 + np.copysign(root, p2))
+        turns = [q / (3 * p3), p1 / q]
+        bend = _inside(-p2 / (3 * p3))
+    ends = [p0, p0 + p1 + p2 + p3]
+    reached = np.stack([*ends, *(_at(cubics, u) for u in turns)])
+    fastest = np.abs(p1 + 2 * p2 * bend + 3 * p3 * bend**2)
+    speeds = np.stack([np.abs(p1), np.abs(p1 + 2 * p2 + 3 * p3), fastest]) / span
+    spins = np.abs(np.stack([2 * p2, 2 * p2 + 6 * p3])) / span**2
+    return Extremes(
+        reached.min(axis=(0, 1)),
+        reached.max(axis=(0, 1)),
+        speeds.max(axis=(0, 1)),
+        spins.max(axis=(0, 1)),
+        np.abs(6 * p3 / span**3).max(axis=0),
+    )
+
+
+def _inside(u: Floats) -> Floats:
+    """Return u where it is inside its segment, else the segment's start."""
+    return np.where((u > 0) & (u < 1), u, 0.0)
+
+
+def _at(cubics: Cubics, u: Floats) -> Floats:
+    """Return the position at u, or at the segment's start where u is outside."""
+    u = _inside(u)
+    return cubics.p0 + ((cubics.p3 * u + cubics.p2) * u + cubics.p1) * u
