@@ -46,7 +46,9 @@ class Simulation:
 
 
 @app.command
-def plan(rig: str = "paper", *, out: Path | None = None, json: Json = False) -> int:
+def plan(
+    rig: str = "paper", *, out: Path | None = None, plot: Path | None = None, json: Json = False
+) -> int:
     """Plan one press and check it.
 
     Parameters
@@ -54,7 +56,9 @@ def plan(rig: str = "paper", *, out: Path | None = None, json: Json = False) -> 
     rig
         Path of a rig file, or name of a packaged one.
     out
-        File for the controller's segments, as JSON.
+        File for the controller's segments, as JSON; written only if every check holds.
+    plot
+        File for the picture; its suffix chooses the format.
     json
         Print one JSON object and nothing else.
     """
@@ -95,9 +99,16 @@ def plan(rig: str = "paper", *, out: Path | None = None, json: Json = False) -> 
         document = segments_document(draft.segments, period, draft.home, draft.hover)
         _write(out, _json(document))
         lines.append(f"segments: {out}")
+    if plot:
+        from analysis.plan_figure import plot_plan
+
+        plot_plan(plot, bench, draft, expected)
+        lines.append(f"picture: {plot}")
     _answer(json, result, lines)
     if failed:
-        return _fail("\n  ".join(["the press cannot be made:", *map(str, failed)]))
+        return _fail(
+            "\n  ".join(["the press cannot be made:", *(f"{c}; {c.remedy}" for c in failed)])
+        )
     return 0
 
 

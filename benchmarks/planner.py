@@ -78,13 +78,13 @@ def _toolbox_joints(
     robot = toolbox.DHRobot([toolbox.RevoluteDH(a=length) for length in lengths])
     poses = np.tile(np.eye(4), (len(centre), 1, 1))
     poses[:, :2, 3] = centre - base(arm)
-    joints, last = [], start
+    joints = [start]
     begun = time.perf_counter()
     for pose in poses:
-        last, found, *_ = robot.ik_GN(pose, q0=last, mask=[1, 1, 0, 0, 0, 0], tol=1e-20)
-        assert found
-        joints.append(last)
-    return np.array(joints), time.perf_counter() - begun
+        found = robot.ik_GN(pose, q0=joints[-1], mask=[1, 1, 0, 0, 0, 0], tol=1e-20)
+        assert found.success
+        joints.append(found.q)
+    return np.array(joints[1:]), time.perf_counter() - begun
 
 
 def _fingertip_error(rig: Rig, joints: Floats, centre: Floats) -> float:
@@ -99,23 +99,23 @@ def _run_up(rig: Rig) -> list[Figure]:
     press = rig.press
     law = press_law(press)
     spent = _median_time(lambda: press_law(press)) * 1e6
-    duration = their_duration = their_spent = speed = place = math.nan
-    duration = law.cruise_start
+    duration = law.cruise_start - law.start
+    their_duration = their_spent = speed = place = math.nan
     ruckig, name = _peer("ruckig")
     if ruckig:
         solve = _ruckig_run_up(ruckig, rig)
         theirs = solve()
         their_spent, their_duration = _median_time(solve) * 1e6, theirs.duration
         instants = np.linspace(0, duration, 101)
-        ours = law.law.at(instants)
+        ours = law.law.at(law.start + instants)
         states = np.array([theirs.at_time(t) for t in instants])[:, :, 0]
         place = float(np.abs(ours.position - states[:, 0]).max())
         speed = float(np.abs(ours.velocity - states[:, 1]).max())
         assert max(place, speed, abs(duration - their_duration)) < SAME
     return [
         Figure("run-up to the cruise", duration * 1e3, "ms", name, their_duration * 1e3),
-        Figure(f"largest difference in speed from {name}", speed, "m/s", "limit", SAME),
-        Figure(f"largest difference in place from {name}", place, "m", "limit", SAME),
+        Figure(f"its speed, largest difference from {name}", speed, "m/s", "limit", SAME),
+        Figure(f"its place, largest difference from {name}", place, "m", "limit", SAME),
         Figure("law of the whole press: time", spent, "us", f"{name}, run-up alone", their_spent),
     ]
 

@@ -110,8 +110,8 @@ class IdealFinger:
 class ServoFinger:
     """Two links, their motors under the controller's position loops.
 
-    Link 1 turns as joint 1 does, so that it carries its motor's armature. Joint 2's would
-    have to resist the turn of one link against the other, and no body does.
+    Link 1 turns as joint 1 does, and carries its armature. That of joint 2 resists the
+    turning of one link against the other, which no rigid body does.
 
     Raises:
         SceneError: The motor of joint 2 has a rotor.

@@ -5,10 +5,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from rig.schema import Rig
-from trajectory.arm import fingertip_motion, joints_holding_normal, joints_holding_point, tilt
+from trajectory.arm import fingertip_motion, tilt
 from trajectory.bases import key_angles, stances
 from trajectory.errors import TrajectoryError
-from trajectory.key import jack_motion, key_motion, key_under_fingertip, point_on_key, rise_of_angle
+from trajectory.follow import follow_key
+from trajectory.key import jack_motion, key_under_fingertip, rise_of_angle
 from trajectory.motion import Floats, Motion
 from trajectory.timing import press_law
 
@@ -78,9 +79,9 @@ def unnoticed(rig: Rig) -> tuple[Misplacement, Misplacement, Misplacement]:
     arm, key = rig.arm, rig.key
     angles = key_angles(rig, POINTS)
     rise = rise_of_angle(key, angles)
-    steady = Motion(rise, np.full_like(rise, rig.press.jack_speed), np.zeros_like(rise))
-    angle = key_motion(key, steady)
-    joints = _joints(rig, angle)
+    speed = rig.press.jack_speed
+    planned = follow_key(rig, Motion(rise, np.full_like(rise, speed), np.zeros_like(rise)))
+    angle, joints = planned.angle.position, planned.joints
     cruise = _cruise(rig, rise)
 
     def cost(x: float, z: float, turn: float) -> Misplacement:
@@ -89,10 +90,10 @@ def unnoticed(rig: Rig) -> tuple[Misplacement, Misplacement, Misplacement]:
         centre = fingertip_motion(moved, turned)
         pressed = key_under_fingertip(key, arm.fingertip_radius, centre)
         jack = jack_motion(key, pressed)
-        leaning = tilt(pressed.position, turned.position) - tilt(angle.position, joints.position)
+        leaning = tilt(pressed.position, turned.position) - tilt(angle, joints.position)
         return Misplacement(
             float(np.abs(jack.position - rise).max()),
-            float(np.abs(jack.velocity / steady.velocity - 1)[cruise].max()),
+            float(np.abs(jack.velocity / speed - 1)[cruise].max()),
             float(np.abs(leaning).max()),
         )
 
@@ -105,15 +106,6 @@ def unnoticed(rig: Rig) -> tuple[Misplacement, Misplacement, Misplacement]:
         )
 
     return worse(DISPLACEMENT, 0, 0), worse(0, DISPLACEMENT, 0), worse(0, 0, TURN)
-
-
-def _joints(rig: Rig, angle: Motion) -> Motion:
-    """Return the joints [rad] that follow a motion of the key with the rig's hold."""
-    arm, key = rig.arm, rig.key
-    if rig.press.hold == "normal":
-        return joints_holding_normal(arm, key, angle)[0]
-    above = key.surface_height + arm.fingertip_radius
-    return joints_holding_point(arm, point_on_key(angle, -key.press_arm, above))
 
 
 def _cruise(rig: Rig, rise: Floats) -> np.ndarray:

@@ -40,7 +40,7 @@ def test_help_imports_nothing_heavy(tmp_path):
 
 
 def test_plan_answers_the_keys_of_the_contract(sautereau, tmp_path):
-    done = sautereau("plan", "--json", "--out", "plan.json")
+    done = sautereau("plan", "--json", "--out", "plan.json", "--plot", "plan.png")
     assert done.returncode == 0
     result = json.loads(done.stdout)
     assert {
@@ -49,8 +49,23 @@ def test_plan_answers_the_keys_of_the_contract(sautereau, tmp_path):
     } <= set(result)  # fmt: skip
     assert result["cruise_speed"] == pytest.approx(0.072, rel=1e-3)
     assert result["feasible"] is True
+    assert (tmp_path / "plan.png").read_bytes().startswith(b"\x89PNG")
     plan = json.loads((tmp_path / "plan.json").read_text())
     assert len(plan["steps"]) == result["segments"]
+
+
+def test_a_refused_plan_is_told_and_drawn_but_not_written(sautereau, rig_file, tmp_path):
+    path = rig_file(dip='"7 mm"')
+    done = sautereau("plan", path, "--json", "--out", "plan.json", "--plot", "plan.png")
+    refused(done, "depth of the key", "press.jack_rise")
+    assert json.loads(done.stdout)["feasible"] is False
+    assert (tmp_path / "plan.png").exists()
+    assert not (tmp_path / "plan.json").exists()
+
+
+def test_a_cruise_that_begins_after_contact_warns(sautereau, rig_file):
+    done = sautereau("plan", rig_file(run_up_acceleration='"1 m/s^2"'), "--json")
+    assert "cruises from" in json.loads(done.stdout)["warnings"][0]
 
 
 def test_press_phases_compare_info_on_the_stand_in(sautereau, tmp_path):

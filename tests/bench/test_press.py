@@ -8,6 +8,7 @@ from analysis.phases import find_phases
 from analysis.press import load_press
 from daq.reading import read_recording
 from rig.load import load_rig, with_values
+from trajectory.press import plan_press
 
 
 def test_ideal_jack_cruises_at_the_speed_asked_for(ideal):
@@ -16,7 +17,8 @@ def test_ideal_jack_cruises_at_the_speed_asked_for(ideal):
         phases = find_phases(press)
         speed = press.data["jack_speed"]
         held = phases.plucks[0]
-        cruise = speed[(speed.index > 0.0125) & (speed.index < 0.115)]
+        planned = plan_press(press.rig).cruise
+        cruise = speed[(speed.index > planned.start) & (speed.index < planned.end)]
         assert phases.free_speed == pytest.approx(0.072, rel=1e-3)
         assert cruise.mean() == pytest.approx(0.072, rel=1e-3)
         assert phases.held_speed == pytest.approx(0.072, rel=1e-3)
@@ -90,7 +92,6 @@ def test_truth_apart_from_the_rig_is_seen_in_the_recording(tmp_path):
     from robot.session import run_session
     from sim_backend.bench import StandIn
     from sim_backend.scene import load_scene
-    from trajectory.press import plan_press
 
     truth = {"plectrum.overlap": "0.35 mm", "jack.string_clearance": "2.5 mm"}
     scene = load_scene("ideal").model_copy(update={"truth": truth})

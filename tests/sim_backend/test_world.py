@@ -26,8 +26,11 @@ RADIANS = 2 * math.pi / RIG.arm.counts_per_revolution
 PLAN = plan_press(RIG)
 MUTE = {"plectrum": "none", "string": "none"}
 LEAD = 20
-"""Controller samples for which the arm stands before it presses."""
+"""Controller samples for which the arm stands before the plan begins."""
+RUN_UP = LEAD + int(np.ceil(PLAN.law.start / PERIOD))
+"""Controller samples until the fingertip leaves its rest."""
 CRUISE = (0.0125, 0.114)
+"""s from the run-up."""
 
 
 class Player:
@@ -83,7 +86,7 @@ class Player:
 
 
 def after_start(time):
-    return time - LEAD * PERIOD
+    return time - RUN_UP * PERIOD
 
 
 def in_cruise(time):
@@ -108,7 +111,9 @@ def paper():
 def test_the_key_follows_the_fingertip(ideal):
     player, happened = ideal
     planned = player.planned(happened.time)
-    down = (after_start(happened.time) > 0.002) & (after_start(happened.time) < PLAN.law.bottom)
+    down = (after_start(happened.time) > 0.002) & (
+        after_start(happened.time) < PLAN.law.bottom - PLAN.law.start
+    )
     np.testing.assert_allclose(happened.angle[down], planned.position[down], atol=1e-6)
     settled = in_cruise(happened.time)
     np.testing.assert_allclose(happened.angle[settled], planned.position[settled], atol=2e-9)
@@ -134,7 +139,7 @@ def test_contact_and_release_are_the_models(ideal):
 @pytest.mark.parametrize("step", [20e-6, 250e-6, 1e-3])
 def test_contact_and_release_hardly_depend_on_the_step(step):
     player = Player("ideal", step=step)
-    player.run(samples=LEAD + 70)
+    player.run(samples=RUN_UP + 70)
     clearance, height = RIG.jack.string_clearance, rig_pluck(RIG).release_height
     assert player.world.step <= step
     assert player.world.events.contacts == [pytest.approx(player.reaches(clearance), abs=20e-6)]
@@ -162,7 +167,7 @@ def test_finger_force_is_the_models(ideal):
 
 def test_without_friction_the_force_is_the_models_without_friction():
     player = Player("ideal", friction=False)
-    happened = player.run(samples=LEAD + 110)
+    happened = player.run(samples=RUN_UP + 110)
     smooth = with_values(
         RIG,
         {
@@ -202,7 +207,7 @@ def test_the_fingers_work_is_energy_and_heat(ideal):
     for time in (
         *player.world.events.contacts,
         *player.world.events.releases,
-        LEAD * PERIOD + 0.11,
+        RUN_UP * PERIOD + 0.11,
     ):
         i = np.searchsorted(happened.time, time)
         assert balance[i] == pytest.approx(0, abs=0.01 * done[i])
@@ -232,7 +237,7 @@ def test_a_second_press_plucks_again():
 
 def test_a_mute_scene_has_no_events():
     player = Player("ideal", **MUTE)
-    happened = player.run(samples=LEAD + 110)
+    happened = player.run(samples=RUN_UP + 110)
     assert player.world.events.contacts == player.world.events.releases == []
     expected = finger_force(RIG, player.planned(happened.time), np.zeros_like(happened.time))
     cruise = in_cruise(happened.time)
@@ -242,7 +247,7 @@ def test_a_mute_scene_has_no_events():
 def test_truth_changes_the_bench_and_not_the_plan():
     """A clearance of 2.5 mm that the rig does not know of."""
     player = Player("ideal", truth={"jack.string_clearance": "2.5 mm"})
-    player.run(samples=LEAD + 110)
+    player.run(samples=RUN_UP + 110)
     assert player.world.events.contacts[0] == pytest.approx(player.reaches(2.5e-3), abs=1e-6)
 
 
@@ -276,7 +281,7 @@ def test_a_key_at_rest_stays_at_rest(scene):
 def let_go(**changes):
     """Press a mute key, and take the finger away at the bottom; return what happens then."""
     player = Player("ideal", friction=False, **MUTE, **changes)
-    player.run(samples=LEAD + int(0.19 / PERIOD))
+    player.run(samples=RUN_UP + int(0.19 / PERIOD))
     away = PLAN.hover - PLAN.segments.start
 
     def aside(fractions):
@@ -338,7 +343,7 @@ def test_the_felt_stops_the_finger_at_the_bottom():
     """A dip of 7 mm that the plan does not know of: its spring through the press arm."""
     dip = 7e-3
     player = Player("ideal", friction=False, truth={"key.dip": "7 mm"}, **MUTE)
-    happened = player.run(samples=LEAD + int(0.195 / PERIOD))
+    happened = player.run(samples=RUN_UP + int(0.195 / PERIOD))
     key = RIG.key
     angle = happened.angle[-1]
     depth = angle - dip / key.press_arm
@@ -348,7 +353,7 @@ def test_the_felt_stops_the_finger_at_the_bottom():
     felt = key.felt_stiffness * key.press_arm * depth
     assert happened.finger_force[-1] == pytest.approx(weight + felt, rel=1e-3)
     without = Player("ideal", friction=False, felt=False, truth={"key.dip": "7 mm"}, **MUTE)
-    bare = without.run(samples=LEAD + int(0.195 / PERIOD))
+    bare = without.run(samples=RUN_UP + int(0.195 / PERIOD))
     assert bare.finger_force[-1] == pytest.approx(weight, rel=1e-3)
 
 

@@ -1,0 +1,200 @@
+"""A picture of where the robot may be clamped, to scale with the key and the arm."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from rig.schema import Rig
+from trajectory.arm import joints_holding_normal, joints_holding_point, link_vectors
+from trajectory.bases import key_angles
+from trajectory.key import point_on_key, surface_axes
+from trajectory.motion import Floats, Motion
+from trajectory.mount import Mount, MountMap, mount_map
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+REST, PRESSED, PRESENT = "#12263a", "#c8502d", "#7a3e9d"
+EXCLUDED, HATCH = "#e9e9e9", "#a8a8a8"
+NEAR = 10e-3
+"""m, from the best place to the sides of the enlarged neighbourhood."""
+LOWEST = -40e-3
+"""m, to which the picture goes down, for the names of things."""
+KEY_HEAD = 12e-3
+"""m, of the key behind the jack that is drawn."""
+
+
+def plot_mount(path: str | Path, rig: Rig, area: MountMap, mount: Mount) -> None:
+    """Draw `mount_figure` into a file.
+
+    Args:
+        path: Where the picture goes; its suffix chooses the format.
+        rig: The bench, with its present base.
+        area: Residual over the region in which the robot can be clamped.
+        mount: The best place.
+    """
+    mount_figure(rig, area, mount).savefig(path, dpi=120)
+
+
+def mount_figure(rig: Rig, area: MountMap, mount: Mount) -> "Figure":
+    """Return a figure of the residual over the region, with key and arm in the same axes.
+
+    The arm stands at the best place, at rest and at full rise. Where a limit excludes a
+    place it is hatched. Where the region leaves room above the key, the neighbourhood of the
+    best place is drawn larger there.
+    """
+    from matplotlib.figure import Figure
+    from matplotlib.patches import Patch, Rectangle
+
+    figure = Figure(figsize=(12, 6.6), layout="constrained")
+    axes = figure.add_subplot()
+    levels = _levels(area, mount)
+    filled = _draw_residual(axes, area, mount, levels)
+    corner = (area.x[0] * 1e3, area.z[0] * 1e3)
+    size = (np.ptp(area.x) * 1e3, np.ptp(area.z) * 1e3)
+    axes.add_patch(Rectangle(corner, *size, fill=False, ec="black", lw=1, zorder=2))
+    _draw_bench(axes, rig, mount)
+    _draw_bases(axes, rig, mount)
+    axes.set_aspect("equal")
+    axes.autoscale_view()
+    axes.set_ylim(bottom=min(axes.get_ylim()[0], LOWEST * 1e3))
+    axes.set_xlabel("x from the balance pin (mm)")
+    axes.set_ylabel("z above the balance pin (mm)")
+    tilts = mount.hold == "point"
+    what = "largest tilt of the finger (deg)" if tilts else "largest slide of the finger (mm)"
+    bar = figure.colorbar(filled, ax=axes, label=what, pad=0.01, aspect=30)
+    decades = 10.0 ** np.arange(np.ceil(np.log10(levels[0]) - 1e-9), np.log10(levels[-1]) + 1e-9)
+    bar.set_ticks(decades, labels=[f"{tick:g}" for tick in decades])
+    bar.ax.minorticks_off()
+    if area.x[-1] < 0:
+        _draw_inset(axes, rig, mount, levels)
+    left = f"tilts by {np.degrees(mount.tilt_max):.3g} deg"
+    if not tilts:
+        left = f"slides by {mount.slide_max * 1e3:.3g} mm"
+    figure.suptitle(
+        f'Rig {rig.name}, hold "{mount.hold}", elbow {mount.elbow}: from the best base the finger'
+        f" {left} over a rise of {rig.press.jack_rise * 1e3:.4g} mm"
+    )
+    excluded = Patch(fc=EXCLUDED, ec=HATCH, hatch="////", label="excluded by a limit")
+    handles = [*axes.get_legend_handles_labels()[0], excluded]
+    figure.legend(handles=handles, loc="outside lower center", ncols=5, frameon=False)
+    return figure
+
+
+def _unit(mount: Mount) -> float:
+    """Return degrees a radian, or millimetres a metre, as the hold leaves over."""
+    return float(np.degrees(1)) if mount.hold == "point" else 1e3
+
+
+def _levels(area: MountMap, mount: Mount) -> Floats:
+    """Return contour levels, four a decade, from the best place's residual to the largest."""
+    residual, feasible = area.best()
+    least = max(mount.tilt_max, mount.slide_max) * _unit(mount)
+    most = residual[feasible].max(initial=0.0) * _unit(mount)
+    first = np.floor(4 * np.log10(max(least, 1e-6)))
+    last = max(np.ceil(4 * np.log10(max(most, 1e-6))), first + 4)
+    return 10 ** (np.arange(first, last + 1) / 4)
+
+
+def _draw_residual(axes, area: MountMap, mount: Mount, levels: Floats):
+    from matplotlib.colors import LogNorm
+
+    residual, feasible = area.best()
+    x, z = area.x * 1e3, area.z * 1e3
+    filled = axes.contourf(
+        x, z, np.clip(residual * _unit(mount), levels[0], levels[-1]), levels=levels,
+        norm=LogNorm(levels[0], levels[-1]), cmap="viridis", zorder=1,
+    )  # fmt: skip
+    if not feasible.all():
+        hidden = axes.contourf(
+            x, z, np.where(feasible, 0.0, 1.0), levels=[0.5, 1.5], colors=[EXCLUDED],
+            hatches=["////"], zorder=1.5,
+        )  # fmt: skip
+        hidden.set_edgecolor(HATCH)
+        hidden.set_linewidth(0)
+    return filled
+
+
+def _draw_bases(axes, rig: Rig, mount: Mount) -> None:
+    axes.plot(
+        mount.base_x * 1e3, mount.base_z * 1e3, "*", ms=17, mfc="#ffd400", mec="black", mew=0.8,
+        ls="", label=f"best base: x = {mount.base_x * 1e3:.2f}, z = {mount.base_z * 1e3:.2f} mm",
+        zorder=7,
+    )  # fmt: skip
+    axes.plot(
+        rig.arm.base_x * 1e3, rig.arm.base_z * 1e3, "D", ms=13, mfc="none", mec=PRESENT, mew=2,
+        ls="", label="base in the rig file", zorder=8,
+    )  # fmt: skip
+
+
+def _draw_inset(axes, rig: Rig, mount: Mount, levels: Floats) -> None:
+    """Draw the neighbourhood of the best place into the free corner above the key."""
+    low, high = np.array([rig.arm.mount_x, rig.arm.mount_z]).T
+    best = np.array([mount.base_x, mount.base_z])
+    corner, end = np.maximum(best - NEAR, low), np.minimum(best + NEAR, high)
+    region = {"mount_x": (corner[0], end[0]), "mount_z": (corner[1], end[1])}
+    near = rig.model_copy(update={"arm": rig.arm.model_copy(update=region)})
+    inset = axes.inset_axes((0.5, 0.34, 0.42, 0.56))
+    _draw_residual(inset, mount_map(near, 121), mount, levels)
+    _draw_bases(inset, rig, mount)
+    inset.set_xlim(corner[0] * 1e3, end[0] * 1e3)
+    inset.set_ylim(corner[1] * 1e3, end[1] * 1e3)
+    inset.set_aspect("equal")
+    inset.yaxis.tick_right()
+    inset.set_title("about the best base", fontsize="medium")
+    axes.indicate_inset_zoom(inset, edgecolor="black")
+
+
+def _draw_bench(axes, rig: Rig, mount: Mount) -> None:
+    key = rig.key
+    rest, pressed = key_angles(rig, 2)
+    for angle, colour, name in ((rest, REST, "at rest"), (pressed, PRESSED, "at full rise")):
+        tangent, normal = surface_axes(angle)
+        ends = np.array([-key.front_arm, 0.0, key.jack_arm + KEY_HEAD])
+        heights = np.array([key.surface_height, key.surface_height, key.jack_surface_height])
+        line = (ends[:, None] * tangent + heights[:, None] * normal) * 1e3
+        axes.plot(*line.T, color=colour, lw=3, solid_capstyle="butt", zorder=3)
+        chain, tip = _chain(rig, mount, angle)
+        axes.plot(
+            *chain.T, "-o", color=colour, lw=2.5, ms=6, mfc="white", zorder=5,
+            label=f"arm and key {name}",
+        )  # fmt: skip
+        _circle(axes, tip, rig.arm.fingertip_radius * 1e3, colour)
+    axes.plot(0, 0, "^", ms=9, color="black", zorder=4)
+    axes.annotate(
+        "balance pin", (0, 0), (0, -14), textcoords="offset points", ha="center", va="top"
+    )
+    touched = np.array([-key.press_arm, key.surface_height]) * 1e3
+    axes.annotate(
+        "pressing point", touched, (40, -30), textcoords="offset points", va="center",
+        arrowprops={"arrowstyle": "->", "color": "#555555"},
+    )  # fmt: skip
+    jack = np.array([key.jack_arm, key.jack_surface_height]) * 1e3
+    axes.annotate(
+        "jack", jack, (0, 34), textcoords="offset points", ha="center",
+        arrowprops={"arrowstyle": "<-", "color": "#555555"},
+    )  # fmt: skip
+
+
+def _chain(rig: Rig, mount: Mount, angle: float) -> tuple[Floats, Floats]:
+    """Return base, elbow and fingertip [mm], shape (3, 2), at a key angle [rad]; the tip."""
+    key = rig.key
+    place = {"base_x": mount.base_x, "base_z": mount.base_z, "elbow": mount.elbow}
+    arm = rig.arm.model_copy(update=place)
+    still = Motion(np.array([angle]), np.zeros(1), np.zeros(1))
+    if mount.hold == "normal":
+        joints = joints_holding_normal(arm, key, still)[0].position[0]
+    else:
+        above = key.surface_height + arm.fingertip_radius
+        joints = joints_holding_point(arm, point_on_key(still, -key.press_arm, above)).position[0]
+    start = np.array([arm.base_x, arm.base_z])
+    elbow = start + link_vectors(arm.upper_length, joints[0])[0]
+    tip = elbow + link_vectors(arm.lower_length, joints.sum())[0]
+    return np.array([start, elbow, tip]) * 1e3, tip * 1e3
+
+
+def _circle(axes, centre: Floats, radius: float, colour: str) -> None:
+    from matplotlib.patches import Circle
+
+    axes.add_patch(Circle(tuple(centre), radius, fc="white", ec=colour, lw=1.5, zorder=5))

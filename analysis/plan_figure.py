@@ -1,0 +1,183 @@
+"""The picture of a plan: what a person needs to see before saying go."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from rig.schema import Rig
+from trajectory.expected import Expectation
+from trajectory.key import surface_axes
+from trajectory.motion import Floats
+from trajectory.press import Trajectory
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+FIRST, SECOND, KEY, FAILED = "#1f4e79", "#c8502d", "#8a7a5c", "#b00020"
+POSES = (("start", "#9fb8d0"), ("middle", "#5b86b0"), ("end", "#1f4e79"))
+
+
+def plot_plan(
+    path: str | Path, rig: Rig, trajectory: Trajectory, expected: Expectation | None
+) -> None:
+    """Write the picture of `plan_figure`; the suffix of ``path`` chooses the format."""
+    plan_figure(rig, trajectory, expected).savefig(path, dpi=110)
+
+
+def plan_figure(rig: Rig, trajectory: Trajectory, expected: Expectation | None) -> "Figure":
+    """Draw poses and path to scale, jack and joints over time, and how near limits are.
+
+    Args:
+        rig: The bench.
+        trajectory: Its plan, whether or not its checks hold.
+        expected: What the finger is expected to meet.
+    """
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(14, 9), layout="constrained")
+    grid = figure.add_gridspec(3, 2, width_ratios=(1.35, 1))
+    scene, zoom = figure.add_subplot(grid[:2, 0]), figure.add_subplot(grid[2, 0])
+    jack = figure.add_subplot(grid[0, 1])
+    speeds = figure.add_subplot(grid[1, 1], sharex=jack)
+    limits = figure.add_subplot(grid[2, 1])
+    _poses(scene, rig, trajectory)
+    _path(zoom, trajectory)
+    _jack(jack, trajectory, expected)
+    _speeds(speeds, rig, trajectory)
+    _limits(limits, trajectory)
+    held = all(check.holds for check in trajectory.checks)
+    verdict = "every check holds" if held else "REFUSED: a check fails"
+    hold = rig.press.hold
+    figure.suptitle(f'Plan of a press, rig {rig.name}, hold = "{hold}": {verdict}')
+    return figure
+
+
+def _moments(trajectory: Trajectory) -> list[int]:
+    """Return the samples at the start, middle and end of the jack's rise."""
+    bottom = int(np.searchsorted(trajectory.time, trajectory.law.bottom))
+    bottom = min(bottom, len(trajectory.time) - 1)
+    half = trajectory.rise.position[bottom] / 2
+    middle = int(np.argmax(trajectory.rise.position >= half))
+    return [0, middle, bottom]
+
+
+def _poses(axes, rig: Rig, trajectory: Trajectory) -> None:
+    """Draw key, jack and arm at the start, the middle and the end of the press."""
+    arm, key = rig.arm, rig.key
+    for k, (name, colour) in zip(_moments(trajectory), POSES, strict=True):
+        angle = trajectory.angle.position[k]
+        tangent, normal = surface_axes(angle)
+        front = -key.front_arm * tangent + key.surface_height * normal
+        back = (key.jack_arm + 0.015) * tangent + key.jack_surface_height * normal
+        _line(axes, np.array([front, back]), color=colour, lw=2)
+        foot = np.array([key.jack_arm, key.jack_surface_height + trajectory.rise.position[k]])
+        _line(axes, np.array([foot, foot + np.array([0.0, 0.08])]), color=colour, lw=3)
+        first = trajectory.joints.position[k, 0]
+        base = np.array([arm.base_x, arm.base_z])
+        elbow = base + arm.upper_length * np.array([np.cos(first), np.sin(first)])
+        tip = trajectory.fingertip.position[k]
+        _line(axes, np.array([base, elbow, tip]), color=colour, lw=4, marker="o", ms=5, label=name)
+        radius = arm.fingertip_radius * 1e3
+        turn = np.linspace(0, 2 * np.pi, 40)
+        axes.fill(
+            tip[0] * 1e3 + radius * np.cos(turn), tip[1] * 1e3 + radius * np.sin(turn), color=colour
+        )
+    axes.plot(0, 0, "^", color=KEY, ms=12)
+    axes.annotate("balance pin", (0, 0), (0, -20), textcoords="offset points", ha="center")
+    axes.annotate("jack", (key.jack_arm * 1e3, 100), (8, 0), textcoords="offset points")
+    axes.annotate(
+        "base",
+        (arm.base_x * 1e3, arm.base_z * 1e3),
+        (-6, 8),
+        textcoords="offset points",
+        ha="right",
+    )
+    axes.axhline(key.neighbour_height * 1e3, color=KEY, ls=":", lw=1)
+    axes.text(
+        0.99, key.neighbour_height * 1e3, "neighbouring keys", color=KEY, va="bottom", ha="right",
+        transform=axes.get_yaxis_transform(), fontsize=8,
+    )  # fmt: skip
+    axes.set_aspect("equal", adjustable="datalim")
+    axes.margins(0.06)
+    axes.set_xlabel("x from the balance pin (mm)")
+    axes.set_ylabel("z (mm)")
+    axes.legend(loc="upper right", title="pose")
+
+
+def _path(axes, trajectory: Trajectory) -> None:
+    """Draw the path of the fingertip's centre, from its side, and the tilt along it."""
+    bottom = _moments(trajectory)[2]
+    tip = (trajectory.fingertip.position[: bottom + 1] - trajectory.fingertip.position[0]) * 1e3
+    axes.plot(-tip[:, 1], tip[:, 0], color=FIRST, label="along the key (mm)")
+    axes.plot(
+        -tip[:, 1], np.degrees(trajectory.tilt[: bottom + 1]), color=SECOND, label="tilt (deg)"
+    )
+    if trajectory.slide.any():
+        slide = trajectory.slide[: bottom + 1] * 1e3
+        axes.plot(-tip[:, 1], slide, color=KEY, label="slide on the key (mm)")
+    axes.set_xlabel("depth of the fingertip (mm)")
+    axes.set_ylabel("fingertip's path")
+    axes.grid(alpha=0.3)
+    axes.legend(loc="best", fontsize=8)
+
+
+def _jack(axes, trajectory: Trajectory, expected: Expectation | None) -> None:
+    time = trajectory.time * 1e3
+    axes.plot(time, trajectory.rise.position * 1e3, color=FIRST)
+    cruise = trajectory.cruise
+    axes.axvspan(cruise.start * 1e3, cruise.end * 1e3, color="#e5f0e2", zorder=0)
+    name = "cruise" if trajectory.law.steady else "gesture"
+    axes.text(
+        (cruise.start + cruise.end) * 500, 0.97, f"{name}\n{cruise.speed:.5g} m/s",
+        transform=axes.get_xaxis_transform(), ha="center", va="top", fontsize=8,
+    )  # fmt: skip
+    if expected is not None:
+        for height, what in ((expected.contact, "contact"), (expected.release, "release")):
+            axes.axhline(height * 1e3, color=SECOND, ls="--", lw=0.8)
+            axes.text(time[-1], height * 1e3, f"{what} ", color=SECOND, ha="right", va="bottom")
+    axes.set_ylabel("jack's rise (mm)")
+    axes.grid(alpha=0.3)
+
+
+def _speeds(axes, rig: Rig, trajectory: Trajectory) -> None:
+    time = trajectory.time * 1e3
+    for j, colour in enumerate((FIRST, SECOND)):
+        axes.plot(time, trajectory.joints.velocity[:, j], color=colour, label=f"joint {j + 1}")
+    limit, top = rig.arm.speed_limit, np.abs(trajectory.joints.velocity).max()
+    axes.set_ylim(-1.25 * top, 1.25 * top)
+    if limit <= 1.25 * top:
+        axes.axhline(limit, color=FAILED, ls="--")
+        axes.axhline(-limit, color=FAILED, ls="--")
+    axes.set_ylabel(f"joint speed (rad/s)\nlimit {limit:.4g}")
+    axes.set_xlabel("time from the start (ms)")
+    axes.grid(alpha=0.3)
+    axes.legend(loc="upper right", fontsize=8)
+
+
+def _limits(axes, trajectory: Trajectory) -> None:
+    """Draw how much of each limit is used, the fullest on top."""
+    # A joint's position has no natural zero, so it is no share of its limit.
+    bars = [c for c in trajectory.checks if not c.at_least and "upper limit" not in c.name]
+    bars.sort(key=lambda check: check.value / check.limit)
+    shares = np.array([check.value / check.limit for check in bars]) * 100
+    colours = [FIRST if check.holds else FAILED for check in bars]
+    axes.barh([check.name for check in bars], np.minimum(shares, 130), color=colours)
+    for y, (share, check) in enumerate(zip(shares, bars, strict=True)):
+        text = f" {check.value:.3g} of {check.limit:.3g} {check.unit.replace('1', '')}"
+        inside = bool(share > 60)
+        axes.text(
+            min(share, 130), y, text + " " * inside, va="center", fontsize=7,
+            ha="right" if inside else "left", color="white" if inside else "black",
+        )  # fmt: skip
+    axes.axvline(100, color=FAILED, lw=1)
+    axes.set_xlim(0, 130)
+    axes.set_xlabel("share of the limit used (%)")
+    axes.tick_params(labelsize=7)
+    failed = [c.name for c in trajectory.checks if c not in bars and not c.holds]
+    text = f"FAILS: {', '.join(failed)}" if failed else "reach, branch, clearance, range: hold"
+    axes.set_title(text, fontsize=8, color=FAILED if failed else "black", loc="right")
+
+
+def _line(axes, points: Floats, **style) -> None:
+    axes.plot(points[:, 0] * 1e3, points[:, 1] * 1e3, solid_capstyle="round", **style)

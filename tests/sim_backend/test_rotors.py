@@ -1,0 +1,83 @@
+"""The servo's arm set free, against its equations of motion; rotors that it can carry or not."""
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from rig.load import load_rig, with_values
+from sim_backend.bodies import MM, new_space
+from sim_backend.errors import SceneError
+from sim_backend.finger import ServoFinger
+from sim_backend.scene import Servo, load_scene
+from sim_backend.world import World
+from trajectory.dynamics import joint_torques, mass_matrix
+from trajectory.motion import Motion
+
+RIG = load_rig("paper")
+START = (0.3, -1.6)
+SAMPLES = 60
+LIMP = Servo.model_validate(
+    {
+        "stiffness": ["0 N m/rad"] * 2,
+        "damping": ["0 N m s/rad"] * 2,
+        "integral_time": "1 s",
+        "feedforward": ["1 kg m^2"] * 2,
+    }
+)
+"""Gives the torque that the reference asks for, and the weight where it was engaged."""
+
+
+def geared(first, second):
+    inertias = [f"{first} kg m^2", f"{second} kg m^2"]
+    return with_values(RIG, {"arm.rotor_inertias": inertias, "arm.gear_ratios": [30.0, 30.0]})
+
+
+def swung(rig, steps):
+    """Joints [rad] of the stand-in's arm after a while under steady torques [N m]."""
+    space, period = new_space(30), rig.controller.sample_period
+    finger = ServoFinger(space, rig, START, LIMP)
+    speeds = np.array([[0.0, 0.0], [0.08, -0.01]]) * period**2 / finger.radians
+
+    def reference(fractions):
+        return np.zeros((len(fractions), 2)), speeds
+
+    for _ in range(SAMPLES):
+        finger.begin(reference, True, steps)
+        for step in range(steps):
+            finger.drive(step)
+            space.step(period / steps * MM)
+    return np.array(finger.joints()), np.array(finger.torques())
+
+
+def solved(arm, torque, duration):
+    def rate(_, state):
+        joints, speed = np.split(state, 2)
+        rest = joint_torques(arm, Motion(joints, speed, np.zeros(2)))
+        return np.concatenate([speed, np.linalg.solve(mass_matrix(arm, joints), torque - rest)])
+
+    state = np.concatenate([START, np.zeros(2)])
+    return solve_ivp(rate, (0, duration), state, rtol=1e-10, atol=1e-12).y[:2, -1]
+
+
+@pytest.mark.parametrize("rotor", [0, 2e-6])
+def test_the_arm_swings_as_its_equations_say(rotor):
+    """The engine is of first order, so that halving its step halves its error."""
+    rig = geared(rotor, 0)
+    coarse, torque = swung(rig, 10)
+    fine, _ = swung(rig, 20)
+    exact = solved(rig.arm, torque, SAMPLES * rig.controller.sample_period)
+    assert np.abs(exact - START).min() > 0.03
+    np.testing.assert_allclose((coarse - exact) / (fine - exact), 2, rtol=0.01)
+    np.testing.assert_allclose(2 * fine - coarse, exact, rtol=0, atol=1e-7)
+
+
+def test_joint_2s_rotor_is_refused():
+    with pytest.raises(SceneError, match=r"rotor_inertias: joint 2's .* 0\.0009 kg m\^2 .*truth"):
+        World(geared(0, 1e-6), load_scene("paper"))
+
+
+def test_the_remedies_of_the_refusal_work():
+    rig, scene = geared(1e-6, 1e-6), load_scene("paper")
+    World(rig, load_scene("ideal"))
+    truth = {"arm.rotor_inertias": ["1e-6 kg m^2", "0 kg m^2"]}
+    World(rig, scene.model_copy(update={"truth": truth}))

@@ -1,0 +1,264 @@
+"""Where to clamp the robot: against random search, the planner and finite displacement."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from rig.load import load_rig
+from trajectory.arm import fingertip_motion
+from trajectory.bases import ELBOWS, LIMITS, key_angles, stances
+from trajectory.errors import TrajectoryError
+from trajectory.follow import follow_key
+from trajectory.key import angle_of_rise, key_under_fingertip, rise_of_angle
+from trajectory.motion import Motion
+from trajectory.mount import FINGER_FORCE, assess_mount, find_mount, mount_map
+from trajectory.press import plan_press
+from trajectory.timing import press_law
+
+PAPER = load_rig()
+
+
+def with_arm(rig, **values):
+    return rig.model_copy(update={"arm": rig.arm.model_copy(update=values)})
+
+
+def clamped(rig, mount):
+    return with_arm(rig, base_x=mount.base_x, base_z=mount.base_z, elbow=mount.elbow)
+
+
+@pytest.fixture(scope="module", params=["point", "normal"])
+def held(request, bench):
+    """The paper's rig with either hold, and its best base."""
+    rig = bench(press__hold=request.param)
+    return rig, find_mount(rig)
+
+
+def left_over(mount):
+    return mount.tilt_max if mount.hold == "point" else mount.slide_max
+
+
+def test_the_papers_finger_tilts_by_less_than_a_tenth_of_a_degree(paper):
+    mount = find_mount(paper)
+    assert np.degrees(mount.tilt_max) < 0.1
+    assert mount.slide_max == mount.slide_per_metre == 0
+    careless = with_arm(clamped(paper, mount), base_x=mount.base_x + 3e-3)
+    assert np.degrees(assess_mount(careless).tilt_max) > 1
+
+
+def test_the_plan_from_the_best_base_agrees(held, bench):
+    rig, mount = held
+    values = {"arm.base_x": mount.base_x, "arm.base_z": mount.base_z}
+    plan = plan_press(
+        bench(
+            press__hold=rig.press.hold,
+            arm__elbow=mount.elbow,
+            **{key: f"{value!r} m" for key, value in values.items()},
+        )
+    )
+    assert np.abs(plan.tilt).max() == pytest.approx(mount.tilt_max, rel=2e-4, abs=1e-12)
+    assert np.abs(plan.slide).max() == pytest.approx(mount.slide_max, rel=2e-4, abs=1e-12)
+
+
+@pytest.mark.parametrize("spread", [1.0, 5e-3, 1e-5])
+def test_no_random_base_is_better(held, spread):
+    """In the whole region, and ever closer around the best base, for either elbow."""
+    rig, mount = held
+    random = np.random.default_rng(7)
+    low, high = np.array([rig.arm.mount_x, rig.arm.mount_z]).T
+    best = np.array([mount.base_x, mount.base_z])
+    corner, end = np.maximum(best - spread, low), np.minimum(best + spread, high)
+    feasible = 0
+    for _ in range(200):
+        bases = random.uniform(corner, end, (1000, 2))
+        for elbow in ELBOWS:
+            found = stances(rig, elbow, bases, key_angles(rig, 33), FINGER_FORCE)
+            allowed = found.miss <= 0
+            feasible += allowed.sum()
+            # 33 angles miss at most this much of the largest residual between them.
+            assert (found.worst[allowed] > left_over(mount) * (1 - 3e-3)).all()
+        if feasible > 20_000:
+            break
+    assert feasible > 20_000
+
+
+def test_the_many_bases_agree_with_the_planner(held):
+    rig, mount = held
+    angles = key_angles(rig, 9)
+    random = np.random.default_rng(3)
+    bases = np.array([mount.base_x, mount.base_z]) + random.uniform(-5e-3, 5e-3, (20, 2))
+    found = stances(rig, mount.elbow, bases, angles)
+    rise = rise_of_angle(rig.key, angles)
+    still = np.zeros_like(rise)
+    for index, (x, z) in enumerate(bases):
+        moved = with_arm(rig, base_x=x, base_z=z, elbow=mount.elbow)
+        path = follow_key(moved, Motion(rise, still, still))
+        lean = path.joints.position.sum(-1) - (angles - np.pi / 2)
+        expected = lean if rig.press.hold == "point" else path.slide
+        assert found.residual[index] == pytest.approx(expected, abs=1e-12)
+
+
+def test_growth_is_that_of_displaced_bases(held):
+    rig, mount = held
+    grown = []
+    for around in np.linspace(0, 2 * np.pi, 91):
+        x, z = mount.base_x + 1e-3 * np.cos(around), mount.base_z + 1e-3 * np.sin(around)
+        displaced = assess_mount(with_arm(clamped(rig, mount), base_x=x, base_z=z))
+        grown.append((left_over(displaced) - left_over(mount)) / 1e-3)
+    growth = mount.tilt_per_metre + mount.slide_per_metre
+    assert max(grown) == pytest.approx(growth, rel=2e-3)
+
+
+def test_unnoticed_costs_are_those_of_brute_force(held):
+    """The fingertip found by its joints, the key under it by bisection, speeds by differences."""
+    rig, mount = held
+    rig = clamped(rig, mount)
+    key, height = rig.key, rig.key.surface_height + rig.arm.fingertip_radius
+    rise = np.linspace(0, rig.press.jack_rise, 401)
+    joints = follow_key(rig, Motion(rise, rise * 0, rise * 0)).joints
+    law = press_law(rig.press)
+    ends = law.law.at(np.array([law.cruise_start, law.cruise_end])).position
+    cruise = (rise >= ends[0]) & (rise <= ends[1])
+    for field, x, z, turn in (
+        ("unnoticed_x", 1e-3, 0, 0),
+        ("unnoticed_z", 0, 1e-3, 0),
+        ("unnoticed_turn", 0, 0, np.radians(0.1)),
+    ):
+        heights, speeds, leans = [], [], []
+        for sign in (1, -1):
+            moved = with_arm(
+                rig, base_x=rig.arm.base_x + sign * x, base_z=rig.arm.base_z + sign * z
+            )
+            turned = joints.position + np.array([sign * turn, 0])
+            tip = fingertip_motion(moved.arm, joints._replace(position=turned)).position
+            low, high = np.full_like(rise, -0.2), np.full_like(rise, 0.2)
+            for _ in range(60):
+                middle = (low + high) / 2
+                above = tip[:, 1] * np.cos(middle) - tip[:, 0] * np.sin(middle) - height
+                low, high = np.where(above < 0, middle, low), np.where(above < 0, high, middle)
+            still = Motion(tip, tip * 0, tip * 0)
+            angle = key_under_fingertip(key, rig.arm.fingertip_radius, still).position
+            assert angle == pytest.approx(low, abs=1e-9)
+            jack = rise_of_angle(key, low)
+            heights.append(np.abs(jack - rise).max())
+            speeds.append(np.abs(np.gradient(jack, rise) - 1)[cruise].max())
+            leans.append(np.abs(turned.sum(-1) - low - joints.position.sum(-1)
+                                + angle_of_rise(key, rise)).max())  # fmt: skip
+        cost = getattr(mount, field)
+        assert cost.height_error == pytest.approx(max(heights), rel=1e-6)
+        assert cost.speed_error == pytest.approx(max(speeds), rel=0.01)
+        assert cost.tilt_change == pytest.approx(max(leans), rel=1e-6)
+
+
+def test_a_pocket_smaller_than_the_grid_is_found(paper):
+    best = find_mount(paper)
+    angles = key_angles(paper, 2)
+    rise = rise_of_angle(paper.key, angles)
+    path = follow_key(clamped(paper, best), Motion(rise, rise * 0, rise * 0)).joints.position
+    hover = 0.16  # rad, more than joint 1 needs to hover
+    tight = with_arm(
+        paper,
+        lower_limits=(path[:, 0].min() - 2e-3, paper.arm.lower_limits[1]),
+        upper_limits=(path[:, 0].max() + hover, path[:, 1].max() + 2e-3),
+    )
+    coarse = mount_map(tight, 41)
+    assert coarse.feasible.mean() < 0.01
+    assert find_mount(tight).tilt_max == pytest.approx(best.tilt_max, rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("values", "limit", "remedy"),
+    [
+        ({"arm__mount_x": ["500 mm", "600 mm"]}, "reach", "widen arm.mount_x"),
+        ({"arm__torque_limit": "1 mN m"}, "torque", "raise arm.torque_limit"),
+        ({"key__neighbour_height": "0.5 m"}, "elbow clearance", "raise arm.mount_z"),
+        ({"arm__lower_limits": ["-80 deg", "-12 deg"]}, "joint 2 limits", "widen arm.lower"),
+    ],
+)
+def test_nowhere_to_clamp_is_one_clear_message(bench, values, limit, remedy):
+    with pytest.raises(TrajectoryError, match=f"(?s)nowhere.*{limit}.*{remedy}") as caught:
+        find_mount(bench(**values))
+    assert "nan" not in str(caught.value)
+
+
+def test_a_base_out_of_reach_is_not_assessed(paper):
+    with pytest.raises(TrajectoryError, match="does not reach the key"):
+        assess_mount(with_arm(paper, base_x=-0.5))
+
+
+def test_the_map_holds_the_best_base(held):
+    rig, mount = held
+    area = mount_map(rig, 61)
+    assert area.residual.shape == area.feasible.shape == (2, 61, 61)
+    assert np.isfinite(area.residual).all()
+    least, feasible = area.best()
+    assert least[feasible].min() >= left_over(mount) * (1 - 1e-2)
+    row, column = np.unravel_index(np.where(feasible, least, np.inf).argmin(), least.shape)
+    place = np.array([area.x[column], area.z[row]])
+    elbow = area.elbows.index(mount.elbow)
+    there = stances(rig, mount.elbow, place[None], key_angles(rig, 65), FINGER_FORCE)
+    assert area.residual[elbow, row, column] == pytest.approx(there.worst[0], rel=0.05)
+
+
+@pytest.mark.parametrize("n", [0, 1])
+def test_a_map_of_one_base_is_refused(paper, n):
+    with pytest.raises(TrajectoryError, match="too few"):
+        mount_map(paper, n)
+
+
+@pytest.mark.parametrize("force", [np.nan, np.inf])
+def test_a_force_that_is_no_number_is_refused(paper, force):
+    with pytest.raises(TrajectoryError, match="not finite"):
+        find_mount(paper, force)
+
+
+@st.composite
+def rigs(draw):
+    """Arms, limits and regions of every kind, most of them good for something."""
+    x, z = draw(st.floats(-0.5, 0.1)), draw(st.floats(0.0, 0.3))
+    low = draw(st.floats(-2.5, 0.5)), draw(st.floats(-2.8, 0.5))
+    arm = {
+        "upper_length": draw(st.floats(0.06, 0.25)),
+        "lower_length": draw(st.floats(0.06, 0.25)),
+        "mount_x": (x, x + draw(st.floats(1e-4, 0.3))),
+        "mount_z": (z, z + draw(st.floats(1e-4, 0.3))),
+        "lower_limits": low,
+        "upper_limits": tuple(each + draw(st.floats(0.3, 4.0)) for each in low),
+        "torque_limit": draw(st.sampled_from([0.1, 0.5, 2.0])),
+    }
+    press = {
+        "hold": draw(st.sampled_from(["point", "normal"])),
+        "jack_rise": draw(st.sampled_from([6e-3, 10e-3, 15e-3])),
+    }
+    changed = with_arm(PAPER, **arm)
+    return changed.model_copy(update={"press": PAPER.press.model_copy(update=press)})
+
+
+def numbers(record):
+    for value in dataclasses.astuple(record):
+        yield from value if isinstance(value, tuple) else [value]
+
+
+@given(rigs())
+@settings(deadline=None, max_examples=25, derandomize=True)
+def test_any_rig_has_a_mount_or_a_message(rig):
+    try:
+        mount = find_mount(rig)
+    except TrajectoryError as error:
+        told = str(error)
+    else:
+        told = ""
+    if told:
+        assert any(limit in told for limit in LIMITS)
+        return
+    assert all(isinstance(v, str) or np.isfinite(v) for v in numbers(mount))
+    x, z = rig.arm.mount_x, rig.arm.mount_z
+    assert x[0] <= mount.base_x <= x[1]
+    assert z[0] <= mount.base_z <= z[1]
+    bases = np.random.default_rng(1).uniform((x[0], z[0]), (x[1], z[1]), (2000, 2))
+    for elbow in ELBOWS:
+        found = stances(rig, elbow, bases, key_angles(rig, 65), FINGER_FORCE)
+        allowed = found.worst[found.miss <= 0]
+        assert allowed.min(initial=np.inf) >= left_over(mount) * (1 - 1e-3)
