@@ -86,6 +86,39 @@ class Jack(Section):
     """m, rise of the jack from rest until the plectrum meets the string."""
 
 
+class Outline(Section):
+    """A carved plectrum's outline in the bending plane, undeformed."""
+
+    x: tuple[Length, ...] = Field(min_length=2)
+    """m, from the clamp at 0 to the tip, increasing."""
+    top: tuple[Length, ...] = Field(min_length=2)
+    """m, height of the upper surface, which meets the string, at those places."""
+    bottom: tuple[Length, ...] = Field(min_length=2)
+    """m, height of the lower surface at those places."""
+
+    @model_validator(mode="after")
+    def _encloses_something(self):
+        faults = []
+        if not len(self.x) == len(self.top) == len(self.bottom):
+            faults.append(
+                f"outline: {len(self.x)} places, {len(self.top)} tops and {len(self.bottom)}"
+                " bottoms; give one of each at every place"
+            )
+        if self.x[0] != 0 or any(b <= a for a, b in pairwise(self.x)):
+            faults.append("outline: x must start at 0 mm, the clamp, and increase to the tip")
+        crossing = [
+            x for x, top, low in zip(self.x, self.top, self.bottom, strict=False) if top <= low
+        ]
+        if crossing:
+            faults.append(
+                f"outline: it crosses itself at x = {crossing[0] * 1e3:.4g} mm, where the top is"
+                " not above the bottom; mend the contour there"
+            )
+        if faults:
+            raise ValueError("\n".join(faults))
+        return self
+
+
 class Plectrum(Section):
     """The cantilever clamped in the jack."""
 
@@ -103,6 +136,15 @@ class Plectrum(Section):
     """kg/m^3."""
     overlap: Length = Field(gt=0)
     """m, from the string's centre at rest to the tip, along the undeformed mid-line."""
+    friction: float = Field(default=0.0, strict=True, ge=0, le=0.5)
+    """1, Coulomb coefficient between plectrum and string."""
+    tip_thickness: Length | None = Field(default=None, gt=0)
+    """m, of the section at the tip, for the level `two-beam`; None for `thickness`."""
+    tip_length: Length | None = Field(default=None, gt=0)
+    """m, of the section at the tip, for the level `two-beam`; None for half the length."""
+    outline: Outline | None = None
+    """Carved outline, for the level `fe`; None for a uniform section. In a file also
+    ``outline = { file = "contour.csv" }``."""
 
     @property
     def bending_stiffness(self) -> float:
@@ -121,6 +163,8 @@ class String(Section):
     """m, from the nut to the plectrum."""
     frequency: Frequency = Field(gt=0)
     """Hz, of the fundamental."""
+    diameter: Length = Field(default=0.31e-3, gt=0)
+    """m, of the wire."""
 
     @property
     def static_stiffness(self) -> float:
@@ -164,6 +208,16 @@ class Gesture(Section):
         if faults:
             raise ValueError("\n".join(faults))
         return self
+
+
+class Choir(Section):
+    """One more string that the key plucks, by a jack and a plectrum of its own."""
+
+    jack_arm: Length = Field(gt=0)
+    """m, from the pin to this jack."""
+    jack: Jack
+    plectrum: Plectrum
+    string: String
 
 
 class Press(Section):
@@ -395,6 +449,8 @@ class Rig(Section):
     jack: Jack
     plectrum: Plectrum
     string: String
+    more_choirs: tuple[Choir, ...] = ()
+    """Choirs beside the first, which `jack`, `plectrum` and `string` describe."""
     press: Press
     arm: Arm
     controller: Controller

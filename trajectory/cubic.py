@@ -46,14 +46,14 @@ def segment_cubics(segments: Segments, counts_per_radian: float, period: float) 
     return Cubics(*(term / counts_per_radian for term in terms), span)
 
 
-def evaluate(cubics: Cubics, index: Floats, u: Floats) -> Motion:
-    """Return the joints' motion [rad] in segments, at u from 0 to 1; arrays (n, 2)."""
-    p0, p1, p2, p3, span = (array[index] for array in cubics)
-    u = u[:, None]
+def evaluate(cubics: Cubics, u: Floats) -> Motion:
+    """Return the joints' motion [rad] at u from 0 to 1, of a shape that fits the cubics'."""
+    p0, p1, p2, p3, span = cubics
+    c2, c3 = 2 * p2, 3 * p3
     return Motion(
         p0 + ((p3 * u + p2) * u + p1) * u,
-        ((3 * p3 * u + 2 * p2) * u + p1) / span,
-        (6 * p3 * u + 2 * p2) / span**2,
+        ((c3 * u + c2) * u + p1) / span,
+        (2 * c3 * u + c2) / span**2,
     )
 
 
@@ -76,7 +76,7 @@ def controller_motion(
     index = np.clip(np.searchsorted(ends, ticks, side="right") - 1, 0, len(segments) - 1)
     u = (ticks - ends[index]) / segments.samples[index]
     cubics = segment_cubics(segments, counts_per_radian, period)
-    return ticks * period, evaluate(cubics, index, u)
+    return ticks * period, evaluate(Cubics(*(array[index] for array in cubics)), u[:, None])
 
 
 def extremes(cubics: Cubics) -> Extremes:

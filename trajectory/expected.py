@@ -23,3 +23,15 @@ class Expectation:
     def force_at(self, rise: Floats) -> Floats:
         """Return the force [N] at rises of the jack [m]; held beyond the curve's ends."""
         return np.interp(rise, self.rise, self.force)
+
+    def range_between(self, low: Floats, high: Floats) -> tuple[Floats, Floats]:
+        """Return the least and the largest force [N] from rises low to high [m]; any shape."""
+        ends = self.force_at(low), self.force_at(high)
+        inside = np.searchsorted(self.rise, np.stack([low, high], -1)).ravel()
+
+        def of(choose: np.ufunc, none: float) -> Floats:
+            within = choose.reduceat(np.append(self.force, [none, none]), inside)[::2]
+            within = np.where(inside[::2] < inside[1::2], within, none)
+            return choose(choose(*ends), within.reshape(low.shape))
+
+        return of(np.minimum, np.inf), of(np.maximum, -np.inf)

@@ -8,7 +8,7 @@ from rig.schema import Rig
 from trajectory.arm import fingertip_motion, tilt
 from trajectory.checks import Check
 from trajectory.counts import to_counts
-from trajectory.cubic import controller_motion
+from trajectory.cubic import Cubics, evaluate, segment_cubics
 from trajectory.dynamics import joint_torques
 from trajectory.errors import TrajectoryError
 from trajectory.expected import Expectation
@@ -21,8 +21,8 @@ from trajectory.segments import Counts, Segments
 from trajectory.timing import PressLaw, approach_law, press_law
 from trajectory.verify import Motions, verify
 
-FINE = 8
-"""Points in each controller sample at which the cruise's speed is evaluated."""
+FINE = np.linspace(0.0, 1.0, 33)
+"""Places in each segment of the cruise at which its speed is evaluated."""
 
 
 @dataclass(frozen=True)
@@ -115,7 +115,6 @@ def draft_press(rig: Rig, expected: Expectation | None = None) -> Trajectory:
     if expected is not None:
         _, normal = surface_axes(path.angle.position)
         force = expected.force_at(path.rise.position)[:, None] * normal
-    from_pin = rig.key.press_arm - path.slide
     return Trajectory(
         law=law,
         time=time,
@@ -135,7 +134,6 @@ def draft_press(rig: Rig, expected: Expectation | None = None) -> Trajectory:
             rig,
             Motions(approach, segments, retreat),
             cruise.error,
-            (float(from_pin.min()), float(from_pin.max())),
             expected,
         ),
         warnings=_warnings(law, cruise, expected),
@@ -166,25 +164,33 @@ def _cruise(rig: Rig, law: PressLaw, segments: Segments) -> Cruise:
     """Recompute the cruise from exactly what is sent."""
     per_radian = rig.arm.counts_per_revolution / (2 * np.pi)
     period = rig.controller.sample_period
-    time, joints = controller_motion(segments, FINE, per_radian, period)
     ends = np.concatenate([[0], np.cumsum(segments.samples)]) * period
     slack = 1e-9 * period
-    inside = ends[(ends >= law.cruise_start - slack) & (ends <= law.cruise_end + slack)]
-    if len(inside) < 2:
-        raise TrajectoryError(
-            f"press.jack_speed: the cruise of {(law.cruise_end - law.cruise_start) * 1e3:.3g} ms"
-            f" holds no whole segment of the controller (samples of {period * 1e3:.3g} ms);"
-            " lower jack_speed or raise jack_rise"
-        )
-    window = (time >= inside[0]) & (time <= inside[-1])
-    joints = Motion(*(array[window] for array in joints))
+    whole = np.flatnonzero((ends >= law.cruise_start - slack) & (ends <= law.cruise_end + slack))
+    if len(whole) < 2:
+        raise TrajectoryError(_too_short(law, period))
+    first, last = whole[0], whole[-1]
+    cubics = segment_cubics(segments, per_radian, period)
+    cubics = Cubics(*(array[first:last, None] for array in cubics))
+    joints = Motion(*(array.reshape(-1, 2) for array in evaluate(cubics, FINE[:, None])))
     centre = fingertip_motion(rig.arm, joints)
     jack = jack_motion(rig.key, key_under_fingertip(rig.key, rig.arm.fingertip_radius, centre))
-    planned = law.law.at(time[window]).velocity
+    time = ends[first:last, None] + FINE * np.diff(ends[first : last + 1])[:, None]
+    planned = law.law.at(time.ravel()).velocity
     error = np.abs(jack.velocity - planned).max() / np.abs(planned).max()
-    first, last = float(jack.position[0]), float(jack.position[-1])
-    speed = (last - first) / float(inside[-1] - inside[0])
-    return Cruise(float(inside[0]), float(inside[-1]), (first, last), speed, float(error))
+    start, end = float(ends[first]), float(ends[last])
+    rise = float(jack.position[0]), float(jack.position[-1])
+    return Cruise(start, end, rise, (rise[1] - rise[0]) / (end - start), float(error))
+
+
+def _too_short(law: PressLaw, period: float) -> str:
+    lasting = f"of {(law.cruise_end - law.cruise_start) * 1e3:.3g} ms holds no whole segment"
+    samples = f"of the controller (samples of {period * 1e3:.3g} ms)"
+    if law.steady:
+        return (
+            f"press.jack_speed: the cruise {lasting} {samples}; lower jack_speed or raise jack_rise"
+        )
+    return f"press.gesture: it {lasting} {samples}; lower controller.sample_period"
 
 
 def _warnings(law: PressLaw, cruise: Cruise, expected: Expectation | None) -> tuple[str, ...]:

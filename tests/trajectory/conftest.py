@@ -92,7 +92,8 @@ def _place(arm, q):
 def _angle_under(rig, x, z):
     """Bisect for the angle at which the key's surface, raised by the radius, meets a point."""
     height = rig.key.surface_height + rig.arm.fingertip_radius
-    low, high = np.full_like(x, -np.pi / 4), np.full_like(x, np.pi / 2)
+    high = np.arctan2(-x, z)
+    low = high - np.pi / 2
     for _ in range(52):
         middle = (low + high) / 2
         too_far = z * np.cos(middle) - x * np.sin(middle) > height

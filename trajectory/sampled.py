@@ -1,0 +1,170 @@
+"""The checks of what has no exact extreme: looked at along every segment, with a bound."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from rig.schema import Rig
+from trajectory.arm import fingertip_motion, fingertip_place
+from trajectory.checks import Check, at_least, at_most
+from trajectory.cubic import Cubics, evaluate
+from trajectory.dynamics import joint_torques
+from trajectory.expected import Expectation
+from trajectory.key import rise_of_angle, surface_axes
+from trajectory.motion import Floats, Motion
+from trajectory.remedies import MOVE_BASE, SOFTER
+
+INSIDE = np.linspace(0.0, 1.0, 5)
+"""Places in each segment at which it is looked at."""
+STOPPED = np.linspace(0.25, 1.0, 4)
+"""Shares of the slower joint's stop at which a stop is looked at."""
+
+
+class Sampled(NamedTuple):
+    """The controller's motion at `INSIDE` of m segments; arrays (m, 5) and (m, 5, 2)."""
+
+    joints: Motion
+    """rad."""
+    centre: Floats
+    """m, of the fingertip."""
+    angle: Floats
+    """rad, of the key under it; at rest where the fingertip is above it."""
+    pressing: slice
+    """The segments of the press, between the ways there and back."""
+
+
+def sample(rig: Rig, cubics: Cubics, pressing: slice) -> Sampled:
+    """Look at a motion along every segment."""
+    joints = evaluate(Cubics(*(array[:, None] for array in cubics)), INSIDE[:, None])
+    centre = fingertip_place(rig.arm, joints.position)
+    return Sampled(joints, centre, _angle(rig, centre), pressing)
+
+
+def places(rig: Rig, sampled: Sampled) -> list[Check]:
+    """Check where the fingertip touches the key, and where it hovers."""
+    key, centre = rig.key, sampled.centre
+    tangent, _ = surface_axes(sampled.angle[sampled.pressing])
+    from_pin = -(centre[sampled.pressing] * tangent).sum(-1)
+    slack = _bend(from_pin)
+    near, far = from_pin.min() - slack, from_pin.max() + slack
+    hover = min(centre[0, 0, 1], centre[-1, -1, 1]) - rig.arm.fingertip_radius
+    return [
+        at_least(
+            "contact on the key",
+            min(near, key.front_arm - far),
+            0.0,
+            "m",
+            f'{MOVE_BASE}, lower key.press_arm, or set press.hold = "point":'
+            " the finger slides off the key",
+        ),
+        at_least(
+            "clearance of the hovering fingertip",
+            hover,
+            key.neighbour_height,
+            "m",
+            "raise press.hover: the fingertip would touch the neighbouring keys on its way",
+        ),
+    ]
+
+
+def loads(rig: Rig, sampled: Sampled, expected: Expectation | None) -> list[Check]:
+    """Check the torques of arm, weight and the expected force on the finger."""
+    free = joint_torques(rig.arm, sampled.joints)
+    peaks = [_peak(free[..., j]) for j in (0, 1)]
+    if expected is not None:
+        peaks = _loaded(rig, sampled, free, expected)
+    remedy = f"{SOFTER}, or {MOVE_BASE}"
+    return [
+        at_most(f"joint {j + 1} torque", peaks[j], rig.arm.torque_limit, "N*m", remedy)
+        for j in (0, 1)
+    ]
+
+
+def depth_and_stops(rig: Rig, sampled: Sampled) -> list[Check]:
+    """Check that the key stays off its felt, and that a stop from anywhere stays safe."""
+    key, arm = rig.key, rig.arm
+    position, velocity, _ = sampled.joints
+    # Each joint brakes by itself, at its acceleration limit, as the controller's stop does.
+    speed = np.abs(velocity)
+    slower = np.maximum(speed[..., 0], speed[..., 1])[..., None]
+    left = np.maximum(speed - STOPPED[:, None, None, None] * slower, 0.0)
+    turned = np.copysign((speed**2 - left**2) / (2 * arm.acceleration_limit), velocity)
+    stopping = position + turned
+    stopped, spare = stopping[-1], np.inf
+    for j in (0, 1):
+        joint = stopped[..., j]
+        room = min(joint.min() - arm.lower_limits[j], arm.upper_limits[j] - joint.max())
+        spare = min(spare, room - _bend(joint))
+    depth = _depth(rig, sampled.angle)
+    sinking = _depth(rig, _angle(rig, fingertip_place(arm, stopping)))
+    slack = _bend(sinking) + _bend(np.stack([depth, *sinking], -1))
+    return [
+        at_most(
+            "depth of the key",
+            _peak(depth),
+            key.dip,
+            "m",
+            "lower press.jack_rise: the key would run into its felt",
+        ),
+        at_most(
+            "depth of the key after a stop",
+            max(depth.max(), sinking.max()) + slack,
+            key.dip,
+            "m",
+            "lower press.jack_speed or jack_rise, or raise arm.acceleration_limit",
+        ),
+        at_least("joints after a stop", spare, 0.0, "rad", MOVE_BASE),
+    ]
+
+
+def _loaded(rig: Rig, sampled: Sampled, free: Floats, expected: Expectation) -> list[float]:
+    """Bound the torques with the expected force: free - force x lever, by virtual work.
+
+    The force may peak between samples, so each sample bears all that its neighbours enclose.
+    """
+    pressing = sampled.pressing
+    _, normal = surface_axes(sampled.angle)
+    lever = (free - joint_torques(rig.arm, sampled.joints, normal))[pressing]
+    rise = rise_of_angle(rig.key, sampled.angle[pressing])
+    around = np.pad(rise, ((0, 0), (1, 1)), mode="edge")
+    around = np.stack([around[:, :-2], rise, around[:, 2:]])
+    slack = _bend(rise)
+    forces = expected.range_between(around.min(axis=0) - slack, around.max(axis=0) + slack)
+    most = max(np.abs(force).max() for force in forces)
+    peaks = []
+    for j in (0, 1):
+        bare, arm = free[..., j], lever[..., j]
+        borne = max(np.abs(bare[pressing] - force * arm).max() for force in forces)
+        slack = _bend(bare) + most * _bend(arm)
+        peaks.append(max(_peak(bare), float(borne + slack)))
+    return peaks
+
+
+def _angle(rig: Rig, centre: Floats) -> Floats:
+    """Return the angle [rad] of a key that touches the fingertip; above the key, at rest."""
+    height = rig.key.surface_height + rig.arm.fingertip_radius
+    x, z = centre[..., 0], centre[..., 1]
+    along = np.sqrt(np.maximum(x**2 + z**2 - height**2, 0.0))
+    return np.maximum(np.arctan2(-x, z) - np.arctan2(along, height), 0.0)
+
+
+def _depth(rig: Rig, angle: Floats) -> Floats:
+    """Return how far [m] the pressing point has gone down."""
+    key = rig.key
+    lowered = key.press_arm * np.sin(angle) - key.surface_height * np.cos(angle)
+    return lowered + key.surface_height
+
+
+def _peak(values: Floats) -> float:
+    """Bound the largest magnitude of a smooth quantity from its samples in each segment."""
+    return float(max(values.max(), -values.min())) + _bend(values)
+
+
+def _bend(values: Floats) -> float:
+    """Bound by how much a smooth quantity exceeds its samples along the last axis.
+
+    Between samples a distance h apart it is h^2/8 of its second derivative at most. The
+    largest second difference stands for that, and twice it where that changes its sign.
+    """
+    seconds = values[..., 2:] - 2 * values[..., 1:-1] + values[..., :-2]
+    return float(max(seconds.max(), -seconds.min())) / 4
