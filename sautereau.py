@@ -29,7 +29,13 @@ app = App(
 )
 
 Flag = Parameter(negative=())
-Json = Annotated[bool, Flag]
+Json = Annotated[
+    bool, Parameter(negative=(), help="Print one JSON object in SI units and nothing else.")
+]
+RigName = Annotated[str, Parameter(help="Path of a rig file, or name of a packaged one.")]
+Level = Annotated[str, Parameter(help="Of the plectrum.")]
+Picture = Annotated[Path | None, Parameter(help="File for a picture; its suffix tells how.")]
+Seed = Annotated[int | None, Parameter(validator=lambda _, value: _seed_fits(value))]
 
 
 @Parameter(name="*")
@@ -41,66 +47,38 @@ class Simulation:
     """Run on the stand-in instead of the hardware."""
     scene: str | None = None
     """Scene of the stand-in, by path or packaged name; implies --sim. Default: paper."""
-    seed: Annotated[int | None, Parameter(validator=lambda t, v: _seed_fits(v))] = None
+    seed: Seed = None
     """Of every random number. Default: a fresh one, which is recorded."""
 
 
 @app.command
 def plan(
-    rig: str = "paper", *, out: Path | None = None, plot: Path | None = None, json: Json = False
+    rig: RigName = "paper", *, out: Path | None = None, plot: Picture = None, json: Json = False
 ) -> int:
     """Plan one press and check it.
 
     Parameters
     ----------
-    rig
-        Path of a rig file, or name of a packaged one.
     out
         File for the controller's segments, as JSON; written only if every check holds.
-    plot
-        File for the picture; its suffix chooses the format.
-    json
-        Print one JSON object and nothing else.
     """
+    from analysis.summary.plan import plan_lines, plan_summary
     from trajectory.press import draft_press
     from trajectory.segments import segments_document
 
     bench = _load_rig(rig)
     expected, doubts = _expected(bench)
     draft = draft_press(bench, expected)
-    warnings = [*doubts, *draft.warnings]
     failed = [check for check in draft.checks if not check.holds]
-    tilt, slide = float(abs(draft.tilt).max()), float(abs(draft.slide).max())
-    result = {
-        "cruise_speed": draft.cruise.speed,
-        "cruise_error_max": draft.cruise.error,
-        "cruise_time": [draft.cruise.start, draft.cruise.end],
-        "cruise_rise": list(draft.cruise.rise),
-        "tilt_max": tilt,
-        "slide_max": slide,
-        "duration": float(draft.time[-1]),
-        "segments": len(draft.segments),
-        "feasible": not failed,
-        "warnings": warnings,
-        "checks": [asdict(c) | {"margin": c.margin, "holds": c.holds} for c in draft.checks],
-    }
-    lines = [
-        f"rig {bench.name}: {draft.time[-1] * 1e3:.4g} ms in {len(draft.segments)} segments",
-        f"the jack cruises at {draft.cruise.speed:.6g} m/s from {draft.cruise.start * 1e3:.4g} to"
-        f" {draft.cruise.end * 1e3:.4g} ms and from {draft.cruise.rise[0] * 1e3:.4g} to"
-        f" {draft.cruise.rise[1] * 1e3:.4g} mm; its speed is wrong by at most"
-        f" {draft.cruise.error * 100:.2g} %",
-        f"the finger tilts by {math.degrees(tilt):.3g} deg and slides by {slide * 1e3:.3g} mm",
-        *(f"  {check}" for check in draft.checks),
-        *(f"warning: {warning}" for warning in warnings),
-    ]
+    warnings = [*doubts, *draft.warnings]
+    result, lines = plan_summary(draft, warnings), plan_lines(bench, draft, warnings)
     if out and not failed:
         period = bench.controller.sample_period
         document = segments_document(draft.segments, period, draft.home, draft.hover)
         _write(out, _json(document))
         lines.append(f"segments: {out}")
     if plot:
-        from analysis.plan_figure import plot_plan
+        from analysis.figures.plan import plot_plan
 
         plot_plan(plot, bench, draft, expected)
         lines.append(f"picture: {plot}")
@@ -113,8 +91,57 @@ def plan(
 
 
 @app.command
+def mount(
+    rig: RigName = "paper",
+    *,
+    plot: Picture = None,
+    touches: Path | None = None,
+    trust_homing: Annotated[bool, Flag] = False,
+    json: Json = False,
+) -> int:
+    """Find where to clamp the robot, and from touches where it is clamped.
+
+    Parameters
+    ----------
+    touches
+        CSV file of points that the jogged fingertip touched on the key at rest, with the
+        columns point [mm] (from the balance pin, negative in front), joint1 [counts] and
+        joint2 [counts], or [deg].
+    trust_homing
+        Take the zeros of the joints as exact, and estimate the base alone.
+    """
+    import numpy as np
+
+    from analysis.summary.mount import located_lines, located_summary, mount_lines, mount_summary
+    from rig.touches import read_touches
+    from trajectory.locate import locate_base
+    from trajectory.mount import find_mount, mount_map
+
+    bench = _load_rig(rig)
+    result: dict[str, Any] = {}
+    lines = []
+    if touches:
+        read = read_touches(touches, bench.arm)
+        offsets = 0 if trust_homing else None
+        located = locate_base(bench, np.array(read.joints), np.array(read.points), offsets=offsets)
+        result["located"] = located_summary(located)
+        lines += located_lines(located)
+    found = find_mount(bench)
+    result |= mount_summary(found)
+    lines += mount_lines(bench, found)
+    if plot:
+        from analysis.figures.mount import plot_mount
+
+        plot_mount(plot, bench, mount_map(bench), found)
+        result["picture"] = str(plot)
+        lines.append(f"picture: {plot}")
+    _answer(json, result, lines)
+    return 0
+
+
+@app.command
 def press(
-    rig: str = "paper",
+    rig: RigName = "paper",
     *,
     n: Annotated[int, Parameter(name=["-n", "--number"])] = 1,
     out: Path,
@@ -126,22 +153,18 @@ def press(
 
     Parameters
     ----------
-    rig
-        Path of a rig file, or name of a packaged one.
     n
         Presses.
     out
         Folder for the recordings; nothing in it is overwritten.
     notes
         Operator's notes, kept in every recording.
-    json
-        Print one JSON object and nothing else.
     """
     from analysis.compare import compare as compare_presses
     from analysis.model.predict import predict as predict_press
     from analysis.phases import find_phases
     from analysis.press import load_press
-    from analysis.summary import (
+    from analysis.summary.press import (
         HEADER,
         comparison_lines,
         comparison_summary,
@@ -210,10 +233,8 @@ def phases(files: list[Path], /, *, json: Json = False) -> int:
     ----------
     files
         Recordings.
-    json
-        Print one JSON object and nothing else.
     """
-    from analysis.summary import HEADER, press_line, press_summary
+    from analysis.summary.press import HEADER, press_line, press_summary
 
     both = _load(files)
     warnings = [f"{p.path}: {warning}" for p, f in both for warning in f.warnings]
@@ -223,18 +244,8 @@ def phases(files: list[Path], /, *, json: Json = False) -> int:
 
 
 @app.command
-def predict(rig: str = "paper", *, level: str = "elastica", json: Json = False) -> int:
-    """Predict a press by the model alone.
-
-    Parameters
-    ----------
-    rig
-        Path of a rig file, or name of a packaged one.
-    level
-        Of the plectrum.
-    json
-        Print one JSON object and nothing else.
-    """
+def predict(rig: RigName = "paper", *, level: Level = "elastica", json: Json = False) -> int:
+    """Predict a press by the model alone."""
     from analysis.model.predict import predict as predict_press
 
     bench = _load_rig(rig)
@@ -262,7 +273,7 @@ def predict(rig: str = "paper", *, level: str = "elastica", json: Json = False) 
 
 @app.command
 def compare(
-    files: list[Path], /, *, level: str = "elastica", plot: Path | None = None, json: Json = False
+    files: list[Path], /, *, level: Level = "elastica", plot: Picture = None, json: Json = False
 ) -> int:
     """Compare recorded presses with the model of the rig that they carry.
 
@@ -270,16 +281,10 @@ def compare(
     ----------
     files
         Recordings of one rig.
-    level
-        Of the plectrum.
-    plot
-        File for the picture; its suffix chooses the format.
-    json
-        Print one JSON object and nothing else.
     """
     from analysis.compare import compare as compare_presses
     from analysis.model.predict import predict as predict_press
-    from analysis.summary import comparison_lines, comparison_summary
+    from analysis.summary.press import comparison_lines, comparison_summary
 
     both = _load(files)
     pressed, found = [p for p, _ in both], [f for _, f in both]
@@ -306,8 +311,6 @@ def info(file: Path, /, *, json: Json = False) -> int:
     ----------
     file
         The recording.
-    json
-        Print one JSON object and nothing else.
     """
     from daq.reading import describe
 
@@ -327,8 +330,8 @@ def stand_in(
     scene: str = "paper",
     /,
     *,
-    rig: str = "paper",
-    seed: Annotated[int, Parameter(validator=lambda t, v: _seed_fits(v))] = 0,
+    rig: RigName = "paper",
+    seed: Seed = 0,
     fast: Annotated[bool, Flag] = False,
     json: Json = False,
 ) -> int:
@@ -338,14 +341,10 @@ def stand_in(
     ----------
     scene
         Path of a scene file, or name of a packaged one.
-    rig
-        Path of a rig file, or name of a packaged one.
     seed
         Of every random number.
     fast
         Let simulated time go as fast as it can, and not with the clock on the wall.
-    json
-        Print one JSON object and nothing else.
     """
     from sim_backend.bench import StandIn
     from sim_backend.scene import load_scene
@@ -353,7 +352,7 @@ def stand_in(
     bench = _load_rig(rig)
     with (
         _signals_stop(),
-        StandIn(bench, load_scene(scene), seed, paced=not fast) as served,
+        StandIn(bench, load_scene(scene), seed or 0, paced=not fast) as served,
         suppress(KeyboardInterrupt),
     ):
         result = {"serial_port": served.serial_port, "daq_address": served.daq_address}
@@ -369,16 +368,8 @@ def stand_in(
 
 
 @app.command
-def doctor(rig: str = "paper", *, json: Json = False) -> int:
-    """Tell what is installed, connected and missing, with the remedy.
-
-    Parameters
-    ----------
-    rig
-        Path of a rig file, or name of a packaged one.
-    json
-        Print one JSON object and nothing else.
-    """
+def doctor(rig: RigName = "paper", *, json: Json = False) -> int:
+    """Tell what is installed, connected and missing, with the remedy."""
     from robot.doctor import examine
 
     found = examine(_load_rig(rig), Path())
@@ -459,7 +450,7 @@ def _hardware(rig: "Rig", simulation: Simulation) -> "Iterator[tuple[Rig, str, i
 
 
 def _draw(path: Path, presses: Any, found: Any, prediction: "Prediction") -> None:
-    from analysis.figures import plot_comparison
+    from analysis.figures.comparison import plot_comparison
 
     plot_comparison(path, presses, found, prediction)
 

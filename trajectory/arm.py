@@ -37,7 +37,8 @@ def reach_margins(arm: Arm, centre: Floats) -> tuple[Floats, Floats]:
 
 def fingertip_place(arm: Arm, joints: Floats) -> Floats:
     """Return the place [m] of the fingertip's centre at joint angles [rad]; (..., 2)."""
-    first, total = joints[..., 0], joints.sum(-1)
+    first = joints[..., 0]
+    total = first + joints[..., 1]
     x = arm.upper_length * np.cos(first) + arm.lower_length * np.cos(total)
     z = arm.upper_length * np.sin(first) + arm.lower_length * np.sin(total)
     return np.stack([arm.base_x + x, arm.base_z + z], -1)
@@ -45,7 +46,8 @@ def fingertip_place(arm: Arm, joints: Floats) -> Floats:
 
 def fingertip_motion(arm: Arm, joints: Motion) -> Motion:
     """Return the motion [m] of the fingertip's centre from the joints' [rad]; (n, 2)."""
-    first, total = joints.position[..., 0], joints.position.sum(-1)
+    first = joints.position[..., 0]
+    total = first + joints.position[..., 1]
     upper, upper_turned = link_vectors(arm.upper_length, first)
     lower, lower_turned = link_vectors(arm.lower_length, total)
     speed1, speed2 = joints.velocity[..., :1], joints.velocity.sum(-1, keepdims=True)
@@ -168,7 +170,7 @@ def _elbow_motion(angle, along, across, height, base_above, tangent, normal) -> 
 
 def tilt(angle: Floats, joints: Floats) -> Floats:
     """Return the angle [rad] from the key's inward normal to link 2, shape (n,)."""
-    raw = joints.sum(-1) - (angle - np.pi / 2)
+    raw = joints[..., 0] + joints[..., 1] - (angle - np.pi / 2)
     return raw - 2 * np.pi * np.round(raw / (2 * np.pi))
 
 

@@ -38,12 +38,13 @@ class Extremes(NamedTuple):
 def segment_cubics(segments: Segments, counts_per_radian: float, period: float) -> Cubics:
     """Return the cubics that have the segments' positions and velocities at their ends."""
     before = segments.start + np.cumsum(segments.steps, axis=0) - segments.steps
-    span = (segments.samples * period)[:, None]
+    span = segments.samples[:, None].astype(np.float64) * period
     ends = np.vstack([[0, 0], segments.velocities])
     v0, v1 = ends[:-1] * span, ends[1:] * span
     step = segments.steps
-    terms = before, v0, 3 * step - 2 * v0 - v1, v0 + v1 - 2 * step
-    return Cubics(*(term / counts_per_radian for term in terms), span)
+    p2, p3 = 3 * step - 2 * v0 - v1, v0 + v1 - 2 * step
+    p0, p1, p2, p3 = (term / counts_per_radian for term in (before, v0, p2, p3))
+    return Cubics(p0, p1, p2, p3, span)
 
 
 def evaluate(cubics: Cubics, u: Floats) -> Motion:

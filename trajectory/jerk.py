@@ -49,12 +49,12 @@ def jerk_law(phases: list[Phase]) -> JerkLaw:
 def chained(laws: list[JerkLaw]) -> JerkLaw:
     """Play laws one after the other; each takes up the position where the last one ended."""
     times, states, jerks = [np.zeros(1)], [], []
-    position = 0.0
+    end = np.zeros((1, 3))
     for law in laws:
         times.append(law.times[1:] + times[-1][-1])
-        moved = law.states + np.array([position, 0.0, 0.0])
+        moved = law.states + np.array([end[0, 0], 0.0, 0.0])
         states.append(moved[:-1])
-        position, end = moved[-1, 0], moved[-1:]
+        end = moved[-1:]
         jerks.append(law.jerks)
     return JerkLaw(np.concatenate(times), np.concatenate([*states, end]), np.concatenate(jerks))
 
@@ -70,7 +70,7 @@ def rest_to_rest(distance: float, speed: float, acceleration: float, jerk: float
     Without a cruise the stroke reaches the speed v of v T(v) = distance.
     """
     edge = acceleration**2 / jerk
-    reached = (distance**2 * jerk / 4) ** (1 / 3)
+    reached = distance ** (2 / 3) * (jerk / 4) ** (1 / 3)
     if reached > edge:
         reached = (math.sqrt(edge**2 + 4 * acceleration * distance) - edge) / 2
     reached = min(speed, reached)

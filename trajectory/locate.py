@@ -8,6 +8,7 @@ joints' readings q1 and q2 and what is to be added to them, o1 and o2, each pose
 """
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -78,22 +79,8 @@ def locate_base(
     """
     joints, points = np.asarray(joints, dtype=float), np.asarray(points, dtype=float)
     _check(rig, joints, points, touch, offsets)
-    warnings = []
-    wanted = [min(2, len(points) - 1), 1, 0] if offsets is None else [offsets]
-    for zeros in dict.fromkeys(wanted):
-        solution, left, jacobian = _solve(rig, joints, points, zeros)
-        lengths = np.array([1.0, 1.0, *[rig.arm.upper_length + rig.arm.lower_length] * zeros])
-        condition = float(np.linalg.cond(jacobian / lengths))
-        if condition < CONDITION_LIMIT:
-            break
-        fault = (
-            f"the touches do not determine the zero of joint {zeros} (condition number"
-            f" {condition:.2g}, at most {CONDITION_LIMIT:.2g}): touch points further apart,"
-            " or with the elbow bent otherwise"
-        )
-        if offsets is not None:
-            raise TrajectoryError(f"locate: {fault}, or estimate fewer offsets")
-        warnings.append(f"{fault}; it is taken as true")
+    solved, warnings = _determined(rig, joints, points, offsets)
+    zeros, solution, left, jacobian, lengths, condition = solved
     if condition > CONDITION_WARNING:
         warnings.append(
             f"the touches hardly determine the zero of joint {zeros} (condition number"
@@ -126,13 +113,49 @@ def locate_base(
     )
 
 
-def _solve(rig: Rig, joints: Floats, points: Floats, zeros: int) -> tuple[Floats, Floats, Floats]:
+class _Solved(NamedTuple):
+    zeros: int
+    solution: Floats
+    left: Floats
+    jacobian: Floats
+    lengths: Floats
+    """What a unit of each unknown moves at the arm's full reach: 1, or m."""
+    condition: float
+
+
+def _determined(
+    rig: Rig, joints: Floats, points: Floats, offsets: int | None
+) -> tuple[_Solved, list[str]]:
+    """Solve for as many offsets as the touches determine; say which were left out."""
+    warnings: list[str] = []
+    reach = rig.arm.upper_length + rig.arm.lower_length
+    zeros = min(2, len(points) - 1) if offsets is None else offsets
+    while True:
+        lengths = np.array([1.0, 1.0, *[reach] * zeros])
+        solution, left, jacobian = _solve(rig, joints, points, lengths)
+        condition = float(np.linalg.cond(jacobian / lengths))
+        if condition < CONDITION_LIMIT or zeros == 0:
+            return _Solved(zeros, solution, left, jacobian, lengths, condition), warnings
+        fault = (
+            f"the touches do not determine the zero of joint {zeros} (condition number"
+            f" {condition:.2g}, at most {CONDITION_LIMIT:.2g}): touch points further apart,"
+            " or with the elbow bent otherwise"
+        )
+        if offsets is not None:
+            raise TrajectoryError(f"locate: {fault}, or estimate fewer offsets")
+        warnings.append(f"{fault}; it is taken as true")
+        zeros -= 1
+
+
+def _solve(
+    rig: Rig, joints: Floats, points: Floats, lengths: Floats
+) -> tuple[Floats, Floats, Floats]:
     """Return the k unknowns by Gauss-Newton, what is left over and the Jacobian (2 m, k)."""
     arm, key = rig.arm, rig.key
     height = key.surface_height + arm.fingertip_radius
     centre = np.stack([points, np.full_like(points, height)], -1)
-    unknown = np.zeros(2 + zeros)
-    scale = np.array([1.0, 1.0, *[arm.upper_length + arm.lower_length] * zeros])
+    unknown = np.zeros_like(lengths)
+    zeros = len(lengths) - 2
     for step in range(STEPS):
         added = np.zeros(2)
         added[:zeros] = unknown[2:]
@@ -146,12 +169,12 @@ def _solve(rig: Rig, joints: Floats, points: Floats, zeros: int) -> tuple[Floats
         base = np.broadcast_to(np.eye(2), (len(points), 2, 2))
         jacobian = np.concatenate([base, *(c[..., None] for c in columns)], -1)
         jacobian = jacobian.reshape(-1, 2 + zeros)
-        change = np.linalg.lstsq(jacobian / scale, -left.ravel(), rcond=1e-12)[0]
+        change = np.linalg.lstsq(jacobian / lengths, -left.ravel(), rcond=1e-12)[0]
         if np.abs(change).max() < 1e-13:
             return unknown, left, jacobian
-        # A step of more than a radian at the tip would leave the range of the linear model.
-        change *= min(1.0, scale[-1] / max(np.abs(change[2:]).max(initial=0.0), 1e-300))
-        unknown = unknown + change / scale
+        # A joint's step of more than a radian would leave the range of the linear model.
+        change *= min(1.0, lengths[-1] / max(np.abs(change[2:]).max(initial=0.0), 1e-300))
+        unknown = unknown + change / lengths
     raise TrajectoryError(
         f"locate: the estimate does not settle in {STEPS} steps: the touches contradict the arm;"
         " check the points, the order of the joints and their units"

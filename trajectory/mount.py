@@ -80,7 +80,7 @@ class MountMap(NamedTuple):
     def best(self) -> tuple[Floats, np.ndarray]:
         """Return the residual of the better elbow and whether either is feasible; (n, n)."""
         least = np.where(self.feasible, self.residual, np.inf).min(0)
-        feasible = self.feasible.any(0)
+        feasible = np.logical_or(*self.feasible)
         return np.where(feasible, least, self.residual.min(0)), feasible
 
 

@@ -21,8 +21,11 @@ from trajectory.segments import Counts, Segments
 from trajectory.timing import PressLaw, approach_law, press_law
 from trajectory.verify import Motions, verify
 
-FINE = np.linspace(0.0, 1.0, 33)
+FINE = np.linspace(0.0, 1.0, 65)
 """Places in each segment of the cruise at which its speed is evaluated."""
+
+NOTICED = 1e-5
+"""m, by which a gesture may fall below rest unsaid."""
 
 
 @dataclass(frozen=True)
@@ -136,7 +139,7 @@ def draft_press(rig: Rig, expected: Expectation | None = None) -> Trajectory:
             cruise.error,
             expected,
         ),
-        warnings=_warnings(law, cruise, expected),
+        warnings=_warnings(law, cruise, float(path.rise.position.min()), expected),
     )
 
 
@@ -193,7 +196,14 @@ def _too_short(law: PressLaw, period: float) -> str:
     return f"press.gesture: it {lasting} {samples}; lower controller.sample_period"
 
 
-def _warnings(law: PressLaw, cruise: Cruise, expected: Expectation | None) -> tuple[str, ...]:
+def _warnings(
+    law: PressLaw, cruise: Cruise, lowest: float, expected: Expectation | None
+) -> tuple[str, ...]:
+    if lowest < -NOTICED:
+        return (
+            f"the spline through press.gesture falls to {lowest * 1e3:.4g} mm, where the finger"
+            " leaves the key; give more samples around its rests",
+        )
     if expected is None or not law.steady:
         return ()
     first, last = (rise * 1e3 for rise in cruise.rise)

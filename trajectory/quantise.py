@@ -61,12 +61,13 @@ def quantise(
     whole = np.rint(exact)
     # A cubic that misses both its ends by half a count is accelerated by 6 counts / T^2.
     coarse = 6 / counts_per_radian / (ROUNDING_SHARE * acceleration_limit)
-    grains = max(1, int(np.ceil(np.sqrt(coarse) / period / GRAIN)))
+    longest = LONGEST_SEGMENT // GRAIN
+    grains = int(np.clip(np.ceil(np.sqrt(coarse) / period / GRAIN), 1, longest))
     speed = np.abs(joints.velocity).min(axis=1) * counts_per_radian * period
     missed = np.abs(exact - whole).max(axis=1)
     while True:
         knots = _knots(law, speed, missed, period, grains)
-        if len(knots) <= segment_limit or grains * GRAIN >= LONGEST_SEGMENT:
+        if len(knots) <= segment_limit or grains >= longest:
             break
         grains += 1
     positions = whole[knots].astype(np.int64)
@@ -85,7 +86,7 @@ def _knots(law: JerkLaw, speed: Floats, missed: Floats, period: float, grains: i
         speed: Counts a sample of the slower joint, at every controller sample.
         missed: Counts by which rounding moves the joints, at every controller sample.
         period: s, one controller sample.
-        grains: Between knots where the speed changes.
+        grains: Between knots where the speed changes, and at least where it does not.
     """
     last = (len(speed) - 1) // GRAIN
     chosen = {0, last}
@@ -99,7 +100,7 @@ def _knots(law: JerkLaw, speed: Floats, missed: Floats, period: float, grains: i
         low, high = int(np.ceil(start - 1e-9)), min(last, int(stop + 1e-9))
         if high > low:
             chosen -= set(range(low + 1, high))
-            chosen |= _steady_knots(low, high, speed, missed)
+            chosen |= _steady_knots(low, high, speed, missed, grains)
     return GRAIN * np.array(sorted(chosen), dtype=np.int64)
 
 
@@ -117,10 +118,10 @@ def _stretches(law: JerkLaw) -> list[tuple[float, float, bool]]:
     return found
 
 
-def _steady_knots(low: int, high: int, speed: Floats, missed: Floats) -> set[int]:
+def _steady_knots(low: int, high: int, speed: Floats, missed: Floats, grains: int) -> set[int]:
     """Choose the knots, in grains, of a stretch of steady speed."""
     counts = speed[low * GRAIN : high * GRAIN + 1].min()
-    wanted = max(1.0, STEADY_COUNTS / max(counts, 1e-9) / GRAIN)
+    wanted = max(float(grains), STEADY_COUNTS / max(counts, 1e-9) / GRAIN)
     span = high - low
     # Knots move by a quarter of a piece at most, so a piece grows by half.
     least = np.ceil(1.5 * span * GRAIN / LONGEST_SEGMENT)

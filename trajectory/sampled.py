@@ -5,13 +5,13 @@ from typing import NamedTuple
 import numpy as np
 
 from rig.schema import Rig
-from trajectory.arm import fingertip_motion, fingertip_place
+from trajectory.arm import fingertip_place
 from trajectory.checks import Check, at_least, at_most
 from trajectory.cubic import Cubics, evaluate
 from trajectory.dynamics import joint_torques
 from trajectory.expected import Expectation
 from trajectory.key import rise_of_angle, surface_axes
-from trajectory.motion import Floats, Motion
+from trajectory.motion import Floats, Motion, dot
 from trajectory.remedies import MOVE_BASE, SOFTER
 
 INSIDE = np.linspace(0.0, 1.0, 5)
@@ -28,7 +28,7 @@ class Sampled(NamedTuple):
     centre: Floats
     """m, of the fingertip."""
     angle: Floats
-    """rad, of the key under it; at rest where the fingertip is above it."""
+    """rad, of the key under it; negative where the fingertip is above a key at rest."""
     pressing: slice
     """The segments of the press, between the ways there and back."""
 
@@ -43,8 +43,8 @@ def sample(rig: Rig, cubics: Cubics, pressing: slice) -> Sampled:
 def places(rig: Rig, sampled: Sampled) -> list[Check]:
     """Check where the fingertip touches the key, and where it hovers."""
     key, centre = rig.key, sampled.centre
-    tangent, _ = surface_axes(sampled.angle[sampled.pressing])
-    from_pin = -(centre[sampled.pressing] * tangent).sum(-1)
+    tangent, _ = surface_axes(np.maximum(sampled.angle[sampled.pressing], 0.0))
+    from_pin = -dot(centre[sampled.pressing], tangent)
     slack = _bend(from_pin)
     near, far = from_pin.min() - slack, from_pin.max() + slack
     hover = min(centre[0, 0, 1], centre[-1, -1, 1]) - rig.arm.fingertip_radius
@@ -101,14 +101,14 @@ def depth_and_stops(rig: Rig, sampled: Sampled) -> list[Check]:
     return [
         at_most(
             "depth of the key",
-            _peak(depth),
+            max(depth.max() + _bend(depth), 0.0),
             key.dip,
             "m",
             "lower press.jack_rise: the key would run into its felt",
         ),
         at_most(
             "depth of the key after a stop",
-            max(depth.max(), sinking.max()) + slack,
+            max(depth.max() + slack, sinking.max() + slack, 0.0),
             key.dip,
             "m",
             "lower press.jack_speed or jack_rise, or raise arm.acceleration_limit",
@@ -123,9 +123,11 @@ def _loaded(rig: Rig, sampled: Sampled, free: Floats, expected: Expectation) -> 
     The force may peak between samples, so each sample bears all that its neighbours enclose.
     """
     pressing = sampled.pressing
-    _, normal = surface_axes(sampled.angle)
-    lever = (free - joint_torques(rig.arm, sampled.joints, normal))[pressing]
-    rise = rise_of_angle(rig.key, sampled.angle[pressing])
+    angle = np.maximum(sampled.angle[pressing], 0.0)
+    joints = Motion(*(array[pressing] for array in sampled.joints))
+    _, normal = surface_axes(angle)
+    lever = free[pressing] - joint_torques(rig.arm, joints, normal)
+    rise = rise_of_angle(rig.key, angle)
     around = np.pad(rise, ((0, 0), (1, 1)), mode="edge")
     around = np.stack([around[:, :-2], rise, around[:, 2:]])
     slack = _bend(rise)
@@ -141,11 +143,11 @@ def _loaded(rig: Rig, sampled: Sampled, free: Floats, expected: Expectation) -> 
 
 
 def _angle(rig: Rig, centre: Floats) -> Floats:
-    """Return the angle [rad] of a key that touches the fingertip; above the key, at rest."""
+    """Return the angle [rad] of a key that touches the fingertip, were the key free to rise."""
     height = rig.key.surface_height + rig.arm.fingertip_radius
     x, z = centre[..., 0], centre[..., 1]
     along = np.sqrt(np.maximum(x**2 + z**2 - height**2, 0.0))
-    return np.maximum(np.arctan2(-x, z) - np.arctan2(along, height), 0.0)
+    return np.arctan2(-x, z) - np.arctan2(along, height)
 
 
 def _depth(rig: Rig, angle: Floats) -> Floats:

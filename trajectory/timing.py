@@ -91,8 +91,9 @@ def _gesture_law(press: Press, gesture: Gesture) -> PressLaw:
     played = JerkLaw(times, states - np.array([states[0, 0], 0.0, 0.0]), 6 * spline.c[0])
     end = float(played.states[-1, 0])
     parts = [_rest(press.settle), played, _rest(press.bottom_hold)]
-    if end > 0:
-        parts.append(_return(press, end))
+    if end:
+        back = _return(press, abs(end))
+        parts.append(back if end > 0 else reversed_law(back))
     bottom = press.settle + played.duration
     return PressLaw(
         law=chained(parts),

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from analysis.errors import AnalysisError
-from analysis.figures import comparison_figure, plot_comparison
+from analysis.figures.comparison import comparison_figure, plot_comparison
 from analysis.model.predict import predict
 from analysis.phases import find_phases
 

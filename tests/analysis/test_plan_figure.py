@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from analysis.figures.plan import plan_figure, plot_plan
 from analysis.model.predict import expectation, predict
-from analysis.plan_figure import plan_figure, plot_plan
 from rig.load import load_rig, with_values
 from trajectory.press import draft_press
 

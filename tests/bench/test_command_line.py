@@ -1,6 +1,7 @@
 """The command line as users' scripts meet it: keys, exit codes, one message a fault."""
 
 import json
+import math
 import os
 import re
 import resource
@@ -11,11 +12,14 @@ import sys
 import threading
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from rig.load import load_rig
 from sim_backend.bench import StandIn
 from sim_backend.scene import load_scene
+from trajectory.arm import joints_holding_point
+from trajectory.motion import Motion
 
 
 def refused(done: subprocess.CompletedProcess, *words: str) -> None:
@@ -66,6 +70,31 @@ def test_a_refused_plan_is_told_and_drawn_but_not_written(sautereau, rig_file, t
 def test_a_cruise_that_begins_after_contact_warns(sautereau, rig_file):
     done = sautereau("plan", rig_file(run_up_acceleration='"1 m/s^2"'), "--json")
     assert "cruises from" in json.loads(done.stdout)["warnings"][0]
+
+
+def test_mount_answers_the_keys_of_the_contract(sautereau, tmp_path):
+    done = sautereau("mount", "--json", "--plot", "mount.png")
+    found = json.loads(done.stdout)
+    assert {"base_x", "base_z", "elbow", "tilt_max", "slide_max", "tilt_per_metre"} <= set(found)
+    assert found["tilt_max"] < math.radians(0.1)
+    assert (tmp_path / "mount.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_mount_tells_from_touches_where_the_base_is(sautereau, tmp_path):
+    rig = load_rig()
+    marks = np.array([-0.180, -0.165, -0.150])
+    centres = np.stack([marks, np.full(3, rig.key.surface_height + 4e-3)], -1)
+    still = np.zeros_like(centres)
+    joints = joints_holding_point(rig.arm, Motion(centres, still, still)).position
+    rows = [f"{m * 1e3},{a},{b}" for m, (a, b) in zip(marks, np.degrees(joints), strict=True)]
+    table = "\n".join(["point [mm], joint1 [deg], joint2 [deg]", *rows])
+    (tmp_path / "touches.csv").write_text(table)
+    done = sautereau("mount", "--touches", "touches.csv", "--trust-homing", "--json")
+    located = json.loads(done.stdout)["located"]
+    assert located["base_x"] == pytest.approx(rig.arm.base_x, abs=1e-9)
+    assert located["base_z"] == pytest.approx(rig.arm.base_z, abs=1e-9)
+    (tmp_path / "touches.csv").write_text("point,joint1\n1,2\n")
+    refused(sautereau("mount", "--touches", "touches.csv"), "joint2", "touches.csv")
 
 
 def test_press_phases_compare_info_on_the_stand_in(sautereau, tmp_path):

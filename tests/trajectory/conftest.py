@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from scipy.interpolate import CubicHermiteSpline
+from scipy.interpolate import CubicHermiteSpline, CubicSpline
 
 from rig.load import load_rig, with_values
 from rig.schema import GRAVITY
@@ -64,12 +64,6 @@ def spline():
 
 
 @pytest.fixture(scope="session")
-def rise_under():
-    """Return a function that gives the jack's rise under a fingertip, by bisection."""
-    return _rise_under
-
-
-@pytest.fixture(scope="session")
 def brute():
     """Return a function that recomputes the value of every check from the integers alone."""
     return _brute
@@ -90,21 +84,30 @@ def _place(arm, q):
 
 
 def _angle_under(rig, x, z):
-    """Bisect for the angle at which the key's surface, raised by the radius, meets a point."""
+    """Return where the key's surface, raised by the radius, meets a point: R cos(a - f) = H."""
     height = rig.key.surface_height + rig.arm.fingertip_radius
-    high = np.arctan2(-x, z)
-    low = high - np.pi / 2
-    for _ in range(52):
-        middle = (low + high) / 2
-        too_far = z * np.cos(middle) - x * np.sin(middle) > height
-        low, high = np.where(too_far, low, middle), np.where(too_far, middle, high)
-    return low
+    return np.arctan2(-x, z) - np.arccos(np.minimum(height / np.hypot(x, z), 1.0))
 
 
-def _rise_under(rig, q):
-    _, (x, z) = _place(rig.arm, q)
-    angle, key = _angle_under(rig, x, z), rig.key
+def _rise(key, angle):
     return key.jack_arm * np.tan(angle) + key.jack_surface_height * (1 / np.cos(angle) - 1)
+
+
+def _cruise_error(rig, plan):
+    """Compare the jack's speed, by differences along the joints' velocity, with the plan's."""
+    start, end, press = plan.cruise.start, plan.cruise.end, rig.press
+    curve = _spline(plan.segments, rig.controller.sample_period)
+    t = np.linspace(start, end, int((end - start) * RATE) + 2)
+    turn, step = 2 * np.pi / rig.arm.counts_per_revolution, 1e-6
+    rises = []
+    for side in (-1, 1):
+        _, (x, z) = _place(rig.arm, (curve(t) + side * step * curve(t, 1)) * turn)
+        rises.append(_rise(rig.key, _angle_under(rig, x, z)))
+    wanted = np.full_like(t, press.jack_speed)
+    if press.gesture is not None:
+        played = CubicSpline(press.gesture.time, press.gesture.rise, bc_type="clamped")
+        wanted = played(np.clip(t - press.settle, 0, press.gesture.time[-1]), 1)
+    return np.abs((rises[1] - rises[0]) / (2 * step) - wanted).max() / np.abs(wanted).max()
 
 
 def _torques(arm, q, v, a, x_force, z_force):
@@ -144,9 +147,10 @@ def _brute(rig, plan, expected=None):
     q, v, a, j = (np.concatenate(each) for each in zip(*parts, strict=True))
     (_, elbow), (x, z) = _place(arm, q)
     angle = np.maximum(_angle_under(rig, x, z), 0.0)
+    along = (-x * np.cos(angle) - z * np.sin(angle))[pressing]
     force = np.zeros(len(q))
     if expected is not None:
-        rise = key.jack_arm * np.tan(angle) + key.jack_surface_height * (1 / np.cos(angle) - 1)
+        rise = _rise(key, angle)
         force = np.where(pressing, np.interp(rise, expected.rise, expected.force), 0.0)
     torque = _torques(arm, q, v, a, -force * np.sin(angle), force * np.cos(angle))
     away = np.hypot(x - arm.base_x, z - arm.base_z)
@@ -155,7 +159,6 @@ def _brute(rig, plan, expected=None):
         away.min() - abs(arm.upper_length - arm.lower_length),
     )
     bend = q[:, 1] * (-1 if arm.elbow == "up" else 1)
-    along = (z * np.sin(angle) - x * np.cos(angle))[pressing]
     # A stop: each joint brakes by itself, from up to 3,000 points of the way.
     some = slice(None, None, max(1, len(q) // 3000))
     start, speed = q[some], v[some]
@@ -173,6 +176,8 @@ def _brute(rig, plan, expected=None):
         "depth of the key": _depth(rig, x, z),
         "depth of the key after a stop": _depth(rig, stop_x, stop_z),
         "joints after a stop": spare,
+        "cruise speed error": _cruise_error(rig, plan),
+        "segments": 1 + max(map(len, (plan.approach, plan.segments, plan.retreat))),
     }
     for n in (0, 1):
         found[f"joint {n + 1} lower limit"] = q[:, n].min()

@@ -1,46 +1,19 @@
-"""What the controller is sent, and what it makes of it."""
+"""Whole counts and whole samples, and what they cost the cruise."""
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
-from scipy.interpolate import CubicHermiteSpline
 
-from trajectory.cubic import controller_motion
+from rig.load import load_rig, with_values
+from trajectory.errors import TrajectoryError
 from trajectory.press import draft_press, plan_press
-from trajectory.quantise import GRAIN, LONGEST_SEGMENT
-from trajectory.segments import Segments, segments_document
+from trajectory.quantise import GRAIN, LONGEST_SEGMENT, sample_times
+from trajectory.timing import press_law
+
+PAPER = load_rig()
 
 
 def per_radian(rig):
     return rig.arm.counts_per_revolution / (2 * np.pi)
-
-
-def spline(segments, period):
-    """The cubic through the knots, by an independent library; counts."""
-    times = np.concatenate([[0], np.cumsum(segments.samples)]) * period
-    positions = segments.start + np.vstack([[0, 0], np.cumsum(segments.steps, axis=0)])
-    return CubicHermiteSpline(times, positions, np.vstack([[0, 0], segments.velocities]))
-
-
-def cruise_error(rig, planned):
-    """Brute force at 100 kHz: the jack's speed by differences of a bisected key angle."""
-    arm, key = rig.arm, rig.key
-    start, end = planned.cruise.start, planned.cruise.end
-    t = np.linspace(start, end, int((end - start) * 1e5) + 1)
-    first, second = spline(planned.segments, rig.controller.sample_period)(t).T / per_radian(rig)
-    x = arm.base_x + arm.upper_length * np.cos(first) + arm.lower_length * np.cos(first + second)
-    z = arm.base_z + arm.upper_length * np.sin(first) + arm.lower_length * np.sin(first + second)
-    low, high = np.full_like(t, -0.3), np.full_like(t, 0.3)
-    for _ in range(60):
-        middle = (low + high) / 2
-        above = -x * np.sin(middle) + z * np.cos(middle)
-        turned_too_far = above > key.surface_height + arm.fingertip_radius
-        low, high = np.where(turned_too_far, low, middle), np.where(turned_too_far, middle, high)
-    b, hb = key.jack_arm, key.jack_surface_height
-    rise = b * np.tan(low) + hb * (1 / np.cos(low) - 1)
-    speed = np.gradient(rise, t)[1:-1]
-    return np.abs(speed / rig.press.jack_speed - 1).max()
 
 
 @pytest.fixture(scope="module", params=["point", "normal"])
@@ -64,59 +37,66 @@ def test_knots_lie_within_half_a_count(planned):
 
 def test_segments_are_whole_and_within_the_controllers_limits(planned):
     rig, plan = planned
-    samples = plan.segments.samples
-    assert (samples % GRAIN == 0).all()
-    assert (samples >= GRAIN).all()
-    assert samples.max() <= LONGEST_SEGMENT
-    assert plan.segments.total_samples == samples.sum() == len(plan.time) - 1
-    assert len(plan.segments) < rig.controller.segment_limit
-    for counts in (plan.segments.steps, plan.segments.velocities, samples, plan.hover, plan.home):
-        assert counts.dtype == np.int64
+    assert plan.segments.total_samples == plan.segments.samples.sum() == len(plan.time) - 1
+    for segments in (plan.approach, plan.segments, plan.retreat):
+        samples = segments.samples
+        assert (samples % GRAIN == 0).all()
+        assert (samples >= GRAIN).all()
+        assert samples.max() <= LONGEST_SEGMENT
+        assert len(segments) < rig.controller.segment_limit
+        for counts in (segments.start, segments.steps, segments.velocities, samples):
+            assert counts.dtype == np.int64
+    assert plan.hover.dtype == plan.home.dtype == np.int64
 
 
-def test_the_controllers_motion_is_the_cubic_spline(planned):
-    rig, plan = planned
-    period = rig.controller.sample_period
-    time, motion = controller_motion(plan.segments, 7, per_radian(rig), period)
-    assert time[-1] == pytest.approx(plan.time[-1], rel=1e-14)
-    curve = spline(plan.segments, period)
-    inside = slice(None, -1)  # at the end the spline's second derivative is one-sided
-    scale = per_radian(rig)
-    assert motion.position == pytest.approx(curve(time) / scale, abs=1e-12)
-    assert motion.velocity == pytest.approx(curve(time, 1) / scale, abs=1e-9)
-    on_knot = np.isin(np.arange(len(time)) / 7, np.cumsum(plan.segments.samples))
-    between = ~on_knot[inside]
-    found, expected = motion.acceleration[inside][between], curve(time, 2)[inside][between] / scale
-    assert found == pytest.approx(expected, abs=1e-6)
+# Jack's speed [m/s] and what it takes to reach it within the rise [m/s^2, m/s^3].
+SPEEDS = [
+    (0.005, 12, 3000),
+    (0.01, 12, 3000),
+    (0.02, 12, 3000),
+    (0.05, 12, 3000),
+    (0.072, 12, 3000),
+    (0.1, 12, 3000),
+    (0.2, 30, 20_000),
+    (0.3, 60, 50_000),
+    (0.5, 200, 200_000),
+    (0.7, 300, 500_000),
+]
 
 
-@given(
-    st.lists(st.tuples(*[st.integers(-900, 900)] * 4, st.integers(1, 40)), min_size=1, max_size=9)
-)
-@settings(deadline=None, max_examples=50)
-def test_any_segments_are_played_as_the_cubic_spline(rows):
-    rows = np.array(rows)
-    segments = Segments(np.array([5, -7]), rows[:, :2], rows[:, 2:4], GRAIN * rows[:, 4])
-    time, motion = controller_motion(segments, 3, 1.0, 1e-3)
-    curve = spline(segments, 1e-3)
-    assert motion.position == pytest.approx(curve(time), abs=1e-8)
-    assert motion.velocity == pytest.approx(curve(time, 1), abs=1e-5)
-    assert motion.position[-1] == pytest.approx(segments.end, abs=1e-8)
-
-
-def test_the_papers_cruise_error_is_true_and_below_a_thousandth(planned):
-    rig, plan = planned
-    assert plan.cruise.error <= 1e-3
-    assert plan.cruise.error == pytest.approx(cruise_error(rig, plan), rel=0.02, abs=2e-6)
-    assert plan.cruise.speed == pytest.approx(rig.press.jack_speed, rel=1e-4)
-
-
-@pytest.mark.parametrize("counts", [8192, 65_536, 500_000, 2**24])
-def test_other_encoders_are_reported_truthfully(bench, counts):
-    rig = bench(arm__counts_per_revolution=counts)
+@pytest.mark.parametrize("hold", ["point", "normal"])
+@pytest.mark.parametrize(("speed", "acceleration", "jerk"), SPEEDS, ids=[s[0] for s in SPEEDS])
+def test_at_two_million_counts_the_cruise_keeps_its_speed_to_a_thousandth(
+    bench, brute, hold, speed, acceleration, jerk
+):
+    rig = bench(
+        press__hold=hold,
+        press__jack_speed=f"{speed} m/s",
+        press__run_up_acceleration=f"{acceleration} m/s^2",
+        press__run_up_jerk=f"{jerk} m/s^3",
+        press__run_down_acceleration=f"{max(1.5, acceleration if speed > 0.1 else 0)} m/s^2",
+        press__run_down_jerk=f"{max(200, jerk if speed > 0.1 else 0)} m/s^3",
+        arm__acceleration_limit="1e4 rad/s^2",
+        arm__jerk_limit="1e8 rad/s^3",
+        arm__speed_limit="100 rad/s",
+        arm__torque_limit="100 N m",
+    )
     draft = draft_press(rig)
-    assert draft.cruise.error == pytest.approx(cruise_error(rig, draft), rel=0.02, abs=2e-6)
-    assert abs(draft.cruise.speed / rig.press.jack_speed - 1) <= draft.cruise.error
+    assert draft.cruise.error <= 1e-3
+    assert draft.cruise.speed == pytest.approx(speed, rel=1e-3)
+    found = brute(rig, draft)["cruise speed error"]
+    assert draft.cruise.error == pytest.approx(found, rel=0.01, abs=1e-7)
+
+
+@pytest.mark.parametrize("hold", ["point", "normal"])
+@pytest.mark.parametrize("counts", [8192, 65_536, 500_000, 2**24, 2**31])
+def test_other_encoders_are_reported_truthfully(bench, brute, counts, hold):
+    for speed in ("0.01 m/s", "0.072 m/s"):
+        rig = bench(arm__counts_per_revolution=counts, press__hold=hold, press__jack_speed=speed)
+        draft = draft_press(rig)
+        found = brute(rig, draft)["cruise speed error"]
+        assert draft.cruise.error == pytest.approx(found, rel=0.01, abs=1e-7)
+        assert abs(draft.cruise.speed / rig.press.jack_speed - 1) <= draft.cruise.error
 
 
 def test_a_coarse_encoder_is_worse_than_a_fine_one(bench):
@@ -137,19 +117,57 @@ def test_the_cruise_is_a_window_of_whole_segments(planned):
 
 
 def test_a_long_rest_is_cut_into_segments_that_a_controller_takes(bench):
-    for hold in ("1.45 s", "2.5 s", "7 s"):
+    for hold in ("1.45 s", "2.5 s", "7 s", "60 s"):
         segments = draft_press(bench(press__bottom_hold=hold)).segments
         assert segments.samples.max() <= LONGEST_SEGMENT
         assert segments.samples.max() > LONGEST_SEGMENT / 2
 
 
-def test_the_document_says_the_same(paper):
-    plan = plan_press(paper)
-    document = segments_document(plan.segments, 1e-3, plan.home, plan.hover)
-    assert document["sample_period"] == 1e-3
-    assert document["home"] == [0, -500_000]
-    assert (
-        np.sum(document["steps"], axis=0).tolist()
-        == (plan.segments.end - plan.segments.start).tolist()
+@pytest.mark.parametrize("limit", ["0.1 rad/s^2", "1 rad/s^2", "200 rad/s^2"])
+def test_the_coarsest_encoder_of_the_weakest_arm_has_no_longer_segments(bench, limit):
+    """What rounding may take of 0.1 rad/s^2 would ask for segments of 15 s."""
+    rig = bench(
+        arm__counts_per_revolution=16, arm__acceleration_limit=limit, press__bottom_hold="20 s"
     )
-    assert len(document["samples"]) == len(document["velocities"]) == len(plan.segments)
+    draft = draft_press(rig)
+    for segments in (draft.segments, draft.approach):
+        assert GRAIN <= segments.samples.min() <= segments.samples.max() <= LONGEST_SEGMENT
+
+
+def test_a_full_fifo_has_its_knots_further_apart(bench):
+    lengths = []
+    for limit in (1000, 132, 131, 64, 32):
+        draft = draft_press(bench(controller__segment_limit=limit))
+        assert len(draft.segments) < limit
+        lengths.append(len(draft.segments))
+    assert lengths == sorted(lengths, reverse=True)
+    assert lengths[0] == lengths[1] > lengths[2]
+
+
+def test_the_finest_encoder_fits_into_the_fifo(bench):
+    """Its cruise needs no long segments for its speed's sake, and gets them for the FIFO's."""
+    for speed in ("0.005 m/s", "0.072 m/s"):
+        plan = plan_press(bench(arm__counts_per_revolution=2**31, press__jack_speed=speed))
+        assert len(plan.segments) < 255
+        assert plan.cruise.error < 1e-4
+
+
+def test_a_motion_longer_than_the_fifo_is_refused():
+    rig = with_values(PAPER, {"press.bottom_hold": "20 s"})
+    with pytest.raises(TrajectoryError, match=r"longer than the .* s that 8 segments of 1024"):
+        sample_times(press_law(rig.press).law, 976.5625e-6, 8)
+
+
+def test_the_slowest_press_is_planned_in_bounded_memory(bench):
+    """15 mm at 5 mm/s, and back at 0.1 mm/s: 150 s, of which few segments are made."""
+    rig = bench(
+        press__jack_speed="0.005 m/s",
+        press__jack_rise="15 mm",
+        press__return_speed="1e-4 m/s",
+        key__dip="13 mm",
+    )
+    plan = plan_press(rig)
+    assert plan.time[-1] > 150
+    assert len(plan.segments) < rig.controller.segment_limit
+    assert plan.cruise.error <= 1e-3
+    assert plan.rise.position.max() == pytest.approx(0.015, rel=1e-9)

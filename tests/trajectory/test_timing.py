@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from rig.load import load_rig
 from trajectory.errors import TrajectoryError
-from trajectory.timing import press_law
+from trajectory.timing import approach_law, press_law
 
 PAPER = load_rig().press
 
@@ -25,6 +25,7 @@ def presses(draw):
             "return_acceleration": draw(st.floats(0.05, 50)),
             "return_speed": draw(st.floats(0.005, 1.0)),
             "bottom_hold": draw(st.floats(0, 0.1)),
+            "settle": draw(st.floats(0, 0.1)),
         }
     )
 
@@ -53,6 +54,10 @@ def check_law(press):
     bottom = law.at(np.array([found.bottom, (found.bottom + found.return_start) / 2]))
     assert bottom.position == pytest.approx(press.jack_rise, rel=1e-11)
     assert np.abs(bottom.velocity).max() < 1e-12
+    # The finger first rests on the key.
+    assert found.start == press.settle
+    resting = law.at(np.linspace(0, press.settle, 20))
+    assert all((values == 0).all() for values in resting)
     # No limit is exceeded, and the cruise is exact.
     t = np.union1d(np.linspace(0, law.duration, 4001), times)
     motion = law.at(t)
@@ -92,16 +97,18 @@ def test_any_press_keeps_its_limits_or_is_refused(press):
 
 def test_the_papers_press():
     found = check_law(PAPER)
-    assert found.cruise_start == pytest.approx(0.072 / 12 + 12 / 3000)
-    assert len(found.law.jerks) == 3 + 1 + 3 + 1 + 3 + 1 + 3
+    assert found.start == PAPER.settle == 0.02
+    assert found.cruise_start == pytest.approx(0.02 + 0.072 / 12 + 12 / 3000)
+    assert found.steady
+    assert len(found.law.jerks) == 1 + 3 + 1 + 3 + 1 + 3 + 1 + 3
 
 
 @pytest.mark.parametrize(
     ("change", "phases"),
     [
-        ({"run_up_acceleration": 1000.0}, 2 + 1 + 3 + 1 + 7),
-        ({"run_down_acceleration": 1000.0}, 3 + 1 + 2 + 1 + 7),
-        ({"return_acceleration": 100.0}, 3 + 1 + 3 + 1 + 5),
+        ({"run_up_acceleration": 1000.0}, 1 + 2 + 1 + 3 + 1 + 7),
+        ({"run_down_acceleration": 1000.0}, 1 + 3 + 1 + 2 + 1 + 7),
+        ({"return_acceleration": 100.0}, 1 + 3 + 1 + 3 + 1 + 5),
     ],
     ids=["run-up", "run-down", "return"],
 )
@@ -147,3 +154,15 @@ def test_no_room_for_a_cruise_is_refused_with_remedies():
     assert "of the rise of 10 mm" in text
     remedies = ("lower jack_speed", "run_up_acceleration", "run_up_jerk", "run_down_acceleration")
     assert all(remedy in text for remedy in remedies)
+
+
+def test_the_way_down_covers_the_hover_within_its_limits():
+    for change in ({}, {"hover": 1e-4}, {"hover": 0.3, "approach_speed": 1e-3}):
+        press = PAPER.model_copy(update=change)
+        law = approach_law(press)
+        motion = law.at(np.linspace(0, law.duration, 2001))
+        assert motion.position[-1] == pytest.approx(press.hover, rel=1e-9)
+        assert abs(motion.velocity[-1]) < 1e-12
+        assert motion.velocity.max() <= press.approach_speed * (1 + 1e-9)
+        assert np.abs(motion.acceleration).max() <= press.return_acceleration * (1 + 1e-9)
+        assert np.abs(law.jerks).max() <= press.run_down_jerk

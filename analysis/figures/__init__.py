@@ -1,0 +1,1 @@
+"""Pictures; what a stand-in made says so on the picture itself."""

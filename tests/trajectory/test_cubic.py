@@ -1,0 +1,116 @@
+"""What the controller makes of segments, against scipy's cubics and a dense look."""
+
+import numpy as np
+import pytest
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
+
+from trajectory.cubic import Cubics, controller_motion, evaluate, extremes, segment_cubics
+from trajectory.press import plan_press
+from trajectory.segments import Segments
+
+PERIOD = 1e-3
+
+
+@st.composite
+def segments_of(draw, size=900):
+    """Segments of random and of degenerate cubics: rests, lines, parabolas, S-curves."""
+    rows, before = [], np.zeros(2, dtype=int)
+    for _ in range(draw(st.integers(1, 7))):
+        samples = 2 * draw(st.integers(1, 40))
+        kind = draw(st.sampled_from(["any", "rest", "line", "parabola", "bump"]))
+        step = np.array(draw(st.tuples(*[st.integers(-size, size)] * 2)))
+        after = np.array(draw(st.tuples(*[st.integers(-size, size)] * 2)))
+        if kind == "rest":
+            step = after = np.zeros(2, dtype=int)
+        elif kind == "line":
+            after, step = before, before * samples // 1000
+        elif kind == "parabola":
+            step = (before + after) * samples // 2000
+        elif kind == "bump":
+            after, step = -before, np.zeros(2, dtype=int)
+        rows.append([*step, *after, samples])
+        before = after
+    rows = np.array(rows)
+    return Segments(np.array([5, -7]), rows[:, :2], rows[:, 2:4], rows[:, 4])
+
+
+def test_the_controllers_motion_of_a_press_is_the_cubic_spline(bench, spline):
+    for hold in ("point", "normal"):
+        rig = bench(press__hold=hold)
+        plan = plan_press(rig)
+        scale, period = rig.arm.counts_per_revolution / (2 * np.pi), rig.controller.sample_period
+        time, motion = controller_motion(plan.segments, 7, scale, period)
+        assert time[-1] == pytest.approx(plan.time[-1], rel=1e-14)
+        curve = spline(plan.segments, period)
+        assert motion.position == pytest.approx(curve(time) / scale, abs=1e-12)
+        assert motion.velocity == pytest.approx(curve(time, 1) / scale, abs=1e-9)
+        on_knot = np.isin(np.arange(len(time)) / 7, np.cumsum(plan.segments.samples))
+        # At the end the spline's second derivative is one-sided.
+        between = ~on_knot[:-1]
+        found = motion.acceleration[:-1][between]
+        assert found == pytest.approx(curve(time, 2)[:-1][between] / scale, abs=1e-6)
+
+
+@given(segments_of())
+@settings(deadline=None, max_examples=50)
+def test_any_segments_are_played_as_the_cubic_spline(spline, segments):
+    _, motion = controller_motion(segments, 3, 1.0, PERIOD)
+    time = np.arange(segments.total_samples * 3 + 1) / 3 * PERIOD
+    curve = spline(segments, PERIOD)
+    assert motion.position == pytest.approx(curve(time), abs=1e-8)
+    assert motion.velocity == pytest.approx(curve(time, 1), abs=1e-5)
+    assert motion.position[-1] == pytest.approx(segments.end, abs=1e-8)
+
+
+REST = Segments(np.zeros(2, int), np.zeros((1, 2), int), np.zeros((1, 2), int), np.array([2]))
+
+
+@given(segments_of())
+@example(REST)
+@settings(deadline=None, max_examples=150)
+def test_extremes_are_those_of_a_dense_look(spline, segments):
+    found = extremes(segment_cubics(segments, 1.0, PERIOD))
+    curve = spline(segments, PERIOD)
+    t = np.union1d(np.linspace(0, curve.x[-1], 20_001), curve.x)
+    step = t[1] - t[0]
+    jerk = np.abs(6 * curve.c[0]).max(axis=0)
+    spin = 2 * np.abs(
+        np.stack([curve.c[1], curve.c[1] + 3 * curve.c[0] * np.diff(curve.x)[:, None]])
+    )
+    spin = spin.max(axis=(0, 1))
+    place, speed = curve(t), np.abs(curve(t, 1)).max(axis=0)
+    # Between points a distance h apart a function turns by h^2/8 of its second derivative.
+    miss, slack = step**2 / 8 * spin + 1e-9, 1e-9 * np.abs(place).max() + 1e-9
+    assert (found.low <= place.min(axis=0) + slack).all()
+    assert (found.low >= place.min(axis=0) - miss - slack).all()
+    assert (found.high >= place.max(axis=0) - slack).all()
+    assert (found.high <= place.max(axis=0) + miss + slack).all()
+    assert (found.speed >= speed * (1 - 1e-9) - 1e-6).all()
+    assert (found.speed <= speed * (1 + 1e-9) + step**2 / 8 * jerk + 1e-6).all()
+    assert found.acceleration == pytest.approx(spin, rel=1e-9, abs=1e-3)
+    assert found.jerk == pytest.approx(jerk, rel=1e-9, abs=1.0)
+
+
+@pytest.mark.parametrize(
+    ("terms", "low", "high", "speed"),
+    [
+        ((0, 0, 0, 0), 0.0, 0.0, 0.0),
+        ((1, 2, 0, 0), 1.0, 3.0, 2.0),
+        ((0, 1, -1, 0), 0.0, 0.25, 1.0),
+        ((0, 0, 0, 1), 0.0, 1.0, 3.0),
+        ((0, 1, -3, 2), -np.sqrt(3) / 18, np.sqrt(3) / 18, 1.0),
+        ((0, 0.75, -1.5, 1), 0.0, 0.25, 0.75),
+        ((0, 1, -1, 1e-17), 0.0, 0.25, 1.0),
+    ],
+    ids=["rest", "line", "parabola", "cubic", "s-curve", "saddle", "nearly parabola"],
+)
+def test_extremes_of_degenerate_cubics(terms, low, high, speed):
+    p0, p1, p2, p3 = (np.full((1, 2), float(term)) for term in terms)
+    cubics = Cubics(p0, p1, p2, p3, np.ones((1, 1)))
+    found = extremes(cubics)
+    assert found.low == pytest.approx([low, low], abs=1e-15)
+    assert found.high == pytest.approx([high, high], abs=1e-15)
+    assert found.speed == pytest.approx([speed, speed], abs=1e-15)
+    middle = evaluate(cubics, np.array([[0.5]]))
+    assert middle.position[0, 0] == pytest.approx(sum(t / 2**i for i, t in enumerate(terms)))
