@@ -15,6 +15,8 @@ at most half a count, so longer segments keep the speed better, until the cubic 
 follows the finger's path: some 100 ms of it at 0.072 m/s are followed to 1e-4."""
 LONGEST_SEGMENT = 1024
 """Controller samples that one segment may last."""
+SLOW_GRAINS = 3
+"""Grains between knots in long stretches of varying speed, such as gestures."""
 ROUNDING_SHARE = 0.1
 """1, of the joints' acceleration limit that rounding to counts may take where it varies."""
 
@@ -94,7 +96,9 @@ def _knots(law: JerkLaw, speed: Floats, missed: Floats, period: float, grains: i
         start, stop = first / period / GRAIN, end / period / GRAIN
         if not steady:
             low, high = int(start), min(last, int(np.ceil(stop - 1e-9)))
-            pieces = int(np.ceil((high - low) / grains))
+            # A long stretch varies slowly, and longer segments are rounded less.
+            apart = max(grains, min(SLOW_GRAINS, (high - low) // 16))
+            pieces = int(np.ceil((high - low) / apart))
             chosen |= set(np.linspace(low, high, pieces + 1).astype(int).tolist())
             continue
         low, high = int(np.ceil(start - 1e-9)), min(last, int(stop + 1e-9))

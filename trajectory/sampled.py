@@ -45,7 +45,8 @@ def places(rig: Rig, sampled: Sampled) -> list[Check]:
     key, centre = rig.key, sampled.centre
     tangent, _ = surface_axes(np.maximum(sampled.angle[sampled.pressing], 0.0))
     from_pin = -dot(centre[sampled.pressing], tangent)
-    slack = _bend(from_pin)
+    # Where the finger leaves the key this has a kink, which a whole second difference bounds.
+    slack = 4 * _bend(from_pin)
     near, far = from_pin.min() - slack, from_pin.max() + slack
     hover = min(centre[0, 0, 1], centre[-1, -1, 1]) - rig.arm.fingertip_radius
     return [

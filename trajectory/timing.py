@@ -17,6 +17,9 @@ from trajectory.jerk import (
     reversed_law,
 )
 
+STILL = 1e-9
+"""m, least range of a gesture."""
+
 
 @dataclass(frozen=True)
 class PressLaw:
@@ -47,7 +50,7 @@ def press_law(press: Press) -> PressLaw:
     A gesture takes the place of everything between the two rests.
 
     Raises:
-        TrajectoryError: Run-up and run-down leave no room for a cruise.
+        TrajectoryError: Run-up and run-down leave no room for a cruise, or the gesture is still.
     """
     if press.gesture is not None:
         return _gesture_law(press, press.gesture)
@@ -83,6 +86,11 @@ def approach_law(press: Press) -> JerkLaw:
 
 def _gesture_law(press: Press, gesture: Gesture) -> PressLaw:
     """Replay samples of a player's gesture: the cubic spline through them, at rest at its ends."""
+    if max(gesture.rise) - min(gesture.rise) < STILL:
+        raise TrajectoryError(
+            f"press.gesture: it moves the jack by less than {STILL * 1e9:.3g} nm;"
+            " check the column and the unit of the file"
+        )
     from scipy.interpolate import CubicSpline
 
     spline = CubicSpline(gesture.time, gesture.rise, bc_type="clamped")

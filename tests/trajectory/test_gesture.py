@@ -52,7 +52,7 @@ def test_the_replayed_rise_is_the_samples_and_the_spline_between_them(paper):
 @pytest.mark.parametrize("hold", ["point", "normal"])
 @pytest.mark.parametrize("shape", [stroke, going_down])
 def test_a_gesture_is_played_and_brought_back_to_rest(paper, brute, shape, hold):
-    rig = replaying(paper, TIME, shape(TIME), hold=hold, speed_tolerance=0.01)
+    rig = replaying(paper, TIME, shape(TIME), hold=hold, speed_tolerance=0.005)
     plan = plan_press(rig)
     assert (plan.segments.end == plan.segments.start).all()
     assert plan.rise.position.max() == pytest.approx(0.009, rel=1e-6)
@@ -129,3 +129,9 @@ def test_a_gesture_that_swings_below_rest_is_told(paper):
     assert len(plan.warnings) == 1
     assert "the finger leaves the key; give more samples" in plan.warnings[0]
     assert plan_press(replaying(paper, TIME, stroke(TIME))).warnings == ()
+
+
+@pytest.mark.parametrize("rise", [0.0, 1e-7, 1e-300])
+def test_a_gesture_that_stands_still_is_refused(paper, rise):
+    with pytest.raises(TrajectoryError, match=r"press.gesture: it moves the jack by less than"):
+        draft_press(replaying(paper, [0, 0.1, 0.2], [rise, rise, rise]))

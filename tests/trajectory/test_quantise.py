@@ -135,8 +135,9 @@ def test_the_coarsest_encoder_of_the_weakest_arm_has_no_longer_segments(bench, l
 
 
 def test_a_full_fifo_has_its_knots_further_apart(bench):
+    wanted = len(draft_press(bench(controller__segment_limit=1000)).segments)
     lengths = []
-    for limit in (1000, 132, 131, 64, 32):
+    for limit in (1000, wanted + 1, wanted, 64, 32):
         draft = draft_press(bench(controller__segment_limit=limit))
         assert len(draft.segments) < limit
         lengths.append(len(draft.segments))

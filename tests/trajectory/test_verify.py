@@ -43,14 +43,19 @@ def rigs(draw):
     press_arm = draw(st.floats(0.05, 0.185))
     hold, elbow = draw(st.sampled_from(["point", "normal"])), draw(st.sampled_from(["up", "down"]))
     if hold == "normal":
-        x, z = draw(st.floats(-1.05, 1.05)) * upper, lower + draw(st.floats(-0.8, 0.8)) * upper
+        above = draw(st.floats(-0.8, 0.8)) * upper
+        side, slide = draw(st.sampled_from([-1, 1])), draw(st.floats(-0.03, 0.03))
+        x, z = side * np.sqrt(upper**2 - above**2) + slide, lower + above
         elbow = draw(st.sampled_from([elbow, "up" if x < 0 else "down"]))
     else:
         bend = draw(st.floats(0.05, 0.3) | st.floats(0.3, 2.8) | st.floats(2.8, 3.1))
         lean = draw(st.floats(-0.2, 3.3))
         away = np.sqrt(upper**2 + lower**2 + 2 * upper * lower * np.cos(bend))
         x, z = away * np.cos(lean), away * np.sin(lean)
-    rise = draw(st.floats(1e-3, 15e-3))
+    rise, speed = draw(st.floats(1e-3, 15e-3)), max(0.005, draw(powers(-2.3, 0)))
+    # Most ramps take between a tenth and a half of the rise.
+    hard, soft = (min(5e3, draw(powers(0, 1)) * speed**2 / rise) for _ in range(2))
+    jerks = [min(1e8, draw(powers(0, 2)) * max(1, 8 * a**2 / speed)) for a in (hard, soft)]
     return with_values(
         PAPER,
         {
@@ -59,13 +64,13 @@ def rigs(draw):
             "key.jack_arm": f"{draw(st.floats(0.026, 0.06) | st.floats(0.06, 0.4))} m",
             "key.front_heaviness": "0 N m",
             "key.dip": f"{draw(st.floats(0.02, 0.1))} m",
-            "key.neighbour_height": f"{draw(st.floats(-0.5, 0.03))} m",
-            "press.jack_speed": f"{min(1.0, max(0.005, draw(powers(-2.3, 0))))} m/s",
+            "key.neighbour_height": f"{draw(st.floats(-0.5, -0.1) | st.floats(-0.5, 0.03))} m",
+            "press.jack_speed": f"{speed} m/s",
             "press.jack_rise": f"{rise} m",
-            "press.run_up_acceleration": f"{draw(powers(1, 4))} m/s^2",
-            "press.run_up_jerk": f"{draw(powers(4, 8))} m/s^3",
-            "press.run_down_acceleration": f"{draw(powers(1, 4))} m/s^2",
-            "press.run_down_jerk": f"{draw(powers(4, 8))} m/s^3",
+            "press.run_up_acceleration": f"{2 * hard} m/s^2",
+            "press.run_up_jerk": f"{jerks[0]} m/s^3",
+            "press.run_down_acceleration": f"{2 * soft} m/s^2",
+            "press.run_down_jerk": f"{jerks[1]} m/s^3",
             "press.return_speed": f"{draw(st.floats(0.05, 1))} m/s",
             "press.return_acceleration": f"{draw(powers(0, 3))} m/s^2",
             "press.approach_speed": f"{draw(st.floats(0.05, 1))} m/s",
@@ -82,9 +87,9 @@ def rigs(draw):
             "arm.lower_limits": ["-200 deg", "-179 deg"],
             "arm.upper_limits": ["280 deg", "179 deg"],
             "arm.speed_limit": f"{draw(powers(1, 3))} rad/s",
-            "arm.acceleration_limit": f"{draw(powers(3, 5))} rad/s^2",
-            "arm.jerk_limit": f"{draw(powers(6, 9))} rad/s^3",
-            "arm.torque_limit": f"{draw(powers(1, 3))} N m",
+            "arm.acceleration_limit": f"{draw(powers(3, 6))} rad/s^2",
+            "arm.jerk_limit": f"{draw(powers(6, 10))} rad/s^3",
+            "arm.torque_limit": f"{draw(powers(1, 4))} N m",
             "arm.counts_per_revolution": draw(
                 st.sampled_from([2_000_000, 8192, 100_000, 2**24, 2**31, 16])
             ),
@@ -131,12 +136,14 @@ def check_by_force(brute, rig, expected):
     for check in plan.checks:
         value, scale = found[check.name], max(abs(found[check.name]), abs(check.value))
         if check.name == "cruise speed error":
-            assert check.value == pytest.approx(value, rel=0.05, abs=1e-7)
+            assert check.value == pytest.approx(value, rel=0.05, abs=1e-6)
             continue
         beyond = check.value - value if check.at_least else value - check.value
-        assert beyond <= 1e-8 * scale + 1e-9, check
+        # Half a count above a resting key its normal is taken upright.
+        slack = (1e-6 if "torque" in check.name else 1e-8) * scale + 1e-9
+        assert beyond <= slack, check
         spare = value - check.limit if check.at_least else check.limit - value
-        assert spare >= -1e-8 * scale - 1e-9, check
+        assert spare >= -slack, check
 
 
 @given(presses())
@@ -148,7 +155,7 @@ def test_a_plan_holds_by_brute_force_or_is_refused(brute, press):
 @pytest.mark.slow
 @pytest.mark.timeout(1800)
 @given(presses())
-@settings(deadline=None, max_examples=4000)
+@settings(deadline=None, max_examples=2000)
 def test_thousands_of_plans_hold_by_brute_force_or_are_refused(brute, press):
     check_by_force(brute, *press)
 
