@@ -3,7 +3,6 @@
 Rooms are imported inside the commands that need them, so that `sautereau --help` is quick.
 """
 
-import math
 import signal
 import sys
 from collections.abc import Iterator
@@ -33,7 +32,7 @@ Json = Annotated[
     bool, Parameter(negative=(), help="Print one JSON object in SI units and nothing else.")
 ]
 RigName = Annotated[str, Parameter(help="Path of a rig file, or name of a packaged one.")]
-Level = Annotated[str, Parameter(help="Of the plectrum.")]
+Level = Annotated[str, Parameter(help="Of the plectrum: rods, beam, two-beam, elastica or fe.")]
 Picture = Annotated[Path | None, Parameter(help="File for a picture; its suffix tells how.")]
 Seed = Annotated[int | None, Parameter(validator=lambda _, value: _seed_fits(value))]
 
@@ -244,29 +243,23 @@ def phases(files: list[Path], /, *, json: Json = False) -> int:
 
 
 @app.command
-def predict(rig: RigName = "paper", *, level: Level = "elastica", json: Json = False) -> int:
-    """Predict a press by the model alone."""
+def predict(
+    rig: RigName = "paper", *, level: Level = "elastica", plot: Picture = None, json: Json = False
+) -> int:
+    """Predict a press by the model alone; the picture shows all levels."""
+    from analysis.model.predict import LEVELS
     from analysis.model.predict import predict as predict_press
+    from analysis.summary.prediction import prediction_lines, prediction_summary
 
     bench = _load_rig(rig)
     found = predict_press(bench, level)
-    result = {
-        "contact_duration": found.contact_duration,
-        "release_force": found.release_force,
-        "release_lift": found.release_lift,
-        "release_angle": found.release_angle,
-        "finger_force_peak": found.finger_force_peak,
-        "v_osc": found.v_osc,
-    }
-    lines = [
-        f"rig {bench.name}, plectrum as {level}, jack at {bench.press.jack_speed:.4g} m/s",
-        f"contact {found.contact * 1e3:.4g} ms, release {found.release * 1e3:.4g} ms:"
-        f" the string is held for {found.contact_duration * 1e3:.4g} ms",
-        f"at release: {found.release_force:.4g} N, string lifted {found.release_lift * 1e3:.4g} mm,"
-        f" plectrum at {math.degrees(found.release_angle):.4g} deg",
-        f"the finger pushes with up to {found.finger_force_peak:.4g} N",
-        f"the string leaves at {found.v_osc:.4g} m/s",
-    ]
+    result, lines = prediction_summary(bench, found), prediction_lines(bench, found)
+    if plot:
+        from analysis.figures.pluck import plot_pluck
+
+        plot_pluck(plot, bench, list(LEVELS))
+        result["picture"] = str(plot)
+        lines.append(f"picture: {plot}")
     _answer(json, result, lines)
     return 0
 

@@ -5,7 +5,7 @@ import sys
 
 from benchmarks.figures import table, write_page
 
-ALL = ("press", "planner")
+ALL = ("press", "planner", "model", "levels", "string", "calculix")
 
 
 def main() -> None:

@@ -151,17 +151,32 @@ def rig_from_json(text: str) -> Rig:
 
 
 def _read_files(values: dict[str, Any], folder: Path) -> list[tuple[str, str]]:
-    """Put the contents of a gesture's file in its place; return what is wrong with it."""
+    """Put the contents of files in the place of their names; return what is wrong with them."""
+    faults: list[tuple[str, str]] = []
     press = values.get("press")
     gesture = press.get("gesture") if isinstance(press, dict) else None
-    if not isinstance(press, dict) or not isinstance(gesture, dict) or set(gesture) != {"file"}:
-        return []
-    try:
-        press["gesture"] = read_gesture(folder / str(gesture["file"]))
-    except RigError as error:
-        del press["gesture"]
-        return [("press.gesture", str(error))]
-    return []
+    if isinstance(press, dict) and isinstance(gesture, dict) and set(gesture) == {"file"}:
+        try:
+            press["gesture"] = read_gesture(folder / str(gesture["file"]))
+        except RigError as error:
+            del press["gesture"]
+            faults.append(("press.gesture", str(error)))
+    choirs = values.get("more_choirs")
+    holders = [("", values)]
+    if isinstance(choirs, list):
+        holders += [(f"more_choirs.{i}.", c) for i, c in enumerate(choirs) if isinstance(c, dict)]
+    for prefix, holder in holders:
+        plectrum = holder.get("plectrum")
+        outline = plectrum.get("outline") if isinstance(plectrum, dict) else None
+        if isinstance(plectrum, dict) and isinstance(outline, dict) and "file" in outline:
+            from rig.outline import read_outline  # which brings numpy; few rigs need it
+
+            try:
+                plectrum["outline"] = read_outline(outline, folder)
+            except RigError as error:
+                del plectrum["outline"]
+                faults.append((f"{prefix}plectrum.outline", str(error)))
+    return faults
 
 
 def read_toml(text: str, origin: str, error_type: type[Exception]) -> dict[str, Any]:

@@ -41,6 +41,11 @@ class World:
 
     def __init__(self, rig: Rig, scene: Scene):
         self.rig = rig = scene.true_rig(rig)
+        if rig.more_choirs and scene.plectrum != "none":
+            raise SceneError(
+                f"rig {rig.name}: it has {1 + len(rig.more_choirs)} choirs, and the stand-in plucks"
+                ' one; leave out more_choirs, or set plectrum = "none" and string = "none"'
+            )
         self.scene = scene
         period = rig.controller.sample_period
         self.steps = int(np.ceil(period / scene.step - 1e-9))

@@ -2,37 +2,48 @@
 
 import numpy as np
 
+from analysis.model.choirs import choirs, key_of
 from analysis.model.plectrum.base import Floats
-from rig.schema import GRAVITY, Rig
-from trajectory.key import jack_motion, rise_slope
+from rig.schema import GRAVITY, Jack, Rig
+from trajectory.key import rise_curvature, rise_slope
 from trajectory.motion import Motion
 
 
-def jack_load(rig: Rig, rise: Motion, string_force: Floats) -> Floats:
-    """Return the force [N] of the jack's foot on the key; negative where it would lift off.
+def jack_load(jack: Jack, velocity: Floats, acceleration: Floats, string_force: Floats) -> Floats:
+    """Return the force [N] of a jack's foot on the key; negative where it would lift off.
 
     Args:
-        rig: The bench.
-        rise: Of the jack [m], arrays (n,).
+        jack: The jack.
+        velocity: m/s, of the jack, shape (n,).
+        acceleration: m/s^2, of the jack, shape (n,).
         string_force: N, with which the string pushes the jack down, shape (n,).
     """
-    friction = rig.jack.register_friction * np.sign(rise.velocity)
-    return rig.jack.mass * (rise.acceleration + GRAVITY) + string_force + friction
+    friction = jack.register_friction * np.sign(velocity)
+    return jack.mass * (acceleration + GRAVITY) + string_force + friction
 
 
 def finger_force(rig: Rig, angle: Motion, string_force: Floats) -> Floats:
     """Return the force [N] of the finger on the key's normal that makes a motion.
 
-    F a_p = I a'' + friction - front heaviness + N_j d(rise)/da (paper, 2.2).
+    F a_p = I a'' + friction - front heaviness + sum of N_j d(rise)/da over the jacks
+    (paper, 2.2).
 
     Args:
         rig: The bench.
         angle: Of the key [rad], arrays (n,).
-        string_force: N, with which the string pushes the jack down, shape (n,).
+        string_force: N, with which the strings push the jacks down, shape (choirs, n); or
+            that of the first string, shape (n,), the others not being touched.
     """
     key = rig.key
-    load = jack_load(rig, jack_motion(key, angle), string_force)
     friction = key.pivot_coulomb_friction * np.sign(angle.velocity)
     friction = friction + key.pivot_viscous_friction * angle.velocity
     moment = key.inertia * angle.acceleration + friction - key.front_heaviness
-    return (moment + load * rise_slope(key, angle.position)) / key.press_arm
+    forces = np.atleast_2d(string_force)
+    for number, choir in enumerate(choirs(rig)):
+        lever = key_of(rig, choir)
+        force = forces[number] if number < len(forces) else np.zeros_like(angle.position)
+        slope = rise_slope(lever, angle.position)
+        bend = rise_curvature(lever, angle.position) * angle.velocity**2
+        acceleration = slope * angle.acceleration + bend
+        moment = moment + slope * jack_load(choir.jack, slope * angle.velocity, acceleration, force)
+    return moment / key.press_arm

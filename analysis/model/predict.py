@@ -4,26 +4,36 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from analysis.errors import ModelError
+from analysis.model.choirs import (
+    ChoirPluck,
+    Held,
+    StringState,
+    choir_pluck,
+    choirs,
+    hold,
+    key_of,
+    plucked,
+)
 from analysis.model.key import finger_force
 from analysis.model.plectrum.base import Floats, PlectrumMap
-from analysis.model.plectrum.elastica import Elastica
-from analysis.model.pluck import Pluck, solve_pluck
-from analysis.model.string import release_speed
+from analysis.model.plectrum.levels import LEVELS as LEVELS
+from analysis.model.plectrum.levels import plectrum_map as map_of_level
+from analysis.model.pluck import Pluck
 from rig.schema import Rig
 from trajectory.expected import Expectation
-from trajectory.key import key_motion
+from trajectory.key import angle_of_rise, key_motion, rise_of_angle
 from trajectory.motion import Motion
 
-LEVELS: dict[str, type[Elastica]] = {"elastica": Elastica}
-"""Levels of the plectrum by name."""
 STEPS = 2000
 """Instants of a prediction."""
 
 
 @dataclass(frozen=True)
 class Prediction:
-    """A press with the jack at constant speed; arrays of shape (n,) on one time base."""
+    """A press with the jack at constant speed; arrays of shape (n,) on one time base.
+
+    What is said of a string is said of the first choir's; `choirs` has all of them.
+    """
 
     level: str
     time: Floats
@@ -35,7 +45,7 @@ class Prediction:
     string_force: Floats
     """N, of the string on the jack."""
     finger_force: Floats
-    """N, of the finger on the key."""
+    """N, of the finger on the key, against all strings."""
     contact: float
     """s."""
     release: float
@@ -48,6 +58,8 @@ class Prediction:
     """rad, of the plectrum under the string."""
     v_osc: float
     """m/s, of the released string."""
+    choirs: tuple[ChoirPluck, ...]
+    """Of every choir, the first one first."""
 
     @property
     def contact_duration(self) -> float:
@@ -59,10 +71,20 @@ class Prediction:
         """Largest force of the finger [N]."""
         return float(self.finger_force.max())
 
+    @property
+    def work(self) -> float:
+        """Work of the finger against the plectra of all choirs [J]."""
+        return sum(choir.work for choir in self.choirs)
+
+    @property
+    def released_string(self) -> StringState:
+        """Displacement and velocity of the string just before release."""
+        return self.choirs[0].released_string
+
 
 def expectation(prediction: Prediction) -> Expectation:
-    """Return what a planner needs to know of a predicted press."""
-    held = np.flatnonzero(prediction.string_force > 0)
+    """Return what a planner needs to know of a predicted press, over all its plucks."""
+    held = np.flatnonzero(np.any([c.string_force > 0 for c in prediction.choirs], axis=0))
     return Expectation(
         rise=prediction.rise,
         force=prediction.finger_force,
@@ -77,53 +99,72 @@ def plectrum_map(rig: Rig, level: str) -> PlectrumMap:
     Raises:
         ModelError: There is no such level.
     """
-    if level not in LEVELS:
-        raise ModelError(f"level {level!r} is not known; take one of {', '.join(LEVELS)}")
-    return LEVELS[level](rig.plectrum)
+    return map_of_level(rig.plectrum, level)
 
 
-def rig_pluck(rig: Rig, level: str = "elastica") -> Pluck:
-    """Return the pluck of the rig's plectrum and spring string."""
-    stiffness = rig.string.static_stiffness
-    return solve_pluck(plectrum_map(rig, level), stiffness, rig.plectrum.overlap)
+def rig_pluck(rig: Rig, level: str = "elastica", *, rollover: bool = False) -> Pluck:
+    """Return the pluck of the rig's plectrum and spring string, those of its first choir.
+
+    Raises:
+        ModelError: The level has no solution for this rig.
+    """
+    return choir_pluck(choirs(rig)[0], level, rollover=rollover)
 
 
-def predict(rig: Rig, level: str = "elastica") -> Prediction:
+def predict(rig: Rig, level: str = "elastica", *, rollover: bool = False) -> Prediction:
     """Predict the press of a rig: deflection and force while the jack rises steadily.
+
+    Args:
+        rig: The bench; all its choirs are plucked.
+        level: Of the plectra.
+        rollover: Let the wires turn about the tips' edges before they are released.
 
     Raises:
         ModelError: The level has no solution for this rig, or the press ends too soon.
     """
-    pluck = rig_pluck(rig, level)
-    speed, clearance = rig.press.jack_speed, rig.jack.string_clearance
-    released = clearance + pluck.release_height
-    if released >= rig.press.jack_rise:
-        raise ModelError(
-            f"press.jack_rise: {rig.press.jack_rise * 1e3:.4g} mm ends before the string is"
-            f" released at {released * 1e3:.4g} mm; raise jack_rise or lower plectrum.overlap"
-        )
-    # Contact and release are instants of the time base, release with the string still held.
-    after = released * (1 + 1e-12)
-    rise = np.linspace(0.0, rig.press.jack_rise, STEPS)
-    rise = np.sort(np.concatenate([rise, [clearance, released, after]]))
+    held = hold(rig, level, rollover=rollover)
+    speed = rig.press.jack_speed
+    # The plucks' own points are instants of the time base, release with the string still held.
+    plucks = [at for h in held for at in (_rises(rig, h), [h.release * (1 + 1e-12)])]
+    rise = np.unique(np.concatenate([np.linspace(0.0, rig.press.jack_rise, STEPS), *plucks]))
     still = np.zeros_like(rise)
     angle = key_motion(rig.key, Motion(rise, np.full_like(rise, speed), still))
-    held = (rise >= clearance) & (rise <= released)
-    string_force = np.zeros_like(rise)
-    string_force[held] = pluck.force_on_jack(
-        np.minimum(rise[held] - clearance, pluck.release_height)
-    )
+    forces = np.stack([_string_force(rig, h, rise, angle.position) for h in held])
+    all_choirs = tuple(plucked(rig, h, force) for h, force in zip(held, forces, strict=True))
+    first = all_choirs[0]
     return Prediction(
         level=level,
         time=rise / speed,
         rise=rise,
         deflection=rig.key.laser_arm * angle.position,
-        string_force=string_force,
-        finger_force=finger_force(rig, angle, string_force),
-        contact=clearance / speed,
-        release=released / speed,
-        release_force=float(pluck.force[-1]),
-        release_lift=float(pluck.lift[-1]),
-        release_angle=float(pluck.angle[-1]),
-        v_osc=release_speed(rig.string, float(pluck.lift[-1])),
+        string_force=first.string_force,
+        finger_force=finger_force(rig, angle, forces),
+        contact=first.contact,
+        release=first.release,
+        release_force=first.release_force,
+        release_lift=first.release_lift,
+        release_angle=first.release_angle,
+        v_osc=first.v_osc,
+        choirs=all_choirs,
     )
+
+
+def _rises(rig: Rig, held: Held) -> Floats:
+    """Return the first jack's rises [m] at the points of a choir's pluck."""
+    rise = held.choir.jack.string_clearance + held.pluck.height
+    lever = key_of(rig, held.choir)
+    if lever is not rig.key:
+        rise = rise_of_angle(rig.key, angle_of_rise(lever, rise))
+    rise[[0, -1]] = held.contact, held.release
+    return rise
+
+
+def _string_force(rig: Rig, held: Held, rise: Floats, angle: Floats) -> Floats:
+    """Return the force [N] of a choir's string on its jack over the first jack's rise."""
+    holding = (rise > held.contact) & (rise <= held.release)
+    lever = key_of(rig, held.choir)
+    own = rise[holding] if lever is rig.key else rise_of_angle(lever, angle[holding])
+    height = np.clip(own - held.choir.jack.string_clearance, 0, held.pluck.release_height)
+    force = np.zeros_like(rise)
+    force[holding] = held.pluck.force_on_jack(height)
+    return force

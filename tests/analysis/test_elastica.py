@@ -20,18 +20,26 @@ def elastica():
     return Elastica(PLECTRUM)
 
 
-def shoot(s, force):
-    """Return x, z, theta of EI theta'' = F cos(theta - theta(s)), theta(0) = theta'(s) = 0.
+def rubbed(friction):
+    return Elastica(PLECTRUM.model_copy(update={"friction": friction}))
 
-    In arc length from the clamp, counter to the table's way; all in units of s.
+
+def shoot(s, force, friction=0.0):
+    """Return x, z, theta of the load's moments balanced in the clamp's frame.
+
+    The load stands normal to the loaded end and, by friction, along it. In arc length from
+    the clamp, counter to the table's way; all in units of s.
     """
     q = force * s**2 / EI
 
     def along(unknown):
         bend, tip = unknown
+        load_x = q * (np.sin(tip) + friction * np.cos(tip))
+        load_z = q * (friction * np.sin(tip) - np.cos(tip))
 
         def right(_, y):
-            return [y[1], q * np.cos(y[0] - tip), np.cos(y[0]), np.sin(y[0])]
+            cos, sin = np.cos(y[0]), np.sin(y[0])
+            return [y[1], load_x * sin - load_z * cos, cos, sin]
 
         return solve_ivp(right, (0, 1), [0, bend, 0, 0], "DOP853", rtol=1e-13, atol=1e-15).y[:, -1]
 
@@ -71,6 +79,63 @@ def test_an_independent_solve_agrees(elastica):
         expected = shoot(s, force)
         found = (bend.x / s, bend.z / s, bend.theta)
         np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-10)
+
+
+@pytest.mark.parametrize("friction", [1e-6, 0.1, 0.2, 0.35, 0.5])
+def test_an_independent_solve_agrees_on_friction(friction):
+    elastica = rubbed(friction)
+    for place, share in ((1.0, 0.02), (0.9, 0.4), (0.3, 0.75), (1.0, 1.0)):
+        s = place * PLECTRUM.length
+        force = share * float(elastica.force_limit(s))
+        bend = elastica.bend(s, force)
+        found = (bend.x / s, bend.z / s, bend.theta)
+        np.testing.assert_allclose(found, shoot(s, force, friction), rtol=1e-9, atol=1e-10)
+
+
+def test_friction_bends_it_further(elastica):
+    """At first order not at all: its share of the angle grows as mu F^2."""
+    s, mu = PLECTRUM.length, 0.1
+    shares = [
+        (rubbed(m).bend(s, force).theta - elastica.bend(s, force).theta) / (m * force**2)
+        for m, force in ((mu, 0.02), (mu, 0.01), (mu / 2, 0.01))
+    ]
+    # theta'' = F (1 + mu psi) / EI with psi = q / 2: the added angle is mu q^2 / 24.
+    np.testing.assert_allclose(shares, -(s**4) / EI**2 / 24, rtol=2e-3)
+
+
+def test_energy_of_the_bending(elastica):
+    """A load that grows from nothing at one place: its work is EI / 2 int curvature^2."""
+    for friction, s in ((0.0, 4.5e-3), (0.0, 2e-3), (0.2, 4.5e-3), (0.5, 3e-3)):
+        plectrum = rubbed(friction)
+        end = 0.95 * float(plectrum.force_limit(s))
+        node, weight = np.polynomial.legendre.leggauss(40)
+        force, weight = end * (node + 1) / 2, end * weight / 2
+        b = plectrum.bend(s, force)
+        across = np.sin(b.theta) * b.x_f - np.cos(b.theta) * b.z_f
+        along = np.cos(b.theta) * b.x_f + np.sin(b.theta) * b.z_f
+        work = weight @ (force * (across + friction * along))
+        assert work == pytest.approx(strain_energy(s, end, friction), rel=1e-9)
+
+
+def strain_energy(s, force, friction):
+    """Return EI / 2 times the integral of the curvature squared [J], from the ODE itself."""
+    xi = s * np.sqrt(force / EI)
+    bent = solve_ivp(
+        lambda _, y: [y[1], np.cos(y[0]) + friction * np.sin(y[0]), y[1] ** 2],
+        (0, xi),
+        [0, 0, 0],
+        "DOP853",
+        rtol=1e-12,
+        atol=1e-15,
+    )
+    return np.sqrt(force * EI) / 2 * bent.y[2, -1]
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.1, 0.5])
+def test_the_limit_with_friction(friction):
+    elastica = rubbed(friction)
+    theta = np.degrees(elastica.bend(4e-3, elastica.force_limit(4e-3)).theta)
+    assert -90 < theta < -89.8
 
 
 def test_the_limit_is_just_short_of_ninety_degrees(elastica):
@@ -150,7 +215,19 @@ def test_stiffness_scales_the_force_alone():
     np.testing.assert_allclose(one[6:], np.multiply(ten[6:], 10), rtol=1e-12)
 
 
-def test_the_table_has_converged():
-    """The last coefficients of its Chebyshev series are rounding."""
-    for series in _table():
-        assert np.abs(series.coef[-3:]).max() < 1e-13
+@pytest.mark.parametrize("friction", [0.0, 0.1, 0.2, 0.5])
+def test_the_table_has_converged(friction):
+    """The last coefficients of its Chebyshev series are rounding, and so are their slopes'."""
+    last = np.abs(_table(friction).coefficients[-3:]).max(axis=0)
+    assert last[:3].max() < 1e-13
+    assert last[3:].max() < 1e-11
+
+
+def test_just_beyond_the_tip_the_law_goes_on(elastica):
+    """As far as a search for the release may ask."""
+    s = 1.01 * PLECTRUM.length
+    force = float(elastica.force_limit(PLECTRUM.length))
+    assert elastica.force_limit(s) == force
+    bend = elastica.bend(s, force)
+    found = (bend.x / s, bend.z / s, bend.theta)
+    np.testing.assert_allclose(found, shoot(s, force), rtol=1e-7)

@@ -59,8 +59,8 @@ def test_friction_works_against_the_motion(paper, smooth):
 
 
 def test_the_jack_leaves_the_key_when_the_key_falls_faster(paper):
-    falling = Motion(np.zeros(2), np.zeros(2), np.array([-1.01, -0.99]) * GRAVITY)
-    load = jack_load(paper, falling, np.zeros(2))
+    falling = np.array([-1.01, -0.99]) * GRAVITY
+    load = jack_load(paper.jack, np.zeros(2), falling, np.zeros(2))
     assert load[0] < 0 < load[1]
 
 

@@ -128,6 +128,48 @@ def test_the_pluck_is_the_rigs(paper, prediction):
     )
 
 
+def test_work_is_that_of_the_jack_against_the_string(prediction):
+    by_hand = trapezoid(prediction.string_force, prediction.rise)
+    assert prediction.work == pytest.approx(by_hand, rel=1e-4)
+    assert prediction.work == prediction.choirs[0].work
+
+
+def test_the_released_string_moves_as_it_did_just_before(paper, prediction):
+    """Displacement and velocity against the pluck's own heights; twice the speed, twice both."""
+    pluck, state = rig_pluck(paper), prediction.released_string
+    assert (state.x, state.z) == (pluck.shift[-1], pluck.lift[-1])
+    time = pluck.height / paper.press.jack_speed
+    for velocity, place in ((state.velocity_x, pluck.shift), (state.velocity_z, pluck.lift)):
+        before = (place[-1] - place[-2]) / (time[-1] - time[-2])
+        assert velocity == pytest.approx(before, rel=5e-3)
+    assert state.velocity_z < 0.5 * paper.press.jack_speed < prediction.v_osc
+    double = predict(with_values(paper, {"press.jack_speed": "0.144 m/s"})).released_string
+    assert double.velocity_z == pytest.approx(2 * state.velocity_z, rel=1e-12)
+
+
+def test_friction_of_the_rig_is_in_the_prediction(paper, prediction):
+    rough = predict(with_values(paper, {"plectrum.friction": 0.1}))
+    assert rough.release_force / prediction.release_force == pytest.approx(1.125, abs=2e-3)
+    assert rough.contact_duration / prediction.contact_duration == pytest.approx(1.137, abs=2e-3)
+
+
+@pytest.mark.parametrize("level", ["rods", "beam", "two-beam"])
+@pytest.mark.parametrize("friction", [0.0, 0.2])
+def test_every_level_is_predicted(paper, level, friction):
+    """Rods as the elastica; the beam does not shorten, so it releases late."""
+    rig = with_values(paper, {"plectrum.friction": friction})
+    exact, found = predict(rig), predict(rig, level)
+    late = found.contact_duration / exact.contact_duration
+    assert late == pytest.approx(1, abs=2e-3) if level == "rods" else late > 1.1
+
+
+def test_a_thick_wire_rolls_over_the_tip(paper, prediction):
+    thick = with_values(paper, {"string.diameter": "2 mm"})
+    assert predict(thick).release == prediction.release
+    assert predict(thick, rollover=True).release > prediction.release
+    assert predict(paper, rollover=True).release == prediction.release
+
+
 @pytest.mark.parametrize("speed", ["0.005 m/s", "1 m/s"])
 @pytest.mark.parametrize("clearance", ["0.001 mm", "8 mm"])
 def test_extremes_are_finite(paper, speed, clearance):

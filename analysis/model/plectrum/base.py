@@ -36,13 +36,23 @@ class Bend(NamedTuple):
 
 
 class PlectrumMap(Protocol):
-    """A cantilever loaded at material position s by a force F normal to its deformed surface."""
+    """A cantilever loaded at material position s by a string that slides towards its tip.
+
+    The load is the force F normal to the deformed surface and, along its tangent towards
+    the tip, friction times F.
+    """
 
     length: float
     """m, from clamp to tip."""
+    friction: float
+    """1, Coulomb coefficient between plectrum and string, 0 to 0.5."""
 
     def bend(self, s: ArrayLike, force: ArrayLike) -> Bend:
-        """Return the contact point for positions s [m] and forces F [N]."""
+        """Return the contact point for positions s [m] and forces F [N].
+
+        Raises:
+            ModelError: A position is not on the plectrum, or a force not within 0 and its limit.
+        """
         ...
 
     def force_limit(self, s: ArrayLike) -> Floats:

@@ -1,0 +1,123 @@
+"""The picture of a pluck by every level of the plectrum, after the paper's figure 4."""
+
+import textwrap
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from analysis.errors import ModelError
+from analysis.model.pluck import Pluck
+from analysis.model.predict import LEVELS, rig_pluck
+from rig.schema import Rig
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+COLOURS = ("#a8cbe8", "#d9743a", "#2f6b3a", "#1a1a1a", "#d040a0", "#f0e060")
+WIDTHS = (7.5, 4.5, 2.6, 1.2, 0.8, 0.5)
+"""Points, so that a level under another one still shows."""
+
+
+def plot_pluck(path: str | Path, rig: Rig, levels: Sequence[str]) -> None:
+    """Draw `pluck_figure` into a file; the suffix of ``path`` chooses the format."""
+    pluck_figure(rig, levels).savefig(path, dpi=120)
+
+
+def pluck_figure(rig: Rig, levels: Sequence[str]) -> "Figure":
+    """Return a figure of the plectrum's angle, the string's path and the force on the clamp.
+
+    Args:
+        rig: The bench.
+        levels: Of the plectrum, by name; one that has no pluck for this rig is named in the
+            legend as out of range.
+
+    Raises:
+        ModelError: A level is not known, or none has a pluck.
+    """
+    from matplotlib.figure import Figure
+
+    unknown = [level for level in levels if level not in LEVELS]
+    if unknown:
+        raise ModelError(
+            f"level {', '.join(map(repr, unknown))} is not known; take some of {', '.join(LEVELS)}"
+        )
+    plucks, faults = _solve(rig, levels)
+    if not plucks:
+        raise ModelError("\n".join(["no level has a pluck for this rig", *faults.values()]))
+    figure = Figure(figsize=(13, 5.6), layout="constrained")
+    angle, path, force = figure.subplots(1, 3)
+    stiffness = rig.string.static_stiffness
+    for i, level in enumerate(dict.fromkeys(levels)):
+        colour, width = COLOURS[i % len(COLOURS)], WIDTHS[min(i, len(WIDTHS) - 1)]
+        if level not in plucks:
+            angle.plot([], [], color=colour, lw=width, label=f"{level}: out of range")
+            continue
+        pluck = plucks[level]
+        height, lift, shift = pluck.height * 1e3, pluck.lift, pluck.shift
+        curves = (
+            (angle, height, np.degrees(pluck.angle), "-"),
+            (path, shift * 1e3, lift * 1e3, "-"),
+            (force, height, stiffness * lift, "-"),
+            (force, height, stiffness * shift, (0, (9 / width, 4 / width))),
+        )
+        for axes, x, y, dashes in curves:
+            axes.plot(x, y, color=colour, lw=width, ls=dashes)
+            axes.plot(x[-1], y[-1], "o", color=colour, ms=4 + width, mfc="white", zorder=3)
+        angle.plot([], [], color=colour, lw=width, label=_label(level, pluck, rig))
+    _dress(rig, angle, path, force)
+    figure.legend(
+        *angle.get_legend_handles_labels(),
+        loc="outside lower center",
+        ncols=min(4, len(levels)),
+        frameon=False,
+    )
+    plectrum = rig.plectrum
+    title = (
+        f"Pluck of rig {rig.name}: overlap {plectrum.overlap * 1e3:.4g} mm, string of"
+        f" {stiffness:.4g} N/m, jack at {rig.press.jack_speed:.4g} m/s; circles are the release"
+    )
+    lines = [line for fault in faults.values() for line in textwrap.wrap(fault, 190)]
+    figure.suptitle("\n".join([title, *lines]), fontsize=10 if lines else 12)
+    return figure
+
+
+def _solve(rig: Rig, levels: Sequence[str]) -> tuple[dict[str, Pluck], dict[str, str]]:
+    """Return the plucks of levels that have one, and the faults of the others."""
+    plucks, faults = {}, {}
+    for level in levels:
+        try:
+            plucks[level] = rig_pluck(rig, level)
+        except ModelError as error:
+            faults[level] = f"{level}: {error}"
+    return plucks, faults
+
+
+def _label(level: str, pluck: Pluck, rig: Rig) -> str:
+    duration = pluck.release_height / rig.press.jack_speed
+    return f"{level}: {duration * 1e3:.4g} ms, {pluck.force[-1]:.4g} N"
+
+
+def _dress(rig: Rig, angle, path, force) -> None:
+    """Name the axes, with time above the jack's height."""
+    speed = rig.press.jack_speed
+    angle.set_ylabel("plectrum's angle under the string (deg)")
+    path.set_xlabel("string's x, outwards from its rest (mm)")
+    path.set_ylabel("string's z, upwards (mm)")
+    force.set_ylabel("force on the clamp (N)")
+    force.plot([], [], color="#777777", label="downwards")
+    force.plot([], [], color="#777777", ls=(0, (6, 2.7)), label="backwards, along the plectrum")
+    force.legend(loc="best", framealpha=0.8, edgecolor="none")
+    for axes in (angle, force):
+        axes.set_xlabel("jack's height above first contact (mm)")
+        above = axes.secondary_xaxis("top", (lambda mm: mm / speed, lambda ms: ms * speed))
+        above.set_xlabel("time from contact (ms)")
+        axes.set_xlim(left=0)
+    angle.set_ylim(bottom=0)
+    path.set_ylim(bottom=0)
+    for axes in (angle, path, force):
+        axes.grid(color="#e6e6e6", lw=0.7)
+        axes.set_axisbelow(True)
+        axes.spines["right"].set_visible(False)
+    path.spines["top"].set_visible(False)

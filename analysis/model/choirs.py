@@ -1,0 +1,165 @@
+"""The choirs of a key: each a jack, a plectrum and a string of its own."""
+
+from dataclasses import dataclass
+
+from analysis.errors import ModelError
+from analysis.model.plectrum.base import Floats, PlectrumMap
+from analysis.model.plectrum.elastica import Elastica
+from analysis.model.plectrum.levels import plectrum_map
+from analysis.model.pluck import Pluck, solve_pluck
+from analysis.model.string import release_speed
+from analysis.model.table import TabledElastica
+from rig.schema import Choir, Key, Rig
+from trajectory.key import angle_of_rise, rise_of_angle, rise_slope
+
+
+@dataclass(frozen=True)
+class StringState:
+    """The quasi-static string where the plectrum holds it, just before release.
+
+    The velocity, at a constant speed of the jack, is infinite where the pluck ends at a fold.
+    """
+
+    x: float
+    """m, outwards along the plectrum."""
+    z: float
+    """m, upwards."""
+    velocity_x: float
+    """m/s."""
+    velocity_z: float
+    """m/s."""
+
+
+@dataclass(frozen=True)
+class ChoirPluck:
+    """What one choir's string does in a press with the first jack at constant speed."""
+
+    string_force: Floats
+    """N, of the string on the jack, over the prediction's time; shape (n,)."""
+    contact: float
+    """s."""
+    release: float
+    """s."""
+    release_force: float
+    """N, between plectrum and string."""
+    release_lift: float
+    """m, of the string."""
+    release_angle: float
+    """rad, of the plectrum under the string."""
+    released_string: StringState
+    """The string's initial condition."""
+    work: float
+    """J, of the key, by this jack, against string and plectrum."""
+    v_osc: float
+    """m/s, of the released string."""
+    gives_way: bool
+    """Whether the plectrum gave way before the string had come to its tip."""
+
+    @property
+    def contact_duration(self) -> float:
+        """Time the string is held [s]."""
+        return self.release - self.contact
+
+
+@dataclass(frozen=True)
+class Held:
+    """A choir's pluck and the first jack's rises [m] between which it happens."""
+
+    choir: Choir
+    pluck: Pluck
+    contact: float
+    release: float
+
+
+def choirs(rig: Rig) -> tuple[Choir, ...]:
+    """Return the choirs of a rig, the first one first."""
+    first = Choir.model_construct(
+        jack_arm=rig.key.jack_arm, jack=rig.jack, plectrum=rig.plectrum, string=rig.string
+    )
+    return (first, *rig.more_choirs)
+
+
+def key_of(rig: Rig, choir: Choir) -> Key:
+    """Return the key as the lever under a choir's jack."""
+    if choir.jack_arm == rig.key.jack_arm:
+        return rig.key
+    return rig.key.model_copy(update={"jack_arm": choir.jack_arm})
+
+
+def choir_pluck(choir: Choir, level: str = "elastica", *, rollover: bool = False) -> Pluck:
+    """Return the pluck of a choir's plectrum and spring string.
+
+    Args:
+        choir: The choir.
+        level: Of the plectrum.
+        rollover: Let the wire turn about the tip's edge.
+
+    Raises:
+        ModelError: The level has no solution for this choir.
+    """
+    plectrum: PlectrumMap = plectrum_map(choir.plectrum, level)
+    if isinstance(plectrum, Elastica):
+        plectrum = TabledElastica(plectrum)
+    return solve_pluck(
+        plectrum,
+        choir.string.static_stiffness,
+        choir.plectrum.overlap,
+        rollover=rollover,
+        diameter=choir.string.diameter,
+    )
+
+
+def hold(rig: Rig, level: str, *, rollover: bool = False) -> list[Held]:
+    """Solve every choir's pluck.
+
+    Raises:
+        ModelError: A choir has no pluck, or one that outlasts the press; names the choir.
+    """
+    held, faults = [], []
+    for number, choir in enumerate(choirs(rig)):
+        at = f"more_choirs[{number - 1}]." if number else ""
+        try:
+            pluck = choir_pluck(choir, level, rollover=rollover)
+        except ModelError as error:
+            faults.append(f"{at}{error}")
+            continue
+        lever, clearance = key_of(rig, choir), choir.jack.string_clearance
+        contact, release = clearance, clearance + pluck.release_height
+        if number:
+            contact, release = (
+                float(rise_of_angle(rig.key, angle_of_rise(lever, rise)))
+                for rise in (contact, release)
+            )
+        if release >= rig.press.jack_rise:
+            faults.append(
+                f"press.jack_rise: {rig.press.jack_rise * 1e3:.4g} mm ends before the string is"
+                f" released at {release * 1e3:.4g} mm; raise jack_rise or lower"
+                f" {at}plectrum.overlap"
+            )
+        held.append(Held(choir, pluck, contact, release))
+    if faults:
+        raise ModelError("\n".join(faults))
+    return held
+
+
+def plucked(rig: Rig, held: Held, string_force: Floats) -> ChoirPluck:
+    """Return what a choir's string does at the press's speed of the first jack."""
+    pluck, speed = held.pluck, rig.press.jack_speed
+    lever = key_of(rig, held.choir)
+    rise = held.choir.jack.string_clearance + pluck.release_height
+    own, first = (rise_slope(key, angle_of_rise(lever, rise)) for key in (lever, rig.key))
+    own_speed = speed * float(own / first)
+    out, up = pluck.release_slopes
+    lift = float(pluck.lift[-1])
+    return ChoirPluck(
+        string_force=string_force,
+        contact=held.contact / speed,
+        release=held.release / speed,
+        release_force=float(pluck.force[-1]),
+        release_lift=lift,
+        release_angle=float(pluck.angle[-1]),
+        released_string=StringState(float(pluck.shift[-1]), lift, out * own_speed, up * own_speed),
+        work=pluck.work,
+        v_osc=release_speed(held.choir.string, lift),
+        gives_way=pluck.gives_way,
+    )

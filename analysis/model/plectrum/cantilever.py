@@ -1,0 +1,113 @@
+"""What the levels of one or two uniform sections share: their numbers, their range, their scale."""
+
+from abc import ABC, abstractmethod
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from analysis.errors import ModelError
+from analysis.model.plectrum.base import Bend, Floats
+from rig.schema import Plectrum
+
+FRICTION_MAX = 0.5
+"""1, largest coefficient of friction that a level answers for."""
+BEYOND_TIP = 1.01
+"""1, of the length: how far past the tip a search for the release may ask; the law of the
+plectrum goes on there, with the force limit of the tip."""
+ROUNDING = 1e-12
+"""1, of a force limit."""
+
+
+class Cantilever(ABC):
+    """A plectrum clamped at x = 0, loaded at s by F and by friction times F."""
+
+    def __init__(self, plectrum: Plectrum):
+        """Take the plectrum's numbers.
+
+        Raises:
+            ModelError: Friction or bending stiffness are out of range.
+        """
+        self.length = plectrum.length
+        self.friction = plectrum.friction
+        self.bending_stiffness = plectrum.bending_stiffness
+        faults = []
+        if not 0 <= self.friction <= FRICTION_MAX:
+            faults.append(
+                f"plectrum.friction: {self.friction:.6g} is not within 0 to {FRICTION_MAX};"
+                " change it"
+            )
+        if not (self.length > 0 and 0 < self.bending_stiffness < np.inf):
+            faults.append(
+                f"plectrum: a length of {self.length * 1e3:.6g} mm and a bending stiffness of"
+                f" {self.bending_stiffness:.6g} N m^2 are not both finite and above 0; see"
+                " plectrum.length, width, thickness and youngs_modulus"
+            )
+        if faults:
+            raise ModelError("\n".join(faults))
+
+    def bend(self, s: ArrayLike, force: ArrayLike) -> Bend:
+        """Return the contact point for positions s [m] and forces F [N].
+
+        Raises:
+            ModelError: A position is not on the plectrum, or a force not within 0 and its limit.
+        """
+        s, force = np.broadcast_arrays(np.asarray(s, float), np.asarray(force, float))
+        self._refuse_out_of_range(s, force)
+        return self._bend(s, force)
+
+    def force_limit(self, s: ArrayLike) -> Floats:
+        """Return the force [N] that turns the tangent at s [m] by 90 degrees, or just less."""
+        s = np.minimum(np.asarray(s, float), self.length)
+        with np.errstate(divide="ignore", over="ignore"):
+            return self._force_limit(s)
+
+    @abstractmethod
+    def _bend(self, s: Floats, force: Floats) -> Bend:
+        """Bend under loads that are in range, s and F of one shape."""
+
+    @abstractmethod
+    def _force_limit(self, s: Floats) -> Floats:
+        """Return the largest force [N] for positions on the plectrum, infinite at the clamp."""
+
+    def _refuse_out_of_range(self, s: Floats, force: Floats) -> None:
+        # Asked so that NaN is out of range too.
+        on = (s >= 0) & (s <= BEYOND_TIP * self.length)
+        if not on.all():
+            raise ModelError(
+                f"position on the plectrum: {s[~on].flat[0] * 1e3:.6g} mm from the clamp is not"
+                f" within 0 to {self.length * 1e3:.6g} mm, its length"
+            )
+        limit = self.force_limit(s)
+        held = (force >= 0) & (force <= limit * (1 + ROUNDING)) & (force < np.inf)
+        if not held.all():
+            raise ModelError(
+                f"force on the plectrum: {force[~held].flat[0]:.6g} N at"
+                f" {s[~held].flat[0] * 1e3:.6g} mm from the clamp is not within 0 to"
+                f" {limit[~held].flat[0]:.6g} N, where {type(self).__name__} has an answer;"
+                " change the force or raise plectrum.thickness"
+            )
+
+
+def similar(s: Floats, force: Floats, stiffness: float, shape: tuple[Floats, ...]) -> Bend:
+    """Return the bend of a uniform section from its shape at q = F s^2 / EI.
+
+    Args:
+        s: m, positions.
+        force: N.
+        stiffness: N m^2, EI.
+        shape: x/s, z/s and theta, then their derivatives by q.
+    """
+    q_s = 2 * force * s / stiffness
+    q_f = s**2 / stiffness
+    x, z, theta, dx, dz, dtheta = shape
+    return Bend(
+        s * x,
+        s * z,
+        theta,
+        x + s * dx * q_s,
+        z + s * dz * q_s,
+        dtheta * q_s,
+        s * dx * q_f,
+        s * dz * q_f,
+        dtheta * q_f,
+    )

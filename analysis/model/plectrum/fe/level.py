@@ -1,0 +1,102 @@
+"""The level `fe` of the plectrum: finite elements of any outline, by their stored map."""
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from analysis.errors import ModelError
+from analysis.model.plectrum.base import Bend, Floats
+from analysis.model.plectrum.fe.cache import stored
+from analysis.model.plectrum.fe.profile import profile_of
+from analysis.model.plectrum.fe.table import MARGIN, Table
+from rig.schema import Plectrum
+
+REACHES = ((0.1, 0.85), (0.2, 0.7), (0.4, 0.5), (0.7, 0.2))
+"""1, of the length: largest overlap, and the nearest s that is then tabulated."""
+_PAST_TIP = 1.01
+
+
+class FE:
+    """A plectrum of any outline, plane stress, with large rotations.
+
+    The contact point is the top's at s, lowered along the section by half the thickness at
+    the clamp: on a uniform plectrum that is the mid-line, as at the other levels, and x and z
+    are counted from the clamp's. Its angle is the section's mean rotation, added to the slope
+    of the unloaded top there. The load is normal to the deformed top; friction acts on the
+    top too, and so bends the plectrum a little more than on the mid-line of other levels.
+    """
+
+    def __init__(self, plectrum: Plectrum):
+        """Take the plectrum's map from the cache, or build it (3 s).
+
+        Raises:
+            ModelError: The outline or the overlap is out of range, or the elements find no
+                equilibrium.
+        """
+        self.length = plectrum.length
+        self.friction = plectrum.friction
+        self.profile = profile_of(plectrum)
+        self._table = _table_of(plectrum)
+        self._load = self._table.load * plectrum.youngs_modulus * plectrum.width * self.length
+
+    def bend(self, s: ArrayLike, force: ArrayLike) -> Bend:
+        """Return the contact point for positions s [m] and forces F [N].
+
+        Raises:
+            ModelError: A position or a force is outside the map.
+        """
+        s, force = np.broadcast_arrays(np.asarray(s, float), np.asarray(force, float))
+        places, loads = s / self.length, force / self._load
+        self._refuse_outside(places, loads)
+        (x, z, turned), along, across = self._table.values(places, loads)
+        height, slope, curvature = self.profile.contact_line(places)
+        # Fields are f times their series, lengths L; s is L times a place, F load times f.
+        return Bend(
+            self.length * (places + loads * x),
+            self.length * (height + loads * z),
+            np.arctan(slope) + loads * turned,
+            1 + loads * along[0],
+            slope + loads * along[1],
+            (curvature / (1 + slope**2) + loads * along[2]) / self.length,
+            (x + loads * across[0]) * self.length / self._load,
+            (z + loads * across[1]) * self.length / self._load,
+            (turned + loads * across[2]) / self._load,
+        )
+
+    def force_limit(self, s: ArrayLike) -> Floats:
+        """Return the largest force [N] of the map, the same at all positions s [m]."""
+        return np.full(np.shape(s), self._table.limit * self._load)
+
+    def _refuse_outside(self, places: Floats, loads: Floats) -> None:
+        for what, unit, scale, values, low, high in (
+            ("position", "mm", 1e3 * self.length, places, self._table.nearest, _PAST_TIP),
+            ("force", "N", self._load, loads, 0.0, self._table.limit * MARGIN),
+        ):
+            outside = values[~((values >= low) & (values <= high))]
+            if outside.size:
+                raise ModelError(
+                    f"plectrum: a {what} of {scale * outside.flat[0]:.4g} {unit} is outside its"
+                    f" map, {scale * low:.4g} to {scale * high:.4g} {unit}; stay inside, or take"
+                    " the level elastica"
+                )
+
+
+def _table_of(plectrum: Plectrum) -> Table:
+    """Return the map of a plectrum's shape."""
+    profile = profile_of(plectrum)
+    share = plectrum.overlap / plectrum.length
+    nearest = next((near for most, near in REACHES if share <= most), None)
+    if nearest is None:
+        raise ModelError(
+            f"plectrum.overlap: {plectrum.overlap * 1e3:.4g} mm is more than"
+            f" {REACHES[-1][0]:.0%} of the plectrum's {plectrum.length * 1e3:.4g} mm, and its"
+            " root is no beam; lower overlap"
+        )
+    ratios = np.array([plectrum.poisson_ratio, plectrum.friction, nearest])
+
+    def make() -> Table:
+        # Imported here because it brings scikit-fem, which a stored map does not need.
+        from analysis.model.plectrum.fe.build import build
+
+        return build(profile, plectrum.poisson_ratio, plectrum.friction, nearest)
+
+    return stored([profile.x, profile.top, profile.bottom, ratios], make)

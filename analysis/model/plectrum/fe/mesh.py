@@ -1,0 +1,66 @@
+"""A structured mesh of biquadratic quadrilaterals between the plectrum's two edges."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.model.plectrum.base import Floats
+from analysis.model.plectrum.fe.profile import Profile, columns
+
+COLUMNS, LAYERS = 60, 4
+"""Elements from clamp to tip, and through the thickness."""
+
+
+@dataclass(frozen=True)
+class Grid:
+    """Nodes and quadrature of a mesh; nodes are counted up each column, columns to the tip.
+
+    With c columns and l layers there are (2 c + 1) (2 l + 1) nodes.
+    """
+
+    x: Floats
+    """1, edges of the columns, shape (columns + 1,)."""
+    layers: int
+    nodes: Floats
+    """1, shape (nodes, 2)."""
+    cells: NDArray[np.intp]
+    """Nodes of each element, shape (elements, 9)."""
+    gradients: Floats
+    """Of the shape functions, shape (elements, points, 9, 2)."""
+    weights: Floats
+    """Of the quadrature, shape (elements, points)."""
+
+    @property
+    def height(self) -> int:
+        """Nodes in a column."""
+        return 2 * self.layers + 1
+
+
+def plectrum_grid(profile: Profile, count: int = COLUMNS, layers: int = LAYERS) -> Grid:
+    """Mesh a plectrum with ``count`` columns and ``layers`` layers of elements."""
+    return grid_between(profile, columns(profile, count), layers)
+
+
+def grid_between(profile: Profile, x: Floats, layers: int) -> Grid:
+    """Mesh a plectrum with columns whose edges are at x."""
+    # Imported here because a stored map needs none of it.
+    from skfem import Basis, ElementQuad2, MeshQuad
+
+    square = MeshQuad.init_tensor(x, np.linspace(0.0, 1.0, layers + 1))
+    top, bottom = profile.edges(square.p[0])
+    mesh = MeshQuad(np.vstack([square.p[0], bottom + square.p[1] * (top - bottom)]), square.t)
+    basis = Basis(mesh, ElementQuad2(), intorder=5)
+    flat = np.round(Basis(square, ElementQuad2()).doflocs, 9)
+    order = np.lexsort((flat[1], flat[0]))
+    rank = np.empty_like(order)
+    rank[order] = np.arange(len(order))
+    gradients = np.array([basis.basis[a][0].grad for a in range(basis.Nbfun)])
+    return Grid(
+        x,
+        layers,
+        basis.doflocs[:, order].T.copy(),
+        rank[basis.element_dofs.T],
+        np.ascontiguousarray(gradients.transpose(2, 3, 0, 1)),
+        basis.dx,
+    )

@@ -1,0 +1,146 @@
+"""The plectrum's two edges, and the line that the string meets on them."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from analysis.errors import ModelError
+from analysis.model.plectrum.base import Floats
+from rig.schema import Outline, Plectrum
+
+SAME_LENGTH = 1e-3
+"""1, by which an outline may be longer or shorter than its plectrum."""
+_PLACES = 101
+
+
+@dataclass(frozen=True)
+class Profile:
+    """Both edges in units of the plectrum's length, straight between places of shape (n,)."""
+
+    x: Floats
+    """1, from the clamp at 0 to the tip at 1."""
+    top: Floats
+    """1, height of the edge that meets the string."""
+    bottom: Floats
+    """1, height of the other edge."""
+
+    @property
+    def clamp_thickness(self) -> float:
+        """1, at the clamp."""
+        return float(self.top[0] - self.bottom[0])
+
+    @property
+    def patch(self) -> float:
+        """1, half the length of the load's patch: a quarter of the thickness, 1 % at least."""
+        return max(self.clamp_thickness / 4, 0.01)
+
+    def edges(self, x: Floats) -> tuple[Floats, Floats]:
+        """Return top and bottom at x; past the tip both run on in parallel to the top."""
+        beyond = np.maximum(x - 1, 0) * self._slopes()[-1]
+        return np.interp(x, self.x, self.top) + beyond, np.interp(x, self.x, self.bottom) + beyond
+
+    def contact_line(self, s: ArrayLike) -> tuple[Floats, Floats, Floats]:
+        """Return height, slope and curvature of the unloaded top as a patch at s feels it.
+
+        Each is the mean under the patch, so that a kink in the outline turns the normal
+        over the patch's length and not at once. The height is counted from the clamp's.
+        """
+        s = np.asarray(s, float)
+        slopes = self._slopes()
+        u = (s[..., None] - self.x[1:-1]) / self.patch
+        v = np.clip(u, -1, 1)
+        share = 15 / 16 * (v - 2 * v**3 / 3 + v**5 / 5) + 0.5
+        area = 15 / 16 * (v**2 / 2 - v**4 / 6 + v**6 / 30) + v / 2 + 5 / 32 + np.maximum(u - 1, 0)
+        turn = np.diff(slopes)
+        return (
+            slopes[0] * s + self.patch * area @ turn,
+            slopes[0] + share @ turn,
+            bump(u) @ turn / self.patch,
+        )
+
+    def contact_arm(self, s: float) -> float:
+        """Return how far the contact's line lies above the mid-line at s.
+
+        That line is the top, lowered by half the thickness at the clamp.
+        """
+        top, bottom = self.edges(np.array([0.0, s]))
+        middle = (top + bottom) / 2
+        return float(self.contact_line(s)[0] - (middle[1] - middle[0]))
+
+    def _slopes(self) -> Floats:
+        return np.diff(self.top) / np.diff(self.x)
+
+
+def bump(u: Floats) -> Floats:
+    """Return the patch's pressure, of unit area on -1 < u < 1 and smooth at its ends."""
+    return 15 / 16 * np.maximum(1 - u**2, 0) ** 2
+
+
+def profile_of(plectrum: Plectrum) -> Profile:
+    """Return a plectrum's outline, or its uniform section, in units of its length.
+
+    Raises:
+        ModelError: The outline is not as long as the plectrum.
+    """
+    outline = plectrum.outline
+    if outline is None:
+        half = plectrum.thickness / plectrum.length / 2
+        return Profile(np.array([0.0, 1.0]), np.full(2, half), np.full(2, -half))
+    end = outline.x[-1]
+    if abs(end - plectrum.length) > SAME_LENGTH * plectrum.length:
+        raise ModelError(
+            f"plectrum.outline: it ends at x = {end * 1e3:.6g} mm and plectrum.length is"
+            f" {plectrum.length * 1e3:.6g} mm; make them one"
+        )
+    x, top, bottom = (np.array(edge) / end for edge in (outline.x, outline.top, outline.bottom))
+    return Profile(x, top, bottom)
+
+
+def outline_from(thickness: Callable[[float], float], length: float) -> Outline:
+    """Return the outline, even about its mid-line, of a thickness given as a function.
+
+    Args:
+        thickness: Thickness [m] at a place x [m] from the clamp.
+        length: m, from clamp to tip.
+
+    Raises:
+        ModelError: The thickness is not above 0 somewhere.
+    """
+    x = np.linspace(0.0, length, _PLACES)
+    half = np.array([float(thickness(float(place))) / 2 for place in x])
+    for place, value in zip(x, half, strict=True):
+        if not 0 < value < np.inf:
+            raise ModelError(
+                f"thickness: {2e3 * value:.4g} mm at x = {1e3 * place:.4g} mm is not above 0 mm;"
+                " give a function that is, from the clamp to the tip"
+            )
+    # JSON is the way by which a pydantic model with units takes plain SI numbers.
+    return Outline.model_validate(
+        {
+            "x": [f"{value!r} m" for value in x.tolist()],
+            "top": [f"{value!r} m" for value in half.tolist()],
+            "bottom": [f"{-value!r} m" for value in half.tolist()],
+        }
+    )
+
+
+def columns(profile: Profile, count: int) -> Floats:
+    """Return the places of about ``count`` equal columns to the tip, and of a lip past it.
+
+    Kinks of the outline get a column's edge of their own where they lie far enough apart.
+    The lip, as long as half a patch, lets a load at the very tip have its whole patch.
+    """
+    x = np.linspace(0.0, 1.0, count + 1)
+    taken: set[int] = set()
+    for before, after in pairwise(range(len(profile.x) - 1)):
+        kink = profile.x[after]
+        near = int(np.argmin(np.abs(x - kink)))
+        apart = kink - profile.x[before] > 1 / count
+        if 0 < near < count and near not in taken and apart:
+            x[near] = kink
+            taken.add(near)
+    lip = max(1, round(profile.patch * count))
+    return np.concatenate([x, 1 + profile.patch * np.arange(1, lip + 1) / lip])

@@ -1,0 +1,179 @@
+"""What two scalars of a press, how long the string is held and Vosc, say of the plectrum.
+
+Vosc tells the string's lift at release and the duration the jack's height, so the tip's
+deflection is known: Z(length, F) = lift - height. Every level's map depends on the force by
+F / E alone (linear material), so the load F / E at release follows from the map as it is, F
+from the lift, F cos(theta) = K lift without friction, and E from the two; the overlap is what
+X leaves to the string's rest. One unknown at a time, no iteration over plucks.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from analysis.errors import ModelError
+from analysis.model.plectrum.base import PlectrumMap
+from analysis.model.pluck import Pluck
+from analysis.model.predict import plectrum_map, rig_pluck
+from analysis.model.string import release_speed
+from rig.schema import Rig
+
+SAME = 1e-6
+"""1, of a height, within which a release is the one asked for."""
+
+
+@dataclass(frozen=True)
+class Release:
+    """A rig whose pluck ends as asked, and that pluck."""
+
+    rig: Rig
+    pluck: Pluck
+
+    @property
+    def overlap(self) -> float:
+        """Overlap [m]."""
+        return self.rig.plectrum.overlap
+
+    @property
+    def bending_stiffness(self) -> float:
+        """Bending stiffness of the plectrum's main section [N m^2]."""
+        return self.rig.plectrum.bending_stiffness
+
+    @property
+    def duration(self) -> float:
+        """Time the string is held [s] at the rig's jack speed."""
+        return self.pluck.release_height / self.rig.press.jack_speed
+
+    @property
+    def lift(self) -> float:
+        """Displacement of the string at release [m], upwards."""
+        return float(self.pluck.lift[-1])
+
+    @property
+    def v_osc(self) -> float:
+        """Speed with which the string leaves [m/s], all modes."""
+        return release_speed(self.rig.string, self.lift)
+
+
+def release_as_is(rig: Rig, level: str = "elastica") -> Release:
+    """Return the release of the rig as it is."""
+    return Release(rig, rig_pluck(rig, level))
+
+
+def fit_release(rig: Rig, duration: float, v_osc: float, level: str = "elastica") -> Release:
+    """Return the rig with the Young's modulus and overlap that give both scalars.
+
+    Args:
+        rig: The bench, with all else known.
+        duration: s, for which the string is held.
+        v_osc: m/s, with which it leaves, all modes.
+        level: Of the plectrum.
+
+    Raises:
+        ModelError: No modulus and overlap give both within the level's range.
+    """
+    _check_positive(duration=duration, v_osc=v_osc)
+    plectrum, stiffness = plectrum_map(rig, level), rig.string.static_stiffness
+    lift = v_osc / release_speed(rig.string, 1.0)
+    drop = duration * rig.press.jack_speed - lift
+    load = _solve(
+        lambda force: float(-plectrum.bend(plectrum.length, force).z) - drop,
+        float(plectrum.force_limit(plectrum.length)),
+        f"a height of {(drop + lift) * 1e3:.4g} mm and a lift of {lift * 1e3:.4g} mm at release"
+        f" ask for a tip that gives way by {drop * 1e3:.4g} mm",
+    )
+    x, out, up = _at_tip(plectrum, load)
+    force = stiffness * lift / up
+    overlap = plectrum.length - x + force * out / stiffness
+    modulus = rig.plectrum.youngs_modulus * force / load
+    return _checked(
+        _with_plectrum(rig, overlap=overlap, youngs_modulus=modulus), level, drop + lift
+    )
+
+
+def overlap_for_duration(rig: Rig, duration: float, level: str = "elastica") -> Release:
+    """Return the rig with the overlap for which the string is held so long [s].
+
+    Raises:
+        ModelError: No overlap does it within the level's range.
+    """
+    _check_positive(duration=duration)
+    height = duration * rig.press.jack_speed
+    return _at_release(rig, level, height, f"a height of {height * 1e3:.4g} mm at release", 1.0)
+
+
+def overlap_for_speed(rig: Rig, v_osc: float, level: str = "elastica") -> Release:
+    """Return the rig with the overlap for which the string leaves so fast [m/s, all modes].
+
+    Raises:
+        ModelError: No overlap does it within the level's range.
+    """
+    _check_positive(v_osc=v_osc)
+    lift = v_osc / release_speed(rig.string, 1.0)
+    return _at_release(rig, level, lift, f"a lift of {lift * 1e3:.4g} mm at release", 0.0)
+
+
+def _at_release(rig: Rig, level: str, wanted: float, what: str, share: float) -> Release:
+    """Find the force at the tip for which lift - share * Z is as wanted, and its overlap."""
+    plectrum, stiffness = plectrum_map(rig, level), rig.string.static_stiffness
+
+    def beyond(force: float) -> float:
+        _, _, up = _at_tip(plectrum, force)
+        drop = -float(plectrum.bend(plectrum.length, force).z)
+        return force * up / stiffness + share * drop - wanted
+
+    force = _solve(beyond, float(plectrum.force_limit(plectrum.length)), what)
+    x, out, up = _at_tip(plectrum, force)
+    height = force * up / stiffness - float(plectrum.bend(plectrum.length, force).z)
+    overlap = plectrum.length - x + force * out / stiffness
+    return _checked(_with_plectrum(rig, overlap=overlap), level, height)
+
+
+def _at_tip(plectrum: PlectrumMap, force: float) -> tuple[float, float, float]:
+    """Return X [m] of the loaded tip, and the part of F that pushes the string out and up."""
+    bend = plectrum.bend(plectrum.length, force)
+    sine, cosine = float(np.sin(bend.theta)), float(np.cos(bend.theta))
+    friction = plectrum.friction
+    return float(bend.x), -sine - friction * cosine, cosine - friction * sine
+
+
+def _solve(beyond, limit: float, what: str) -> float:
+    """Return the least force [N] at which something is no longer exceeded."""
+    from scipy.optimize import root_scalar
+
+    forces = np.linspace(0.0, limit, 200)
+    above = np.array([beyond(force) for force in forces]) >= 0
+    if above[0] or not above.any():
+        raise ModelError(
+            f"{what}: no force up to {limit:.4g} N, where this level's range ends, gives it;"
+            " change the duration, the speed or the plectrum"
+        )
+    first = int(np.argmax(above))
+    return float(root_scalar(beyond, bracket=(forces[first - 1], forces[first])).root)
+
+
+def _checked(rig: Rig, level: str, height: float) -> Release:
+    """Return the release of a rig, which must be at the tip and at a height [m]."""
+    found = release_as_is(rig, level)
+    if abs(found.pluck.release_height - height) > SAME * height:
+        raise ModelError(
+            f"plectrum.overlap: at {rig.plectrum.overlap * 1e3:.6g} mm and a bending stiffness of"
+            f" {rig.plectrum.bending_stiffness:.4g} N m^2 the plectrum gives way under the string"
+            " before it comes to the tip; ask for a shorter duration or a smaller speed"
+        )
+    return found
+
+
+def _with_plectrum(rig: Rig, **changes: float) -> Rig:
+    return rig.model_copy(update={"plectrum": rig.plectrum.model_copy(update=changes)})
+
+
+def _check_positive(**values: float) -> None:
+    units = {"duration": "s", "v_osc": "m/s"}
+    faults = [
+        f"{name}: {value:.4g} {units[name]} must be finite and above 0 {units[name]}; change it"
+        for name, value in values.items()
+        if not 0 < value < np.inf
+    ]
+    if faults:
+        raise ModelError("\n".join(faults))

@@ -1,0 +1,88 @@
+"""The string as a spring beside the string as modes: what the spring gets wrong, by jack speed."""
+
+import statistics
+import time
+
+import numpy as np
+
+from analysis.model.modal import ModalPluck, modal_pluck
+from analysis.model.predict import rig_pluck
+from benchmarks.figures import Figure
+from rig.load import load_rig
+from rig.schema import Rig
+
+SPEEDS = (0.02, 0.05, 0.072, 0.1, 0.15, 0.2, 0.3, 0.5, 0.7, 1.0)
+"""m/s, of the jack."""
+EXPECTED = {0.072: 0.24, 0.15: 0.9, 0.3: 2.6, 1.0: 8.0}
+"""%, errors of the duration that are known from another program."""
+FACTOR = 1.5
+"""1, within which those must be met."""
+RUNS = 5
+RELEASE_LIMIT, FREQUENCY_LIMIT = 0.01, 0.1
+"""%, of release against a step eight times shorter, and of the free string's frequency."""
+
+
+def run() -> list[Figure]:
+    """Return the spring's errors with their times, and the modal string's own."""
+    rig = load_rig()
+    rows = [row for speed in SPEEDS for row in _errors(at_speed(rig, speed))]
+    return [*rows, _step(rig), _frequency(rig)]
+
+
+def at_speed(rig: Rig, speed: float) -> Rig:
+    """Return the rig with another jack speed [m/s]."""
+    return rig.model_copy(update={"press": rig.press.model_copy(update={"jack_speed": speed})})
+
+
+def _errors(rig: Rig) -> list[Figure]:
+    """Return duration and force at release of the modal string against the spring's."""
+    speed = rig.press.jack_speed
+    static_time, static = _timed(lambda: rig_pluck(rig))
+    modal_time, modal = _timed(lambda: modal_pluck(rig))
+    duration = static.release_height / speed
+    error = (duration / modal.release - 1) * 100
+    for known, percent in EXPECTED.items():
+        assert speed != known or percent / FACTOR < -error < percent * FACTOR
+    force = float(static.force[-1])
+    by = (force / modal.release_force - 1) * 100
+    held = f"{speed:.3g} m/s: string held as modes, spring {error:+.2f} % off"
+    left = f"{speed:.3g} m/s: force at release, spring {by:+.2f} % off"
+    return [
+        Figure(held, modal.release * 1e3, "ms", "spring", duration * 1e3),
+        Figure(left, modal.release_force, "N", "spring", force),
+        Figure(f"{speed:.3g} m/s: time", modal_time * 1e3, "ms", "spring", static_time * 1e3),
+    ]
+
+
+def _step(rig: Rig) -> Figure:
+    found = modal_pluck(rig)
+    short = modal_pluck(rig, step=float(found.time[1]) / 8)
+    error = abs(found.release / short.release - 1) * 100
+    assert error < RELEASE_LIMIT
+    return Figure("release against an eighth of the step", error, "%", "limit", RELEASE_LIMIT)
+
+
+def _frequency(rig: Rig) -> Figure:
+    found: ModalPluck = modal_pluck(rig)
+    rate, count = 44_100.0, 2**16
+    sound = found.bridge_force(np.arange(count) / rate)[:, 1] * np.hanning(count)
+    spectrum = np.log(np.abs(np.fft.rfft(sound)))
+    worst = 0.0
+    for n in range(1, 31):
+        near = round(n * rig.string.frequency * count / rate)
+        peak = near - 20 + int(np.argmax(spectrum[near - 20 : near + 21]))
+        a, b, c = spectrum[peak - 1 : peak + 2]
+        frequency = (peak + (a - c) / (2 * (a - 2 * b + c))) * rate / count
+        worst = max(worst, abs(frequency / (n * rig.string.frequency) - 1) * 100)
+    assert worst < FREQUENCY_LIMIT
+    return Figure("frequencies of 30 modes at the bridge", worst, "%", "limit", FREQUENCY_LIMIT)
+
+
+def _timed(work):
+    """Return the median time [s] of several runs, after one that warms up, and the result."""
+    result, times = work(), []
+    for _ in range(RUNS):
+        begun = time.perf_counter()
+        work()
+        times.append(time.perf_counter() - begun)
+    return statistics.median(times), result

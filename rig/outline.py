@@ -1,0 +1,215 @@
+"""A carved plectrum's outline: the closed contour of a tracing, or of a photograph.
+
+A tracing is a CSV file with the columns x and z, in units of length, the clamp at x = 0 and
+the tip at the largest x. A photograph's contour is one with the columns x and y in pixels, y
+counted downwards as programs for pictures do; the rig file gives their size and the clamp:
+``outline = { file = "photo.csv", scale = "0.01 mm", clamp = [212, 640] }``. Its tip may point
+either way. What lies behind the clamp is cut off.
+"""
+
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rig.errors import RigError
+from rig.tables import read_table
+from rig.units import parse_quantity, shown
+
+Floats = NDArray[np.float64]
+
+MOST_PLACES = 101
+"""Places that a contour's own points give its outline."""
+READINGS = 1001
+"""Even places at which a contour with more of them is read."""
+THINNED_PLACES = 17
+"""Places of the outline fitted to those readings: single pixels do not tilt the string then."""
+LEAST_POINTS = 6
+"""Points of a contour."""
+FROM_CLAMP = 0.02
+"""1, of the length, by which a contour may begin past the clamp."""
+ENDS = 0.02
+"""1, of the length: so near to either end a contour may go back and forth, as blunt ends do."""
+LEAST_TIP = 0.05
+"""1, of the thickness at the clamp, to which a pointed or rounded tip is blunted."""
+
+
+def read_outline(table: Mapping[str, Any], folder: Path) -> dict[str, list[str]]:
+    """Return the outline of a contour's file, as a rig file would hold it.
+
+    Args:
+        table: ``file``, and for a photograph ``scale`` and ``clamp``.
+        folder: Where the file is.
+
+    Raises:
+        RigError: The file cannot be read, or its contour is no plectrum; says why.
+    """
+    path = folder / str(table["file"])
+    if unknown := sorted(set(table) - {"file", "scale", "clamp"}):
+        raise RigError(
+            f"outline file {path}: {', '.join(unknown)}: unknown key; beside file there are scale"
+            " and clamp, for the contour of a photograph"
+        )
+    points = _pixels(path, table) if "scale" in table or "clamp" in table else _lengths(path)
+    try:
+        x, top, bottom = split(points)
+    except ValueError as error:
+        raise RigError(f"outline file {path}: {error}") from error
+    edges = {"x": x, "top": top, "bottom": bottom}
+    return {name: [f"{value!r} m" for value in edge.tolist()] for name, edge in edges.items()}
+
+
+def split(contour: Floats) -> tuple[Floats, Floats, Floats]:
+    """Part a closed contour from clamp to tip into places, top and bottom.
+
+    Args:
+        contour: m, points in order around the plectrum, clamp at x = 0, shape (n, 2).
+
+    Returns:
+        Places, top and bottom [m], each of shape (m,), top[0] + bottom[0] = 0.
+
+    Raises:
+        ValueError: The contour crosses itself, folds back, has too few points or does not
+            reach from the clamp to a tip.
+    """
+    contour = contour[np.any(contour != np.roll(contour, 1, 0), 1)]
+    if len(contour) < LEAST_POINTS:
+        raise ValueError(
+            f"{len(contour)} different points are too few for a contour; trace at least"
+            f" {LEAST_POINTS}, all the way round"
+        )
+    low, high = float(contour[:, 0].min()), float(contour[:, 0].max())
+    if high <= 0 or low > FROM_CLAMP * high:
+        raise ValueError(
+            f"the contour reaches from x = {1e3 * low:.4g} to {1e3 * high:.4g} mm, which is not"
+            " from the clamp at 0 mm to a tip; take the clamp's place off every x"
+        )
+    if (crossing := _crossing(contour)) is not None:
+        raise ValueError(
+            f"the contour crosses itself near x = {1e3 * crossing[0]:.4g} mm,"
+            f" z = {1e3 * crossing[1]:.4g} mm; put its points in order, once round"
+        )
+    start = max(low, 0.0)
+    corners = np.unique(contour[:, 0])
+    x = np.concatenate([[start], corners[(corners > start) & (corners < high)], [high]])
+    many = len(x) > MOST_PLACES
+    if many:
+        x = np.linspace(start, high, READINGS)
+    else:
+        x = x[np.append(True, np.diff(x) > 1e-4 * (high - start))]
+        x[-1] = high
+    top, bottom = np.array([_heights(contour, place) for place in x]).T
+    return _from_clamp(*(_thinned(x, top, bottom) if many else (x, top, bottom)))
+
+
+def _thinned(x: Floats, top: Floats, bottom: Floats) -> tuple[Floats, Floats, Floats]:
+    """Return the line, straight between few places, that fits each edge best."""
+    from scipy.interpolate import make_lsq_spline
+
+    places = np.linspace(x[0], x[-1], THINNED_PLACES)
+    knots = np.concatenate([[x[0]], places, [x[-1]]])
+    edges = (make_lsq_spline(x, edge, knots, k=1) for edge in (top, bottom))
+    top, bottom = (edge(places) for edge in edges)
+    return places, top, bottom
+
+
+def _from_clamp(x: Floats, top: Floats, bottom: Floats) -> tuple[Floats, Floats, Floats]:
+    """Begin at the clamp with the mid-line at 0, and blunt the tip."""
+    if x[0] > 0:  # within FROM_CLAMP: the first section is the clamp's
+        x = np.concatenate([[0.0], x[1:]])
+    if top[0] <= bottom[0] and len(x) > 2:  # a rounded butt traced to a point
+        top[0], bottom[0] = top[1], bottom[1]
+    middle = (top[0] + bottom[0]) / 2
+    lack = max(LEAST_TIP * (top[0] - bottom[0]) - (top[-1] - bottom[-1]), 0.0)
+    top[-1], bottom[-1] = top[-1] + lack / 2, bottom[-1] - lack / 2
+    return x, top - middle, bottom - middle
+
+
+def _heights(contour: Floats, x: float) -> tuple[float, float]:
+    """Return the top and bottom of a contour at one place, where it must be passed twice."""
+    begin, end = contour, np.roll(contour, -1, 0)
+    left, right = np.minimum(begin[:, 0], end[:, 0]), np.maximum(begin[:, 0], end[:, 0])
+    met = (left <= x) & (x <= right)
+    begin, end = begin[met], end[met]
+    steep = begin[:, 0] == end[:, 0]
+    share = (x - begin[:, 0]) / np.where(steep, 1, end[:, 0] - begin[:, 0])
+    heights = np.where(steep, begin[:, 1], begin[:, 1] + share * (end[:, 1] - begin[:, 1]))
+    heights = np.concatenate([heights, end[steep, 1]])
+    top, bottom = float(heights.max()), float(heights.min())
+    span = contour[:, 0].max()
+    # Half open, so that a point between two edges counts once.
+    passed = np.sum((left[met] <= x) & (x < right[met]))
+    if passed > 2 and ENDS * span < x < (1 - ENDS) * span:
+        raise ValueError(
+            f"the contour folds back over itself at x = {1e3 * x:.4g} mm, where it is passed more"
+            " than twice; smooth it, or turn the picture"
+        )
+    return top, bottom
+
+
+def _crossing(contour: Floats) -> Floats | None:
+    """Return where two edges that are no neighbours cross, or None."""
+    begin, end = contour, np.roll(contour, -1, 0)
+    along = end - begin
+    count = len(contour)
+    for i in range(count - 2):
+        others = np.arange(i + 2, count if i else count - 1)
+        offset = begin[others] - begin[i]
+        cross = along[i, 0] * along[others, 1] - along[i, 1] * along[others, 0]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            here = (offset[:, 0] * along[others, 1] - offset[:, 1] * along[others, 0]) / cross
+            there = (offset[:, 0] * along[i, 1] - offset[:, 1] * along[i, 0]) / cross
+        hit = (here >= 0) & (here <= 1) & (there >= 0) & (there <= 1)
+        if hit.any():
+            return begin[i] + here[hit][0] * along[i]
+    return None
+
+
+def _lengths(path: Path) -> Floats:
+    """Read a tracing [m]."""
+
+    def read(_: str, text: str) -> float:
+        return parse_quantity(text, "m")
+
+    table = read_table(path, "outline file", {"x": "m", "z": "m"}, "x [mm], z [mm]", read)
+    return np.column_stack([table["x"], table["z"]])
+
+
+def _pixels(path: Path, table: Mapping[str, Any]) -> Floats:
+    """Read a photograph's contour and return it in m about its clamp, the tip at positive x."""
+    faults = []
+    try:
+        scale = parse_quantity(str(table.get("scale", "")), "m")
+        if scale <= 0:
+            raise ValueError(f"{shown(table['scale'])} is not above 0 mm")
+    except ValueError as error:
+        scale = math.nan
+        faults.append(f'scale: {error}; give the length of one pixel, scale = "0.01 mm"')
+    clamp = table.get("clamp")
+    clamp = clamp if isinstance(clamp, list) else []
+    if len(clamp) != 2 or not all(isinstance(c, int | float) and math.isfinite(c) for c in clamp):
+        faults.append(
+            f"clamp: {shown(table.get('clamp'))} is refused; give column and row of the pixel at"
+            " the middle of the clamp, clamp = [212, 640]"
+        )
+    if faults:
+        raise RigError(f"outline file {path}: " + "\n  ".join(faults))
+
+    def read(_: str, text: str) -> float:
+        number, _, unit = text.rpartition(" ")
+        if unit not in ("px", "pixel", "pixels"):
+            raise ValueError(f"{shown(text)} is no number of pixels")
+        if not math.isfinite(value := float(number)):
+            raise ValueError(f"{shown(text)} is not finite")
+        return value
+
+    cells = read_table(path, "outline file", {"x": "px", "y": "px"}, "x [px], y [px]", read)
+    x, y = np.array(cells["x"]), np.array(cells["y"])
+    if len(x):
+        x, y = x - clamp[0], clamp[1] - y
+        if -x.min() > x.max():
+            x = -x
+    return scale * np.column_stack([x, y])

@@ -1,0 +1,176 @@
+"""The map: its accuracy, its derivatives, its pluck, what it refuses."""
+
+import numpy as np
+import pytest
+
+from analysis.errors import ModelError
+from analysis.model.plectrum.elastica import Elastica
+from analysis.model.plectrum.fe import cache
+from analysis.model.plectrum.fe.build import Solver
+from analysis.model.plectrum.fe.figure import plot_mesh
+from analysis.model.plectrum.fe.level import FE
+from analysis.model.plectrum.fe.profile import outline_from, profile_of
+from analysis.model.pluck import solve_pluck
+from rig.load import load_rig
+from rig.schema import Outline
+
+RIG = load_rig("paper")
+PLECTRUM = RIG.plectrum
+MAP_ERROR = 5e-4
+"""1, of displacement, shortening and rotation."""
+
+
+def outline(x, top, bottom):
+    """mm."""
+    edges = {"x": x, "top": top, "bottom": bottom}
+    return Outline.model_validate({k: [f"{v} mm" for v in edge] for k, edge in edges.items()})
+
+
+TAPERED = PLECTRUM.model_copy(
+    update={"outline": outline_from(lambda x: 0.48e-3 * (1 - 0.5 * x / 4.5e-3), 4.5e-3)}
+)
+SCRAPED = PLECTRUM.model_copy(
+    update={
+        "friction": 0.1,
+        "outline": outline(
+            [0, 2, 2.6, 4.1, 4.5], [0.24, 0.24, 0.16, 0.15, 0.06], [-0.24, -0.24, -0.24, -0.2, -0.2]
+        ),
+    }
+)
+"""Its top falls by 11 degrees where the string slides off."""
+
+
+@pytest.fixture(scope="module", autouse=True)
+def folder(tmp_path_factory):
+    """Keep these tests' maps out of the user's cache."""
+    path = tmp_path_factory.mktemp("cache")
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(cache, "cache_folder", lambda: path)
+        yield path
+
+
+@pytest.fixture(scope="module")
+def uniform(folder):
+    return FE(PLECTRUM)
+
+
+def check_against_the_elements(plectrum):
+    """Compare the map with solutions at places and loads that it was not fitted to."""
+    found, solver = FE(plectrum), Solver(profile_of(plectrum), 0.35, plectrum.friction)
+    random = np.random.default_rng(3)
+    unit = plectrum.length
+    for s in (unit - plectrum.overlap, *(unit * random.uniform(0.86, 1, 6)), unit):
+        loads = np.sort(random.uniform(0.1, 2, 3))
+        exact = solver.contact(s / unit, loads) * [[unit], [unit], [1]]
+        force = loads * found._load
+        still, bend = found.bend(s, 0 * force), found.bend(s, force)
+        moved = np.array([bend.x - still.x, bend.z - still.z, bend.theta - still.theta])
+        assert np.abs(moved / exact - 1).max() < MAP_ERROR
+
+
+def test_the_map_is_the_elements(uniform):
+    check_against_the_elements(PLECTRUM)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("plectrum", [TAPERED, SCRAPED], ids=["tapered", "scraped"])
+def test_the_map_of_a_carved_plectrum_is_the_elements(plectrum):
+    check_against_the_elements(plectrum)
+
+
+def test_derivatives_are_those_of_the_map(uniform):
+    s, force = np.array([4.0e-3, 4.3e-3, 4.49e-3]), np.array([1.3, 0.5, 0.1])
+    bend = uniform.bend(s, force)
+    for by, step in (("s", s * 1e-5), ("f", force * 1e-5)):
+        shift = (step, 0) if by == "s" else (0, step)
+        after, before = (uniform.bend(s + k * shift[0], force + k * shift[1]) for k in (1, -1))
+        for name in ("x", "z", "theta"):
+            measured = (getattr(after, name) - getattr(before, name)) / (2 * step)
+            np.testing.assert_allclose(getattr(bend, f"{name}_{by}"), measured, rtol=1e-6)
+
+
+def test_shapes_broadcast(uniform):
+    s, force = np.array([4.0e-3, 4.2e-3, 4.4e-3]), np.array([0.1, 0.2])
+    bend, one = uniform.bend(s[:, None], force), uniform.bend(s[2], force[1])
+    for field, alone in zip(bend, one, strict=True):
+        assert field.shape == (3, 2)
+        assert np.shape(alone) == ()
+        assert field[2, 1] == pytest.approx(float(alone), rel=1e-13)
+    assert uniform.bend([], 0.1).x.shape == (0,)
+    assert uniform.force_limit(s).shape == (3,)
+
+
+def test_the_contact_moves_along_the_surface_that_the_angle_says(uniform):
+    """No load does work on a string that slides on a smooth plectrum but by bending it."""
+    bend = uniform.bend(np.linspace(3.9e-3, 4.5e-3, 7), 1e-9)
+    np.testing.assert_allclose(np.arctan2(bend.z_s, bend.x_s), bend.theta, atol=1e-9)
+
+
+@pytest.mark.slow
+def test_an_unloaded_carved_plectrum_is_its_own_top():
+    """Away from a kink at once, and near one turned over the length of the patch."""
+    found, s = FE(SCRAPED), np.array([3.9e-3, 4.1e-3, 4.4e-3])
+    bend = found.bend(s, 0)
+    np.testing.assert_allclose(bend.x, s)
+    before, after = np.arctan([-0.01 / 1.5, -0.09 / 0.4])
+    assert bend.theta[0] == pytest.approx(before)
+    assert bend.theta[2] == pytest.approx(after)
+    assert np.tan(bend.theta[1]) == pytest.approx((np.tan(before) + np.tan(after)) / 2)
+    assert bend.z[[0, 2]] == pytest.approx([-0.09e-3 + 0.2e-3 / 150, -0.09e-3 - 0.0675e-3])
+    np.testing.assert_allclose(np.arctan2(bend.z_s, bend.x_s), bend.theta, atol=1e-12)
+
+
+def test_the_pluck_is_the_elastica_s_but_for_shear(uniform):
+    stiffness = RIG.string.static_stiffness
+    found = solve_pluck(uniform, stiffness, PLECTRUM.overlap)
+    exact = solve_pluck(Elastica(PLECTRUM), stiffness, PLECTRUM.overlap)
+    assert found.force[-1] == pytest.approx(exact.force[-1], rel=6e-3)
+    assert found.height[-1] == pytest.approx(exact.height[-1], rel=3e-3)
+    assert found.angle[-1] == pytest.approx(exact.angle[-1], abs=2e-3)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("plectrum", [TAPERED, SCRAPED], ids=["tapered", "scraped"])
+def test_a_carved_plectrum_plucks(plectrum):
+    pluck = solve_pluck(FE(plectrum), RIG.string.static_stiffness, PLECTRUM.overlap)
+    assert 0.1 < pluck.force[-1] < 0.53
+    assert np.all(np.diff(pluck.height) > 0)
+
+
+@pytest.mark.parametrize(
+    ("s", "force", "message"),
+    [
+        (1e-3, 0.1, r"a position of 1 mm is outside its map, 3.825 to 4.545 mm"),
+        (5e-3, 0.1, "a position of 5 mm"),
+        (4.4e-3, 3.0, r"a force of 3 N is outside its map, 0 to 2.0"),
+        (4.4e-3, -0.1, "a force of -0.1 N"),
+        ([4.4e-3, np.nan], 0.1, "a position of nan mm"),
+    ],
+)
+def test_what_is_outside_the_map_is_refused(uniform, s, force, message):
+    with pytest.raises(ModelError, match=message):
+        uniform.bend(s, force)
+
+
+def test_an_outline_of_another_length_is_refused():
+    carved = outline([0, 4.2], [0.2, 0.2], [-0.2, -0.2])
+    with pytest.raises(ModelError, match=r"ends at x = 4.2 mm and plectrum.length is 4.5 mm"):
+        FE(PLECTRUM.model_copy(update={"outline": carved}))
+
+
+def test_an_overlap_down_to_the_root_is_refused():
+    with pytest.raises(ModelError, match=r"4 mm is more than 70% of the plectrum's 4.5 mm"):
+        FE(PLECTRUM.model_copy(update={"overlap": 4e-3}))
+
+
+def test_a_thickness_that_vanishes_is_refused():
+    with pytest.raises(ModelError, match=r"0 mm at x = 4\.5 mm is not above 0 mm"):
+        outline_from(lambda x: 4.5e-3 - x, 4.5e-3)
+
+
+def test_mesh_and_deformed_shape_are_drawn(tmp_path):
+    path = tmp_path / "mesh.png"
+    plot_mesh(path, SCRAPED, 0.5, 4.3e-3)
+    assert path.read_bytes().startswith(b"\x89PNG")
+    with pytest.raises(ModelError, match="cannot be drawn"):
+        plot_mesh(path, SCRAPED, -1.0, 4.3e-3)

@@ -1,0 +1,88 @@
+"""The picture of a pluck: that its curves are the plucks, and that it hides no level."""
+
+import numpy as np
+import pytest
+
+from analysis.errors import ModelError
+from analysis.figures.pluck import plot_pluck, pluck_figure
+from analysis.model.predict import rig_pluck
+from rig.load import load_rig
+
+RIG = load_rig()
+LEVELS = ["elastica", "rods", "beam", "two-beam"]
+
+
+def with_plectrum(**changes):
+    return RIG.model_copy(update={"plectrum": RIG.plectrum.model_copy(update=changes)})
+
+
+def legend(figure):
+    return [text.get_text() for text in figure.legends[0].get_texts()]
+
+
+def curves(axes):
+    """Return the lines that are more than a mark or an entry of the legend."""
+    return [line.get_xydata() for line in axes.lines if len(line.get_xdata()) > 2]
+
+
+def test_the_curves_are_the_pluck():
+    angle, path, force = pluck_figure(RIG, ["elastica"]).axes[:3]
+    pluck = rig_pluck(RIG, "elastica")
+    stiffness = RIG.string.static_stiffness
+    height = pluck.height * 1e3
+    (drawn,) = curves(angle)
+    np.testing.assert_allclose(drawn, np.column_stack([height, np.degrees(pluck.angle)]))
+    (drawn,) = curves(path)
+    np.testing.assert_allclose(drawn, np.column_stack([pluck.shift, pluck.lift]) * 1e3)
+    down, back = curves(force)
+    np.testing.assert_allclose(down[:, 1], pluck.vertical_force, atol=1e-9)
+    # Without friction the two are the parts of one force.
+    np.testing.assert_allclose(np.hypot(down[:, 1], back[:, 1]), pluck.force, atol=1e-9)
+    assert stiffness * pluck.lift[-1] == pytest.approx(down[-1, 1])
+
+
+def test_all_levels_are_over_each_other():
+    figure = pluck_figure(RIG, LEVELS)
+    for axes, number in zip(figure.axes[:3], (4, 4, 8), strict=True):
+        assert len(curves(axes)) == number
+    assert [text.split(":")[0] for text in legend(figure)] == LEVELS
+    assert "elastica: 19.99 ms, 0.5354 N" in legend(figure)
+
+
+def test_time_is_above_height():
+    figure = pluck_figure(RIG, ["elastica"])
+    (above,) = figure.axes[0].child_axes
+    assert above.get_xlabel() == "time from contact (ms)"
+    # mm over m/s are ms.
+    assert above._functions[0](1.44) == pytest.approx(20.0)
+
+
+def test_a_level_out_of_range_is_named(tmp_path):
+    rig = with_plectrum(overlap=1.6e-3, thickness=0.35e-3)
+    figure = pluck_figure(rig, LEVELS)
+    assert "beam: out of range" in legend(figure)
+    assert "two-beam: out of range" in legend(figure)
+    assert "beam: plectrum.overlap" in figure.get_suptitle()
+    assert len(curves(figure.axes[0])) == 2
+    plot_pluck(tmp_path / "pluck.png", rig, LEVELS)
+    assert (tmp_path / "pluck.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_nothing_to_draw_is_refused():
+    rig = with_plectrum(overlap=1.6e-3, thickness=0.35e-3)
+    with pytest.raises(ModelError, match=r"(?s)no level has a pluck.*beam: .*two-beam: "):
+        pluck_figure(rig, ["beam", "two-beam"])
+    with pytest.raises(ModelError, match="no level"):
+        pluck_figure(RIG, [])
+
+
+def test_an_unknown_level_is_refused():
+    with pytest.raises(ModelError, match="'granite', 'jelly' is not known"):
+        pluck_figure(RIG, ["elastica", "granite", "jelly"])
+
+
+@pytest.mark.parametrize("suffix", ["svg", "pdf"])
+def test_a_file_appears(tmp_path, suffix):
+    path = tmp_path / f"pluck.{suffix}"
+    plot_pluck(path, RIG, ["elastica"])
+    assert path.stat().st_size > 0

@@ -1,0 +1,133 @@
+"""The string by itself: its speeds, its modes, and that they are carried exactly."""
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from analysis.errors import ModelError
+from analysis.model.string import (
+    ModalString,
+    StringState,
+    first_mode_release_speed,
+    release_speed,
+)
+from rig.load import load_rig
+
+STRING = load_rig().string
+B = STRING.plucking_point / STRING.length
+
+
+def triangle(modes):
+    """Return the amplitudes of a string held at 1 m where it is plucked, by quadrature."""
+    x = np.linspace(0, 1, 200_001)
+    shape = np.where(x < B, x / B, (1 - x) / (1 - B))
+    n = np.arange(1, modes + 1)[:, None]
+    return 2 * np.mean((shape * np.sin(n * np.pi * x))[:, :-1], axis=1)
+
+
+def moving(seed, modes=30):
+    random = np.random.default_rng(seed)
+    n = np.arange(1, modes + 1)
+    return StringState(
+        random.normal(size=(2, modes)) * 1e-3 / n**2, random.normal(size=(2, modes)) / n
+    )
+
+
+def test_all_modes_leave_at_the_slopes_of_the_triangle():
+    """By d'Alembert each of the two waves takes half of the kink, c/2 (h/bL + h/(1-b)L)."""
+    c, h, length = 2 * STRING.length * STRING.frequency, 1e-3, STRING.length
+    expected = c / 2 * (h / (B * length) + h / ((1 - B) * length))
+    assert release_speed(STRING, h) == pytest.approx(expected)
+
+
+def test_the_first_mode_leaves_at_its_part_of_the_triangle():
+    expected = 2 * np.pi * STRING.frequency * np.sin(np.pi * B) * triangle(1)[0]
+    assert first_mode_release_speed(STRING, 1.0) == pytest.approx(expected, rel=1e-6)
+    assert first_mode_release_speed(STRING, 1.0) / release_speed(STRING, 1.0) == pytest.approx(
+        0.576, abs=5e-4
+    )
+
+
+@pytest.mark.parametrize("modes", [1, 7, 30, 200])
+def test_modes_and_residual_are_the_spring(modes):
+    """A force that stays is met by 1 / K, however many modes there are."""
+    string = ModalString(STRING, modes)
+    moved = np.sum(string.shape**2 / (string.mass * string.omega**2))
+    assert moved + string.residual == pytest.approx(1 / STRING.static_stiffness, rel=1e-12)
+    assert string.residual > 0
+    # The series' tail falls as 1 / n.
+    assert string.residual * STRING.static_stiffness * modes < 2 / (np.pi**2 * B * (1 - B))
+
+
+@pytest.mark.parametrize("decay", [0.0, 40.0])
+def test_a_step_under_a_linear_force_is_exact(decay):
+    string = ModalString(STRING, 5, decay)
+    before, after, step = np.array([0.1, -0.2]), np.array([-0.3, 0.5]), 3.1e-4
+    start = moving(1, 5)
+    found = string.propagator(step).advance(start, before, after)
+
+    def right(t, y):
+        q, v = y.reshape(2, 2, 5)
+        force = (before + (after - before) * t / step)[:, None]
+        a = string.shape * force / string.mass - 2 * decay * v - string.omega**2 * q
+        return np.stack([v, a]).ravel()
+
+    solution = solve_ivp(right, (0, step), np.ravel(start), "DOP853", rtol=1e-12, atol=1e-15)
+    q, v = solution.y[:, -1].reshape(2, 2, 5)
+    np.testing.assert_allclose(found.q, q, rtol=1e-8, atol=1e-13)
+    np.testing.assert_allclose(found.v, v, rtol=1e-8, atol=1e-9)
+
+
+def test_steps_compose():
+    """One step, or ten, or free motion in one go, lead to the same state."""
+    string, start, still = ModalString(STRING, decay=3.0), moving(2), np.zeros(2)
+    state = start
+    for _ in range(10):
+        state = string.propagator(1e-4).advance(state, still, still)
+    once = string.propagator(1e-3).advance(start, still, still)
+    free = string.free(start, [1e-3])
+    np.testing.assert_allclose(state.q, once.q, atol=1e-15)
+    np.testing.assert_allclose(free.q[:, 0], once.q, atol=1e-15)
+    np.testing.assert_allclose(free.v[:, 0], once.v, atol=1e-12)
+
+
+def test_energy_stays_without_damping_and_falls_with_it():
+    still = np.zeros(2)
+    string, state = ModalString(STRING), moving(3)
+    transition, start = string.propagator(37e-6), string.energy(state)
+    for _ in range(5_000):
+        state = transition.advance(state, still, still)
+    assert string.energy(state) == pytest.approx(start, rel=1e-9)
+    damped = ModalString(STRING, decay=5.0)
+    energies = damped.energy(damped.free(moving(3), [0.0, 0.3]))
+    # Averaged over a swing, energy falls as exp(-2 decay t).
+    assert energies[1] / energies[0] == pytest.approx(np.exp(-2 * 5.0 * 0.3), rel=0.02)
+
+
+def test_after_a_period_all_is_as_before_and_after_half_of_one_mirrored():
+    string, state = ModalString(STRING, 60), moving(4, 60)
+    period, x = 1 / STRING.frequency, 0.2
+    q = string.free(state, [0.0, period / 2, period]).q
+    here = string.displacement(q, x)
+    there = string.displacement(q, STRING.length - x)
+    np.testing.assert_allclose(here[:, 2], here[:, 0], atol=1e-15)
+    np.testing.assert_allclose(there[:, 1], -here[:, 0], atol=1e-15)
+
+
+def test_the_held_string_pulls_at_the_bridge_with_its_share():
+    """A static force F is carried by the ends as F (1 - b) and F b."""
+    string = ModalString(STRING, 20_000)
+    q = string.shape / (string.mass * string.omega**2)
+    assert string.bridge_force(q) == pytest.approx(B, rel=1e-3)
+
+
+@pytest.mark.parametrize("modes", [0, -3])
+def test_no_modes_are_refused(modes):
+    with pytest.raises(ModelError, match="modes are none"):
+        ModalString(STRING, modes)
+
+
+@pytest.mark.parametrize("decay", [-1.0, 2400.0, np.nan])
+def test_a_decay_that_does_not_swing_is_refused(decay):
+    with pytest.raises(ModelError, match="decay"):
+        ModalString(STRING, 30, decay)
