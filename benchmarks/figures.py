@@ -2,11 +2,15 @@
 
 import os
 import platform
-from collections.abc import Sequence
+import statistics
+import time
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 
+RUNS = 21
+"""Of what is timed."""
 PAGE = Path(__file__).parents[1] / "docs" / "figures.md"
 
 
@@ -34,6 +38,17 @@ def machine() -> str:
     cores = os.cpu_count()
     system = f"{platform.system()}, Python {platform.python_version()}"
     return f"{platform.machine()}, {cores} cores, {system}"
+
+
+def median_time(work: Callable[[], object]) -> float:
+    """Return the median time [s] of several runs, after one that warms up."""
+    work()
+    times = []
+    for _ in range(RUNS):
+        begun = time.perf_counter()
+        work()
+        times.append(time.perf_counter() - begun)
+    return statistics.median(times)
 
 
 def table(title: str, figures: Sequence[Figure]) -> str:

@@ -1,7 +1,5 @@
 """Levels of the plectrum: error and time of the paper's pluck."""
 
-import statistics
-import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -12,13 +10,12 @@ from analysis.model.plectrum.base import PlectrumMap
 from analysis.model.plectrum.levels import plectrum_map
 from analysis.model.plectrum.rods import Rods
 from analysis.model.pluck import Pluck, solve_pluck
-from benchmarks.figures import Figure
+from benchmarks.figures import Figure, median_time
 from rig.load import load_rig
 from rig.schema import Plectrum, Rig
 
 DEAREST = "elastica"
 """The exact level that the others are held against."""
-RUNS = 30
 BATCH = 401
 """Points of an array that is mapped at once."""
 SAME = 1e-8
@@ -100,7 +97,7 @@ def _beside_a_solver(rig: Rig, plectrum: PlectrumMap, pluck: Pluck, cost: Cost) 
     error = max(abs(bend.x - s * x), abs(bend.z - s * z), s * abs(bend.theta - theta)) / s
     assert error < SAME
     name = "scipy solve_bvp"
-    spent = _median_time(solve)
+    spent = median_time(solve)
     return [
         Figure(f"{DEAREST}: difference from {name}, of the length", error, "1", "limit", SAME),
         Figure(f"{DEAREST}: one point of the map", cost.point * 1e6, "us", name, spent * 1e6),
@@ -117,9 +114,9 @@ def _measured(rig: Rig, plectrum: PlectrumMap) -> tuple[Pluck, Cost]:
     s, force = pluck.position[-1], pluck.force[-1]
     many = np.linspace(0, force, BATCH)
     return pluck, Cost(
-        point=_median_time(lambda: plectrum.bend(s, force)),
-        batch=_median_time(lambda: plectrum.bend(s, many)),
-        pluck=_median_time(lambda: _pluck(rig, plectrum)),
+        point=median_time(lambda: plectrum.bend(s, force)),
+        batch=median_time(lambda: plectrum.bend(s, many)),
+        pluck=median_time(lambda: _pluck(rig, plectrum)),
     )
 
 
@@ -153,14 +150,3 @@ def _times(level: str, cost: Cost, peer: Cost) -> list[Figure]:
         ),
         Figure(f"{level}: a whole pluck", cost.pluck * 1e3, "ms", DEAREST, peer.pluck * 1e3),
     ]
-
-
-def _median_time(work: Callable) -> float:
-    """Return the median time [s] of several runs, after one that warms up."""
-    work()
-    times = []
-    for _ in range(RUNS):
-        begun = time.perf_counter()
-        work()
-        times.append(time.perf_counter() - begun)
-    return statistics.median(times)

@@ -2,7 +2,6 @@
 
 import statistics
 import time
-from collections.abc import Callable
 
 import numpy as np
 
@@ -12,11 +11,10 @@ from analysis.model.plectrum.elastica import Elastica
 from analysis.model.pluck import solve_pluck
 from analysis.model.predict import predict, rig_pluck
 from analysis.model.table import table
-from benchmarks.figures import Figure
+from benchmarks.figures import Figure, median_time
 from rig.load import load_rig
 from rig.schema import Rig
 
-RUNS = 100
 CASES = 20_000
 CHECKED = 20
 SAME = 1e-9
@@ -46,7 +44,7 @@ def _one(rig: Rig) -> list[Figure]:
     )
     error = max(error, abs(found.contact_duration * speed / exact.release_height - 1))
     assert error < SAME
-    spent = _median_time(lambda: predict(rig)) * 1e3
+    spent = median_time(lambda: predict(rig)) * 1e3
     return [
         Figure("one prediction, once warm", spent, "ms", "limit", 2.0),
         Figure("its error against the elastica's series", error, "1", "limit", SAME),
@@ -136,21 +134,10 @@ def _compiled(rig: Rig) -> list[Figure]:
     error = float(np.abs([along, up]).max() / plectrum.length)
     error = max(error, abs(forces[-1] / pluck.force[-1] - 1))
     assert error < SAME
-    spent = _median_time(whole_walk) / HEIGHTS * 1e9
+    spent = median_time(whole_walk) / HEIGHTS * 1e9
     return [
         Figure("one compiled solve of the pluck", spent, "ns", "limit", 1e3),
         Figure(
             "its residuals over the length, by the elastica's series", error, "1", "limit", SAME
         ),
     ]
-
-
-def _median_time(work: Callable) -> float:
-    """Return the median time [s] of several runs, after one that warms up."""
-    work()
-    times = []
-    for _ in range(RUNS):
-        begun = time.perf_counter()
-        work()
-        times.append(time.perf_counter() - begun)
-    return statistics.median(times)

@@ -2,14 +2,13 @@
 
 import importlib
 import math
-import statistics
 import time
 from collections.abc import Callable
 from types import ModuleType
 
 import numpy as np
 
-from benchmarks.figures import Figure
+from benchmarks.figures import Figure, median_time
 from rig.load import load_rig
 from rig.schema import Rig
 from trajectory.arm import base, fingertip_motion, joints_holding_point
@@ -17,7 +16,6 @@ from trajectory.motion import Floats, Motion
 from trajectory.press import plan_press
 from trajectory.timing import press_law
 
-RUNS = 50
 CRUISE_LIMIT = 0.1
 """%, of the jack's speed in the cruise."""
 REACH_LIMIT = 1e-9
@@ -37,7 +35,7 @@ def _plan(rig: Rig) -> list[Figure]:
     error = plan.cruise.error * 100
     assert all(check.holds for check in plan.checks)
     assert error < CRUISE_LIMIT
-    spent = _median_time(lambda: plan_press(rig)) * 1e3
+    spent = median_time(lambda: plan_press(rig)) * 1e3
     return [
         Figure("a press planned, quantised and checked", spent, "ms", "limit", 5.0),
         Figure("speed error in its cruise", error, "%", "limit", CRUISE_LIMIT),
@@ -50,7 +48,7 @@ def _inverse_kinematics(rig: Rig) -> list[Figure]:
     ours = joints_holding_point(rig.arm, path).position
     error = _fingertip_error(rig, ours, path.position)
     assert error < REACH_LIMIT
-    spent = _median_time(lambda: joints_holding_point(rig.arm, path))
+    spent = median_time(lambda: joints_holding_point(rig.arm, path))
     their_error = their_spent = math.nan
     toolbox, name = _peer("roboticstoolbox")
     if toolbox:
@@ -98,14 +96,14 @@ def _run_up(rig: Rig) -> list[Figure]:
     """Compare with the time-optimal change of speed under the same limits."""
     press = rig.press
     law = press_law(press)
-    spent = _median_time(lambda: press_law(press)) * 1e6
+    spent = median_time(lambda: press_law(press)) * 1e6
     duration = law.cruise_start - law.start
     their_duration = their_spent = speed = place = math.nan
     ruckig, name = _peer("ruckig")
     if ruckig:
         solve = _ruckig_run_up(ruckig, rig)
         theirs = solve()
-        their_spent, their_duration = _median_time(solve) * 1e6, theirs.duration
+        their_spent, their_duration = median_time(solve) * 1e6, theirs.duration
         instants = np.linspace(0, duration, 101)
         ours = law.law.at(law.start + instants)
         states = np.array([theirs.at_time(t) for t in instants])[:, :, 0]
@@ -142,14 +140,3 @@ def _peer(name: str) -> tuple[ModuleType | None, str]:
         return importlib.import_module(name), name
     except ImportError:
         return None, f"{name} (not installed)"
-
-
-def _median_time(work: Callable) -> float:
-    """Return the median time [s] of several runs, after one that warms up."""
-    work()
-    times = []
-    for _ in range(RUNS):
-        begun = time.perf_counter()
-        work()
-        times.append(time.perf_counter() - begun)
-    return statistics.median(times)

@@ -4,7 +4,6 @@ import json
 import re
 import tomllib
 from collections.abc import Mapping
-from importlib import resources
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +20,7 @@ from rig.faults import (
     validation_faults,
 )
 from rig.gesture import read_gesture
+from rig.packaged import named_text, packaged_names
 from rig.schema import Rig
 from rig.units import format_quantity, parse_quantity, shown
 
@@ -34,28 +34,12 @@ def load_rig(name: str | Path = "paper") -> Rig:
     Raises:
         RigError: Lists every fault of the file with its line, value, what is allowed.
     """
-    path = Path(name)
-    try:
-        text = path.read_text("utf-8") if path.suffix == ".toml" or path.is_file() else None
-    except (OSError, ValueError) as error:  # no UTF-8, or a name that no file can have
-        raise RigError(
-            f"rig file {path}: cannot be read: {error}; give the path of a UTF-8 text file"
-        ) from error
-    if text is not None:
-        return parse_rig(text, str(path), path.parent)
-    packaged = resources.files("rig").joinpath(f"{name}.toml")
-    if not packaged.is_file():
-        raise RigError(
-            f"rig {str(name)!r} is neither a file nor a packaged rig"
-            f" ({', '.join(packaged_rigs())}); give the path of a .toml file"
-        )
-    return parse_rig(packaged.read_text(encoding="utf-8"), f"packaged rig {name}")
+    return parse_rig(*named_text(name, "rig", "rig", RigError))
 
 
 def packaged_rigs() -> list[str]:
     """Return the names of the rigs that come with sautereau."""
-    files = resources.files("rig").iterdir()
-    return sorted(file.name[:-5] for file in files if file.name.endswith(".toml"))
+    return packaged_names("rig")
 
 
 def parse_rig(text: str, origin: str = "rig", folder: Path | None = None) -> Rig:

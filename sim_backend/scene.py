@@ -1,6 +1,5 @@
 """A scene: what the stand-in models, and how finely."""
 
-from importlib import resources
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -8,6 +7,7 @@ from pydantic import Field, ValidationError, model_validator
 
 from rig.faults import fault_list, validation_faults
 from rig.load import read_toml, with_values
+from rig.packaged import named_text, packaged_names
 from rig.schema import Angle, Force, Frequency, Rig, Section, Time
 from rig.units import Unit
 from sim_backend.errors import SceneError
@@ -113,25 +113,13 @@ def load_scene(name: str | Path = "paper") -> Scene:
     Raises:
         SceneError: Lists every fault of the file.
     """
-    path = Path(name)
-    if path.suffix == ".toml" or path.is_file():
-        try:
-            return parse_scene(path.read_text(encoding="utf-8"), str(path))
-        except (OSError, UnicodeDecodeError) as error:
-            raise SceneError(f"scene file {path}: cannot be read: {error}") from error
-    packaged = resources.files("sim_backend.scenes").joinpath(f"{name}.toml")
-    if not packaged.is_file():
-        raise SceneError(
-            f"scene {str(name)!r} is neither a file nor a packaged scene"
-            f" ({', '.join(packaged_scenes())}); give the path of a .toml file"
-        )
-    return parse_scene(packaged.read_text(encoding="utf-8"), f"packaged scene {name}")
+    text, origin, _ = named_text(name, "sim_backend.scenes", "scene", SceneError)
+    return parse_scene(text, origin)
 
 
 def packaged_scenes() -> list[str]:
     """Return the names of the scenes that come with sautereau."""
-    files = resources.files("sim_backend.scenes").iterdir()
-    return sorted(file.name[:-5] for file in files if file.name.endswith(".toml"))
+    return packaged_names("sim_backend.scenes")
 
 
 def parse_scene(text: str, origin: str = "scene") -> Scene:

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from analysis.errors import ModelError
+from analysis.model.key import felt_force
 from analysis.model.many import Branch, Cases, Status, ramp
 from analysis.model.plectrum.base import Floats
 from analysis.model.pluck import OVERLAP_MAX, STIFFNESS_RANGE
@@ -23,6 +24,7 @@ VARIABLES = (
     *(f"jack.{n}" for n in ("mass", "register_friction", "string_clearance")),
     *(f"key.{n}" for n in ("press_arm", "jack_arm", "jack_surface_height", "inertia")),
     *(f"key.{n}" for n in ("front_heaviness", "pivot_coulomb_friction", "pivot_viscous_friction")),
+    *(f"key.{n}" for n in ("dip", "felt_stiffness", "felt_damping")),
     *(f"press.{n}" for n in ("jack_speed", "jack_rise")),
 )
 """Values of a rig that may differ from case to case, SI."""
@@ -171,6 +173,7 @@ def _key_in_range(v: Mapping[str, Floats]) -> np.ndarray:
     positive = [_positive(v[name]) for name in names]
     rest = ("key.front_heaviness", "key.jack_surface_height", "key.pivot_coulomb_friction")
     rest = (*rest, "key.pivot_viscous_friction", "jack.register_friction")
+    rest = (*rest, "key.dip", "key.felt_stiffness", "key.felt_damping")
     return np.logical_and.reduce([*positive, *(np.isfinite(v[name]) for name in rest)])
 
 
@@ -224,4 +227,7 @@ def _finger_force(v: Mapping[str, Floats], rise: Floats, string: Floats) -> Floa
     moment = -c["inertia"] * curvature * spin**2 / slope - c["front_heaviness"]
     moment = moment + c["pivot_coulomb_friction"] + c["pivot_viscous_friction"] * spin
     load = c["mass"] * GRAVITY + string + c["register_friction"]
-    return (moment + load * slope) / c["press_arm"]
+    arm = c["press_arm"]
+    travel, speed = arm * 2 * np.arctan(half), arm * spin
+    felt = felt_force(travel, speed, c["dip"], c["felt_stiffness"], c["felt_damping"])
+    return (moment + load * slope) / arm + felt

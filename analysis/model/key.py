@@ -22,11 +22,33 @@ def jack_load(jack: Jack, velocity: Floats, acceleration: Floats, string_force: 
     return jack.mass * (acceleration + GRAVITY) + string_force + friction
 
 
+def felt_force(
+    travel: Floats,
+    speed: Floats,
+    dip: float | Floats,
+    stiffness: float | Floats,
+    damping: float | Floats,
+) -> Floats:
+    """Return the force [N] of the front felt on the key, referred to the pressing point.
+
+    A spring and a damper that only push; all broadcast together.
+
+    Args:
+        travel: m, of the pressing point from rest.
+        speed: m/s, of the pressing point.
+        dip: m, travel at which the felt is met.
+        stiffness: N/m.
+        damping: N s/m.
+    """
+    pressed = travel - dip
+    return np.where(pressed > 0, np.maximum(stiffness * pressed + damping * speed, 0.0), 0.0)
+
+
 def finger_force(rig: Rig, angle: Motion, string_force: Floats) -> Floats:
     """Return the force [N] of the finger on the key's normal that makes a motion.
 
     F a_p = I a'' + friction - front heaviness + sum of N_j d(rise)/da over the jacks
-    (paper, 2.2).
+    (paper, 2.2), and the front felt's share once the key has reached it.
 
     Args:
         rig: The bench.
@@ -46,4 +68,6 @@ def finger_force(rig: Rig, angle: Motion, string_force: Floats) -> Floats:
         bend = rise_curvature(lever, angle.position) * angle.velocity**2
         acceleration = slope * angle.acceleration + bend
         moment = moment + slope * jack_load(choir.jack, slope * angle.velocity, acceleration, force)
-    return moment / key.press_arm
+    travel, speed = key.press_arm * angle.position, key.press_arm * angle.velocity
+    felt = felt_force(travel, speed, key.dip, key.felt_stiffness, key.felt_damping)
+    return moment / key.press_arm + felt

@@ -38,6 +38,7 @@ def test_statics_at_rest_is_the_weight_through_the_lever(paper):
 
 def test_statics_of_a_held_string_at_any_angle(paper):
     """With the rise b tan a + hb (1 / cos a - 1): F a_p = (m g + F_s)(b + hb sin a) / cos^2 a."""
+    paper = with_values(paper, {"key.dip": "1 m"})  # the felt out of the way
     angle = np.radians([0.0, 1.0, 3.0])
     key = paper.key
     found = finger_force(paper, still(angle), np.full(3, 0.5))
@@ -106,3 +107,18 @@ def test_inertia_of_key_and_jack_at_the_pressing_point(smooth):
     found = finger_force(smooth, angle, np.zeros(1)) - finger_force(smooth, still(0.0), np.zeros(1))
     inertia = key.inertia + jack.mass * key.jack_arm**2
     assert found[0] == pytest.approx(inertia * 12.0 / key.jack_arm / key.press_arm, rel=1e-12)
+
+
+def test_the_felt_adds_a_spring_and_a_damper_past_the_dip(paper):
+    """Pushed slowly past its dip the key meets 20 kN/m; left fast, the felt never pulls."""
+    arm, dip = paper.key.press_arm, paper.key.dip
+    travel = dip + np.array([-1e-4, -1e-9, 1e-9, 1e-4, 1e-3])
+    for speed in (0.0, 0.05, -5.0):
+        angle = Motion(travel / arm, np.full(5, speed / arm), np.zeros(5))
+        bare = with_values(paper, {"key.dip": "1 m"})
+        nothing = np.zeros(5)
+        felt = finger_force(paper, angle, nothing) - finger_force(bare, angle, nothing)
+        pressed = np.maximum(travel - dip, 0)
+        law = paper.key.felt_stiffness * pressed + paper.key.felt_damping * speed * (pressed > 0)
+        np.testing.assert_allclose(felt, np.maximum(law, 0), rtol=1e-9, atol=1e-9)
+        assert (felt >= 0).all()

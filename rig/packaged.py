@@ -1,0 +1,41 @@
+"""TOML files by path, or by the name under which they come with sautereau."""
+
+from importlib import resources
+from pathlib import Path
+
+
+def named_text(
+    name: str | Path, package: str, what: str, error_type: type[Exception]
+) -> tuple[str, str, Path]:
+    """Read a TOML file.
+
+    Args:
+        name: Path of a file, or name of one that comes with a package.
+        package: Where the packaged ones are.
+        what: Kind of file, for messages.
+        error_type: What is raised.
+
+    Returns:
+        The text, what to call the file in messages, and the folder it is in.
+    """
+    path = Path(name)
+    try:
+        if path.suffix == ".toml" or path.is_file():
+            return path.read_text(encoding="utf-8"), str(path), path.parent
+    except (OSError, ValueError) as error:  # no UTF-8, or a name that no file can have
+        raise error_type(
+            f"{what} file {path}: cannot be read: {error}; give the path of a UTF-8 text file"
+        ) from error
+    packaged = resources.files(package).joinpath(f"{name}.toml")
+    if not packaged.is_file():
+        raise error_type(
+            f"{what} {str(name)!r} is neither a file nor a packaged {what}"
+            f" ({', '.join(packaged_names(package))}); give the path of a .toml file"
+        )
+    return packaged.read_text(encoding="utf-8"), f"packaged {what} {name}", Path()
+
+
+def packaged_names(package: str) -> list[str]:
+    """Return the names of the TOML files that come with a package."""
+    files = resources.files(package).iterdir()
+    return sorted(file.name[:-5] for file in files if file.name.endswith(".toml"))
