@@ -10,6 +10,7 @@ from trajectory.arm import (
     base,
     elbow_sign,
     fingertip_motion,
+    fingertip_place,
     joints_holding_normal,
     joints_holding_point,
     reach_margins,
@@ -185,3 +186,51 @@ def test_a_base_too_far_from_the_elbows_height(base_z):
         TrajectoryError, match=r'hold = "normal".*link 1 of 120 mm; move arm.base_z'
     ):
         joints_holding_normal(arm, KEY, rocking(TIME))
+
+
+def by_complex_steps(arm, joints):
+    """Return the fingertip's velocity and acceleration, by derivatives without differences."""
+    step = 1e-30
+    moved = joints.position + 1j * step * joints.velocity
+    faster = joints.velocity + 1j * step * joints.acceleration
+    velocity = fingertip_place(arm, moved).imag / step
+    along = fingertip_motion(arm, Motion(moved, faster, joints.acceleration)).velocity
+    return velocity, along.imag / step
+
+
+@settings(max_examples=60, deadline=None)
+@given(arms())
+def test_joint_derivatives_holding_the_point_are_exact_by_complex_steps(arm):
+    centre = along_the_key(arm, rocking(TIME))
+    assume(min(margin.min() for margin in reach_margins(arm, centre.position)) > 1e-3)
+    velocity, acceleration = by_complex_steps(arm, joints_holding_point(arm, centre))
+    for found, expected in ((velocity, centre.velocity), (acceleration, centre.acceleration)):
+        np.testing.assert_allclose(found, expected, rtol=0, atol=1e-9 * np.abs(expected).max())
+
+
+@settings(max_examples=60, deadline=None)
+@given(standing_arms())
+def test_joint_derivatives_holding_the_normal_are_exact_by_complex_steps(arm):
+    """The fingertip, by complex steps, moves so that the key under it turns as it should."""
+    angle = rocking(TIME)
+    try:
+        joints, _ = joints_holding_normal(arm, KEY, angle)
+    except TrajectoryError:
+        assume(False)
+    velocity, acceleration = by_complex_steps(arm, joints)
+    place = fingertip_place(arm, joints.position)
+    tangent, normal = surface_axes(angle.position)
+    along, above = dot(place, tangent), KEY.surface_height + arm.fingertip_radius
+    # C . n = H on the key, differentiated once and twice with t' = a' n and n' = -a' t.
+    first = dot(velocity, normal) - angle.velocity * along
+    second = (
+        dot(acceleration, normal)
+        - 2 * angle.velocity * dot(velocity, tangent)
+        - angle.velocity**2 * above
+        - angle.acceleration * along
+    )
+    np.testing.assert_allclose(first, 0, atol=1e-9 * np.abs(velocity).max())
+    np.testing.assert_allclose(second, 0, atol=1e-9 * np.abs(acceleration).max())
+    # Link 2 turns with the key.
+    for found, expected in zip(joints[1:], angle[1:], strict=True):
+        np.testing.assert_allclose(found.sum(-1), expected, atol=1e-9 * np.abs(found).max())
