@@ -6,7 +6,11 @@ from analysis.compare import Comparison, Departure
 from analysis.phases import Phases
 from analysis.press import Press
 
-HEADER = "press                      jack (m/s)  contact (ms)  release (ms)   held (ms)  peak (N)"
+HEADER = (
+    f"{'press':<25} {'jack m/s':>9} {'contact ms':>10} {'release ms':>10}"
+    f" {'held ms':>8} {'peak N':>7}"
+)
+"""Of the rows; they fit into 80 columns with the word simulated."""
 
 
 def press_summary(press: Press, phases: Phases) -> dict[str, Any]:
@@ -44,13 +48,13 @@ def press_summary(press: Press, phases: Phases) -> dict[str, Any]:
 def press_line(press: Press, phases: Phases) -> str:
     """Return one press as a row under `HEADER`."""
     name = press.path.name + (" simulated" if press.simulated else "")
-    row = f"{name:<26} {phases.free_speed:>10.5f}"
+    row = f"{name:<25} {phases.free_speed:>9.5f}"
     if not phases.plucks:
         return f"{row}  no pluck"
     first = phases.plucks[0]
     return (
-        f"{row}  {first.contact * 1e3:>12.3f}  {first.release * 1e3:>12.3f}"
-        f"  {first.duration * 1e3:>10.3f}  {first.peak_force:>8.4f}"
+        f"{row} {first.contact * 1e3:>10.3f} {first.release * 1e3:>10.3f}"
+        f" {first.duration * 1e3:>8.3f} {first.peak_force:>7.4f}"
     )
 
 
