@@ -6,7 +6,8 @@ from typing import Protocol, Self
 
 import numpy as np
 
-from trajectory.segments import Counts, Floats, Segments
+from trajectory.motion import Floats
+from trajectory.segments import Counts, Segments
 
 
 @dataclass(frozen=True)

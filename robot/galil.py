@@ -110,11 +110,8 @@ class GalilController(GalilArm):
 
     def _loaded(self, caller: str, stage: Stage, remedy: str) -> Segments:
         if self._stage != stage or self._motion is None:
-            raise NotReady(f"{caller}: no motion is {_SAID[stage]}; {remedy}")
+            raise NotReady(f"{caller}: no motion is {stage}; {remedy}")
         return self._motion
-
-
-_SAID = {"loaded": "loaded", "armed": "armed", "running": "running", "done": "done"}
 
 
 def _ended(line: Line) -> bool:

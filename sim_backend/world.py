@@ -9,7 +9,7 @@ import pymunk.batch
 from rig.schema import Rig
 from sim_backend.bodies import MM, add_jack, add_key, new_space
 from sim_backend.errors import SceneError
-from sim_backend.finger import IdealFinger, Reference, ServoFinger
+from sim_backend.finger import Finger, IdealFinger, Reference, ServoFinger
 from sim_backend.pluck import PluckEvents, Plucking
 from sim_backend.scene import Scene
 from trajectory.motion import Floats
@@ -63,7 +63,7 @@ class World:
         space = self.space = new_space(scene.iterations)
         self.key = add_key(space, rig.key, friction=scene.friction)
         self.jack = add_jack(space, rig.key, rig.jack, friction=scene.friction)
-        self.finger = (
+        self.finger: Finger = (
             ServoFinger(space, rig, start, scene.servo)
             if scene.servo
             else IdealFinger(space, rig, start)
