@@ -12,170 +12,24 @@ from datetime import date
 from itertools import pairwise
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import Field, model_validator
 
+from rig.instrument import Choir, Jack, Key, Plectrum, String
+from rig.section import (
+    GRAVITY,
+    Angle,
+    Frequency,
+    Length,
+    Mass,
+    Moment,
+    Section,
+    Time,
+    Voltage,
+)
 from rig.units import Unit
-
-GRAVITY = 9.80665
-"""m/s^2, standard acceleration of gravity."""
-
-Length = Annotated[float, Unit("m", "14 mm")]
-Mass = Annotated[float, Unit("kg", "6 g")]
-Force = Annotated[float, Unit("N", "20 mN")]
-Angle = Annotated[float, Unit("rad", "30 deg")]
-Time = Annotated[float, Unit("s", "10 ms")]
-Frequency = Annotated[float, Unit("Hz", "22 kHz")]
-Voltage = Annotated[float, Unit("V", "4 V")]
-Moment = Annotated[float, Unit("N*m", "4 mN m")]
-Inertia = Annotated[float, Unit("kg*m**2", "7e-4 kg m^2")]
-
 
 RotorInertia = Annotated[float, Unit("kg*m**2", "1e-6 kg m^2"), Field(ge=0)]
 GearRatio = Annotated[float, Field(gt=0)]
-
-
-class Section(BaseModel):
-    """A table of the rig file: frozen, no unknown keys, no NaN."""
-
-    model_config = ConfigDict(
-        frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True
-    )
-
-
-class Key(Section):
-    """The lever on its balance pin."""
-
-    press_arm: Length = Field(gt=0)
-    """m, from the pin to the pressing point."""
-    laser_arm: Length = Field(gt=0)
-    """m, from the pin to the laser spot, which stays where it is while the key turns."""
-    jack_arm: Length = Field(gt=0)
-    """m, from the pin to the jack."""
-    front_arm: Length = Field(gt=0)
-    """m, from the pin to the front edge."""
-    surface_height: Length = Field(ge=0)
-    """m, of the playing surface above the pin."""
-    jack_surface_height: Length = Field(ge=0)
-    """m, of the surface under the jack above the pin."""
-    inertia: Inertia = Field(gt=0)
-    """kg m^2, of the bare key about the pin."""
-    front_heaviness: Moment
-    """N m, weight moment of the bare key about the pin; positive lowers the front."""
-    pivot_coulomb_friction: Moment = Field(ge=0)
-    """N m, dry friction at the pin."""
-    pivot_viscous_friction: Annotated[float, Unit("N*m*s/rad", "0.1 mN m s/rad")] = Field(ge=0)
-    """N m s/rad, viscous friction at the pin."""
-    neighbour_height: Length
-    """m, of the highest surface of the neighbouring keys above the pin."""
-    dip: Length = Field(gt=0)
-    """m, travel of the pressing point from rest to the front felt."""
-    felt_stiffness: Annotated[float, Unit("N/m", "20 kN/m")] = Field(gt=0)
-    """N/m, of the front felt, referred to the pressing point."""
-    felt_damping: Annotated[float, Unit("N*s/m", "10 N s/m")] = Field(ge=0)
-    """N s/m, of the front felt, referred to the pressing point."""
-
-
-class Jack(Section):
-    """The vertical slider that carries the plectrum."""
-
-    mass: Mass = Field(gt=0)
-    """kg, plectrum and tongue included."""
-    register_friction: Force = Field(ge=0)
-    """N, dry friction in the register."""
-    string_clearance: Length = Field(gt=0)
-    """m, rise of the jack from rest until the plectrum meets the string."""
-
-
-class Outline(Section):
-    """A carved plectrum's outline in the bending plane, undeformed."""
-
-    x: tuple[Length, ...] = Field(min_length=2)
-    """m, from the clamp at 0 to the tip, increasing."""
-    top: tuple[Length, ...] = Field(min_length=2)
-    """m, height of the upper surface, which meets the string, at those places."""
-    bottom: tuple[Length, ...] = Field(min_length=2)
-    """m, height of the lower surface at those places."""
-
-    @model_validator(mode="after")
-    def _encloses_something(self):
-        faults = []
-        if not len(self.x) == len(self.top) == len(self.bottom):
-            faults.append(
-                f"outline: {len(self.x)} places, {len(self.top)} tops and {len(self.bottom)}"
-                " bottoms; give one of each at every place"
-            )
-        if self.x[0] != 0 or any(b <= a for a, b in pairwise(self.x)):
-            faults.append("outline: x must start at 0 mm, the clamp, and increase to the tip")
-        crossing = [
-            x for x, top, low in zip(self.x, self.top, self.bottom, strict=False) if top <= low
-        ]
-        if crossing:
-            faults.append(
-                f"outline: it crosses itself at x = {crossing[0] * 1e3:.4g} mm, where the top is"
-                " not above the bottom; mend the contour there"
-            )
-        if faults:
-            raise ValueError("\n".join(faults))
-        return self
-
-
-class Plectrum(Section):
-    """The cantilever clamped in the jack."""
-
-    length: Length = Field(gt=0)
-    """m, free length from the clamp to the tip."""
-    width: Length = Field(gt=0)
-    """m, across the bending plane."""
-    thickness: Length = Field(gt=0)
-    """m, in the bending plane."""
-    youngs_modulus: Annotated[float, Unit("Pa", "2.9 GPa")] = Field(gt=0)
-    """Pa."""
-    poisson_ratio: float = Field(strict=True, ge=0, lt=0.5)
-    """1."""
-    density: Annotated[float, Unit("kg/m**3", "1247 kg/m^3")] = Field(gt=0)
-    """kg/m^3."""
-    overlap: Length = Field(gt=0)
-    """m, from the string's centre at rest to the tip, along the undeformed mid-line."""
-    friction: float = Field(default=0.0, strict=True, ge=0, le=0.5)
-    """1, Coulomb coefficient between plectrum and string."""
-    tip_thickness: Length | None = Field(default=None, gt=0)
-    """m, of the section at the tip, for the level `two-beam`; None for `thickness`."""
-    tip_length: Length | None = Field(default=None, gt=0)
-    """m, of the section at the tip, for the level `two-beam`; None for half the length."""
-    outline: Outline | None = None
-    """Carved outline, for the level `fe`; None for a uniform section. In a file also
-    ``outline = { file = "contour.csv" }``."""
-
-    @property
-    def bending_stiffness(self) -> float:
-        """N m^2, EI = E W h^3 / 12."""
-        return self.youngs_modulus * self.width * self.thickness**3 / 12
-
-
-class String(Section):
-    """The string above the plectrum."""
-
-    tension: Force = Field(gt=0)
-    """N."""
-    length: Length = Field(gt=0)
-    """m, between nut and bridge."""
-    plucking_point: Length = Field(gt=0)
-    """m, from the nut to the plectrum."""
-    frequency: Frequency = Field(gt=0)
-    """Hz, of the fundamental."""
-    diameter: Length = Field(default=0.31e-3, gt=0)
-    """m, of the wire."""
-
-    @property
-    def static_stiffness(self) -> float:
-        """N/m, at the plucking point: K = T / (L b (1 - b)), the paper's equation 2 corrected."""
-        b = self.plucking_point / self.length
-        return self.tension / (self.length * b * (1 - b))
-
-    @property
-    def linear_density(self) -> float:
-        """kg/m, mu = T / (2 L f)^2."""
-        return self.tension / (2 * self.length * self.frequency) ** 2
 
 
 class Gesture(Section):
@@ -208,16 +62,6 @@ class Gesture(Section):
         if faults:
             raise ValueError("\n".join(faults))
         return self
-
-
-class Choir(Section):
-    """One more string that the key plucks, by a jack and a plectrum of its own."""
-
-    jack_arm: Length = Field(gt=0)
-    """m, from the pin to this jack."""
-    jack: Jack
-    plectrum: Plectrum
-    string: String
 
 
 class Press(Section):
@@ -356,6 +200,9 @@ class _Channel(Section):
     """s, by which the signal lags the motion."""
     low_pass: Frequency = Field(ge=0)
     """Hz, corner of the sensor's low-pass; 0 for none."""
+    low_pass_order: int = Field(default=0, strict=True, ge=0, le=8)
+    """Order of the low-pass as a Butterworth filter, whose lag comes on top of `delay`; 0
+    where `delay` includes it."""
     high_pass: Frequency = Field(ge=0)
     """Hz, corner of the AC coupling; 0 for none."""
     serial_number: str = ""
@@ -370,7 +217,28 @@ class _Channel(Section):
                 f"high_pass: {self.high_pass:.6g} Hz is not below low_pass, {self.low_pass:.6g} Hz,"
                 " so nothing would pass; lower it or raise low_pass"
             )
+        if self.low_pass_order and not self.low_pass:
+            raise ValueError(
+                f"low_pass_order: {self.low_pass_order} is given and low_pass is 0 Hz, which is no"
+                " filter; give low_pass its corner, or low_pass_order = 0"
+            )
         return self
+
+    @property
+    def coupling(self) -> Literal["AC", "DC"]:
+        """Whether a constant passes."""
+        return "AC" if self.high_pass else "DC"
+
+    @property
+    def lag(self) -> float:
+        """s, of the signal behind a slow motion: `delay`, and the low-pass's own.
+
+        A Butterworth filter of order n delays low frequencies by 1 / (w sin(pi / 2n)).
+        """
+        if not self.low_pass_order:
+            return self.delay
+        corner = 2 * math.pi * self.low_pass
+        return self.delay + 1 / (corner * math.sin(math.pi / (2 * self.low_pass_order)))
 
 
 class VelocityChannel(_Channel):
@@ -404,17 +272,44 @@ class ForceChannel(_Channel):
 Channel = Annotated[VelocityChannel | ForceChannel, Field(discriminator="quantity")]
 
 
+class Tls(Section):
+    """What makes the connection to a gRPC server safe: paths of PEM files."""
+
+    root_certificate: str = Field(min_length=1)
+    """Of the authority that signed the server's certificate."""
+    client_certificate: str = ""
+    """That this machine shows, to a server that asks for one."""
+    client_key: str = ""
+    """Of the client certificate."""
+
+    @model_validator(mode="after")
+    def _key_with_certificate(self):
+        if bool(self.client_certificate) != bool(self.client_key):
+            given = "client_certificate" if self.client_certificate else "client_key"
+            raise ValueError(
+                f"client_certificate, client_key: only {given} is given; give both or neither"
+            )
+        return self
+
+
 class Daq(Section):
     """The acquisition: one NI-DAQmx device."""
 
     address: str
     """`host:port` of NI's gRPC device server; empty for the driver of this machine."""
+    tls: Tls | None = None
+    """Certificates of the connection; needed for an address that is another machine."""
+    insecure: bool = Field(default=False, strict=True)
+    """Whether another machine may be reached without `tls`: neither encrypted nor
+    authenticated."""
     device: str = Field(min_length=1)
     """Name of the device in NI MAX."""
     sample_rate: Frequency = Field(ge=1000, le=1e6)
     """Hz, of every channel."""
     trigger_source: str = Field(min_length=1)
     """Terminal that the controller's trigger output is wired to: `PFI0`."""
+    pre_trigger: Time = Field(default=0.0, ge=0, le=60)
+    """s, recorded before the trigger's edge."""
     trigger_timeout: Time = Field(gt=0)
     """s, wait for the trigger's edge, and for any one block of samples after it."""
     tail: Time = Field(ge=0)
@@ -433,6 +328,14 @@ class Daq(Section):
                 raise ValueError(
                     f"channels: {what} {', '.join(twice)} is used twice; give each channel its own"
                 )
+        return self
+
+    @model_validator(mode="after")
+    def _safe_or_not(self):
+        if self.tls and self.insecure:
+            raise ValueError(
+                "tls, insecure: both are given and contradict each other; remove insecure"
+            )
         return self
 
     def channel(self, quantity: str) -> VelocityChannel | ForceChannel | None:

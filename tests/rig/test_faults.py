@@ -69,7 +69,7 @@ def test_faults_come_in_the_order_of_the_file(changed):
         ('["0 deg", "-90 deg"]', '"0 deg"', ["arm.home_angles: '0 deg'", "an array is needed"]),
         ('["0 deg", "-90 deg"]', "[0, 1]", ["arm.home_angles.0: 0 has no unit", "30 deg"]),
         ('name = "force"', 'name = "Force 1"', ["daq.channels.1.name: 'Force 1' is refused"]),
-        ("[jack]\n", "[jakc]\n", ["jack: missing", "jakc: unknown key; did you mean 'jack'?"]),
+        ("[jack]\n", "[jakc]\n", ["jack.mass: missing", "jakc: unknown key; did you mean 'jack'?"]),
         ("[jack]\n", "[jack]\ndip = 3\n", ["jack.dip: unknown key; did you mean 'key.dip'?"]),
         ('name = "paper"', "", ["bench.toml: name: missing; add it"]),
         ('name = "paper"', 'name = "a"\nassumed = {}', ["line 8: assumed: unknown key", "beside"]),

@@ -5,7 +5,7 @@ import math
 import pytest
 
 from rig.load import load_rig, packaged_rigs
-from rig.schema import GRAVITY
+from rig.section import GRAVITY
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,186 @@
+"""The instrument in numbers: key, jack, plectrum, string; part of `rig.schema`."""
+
+from itertools import pairwise
+from typing import Annotated
+
+from pydantic import Field, model_validator
+
+from rig.section import Force, Frequency, Inertia, Length, Mass, Moment, Section
+from rig.units import Unit
+
+
+class Key(Section):
+    """The lever on its balance pin."""
+
+    press_arm: Length = Field(gt=0)
+    """m, from the pin to the pressing point."""
+    laser_arm: Length = Field(gt=0)
+    """m, from the pin to the laser spot, which stays where it is while the key turns."""
+    jack_arm: Length = Field(gt=0)
+    """m, from the pin to the jack."""
+    front_arm: Length = Field(gt=0)
+    """m, from the pin to the front edge."""
+    surface_height: Length = Field(ge=0)
+    """m, of the playing surface above the pin."""
+    jack_surface_height: Length = Field(ge=0)
+    """m, of the surface under the jack above the pin."""
+    inertia: Inertia = Field(gt=0)
+    """kg m^2, of the bare key about the pin."""
+    front_heaviness: Moment
+    """N m, weight moment of the bare key about the pin; positive lowers the front."""
+    pivot_coulomb_friction: Moment = Field(ge=0)
+    """N m, dry friction at the pin."""
+    pivot_viscous_friction: Annotated[float, Unit("N*m*s/rad", "0.1 mN m s/rad")] = Field(ge=0)
+    """N m s/rad, viscous friction at the pin."""
+    neighbour_height: Length
+    """m, of the highest surface of the neighbouring keys above the pin."""
+    dip: Length = Field(gt=0)
+    """m, travel of the pressing point from rest to the front felt."""
+    felt_stiffness: Annotated[float, Unit("N/m", "20 kN/m")] = Field(gt=0)
+    """N/m, of the front felt, referred to the pressing point."""
+    felt_damping: Annotated[float, Unit("N*s/m", "10 N s/m")] = Field(ge=0)
+    """N s/m, of the front felt, referred to the pressing point."""
+
+
+class Tongue(Section):
+    """The part of the jack that swings back, so that a falling plectrum passes the string.
+
+    The string, at a distance of length less overlap from the clamp, lifts the plectrum; the
+    tongue turns about its pivot against its bristle until the tip has moved back by the
+    overlap.
+    """
+
+    pivot: Length = Field(gt=0)
+    """m, depth of the tongue's axle below the plectrum."""
+    bristle_moment: Moment = Field(ge=0)
+    """N m, of the bristle on the tongue at rest."""
+    bristle_stiffness: Annotated[float, Unit("N*m/rad", "1 mN m/rad")] = Field(ge=0)
+    """N m/rad, growth of that moment as the tongue swings."""
+
+
+class Damper(Section):
+    """The felt in the jack's head that stills the string while the jack is down."""
+
+    lift: Length = Field(gt=0)
+    """m, rise of the jack at which the felt leaves the string."""
+    stiffness: Annotated[float, Unit("N/m", "15 N/m")] = Field(ge=0)
+    """N/m, of the felt on the string, which carries part of the jack below `lift`."""
+    decay: Annotated[float, Unit("1/s", "40 1/s")] = Field(ge=0)
+    """1/s, of the amplitudes of a string that the felt rests on."""
+
+
+class Jack(Section):
+    """The vertical slider that carries the plectrum."""
+
+    mass: Mass = Field(gt=0)
+    """kg, plectrum and tongue included."""
+    register_friction: Force = Field(ge=0)
+    """N, dry friction in the register."""
+    string_clearance: Length = Field(gt=0)
+    """m, rise of the jack from rest until the plectrum meets the string."""
+    tongue: Tongue | None = None
+    """How the plectrum passes the string on its way down; needed by scenes that show it."""
+    damper: Damper | None = None
+    """The damper; needed by scenes that show it."""
+
+
+class Outline(Section):
+    """A carved plectrum's outline in the bending plane, undeformed."""
+
+    x: tuple[Length, ...] = Field(min_length=2)
+    """m, from the clamp at 0 to the tip, increasing."""
+    top: tuple[Length, ...] = Field(min_length=2)
+    """m, height of the upper surface, which meets the string, at those places."""
+    bottom: tuple[Length, ...] = Field(min_length=2)
+    """m, height of the lower surface at those places."""
+
+    @model_validator(mode="after")
+    def _encloses_something(self):
+        faults = []
+        if not len(self.x) == len(self.top) == len(self.bottom):
+            faults.append(
+                f"outline: {len(self.x)} places, {len(self.top)} tops and {len(self.bottom)}"
+                " bottoms; give one of each at every place"
+            )
+        if self.x[0] != 0 or any(b <= a for a, b in pairwise(self.x)):
+            faults.append("outline: x must start at 0 mm, the clamp, and increase to the tip")
+        crossing = [
+            x for x, top, low in zip(self.x, self.top, self.bottom, strict=False) if top <= low
+        ]
+        if crossing:
+            faults.append(
+                f"outline: it crosses itself at x = {crossing[0] * 1e3:.4g} mm, where the top is"
+                " not above the bottom; mend the contour there"
+            )
+        if faults:
+            raise ValueError("\n".join(faults))
+        return self
+
+
+class Plectrum(Section):
+    """The cantilever clamped in the jack."""
+
+    length: Length = Field(gt=0)
+    """m, free length from the clamp to the tip."""
+    width: Length = Field(gt=0)
+    """m, across the bending plane."""
+    thickness: Length = Field(gt=0)
+    """m, in the bending plane."""
+    youngs_modulus: Annotated[float, Unit("Pa", "2.9 GPa")] = Field(gt=0)
+    """Pa."""
+    poisson_ratio: float = Field(strict=True, ge=0, lt=0.5)
+    """1."""
+    density: Annotated[float, Unit("kg/m**3", "1247 kg/m^3")] = Field(gt=0)
+    """kg/m^3."""
+    overlap: Length = Field(gt=0)
+    """m, from the string's centre at rest to the tip, along the undeformed mid-line."""
+    friction: float = Field(default=0.0, strict=True, ge=0, le=0.5)
+    """1, Coulomb coefficient between plectrum and string."""
+    tip_thickness: Length | None = Field(default=None, gt=0)
+    """m, of the section at the tip, for the level `two-beam`; None for `thickness`."""
+    tip_length: Length | None = Field(default=None, gt=0)
+    """m, of the section at the tip, for the level `two-beam`; None for half the length."""
+    outline: Outline | None = None
+    """Carved outline, for the level `fe`; None for a uniform section. In a file also
+    ``outline = { file = "contour.csv" }``."""
+
+    @property
+    def bending_stiffness(self) -> float:
+        """N m^2, EI = E W h^3 / 12."""
+        return self.youngs_modulus * self.width * self.thickness**3 / 12
+
+
+class String(Section):
+    """The string above the plectrum."""
+
+    tension: Force = Field(gt=0)
+    """N."""
+    length: Length = Field(gt=0)
+    """m, between nut and bridge."""
+    plucking_point: Length = Field(gt=0)
+    """m, from the nut to the plectrum."""
+    frequency: Frequency = Field(gt=0)
+    """Hz, of the fundamental."""
+    diameter: Length = Field(default=0.31e-3, gt=0)
+    """m, of the wire."""
+
+    @property
+    def static_stiffness(self) -> float:
+        """N/m, at the plucking point: K = T / (L b (1 - b)), the paper's equation 2 corrected."""
+        b = self.plucking_point / self.length
+        return self.tension / (self.length * b * (1 - b))
+
+    @property
+    def linear_density(self) -> float:
+        """kg/m, mu = T / (2 L f)^2."""
+        return self.tension / (2 * self.length * self.frequency) ** 2
+
+
+class Choir(Section):
+    """One more string that the key plucks, by a jack and a plectrum of its own."""
+
+    jack_arm: Length = Field(gt=0)
+    """m, from the pin to this jack."""
+    jack: Jack
+    plectrum: Plectrum
+    string: String

@@ -1,0 +1,28 @@
+"""A table of the rig file, and the kinds of quantities in it."""
+
+from typing import Annotated
+
+from pydantic import BaseModel, ConfigDict
+
+from rig.units import Unit
+
+GRAVITY = 9.80665
+"""m/s^2, standard acceleration of gravity."""
+
+Length = Annotated[float, Unit("m", "14 mm")]
+Mass = Annotated[float, Unit("kg", "6 g")]
+Force = Annotated[float, Unit("N", "20 mN")]
+Angle = Annotated[float, Unit("rad", "30 deg")]
+Time = Annotated[float, Unit("s", "10 ms")]
+Frequency = Annotated[float, Unit("Hz", "22 kHz")]
+Voltage = Annotated[float, Unit("V", "4 V")]
+Moment = Annotated[float, Unit("N*m", "4 mN m")]
+Inertia = Annotated[float, Unit("kg*m**2", "7e-4 kg m^2")]
+
+
+class Section(BaseModel):
+    """A table of the rig file: frozen, no unknown keys, no NaN."""
+
+    model_config = ConfigDict(
+        frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True
+    )
