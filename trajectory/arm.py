@@ -7,7 +7,8 @@ material point under the fingertip, `normal` keeps link 2 along the key's normal
 
 import numpy as np
 
-from rig.schema import Arm, Key
+from rig.instrument import Key
+from rig.schema import Arm
 from trajectory.errors import TrajectoryError
 from trajectory.key import surface_axes
 from trajectory.motion import Floats, Motion, cross

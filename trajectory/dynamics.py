@@ -8,7 +8,8 @@ ratio, and so as large as the armature where joint 2 has no gear.
 
 import numpy as np
 
-from rig.schema import GRAVITY, Arm
+from rig.schema import Arm
+from rig.section import GRAVITY
 from trajectory.arm import link_vectors
 from trajectory.motion import Floats, Motion, dot
 

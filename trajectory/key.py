@@ -7,7 +7,7 @@ angle a turns the key's surface tangent to (cos a, sin a) and its normal to (-si
 import numpy as np
 from numpy.typing import ArrayLike
 
-from rig.schema import Key
+from rig.instrument import Key
 from trajectory.errors import TrajectoryError
 from trajectory.motion import Floats, Motion, dot
 

@@ -7,6 +7,7 @@ import numpy as np
 from rig.schema import Rig
 from trajectory.arm import fingertip_motion, tilt
 from trajectory.checks import Check
+from trajectory.correction import Correction
 from trajectory.counts import to_counts
 from trajectory.cubic import Cubics, evaluate, segment_cubics
 from trajectory.dynamics import joint_torques
@@ -83,17 +84,20 @@ class Trajectory:
         return self.approach.start
 
 
-def plan_press(rig: Rig, expected: Expectation | None = None) -> Trajectory:
+def plan_press(
+    rig: Rig, expected: Expectation | None = None, correction: Correction | None = None
+) -> Trajectory:
     """Plan the press of a rig.
 
     Args:
         rig: The bench.
         expected: What the finger is expected to meet; None for an empty key.
+        correction: What is added to the jack's rise, as learned; None for nothing.
 
     Raises:
         TrajectoryError: Lists every check that fails, with what would mend it.
     """
-    trajectory = draft_press(rig, expected)
+    trajectory = draft_press(rig, expected, correction)
     failed = [check for check in trajectory.checks if not check.holds]
     if failed:
         lines = [f"{check}; {check.remedy}" for check in failed]
@@ -101,13 +105,17 @@ def plan_press(rig: Rig, expected: Expectation | None = None) -> Trajectory:
     return trajectory
 
 
-def draft_press(rig: Rig, expected: Expectation | None = None) -> Trajectory:
+def draft_press(
+    rig: Rig, expected: Expectation | None = None, correction: Correction | None = None
+) -> Trajectory:
     """Plan the press of a rig whether or not its checks hold; see `plan_press`.
 
     Raises:
         TrajectoryError: There is no such motion at all: no cruise, or out of reach.
     """
     law = press_law(rig.press)
+    if correction is not None:
+        law = correction.onto(law)
     time = sample_times(law.law, rig.controller.sample_period, rig.controller.segment_limit)
     path = follow_key(rig, law.law.at(time))
     segments = _quantised(rig, law.law, path.joints)

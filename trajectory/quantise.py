@@ -15,7 +15,7 @@ at most half a count, so longer segments keep the speed better, until the cubic 
 follows the finger's path: some 100 ms of it at 0.072 m/s are followed to 1e-4."""
 LONGEST_SEGMENT = 1024
 """Controller samples that one segment may last."""
-SLOW_GRAINS = 3
+SLOW_GRAINS = 2
 """Grains between knots in long stretches of varying speed, such as gestures."""
 ROUNDING_SHARE = 0.1
 """1, of the joints' acceleration limit that rounding to counts may take where it varies."""

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rig.load import load_rig
-from rig.schema import GRAVITY
+from rig.section import GRAVITY
 from trajectory.arm import fingertip_motion
 from trajectory.dynamics import armature, energy, gravity_torque, joint_torques, mass_matrix
 from trajectory.motion import Motion, dot

@@ -1,0 +1,116 @@
+"""Learning over repeats, on plants whose answer is known in closed form."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.signal import butter, sosfilt
+
+from rig.load import load_rig
+from trajectory.errors import TrajectoryError
+from trajectory.learning import Learner, corrected, speed_error
+from trajectory.timing import press_law
+
+RIG = load_rig("paper")
+LAW = press_law(RIG.press)
+PERIOD = RIG.controller.sample_period
+RATE = 10_000.0
+TIME = np.arange(0, LAW.law.duration, 1 / RATE)
+CRUISE = np.abs(2 * TIME - LAW.cruise_start - LAW.cruise_end) < LAW.cruise_end - LAW.cruise_start
+MIDDLE = (LAW.cruise_start + LAW.cruise_end) / 2
+DIP = -0.01 * np.exp(-(((TIME - MIDDLE) / 0.01) ** 2))
+"""m/s, by which a string slows the jack."""
+
+
+def commanded(correction):
+    law = LAW if correction is None else correction.onto(LAW)
+    return law.law.at(TIME).velocity
+
+
+def run(plant, presses=8):
+    """Press with learning; return the learner."""
+    learner, used = Learner(LAW, PERIOD), None
+    for press in range(presses):
+        used = learner.learn(used, TIME, plant(commanded(used), press))
+        if used is None:
+            break
+    return learner
+
+
+def test_the_error_of_a_perfect_press_is_none():
+    assert speed_error(LAW, TIME, commanded(None)) < 1e-3  # the low-pass rounds the corners
+
+
+def test_the_error_is_the_rms_over_the_cruise():
+    speed = commanded(None) + 1e-3 * CRUISE
+    assert speed_error(LAW, TIME, speed) == pytest.approx(1e-3 / 0.072, rel=0.02)
+
+
+def test_a_slow_disturbance_is_learned_at_once():
+    second = corrected(LAW, None, TIME, commanded(None) + DIP, PERIOD)
+    left = (commanded(second) + DIP - commanded(None))[CRUISE]
+    assert np.abs(left).max() < 0.02 * np.abs(DIP).max()
+
+
+def test_the_correction_is_given_back_before_the_return():
+    found = corrected(LAW, None, TIME, commanded(None) + DIP, PERIOD)
+    assert found.rise[0] == found.rise[-1] == 0
+    assert found.rise.max() == pytest.approx(np.sqrt(np.pi) * 0.01 * 0.01, rel=0.02)
+
+
+@settings(max_examples=25, deadline=None)
+@given(gain=st.floats(0.3, 1.6), lag=st.floats(0, 1.5e-3), noise=st.floats(0, 2e-4))
+def test_learning_never_makes_it_worse(gain, lag, noise):
+    """A plant of unknown gain and lag, with noise: the best error is that of a learned press."""
+    random = np.random.default_rng(7)
+
+    def plant(speed, _):
+        late = np.interp(TIME - lag, TIME, speed)
+        return (
+            commanded(None)
+            + gain * (late - commanded(None))
+            + DIP
+            + noise * random.normal(size=len(TIME))
+        )
+
+    learner = run(plant)
+    assert min(learner.errors) < 0.5 * learner.errors[0]
+    assert learner.errors[-1] <= 1.5 * min(learner.errors)
+
+
+def test_a_second_order_arm_with_a_sudden_release():
+    sos = butter(2, 120, fs=RATE, output="sos")
+    jump = sosfilt(sos, np.where(TIME > MIDDLE, 0.008, -0.008) * CRUISE)
+
+    def arm(speed, _):
+        return commanded(None) + sosfilt(sos, speed - commanded(None)) + jump
+
+    learner = run(arm)
+    assert learner.errors[0] > 0.05
+    assert min(learner.errors) < 0.02
+
+
+def test_a_plant_that_answers_the_wrong_way_stops_learning():
+    learner = run(lambda speed, _: 2 * commanded(None) - speed + DIP)
+    assert "grew" in learner.stopped
+    assert learner.best is None
+    assert len(learner.errors) <= 3
+
+
+def test_noise_alone_stops_learning():
+    random = np.random.default_rng(1)
+    learner = run(lambda speed, _: speed + 2e-3 * random.normal(size=len(TIME)))
+    assert learner.stopped
+
+
+@pytest.mark.parametrize(
+    ("time", "speed", "says"),
+    [
+        (TIME[:500], TIME[:500], "do not cover"),
+        (TIME, np.full(len(TIME), np.inf), "not finite"),
+        (TIME, TIME[:-1], "shape"),
+    ],
+)
+def test_measured_speeds_that_are_none_are_refused(time, speed, says):
+    with pytest.raises(TrajectoryError, match=says):
+        speed_error(LAW, time, speed)
