@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[1]
+ROOMS = ("rig", "trajectory", "daq", "analysis", "sim_backend", "robot", "commands")
 
 
 def run(*words: str) -> subprocess.CompletedProcess:
@@ -27,11 +28,11 @@ def test_style():
 
 
 def test_no_room_imports_the_front_door():
-    for room in ("rig", "trajectory", "daq", "analysis", "sim_backend", "robot"):
+    for room in ROOMS:
         for path in (ROOT / room).rglob("*.py"):
             assert not re.search(r"(?m)^\s*(from|import) sautereau", path.read_text()), path
 
 
-@pytest.mark.parametrize("room", ["rig", "trajectory", "daq", "analysis", "sim_backend", "robot"])
+@pytest.mark.parametrize("room", ROOMS)
 def test_rooms_are_typed(room):
     assert (ROOT / room / "py.typed").is_file()

@@ -1,0 +1,97 @@
+"""Learn to keep the jack's speed, press after press."""
+
+import uuid
+from dataclasses import asdict
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from commands.common import (
+    Json,
+    RigName,
+    Simulation,
+    answer,
+    bar,
+    expected_of,
+    hardware,
+    json_text,
+    load_rig,
+    say,
+    signals_stop,
+    write,
+)
+
+LEARNED = "learned.json"
+"""Name of the correction in the folder."""
+
+
+def learn(
+    rig: RigName = "paper",
+    *,
+    n: Annotated[int, Parameter(name=["-n", "--number"])] = 6,
+    out: Path,
+    notes: str = "",
+    simulation: Simulation = Simulation(),
+    json: Json = False,
+) -> int:
+    """Press up to n times, and learn from each press how to keep the jack's speed in the next.
+
+    Parameters
+    ----------
+    n
+        Presses at most; learning stops by itself where nothing improves.
+    out
+        Folder for the recordings and for learned.json, which `press --learned` takes.
+    notes
+        Operator's notes, kept in every recording.
+    """
+    from daq.head import read_session
+    from robot.errors import RobotError
+    from robot.galil import GalilController
+    from robot.learning import Learned, Lesson
+    from robot.session import Item, Origin, make_presses
+
+    nominal = load_rig(rig)
+    expected, doubts = expected_of(nominal)
+    file = out / LEARNED
+    if file.exists():
+        raise RobotError(f"learning: {file} is there and is not overwritten; give another --out")
+    lesson = Lesson(nominal, expected, n, notes=notes)
+    for warning in (*doubts, *lesson.warnings):
+        say(not json, f"warning: {warning}")
+    with signals_stop(), hardware(nominal, simulation) as bench, bar(n) as step:
+        where = "the stand-in: SIMULATED" if bench.scene else "the hardware"
+        say(not json, f"rig {nominal.name} on {where}\n{'press':<18} rms error of speed")
+
+        def done(item: Item, path: Path) -> None:
+            if bench.truth:
+                write(path.with_suffix(".truth.json"), json_text(asdict(bench.truth())))
+            lesson.saw(item, path)
+            say(not json, f"{path.name:<18} {lesson.errors[-1]:>8.2%}")
+            step()
+
+        recordings = make_presses(
+            GalilController(bench.rig),
+            out,
+            lesson.on(bench.rig),
+            Origin(uuid.uuid4().hex, bench.scene, bench.seed),
+            on_press=done,
+        )
+    best = lesson.best
+    lines = [f"learning stopped: {lesson.stopped}"] if lesson.stopped else []
+    if best is None:
+        lines.append("no correction was better than none")
+    else:
+        Learned(best, tuple(lesson.errors)).write(file, nominal)
+        lines.append(f"learned:    {file}; press with it by --learned")
+    result = {
+        "rms_speed_error": lesson.errors,
+        "stopped": lesson.stopped,
+        "learned": str(file) if best is not None else None,
+        "recordings": [str(path) for path in recordings],
+        "simulated": any(read_session(path).simulated for path in recordings),
+        "seed": bench.seed,
+    }
+    answer(json, result, [*lines, *(f"recording:  {path}" for path in recordings)])
+    return 0

@@ -1,0 +1,210 @@
+"""Press the key."""
+
+import sys
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+from cyclopts import Parameter
+
+from commands.common import (
+    Json,
+    RigName,
+    Simulation,
+    bar,
+    expected_of,
+    hardware,
+    json_text,
+    load_rig,
+    signals_stop,
+    write,
+)
+
+if TYPE_CHECKING:
+    from robot.plan import Place
+    from robot.plan_table import Row
+    from robot.session_folder import SessionFolder
+    from trajectory.press import Trajectory
+
+
+def _is_time(_: object, text: str) -> None:
+    from rig.units import parse_quantity
+
+    if parse_quantity(text, "s") < 0:
+        raise ValueError(f"{text!r} is less than no rest")
+
+
+def press(
+    rig: RigName = "paper",
+    *,
+    n: Annotated[int, Parameter(name=["-n", "--number"])] = 1,
+    table: Path | None = None,
+    warm_up: int = 0,
+    rest: Annotated[str, Parameter(validator=_is_time)] = "0 s",
+    learned: Path | None = None,
+    out: Path,
+    notes: str = "",
+    simulation: Simulation = Simulation(),
+    json: Json = False,
+) -> int:
+    """Press the key n times, record each press, and compare them with the model.
+
+    A session that was interrupted goes on when the same command is given again.
+
+    Parameters
+    ----------
+    n
+        Presses; with a table, of every row that does not say its repeats.
+    table
+        CSV file of presses: columns are the rig's dotted keys (press.jack_speed), cells
+        hold values with units; further columns are repeats and notes. Where a row changes
+        the instrument, you are asked to set it.
+    warm_up
+        Presses for warming up, before the first and whenever the instrument was changed.
+    rest
+        Time between presses: "2 s".
+    learned
+        Correction to press with, as `sautereau learn` wrote it.
+    out
+        Folder for the recordings; nothing in it is overwritten.
+    notes
+        Operator's notes, kept in every recording.
+    """
+    from commands.session import SessionReport
+    from rig.units import parse_quantity
+    from robot.plan import Plan, digest, plan_rows
+    from robot.plan_table import Row, read_plan_table
+    from robot.session_folder import SessionFolder
+
+    nominal = load_rig(rig)
+    rows = read_plan_table(table, nominal, n, notes) if table else (Row(nominal, n, notes=notes),)
+    plan = Plan(
+        nominal,
+        rows,
+        warm_up,
+        parse_quantity(rest, "s"),
+        _scene(simulation),
+        {"learned": digest(learned)} if learned else {},
+    )
+    trajectories = plan_rows(rows, lambda bench: _planned(bench, learned))
+    folder = SessionFolder(out, plan, simulation.seed, _fresh_seed(simulation))
+    report = SessionReport(folder, json)
+    report.begin()
+    waiting: dict[str, Any] = {}
+    with signals_stop():
+        for places in plan.set_ups:
+            left = [place for place in places if place.number not in folder.done]
+            if not left:
+                continue
+            waiting = _instrument_to_set(folder, rows[places[0].row], simulated=bool(plan.scene))
+            if waiting:
+                break
+            _press(folder, left, trajectories, simulation, report)
+    report.end(waiting)
+    return 0
+
+
+def _planned(rig: Any, learned: Path | None) -> "Trajectory":
+    """Plan the press of one rig, and say what is doubtful about it."""
+    from robot.learning import read_learned
+    from trajectory.press import plan_press
+
+    expected, doubts = expected_of(rig)
+    trajectory = plan_press(rig, expected, read_learned(learned, rig) if learned else None)
+    for warning in (*doubts, *trajectory.warnings):
+        sys.stderr.write(f"warning: {warning}\n")
+    return trajectory
+
+
+def _press(
+    folder: "SessionFolder",
+    places: "list[Place]",
+    trajectories: "list[Trajectory]",
+    simulation: Simulation,
+    report: Any,
+) -> None:
+    """Make the presses of one set-up of the instrument."""
+    from robot.galil import GalilController
+    from robot.session import Item, Origin, make_presses
+
+    plan = folder.plan
+    seed = _seed_from(folder.seed, places[0].number)
+    wanted = plan.rows[places[0].row].rig
+    with (
+        hardware(wanted, replace(simulation, seed=seed)) as bench,
+        bar(len(places)) as step,
+    ):
+        report.on(bench)
+        rigs = {row: plan.rows[row].on(bench.rig) for row in {place.row for place in places}}
+
+        def items():
+            for place in places:
+                yield Item(
+                    rigs[place.row],
+                    trajectories[place.row],
+                    place.number,
+                    warm_up=place.warm_up,
+                    notes=plan.rows[place.row].notes,
+                )
+
+        def done(item: Item, path: Path) -> None:
+            if bench.truth:
+                write(path.with_suffix(".truth.json"), json_text(asdict(bench.truth())))
+            if item.number is not None:
+                report.pressed(item.number, path)
+            step()
+
+        make_presses(
+            GalilController(bench.rig),
+            folder.path,
+            items(),
+            Origin(folder.session, bench.scene, bench.seed),
+            rest=plan.rest,
+            on_ready=folder.begin,
+            on_press=done,
+        )
+
+
+def _instrument_to_set(folder: "SessionFolder", row: "Row", simulated: bool) -> dict[str, Any]:
+    """Let the operator set the instrument; return what is to be set where nobody can be asked."""
+    from robot.plan import to_set
+
+    if simulated or dict(folder.set_up) == row.set_up:
+        return {}
+    changes = to_set(folder.plan.rig, folder.set_up, row)
+    text = ", ".join(f"{key} = {value}" for key, value in changes.items())
+    if sys.stdin.isatty() and sys.stderr.isatty():
+        sys.stderr.write(f"Set the instrument: {text}. Enter goes on, Ctrl-C ends here. ")
+        sys.stderr.flush()
+        if sys.stdin.readline():
+            folder.tell(row.set_up)
+            return {}
+    folder.tell(row.set_up)
+    return changes
+
+
+def _scene(simulation: Simulation) -> str:
+    """Return the stand-in's scene as text; empty for the hardware."""
+    if not simulation.sim and simulation.scene is None:
+        return ""
+    from sim_backend.scene import load_scene
+
+    return load_scene(simulation.scene or "paper").model_dump_json()
+
+
+def _fresh_seed(simulation: Simulation) -> int | None:
+    """Return a seed for a session that begins on the stand-in."""
+    if not simulation.sim and simulation.scene is None:
+        return None
+    import secrets
+
+    return secrets.randbits(32)
+
+
+def _seed_from(seed: int | None, number: int) -> int | None:
+    """Return the seed of a stand-in that begins with a press; each has noise of its own."""
+    if seed is None or number == 1:
+        return seed
+    import numpy as np
+
+    return int(np.random.SeedSequence([seed, number]).generate_state(1)[0])
