@@ -12,7 +12,8 @@ from analysis.model.many import Branch, Cases, Status, ramp
 from analysis.model.plectrum.base import Floats
 from analysis.model.pluck import OVERLAP_MAX, STIFFNESS_RANGE
 from analysis.model.table import table
-from rig.schema import GRAVITY, Rig
+from rig.schema import Rig
+from rig.section import GRAVITY
 
 CHUNK = 192
 """Cases that are computed together, few enough for the processor's cache."""

@@ -9,7 +9,8 @@ from analysis.model.plectrum.levels import plectrum_map
 from analysis.model.pluck import Pluck, solve_pluck
 from analysis.model.string import release_speed
 from analysis.model.table import TabledElastica
-from rig.schema import Choir, Key, Rig
+from rig.instrument import Choir, Key
+from rig.schema import Rig
 from trajectory.key import angle_of_rise, rise_of_angle, rise_slope
 
 

@@ -4,7 +4,9 @@ import numpy as np
 
 from analysis.model.choirs import choirs, key_of
 from analysis.model.plectrum.base import Floats
-from rig.schema import GRAVITY, Jack, Rig
+from rig.instrument import Jack
+from rig.schema import Rig
+from rig.section import GRAVITY
 from trajectory.key import rise_curvature, rise_slope
 from trajectory.motion import Motion
 

@@ -5,14 +5,14 @@ moves by its lowest modes. The higher ones answer as a spring, so that a slow pl
 the spring string; `modal_contact` tells how a step is solved.
 """
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from analysis.errors import ModelError
-from analysis.model.modal_contact import Contact
+from analysis.model.modal_contact import LARGEST_SHARE, SHARE, Contact
+from analysis.model.modal_free import FreeString
 from analysis.model.plectrum.base import Floats
 from analysis.model.predict import plectrum_map, rig_pluck
 from analysis.model.string import ModalString, StringState, release_speed
@@ -22,14 +22,8 @@ MODES = 30
 """Modes that move."""
 STEPS = 1000
 """Steps of a pluck by default."""
-SHARE, LARGEST_SHARE = 0.3, 0.35
-"""1, a step over the shortest mode's period, by default and at most. From 0.4 on the moving
-modes' answer within a step outweighs the left-out modes', and force and modes of a stiff
-plectrum stir each other up from step to step."""
 MOST_STEPS = 1_000_000
 """Steps of a pluck at most."""
-PART = 10_000
-"""Instants of free motion at a time, to spare memory."""
 PATIENCE = 4.0
 """1, multiple of the static pluck's duration after which no release is expected."""
 
@@ -81,12 +75,7 @@ class ModalPluck:
             time: s, from release, shape (n,).
             place: m, from the nut; None for the plucking point.
         """
-        heard = [
-            [self.string.displacement(coordinates, place).T for coordinates in part]
-            for part in self._parts(time)
-        ]
-        q, v = zip(*heard, strict=True)
-        return np.concatenate(q), np.concatenate(v)
+        return self._free.motion(time, place)
 
     def bridge_force(self, time: ArrayLike) -> Floats:
         """Return the string's force [N] on the bridge along x and z, shape (n, 2).
@@ -94,13 +83,11 @@ class ModalPluck:
         Args:
             time: s, from release, shape (n,).
         """
-        return np.concatenate([self.string.bridge_force(p.q).T for p in self._parts(time)])
+        return self._free.bridge_force(time)
 
-    def _parts(self, time: ArrayLike) -> Iterator[StringState]:
-        """Yield the coordinates after release, some instants at a time."""
-        time = np.atleast_1d(np.asarray(time, float))
-        for part in np.split(time, range(PART, len(time), PART)):
-            yield self.string.free(self.state, part)
+    @property
+    def _free(self) -> FreeString:
+        return FreeString(self.string, self.state)
 
 
 def modal_pluck(
@@ -137,8 +124,8 @@ def modal_pluck(
             f"step: {step * 1e6:.4g} us must lie between {least * 1e6:.4g} and {most * 1e6:.4g} us,"
             f" {LARGEST_SHARE} of the shortest mode's period; change it, or take fewer modes"
         )
-    contact = Contact(rig, plectrum, string)
-    rows, state = contact.run(step, PATIENCE * duration)
+    contact = Contact(plectrum, rig.plectrum.overlap, string)
+    rows = _rows(contact, rig.press.jack_speed, step, PATIENCE * duration)
     time, position, force, theta = rows[:, :4].T
     return ModalPluck(
         string=string,
@@ -149,6 +136,34 @@ def modal_pluck(
         angle=-theta,
         displacement=rows[:, 4:6],
         velocity=rows[:, 6:8],
-        state=state,
+        state=contact.state,
         newton_steps=contact.newton_steps / (len(time) - 1),
     )
+
+
+def _rows(contact: Contact, speed: float, step: float, end: float) -> Floats:
+    """Pluck at a jack speed [m/s] until the string leaves.
+
+    Returns:
+        Rows of time [s], s [m], F [N], theta [rad], displacement along x and z [m] and
+        velocity along x and z [m/s].
+
+    Raises:
+        ModelError: The contact is lost, or the string is still held at the end [s].
+    """
+    string, push = contact.string, np.zeros(2)
+    time, taken = 0.0, step
+    rows = [np.array([time, contact.rest, *np.zeros(6)])]
+    while time < end and taken == step:
+        taken = contact.advance(step, speed * time, speed * (time + step))
+        time += taken
+        before, push = push, np.array(contact.found[2:])
+        place = string.displacement(contact.state.q) + string.residual * push
+        rate = string.displacement(contact.state.v) + string.residual * (push - before) / taken
+        rows.append(np.array([time, *contact.found[:2], contact.theta, *place, *rate]))
+    if taken == step:
+        raise ModelError(
+            f"the string has not left the plectrum in {end * 1e3:.4g} ms;"
+            " lower plectrum.overlap or press.jack_speed"
+        )
+    return np.array(rows)

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 
 from analysis.errors import ModelError
 from analysis.model.plectrum.base import Floats
-from rig.schema import String
+from rig.instrument import String
 
 if TYPE_CHECKING:
     from analysis.model.pluck import Pluck

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from analysis.model.plectrum.base import Bend, Floats
 from analysis.model.plectrum.elastica import Elastica
-from rig.schema import Plectrum
+from rig.instrument import Plectrum
 
 CELLS = 128
 """Cells of the table over q."""

@@ -41,7 +41,7 @@ def press_summary(press: Press, phases: Phases) -> dict[str, Any]:
             "peak": first and first.peak_force,
             "step": first and first.force_step,
         },
-        "warnings": list(phases.warnings),
+        "warnings": [*press.warnings, *phases.warnings],
     }
 
 

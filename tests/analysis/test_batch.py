@@ -6,7 +6,7 @@ import pytest
 from analysis.errors import ModelError
 from analysis.model.batch import DERIVED, VARIABLES, Status, predict_many
 from analysis.model.predict import predict
-from rig.schema import Choir
+from rig.instrument import Choir
 
 SCALARS = (
     "contact_duration",

@@ -7,7 +7,8 @@ from scipy.integrate import trapezoid
 from analysis.errors import ModelError
 from analysis.model.key import finger_force
 from analysis.model.predict import expectation, predict
-from rig.schema import GRAVITY, Choir
+from rig.instrument import Choir
+from rig.section import GRAVITY
 from trajectory.key import angle_of_rise, key_motion, rise_of_angle, rise_slope
 from trajectory.motion import Motion
 

@@ -11,8 +11,8 @@ from analysis.model.plectrum.fe.figure import plot_mesh
 from analysis.model.plectrum.fe.level import FE
 from analysis.model.plectrum.fe.profile import outline_from, profile_of
 from analysis.model.pluck import solve_pluck
+from rig.instrument import Outline
 from rig.load import load_rig
-from rig.schema import Outline
 
 RIG = load_rig("paper")
 PLECTRUM = RIG.plectrum

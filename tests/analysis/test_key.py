@@ -6,7 +6,7 @@ from scipy.integrate import trapezoid
 
 from analysis.model.key import finger_force, jack_load
 from rig.load import with_values
-from rig.schema import GRAVITY
+from rig.section import GRAVITY
 from trajectory.key import jack_motion, key_motion, rise_of_angle
 from trajectory.motion import Motion
 

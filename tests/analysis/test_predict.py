@@ -8,7 +8,7 @@ from analysis.errors import ModelError
 from analysis.model.predict import plectrum_map, predict, rig_pluck
 from analysis.model.string import release_speed
 from rig.load import with_values
-from rig.schema import GRAVITY
+from rig.section import GRAVITY
 
 
 @pytest.fixture(scope="module")

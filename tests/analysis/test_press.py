@@ -1,4 +1,6 @@
-"""Recordings read back as presses: scale, droop, delay."""
+"""Recordings read back as presses: scale, droop, delay, marks, drift."""
+
+from datetime import date
 
 import numpy as np
 import pytest
@@ -10,17 +12,19 @@ from daq.errors import RecordingError
 from daq.recording import Recording
 from daq.session_info import SessionInfo
 from rig.load import with_values
+from sim_backend.scene import load_scene
+from sim_backend.sensors import SensorChain
 
 RATE = 51_200.0
 
 
 @pytest.fixture
 def record(tmp_path):
-    def write(rig, volts, simulated=True):
+    def write(rig, volts, simulated=True, first=0):
         session = SessionInfo(1, "2026-02-03T04:05:06+01:00", simulated, "DMC", "card")
         path = tmp_path / "press-0001.mcap"
         with Recording(path, rig, session=session, clock=lambda: 10**18) as recording:
-            recording.write_block(Block(0, np.asarray(volts)))
+            recording.write_block(Block(first, np.asarray(volts)))
         return path
 
     return write
@@ -74,6 +78,7 @@ def test_every_delay_is_taken_back(paper, record, delay):
     press = load_press(record(rig, volts))
     expected = np.sin(2 * np.pi * f * press.data.index.to_numpy())
     np.testing.assert_allclose(press.data["velocity"] / 0.025, expected, atol=8e-5)
+    np.testing.assert_allclose(press.data["velocity"][16:-16] / 0.025, expected[16:-16], atol=1e-9)
     np.testing.assert_allclose(press.data["force"], expected, atol=1e-12)
     assert len(press.data) == 4000 - int(np.ceil(late * RATE - 1e-9))
 
@@ -113,3 +118,143 @@ def test_both_quantities_are_needed(paper, record, kept):
 def test_a_file_that_is_not_there(tmp_path):
     with pytest.raises(RecordingError, match="no such file"):
         load_press(tmp_path / "none.mcap")
+
+
+def sensed(rig, signals, seed=0, until=0.5, silent=False):
+    """Return what the simulated sensors of a rig make of functions of time, in volts."""
+    sensors = load_scene("paper").sensors
+    if silent:
+        quiet = {"velocity_noise": 0.0, "force_noise": 0.0, "hum": 0.0}
+        sensors = sensors.model_copy(update=quiet)
+    rows = []
+    fine = np.arange(1, round(until * 20 * RATE)) / (20 * RATE)
+    for i, (channel, function) in enumerate(zip(rig.daq.channels, signals, strict=True)):
+        random = np.random.default_rng([seed, i])
+        chain = SensorChain(channel, sensors, RATE, float(function(np.zeros(1))[0]), random)
+        chain.input.extend(fine, function(fine), [])
+        rows.append(chain.volts(0, round(until * RATE)))
+    return np.stack(rows)
+
+
+def stroke(time):
+    """Velocity under the laser, m/s: 3.8 mm down and back between 20 and 470 ms."""
+    down, up = (np.clip((time - at) / length, 0, 1) for at, length in ((0.02, 0.15), (0.2, 0.27)))
+    return 3.8e-3 / 0.15 * (1 - np.cos(2 * np.pi * down)) * (down < 1) - 3.8e-3 / 0.27 * (
+        1 - np.cos(2 * np.pi * up)
+    ) * (up < 1)
+
+
+@pytest.mark.parametrize("silent", [True, False])
+def test_a_step_that_both_sensors_saw_is_at_one_time(paper, record, silent):
+    """Of velocity and force at 123.4567 ms, to 10 us, as either reaches half its height."""
+    at = 0.1234567
+    heights = (0.02, 0.5)
+    volts = sensed(paper, [lambda t, h=h: h * (t > at) for h in heights], until=0.2, silent=silent)
+    press = load_press(record(paper, volts))
+    time = press.data.index.to_numpy()
+    near = (time > at - 1e-4) & (time < at + 1e-4)
+    found = []
+    for column, height in zip(("velocity", "force"), heights, strict=True):
+        signal = press.data[column].to_numpy()[near]
+        after = int(np.argmax(signal > height / 2))
+        part = (height / 2 - signal[after - 1]) / (signal[after] - signal[after - 1])
+        found.append(time[near][after - 1] + part / RATE)
+    assert found == pytest.approx([at, at], abs=10e-6)
+    assert abs(found[0] - found[1]) < 5e-6
+
+
+def test_a_slow_low_pass_is_taken_back_by_its_order(paper, record):
+    """Of 1 kHz, 159 us: the middle of a ramp of force meets that of velocity to 10 us."""
+    slow = {"daq.channels.1.low_pass": "1 kHz", "daq.channels.1.low_pass_order": 1}
+    rig = with_values(paper, slow)
+
+    def ramp(height):
+        return lambda t: height * np.clip((t - 0.1) / 0.01, 0, 1)
+
+    volts = sensed(rig, [ramp(0.02), ramp(0.5)], until=0.2, silent=True)
+    press = load_press(record(rig, volts))
+    time = press.data.index.to_numpy()
+    halves = [
+        np.interp(
+            height / 2,
+            press.data[column][(time > 0.1) & (time < 0.11)],
+            time[(time > 0.1) & (time < 0.11)],
+        )
+        for column, height in (("velocity", 0.02), ("force", 0.5))
+    ]
+    assert halves == pytest.approx([0.105, 0.105], abs=10e-6)
+
+
+@pytest.mark.parametrize("corner", ["0.1 Hz", "0.5 Hz", "1 Hz"])
+def test_droop_is_undone_to_two_thousandths_over_500_ms(paper, record, corner):
+    """A step of 1 N, in the simulated chain with all its noise: the mean over each 20 ms."""
+    rig = with_values(paper, {"daq.channels.1.high_pass": corner})
+    volts = sensed(rig, [stroke, lambda t: 1.0 * (t > 0.03)], until=0.54)
+    press = load_press(record(rig, volts))
+    assert abs(volts[1, -1000:].mean()) < 0.8
+    force = press.data["force"].loc[0.031:0.531].to_numpy()
+    means = force[: 25 * 1024].reshape(25, 1024).mean(axis=1)
+    np.testing.assert_allclose(means, 1.0, atol=2e-3)
+
+
+def test_an_offset_does_not_become_a_ramp(paper, record):
+    """4 mV after the coupling are 4 mN of force: 1.3 mN more after 0.5 s if not taken off."""
+    offsets = np.array([[0.0005], [0.004]])
+    volts = offsets + sensed(paper, [stroke, lambda t: 0.5 * (t > 0.03)])
+    press = load_press(record(paper, volts))
+    assert press.drift.force == pytest.approx(4e-3, abs=0.5e-3)
+    assert press.data["force"].iloc[-1000:].mean() == pytest.approx(0.5, abs=1e-3)
+    assert press.drift.velocity == pytest.approx(0.0005 * 0.025, rel=2)
+    assert abs(press.data["deflection"].iloc[-1]) < 5e-6
+    assert press.drift.after is not None
+    assert len(press.warnings) == 1
+    assert "are taken for an offset of the sensor" in press.warnings[0]
+
+
+def test_a_clean_press_has_no_marks_and_no_warnings(paper, record):
+    for seed in range(5):
+        volts = sensed(paper, [stroke, lambda t: 0.5 * ((t > 0.05) & (t < 0.07))], seed)
+        press = load_press(record(paper, volts))
+        assert press.marks == press.warnings == ()
+        press.path.unlink()
+
+
+def test_marks_stand_at_the_motions_time(paper, record):
+    volts = sensed(paper, [stroke, lambda t: 20.0 * ((t > 0.05) & (t < 0.06))])
+    lost = slice(round(0.1 * RATE), round(0.1005 * RATE))
+    volts[0, lost] = 0.0
+    press = load_press(record(paper, volts))
+    force, velocity = sorted(press.marks, key=lambda mark: mark.channel)
+    assert (force.kind, velocity.kind) == ("clipped", "drop-out")
+    assert (force.start, force.stop) == pytest.approx((0.05, 0.06), abs=1e-3)
+    assert (velocity.start, velocity.stop) == pytest.approx((0.0989, 0.0994), abs=7e-5)
+    assert any("force: clipped" in warning for warning in press.warnings)
+    assert any("velocity: drop-out" in warning for warning in press.warnings)
+    # They are told, and not mended: 0 V are only what the undone coupling adds.
+    assert press.data["velocity"].loc[0.09895:0.09935].mean() < 0.4 * stroke(np.array(0.099))
+
+
+def test_rows_before_the_trigger_have_negative_times(paper, record):
+    volts = sensed(paper, [stroke, lambda t: 0.0 * t])
+    press = load_press(record(paper, volts, first=-5120))
+    assert press.data.index[0] == -0.1
+    assert press.data.index[5120] == 0.0
+    assert press.drift.before[0] == -0.1
+    assert press.drift.before[1] == pytest.approx(-0.08, abs=5e-3)
+
+
+@pytest.mark.parametrize(
+    ("calibrated", "count"), [(None, 2), (date(2025, 6, 1), 0), (date(2024, 6, 1), 2)]
+)
+def test_old_calibrations_of_measured_presses(paper, record, calibrated, count):
+    channels = tuple(
+        channel.model_copy(update={"calibrated": calibrated}) for channel in paper.daq.channels
+    )
+    daq = paper.daq.model_copy(update={"channels": channels})
+    rig = paper.model_copy(update={"daq": daq})
+    volts = sensed(paper, [stroke, lambda t: 0.0 * t])
+    press = load_press(record(rig, volts, simulated=False))
+    assert len(press.warnings) == count
+    assert all("calibrat" in warning for warning in press.warnings)
+    press.path.unlink()
+    assert load_press(record(rig, volts)).warnings == ()

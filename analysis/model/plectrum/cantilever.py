@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike
 
 from analysis.errors import ModelError
 from analysis.model.plectrum.base import Bend, Floats
-from rig.schema import Plectrum
+from rig.instrument import Plectrum
 
 FRICTION_MAX = 0.5
 """1, largest coefficient of friction that a level answers for."""

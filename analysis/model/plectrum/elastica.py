@@ -19,7 +19,7 @@ from numpy.polynomial.chebyshev import chebval
 
 from analysis.model.plectrum.base import Bend, Floats
 from analysis.model.plectrum.cantilever import Cantilever, similar
-from rig.schema import Plectrum
+from rig.instrument import Plectrum
 
 Q_MAX = 3.43
 """1, largest load q that is tabulated without friction: the tangent has turned by 90 degrees

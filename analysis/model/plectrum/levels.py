@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 from analysis.errors import ModelError
 from analysis.model.plectrum.base import PlectrumMap
-from rig.schema import Plectrum
+from rig.instrument import Plectrum
 
 
 def plectrum_map(plectrum: Plectrum, level: str) -> PlectrumMap:

@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike
 from analysis.errors import ModelError
 from analysis.model.plectrum.base import Bend, Floats
 from analysis.model.plectrum.cantilever import Cantilever, similar
-from rig.schema import Plectrum
+from rig.instrument import Plectrum
 
 RODS = 20
 """Rods by default: deflections 0.125 % too large under small loads."""

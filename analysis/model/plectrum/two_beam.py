@@ -11,7 +11,7 @@ import numpy as np
 from analysis.errors import ModelError
 from analysis.model.plectrum.base import Bend, Floats
 from analysis.model.plectrum.cantilever import Cantilever
-from rig.schema import Plectrum
+from rig.instrument import Plectrum
 
 
 class TwoBeam(Cantilever):

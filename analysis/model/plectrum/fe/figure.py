@@ -9,7 +9,7 @@ from analysis.errors import ModelError
 from analysis.model.plectrum.base import Floats
 from analysis.model.plectrum.fe.mesh import Grid
 from analysis.model.plectrum.fe.profile import profile_of
-from rig.schema import Plectrum
+from rig.instrument import Plectrum
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

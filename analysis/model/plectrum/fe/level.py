@@ -8,7 +8,7 @@ from analysis.model.plectrum.base import Bend, Floats
 from analysis.model.plectrum.fe.cache import stored
 from analysis.model.plectrum.fe.profile import profile_of
 from analysis.model.plectrum.fe.table import MARGIN, Table
-from rig.schema import Plectrum
+from rig.instrument import Plectrum
 
 REACHES = ((0.1, 0.85), (0.2, 0.7), (0.4, 0.5), (0.7, 0.2))
 """1, of the length: largest overlap, and the nearest s that is then tabulated."""

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from analysis.errors import ModelError
 from analysis.model.plectrum.base import Floats
-from rig.schema import Outline, Plectrum
+from rig.instrument import Outline, Plectrum
 
 SAME_LENGTH = 1e-3
 """1, by which an outline may be longer or shorter than its plectrum."""

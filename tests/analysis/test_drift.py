@@ -1,0 +1,172 @@
+"""The integral of a noisy, AC-coupled velocity with an offset, held to the press's own rests."""
+
+import numpy as np
+import pytest
+from scipy.integrate import cumulative_trapezoid
+
+from analysis.drift import find_rests, force_at_rest, without_drift
+from daq.delays import undelayed
+from daq.sensors import correct, undo_high_pass
+from rig.load import load_rig
+from sim_backend.scene import load_scene
+from sim_backend.sensors import SensorChain
+
+RATE = 51_200.0
+VELOCITY, FORCE = load_rig("paper").daq.channels
+SENSORS = load_scene("paper").sensors
+
+
+def motion(time, back=True, start=0.02):
+    """Velocity under the laser, m/s: 3.8 mm down in 0.15 s, at rest, and back by 0.5 s."""
+
+    def stroke(begin, length, width):
+        u = np.clip((time - begin) / length, 0, 1)
+        return width / length * (1 - np.cos(2 * np.pi * u)) * ((u > 0) & (u < 1))
+
+    return stroke(start, 0.15, 3.8e-3) - back * stroke(start + 0.2, 0.28, 3.8e-3)
+
+
+def sampled(seed=0, offset=0.0, back=True, until=0.53, channel=VELOCITY):
+    """Volts of the simulated sensor on that motion; ``offset`` in V comes after the coupling."""
+    chain = SensorChain(channel, SENSORS, RATE, 0.0, np.random.default_rng(seed))
+    fine = np.arange(1, int(until * 4 * RATE)) / (4 * RATE)
+    chain.input.extend(fine, motion(fine, back), [])
+    return chain.volts(0, int(until * RATE)) + offset
+
+
+def deflection(velocity):
+    return cumulative_trapezoid(velocity, dx=1 / RATE, initial=0)
+
+
+def held(volts, returns=True, channel=VELOCITY):
+    velocity = undelayed(correct(volts, channel, RATE), channel.lag * RATE)
+    rests = find_rests(velocity, RATE)
+    return without_drift(velocity, rests, RATE, 0.0, channel.high_pass, returns)
+
+
+@pytest.mark.parametrize("offset", [0.0, 0.5e-3, -2e-3])
+def test_the_deflection_drifts_by_less_than_5_um(offset):
+    """With the noise of the scene `paper`, and offsets of 0, 12.5 and 50 um/s."""
+    worst = unheld = 0.0
+    for seed in range(20):
+        volts = sampled(seed, offset)
+        velocity, drift, warnings = held(volts)
+        truth = deflection(motion(np.arange(len(velocity)) / RATE))
+        worst = max(worst, np.abs(deflection(velocity) - truth).max())
+        alone = undelayed(correct(volts, VELOCITY, RATE), VELOCITY.lag * RATE)
+        unheld = max(unheld, np.abs(deflection(alone) - truth).max())
+        assert warnings == []
+        assert abs(drift.closure) < 5e-6
+    assert worst < 2e-6
+    assert unheld > min(5e-6, abs(offset) * 0.025 * 0.5) / 2
+
+
+def test_the_rests_lie_outside_the_motion():
+    velocity = undelayed(correct(sampled(), VELOCITY, RATE), VELOCITY.lag * RATE)
+    rests = find_rests(velocity, RATE)
+    time = np.arange(len(velocity)) / RATE
+    assert 0.015 < time[rests.before][-1] < 0.025
+    assert 0.49 < time[rests.after][0] < 0.51
+    assert np.abs(motion(time[rests.before])).max() < 1e-4
+    assert np.abs(motion(time[rests.after])).max() < 1e-4
+
+
+def test_times_are_from_the_trigger():
+    velocity = undelayed(correct(sampled(), VELOCITY, RATE), VELOCITY.lag * RATE)
+    rests = find_rests(velocity, RATE)
+    _, drift, _ = without_drift(velocity, rests, RATE, -0.1, 0.5, True)
+    assert drift.before[0] == -0.1
+    assert drift.after[1] == pytest.approx(-0.1 + len(velocity) / RATE)
+
+
+@pytest.mark.parametrize("returns", [True, False])
+def test_a_key_that_stays_down_is_not_brought_back(returns):
+    """Planned or not; where it was to come back there is a warning."""
+    velocity, drift, warnings = held(sampled(back=False), returns)
+    assert deflection(velocity)[-1] == pytest.approx(3.8e-3, abs=5e-6)
+    assert drift.closure is None
+    assert len(warnings) == returns
+    if returns:
+        assert "the key did not come back: 3.8 mm under the laser" in warnings[0]
+
+
+def test_without_a_rest_before_nothing_is_taken_off():
+    volts = sampled()[2000:]
+    velocity, drift, (warning,) = held(volts)
+    alone = undelayed(correct(volts, VELOCITY, RATE), VELOCITY.lag * RATE)
+    assert np.array_equal(velocity, alone)
+    assert drift.before is None
+    assert drift.velocity == drift.deflection == 0
+    assert "record from before the motion on" in warning
+
+
+def test_without_a_rest_after_the_offset_is_that_before():
+    velocity, drift, (warning,) = held(sampled(offset=2e-3, until=0.3))
+    truth = deflection(motion(np.arange(len(velocity)) / RATE))
+    assert np.abs(deflection(velocity) - truth).max() < 5e-6
+    assert drift.after is None
+    assert "nothing checks the end" in warning
+
+
+def test_a_key_that_never_moved_has_no_rests():
+    noise = 5e-5 * np.random.default_rng(0).standard_normal(20_000)
+    for velocity in (noise, np.zeros(20_000), np.full(20_000, 0.03), np.zeros(10), np.empty(0)):
+        rests = find_rests(velocity, RATE)
+        assert len(velocity[rests.before]) == len(velocity[rests.after]) == 0
+
+
+def test_a_cruise_that_the_record_ends_in_is_no_rest():
+    time = np.arange(20_000) / RATE
+    rests = find_rests(0.027 * np.clip((time - 0.05) / 0.01, 0, 1), RATE)
+    assert len(time[rests.before]) > 2000
+    assert len(time[rests.after]) == 0
+
+
+def test_a_wrong_corner_is_told():
+    """A sensor of 0.6 Hz whose chart says 0.5 Hz: the rests and the return contradict."""
+    volts = sampled(channel=VELOCITY.model_copy(update={"high_pass": 0.6}))
+    _, _, warnings = held(volts)
+    assert len(warnings) == 1
+    assert "corner" in warnings[0]
+
+
+def test_what_no_offset_can_be_is_not_taken_for_one():
+    """A key that creeps in its rests by 0.2 mm/s, and yet comes back."""
+    time = np.arange(int(0.53 * RATE)) / RATE
+    creep = 2e-4 * ((time < 0.02) | (time > 0.5))
+    velocity, drift, (warning,) = without_drift(
+        motion(time) + creep, find_rests(motion(time), RATE), RATE, 0.0, 0.0, True
+    )
+    assert drift.velocity < 2e-5
+    assert "no offset of the sensor makes both" in warning
+    assert abs(deflection(velocity)[-1]) < 1e-5
+
+
+def rest_of(level, slope, seconds, seed=0):
+    time = np.arange(int(seconds * RATE)) / RATE
+    return level + slope * time + 0.005 * np.random.default_rng(seed).standard_normal(len(time))
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_an_offset_stays_and_an_earlier_force_decays(seed):
+    """0.1 N in a rest of 0.3 s: 0.1 Hz lets it decay by 63 mN/s."""
+    w = 2 * np.pi * 0.1
+    assert force_at_rest(rest_of(0.1, 0.0, 0.3, seed), RATE, 0.1) == (
+        pytest.approx(0.1, abs=1e-3),
+        True,
+    )
+    level, is_offset = force_at_rest(rest_of(0.1, -w * 0.1, 0.3, seed), RATE, 0.1)
+    assert not is_offset
+    assert level == pytest.approx(0.1 - 0.15 * w * 0.1, abs=1e-3)
+
+
+def test_a_short_rest_cannot_tell_and_takes_it_for_an_offset():
+    assert force_at_rest(rest_of(0.01, -0.006, 0.02), RATE, 0.1)[1]
+
+
+def test_an_offset_taken_off_first_leaves_no_ramp():
+    """Which is what the force's level is for: 50 mN would become 16 mN in 0.5 s."""
+    n = 25_600
+    shown = np.full(n, 0.05)
+    undone = undo_high_pass(shown, 0.1, RATE)
+    assert undone[-1] - undone[0] == pytest.approx(0.0157, rel=0.01)

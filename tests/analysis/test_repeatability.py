@@ -1,0 +1,91 @@
+"""Repeatability of presses whose spread and drift are known."""
+
+import numpy as np
+import pytest
+
+from analysis.errors import AnalysisError
+from analysis.press import Press
+from analysis.repeatability import repeatability
+from trajectory.timing import press_law
+
+
+@pytest.fixture(scope="module")
+def law(paper):
+    return press_law(paper.press)
+
+
+def presses(paper, law, offsets, speeds):
+    """Make presses that are the plan but for an offset [m] and a factor of speed."""
+    from pathlib import Path
+
+    import pandas as pd
+
+    time = np.arange(0, law.law.duration, 1e-4)
+    made = []
+    for offset, factor in zip(offsets, speeds, strict=True):
+        plan = law.law.at(time)
+        rise = offset + factor * plan.position
+        frame = pd.DataFrame(
+            {"jack_rise": rise, "jack_speed": factor * plan.velocity},
+            index=pd.Index(time, name="time"),
+        )
+        made.append(Press(path=Path("p.mcap"), rig=paper, simulated=True, data=frame, rate=1e4))
+    return made
+
+
+def test_equal_presses_have_no_spread(paper, law):
+    found = repeatability(presses(paper, law, np.zeros(5), np.ones(5)), law)
+    assert found.presses == 5
+    assert found.path_repeatability == pytest.approx(0, abs=1e-15)
+    assert found.path_accuracy < 1e-8
+    assert found.velocity_repeatability.value == pytest.approx(0, abs=1e-12)
+    assert abs(found.velocity_accuracy) < 1e-6
+    assert not found.rise_drift.told
+
+
+def test_known_offsets_and_speeds(paper, law):
+    offsets = np.array([-1e-5, 0, 1e-5])
+    found = repeatability(presses(paper, law, offsets, np.ones(3)), law)
+    distance = np.abs(offsets)
+    assert found.path_repeatability == pytest.approx(
+        distance.mean() + 3 * distance.std(ddof=1), rel=1e-6
+    )
+    speeds = np.array([0.99, 1.0, 1.02, 1.01])
+    found = repeatability(presses(paper, law, np.zeros(4), speeds), law)
+    assert found.velocity_repeatability.value == pytest.approx(3 * speeds.std(ddof=1), rel=1e-6)
+    assert found.velocity_accuracy == pytest.approx(speeds.mean() - 1, rel=1e-4)
+
+
+def test_a_slow_press_is_less_accurate(paper, law):
+    found = repeatability(presses(paper, law, np.zeros(3), np.full(3, 0.9)), law)
+    assert found.velocity_accuracy == pytest.approx(-0.1, rel=1e-3)
+    assert found.path_accuracy == pytest.approx(0.1 * law.law.at(law.cruise_end).position, rel=0.02)
+
+
+def test_intervals_cover_a_known_jitter(paper, law):
+    """95 % intervals of the spread hold the truth in some 95 % of sessions."""
+    random = np.random.default_rng(3)
+    sigma, sessions = 2e-3, 120
+    held = 0
+    for _ in range(sessions):
+        speeds = 1 + sigma * random.standard_normal(8)
+        spread = repeatability(presses(paper, law, np.zeros(8), speeds), law).velocity_repeatability
+        held += spread.low <= 3 * sigma <= spread.high
+    assert 0.88 <= held / sessions <= 1.0
+
+
+def test_a_drift_is_told(paper, law):
+    offsets = 1e-6 * np.arange(20) + 1e-7 * np.random.default_rng(0).standard_normal(20)
+    found = repeatability(presses(paper, law, offsets, np.ones(20)), law)
+    assert found.rise_drift.told
+    assert found.rise_drift.low < 1e-6 < found.rise_drift.high
+    assert not found.speed_drift.told
+
+
+def test_too_few_or_too_short(paper, law):
+    with pytest.raises(AnalysisError, match="3 or more"):
+        repeatability(presses(paper, law, np.zeros(2), np.ones(2)), law)
+    made = presses(paper, law, np.zeros(3), np.ones(3))
+    short = Press(made[0].path, paper, True, made[0].data.iloc[:300], 1e4)
+    with pytest.raises(AnalysisError, match=r"p\.mcap ends at"):
+        repeatability([*made[1:], short], law)
