@@ -18,8 +18,8 @@ from analysis.model.plectrum.fe.build import build
 from analysis.model.plectrum.fe.level import FE, REACHES
 from analysis.model.plectrum.fe.profile import profile_of
 from benchmarks.figures import Figure
+from rig.instrument import Plectrum
 from rig.load import load_rig
-from rig.schema import Plectrum
 
 FORCES = (0.5, 1.0)
 """N."""

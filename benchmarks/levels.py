@@ -11,8 +11,9 @@ from analysis.model.plectrum.levels import plectrum_map
 from analysis.model.plectrum.rods import Rods
 from analysis.model.pluck import Pluck, solve_pluck
 from benchmarks.figures import Figure, median_time
+from rig.instrument import Plectrum
 from rig.load import load_rig
-from rig.schema import Plectrum, Rig
+from rig.schema import Rig
 
 DEAREST = "elastica"
 """The exact level that the others are held against."""

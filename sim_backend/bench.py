@@ -4,31 +4,27 @@ import contextlib
 import os
 import threading
 import time
-from dataclasses import dataclass
 
 from rig.load import with_values
 from rig.schema import Rig
-from sim_backend.daqmx.server import DaqmxServer, TaskSetup, serve
+from sim_backend.clock import Clock
+from sim_backend.daqmx.server import DaqmxError, DaqmxServer, TaskSetup, serve
+from sim_backend.faults.line import bad_line
+from sim_backend.faults.strikes import Strikes
 from sim_backend.galil.firmware import GalilFirmware
+from sim_backend.physics.world import new_world
+from sim_backend.plant import ArmPlant
+from sim_backend.prepare import prepared
 from sim_backend.runs import SampledRun
 from sim_backend.scene import Scene
-from sim_backend.serial_port import PtyPort, SocketPort
-from sim_backend.world import World
+from sim_backend.serial_port import PortGone, PtyPort, SocketPort
+from sim_backend.truth import Truth, truths
+from sim_backend.turns import Turns
 
-AMPLIFIER_VOLTS = 9.998
-"""V, command of an amplifier at the torque limit."""
 SETTLING = 2.0
 """s, for which time goes on after a motion so that the arm comes to rest."""
 PATIENCE = 60.0
 """s of simulated time that may pass before a command is carried out."""
-
-
-@dataclass(frozen=True)
-class Truth:
-    """What really happened after one trigger; s from its edge."""
-
-    contacts: tuple[float, ...]
-    releases: tuple[float, ...]
 
 
 class Bench:
@@ -37,154 +33,191 @@ class Bench:
     Args:
         rig: The nominal bench; the scene may make the true one differ.
         scene: What is simulated.
-        seed: Of all noise.
+        seed: Of all noise and of every fault.
         paced: Whether simulated time keeps to the wall clock.
+
+    Raises:
+        SceneError: The scene has no arm, or faults that cannot strike on this bench, or it
+            asks for an accuracy that cannot be had.
     """
 
     def __init__(self, rig: Rig, scene: Scene, seed: int = 0, paced: bool = False):
-        self.scene = scene
+        self.scene, self.reached = prepared(rig, scene)
+        """The scene with every choice made, and what accuracy that reaches; empty where none
+        was asked for."""
         self.paced = paced
-        self.world = World(rig, scene)
+        self.world = new_world(rig, self.scene)
         self.rig = scene.as_wired(self.world.rig)
         self.name = rig.daq.device
-        self.terminals = tuple(channel.terminal for channel in rig.daq.channels)
         self.failure: Exception | None = None
+        self.finger_force = 0.0
+        """N, of the finger on the key now."""
+        self._plant = ArmPlant(self.world)
+        self._terminals = tuple(channel.terminal for channel in rig.daq.channels)
         self._seed = seed
         self._runs: list[SampledRun] = []
-        self._changed = threading.Condition(threading.RLock())
-        self._closing = False
-        self._rest_force = 0.0
+        self._armed = 0
+        self._starts: list[float] = []
+        self._strikes = Strikes(self.scene.faults, self._plant, lambda: self.world.time)
+        self._turns = Turns()
+        self._closing = threading.Event()
         self._stood_at = 0.0
-        self.firmware = GalilFirmware(self, on_output=self._on_output)
-        self._clock = threading.Thread(target=self._run_clock, name="stand-in clock", daemon=True)
+        self._line = bad_line(self.scene.faults, seed, self._strikes.past)
+        self.firmware = GalilFirmware(
+            self._plant, on_output=self._on_output, host_waits=not paced
+        )
+        self._clock = Clock(self, self._turns, paced, self._fail)
 
     def __enter__(self) -> "Bench":
-        self._clock.start()
+        self._clock.__enter__()
         return self
 
     def __exit__(self, *exception: object) -> None:
-        with self._changed:
-            self._closing = True
+        with self._turns:
+            self._closing.set()
             for run in self._runs:
                 run.stopped = True
-            self._changed.notify_all()
-        self._clock.join()
+            self._turns.notify_all()
+        self._clock.__exit__()
 
     # What the controller is wired to.
-
-    def encoder_counts(self) -> tuple[int, int]:
-        """Return the raw encoder counts since power-up."""
-        return self._counts(self.world.finger.joints())
-
-    def home_counts(self) -> tuple[int, int]:
-        """Return the raw encoder counts at the home switches."""
-        return self._counts(self.world.rig.arm.home_angles)
-
-    def torque_volts(self) -> tuple[float, float]:
-        """Return the commands to the amplifiers [V]."""
-        limit = self.world.rig.arm.torque_limit
-        first, second = self.world.finger.torques()
-        return first / limit * AMPLIFIER_VOLTS, second / limit * AMPLIFIER_VOLTS
 
     def receive(self, data: bytes) -> bytes:
         """Pass bytes from the serial line to the controller, and return its answer.
 
         Unless time is paced the host is infinitely slow: what it sends arrives when
         nothing moves any more, so that its own timing never changes what happens.
+
+        Raises:
+            PortGone: The port went with the cable, or the bench has failed.
         """
-        with self._changed:
+        with self._turns:
             if not self.paced:
                 latest = self.world.time + PATIENCE
-                self._changed.wait_for(
-                    lambda: not self._busy or self._closing or self.world.time > latest
+                self._turns.wait_for(
+                    lambda: not self.busy or self._closing.is_set() or self.world.time > latest
                 )
-            answer = self.firmware.receive(data)
-            self._changed.notify_all()
-            return answer
+            if self.failure is not None:
+                raise PortGone
+            try:
+                if self._line is None:
+                    return self.firmware.receive(data)
+                answer = self._line.carry(data, self.firmware.receive)
+                delay = self._line.delay
+            finally:
+                self._turns.notify_all()
+        if answer and delay:
+            self._closing.wait(delay)
+        return answer
+
+    def _on_output(self, number: int, level: bool) -> None:
+        if level and number == self.rig.controller.trigger_output:
+            waiting = [run for run in self._runs if run.waiting_for_trigger]
+            if waiting and self._strikes.begin_press():
+                self._starts.append(self.world.time)
+                for run in waiting:
+                    run.trigger(self.world.time, self._strikes.of_run())
 
     # What the card is wired to.
 
+    @property
+    def terminals(self) -> tuple[str, ...]:
+        """The card's analog inputs.
+
+        Raises:
+            DaqmxError: The card is unplugged.
+        """
+        self._strikes.check_plugged()
+        return self._terminals
+
     def start(self, setup: TaskSetup) -> SampledRun:
-        """Arm an acquisition."""
-        with self._changed:
+        """Arm an acquisition.
+
+        Raises:
+            DaqmxError: The card is unplugged, or the bench has failed.
+        """
+        with self._turns:
+            self._strikes.check_plugged()
+            if self.failure is not None:
+                raise _failed(self.failure)
             run = SampledRun(
                 self.rig,
                 setup.terminals,
                 setup.rate,
                 setup.n_samples,
                 self.scene.sensors,
-                (self._seed, len(self._runs)),
-                self._rest_force,
-                self._changed,
+                self._seed,
+                self._armed,
+                self.finger_force,
+                self._turns,
+                self.scene.faults,
             )
-            self._runs.append(run)
+            self._armed += 1
+            self._runs = [*(other for other in self._runs if not other.over), run]
             if setup.trigger is None:
+                self._starts.append(self.world.time)
                 run.trigger(self.world.time)
             elif setup.trigger.rpartition("/")[2] != self.rig.daq.trigger_source:
                 run.unwired = True
-            self._changed.notify_all()
+            self._turns.notify_all()
             return run
 
     def truth(self) -> list[Truth]:
         """Return what really happened in each triggered acquisition, in order."""
-        with self._changed:
-            starts = [run.trigger_time for run in self._runs if run.trigger_time is not None]
-            events = self.world.events
-            ends = [*starts[1:], float("inf")]
-            return [
-                Truth(
-                    tuple(t - start for t in events.contacts if start <= t < end),
-                    tuple(t - start for t in events.releases if start <= t < end),
-                )
-                for start, end in zip(starts, ends, strict=True)
-            ]
+        with self._turns:
+            return truths(self.world.events, self._starts)
 
-    def _on_output(self, number: int, level: bool) -> None:
-        if level and number == self.rig.controller.trigger_output:
-            for run in self._runs:
-                if not run.unwired:
-                    run.trigger(self.world.time)
-
-    def _counts(self, joints: tuple[float, float]) -> tuple[int, int]:
-        start, radians = self.world.start, self.world.radians_per_count
-        return round((joints[0] - start[0]) / radians), round((joints[1] - start[1]) / radians)
+    # What the clock makes go.
 
     @property
-    def _busy(self) -> bool:
-        if self.firmware.moving or any(run.waiting_for_time for run in self._runs):
+    def time(self) -> float:
+        """s, simulated."""
+        return self.world.time
+
+    @property
+    def busy(self) -> bool:
+        """Whether time must go on: something moves, is sampled, or comes to rest."""
+        if self.firmware.moving or (self.paced and self.firmware.watching):
             return True
+        for run in self._runs:
+            if run.waiting_for_time:
+                return True
         return self.world.time - self._stood_at < SETTLING and not self.world.finger.settled
 
-    def _run_clock(self) -> None:
-        ahead = 0.0
-        while True:
-            with self._changed:
-                idle = not self._busy
-                self._changed.wait_for(lambda: self._busy or self._closing)
-                if self._closing:
-                    return
-                if idle:
-                    ahead = time.monotonic() - self.world.time
-                try:
-                    self._tick()
-                except Exception as error:  # noqa: BLE001 - handed to whoever asks next
-                    self.failure = error
-                    self._closing = True
-                    for run in self._runs:
-                        run.stopped = True
-                self._changed.notify_all()
-            # Outside the lock, so that the host can get a word in between two samples.
-            time.sleep(max(0.0, ahead + self.world.time - time.monotonic()) if self.paced else 0)
+    @property
+    def awaited(self) -> bool:
+        """Whether somebody waits for samples that are there."""
+        return any(run.due for run in self._runs)
 
-    def _tick(self) -> None:
+    def tick(self) -> None:
+        """Do one controller sample."""
+        self._strikes.strike()
         self.firmware.tick()
-        released = len(self.world.events.releases)
-        motions = self.world.advance(self.firmware.reference, any(self.firmware.motors_on))
-        self._rest_force = float(motions.finger_force[-1])
+        events = self.world.events
+        released, returned = len(events.releases), len(events.returns)
+        reference = self._plant.wired(self.firmware.reference)
+        motions = self.world.advance(reference, any(self.firmware.motors_on))
+        self._plant.sample()
+        self.finger_force = float(motions.finger_force[-1])
         if self.firmware.moving:
             self._stood_at = self.world.time
+        if self._runs:
+            events = self.world.events
+            sudden = (*events.releases[released:], *events.returns[returned:])
+            jumps = sorted(event.time for event in sudden)
+            for run in self._runs:
+                run.feed(motions, jumps)
+
+    def _fail(self, error: Exception) -> None:
+        self.failure = error
         for run in self._runs:
-            run.feed(motions, self.world.events.releases[released:])
+            run.fail(lambda: _failed(error))
+        self._closing.set()
+        self._turns.notify_all()
+
+
+def _failed(error: Exception) -> DaqmxError:
+    return DaqmxError(-50150, f"The stand-in has failed: {error}")
 
 
 class StandIn:
@@ -212,16 +245,18 @@ class StandIn:
 
     def __enter__(self) -> "StandIn":
         with contextlib.ExitStack() as stack:
-            stack.enter_context(self.bench)
             self._serial = stack.enter_context(self._make_port(self.bench.receive))
             self._daq: DaqmxServer = stack.enter_context(serve(self.bench))
+            stack.enter_context(self.bench)  # it ends first, so that nobody waits for it
             self._stack = stack.pop_all()
         return self
 
     def __exit__(self, *exception: object) -> None:
         self._stack.close()
-        if self.bench.failure and not exception[0]:
-            raise self.bench.failure
+        if failure := self.bench.failure:
+            if not isinstance(exception[1], BaseException):
+                raise failure
+            exception[1].add_note(f"The stand-in has failed before that: {failure}")
 
     @property
     def serial_port(self) -> str:

@@ -1,18 +1,32 @@
-"""An acquisition on the simulated card: armed, triggered, sampled as time goes on."""
+"""An acquisition on the simulated card: armed, triggered, sampled as far as it is read."""
 
-import threading
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from rig.schema import Rig
-from sim_backend.scene import Sensors
+from sim_backend.faults.sensing import disturbances
+from sim_backend.faults.tables import Faults
+from sim_backend.parts import Sensors
+from sim_backend.physics.events import Motions
 from sim_backend.sensors import SensorChain
-from sim_backend.world import Motions
+from sim_backend.turns import Turns
 from trajectory.motion import Floats
 
 
+@dataclass(frozen=True)
+class RunFault:
+    """An end of an acquisition before its time."""
+
+    sample: int
+    """Number of the first sample that does not come."""
+    strike: Callable[[], Exception]
+    """Makes what a read of it, or of a later one, raises."""
+
+
 class SampledRun:
-    """Samples of the bench, a whole controller sample's worth at a time.
+    """Samples of the bench; they are computed when somebody reads them.
 
     Args:
         rig: The bench as it is wired, with its sensors' charts.
@@ -21,8 +35,10 @@ class SampledRun:
         n_samples: Samples of each channel.
         sensors: What the sensors add to the truth.
         seed: Of the noise.
+        number: Of the run, so that each has a noise of its own.
         rest: Force of the finger before the trigger [N].
-        changed: Notified whenever there are more samples; its lock guards the bench.
+        turns: Notified whenever somebody's samples are there; guards the bench.
+        faults: What goes wrong in the sensors.
     """
 
     def __init__(
@@ -32,9 +48,11 @@ class SampledRun:
         rate: float,
         n_samples: int,
         sensors: Sensors | None,
-        seed: tuple[int, ...],
+        seed: int,
+        number: int,
         rest: float,
-        changed: threading.Condition,
+        turns: Turns,
+        faults: Faults | None = None,
     ):
         self.n_samples = n_samples
         self.rate = rate
@@ -43,69 +61,121 @@ class SampledRun:
         self.stopped = False
         self.unwired = False
         """Whether it waits for a terminal to which nothing is wired."""
+        self._fault: RunFault | None = None
+        self._end = n_samples
         self._laser_arm = rig.key.laser_arm
-        self._changed = changed
+        self._turns = turns
         by_terminal = {channel.terminal: channel for channel in rig.daq.channels}
         self._chains = [
             SensorChain(
-                by_terminal[name],
+                channel := by_terminal[name],
                 sensors,
                 rate,
-                rest if by_terminal[name].quantity == "force" else 0.0,
-                np.random.default_rng([*seed, i]),
+                rest if channel.quantity == "force" else 0.0,
+                np.random.default_rng([seed, number, i]),
+                disturbances(faults, channel.quantity, seed, number, i),
             )
             for i, name in enumerate(terminals)
         ]
-        self._blocks: list[Floats] = [np.empty((len(terminals), 0))]
-        self._done = 0
+        self._fed: list[tuple[Motions, Sequence[float]]] = []
+        self._volts = np.empty((len(terminals), 0))
+        self._computed = self._done = 0
+        self._wanted: list[int] = []
 
     @property
     def waiting_for_time(self) -> bool:
         """Whether samples will come as soon as time goes on."""
-        return self.trigger_time is not None and self._done < self.n_samples and not self.stopped
+        return self.trigger_time is not None and self._done < self._end and not self.stopped
 
-    def trigger(self, time: float) -> None:
+    @property
+    def waiting_for_trigger(self) -> bool:
+        """Whether an edge on the trigger's terminal would start it."""
+        return self.trigger_time is None and not self.stopped and not self.unwired
+
+    @property
+    def over(self) -> bool:
+        """Whether no sample will come any more."""
+        return self.stopped or self._done >= self._end
+
+    @property
+    def due(self) -> bool:
+        """Whether somebody waits for samples that are there."""
+        return bool(self._wanted) and min(self._wanted) <= self._done
+
+    def trigger(self, time: float, fault: RunFault | None = None) -> None:
         """Begin at a moment [s] of the world's clock; a second edge changes nothing."""
         if self.trigger_time is None and not self.stopped:
             self.trigger_time = time
+            self._fault = fault
+            self._end = self.n_samples if fault is None else min(fault.sample, self.n_samples)
 
-    def feed(self, motions: Motions, releases: list[float]) -> None:
-        """Sample what happened in one controller sample.
+    def feed(self, motions: Motions, jumps: Sequence[float] = ()) -> None:
+        """Note what happened in one controller sample.
 
         Args:
             motions: What happened.
-            releases: s on the world's clock, when strings were let go meanwhile.
+            jumps: s on the world's clock, at which the finger's force jumped meanwhile.
         """
-        if not self.waiting_for_time or self.trigger_time is None:
+        if self.trigger_time is None or self.over:
             return
-        times = motions.time - self.trigger_time
-        jumps = [release - self.trigger_time for release in releases]
-        available = min(self.n_samples, int(times[-1] * self.rate * (1 + 1e-12)) + 1)
-        columns = []
-        for chain in self._chains:
-            if chain.channel.quantity == "force":
-                chain.input.extend(times, motions.finger_force, jumps)
-            else:
-                chain.input.extend(times, motions.spin * self._laser_arm, [])
-            columns.append(chain.volts(self._done, available - self._done))
-        self._blocks.append(np.array(columns))
-        self._done = available
+        self._fed.append((motions, jumps))
+        elapsed = float(motions.time[-1]) - self.trigger_time
+        self._done = min(self._end, int(elapsed * self.rate * (1 + 1e-12)) + 1)
 
-    def wait_for(self, n: int, timeout: float) -> int:
+    def wait_for(self, n: int, timeout: float | None) -> int:
         """Return the samples now there, after waiting for n of them or timeout [s]."""
-        with self._changed:
-            self._changed.wait_for(lambda: self._done >= n or self.stopped, timeout)
+        with self._turns:
+            self._wanted.append(n)
+            try:
+                self._turns.wait_for(lambda: self._done >= n or self.over, timeout)
+            finally:
+                self._wanted.remove(n)
+            if self._fault is not None and self._done >= self._end and n > self._fault.sample:
+                raise self._fault.strike()
             return self._done
 
     def read(self, first: int, n: int) -> Floats:
         """Return samples first to first + n [V], shape (n_channels, n)."""
-        with self._changed:
-            if len(self._blocks) > 1:
-                self._blocks = [np.concatenate(self._blocks, axis=1)]
-            return self._blocks[0][:, first : first + n].copy()
+        with self._turns:
+            stop = min(first + n, self._done)
+            if stop > self._computed:
+                self._compute(stop)
+            return self._volts[:, first:stop].copy()
+
+    def fail(self, strike: Callable[[], Exception]) -> None:
+        """End the acquisition where it is; whoever waits for more is raised what this makes."""
+        if not self.over:
+            self._end = self._done
+            self._fault = RunFault(self._done, strike)
 
     def stop(self) -> None:
         """End the acquisition; harmless when it has ended."""
-        with self._changed:
+        with self._turns:
             self.stopped = True
-            self._changed.notify_all()
+            self._turns.notify_all()
+
+    def _compute(self, stop: int) -> None:
+        """Let the sensors show the samples from the last computed one to ``stop``."""
+        self._hand_over()
+        first, room = self._computed, self._volts.shape[1]
+        if stop > room:  # doubled, so that many small reads copy no sample often
+            more = np.empty((len(self._chains), max(stop - room, room)))
+            self._volts = np.concatenate([self._volts, more], axis=1)
+        for row, chain in zip(self._volts, self._chains, strict=True):
+            row[first:stop] = chain.volts(first, stop - first)
+        self._computed = stop
+
+    def _hand_over(self) -> None:
+        """Give what was noted to the sensors."""
+        fed, self._fed = self._fed, []
+        if not fed or self.trigger_time is None:
+            return
+        times = np.concatenate([motions.time for motions, _ in fed]) - self.trigger_time
+        jumps = [jump - self.trigger_time for _, jumps in fed for jump in jumps]
+        for chain in self._chains:
+            if chain.channel.quantity == "force":
+                force = np.concatenate([motions.finger_force for motions, _ in fed])
+                chain.input.extend(times, force, jumps)
+            else:
+                spin = np.concatenate([motions.spin for motions, _ in fed])
+                chain.input.extend(times, spin * self._laser_arm, ())

@@ -1,46 +1,25 @@
-"""A scene: what the stand-in models, and how finely."""
+"""A scene: what the stand-in models, and how finely or how accurately."""
 
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, ValidationError, model_validator
+from pydantic import AfterValidator, Field, ValidationError, model_validator
 
 from rig.faults import fault_list, validation_faults
+from rig.instrument import Choir
 from rig.load import read_toml, with_values
 from rig.packaged import named_text, packaged_names
-from rig.schema import Angle, Force, Frequency, Rig, Section, Time
-from rig.units import Unit
+from rig.schema import Rig
+from rig.section import Angle, Section, Time
+from sim_backend.accuracy import Accuracy
 from sim_backend.errors import SceneError
-
-JointStiffness = Annotated[float, Unit("N*m/rad", "27 N m/rad")]
-JointDamping = Annotated[float, Unit("N*m*s/rad", "0.4 N m s/rad")]
-JointInertia = Annotated[float, Unit("kg*m**2", "2e-3 kg m^2")]
+from sim_backend.faults.tables import Faults
+from sim_backend.parts import Push, Sensors, Servo
 
 
-class Servo(Section):
-    """The two position loops of the arm, each a PID on encoder counts."""
-
-    stiffness: tuple[JointStiffness, JointStiffness]
-    """N m/rad, proportional gain at the joint."""
-    damping: tuple[JointDamping, JointDamping]
-    """N m s/rad, derivative gain at the joint."""
-    integral_time: Time = Field(gt=0)
-    """s, of the integral term."""
-    feedforward: tuple[JointInertia, JointInertia]
-    """kg m^2, torque for each unit of commanded acceleration."""
-
-
-class Sensors(Section):
-    """What the sensors add to the truth; delay, filters and range are the rig's."""
-
-    velocity_noise: Annotated[float, Unit("m/s", "0.05 mm/s")] = Field(ge=0)
-    """m/s rms over the sensor's band."""
-    force_noise: Force = Field(ge=0)
-    """N rms over the sensor's band."""
-    hum: Force = Field(ge=0)
-    """N, amplitude of mains hum on the force."""
-    hum_frequency: Frequency = Field(gt=0)
-    """Hz."""
+def _accuracy(text: str) -> str:
+    Accuracy.parse(text)
+    return text
 
 
 class Scene(Section):
@@ -48,49 +27,105 @@ class Scene(Section):
 
     description: str = ""
     """What the scene is for."""
-    finger: Literal["ideal", "servo"]
-    """`ideal` follows the controller's reference exactly, `servo` is two driven links."""
-    plectrum: Literal["none", "elastica"]
-    """Level of the plectrum; `none` leaves the string mute."""
-    string: Literal["none", "spring"]
-    """The string that the plectrum meets."""
+    finger: Literal["push", "ideal", "servo"]
+    """`push` is a constant force, `ideal` follows the controller's reference exactly, `servo`
+    is two driven links."""
+    plectrum: Literal["none", "auto", "elastica", "rods", "beam", "two-beam", "fe"]
+    """Level of the plectrum; `none` leaves the strings mute."""
+    string: Literal["none", "auto", "spring", "modal"]
+    """The strings that the plectra meet."""
     friction: bool
-    """Whether pivot and register have their friction."""
+    """Whether pivot and registers have their friction."""
     felt: bool
     """Whether the key's front felt is there."""
-    step: Time = Field(gt=0, le=1e-3)
+    tongue: bool = False
+    """Whether a falling plectrum has to pass the string; else it is out of its reach."""
+    damper: bool = False
+    """Whether the jacks carry their dampers."""
+    engine: Literal["auto", "rigid", "reduced"] = "rigid"
+    """`rigid` bodies, or the `reduced` equation of a key that a push or an ideal finger moves."""
+    step: Time | None = Field(default=None, ge=1e-7, le=2e-3)
     """s, longest step; the one taken divides the controller's sample."""
-    iterations: int = Field(ge=1, le=1000)
+    accuracy: Annotated[str, AfterValidator(_accuracy)] | None = None
+    """In place of a step: largest error of events ("10 us") or of forces ("0.1 %")."""
+    iterations: int = Field(default=10, ge=1, le=1000)
     """Of the rigid bodies' constraint solver, each step."""
+    push: Push | None = None
+    """The force; needed by `finger = "push"` alone."""
     servo: Servo | None = None
     """The arm's servo; needed by `finger = "servo"` alone."""
     sensors: Sensors | None = None
     """The sensor chain; without it every sensor gives the truth, at once."""
+    faults: Faults | None = None
+    """What goes wrong; without it nothing does."""
     start_offset: tuple[Angle, Angle] = (0.03, -0.03)
     """rad, of the joints from their home switches when power comes on."""
+    more_choirs: tuple[Choir, ...] | None = None
+    """The simulated instrument's further choirs, in place of the rig's."""
     truth: dict[str, Any] = Field(default_factory=dict)
     """Where the simulated instrument differs from the rig: values by dotted key."""
+    record_truth: bool = False
+    """Whether a file with the true events is left beside every recording, for tests."""
 
     @model_validator(mode="after")
     def _parts_fit(self):
         faults = []
-        if (self.finger == "servo") != (self.servo is not None):
-            faults.append(
-                f'finger: "{self.finger}" and the table [servo] do not go together;'
-                " a servo needs it, and only a servo; add or remove the table"
-            )
+        for part in ("push", "servo"):
+            if (self.finger == part) != (getattr(self, part) is not None):
+                faults.append(
+                    f'finger: "{self.finger}" and the table [{part}] do not go together;'
+                    f' finger = "{part}" needs it, and only that; add or remove the table'
+                )
         if (self.plectrum == "none") != (self.string == "none"):
             faults.append(
                 f'plectrum: "{self.plectrum}" and string "{self.string}" do not go together;'
                 " leave out both or neither"
+            )
+        if (self.step is None) == (self.accuracy is None):
+            given = "neither is" if self.step is None else "both are"
+            faults.append(f"step, accuracy: {given} given; give one of them")
+        if self.accuracy is None:
+            for name in ("engine", "plectrum", "string"):
+                if getattr(self, name) == "auto":
+                    faults.append(
+                        f'{name}: "auto" is chosen by the accuracy asked for; give accuracy in'
+                        f" place of step, or choose the {name}"
+                    )
+        if self.engine == "reduced" and self.finger == "servo":
+            faults.append(
+                'engine: "reduced" is an equation of the key alone, and a servo\'s arm has two'
+                ' joints more; take engine = "rigid"'
+            )
+        if self.engine == "reduced" and self.string == "modal":
+            faults.append(
+                'engine: "reduced" is an equation of the key alone, and a modal string moves by'
+                ' itself; take engine = "rigid" or string = "spring"'
             )
         if faults:
             raise ValueError("\n".join(faults))
         return self
 
     def true_rig(self, rig: Rig) -> Rig:
-        """Return the bench as it is in this scene, which the rig only supposes."""
-        return with_values(rig, self.truth) if self.truth else rig
+        """Return the bench as it is in this scene, which the rig only supposes.
+
+        Raises:
+            SceneError: The scene shows a part of which the rig has no numbers.
+        """
+        if self.more_choirs is not None:
+            rig = rig.model_copy(update={"more_choirs": self.more_choirs})
+        rig = with_values(rig, self.truth) if self.truth else rig
+        faults = []
+        for number, jack in enumerate([rig.jack, *(choir.jack for choir in rig.more_choirs)]):
+            at = f"more_choirs[{number - 1}].jack" if number else "jack"
+            for part in ("tongue", "damper"):
+                if getattr(self, part) and getattr(jack, part) is None:
+                    faults.append(
+                        f"rig {rig.name}: the scene shows the {part}, and the rig has no table"
+                        f" [{at}.{part}]; add it, or set {part} = false in the scene"
+                    )
+        if faults:
+            raise SceneError("\n".join(faults))
+        return rig
 
     def as_wired(self, rig: Rig) -> Rig:
         """Return the rig with the calibration charts of this scene's sensors."""

@@ -1,13 +1,14 @@
 """The sensor chain: from what happens on the bench to volts at the terminal block."""
 
-import bisect
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.random import Generator
 from scipy import signal
 
 from rig.schema import ForceChannel, VelocityChannel
-from sim_backend.scene import Sensors
+from sim_backend.faults.sensing import Disturbance
+from sim_backend.parts import Sensors
 from trajectory.motion import Floats
 
 ADC_RANGE = 10.0
@@ -19,38 +20,37 @@ class Signal:
     """A quantity of the bench over time, linear between instants, with jumps."""
 
     def __init__(self, value: float):
-        self._times, self._values = [0.0], [value]
+        self._times, self._values = np.zeros(1), np.array([value])
 
-    def extend(self, times: Floats, values: Floats, jumps: list[float]) -> None:
+    def extend(self, times: Floats, values: Floats, jumps: Sequence[float]) -> None:
         """Append instants [s from the trigger]; at a jump both sides are carried on."""
         for jump in jumps:
             k = int(np.searchsorted(times, jump))
-            before = (self._times[-1], self._values[-1])
-            if k > 0:
-                before = (float(times[k - 1]), float(values[k - 1]))
-            after = float(values[k]) if k < len(values) else before[1]
-            slope = self._slope(times, values, k)
-            left = before[1] + slope * (jump - before[0])
+            t, v = self._two_before(times, values, k)
+            slope = (v[1] - v[0]) / (t[1] - t[0]) if len(t) == 2 and t[1] > t[0] else 0.0
+            left = v[-1] + slope * (jump - t[-1])
+            after = values[k] if k < len(values) else v[-1]
             times = np.insert(times, k, [jump, np.nextafter(jump, np.inf)])
             values = np.insert(values, k, [left, after])
-        self._times.extend(times.tolist())
-        self._values.extend(values.tolist())
+        self._times = np.concatenate([self._times, times])
+        self._values = np.concatenate([self._values, values])
 
     def at(self, times: Floats) -> Floats:
         """Return the value at times [s] that only grow; before the first instant, that at rest.
 
         Instants that are no longer needed, save two for a slope, are let go.
         """
-        past = bisect.bisect_left(self._times, times[0]) - 2 if len(times) else 0
-        if past > 0:
-            del self._times[:past], self._values[:past]
+        if len(times):
+            past = max(0, int(np.searchsorted(self._times, times[0])) - 2)
+            self._times, self._values = self._times[past:], self._values[past:]
         return np.interp(times, self._times, self._values)
 
-    def _slope(self, times: Floats, values: Floats, k: int) -> float:
-        """Return the slope before instant k, from the two instants before it."""
-        t = [*self._times[-2:], *times[:k].tolist()][-2:]
-        v = [*self._values[-2:], *values[:k].tolist()][-2:]
-        return (v[1] - v[0]) / (t[1] - t[0]) if len(t) == 2 and t[1] > t[0] else 0.0
+    def _two_before(self, times: Floats, values: Floats, k: int) -> tuple[Floats, Floats]:
+        """Return times and values of the two instants before instant k of those to append."""
+        if k >= 2:
+            return times[k - 2 : k], values[k - 2 : k]
+        t = np.concatenate([self._times[-2:], times[:k]])[-2:]
+        return t, np.concatenate([self._values[-2:], values[:k]])[-2:]
 
 
 class SensorChain:
@@ -62,6 +62,7 @@ class SensorChain:
         rate: Hz.
         rest: Value [SI] of the quantity before the trigger.
         random: Source of the noise.
+        disturbances: What goes wrong in the sensor, in its order.
     """
 
     def __init__(
@@ -71,12 +72,14 @@ class SensorChain:
         rate: float,
         rest: float,
         random: Generator,
+        disturbances: Sequence[Disturbance] = (),
     ):
         self.channel = channel
         self.sensors = sensors
         self.rate = rate
         self.input = Signal(rest)
         self._random = random
+        self._disturbances = disturbances
         self._phase = random.uniform(0, 2 * np.pi)
         self._filters = []
         if 0 < channel.low_pass < rate / 2:
@@ -94,6 +97,8 @@ class SensorChain:
             return np.zeros(0)
         times = np.arange(first, first + n) / self.rate
         value = self.input.at(times - self.channel.delay)
+        for disturbance in self._disturbances:
+            value = disturbance.disturb(times, value)
         for state in self._filters:
             b, a, zi = state
             value, state[2] = signal.lfilter(b, a, value, zi=zi)

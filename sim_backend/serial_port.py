@@ -19,6 +19,10 @@ Handler = Callable[[bytes], bytes]
 _CHUNK = 4096
 
 
+class PortGone(Exception):  # noqa: N818 - the name says what happened
+    """Raised by a handler whose line is gone for good: the port closes without a word."""
+
+
 class _Port:
     """The thread, and its bookkeeping: subclasses open, wait, read and write."""
 
@@ -27,10 +31,10 @@ class _Port:
         """What pyserial opens; known once the port is entered."""
         self._handler = handler
         self._failure: Exception | None = None
-        self._stopping = False
+        self._stopping = self._gone = False
 
     def __enter__(self) -> Self:
-        self._failure, self._stopping = None, False
+        self._failure, self._stopping, self._gone = None, False, False
         self._waker, self._wake = socket.socketpair()
         try:
             self._open()
@@ -56,7 +60,8 @@ class _Port:
         self._stopping = True
         self._waker.send(b"x")
         self._thread.join()
-        self._close()
+        if not self._gone:
+            self._close()
         self._waker.close()
         self._wake.close()
         if self._failure is not None and error is None:
@@ -65,6 +70,9 @@ class _Port:
     def _run(self) -> None:
         try:
             self._serve()
+        except PortGone:
+            self._gone = True
+            self._close()
         except Exception as error:  # noqa: BLE001 - the thread has nobody else to tell; __exit__ raises it
             self._failure = error
 

@@ -69,21 +69,27 @@ class Servicer(Properties):
         return pb.CfgDigEdgeStartTrigResponse()
 
     @call
+    def CfgDigEdgeRefTrig(self, request, context):  # noqa: N802
+        edge = request.trigger_edge_raw or request.trigger_edge
+        before = request.pretrigger_samples
+        self._task(request).set_trigger(request.trigger_source, edge, before)
+        return pb.CfgDigEdgeRefTrigResponse()
+
+    @call
     def DisableStartTrig(self, request, context):  # noqa: N802
-        self._task(request).trigger = None
+        self._task(request).remove_trigger(reference=False)
         return pb.DisableStartTrigResponse()
+
+    @call
+    def DisableRefTrig(self, request, context):  # noqa: N802
+        self._task(request).remove_trigger(reference=True)
+        return pb.DisableRefTrigResponse()
 
     @call
     def SetBufferAttributeUInt32(self, request, context):  # noqa: N802
         task = self._task(request)
-        # The card keeps a whole finite run, so that a buffer of another size changes nothing.
         look_up({0x186C: lambda: None}, request)
-        if task.rate is not None and request.value < task.n_samples:
-            raise DaqmxError(
-                -200077,
-                f"Input buffer of {request.value} samples is less than the {task.n_samples}"
-                " of the finite acquisition.",
-            )
+        task.set_buffer(request.value)
         return pb.SetBufferAttributeUInt32Response()
 
     # Running it
@@ -133,15 +139,15 @@ class Servicer(Properties):
     @call
     def IsTaskDone(self, request, context):  # noqa: N802
         task = self._task(request)
-        done = task.run is None or task.run.wait_for(0, 0.0) >= task.n_samples
+        done = task.run is None or task.run.wait_for(0, 0.0) >= task.length
         return pb.IsTaskDoneResponse(is_task_done=done)
 
     @call
     def WaitUntilTaskDone(self, request, context):  # noqa: N802
         task = self._task(request)
         if task.run is not None:
-            there = task.wait(task.n_samples, request.time_to_wait, context.is_active)
-            if there < task.n_samples:
+            there = task.wait(task.length, request.time_to_wait, context.is_active)
+            if there < task.length:
                 raise DaqmxError(
                     -200560, "Wait Until Done did not indicate that the task was done in time."
                 )
@@ -181,7 +187,7 @@ class Servicer(Properties):
         whole[:, : volts.shape[1]] = volts
         return pb.ReadAnalogF64Response(
             status=0 if complete else _NOT_YET_AVAILABLE,
-            read_array=(whole if fill == _BY_CHANNEL else whole.T).ravel(),
+            read_array=(whole if fill == _BY_CHANNEL else whole.T).ravel().tolist(),
             samps_per_chan_read=volts.shape[1],
         )
 

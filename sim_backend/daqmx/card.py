@@ -2,7 +2,7 @@
 
 import re
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +18,14 @@ class DaqmxError(Exception):
         """Samples of each channel that a failed read gave; None where nothing was read."""
 
 
+class ServerGone(Exception):  # noqa: N818 - the name says what happened
+    """Raised by a card whose server is to be gone from now on: no call is answered any more."""
+
+
+ENDLESS = 2**62
+"""Samples that no acquisition comes to."""
+
+
 @dataclass(frozen=True)
 class TaskSetup:
     """What a task asks of the card when it starts."""
@@ -27,7 +35,8 @@ class TaskSetup:
     rate: float
     """Hz, of every channel."""
     n_samples: int
-    """Samples of each channel, after which the acquisition ends by itself."""
+    """Samples of each channel, after which the acquisition ends by itself; `ENDLESS` for a
+    continuous one."""
     trigger: str | None
     """Terminal whose rising edge starts the samples, ``"/Dev1/PFI0"``; None starts at once."""
 
@@ -39,7 +48,7 @@ class Run(Protocol):
         """Return the samples of each channel now there, after waiting for ``n`` of them.
 
         Returns before ``timeout`` (s, of the wall clock) only with ``n`` samples or more,
-        or after `stop`.
+        or after `stop`. May raise `DaqmxError` or `ServerGone`.
         """
         ...
 
@@ -49,6 +58,16 @@ class Run(Protocol):
 
     def stop(self) -> None:
         """End the acquisition; harmless when it has ended."""
+        ...
+
+
+class AroundRun(Run, Protocol):
+    """A started acquisition around an edge; what it waits for and reads counts from the first
+    sample before the edge that is kept, and is there when the whole is."""
+
+    @property
+    def acquired(self) -> int:
+        """Samples of each channel acquired since it was started, kept or not."""
         ...
 
 
@@ -62,11 +81,28 @@ class Card(Protocol):
 
     @property
     def terminals(self) -> tuple[str, ...]:
-        """Its analog inputs, ``("ai0", "ai1")``."""
+        """Its analog inputs, ``("ai0", "ai1")``; raises `DaqmxError` where the device is gone."""
+        ...
+
+    @property
+    def paced(self) -> bool:
+        """Whether samples come whether or not they are read, so that a buffer can run over."""
         ...
 
     def start(self, setup: TaskSetup) -> Run:
         """Arm an acquisition."""
+        ...
+
+
+@runtime_checkable
+class AroundCard(Card, Protocol):
+    """A DAQ device with a reference trigger, which not all have."""
+
+    def start_around(self, setup: TaskSetup, before: int) -> AroundRun:
+        """Start an acquisition of which so many samples lie before the edge of its trigger.
+
+        An edge that comes before there are so many goes unheard.
+        """
         ...
 
 

@@ -9,25 +9,34 @@ import grpc
 from nidaqmx._stubs import nidaqmx_pb2 as pb
 from nidaqmx._stubs import nidaqmx_pb2_grpc
 
-from sim_backend.daqmx.card import Card, DaqmxError
+from sim_backend.daqmx.card import Card, DaqmxError, ServerGone
 from sim_backend.daqmx.task import MAX_RATE, MAX_VOLTAGE, CardTask
 
 PRODUCT_TYPE = "sautereau stand-in"
 SERIAL_NUMBER = 0x5A07E2EA
 _DRIVER_VERSION = {0x1272: 25, 0x1923: 0, 0x2F22: 0}
-_ANALOG_INPUT, _VOLTAGE, _UNKNOWN_PRODUCT, _FINITE = 10100, 10322, 12588, 10178
+_ANALOG_INPUT, _VOLTAGE, _UNKNOWN_PRODUCT = 10100, 10322, 12588
+_GONE = "Socket closed"
 
 Value = TypeVar("Value")
 Table = dict[int, Callable[[], Value]]
 
 
 def call(method: Callable[..., Any]) -> Callable[..., Any]:
-    """Answer a `DaqmxError` the way the real server answers the driver's errors."""
+    """Answer a `DaqmxError` the way the real server answers the driver's errors.
+
+    A server that is gone answers every call as gRPC does where nobody listens.
+    """
 
     @wraps(method)
     def answer(self: "Properties", request: Any, context: grpc.ServicerContext) -> Any:
+        if self._gone:
+            context.abort(grpc.StatusCode.UNAVAILABLE, _GONE)
         try:
             return method(self, request, context)
+        except ServerGone:
+            self._gone = True
+            context.abort(grpc.StatusCode.UNAVAILABLE, _GONE)
         except DaqmxError as fault:
             trailer = [("ni-error", str(fault.code))]
             if fault.samples_read is not None:
@@ -52,6 +61,7 @@ class Properties(nidaqmx_pb2_grpc.NiDAQmxServicer):
         self._card = card
         self._tasks: dict[str, CardTask] = {}
         self._lock = threading.Lock()
+        self._gone = False
 
     def _task(self, request: Any) -> CardTask:
         task = self._tasks.get(request.task.name)
@@ -59,11 +69,13 @@ class Properties(nidaqmx_pb2_grpc.NiDAQmxServicer):
             raise DaqmxError(-200088, "Task specified is invalid or does not exist.")
         return task
 
-    def _device(self, request: Any) -> None:
+    def _device(self, request: Any) -> tuple[str, ...]:
+        """Return the inputs of the device asked about."""
         if request.device_name.lower() != self._card.name.lower():
             raise DaqmxError(
                 -200220, f"Device identifier is invalid. Device: {request.device_name}"
             )
+        return self._card.terminals
 
     # System and device
 
@@ -84,8 +96,8 @@ class Properties(nidaqmx_pb2_grpc.NiDAQmxServicer):
 
     @call
     def GetDeviceAttributeString(self, request, context):  # noqa: N802
-        self._device(request)
-        inputs = ", ".join(f"{self._card.name}/{terminal}" for terminal in self._card.terminals)
+        terminals = self._device(request)
+        inputs = ", ".join(f"{self._card.name}/{terminal}" for terminal in terminals)
         table: Table[str] = {0x631: lambda: PRODUCT_TYPE, 0x231E: lambda: inputs}
         # It has no analog outputs, digital lines, digital ports, nor counters.
         table |= {k: lambda: "" for k in (0x231F, 0x2320, 0x2321, 0x2322, 0x2323, 0x2324, 0x2325)}
@@ -150,6 +162,12 @@ class Properties(nidaqmx_pb2_grpc.NiDAQmxServicer):
         physical = ", ".join(f"{self._card.name}/{terminal}" for terminal in terminals)
         return pb.GetChanAttributeStringResponse(value=look_up({0x18F5: lambda: physical}, request))
 
+    @call
+    def GetChanAttributeDouble(self, request, context):  # noqa: N802
+        self._channel(request)
+        table: Table[float] = {0x1815: lambda: MAX_VOLTAGE, 0x1816: lambda: -MAX_VOLTAGE}
+        return pb.GetChanAttributeDoubleResponse(value=look_up(table, request))
+
     def _channel(self, request: Any) -> list[str]:
         """Return the terminals of the channels asked about, all where none is named."""
         channels = self._task(request).channels
@@ -167,8 +185,8 @@ class Properties(nidaqmx_pb2_grpc.NiDAQmxServicer):
 
     @call
     def GetTimingAttributeInt32(self, request, context):  # noqa: N802
-        self._task(request)
-        table: Table[int] = {0x1300: lambda: _FINITE}
+        task = self._task(request)
+        table: Table[int] = {0x1300: lambda: task.mode}
         return pb.GetTimingAttributeInt32Response(value_raw=look_up(table, request))
 
     @call
@@ -176,6 +194,19 @@ class Properties(nidaqmx_pb2_grpc.NiDAQmxServicer):
         task = self._task(request)
         table: Table[int] = {0x1310: lambda: task.n_samples}
         return pb.GetTimingAttributeUInt64Response(value=look_up(table, request))
+
+    @call
+    def SetReadAttributeInt32(self, request, context):  # noqa: N802
+        task = self._task(request)
+        value = request.value_raw or request.value
+        look_up({0x190A: lambda: task.read_from(value)}, request)
+        return pb.SetReadAttributeInt32Response()
+
+    @call
+    def GetReadAttributeInt32(self, request, context):  # noqa: N802
+        task = self._task(request)
+        table: Table[int] = {0x190A: lambda: task.relative}
+        return pb.GetReadAttributeInt32Response(value_raw=look_up(table, request))
 
     @call
     def GetReadAttributeString(self, request, context):  # noqa: N802
@@ -198,7 +229,7 @@ class Properties(nidaqmx_pb2_grpc.NiDAQmxServicer):
         task = self._task(request)
         table: Table[int] = {
             0x1221: lambda: task.position,
-            0x192A: lambda: task.position + task.available(),
+            0x192A: task.acquired,
         }
         return pb.GetReadAttributeUInt64Response(value=look_up(table, request))
 
@@ -210,5 +241,5 @@ class Properties(nidaqmx_pb2_grpc.NiDAQmxServicer):
     @call
     def GetBufferAttributeUInt32(self, request, context):  # noqa: N802
         task = self._task(request)
-        table: Table[int] = {0x186C: lambda: task.n_samples}
+        table: Table[int] = {0x186C: lambda: task.buffer_size}
         return pb.GetBufferAttributeUInt32Response(value=look_up(table, request))

@@ -9,7 +9,16 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from sim_backend.daqmx.card import Card, DaqmxError, Run, TaskSetup, physical_channels
+from sim_backend.daqmx.card import (
+    ENDLESS,
+    AroundCard,
+    AroundRun,
+    Card,
+    DaqmxError,
+    Run,
+    TaskSetup,
+    physical_channels,
+)
 
 MAX_RATE = 1e6
 """Hz, fastest sample clock of the stand-in."""
@@ -20,7 +29,11 @@ ON_DEMAND_RATE = 1000.0
 _SLICE = 0.1
 """s, after which a waiting read looks whether anyone still wants it."""
 
-_FINITE, _CONTINUOUS, _RISING, _VOLTS = 10178, 10123, 10280, 10348
+FINITE, CONTINUOUS = 10178, 10123
+_CURRENT, _FIRST_BEFORE = 10425, 10427
+_RISING, _VOLTS = 10280, 10348
+_BUFFERS = ((100.0, 1_000), (10e3, 10_000), (1e6, 100_000))
+"""Hz and samples: the buffer that a continuous task has up to a rate, where none is asked for."""
 _TERMINAL_CONFIGURATIONS = (-1, 10083, 10078, 10106, 12529)
 
 
@@ -34,9 +47,19 @@ class CardTask:
     """Terminal of each virtual channel, by its name, in order."""
     rate: float | None = None
     """Hz; None without a sample clock."""
+    mode: int = FINITE
     n_samples: int = 0
+    """Samples of each channel, of a finite acquisition; the buffer wanted, of a continuous one."""
+    buffer: int | None = None
+    """Samples of each channel, as set; None for the driver's choice."""
     trigger: str | None = None
+    before: int | None = None
+    """Samples before the edge of a reference trigger; None where the trigger starts."""
+    relative: int = _CURRENT
+    """To what a read is relative: the last one, or the first sample before the edge."""
     run: Run | None = None
+    around: AroundRun | None = None
+    """The run, where it has a reference trigger."""
     position: int = 0
     """Samples of each channel read so far."""
 
@@ -64,11 +87,12 @@ class CardTask:
             self.channels[virtual] = terminal
 
     def set_clock(self, source: str, rate: float, mode: int, n_samples: int) -> None:
-        """Configure a finite acquisition on the card's own sample clock; ``rate`` in Hz."""
+        """Configure an acquisition on the card's own sample clock; ``rate`` in Hz."""
         self._must_be_idle()
-        if mode != _FINITE:
-            what = "Continuous acquisition" if mode == _CONTINUOUS else f"Sample mode {mode}"
-            raise DaqmxError(-200077, f"{what} is not built into the stand-in yet: use FINITE.")
+        if mode not in (FINITE, CONTINUOUS):
+            raise DaqmxError(
+                -200077, f"Sample mode {mode} is not supported: use FINITE or CONTINUOUS."
+            )
         if source.lower() not in ("", "onboardclock"):
             raise DaqmxError(
                 -200452, f"Sample clock source {source!r} is not supported: use the onboard clock."
@@ -79,21 +103,67 @@ class CardTask:
             )
         if n_samples < 2:
             raise DaqmxError(-200077, f"{n_samples} samples per channel requested: at least 2.")
-        self.rate, self.n_samples = rate, n_samples
+        self.rate, self.mode, self.n_samples = rate, mode, n_samples
 
-    def set_trigger(self, source: str, edge: int) -> None:
-        """Start on a rising digital edge; the route is checked when the task starts."""
+    def set_trigger(self, source: str, edge: int, before: int | None = None) -> None:
+        """Start on a rising digital edge, or keep so many samples before it.
+
+        The route is checked when the task starts.
+        """
         self._must_be_idle()
         if edge != _RISING:
-            raise DaqmxError(-200452, "The stand-in starts on rising edges only.")
-        self.trigger = source
+            raise DaqmxError(-200452, "The stand-in triggers on rising edges only.")
+        if before is not None and before < 2:
+            raise DaqmxError(-200077, f"{before} pretrigger samples requested: at least 2.")
+        self.trigger, self.before = source, before
+        if before is not None:
+            self.relative = _FIRST_BEFORE
+
+    def remove_trigger(self, *, reference: bool) -> None:
+        """Forget the start trigger or the reference trigger, where there is one."""
+        self._must_be_idle()
+        if reference == (self.before is not None):
+            self.trigger = self.before = None
+            self.relative = _CURRENT
+
+    def read_from(self, relative: int) -> None:
+        """Set to what a read is relative."""
+        if relative not in (_CURRENT, _FIRST_BEFORE):
+            raise DaqmxError(-200077, f"Reading relative to {relative} is not supported.")
+        if relative == _FIRST_BEFORE and self.before is None:
+            raise DaqmxError(-200282, "Reading relative to a reference trigger needs one.")
+        self.relative = relative
+
+    def set_buffer(self, n: int) -> None:
+        """Set the buffer to ``n`` samples of each channel."""
+        self._must_be_idle()
+        if self.rate is not None and self.mode == FINITE and n < self.n_samples:
+            raise DaqmxError(
+                -200077,
+                f"Input buffer of {n} samples is less than the {self.n_samples} of the finite"
+                " acquisition.",
+            )
+        self.buffer = n
+
+    @property
+    def length(self) -> int:
+        """Samples of each channel that come; `ENDLESS` of a continuous acquisition."""
+        return self.n_samples if self.mode == FINITE else ENDLESS
+
+    @property
+    def buffer_size(self) -> int:
+        """Samples of each channel that are kept until they are read."""
+        if self.buffer is not None or self.mode == FINITE:
+            return self.n_samples if self.buffer is None else self.buffer
+        least = next((n for rate, n in _BUFFERS if (self.rate or 0) <= rate), _BUFFERS[-1][1])
+        return max(least, self.n_samples)
 
     def start(self) -> None:
         """Arm the card."""
         self._must_be_idle()
         self.check()
         if self.rate is not None:
-            self._launch(self.rate, self.n_samples, self._route())
+            self._launch(self.rate, self.length, self._route())
 
     def check(self) -> None:
         """Refuse a task that could not start."""
@@ -102,11 +172,23 @@ class CardTask:
         if self.trigger is not None:
             self._route()
             if self.rate is None:
-                raise DaqmxError(-200452, "A start trigger needs a sample clock.")
+                raise DaqmxError(-200452, "A trigger needs a sample clock.")
+        if self.before is None:
+            return
+        if not isinstance(self.card, AroundCard):
+            raise DaqmxError(-200452, "This device has no reference trigger.")
+        if self.mode != FINITE:
+            raise DaqmxError(-200358, "A reference trigger needs a finite acquisition.")
+        if self.n_samples - self.before < 2:
+            raise DaqmxError(
+                -200213,
+                f"{self.before} pretrigger samples of {self.n_samples} leave less than 2 after"
+                " the trigger.",
+            )
 
     def stop(self) -> None:
         """End the run, if any."""
-        run, self.run = self.run, None
+        run, self.run, self.around = self.run, None, None
         if run is not None:
             run.stop()
 
@@ -134,8 +216,10 @@ class CardTask:
                 self._launch(ON_DEMAND_RATE, n, None)
             else:
                 self.start()
+        if self.relative == _FIRST_BEFORE:
+            self.position = 0
         try:
-            length = n if self.rate is None else self.n_samples
+            length = n if self.rate is None else self.length
             if self.position + n > length:
                 raise DaqmxError(
                     -200278,
@@ -146,28 +230,50 @@ class CardTask:
             run = self.run
             if run is None:
                 raise DaqmxError(-200983, "The task was stopped while it was read.")
+            self._must_fit(there)
             count = max(0, min(n, there - self.position))
             volts = run.read(self.position, count)
             self.position += count
             return volts, count == n
         finally:
-            if implicit and (self.rate is None or self.position == self.n_samples):
+            if implicit and (self.rate is None or self.position == self.length):
                 self.stop()
+
+    def _must_fit(self, acquired: int) -> None:
+        """Refuse to read samples that later ones have overwritten."""
+        unread = acquired - self.position
+        if self.mode == CONTINUOUS and self.card.paced and unread > self.buffer_size:
+            raise DaqmxError(
+                -200279,
+                "The application is not able to keep up with the hardware acquisition.\n"
+                f"{unread} samples are unread, and the buffer holds {self.buffer_size}.",
+            )
 
     def remaining(self) -> int:
         """Return the samples of each channel that a read of all would take."""
         if self.rate is None:
             return 1
+        if self.mode == CONTINUOUS:
+            return self.available()
         return self.n_samples - (0 if self.run is None else self.position)
 
     def available(self) -> int:
         """Return the samples of each channel acquired and not yet read."""
         return 0 if self.run is None else self.run.wait_for(0, 0.0) - self.position
 
+    def acquired(self) -> int:
+        """Return the samples of each channel acquired since the start."""
+        if self.around is not None:
+            return self.around.acquired
+        return self.position + self.available()
+
     def _launch(self, rate: float, n_samples: int, trigger: str | None) -> None:
-        terminals = tuple(self.channels.values())
-        self.position = 0
-        self.run = self.card.start(TaskSetup(terminals, rate, n_samples, trigger))
+        setup = TaskSetup(tuple(self.channels.values()), rate, n_samples, trigger)
+        self.position, self.around = 0, None
+        if self.before is not None and isinstance(self.card, AroundCard):
+            self.run = self.around = self.card.start_around(setup, self.before)
+        else:
+            self.run = self.card.start(setup)
 
     def _route(self) -> str | None:
         if self.trigger is None:

@@ -61,6 +61,13 @@ class Arrays:
             raise CommandError(56)
         return values[int(index)]
 
+    def set_element(self, name: str, index: float, value: float) -> None:
+        """Set one element."""
+        self.element(name, index)
+        if index < 0:
+            raise CommandError(56)
+        self.values(name)[int(index)] = value
+
     def _known(self, name: str) -> str:
         if name not in self._values:
             raise CommandError(82)

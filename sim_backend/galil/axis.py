@@ -40,11 +40,13 @@ SETTINGS = {
     "FL": Setting(LARGEST, -LARGEST - 1, LARGEST, 1),
     "BL": Setting(-LARGEST - 1, -LARGEST - 1, LARGEST, 1),
     "TL": Setting(9.9982, 0, 9.9982),
+    "OF": Setting(0, -9.9982, 9.9982),
     "KP": Setting(6, 0, 1023.875),
     "KI": Setting(0, 0, 255.999),
     "KD": Setting(64, 0, 4095.875),
 }
-"""SP counts/s, AC and DC counts/s^2, ER counts (negative: no limit), FL and BL counts, TL volts."""
+"""SP counts/s, AC and DC counts/s^2, ER counts (negative: no limit), FL and BL counts,
+TL and OF volts."""
 
 
 class Axis:

@@ -1,21 +1,20 @@
-"""The command table, and the commands about programs, outputs and messages."""
+"""The command table, and the commands about outputs and messages."""
 
 from collections.abc import Callable
 
 from sim_backend.galil import array_commands as arrays
 from sim_backend.galil import motion_commands as motion
+from sim_backend.galil import program_commands as programs
 from sim_backend.galil.axis import SETTINGS
 from sim_backend.galil.faults import TEXTS, CommandError
 from sim_backend.galil.grammar import (
-    LARGEST_NUMBER,
     evaluate,
-    parse_axes,
     split_arguments,
     write_number,
 )
-from sim_backend.galil.machine import INPUTS, OUTPUTS, Machine
+from sim_backend.galil.machine import OUTPUTS, Machine
 from sim_backend.galil.operands import Operands, integers
-from sim_backend.galil.program import THREADS, Thread
+from sim_backend.galil.program import Thread
 
 Command = Callable[[Machine, str, Thread | None], str | None]
 """Carries out a command, given its arguments and, in a program, its thread; returns the answer."""
@@ -31,8 +30,11 @@ def execute(machine: Machine, text: str, thread: Thread | None = None) -> str | 
         return machine.revision
     if text.startswith("'") or (thread is not None and text.startswith("#")):
         return None
-    code, args = text[:2], text[2:].strip(" ")
+    code = text if text in ("ELSE", "ENDIF") else text[:2]
+    args = text[len(code) :].strip(" ")
     if code not in COMMANDS:
+        if programs.assign(machine, text):
+            return None
         raise CommandError(1)
     if thread is None and code in PROGRAM_ONLY:
         raise CommandError(2)
@@ -97,57 +99,6 @@ def _tell_inputs(machine: Machine, args: str, thread: Thread | None) -> str:
     return write_number(sum(level << bit for bit, level in enumerate(machine.inputs)), 0)
 
 
-def _download(machine: Machine, args: str, thread: Thread | None) -> None:
-    if args:
-        raise CommandError(4)
-    if machine.threads:
-        raise CommandError(17)
-    machine.download = ""
-
-
-def _list(machine: Machine, args: str, thread: Thread | None) -> str:
-    return "\r\n".join(f"{number} {line}" for number, line in enumerate(machine.program.lines))
-
-
-def _run(machine: Machine, args: str, thread: Thread | None) -> None:
-    place, *rest = split_arguments(args)
-    (number,) = integers(machine, ",".join(rest), (0, THREADS - 1)) if rest else (0,)
-    if number in machine.threads:
-        raise CommandError(19)
-    machine.threads[number] = Thread(machine.program, machine.program.line_of(place))
-
-
-def _halt(machine: Machine, args: str, thread: Thread | None) -> None:
-    numbers = integers(machine, args, (0, THREADS - 1)) if args else range(THREADS)
-    machine.halt_threads(numbers)
-
-
-def _end(machine: Machine, args: str, thread: Thread | None) -> None:
-    if thread is not None:
-        thread.running = False
-
-
-def _after_motion(machine: Machine, args: str, thread: Thread | None) -> None:
-    axes = [machine.axes[index] for index in parse_axes(args)]
-    if thread is not None:
-        thread.wait = lambda: all(axis.profile is None for axis in axes)
-
-
-def _wait(machine: Machine, args: str, thread: Thread | None) -> None:
-    """WT n: wait n samples; at TM 1000 those are the milliseconds of 1/1024 s of the manual."""
-    until = machine.samples + integers(machine, args, (0, LARGEST_NUMBER - 1), (0, 1))[0]
-    if thread is not None:
-        thread.wait = lambda: machine.samples >= until
-
-
-def _after_input(machine: Machine, args: str, thread: Thread | None) -> None:
-    (number,) = integers(machine, args, (-INPUTS, INPUTS))
-    if number == 0:
-        raise CommandError(6)
-    if thread is not None:
-        thread.wait = lambda: machine.inputs[abs(number) - 1] == (number > 0)
-
-
 def _no_operation(machine: Machine, args: str, thread: Thread | None) -> None:
     """Do nothing: NO begins a comment."""
 
@@ -184,20 +135,31 @@ COMMANDS: dict[str, Command] = {
     "RD": arrays.record_data,
     "RC": arrays.record,
     "QU": arrays.upload,
-    "DL": _download,
-    "LS": _list,
-    "XQ": _run,
-    "HX": _halt,
-    "EN": _end,
-    "AM": _after_motion,
-    "WT": _wait,
-    "AI": _after_input,
+    "DL": programs.download,
+    "LS": programs.list_program,
+    "XQ": programs.run,
+    "HX": programs.halt,
+    "EN": programs.end,
+    "AM": programs.after_motion,
+    "WT": programs.wait,
+    "AI": programs.after_input,
+    "AT": programs.at_time,
+    "JP": programs.jump,
+    "JS": programs.call,
+    "IF": programs.branch,
+    "ELSE": programs.otherwise,
+    "ENDIF": programs.end_branch,
+    "RE": programs.end_of_error,
+    "BP": programs.burn,
+    "RS": programs.reset,
     "NO": _no_operation,
 }
-"""Every command by its two letters."""
+"""Every command by its two letters, and two by their words."""
 
-PROGRAM_ONLY = frozenset({"EN", "AM", "WT", "AI"})
+PROGRAM_ONLY = frozenset(
+    {"EN", "AM", "WT", "AI", "AT", "JP", "JS", "IF", "ELSE", "ENDIF", "RE"}
+)
 """Commands that the host may not give."""
 
-HOST_ONLY = frozenset({"DL", "LS", "QU", "EO"})
+HOST_ONLY = frozenset({"DL", "LS", "QU", "EO", "BP", "RS"})
 """Commands that a program may not give."""

@@ -13,6 +13,7 @@ TEXTS = {
     9: "Variable error",
     10: "Empty program line or undefined label",
     11: "Invalid label or line number",
+    12: "Subroutine more than 16 deep",
     13: "JG only valid when running in jog mode",
     17: "ED, BN and DL not valid while program running",
     19: "Application strand already executing",

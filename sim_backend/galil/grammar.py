@@ -17,6 +17,12 @@ _TOKEN = re.compile(
 )
 
 
+_OPERATOR = re.compile(r"<=|>=|<>|[-+*/%&|<>=]")
+_ASSIGNMENT = re.compile(
+    r"(?P<name>[A-Za-z][A-Za-z0-9]{0,7}) *(?:\[(?P<index>[^=]*)\])? *=(?P<value>[^=].*)", re.ASCII
+)
+
+
 class Names(Protocol):
     """What an expression can refer to. A refusal is a `CommandError`."""
 
@@ -38,7 +44,10 @@ class Names(Protocol):
 
 
 class _Expression:
-    """A text being evaluated from left to right; no operator goes before another."""
+    """A text being evaluated from left to right; no operator goes before another.
+
+    A comparison is 1 where it holds, and 0 where it does not.
+    """
 
     def __init__(self, text: str, names: Names) -> None:
         self._text, self._names = text.replace(" ", ""), names
@@ -52,9 +61,9 @@ class _Expression:
 
     def _sum(self) -> float:
         result = self._term()
-        while (sign := self._peek()) and sign in "+-*/%&|":
-            self._at += 1
-            result = _bounded(_apply(sign, result, self._term()))
+        while sign := _OPERATOR.match(self._text, self._at):
+            self._at = sign.end()
+            result = _bounded(_apply(sign[0], result, self._term()))
         return result
 
     def _term(self) -> float:
@@ -114,8 +123,20 @@ def _apply(sign: str, left: float, right: float) -> float:
             return left % right
         case "&":
             return float(int(left) & int(right))
-        case _:
+        case "|":
             return float(int(left) | int(right))
+        case "<":
+            return float(left < right)
+        case ">":
+            return float(left > right)
+        case "=":
+            return float(left == right)
+        case "<>":
+            return float(left != right)
+        case "<=":
+            return float(left <= right)
+        case _:
+            return float(left >= right)
 
 
 def _bounded(value: float) -> float:
@@ -133,6 +154,12 @@ def evaluate(text: str, names: Names) -> float:
     if not text.strip(" "):
         raise CommandError(50)
     return _Expression(text, names).value()
+
+
+def parse_assignment(text: str) -> tuple[str, str | None, str] | None:
+    """Return name, index (None for a variable) and value of ``x=1`` or ``x[0]=1``, or None."""
+    found = _ASSIGNMENT.fullmatch(text)
+    return (found["name"], found["index"], found["value"]) if found else None
 
 
 def whole(value: float, low: float, high: float) -> int:

@@ -7,12 +7,14 @@ from sim_backend.galil.arrays import Arrays, Capture
 from sim_backend.galil.axis import Axis
 from sim_backend.galil.faults import CommandError
 from sim_backend.galil.motion import StopCode
-from sim_backend.galil.program import THREADS, Program, Thread
+from sim_backend.galil.program import LINE_TIME, THREADS, Program, Thread
 
 OUTPUTS = 8
 """Digital outputs, numbered from 1."""
 INPUTS = 8
 """Digital inputs, numbered from 1."""
+VARIABLES = 510
+"""Variables that there may be."""
 
 
 class Plant(Protocol):
@@ -30,6 +32,10 @@ class Plant(Protocol):
         """Return the commands to the amplifiers, in volts."""
         ...
 
+    def drive(self, offsets: tuple[float, float], limits: tuple[float, float]) -> None:
+        """Add offsets [V] to the loops' commands from now on, and limit [V] what goes out."""
+        ...
+
 
 class Machine:
     """Everything that the firmware remembers from one sample to the next.
@@ -39,6 +45,8 @@ class Machine:
         revision: Answer to ^R^V.
         on_output: Called with number and level when a digital output changes.
         execute: Carries out one command of a program's thread.
+        host_waits: Whether the host only speaks when nothing moves, however long that takes:
+            then resident threads, which wait for it, stand still.
     """
 
     def __init__(
@@ -47,34 +55,50 @@ class Machine:
         revision: str,
         on_output: Callable[[int, bool], None],
         execute: Callable[["Machine", str, Thread], None],
+        host_waits: bool,
     ) -> None:
         self.plant = plant
         self.revision = revision
-        self.axes = [Axis(counts) for counts in plant.encoder_counts()]
+        self.burned = Program()
+        """What is left of programs at power-up."""
         self.inputs = [True] * INPUTS
         self.outputs = [False] * OUTPUTS
+        self.samples = 0
+        """Samples since it was made."""
+        self._on_output = on_output
+        self._execute = execute
+        self.host_waits = host_waits
+        self.power_up()
+
+    def power_up(self) -> None:
+        """Begin anew: motors and outputs off, nothing remembered but the program that was burned."""
+        self.axes = [Axis(counts) for counts in self.plant.encoder_counts()]
         self.sample_time = 1000
         """TM; microseconds of 1/1024 s a thousand."""
-        self.samples = 0
-        """Samples since power-up."""
         self.error_code = 0
         """Of the last refused command, for TC."""
         self.echo = True
         self.download: str | None = None
         """Text of the program that is coming in; None outside DL."""
-        self.program = Program()
+        self.program = self.burned
         self.threads: dict[int, Thread] = {}
+        self.variables: dict[str, float] = {}
         self.arrays = Arrays()
         self.capture = Capture()
         self.unsolicited = ""
         """What programs have said and no host has read yet."""
-        self._on_output = on_output
-        self._execute = execute
+        self._lines = 0.0
+        for number in range(1, OUTPUTS + 1):
+            self.set_output(number, False)
+        self.drive()
+        if "#AUTO" in self.program.labels:
+            self.threads[0] = Thread(self.program, self.program.labels["#AUTO"], hosted=False)
 
     @property
     def in_motion(self) -> bool:
         """Whether an axis moves."""
-        return any(axis.profile is not None for axis in self.axes)
+        first, second = self.axes
+        return first.profile is not None or second.profile is not None
 
     def position(self, axis: int) -> int:
         """Return the counts that TP tells."""
@@ -89,6 +113,21 @@ class Machine:
     def error(self, axis: int) -> int:
         """Return the following error that TE tells, in counts."""
         return self.reference(axis) - self.position(axis)
+
+    def set_variable(self, name: str, value: float) -> None:
+        """Set a variable; the first time makes it.
+
+        Raises:
+            CommandError: There are too many.
+        """
+        if name not in self.variables and len(self.variables) == VARIABLES:
+            raise CommandError(67)
+        self.variables[name] = value
+
+    def drive(self) -> None:
+        """Tell the amplifiers OF and TL."""
+        offsets, limits = ([axis.settings[name] for axis in self.axes] for name in ("OF", "TL"))
+        self.plant.drive((offsets[0], offsets[1]), (limits[0], limits[1]))
 
     def set_output(self, number: int, level: bool) -> None:
         """Set a digital output, and tell if that changes it."""
@@ -129,9 +168,12 @@ class Machine:
         if self.threads:
             self._run_threads()
         for axis, raw in zip(self.axes, counts, strict=True):
-            if axis.motor_on and axis.settings["OE"] and axis.exceeds_error_limit(raw):
-                self.motor_off(axis, StopCode.OFF_ON_ERROR)
-                axis.follow(raw)
+            if axis.motor_on and axis.exceeds_error_limit(raw):
+                if 0 in self.threads:
+                    self.threads[0].interrupt("#POSERR")
+                if axis.settings["OE"]:
+                    self.motor_off(axis, StopCode.OFF_ON_ERROR)
+                    axis.follow(raw)
         if self.capture.running:
             self.capture.sample()
         for axis in self.axes:
@@ -139,14 +181,34 @@ class Machine:
         self.samples += 1
 
     def _run_threads(self) -> None:
+        """Let the threads take turns, a line each, as many lines as a sample has time for."""
+        self._lines = self._lines % 1 + self.sample_time * 1e-3 / 1024 / LINE_TIME
+        held = {number for number, thread in self.threads.items() if not self._may_run(thread)}
         for number, thread in sorted(self.threads.items()):
-            if not thread.running:
-                continue
-            try:
-                thread.tick(lambda command, thread: self._execute(self, command, thread))
-            except CommandError as error:
-                self.error_code = error.code
-                self.unsolicited += f"?{thread.line} {thread.command}\r\n"
-                thread.running = False
-            if not thread.running and self.threads.get(number) is thread:
-                del self.threads[number]
+            if number not in held and thread.wait is not None and not thread.waiting:
+                self._run_line(number, thread)  # the rest of a line whose time was taken before
+        ran = True
+        while ran and self._lines >= 1:
+            ran = False
+            for number, thread in sorted(self.threads.items()):
+                if number in held or thread.waiting or self._lines < 1:
+                    continue
+                self._lines -= 1
+                self._run_line(number, thread)
+                ran = True
+
+    def _may_run(self, thread: Thread) -> bool:
+        """Whether a thread has time: a resident one has the host's, if that stands still."""
+        return not (self.host_waits and thread.resident)
+
+    def _run_line(self, number: int, thread: Thread) -> None:
+        if not thread.running:
+            return
+        try:
+            thread.run_line(lambda command, thread: self._execute(self, command, thread))
+        except CommandError as error:
+            self.error_code = error.code
+            self.unsolicited += f"?{thread.line} {thread.command}\r\n"
+            thread.running = False
+        if not thread.running and self.threads.get(number) is thread:
+            del self.threads[number]

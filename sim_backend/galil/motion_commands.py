@@ -39,6 +39,8 @@ def setting(machine: Machine, name: str, args: str) -> str | None:
             answers.append(settings[name])
         else:
             settings[name] = value // limits.step * limits.step if limits.step else value
+    if name in ("TL", "OF"):
+        machine.drive()
     return write_list(answers, 0 if limits.step else 4) if answers else None
 
 

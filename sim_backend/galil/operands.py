@@ -103,10 +103,12 @@ class Operands:
         return self._machine.arrays.element(name, index)
 
     def variable(self, name: str) -> float:
-        """Return a keyword: TIME, in samples since power-up, round a 32-bit counter."""
+        """Return a variable, or TIME: samples since power-up, round a 32-bit counter."""
         if name == "TIME":
             return float(self._machine.samples % 2**31)
-        raise CommandError(9)
+        if name not in self._machine.variables:
+            raise CommandError(9)
+        return self._machine.variables[name]
 
 
 def integers(machine: Machine, args: str, *limits: tuple[float, float]) -> list[int]:

@@ -167,8 +167,7 @@ def test_settings_that_are_not_possible(task):
     assert code_of(add, "Dev1/ai0", min_val=1, max_val=-1) == -200077
     add("Dev1/ai0")
     assert code_of(add, "Dev1/ai0") == -200489
-    with pytest.raises(DaqError, match="Continuous acquisition is not built"):
-        clock(1000, sample_mode=AcquisitionType.CONTINUOUS)
+    assert code_of(clock, 1000, sample_mode=AcquisitionType.HW_TIMED_SINGLE_POINT) == -200077
     assert code_of(clock, 2e6) == -200077
     assert code_of(clock, 1000, source="/Dev1/PFI1") == -200452
     trigger = task.triggers.start_trigger.cfg_dig_edge_start_trig

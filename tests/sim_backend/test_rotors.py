@@ -5,11 +5,10 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from rig.load import load_rig, with_values
-from sim_backend.bodies import MM, new_space
 from sim_backend.errors import SceneError
-from sim_backend.finger import ServoFinger
-from sim_backend.scene import Servo, load_scene
-from sim_backend.world import World
+from sim_backend.parts import Servo
+from sim_backend.physics.world import new_world
+from sim_backend.scene import load_scene
 from trajectory.dynamics import joint_torques, mass_matrix
 from trajectory.motion import Motion
 
@@ -34,19 +33,13 @@ def geared(first, second):
 
 def swung(rig, steps):
     """Joints [rad] of the stand-in's arm after a while under steady torques [N m]."""
-    space, period = new_space(30), rig.controller.sample_period
-    finger = ServoFinger(space, rig, START, LIMP)
-    speeds = np.array([[0.0, 0.0], [0.08, -0.01]]) * period**2 / finger.radians
-
-    def reference(fractions):
-        return np.zeros((len(fractions), 2)), speeds
-
+    period = rig.controller.sample_period
+    scene = load_scene("paper").model_copy(update={"servo": LIMP, "step": period / steps})
+    world = new_world(rig, scene, START)
+    speeds = np.array([[0.0, 0.0], [0.08, -0.01]]) * period**2 / world.radians_per_count
     for _ in range(SAMPLES):
-        finger.begin(reference, True, steps)
-        for step in range(steps):
-            finger.drive(step)
-            space.step(period / steps * MM)
-    return np.array(finger.joints()), np.array(finger.torques())
+        world.advance(lambda fractions: (np.zeros((len(fractions), 2)), speeds), True)
+    return np.array(world.finger.joints()), np.array(world.finger.torques())
 
 
 def solved(arm, torque, duration):
@@ -61,23 +54,23 @@ def solved(arm, torque, duration):
 
 @pytest.mark.parametrize("rotor", [0, 2e-6])
 def test_the_arm_swings_as_its_equations_say(rotor):
-    """The engine is of first order, so that halving its step halves its error."""
+    """The engine is of second order, so that halving its step quarters its error."""
     rig = geared(rotor, 0)
-    coarse, torque = swung(rig, 10)
-    fine, _ = swung(rig, 20)
+    coarse, torque = swung(rig, 5)
+    fine, _ = swung(rig, 10)
     exact = solved(rig.arm, torque, SAMPLES * rig.controller.sample_period)
     assert np.abs(exact - START).min() > 0.03
-    np.testing.assert_allclose((coarse - exact) / (fine - exact), 2, rtol=0.01)
-    np.testing.assert_allclose(2 * fine - coarse, exact, rtol=0, atol=1e-7)
+    np.testing.assert_allclose(fine, exact, rtol=0, atol=1e-7)
+    np.testing.assert_allclose((coarse - exact) / (fine - exact), 4, rtol=0.05)
 
 
 def test_joint_2s_rotor_is_refused():
     with pytest.raises(SceneError, match=r"rotor_inertias: joint 2's .* 0\.0009 kg m\^2 .*truth"):
-        World(geared(0, 1e-6), load_scene("paper"))
+        new_world(geared(0, 1e-6), load_scene("paper"))
 
 
 def test_the_remedies_of_the_refusal_work():
     rig, scene = geared(1e-6, 1e-6), load_scene("paper")
-    World(rig, load_scene("ideal"))
+    new_world(rig, load_scene("ideal"))
     truth = {"arm.rotor_inertias": ["1e-6 kg m^2", "0 kg m^2"]}
-    World(rig, scene.model_copy(update={"truth": truth}))
+    new_world(rig, scene.model_copy(update={"truth": truth}))

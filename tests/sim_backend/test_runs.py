@@ -1,14 +1,18 @@
 """Acquisitions fed by hand, sample by controller sample."""
 
 import threading
+import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from rig.load import load_rig
-from sim_backend.runs import SampledRun
+from sim_backend.faults.tables import Drift, Faults
+from sim_backend.physics.events import Motions
+from sim_backend.runs import RunFault, SampledRun
 from sim_backend.scene import load_scene
-from sim_backend.world import Motions
+from sim_backend.turns import Turns
 
 PERIOD, STEPS = 976.5625e-6, 10
 SENSORS = load_scene("paper").sensors
@@ -30,13 +34,15 @@ def force(time):
 def motions(sample):
     """What happens in one controller sample of a bench that is two formulas."""
     time = sample * PERIOD + np.arange(1, STEPS + 1) * PERIOD / STEPS
-    return Motions(time, np.zeros(STEPS), spin(time), np.zeros(STEPS), force(time))
+    still = np.zeros(STEPS)
+    return Motions(time, still, spin(time), still, force(time), still)
 
 
-def armed(rig, *, terminals=("ai0", "ai1"), rate=51_200.0, n=2000, sensors=None, rest=0.3, seed=5):
+def armed(rig, *, n=2000, terminals=("ai0", "ai1"), rate=51_200.0, **others):
+    sensors, faults = others.get("sensors"), others.get("faults")
     rig = rig if sensors else load_scene("ideal").as_wired(rig)
-    changed = threading.Condition(threading.RLock())
-    return SampledRun(rig, terminals, rate, n, sensors, (seed, 0), rest, changed)
+    seed = others.get("seed", 5)
+    return SampledRun(rig, terminals, rate, n, sensors, seed, 0, 0.3, Turns(), faults)
 
 
 def play(run, samples, first=0, releases=()):
@@ -121,7 +127,7 @@ def test_a_release_is_sharp(rig):
         there = motions(sample)
         fallen = np.where(there.time > release, 0.1, there.finger_force)
         run.feed(
-            Motions(there.time, there.angle, there.spin, there.rise, fallen),
+            replace(there, finger_force=fallen),
             [release] if sample == 10 else [],
         )
     time = np.arange(1000) / 51_200
@@ -178,3 +184,66 @@ def test_a_stopped_run_is_not_triggered(rig):
     run.stop()
     run.trigger(0.0)
     assert run.trigger_time is None
+
+
+def test_a_run_that_nobody_reads_computes_nothing(rig):
+    """And one that is read in pieces, in any order, shows the samples of one read at once."""
+    whole, parts = armed(rig, sensors=SENSORS), armed(rig, sensors=SENSORS)
+    for run in (whole, parts):
+        run.trigger(0.0)
+        play(run, 41)
+        assert run._computed == 0
+        assert run.wait_for(2000, 0) == 2000
+    pieces = [parts.read(0, 1), parts.read(1, 1022), parts.read(1023, 700), parts.read(1723, 277)]
+    np.testing.assert_array_equal(np.concatenate(pieces, axis=1), whole.read(0, 2000))
+    np.testing.assert_array_equal(parts.read(500, 100), whole.read(500, 100))
+
+
+def test_a_read_beyond_what_is_there_gives_what_is_there(rig):
+    run = armed(rig)
+    run.trigger(0.0)
+    play(run, 5)
+    there = run.wait_for(0, 0)
+    assert run.read(there - 3, 100).shape == (2, 3)
+    assert run.read(there, 100).shape == (2, 0)
+
+
+def test_a_fault_ends_the_run_at_its_sample(rig):
+    """Reads before it are served; those of it raise, each time."""
+    run = armed(rig)
+    run.trigger(0.0, RunFault(700, lambda: ValueError("gone")))
+    play(run, 30)
+    assert run.over
+    assert run.wait_for(700, 0) == 700
+    assert run.read(600, 100).shape == (2, 100)
+    for _ in range(2):
+        with pytest.raises(ValueError, match="gone"):
+            run.wait_for(701, 0)
+
+
+def test_a_fault_of_the_sensor_is_in_the_samples(rig):
+    faults = Faults(drift=Drift.model_construct(rate=2.0))
+    good, bad = armed(rig), armed(rig, faults=faults)
+    for run in (good, bad):
+        run.trigger(0.0)
+        play(run, 20)
+    off = bad.read(0, 900) - good.read(0, 900)
+    assert not off[0].any()
+    np.testing.assert_allclose(off[1], 2 * np.arange(900) / 51_200, atol=1e-12)
+
+
+def test_somebody_who_waits_is_seen(rig):
+    run = armed(rig)
+    run.trigger(0.0)
+    waiter = threading.Thread(target=run.wait_for, args=(200, 10))
+    waiter.start()
+    while not run._wanted:
+        time.sleep(1e-3)
+    play(run, 2)
+    assert not run.due
+    play(run, 6, first=2)
+    assert run.due
+    with run._turns:
+        run._turns.notify_all()
+    waiter.join()
+    assert not run.due

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from rig.load import load_rig
-from rig.schema import GRAVITY
+from rig.section import GRAVITY
+from sim_backend.physics.servo import PositionLoops, weight_torque
 from sim_backend.scene import load_scene
-from sim_backend.servo import PositionLoops, weight_torque
 
 PERIOD = 976.5625e-6
 

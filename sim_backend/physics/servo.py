@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from rig.schema import Arm
-from sim_backend.scene import Servo
+from sim_backend.parts import Servo
 from trajectory.dynamics import gravity_torque
 
 
@@ -17,6 +17,10 @@ class PositionLoops:
         self.arm = arm
         self.period = period
         self.radians = 2 * math.pi / arm.counts_per_revolution
+        self.offsets = (0.0, 0.0)
+        """N m, added to what the loops want."""
+        self.limits = (arm.torque_limit, arm.torque_limit)
+        """N m, of the controller; the motors have their own."""
         self._integral = [0.0, 0.0]
         self._last = [0.0, 0.0]
 
@@ -34,9 +38,10 @@ class PositionLoops:
             error: Counts, reference less encoder.
             acceleration: rad/s^2, of the reference.
         """
-        servo, limit = self.servo, self.arm.torque_limit
+        servo = self.servo
         torques = []
         for j in (0, 1):
+            limit = min(self.limits[j], self.arm.torque_limit)
             lag = error[j] * self.radians
             rate = (lag - self._last[j]) / self.period
             self._last[j] = lag
@@ -45,6 +50,7 @@ class PositionLoops:
                 + servo.damping[j] * rate
                 + servo.feedforward[j] * acceleration[j]
                 + self._integral[j]
+                + self.offsets[j]
             )
             if abs(torque) < limit:  # no wind-up while the amplifier saturates
                 self._integral[j] += servo.stiffness[j] * lag * self.period / servo.integral_time

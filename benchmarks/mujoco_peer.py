@@ -1,0 +1,143 @@
+"""A push on key, jack and string in MuJoCo, with the same force law as the stand-in's."""
+
+import time
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from analysis.model.predict import rig_pluck
+from rig.schema import Rig
+from rig.section import GRAVITY
+from sim_backend.physics.events import Motions, PluckEvents, StringEvent
+from sim_backend.physics.observation import Observation
+from sim_backend.scene import Scene
+
+_XML = """
+<mujoco>
+  <compiler inertiafromgeom="false" boundmass="0" boundinertia="0"/>
+  <option timestep="{step}" integrator="{integrator}" gravity="0 0 -{gravity}"
+          iterations="100" tolerance="1e-12"/>
+  <worldbody>
+    <body name="key">
+      <joint name="key" type="hinge" axis="0 -1 0" limited="true" range="0 1" margin="0"
+             damping="{viscous}" frictionloss="{dry}" {hard}/>
+      <inertial pos="0 0 0" mass="0.1" diaginertia="{inertia} {inertia} {inertia}"/>
+    </body>
+    <body name="jack">
+      <joint name="jack" type="slide" axis="0 0 1" frictionloss="{register}" {hard}/>
+      <inertial pos="0 0 0" mass="{mass}" diaginertia="1e-6 1e-6 1e-6"/>
+    </body>
+  </worldbody>
+  <equality>
+    <joint joint1="jack" joint2="key" polycoef="0 {arm} {half} {third} {fourth}"
+           solref="{reference} 1" solimp="0.9999 0.9999 0.001"/>
+  </equality>
+</mujoco>
+"""
+"""The jack stands on the key by the series of its rise; it never flies in this scene."""
+
+
+@dataclass(frozen=True)
+class Timed:
+    """What MuJoCo found, and how long its steps took."""
+
+    observation: Observation
+    seconds: float
+    """s, of the wall clock."""
+
+
+def observe_in_mujoco(rig: Rig, scene: Scene, step: float, integrator: str) -> Timed:
+    """Run a scene's push in MuJoCo, the string's force applied to the jack at every step.
+
+    Args:
+        rig: The bench.
+        scene: With a push, a spring string and no felt met.
+        step: s.
+        integrator: A name of MuJoCo's.
+    """
+    assert scene.push is not None
+    model = _model(rig, scene, step, integrator)
+    data = mujoco.MjData(model)
+    law = _Law(rig, scene.plectrum)
+    moment = scene.push.force * rig.key.press_arm
+    steps = round(scene.push.duration / step)
+    rows = np.empty((steps, 4))
+    begun = time.perf_counter()
+    for i in range(steps):
+        before = data.qpos[1]
+        force = law.force(before)
+        data.qfrc_applied[0] = rig.key.front_heaviness + moment
+        data.qfrc_applied[1] = -force
+        mujoco.mj_step(model, data)
+        rows[i] = data.qpos[0], data.qvel[0], data.qpos[1], force
+        law.note(before, data.qpos[1], i * step, step)
+    seconds = time.perf_counter() - begun
+    _nothing_was_reset(data, steps * step)
+    angle, spin, rise, string = rows.T
+    push = np.full(steps, scene.push.force)
+    motions = Motions(step * np.arange(1.0, steps + 1), angle, spin, rise, push, string)
+    return Timed(Observation(motions, law.events), seconds)
+
+
+def _model(rig: Rig, scene: Scene, step: float, integrator: str) -> mujoco.MjModel:
+    key, jack = rig.key, rig.jack
+    # b tan a + hb (1 / cos a - 1) to the fourth order; the fifth is 1e-8 m at the key's end.
+    arm, height = key.jack_arm, key.jack_surface_height
+    reference = 2 * step  # the stiffest that MuJoCo takes
+    return mujoco.MjModel.from_xml_string(
+        _XML.format(
+            step=step,
+            integrator=integrator,
+            gravity=GRAVITY,
+            inertia=key.inertia,
+            viscous=key.pivot_viscous_friction if scene.friction else 0.0,
+            dry=key.pivot_coulomb_friction if scene.friction else 0.0,
+            mass=jack.mass,
+            register=jack.register_friction if scene.friction else 0.0,
+            arm=arm,
+            half=height / 2,
+            third=arm / 3,
+            fourth=5 * height / 24,
+            reference=reference,
+            hard=f'solreffriction="{reference} 1" solreflimit="{reference} 1"',
+        )
+    )
+
+
+class _Law:
+    """The quasi-static pluck over the jack's rise, and its events between steps."""
+
+    def __init__(self, rig: Rig, level: str):
+        pluck = rig_pluck(rig, level)
+        self.clearance = rig.jack.string_clearance
+        self.release = pluck.release_height
+        self.heights = np.linspace(0, self.release, 4001)
+        self.forces = pluck.force_on_jack(self.heights)
+        self.events = PluckEvents()
+        self.cells = self.forces.tolist()
+
+    def force(self, rise: float) -> float:
+        """Return the string's force [N] at a rise [m]."""
+        cell = (rise - self.clearance) / self.release * 4000
+        if self.events.releases or not 0 <= cell < 4000:
+            return 0.0
+        low = int(cell)
+        return self.cells[low] + (cell - low) * (self.cells[low + 1] - self.cells[low])
+
+    def note(self, before: float, after: float, begun: float, step: float) -> None:
+        """Note the events of a step, located on the straight line through its ends."""
+        for height, events, force in (
+            (self.clearance, self.events.contacts, 0.0),
+            (self.clearance + self.release, self.events.releases, self.cells[-1]),
+        ):
+            if before <= height < after and not events:
+                part = (height - before) / (after - before)
+                events.append(StringEvent(begun + part * step, 0, force))
+
+
+def _nothing_was_reset(data: mujoco.MjData, duration: float) -> None:
+    """Refuse a run in which MuJoCo warned, for after a reset it goes on from the start."""
+    counts = {mujoco.mjtWarning(i).name: int(w.number) for i, w in enumerate(data.warning)}
+    assert not any(counts.values()), f"MuJoCo warned: {counts}"
+    assert abs(data.time - duration) < 1e-9 * max(1.0, duration / 1e-6)

@@ -1,0 +1,146 @@
+"""The stand-in's accuracy against its speed, and MuJoCo's on the same push."""
+
+import importlib.util
+import time
+
+import numpy as np
+
+from benchmarks.figures import RUNS, Figure, median_time
+from rig.load import load_rig
+from rig.schema import Rig
+from sim_backend.physics.observation import drive_of, errors, observe
+from sim_backend.physics.sweep import Ending, sweep
+from sim_backend.reference.observe import reference
+from sim_backend.scene import Scene, load_scene
+from sim_backend.trade.choose import settle
+from sim_backend.trade.stopwatch import timed
+
+STEPS = 10
+"""Of the rigid engine in a controller sample: 98 us each."""
+FINER = (1, 2, 4, 8, 10, 16, 32, 64)
+PRESSES = 4096
+"""Of a sweep."""
+INTEGRATORS = {"implicitfast": 100.0, "RK4": 10.0}
+"""us, error of an event that MuJoCo may have with steps of `MUJOCO_STEP`."""
+MUJOCO_STEP = 1e-4
+"""s."""
+
+
+def run() -> list[Figure]:
+    """Return errors against the reference, and simulated over real time."""
+    rig = load_rig()
+    pluck = load_scene("pluck")
+    return [
+        *_rigid(rig, pluck),
+        *_reduced(rig, pluck),
+        _sweep(rig, pluck),
+        *_paper(rig),
+        *_settling(rig),
+        *_mujoco(rig, pluck),
+    ]
+
+
+def _rigid(rig: Rig, scene: Scene) -> list[Figure]:
+    error, factor = _measured(rig, _way(rig, scene, "rigid", STEPS))
+    assert error < 2e-6
+    figures = [
+        Figure("pluck, rigid, 98 us: error of an event", error * 1e6, "us", "limit", 2.0),
+        Figure("pluck, rigid, 98 us: times real time", factor, "1", "hoped for", 14.0),
+    ]
+    best = max(
+        factor
+        for steps in FINER
+        for error, factor in [_measured(rig, _way(rig, scene, "rigid", steps))]
+        if error <= 1e-6
+    )
+    assert best > 3
+    return [
+        *figures,
+        Figure("pluck, rigid, within 1 us: times real time", best, "1", "at least", 3.0),
+    ]
+
+
+def _reduced(rig: Rig, scene: Scene) -> list[Figure]:
+    error, factor = _measured(rig, _way(rig, scene, "reduced", 1))
+    assert error < 1e-6
+    name = "pluck, reduced, 977 us"
+    return [
+        Figure(f"{name}: error of an event", error * 1e6, "us", "limit", 1.0),
+        Figure(f"{name}, one sample at a time: times real time", factor, "1", "peer rigid", 14.0),
+    ]
+
+
+def _sweep(rig: Rig, scene: Scene) -> Figure:
+    way = _way(rig, scene, "reduced", 1)
+    values = {"push.force": np.linspace(1.0, 2.0, PRESSES)}
+    swept = sweep(rig, way, values)
+    assert swept.endings() == {Ending.PLAYED: PRESSES}
+    for i in (0, PRESSES // 2, PRESSES - 1):
+        push = way.push.model_copy(update={"force": values["push.force"][i]})
+        true = reference(rig, way.model_copy(update={"push": push}))
+        assert abs(swept.release[0, i] - true.events.releases[0].time) < 1e-6
+    rate = PRESSES / median_time(lambda: sweep(rig, way, values))
+    assert rate > 1000
+    return Figure("presses a second in a sweep of the push", rate, "1/s", "at least", 1000.0)
+
+
+def _paper(rig: Rig) -> list[Figure]:
+    scene = load_scene("paper")
+    ways = [_measured(rig, _way(rig, scene, "rigid", steps)) for steps in FINER[:6]]
+    within = [factor for error, factor in ways if error <= 5e-6]
+    least = min(error for error, _ in ways) * 1e6
+    figures = [Figure("paper, servo: least error of an event", least, "us", "limit", 5.0)]
+    assert within
+    return [
+        *figures,
+        Figure("paper, servo, within 5 us: times real time", max(within), "1", "at least", 5.0),
+    ]
+
+
+def _settling(rig: Rig) -> list[Figure]:
+    figures = []
+    for name, limit in (("pluck", 1.0), ("ideal", 1.0), ("paper", 5.0)):
+        scene = load_scene(name)
+        asked = scene.model_copy(update={"step": None, "accuracy": "10 us", "engine": "auto"})
+        begun = time.perf_counter()
+        settled = settle(rig, asked)
+        spent = time.perf_counter() - begun
+        drive = drive_of(rig, settled.scene)
+        found = errors(observe(rig, settled.scene, drive), reference(rig, settled.scene, drive))
+        assert found.time <= 10e-6
+        figures.append(Figure(f"{name}: settling for 10 us", spent, "s", "limit", limit))
+    return figures
+
+
+def _mujoco(rig: Rig, scene: Scene) -> list[Figure]:
+    if importlib.util.find_spec("mujoco") is None:
+        print("mujoco is not installed and left out: pip install --group peers")
+        return []
+    from benchmarks.mujoco_peer import observe_in_mujoco
+
+    true = reference(rig, scene)
+    ours, speed = _measured(rig, _way(rig, scene, "rigid", STEPS))
+    figures = []
+    for integrator, limit in INTEGRATORS.items():
+        runs = [observe_in_mujoco(rig, scene, MUJOCO_STEP, integrator) for _ in range(RUNS)]
+        found = errors(runs[0].observation, true)
+        assert found.time < limit * 1e-6
+        factor = scene.push.duration / float(np.median([run.seconds for run in runs]))
+        name = f"MuJoCo {integrator}, {MUJOCO_STEP * 1e6:.0f} us"
+        figures += [
+            Figure(f"{name}: error of an event", found.time * 1e6, "us", "rigid", ours * 1e6),
+            Figure(f"{name}: times real time", factor, "1", "rigid", speed),
+        ]
+    return figures
+
+
+def _way(rig: Rig, scene: Scene, engine: str, steps: int) -> Scene:
+    step = rig.controller.sample_period / steps
+    return scene.model_copy(update={"engine": engine, "step": step, "accuracy": None})
+
+
+def _measured(rig: Rig, scene: Scene) -> tuple[float, float]:
+    """Return the largest error of an event [s], and simulated over real time."""
+    drive = drive_of(rig, scene)
+    found, factor = timed(rig, scene, drive)
+    return errors(found, reference(rig, scene, drive)).time, factor

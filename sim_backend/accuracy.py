@@ -1,0 +1,36 @@
+"""The accuracy that a scene asks for in place of a step."""
+
+from dataclasses import dataclass
+
+from rig.units import format_quantity, parse_quantity
+
+
+@dataclass(frozen=True)
+class Accuracy:
+    """A largest error, of the times of events or of forces; one of the two is None."""
+
+    time: float | None
+    """s."""
+    force: float | None
+    """1, of the largest force."""
+
+    @classmethod
+    def parse(cls, text: str) -> "Accuracy":
+        """Read "10 us" or "0.1 %".
+
+        Raises:
+            ValueError: It is neither a time nor a share, or not positive.
+        """
+        share = text.strip().endswith("%")
+        value = (
+            parse_quantity(text.replace("%", "percent"), "") if share else parse_quantity(text, "s")
+        )
+        if not 0 < value < (1 if share else 1e-2):
+            limits = "between 0 and 100 %" if share else "between 0 and 10 ms"
+            raise ValueError(f"accuracy: {text!r} must lie {limits}; change it")
+        return cls(None, value) if share else cls(value, None)
+
+    def __str__(self) -> str:
+        if self.time is None:
+            return f"{(self.force or 0.0) * 100:.3g} %"
+        return format_quantity(self.time, "s")

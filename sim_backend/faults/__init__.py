@@ -1,0 +1,1 @@
+"""Faults on demand: what a scene's table `[faults]` lets go wrong, and when."""

@@ -1,0 +1,104 @@
+"""A bad serial line between the host and the simulated controller."""
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.random import Generator
+
+from sim_backend.faults.tables import CableOut, Faults, LineFault
+from sim_backend.serial_port import PortGone
+
+Past = Callable[[int, float], bool]
+"""Whether so many seconds have passed since the trigger edge of a press, from 1."""
+
+
+class BadLine:
+    """Pass bytes on as a scene's faults let them through.
+
+    Args:
+        faults: Of the scene.
+        seed: Of all that is random.
+        past: Tells the time of the presses.
+    """
+
+    def __init__(self, faults: Faults, seed: int, past: Past):
+        self._noise = faults.line or LineFault.model_construct(dropped=0.0, flipped=0.0, delay=0.0)
+        self._cable = faults.cable_out
+        self._past = past
+        self._heard = 0
+        # Each direction has numbers of its own: how the two interleave is the host's doing.
+        self._random = {
+            towards: np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(1, i)))
+            for i, towards in enumerate(("controller", "host"))
+        }
+
+    @property
+    def delay(self) -> float:
+        """s on the wall's clock, by which an answer is late now."""
+        return self._noise.delay if self._noisy else 0.0
+
+    def carry(self, data: bytes, receive: Callable[[bytes], bytes]) -> bytes:
+        """Carry bytes to the controller and its answer back.
+
+        Raises:
+            PortGone: The port is gone, with the cable.
+        """
+        data = self._disturbed(data, "controller")
+        allowed = self._allowed(len(data))
+        self._heard += len(data)
+        answer = receive(data[:allowed])
+        if allowed < len(data) or self._out(self._cable):
+            if self._cable is not None and self._cable.port_closes:
+                raise PortGone
+            return b""
+        return self._disturbed(answer, "host")
+
+    @property
+    def _noisy(self) -> bool:
+        press = self._noise.press
+        return press == 0 or self._past(press, 0.0)
+
+    def _allowed(self, n: int) -> int:
+        """Return how many of n bytes the controller still hears."""
+        cable = self._cable
+        if cable is None:
+            return n
+        if cable.after_bytes is not None:
+            return min(n, max(0, cable.after_bytes - self._heard))
+        return 0 if self._out(cable) else n
+
+    def _out(self, cable: CableOut | None) -> bool:
+        if cable is None:
+            return False
+        if cable.after_bytes is not None:
+            return self._heard >= cable.after_bytes
+        return cable.press is not None and self._past(cable.press, cable.at)
+
+    def _disturbed(self, data: bytes, towards: str) -> bytes:
+        noise = self._noise
+        if not data or not self._noisy or noise.towards not in ("both", towards):
+            return data
+        return disturbed(data, noise.dropped, noise.flipped, self._random[towards])
+
+
+def bad_line(faults: Faults | None, seed: int, past: Past) -> BadLine | None:
+    """Return the line of a scene, or None where it is a good one; arguments of `BadLine`."""
+    if faults is None or (faults.line is None and faults.cable_out is None):
+        return None
+    return BadLine(faults, seed, past)
+
+
+def disturbed(data: bytes, dropped: float, flipped: float, random: Generator) -> bytes:
+    """Return bytes of which some are lost and some have one bit the other way.
+
+    Args:
+        data: Any bytes; three random numbers are used up for each.
+        dropped: 1, probability of a byte to be lost.
+        flipped: 1, probability of one that is not lost to be changed.
+        random: Where the numbers come from.
+    """
+    numbers = random.random((len(data), 3))
+    values = np.frombuffer(data, np.uint8)
+    bits = np.left_shift(1, (numbers[:, 2] * 8).astype(np.uint8)).astype(np.uint8)
+    values = np.where(numbers[:, 1] < flipped, values ^ bits, values)
+    return values[numbers[:, 0] >= dropped].tobytes()

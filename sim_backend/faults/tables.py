@@ -1,0 +1,207 @@
+"""The table `[faults]` of a scene: one table inside it for each fault; none costs nothing.
+
+A press is counted by its trigger edge: press 2 begins with the second edge for which an
+acquisition has waited, whether or not the card noticed it. Whatever is random comes from the
+stand-in's seed.
+"""
+
+from itertools import combinations
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from rig.section import Force, Frequency, Section, Time
+from rig.units import Unit
+
+Share = Annotated[float, Field(ge=0, le=1)]
+
+
+class _InPress(Section):
+    press: int = Field(default=1, ge=1)
+    """Press in which it strikes, from 1."""
+
+
+class _AtSample(_InPress):
+    sample: int = Field(ge=0)
+    """Number of the first sample that no longer comes."""
+
+
+class _AtTime(_InPress):
+    at: Time = Field(default=0.0, ge=0, le=60)
+    """s after the trigger edge; it strikes with the next controller sample."""
+
+
+class LineFault(Section):
+    """A bad serial line: bytes are lost or changed, answers are late."""
+
+    dropped: Share = 0.0
+    """1, probability of a byte to be lost."""
+    flipped: Share = 0.0
+    """1, probability of a byte to arrive with one bit, any of the eight, the other way."""
+    towards: Literal["both", "controller", "host"] = "both"
+    """Where the bytes go that are lost or changed."""
+    delay: Time = Field(default=0.0, ge=0, le=60)
+    """s on the wall's clock, by which every answer is late."""
+    press: int = Field(default=0, ge=0)
+    """Press from whose trigger edge on; 0 from the first byte."""
+
+    @model_validator(mode="after")
+    def _does_something(self):
+        if not (self.dropped or self.flipped or self.delay):
+            raise ValueError("dropped, flipped, delay: all are zero; give one, or remove the table")
+        return self
+
+
+class CableOut(Section):
+    """The controller's cable comes out, and stays out."""
+
+    after_bytes: int | None = Field(default=None, ge=0)
+    """Bytes that the controller still hears; in place of a press."""
+    press: int | None = Field(default=None, ge=1)
+    """Press in which it comes out, from 1; in place of a number of bytes."""
+    at: Time = Field(default=0.0, ge=0, le=60)
+    """s after the press's trigger edge."""
+    port_closes: bool = False
+    """Whether the port goes as well, as an adapter's does that is pulled; else it is silent."""
+
+    @model_validator(mode="after")
+    def _strikes_once(self):
+        if (self.after_bytes is None) == (self.press is None):
+            given = "neither is" if self.press is None else "both are"
+            raise ValueError(f"after_bytes, press: {given} given; give one of them")
+        return self
+
+
+class TriggerMissing(_InPress):
+    """The trigger's edge does not come to the card."""
+
+
+class Overrun(_AtSample):
+    """Samples are overwritten before they are read: error -200279."""
+
+
+class ServerGone(_AtSample):
+    """The card's gRPC server answers every call UNAVAILABLE from then on."""
+
+
+class DeviceGone(_AtSample):
+    """The card is unplugged: error -201003 for every call that needs it."""
+
+
+class Speckle(Section):
+    """The vibrometer loses its light now and then."""
+
+    rate: Frequency = Field(gt=0, le=1e5)
+    """Hz, drop-outs a second on average, at random times."""
+    duration: Time = Field(gt=0, le=1)
+    """s, of each."""
+    level: Share = 0.0
+    """1, share of the velocity that is still shown meanwhile."""
+    spike: Annotated[float, Unit("m/s", "20 mm/s")] = Field(default=0.0, ge=0)
+    """m/s, largest false velocity shown besides; each drop-out has one of its own."""
+
+
+class Overload(Section):
+    """The force transducer's amplifier overloads."""
+
+    force: Force = Field(gt=0)
+    """N, magnitude from which on it shows nothing but this force."""
+    recovery: Time = Field(ge=0, le=60)
+    """s, for which it goes on showing that after the force has fallen."""
+
+
+class Drift(Section):
+    """The force transducer drifts from the trigger on."""
+
+    rate: Annotated[float, Unit("N/s", "20 mN/s")]
+    """N/s."""
+
+
+class Stall(_AtTime):
+    """A motor stalls for good: its joint stands, whatever its torque."""
+
+    joint: Literal[1, 2]
+    """Of the arm."""
+
+
+class Slip(_AtTime):
+    """An encoder slips on its shaft."""
+
+    joint: Literal[1, 2]
+    """Of the arm."""
+    counts: int = Field(ge=-1_000_000, le=1_000_000)
+    """By which it then reads too much."""
+
+
+class Faults(Section):
+    """Everything that goes wrong in a scene."""
+
+    line: LineFault | None = None
+    """A bad serial line."""
+    cable_out: CableOut | None = None
+    """The controller's cable comes out."""
+    trigger_missing: TriggerMissing | None = None
+    """The card does not see an edge."""
+    overrun: Overrun | None = None
+    """The card loses samples."""
+    server_gone: ServerGone | None = None
+    """The card's server dies."""
+    device_gone: DeviceGone | None = None
+    """The card is unplugged."""
+    speckle: Speckle | None = None
+    """The vibrometer's drop-outs."""
+    overload: Overload | None = None
+    """The force transducer overloads."""
+    drift: Drift | None = None
+    """The force transducer drifts."""
+    stall: Stall | None = None
+    """A motor stalls."""
+    slip: Slip | None = None
+    """An encoder slips."""
+
+    @model_validator(mode="after")
+    def _can_all_strike(self):
+        faults = []
+        names = ("trigger_missing", "overrun", "server_gone", "device_gone")
+        of_card = {name: fault for name in names if (fault := getattr(self, name)) is not None}
+        for (name, fault), (other, later) in combinations(
+            sorted(of_card.items(), key=lambda item: item[1].press), 2
+        ):
+            if fault.press == later.press:
+                faults.append(
+                    f"{other}: press {later.press} has {name} already, and one press ends by one"
+                    " fault of the card; give another press, or remove one of them"
+                )
+            elif name in ("server_gone", "device_gone"):
+                faults.append(
+                    f"{other}: the card is gone since {name} in press {fault.press}, so nothing"
+                    f" strikes in press {later.press}; give an earlier press, or remove one of them"
+                )
+        if not any(getattr(self, name) is not None for name in type(self).model_fields):
+            faults.append("faults: the table is empty; add a fault, or remove the table")
+        if faults:
+            raise ValueError("\n".join(faults))
+        return self
+
+    def misfits(self, finger: str, quantities: set[str]) -> list[str]:
+        """Return what of this cannot strike on a bench.
+
+        Args:
+            finger: Of the scene.
+            quantities: Measured by the rig's channels.
+        """
+        faults = []
+        for name in ("stall", "slip"):
+            if getattr(self, name) is not None and finger != "servo":
+                faults.append(
+                    f'faults.{name}: finger = "{finger}" has no motors and encoders; take'
+                    ' finger = "servo", or remove the table'
+                )
+        needed = {"speckle": "velocity", "overload": "force", "drift": "force"}
+        for name, quantity in needed.items():
+            if getattr(self, name) is not None and quantity not in quantities:
+                faults.append(
+                    f"faults.{name}: the rig has no channel that measures {quantity}; add one to"
+                    " its daq.channels, or remove the table"
+                )
+        return faults

@@ -1,0 +1,96 @@
+"""What drives a world in process: a planned press, or a push that needs no arm."""
+
+import math
+from functools import cached_property
+from typing import Protocol
+
+import numpy as np
+
+from rig.schema import Rig
+from sim_backend.parts import Push
+from sim_backend.physics.finger import Reference
+from trajectory.cubic import Cubics, evaluate, segment_cubics
+from trajectory.motion import Floats, Motion
+from trajectory.segments import Segments
+
+LEAD = 20
+"""Controller samples for which the arm stands before a press, so that all is at rest."""
+TAIL = 20
+"""Controller samples for which it stands after it."""
+
+
+class Drive(Protocol):
+    """What is played into a world, one controller sample after the other."""
+
+    start: tuple[float, float]
+    """rad, joints when power comes on."""
+    samples: int
+    """Controller samples that it lasts."""
+
+    def reference(self, sample: int) -> Reference:
+        """Return the reference of the arm over a controller sample."""
+        ...
+
+
+class PushDrive:
+    """A push as long as the scene says; the arm stays where it is."""
+
+    def __init__(self, rig: Rig, push: Push):
+        self.start = rig.arm.home_angles
+        seconds = push.duration + push.rest
+        self.samples = math.ceil(seconds / rig.controller.sample_period - 1e-9)
+
+    def reference(self, sample: int) -> Reference:
+        """Return a reference that stands still."""
+        return _stand
+
+
+class PressDrive:
+    """One press as the controller plays its segments, with a rest before and after.
+
+    Args:
+        rig: The bench for which it was planned.
+        segments: The press, which begins and ends on the key.
+    """
+
+    def __init__(self, rig: Rig, segments: Segments):
+        self.period = rig.controller.sample_period
+        self.radians = 2 * math.pi / rig.arm.counts_per_revolution
+        self.segments = segments
+        first, second = (segments.start * self.radians).tolist()
+        self.start = (first, second)
+        self.samples = LEAD + segments.total_samples + TAIL
+
+    def reference(self, sample: int) -> Reference:
+        """Return fractions of the sample to counts from the start and counts a sample."""
+
+        def at(fractions: Floats) -> tuple[Floats, Floats]:
+            motion = self.joints((sample + fractions) * self.period)
+            counts = (motion.position - self.start) / self.radians
+            return counts, motion.velocity * (self.period / self.radians)
+
+        return at
+
+    @cached_property
+    def breaks(self) -> Floats:
+        """s, when the reference goes from one cubic to the next; shape (n,)."""
+        ends = np.concatenate([[0], np.cumsum(self.segments.samples)])
+        return (LEAD + ends) * self.period
+
+    def joints(self, time: Floats) -> Motion:
+        """Return the reference of the joints [rad] at times [s], arrays (n, 2)."""
+        sample = np.asarray(time, float) / self.period - LEAD
+        ends = np.concatenate([[0], np.cumsum(self.segments.samples)])
+        index = np.clip(np.searchsorted(ends, sample, side="right") - 1, 0, len(ends) - 2)
+        u = (sample - ends[index]) / self.segments.samples[index]
+        motion = evaluate(Cubics(*(a[index] for a in self._cubics)), np.clip(u, 0, 1)[:, None])
+        moving = ((sample >= 0) & (sample < ends[-1]))[:, None]
+        return Motion(motion.position, motion.velocity * moving, motion.acceleration * moving)
+
+    @cached_property
+    def _cubics(self) -> Cubics:
+        return segment_cubics(self.segments, 1 / self.radians, self.period)
+
+
+def _stand(fractions: Floats) -> tuple[Floats, Floats]:
+    return np.zeros((len(fractions), 2)), np.zeros((len(fractions), 2))

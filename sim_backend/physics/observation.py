@@ -1,0 +1,101 @@
+"""One whole drive observed, the same by every engine, and how far two observations differ."""
+
+import math
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+from rig.schema import Rig
+from sim_backend.errors import SceneError
+from sim_backend.physics.drive import Drive, PressDrive, PushDrive
+from sim_backend.physics.events import Motions, PluckEvents, StringEvent
+from sim_backend.scene import Scene
+from trajectory.errors import TrajectoryError
+from trajectory.press import plan_press
+
+
+@dataclass(frozen=True)
+class Observation:
+    """What truly happened in a drive; times in s from its start."""
+
+    motions: Motions
+    events: PluckEvents
+
+
+@dataclass(frozen=True)
+class Errors:
+    """How far an observation is from another; infinite where an event is missing or too many."""
+
+    time: float
+    """s, largest of all contacts, releases and returns."""
+    force: float
+    """1, of the strings' forces at release and of the finger's while a string is held, over
+    the largest of each."""
+
+
+def drive_of(rig: Rig, scene: Scene) -> Drive:
+    """Return what a scene does by itself: its push, or the rig's planned press.
+
+    Raises:
+        SceneError: The rig's press cannot be planned.
+    """
+    if scene.push is not None:
+        return PushDrive(rig, scene.push)
+    try:
+        return PressDrive(rig, plan_press(rig).segments)
+    except TrajectoryError as error:
+        raise SceneError(f"rig {rig.name}: {error}") from error
+
+
+def observe(rig: Rig, scene: Scene, drive: Drive | None = None) -> Observation:
+    """Run a drive through a world of its own and return all that happened.
+
+    Args:
+        rig: The nominal bench.
+        scene: With its step and engine settled.
+        drive: What is played; None for `drive_of` the scene.
+
+    Raises:
+        SceneError: The scene cannot be simulated.
+    """
+    from sim_backend.physics.world import new_world
+
+    drive = drive or drive_of(rig, scene)
+    world = new_world(rig, scene, start=drive.start)
+    parts = [world.advance(drive.reference(i), True) for i in range(drive.samples)]
+    joined = (np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(Motions))
+    return Observation(Motions(*joined), world.events)
+
+
+def errors(found: Observation, true: Observation) -> Errors:
+    """Return how far an observation is from the truth."""
+    pairs = [
+        (getattr(found.events, name), getattr(true.events, name))
+        for name in ("contacts", "releases", "returns")
+    ]
+    if any([e.choir for e in a] != [e.choir for e in b] for a, b in pairs):
+        return Errors(math.inf, math.inf)
+    apart = (abs(a.time - b.time) for x, y in pairs for a, b in zip(x, y, strict=True))
+    string = _release_error(found.events.releases, true.events.releases)
+    return Errors(max(apart, default=0.0), max(string, _held_error(found, true)))
+
+
+def _release_error(found: list[StringEvent], true: list[StringEvent]) -> float:
+    largest = max((abs(e.force) for e in true), default=0.0)
+    if largest == 0.0:
+        return 0.0
+    return max(abs(a.force - b.force) for a, b in zip(found, true, strict=True)) / largest
+
+
+def _held_error(found: Observation, true: Observation) -> float:
+    """Return the rms error of the finger's force while strings are held, over its largest."""
+    a, b = found.motions, true.motions
+    held = np.zeros(len(b.time), bool)
+    for contact, release in zip(true.events.contacts, true.events.releases, strict=False):
+        margin = 0.1 * (release.time - contact.time)  # an event a step off is no error of force
+        held |= (b.time > contact.time + margin) & (b.time < release.time - margin)
+    largest = float(np.abs(b.finger_force).max(initial=0.0))
+    if not held.any() or largest == 0.0:
+        return 0.0
+    difference = np.interp(b.time[held], a.time, a.finger_force) - b.finger_force[held]
+    return float(np.sqrt(np.mean(difference**2))) / largest

@@ -1,0 +1,74 @@
+"""The simulated bench as controller and sensors see it: advanced by controller samples."""
+
+from typing import Protocol
+
+from rig.schema import Rig
+from sim_backend.errors import SceneError
+from sim_backend.physics.events import Motions, PluckEvents
+from sim_backend.physics.finger import Finger, Reference
+from sim_backend.scene import Scene
+
+
+class World(Protocol):
+    """The physics of a scene; the same `Scene`, rig and references give the same bits."""
+
+    rig: Rig
+    """The true bench."""
+    start: tuple[float, float]
+    """rad, joints when power came on."""
+    radians_per_count: float
+    """rad, of an encoder count."""
+    samples: int
+    """Controller samples done."""
+    events: PluckEvents
+    """What the strings met, the truth that no recording holds."""
+
+    @property
+    def time(self) -> float:
+        """World's clock [s]: only motion and acquisition make it go."""
+        ...
+
+    @property
+    def finger(self) -> Finger:
+        """What presses the key."""
+        ...
+
+    def advance(self, reference: Reference, powered: bool) -> Motions:
+        """Advance by one controller sample.
+
+        Args:
+            reference: Of the arm over this sample, in raw encoder counts.
+            powered: Whether the motors are on.
+
+        Raises:
+            SceneError: The engine lost its numbers.
+        """
+        ...
+
+
+def new_world(rig: Rig, scene: Scene, start: tuple[float, float] | None = None) -> World:
+    """Return the world of a scene, by the engine that it asks for.
+
+    Args:
+        rig: The nominal bench; the scene may make the true one differ.
+        scene: With its step and engine settled.
+        start: rad, joints when power comes on; None for home and the scene's offset.
+
+    Raises:
+        SceneError: The scene cannot be simulated, or leaves something to its accuracy.
+    """
+    auto = [name for name in ("engine", "plectrum", "string") if getattr(scene, name) == "auto"]
+    if scene.step is None:
+        auto.insert(0, "step")
+    if auto:
+        raise SceneError(
+            f"scene: {', '.join(auto)} is left to the accuracy of {scene.accuracy}; choose it first"
+            " with `sim_backend.trade.choose.settle`"
+        )
+    if scene.engine == "reduced":
+        from sim_backend.physics.reduced import ReducedWorld
+
+        return ReducedWorld(rig, scene, start)
+    from sim_backend.physics.rigid import RigidWorld
+
+    return RigidWorld(rig, scene, start)

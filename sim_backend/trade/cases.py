@@ -1,0 +1,219 @@
+"""The cases of the stability map: a grid over each axis, and random points over all of them."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+import numpy as np
+
+from rig.schema import Rig
+from rig.section import GRAVITY
+from sim_backend.scene import Scene
+
+Engine = Literal["rigid", "reduced"]
+ENGINES: tuple[Engine, ...] = ("rigid", "reduced")
+Values = dict[str, str | float]
+"""TOML values of a rig by dotted key."""
+
+STEPS = (1e-6, 1e-5, 1e-4, 5e-4, 2e-3)
+"""s."""
+SPEEDS = (0.005, 0.02, 0.072, 0.3, 1.0)
+"""m/s, of the jack."""
+FORCES = (0.01, 0.3, 1.2, 10.0, 100.0)
+"""N, of a push."""
+MASS_RATIOS = (1.0, 10.0, 1e2, 1e3, 1e4)
+"""1, the key's inertia over the jack's about the pin."""
+STIFFNESSES = (1e-3, 0.1, 10.0, 1e3)
+"""1, times the rig's."""
+OVERLAPS = (0.01e-3, 0.1e-3, 0.5e-3, 2e-3)
+"""m."""
+MIDDLE, SLOW = 100e-6, 500e-6
+"""s, steps of the cases that vary something else; of those that last long."""
+
+
+@dataclass(frozen=True)
+class Case:
+    """One scene on one bench."""
+
+    name: str
+    scene: Scene
+    values: Values = field(default_factory=dict)
+    """In which its bench differs."""
+
+
+def grid(rig: Rig) -> Iterator[Case]:
+    """Yield the cases of each axis alone, for every engine that does them."""
+    for engine in ENGINES:
+        for step in STEPS:
+            yield Case(f"push, step {step * 1e6:g} us", _push(engine, step))
+        for step in STEPS[2:]:
+            yield Case(f"ideal, step {step * 1e6:g} us", _ideal(engine, step))
+        for force in FORCES:
+            yield Case(f"push of {force:g} N", _push(engine, force=force))
+        for speed in SPEEDS:
+            step = MIDDLE if speed > SPEEDS[0] else SLOW
+            yield Case(f"ideal at {speed:g} m/s", _ideal(engine, step), at_speed(rig, speed))
+        for ratio in MASS_RATIOS:
+            yield Case(f"mass ratio {ratio:g}", _push(engine), mass_ratio(rig, ratio))
+            yield Case(f"ideal, mass ratio {ratio:g}", _ideal(engine), mass_ratio(rig, ratio))
+        for times in STIFFNESSES:
+            yield Case(f"string x {times:g}", _push(engine, force=3.0), string_times(rig, times))
+            yield Case(f"plectrum x {times:g}", _push(engine, force=3.0), modulus_times(rig, times))
+        for overlap in OVERLAPS:
+            yield Case(
+                f"overlap {overlap * 1e3:g} mm",
+                _push(engine, force=2.0),
+                {"plectrum.overlap": f"{overlap!r} m"},
+            )
+        yield from _frictions(rig, engine)
+        yield from _stops(rig, engine)
+
+
+def _frictions(rig: Rig, engine: Engine) -> Iterator[Case]:
+    for friction in (False, True):
+        word = "with" if friction else "without"
+        yield Case(f"push {word} friction", _push(engine, friction=friction))
+        yield Case(f"ideal {word} friction", _ideal(engine, friction=friction))
+    for moment, force in ((0.0, 1.0), (0.1, 0.0), (0.1, 1.0)):
+        values: Values = {
+            "key.pivot_coulomb_friction": f"{moment!r} N m",
+            "jack.register_friction": f"{force!r} N",
+        }
+        name = f"dry friction of {moment:g} N m and {force:g} N"
+        yield Case(f"push, {name}", _push(engine, force=2.5), values)
+        yield Case(f"ideal, {name}", _ideal(engine), values)
+    viscous: Values = {"key.pivot_viscous_friction": "1.0 N*m*s/rad"}
+    yield Case("viscous friction x 10000", _push(engine, force=2.0), viscous)
+
+
+def _stops(rig: Rig, engine: Engine) -> Iterator[Case]:
+    balance = rig.jack.mass * GRAVITY * rig.key.jack_arm
+    for name, share in (("no front heaviness", 0.0), ("nearly balanced", 0.999), ("balanced", 1.0)):
+        values: Values = {"key.front_heaviness": f"{share * balance!r} N m"}
+        yield Case(f"key {name}", _push(engine), values)
+        yield Case(f"key {name}, left alone", _push(engine, force=0.0), values)
+    yield Case("key on its felt", _push(engine, duration=0.15))
+    yield Case("key thrown on its felt", _push(engine, force=20.0, duration=0.1))
+    hard: Values = {"key.felt_stiffness": "1e6 N/m", "key.felt_damping": "0 N*s/m"}
+    yield Case("key on a hard felt", _push(engine, duration=0.1), hard)
+    yield Case("key falls on its rail", _push(engine, duration=0.02, rest=0.15))
+    yield Case("key thrown past its stop", _push(engine, force=5.0, duration=0.1, felt=False))
+    fast: Values = {
+        "press.return_acceleration": "30 m/s^2",
+        "press.return_speed": "0.5 m/s",
+        "press.run_down_acceleration": "30 m/s^2",
+        "press.run_down_jerk": "1e4 m/s^3",
+        **_LIMITLESS,
+    }
+    yield Case("finger leaves the key", _ideal(engine), fast)
+
+
+def random_cases(rig: Rig, n: int, seed: int = 0) -> Iterator[Case]:
+    """Yield cases with everything drawn at once, each over all of its axis."""
+    rng = np.random.default_rng(seed)
+
+    def log(low: float, high: float) -> float:
+        return float(np.exp(rng.uniform(np.log(low), np.log(high))))
+
+    def maybe(value: float) -> float:
+        return value if rng.integers(2) else 0.0
+
+    for i in range(n):
+        engine = ENGINES[i % 2]
+        values: Values = {
+            **mass_ratio(rig, log(1, 1e4)),
+            **string_times(rig, log(1e-3, 1e3)),
+            **modulus_times(rig, log(1e-3, 1e3)),
+            "plectrum.overlap": f"{log(1e-5, 2e-3)!r} m",
+            "key.pivot_coulomb_friction": f"{maybe(log(1e-5, 1e-1))!r} N m",
+            "jack.register_friction": f"{maybe(log(1e-4, 1.0))!r} N",
+        }
+        friction, felt = (bool(rng.integers(2)) for _ in range(2))
+        step = log(2e-5, 2e-3)
+        if rng.integers(2):
+            force = log(0.05, 100)
+            scene = _push(engine, step, force=force, duration=0.1, friction=friction, felt=felt)
+        else:
+            scene = _ideal(engine, step, friction=friction, felt=felt)
+            values |= at_speed(rig, log(0.02, 1.0))
+        yield Case(f"random {i}", scene, values)
+
+
+def at_speed(rig: Rig, speed: float) -> Values:
+    """Return the changes of a bench that presses at a jack speed [m/s], in as much of a rise."""
+    press, times = rig.press, max(speed / rig.press.jack_speed, 1.0)
+    return {
+        "press.jack_speed": f"{speed!r} m/s",
+        "press.run_up_acceleration": f"{press.run_up_acceleration * times**2!r} m/s^2",
+        "press.run_up_jerk": f"{press.run_up_jerk * times**3!r} m/s^3",
+        "press.run_down_acceleration": f"{press.run_down_acceleration * times**2!r} m/s^2",
+        "press.run_down_jerk": f"{press.run_down_jerk * times**3!r} m/s^3",
+        **_LIMITLESS,
+    }
+
+
+def mass_ratio(rig: Rig, ratio: float) -> Values:
+    """Return the changes of a bench that make its key so many times as heavy as its jack.
+
+    The key stays as far from lifting its jack as it was.
+    """
+    key, jack = rig.key, rig.jack
+    mass = key.inertia / key.jack_arm**2 / ratio
+    heaviness = key.front_heaviness * mass / jack.mass
+    return {"jack.mass": f"{mass!r} kg", "key.front_heaviness": f"{heaviness!r} N m"}
+
+
+def string_times(rig: Rig, times: float) -> Values:
+    """Return the change of a bench that makes its string so many times as stiff."""
+    return {"string.tension": f"{rig.string.tension * times!r} N"}
+
+
+def modulus_times(rig: Rig, times: float) -> Values:
+    """Return the change of a bench that makes its plectrum so many times as stiff."""
+    return {"plectrum.youngs_modulus": f"{rig.plectrum.youngs_modulus * times!r} Pa"}
+
+
+_LIMITLESS: Values = {
+    "arm.speed_limit": "1e3 rad/s",
+    "arm.acceleration_limit": "1e6 rad/s^2",
+    "arm.jerk_limit": "1e10 rad/s^3",
+    "arm.torque_limit": "1e4 N m",
+}
+"""An ideal finger's arm may be as fast as it has to."""
+
+
+def _push(
+    engine: Engine,
+    step: float = MIDDLE,
+    *,
+    force: float = 1.2,
+    duration: float = 0.04,
+    rest: float = 0.0,
+    friction: bool = True,
+    felt: bool = True,
+) -> Scene:
+    push = {"force": f"{force!r} N", "duration": f"{duration!r} s", "rest": f"{rest!r} s"}
+    return _scene(engine, step, friction, felt, finger="push", push=push)
+
+
+def _ideal(
+    engine: Engine,
+    step: float = MIDDLE,
+    *,
+    friction: bool = True,
+    felt: bool = True,
+) -> Scene:
+    return _scene(engine, step, friction, felt, finger="ideal")
+
+
+def _scene(engine: Engine, step: float, friction: bool, felt: bool, **finger: Any) -> Scene:
+    document = {
+        "plectrum": "elastica",
+        "string": "spring",
+        "friction": friction,
+        "felt": felt,
+        "engine": engine,
+        "step": f"{step!r} s",
+        "iterations": 30,
+    }
+    return Scene.model_validate(document | finger)

@@ -1,0 +1,163 @@
+"""Where the engines stand: every case is as accurate as they claim, or refused with a reason."""
+
+import math
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+
+from rig.errors import SautereauError
+from rig.load import with_values
+from rig.schema import Rig
+from sim_backend.physics.observation import Errors, Observation, drive_of, errors, observe
+from sim_backend.scene import Scene
+from sim_backend.trade.cases import Case, grid, random_cases
+from sim_backend.trade.choose import settle
+from sim_backend.trade.settled import reached
+
+RANDOM = 40
+"""Random cases of the whole map."""
+Verdict = Literal["converged", "refused", "failed"]
+
+
+@dataclass(frozen=True)
+class Cell:
+    """What became of a case."""
+
+    case: Case
+    verdict: Verdict
+    claim: Errors | None = None
+    """The error that was claimed; None for a case that was refused."""
+    error: Errors | None = None
+    """The error that there was."""
+    reason: str = ""
+    """Of a refusal or a failure."""
+
+
+@dataclass(frozen=True)
+class Map:
+    """What became of every case."""
+
+    cells: tuple[Cell, ...]
+
+    @property
+    def silent_failures(self) -> tuple[Cell, ...]:
+        """Cases whose error is larger than was claimed, without a word."""
+        return tuple(cell for cell in self.cells if cell.verdict == "failed")
+
+
+def run_stability(
+    rig: Rig,
+    cases: Iterable[Case] | None = None,
+    progress: Callable[[float], None] = lambda share: None,
+) -> Map:
+    """Run cases through their engines and hold each against the reference.
+
+    Args:
+        rig: The bench from which the cases differ.
+        cases: None for the whole grid and `RANDOM` random ones.
+        progress: Told the share that is done, from 0 to 1.
+    """
+    chosen = [*grid(rig), *random_cases(rig, RANDOM)] if cases is None else list(cases)
+    cells = []
+    for i, case in enumerate(chosen):
+        progress(i / len(chosen))
+        cells.append(judge(rig, case))
+    progress(1.0)
+    return Map(tuple(cells))
+
+
+def judge(rig: Rig, case: Case) -> Cell:
+    """Run one case and say what became of it."""
+    try:
+        bench = with_values(rig, case.values)
+        drive = drive_of(bench, case.scene)
+        settled = settle(bench, case.scene, drive)
+        found = observe(bench, settled.scene, drive)
+    except SautereauError as error:
+        return Cell(case, "refused", reason=str(error))
+    except Exception as error:  # noqa: BLE001 - an untyped error is what this map looks for
+        return Cell(case, "failed", reason=f"{type(error).__name__}: {error}")
+    claim = settled.errors
+    if not math.isfinite(claim.time):
+        return Cell(case, "refused", reason=reached(claim))
+    fault = _fault(found)
+    if fault:
+        return Cell(case, "failed", claim, reason=fault)
+    try:
+        error = errors(found, _truth(bench, case.scene))
+    except SautereauError as refusal:
+        return Cell(case, "failed", claim, reason=f"it goes on, and the reference not: {refusal}")
+    if error.time <= claim.time and error.force <= claim.force:
+        return Cell(case, "converged", claim, error)
+    return Cell(case, "failed", claim, error, "less accurate than claimed")
+
+
+def stability_document(found: Map) -> dict[str, Any]:
+    """Return the JSON object of a map; errors in s and 1, null where they are none."""
+    return {
+        "cases": [_document(cell) for cell in found.cells],
+        "converged": _count(found, "converged"),
+        "refused": _count(found, "refused"),
+        "silent_failures": [_document(cell) for cell in found.silent_failures],
+    }
+
+
+def stability_text(found: Map) -> list[str]:
+    """Return the lines of a map: one for each case, and how many of each verdict."""
+    head = f"{'case':40} {'engine':8} {'verdict':9}"
+    lines = [f"{head} {'error':>10} {'claimed':>10} {'force':>9} {'claimed':>9}"]
+    lines += [_row(cell) for cell in found.cells]
+    counts = (f"{_count(found, verdict)} {verdict}" for verdict in ("converged", "refused"))
+    lines.append(f"{', '.join(counts)}, {len(found.silent_failures)} failed silently")
+    return lines
+
+
+def _truth(bench: Rig, scene: Scene) -> Observation:
+    from sim_backend.reference.observe import reference
+
+    return reference(bench, scene, drive_of(bench, scene))
+
+
+def _fault(found: Observation) -> str:
+    """Return what is no motion in an observation: no number, or time that goes back."""
+    motions = found.motions
+    for name in ("time", "angle", "spin", "rise", "finger_force", "string_force"):
+        if not np.isfinite(getattr(motions, name)).all():
+            return f"{name} is no number"
+    if not (np.diff(motions.time) > 0).all():
+        return "time goes back"
+    return ""
+
+
+def _count(found: Map, verdict: Verdict) -> int:
+    return sum(cell.verdict == verdict for cell in found.cells)
+
+
+def _finite(value: float | None) -> float | None:
+    return value if value is not None and math.isfinite(value) else None
+
+
+def _document(cell: Cell) -> dict[str, Any]:
+    claim, error = cell.claim, cell.error
+    return {
+        "case": cell.case.name,
+        "engine": cell.case.scene.engine,
+        "dt": cell.case.scene.step,
+        "verdict": cell.verdict,
+        "claimed_error": _finite(claim and claim.time),
+        "claimed_force_error": _finite(claim and claim.force),
+        "error": _finite(error and error.time),
+        "force_error": _finite(error and error.force),
+        "reason": cell.reason or None,
+    }
+
+
+def _row(cell: Cell) -> str:
+    head = f"{cell.case.name:40} {cell.case.scene.engine:8} {cell.verdict:9}"
+    if cell.claim is None or cell.error is None:
+        return f"{head} {cell.reason}"
+    times = (f"{1e6 * e.time:7.2g} us" for e in (cell.error, cell.claim))
+    forces = (f"{100 * e.force:7.2g} %" for e in (cell.error, cell.claim))
+    return f"{head} {' '.join((*times, *forces))}  {cell.reason}".rstrip()

@@ -1,0 +1,70 @@
+"""What really happened after each trigger, which no recording tells."""
+
+from bisect import bisect_left
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+from sim_backend.physics.events import PluckEvents, StringEvent
+
+
+@dataclass(frozen=True)
+class Truth:
+    """What the strings met after one trigger edge; times in s from it."""
+
+    contact_events: tuple[StringEvent, ...]
+    """Strings met, in order of time."""
+    release_events: tuple[StringEvent, ...]
+    """Strings let go."""
+    return_events: tuple[StringEvent, ...]
+    """Strings passed on the way down."""
+
+    @property
+    def contacts(self) -> tuple[float, ...]:
+        """s from the edge, of the contacts of all choirs."""
+        return tuple(event.time for event in self.contact_events)
+
+    @property
+    def releases(self) -> tuple[float, ...]:
+        """s from the edge, of the releases of all choirs."""
+        return tuple(event.time for event in self.release_events)
+
+    @property
+    def returns(self) -> tuple[float, ...]:
+        """s from the edge, when falling plectra had passed their strings."""
+        return tuple(event.time for event in self.return_events)
+
+    @property
+    def release_forces(self) -> tuple[float, ...]:
+        """N, of the string on the jack just before each release."""
+        return tuple(event.force for event in self.release_events)
+
+    def choir(self, number: int) -> "Truth":
+        """Return what happened at one choir, 0 for the first one."""
+        return Truth(
+            *(
+                tuple(event for event in events if event.choir == number)
+                for events in (self.contact_events, self.release_events, self.return_events)
+            )
+        )
+
+
+def truths(events: PluckEvents, edges: list[float]) -> list[Truth]:
+    """Return what happened from each trigger edge to the next.
+
+    Args:
+        events: Of the world so far.
+        edges: s on the world's clock, in order.
+    """
+    return [
+        Truth(
+            _between(events.contacts, start, end),
+            _between(events.releases, start, end),
+            _between(events.returns, start, end),
+        )
+        for start, end in pairwise([*edges, float("inf")])
+    ]
+
+
+def _between(events: list[StringEvent], start: float, end: float) -> tuple[StringEvent, ...]:
+    first, stop = (bisect_left(events, t, key=lambda event: event.time) for t in (start, end))
+    return tuple(replace(event, time=event.time - start) for event in events[first:stop])

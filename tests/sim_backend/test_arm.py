@@ -1,0 +1,162 @@
+"""The servo's arm on the key: the string slows it, the motors hold it, the brakes too."""
+
+import math
+
+import numpy as np
+import pytest
+
+from analysis.model.key import finger_force
+from analysis.model.predict import rig_pluck
+from rig.load import load_rig
+from sim_backend.physics.drive import LEAD, PressDrive
+from sim_backend.physics.observation import observe
+from sim_backend.physics.servo import weight_torque
+from sim_backend.physics.world import new_world
+from sim_backend.reference.observe import reference
+from sim_backend.scene import load_scene
+from trajectory.arm import fingertip_motion
+from trajectory.key import key_under_fingertip, rise_slope
+from trajectory.motion import Motion
+from trajectory.press import plan_press
+
+RIG = load_rig("paper")
+PERIOD = RIG.controller.sample_period
+RADIANS = 2 * math.pi / RIG.arm.counts_per_revolution
+PLAN = plan_press(RIG)
+DRIVE = PressDrive(RIG, PLAN.segments)
+HOVER = tuple((PLAN.hover * RADIANS).tolist())
+
+
+def stand(fractions):
+    return np.zeros((len(fractions), 2)), np.zeros((len(fractions), 2))
+
+
+@pytest.fixture(scope="module")
+def seen():
+    return observe(RIG, load_scene("paper"), DRIVE)
+
+
+def test_the_press_is_the_references_to_a_count(seen):
+    """Encoders in whole counts: a count that falls otherwise moves the finger by 0.6 um."""
+    true = reference(RIG, load_scene("paper"), DRIVE)
+    for name in ("contacts", "releases", "returns"):
+        (found,), (exact,) = getattr(seen.events, name), getattr(true.events, name)
+        assert found.time == pytest.approx(exact.time, abs=5e-6)
+    moved = seen.motions
+    angle = np.interp(moved.time, true.motions.time, true.motions.angle)
+    count = RADIANS * RIG.arm.upper_length / RIG.key.press_arm
+    np.testing.assert_allclose(moved.angle, angle, rtol=0, atol=3 * count)
+
+
+def test_the_jack_slows_while_the_string_is_held(seen):
+    """By 10 to 30 % of its speed, and by less than that before."""
+    moved = seen.motions
+    contact, release = seen.events.contacts[0].time, seen.events.releases[0].time
+    speed = moved.spin * rise_slope(RIG.key, moved.angle)
+
+    def mean(start, end):
+        return speed[(moved.time > start) & (moved.time < end)].mean()
+
+    before = mean(contact - 3e-3, contact)
+    assert before == pytest.approx(0.072, rel=0.1)
+    assert 0.10 < 1 - mean(release - 2e-3, release) / before < 0.30
+    free = mean(contact - 10e-3, contact - 5e-3)
+    assert abs(before / free - 1) < 0.10
+
+
+def test_the_servos_press_comes_to_the_same_end(seen):
+    moved = seen.motions
+    centre = fingertip_motion(RIG.arm, DRIVE.joints(moved.time))
+    planned = key_under_fingertip(RIG.key, RIG.arm.fingertip_radius, centre).position
+    at_bottom = np.searchsorted(moved.time, LEAD * PERIOD + PLAN.law.return_start)
+    assert moved.angle[at_bottom] == pytest.approx(planned[at_bottom], abs=3e-4)
+
+
+def test_the_servos_finger_pushes_as_the_model_says(seen):
+    """Inverse dynamics of the motion that really was, smoothed over a millisecond."""
+    moved, events = seen.motions, seen.events
+    acceleration = np.gradient(moved.spin, moved.time)
+    angle = Motion(moved.angle, moved.spin, acceleration)
+    string = rig_pluck(RIG).force_on_jack(moved.rise - RIG.jack.string_clearance)
+    release = events.releases[0].time
+    expected = finger_force(RIG, angle, string * (moved.time < release))
+    error = np.convolve(moved.finger_force - expected, np.full(10, 0.1), "same")
+    held = (moved.time > events.contacts[0].time) & (moved.time < release - 2e-3)
+    assert np.sqrt(np.mean(error[held] ** 2)) < 0.02 * expected[held].max()
+
+
+@pytest.mark.parametrize("powered", [True, False])
+def test_a_standing_arm_is_held(powered):
+    world = new_world(RIG, load_scene("paper"), HOVER)
+    before = world.finger.joints()
+    for _ in range(500):
+        moved = world.advance(stand, powered)
+    np.testing.assert_allclose(world.finger.joints(), before, atol=1e-9)
+    np.testing.assert_allclose(moved.angle, 0, atol=1e-9)
+    np.testing.assert_array_equal(moved.finger_force, 0)
+    assert world.finger.settled
+    expected = weight_torque(RIG.arm, before) if powered else (0.0, 0.0)
+    np.testing.assert_allclose(world.finger.torques(), expected, atol=1e-6)
+
+
+def test_power_that_goes_off_and_on_again_leaves_the_arm_where_it_is():
+    world = new_world(RIG, load_scene("paper"), HOVER)
+    for powered in (True, False, True, False, True):
+        for _ in range(40):
+            world.advance(stand, powered)
+    np.testing.assert_allclose(world.finger.joints(), HOVER, atol=1e-9)
+    assert world.worst_gap < 1e-9
+
+
+def stepped(counts):
+    world = new_world(RIG, load_scene("paper"), HOVER)
+    for _ in range(20):
+        world.advance(stand, True)
+    jump = np.array([counts, -counts], float)
+
+    def reference_of(fractions):
+        return np.tile(jump, (len(fractions), 1)), np.zeros((len(fractions), 2))
+
+    joints, torques = [], []
+    for _ in range(1500):
+        world.advance(reference_of, True)
+        joints.append(world.finger.joints())
+        torques.append(world.finger.torques())
+    return (np.array(joints) - HOVER) / RADIANS / jump, np.array(torques), world
+
+
+def test_a_step_settles():
+    """1 mrad: not wild on the way, and there within a second and a half."""
+    response, torques, world = stepped(318)
+    assert np.abs(torques).max() < RIG.arm.torque_limit
+    assert response.min() > -0.5
+    assert response.max() < 2
+    late = response[1000:]
+    np.testing.assert_allclose(late, 1, atol=0.05)
+    assert np.ptp(late[:250], axis=0).max() >= np.ptp(late[250:], axis=0).max()
+    assert world.finger.settled
+
+
+def test_a_step_past_the_torque_limit_is_held_to_it():
+    """0.1 rad asks for more than the amplifiers give."""
+    response, torques, world = stepped(31_831)
+    assert np.abs(torques).max() == pytest.approx(RIG.arm.torque_limit, rel=1e-12)
+    np.testing.assert_allclose(response[1200:], 1, atol=0.05)
+    assert world.worst_gap < 1e-6
+
+
+def test_a_finger_that_falls_on_the_key_lands_on_it():
+    """From 15 mm above, at some 0.3 m/s: it does not sink in, and neither bounces."""
+    world = new_world(
+        RIG, load_scene("paper").model_copy(update={"plectrum": "none", "string": "none"}), HOVER
+    )
+    jump = (PLAN.segments.start - PLAN.hover).astype(float)
+
+    def down(fractions):
+        return np.tile(jump, (len(fractions), 1)), np.zeros((len(fractions), 2))
+
+    world.advance(stand, True)
+    moved = [world.advance(down, True) for _ in range(200)]
+    force = np.concatenate([m.finger_force for m in moved])
+    assert force.max() > 1
+    assert world.worst_gap < 1e-6

@@ -1,0 +1,96 @@
+"""The bench in process: choices made for it, truth, and what it keeps."""
+
+import math
+from types import SimpleNamespace
+
+import pytest
+
+from rig.load import load_rig
+from sim_backend.bench import Bench
+from sim_backend.daqmx.card import TaskSetup
+from sim_backend.physics.events import PluckEvents, StringEvent
+from sim_backend.scene import load_scene
+from sim_backend.truth import truths
+
+MUTE = {"plectrum": "none", "string": "none", "step": 1e-3}
+
+
+def mute_scene(**changes):
+    return load_scene("ideal").model_copy(update=MUTE | changes)
+
+
+def event(time, choir=0, force=0.0):
+    return StringEvent(time, choir, force)
+
+
+def test_truth_is_told_from_each_edge_to_the_next():
+    events = PluckEvents(
+        contacts=[event(0.5), event(1.1), event(1.2, 1), event(2.5)],
+        releases=[event(1.3, 0, 0.4), event(1.35, 1, 0.6)],
+        returns=[event(1.9)],
+    )
+    first, second = truths(events, [1.0, 2.0])
+    assert first.contacts == pytest.approx((0.1, 0.2))
+    assert first.releases == pytest.approx((0.3, 0.35))
+    assert first.returns == pytest.approx((0.9,))
+    assert first.release_forces == (0.4, 0.6)
+    assert [e.choir for e in first.contact_events] == [0, 1]
+    assert second.contacts == (0.5,)
+    assert second.releases == second.returns == second.release_forces == ()
+
+
+def test_truth_of_one_choir():
+    events = PluckEvents([event(0.1), event(0.2, 1)], [event(0.3, 1, 0.6), event(0.4)], [])
+    (truth,) = truths(events, [0.0])
+    assert truth.choir(1).contacts == (0.2,)
+    assert truth.choir(1).release_forces == (0.6,)
+    assert truth.choir(2).contacts == ()
+
+
+def test_no_edge_no_truth():
+    assert truths(PluckEvents([event(0.1)], [], []), []) == []
+
+
+def test_an_event_on_the_edge_belongs_to_the_press_that_it_begins():
+    one, other = truths(PluckEvents([event(1.0), event(2.0)], [], []), [1.0, 2.0])
+    assert one.contacts == other.contacts == (0.0,)
+
+
+def test_an_accuracy_is_settled_and_told(monkeypatch):
+    """What is built is the scene that the choice has made."""
+    from sim_backend.trade import choose
+
+    class Settled(SimpleNamespace):
+        def __str__(self):
+            return "1 us"
+
+    def settle(rig, scene):
+        assert scene.accuracy == "10 us"
+        return Settled(scene=mute_scene())
+
+    monkeypatch.setattr(choose, "settle", settle)
+    scene = load_scene("ideal").model_copy(update={"step": None, "accuracy": "10 us"})
+    bench = Bench(load_rig(), scene)
+    assert bench.reached == "1 us"
+    assert bench.scene.step == 1e-3
+    assert Bench(load_rig(), mute_scene()).reached == ""
+
+
+def test_the_force_of_the_finger_can_be_asked_for():
+    bench = Bench(load_rig(), mute_scene())
+    bench.receive(b"SH AB\r")
+    for _ in range(5):
+        bench.tick()
+    assert math.isfinite(bench.finger_force)
+
+
+def test_an_acquisition_that_is_over_is_not_kept():
+    """So that a long session costs no memory and no time."""
+    bench = Bench(load_rig(), mute_scene())
+    for _ in range(50):
+        run = bench.start(TaskSetup(("ai0", "ai1"), 51_200.0, 10, None))
+        while bench.busy:
+            bench.tick()
+        assert run.read(0, 10).shape == (2, 10)
+    assert len(bench._runs) == 1
+    assert len(bench.truth()) == 50

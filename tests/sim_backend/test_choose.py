@@ -1,0 +1,177 @@
+import numpy as np
+import pytest
+
+from rig.load import load_rig
+from sim_backend.errors import SceneError
+from sim_backend.physics.events import Motions, PluckEvents, StringEvent
+from sim_backend.physics.observation import Observation
+from sim_backend.scene import parse_scene
+from sim_backend.trade.choose import best_level, settle
+from sim_backend.trade.ladder import LOST, Ladder
+
+PERIOD = load_rig().controller.sample_period
+PUSH = '[push]\nforce = "1.2 N"\nduration = "40 ms"\n'
+
+
+def scene(engine="auto", string="spring", plectrum="elastica", want='accuracy = "10 us"'):
+    return parse_scene(
+        f"""
+        finger = "push"
+        engine = "{engine}"
+        plectrum = "{plectrum}"
+        string = "{string}"
+        friction = false
+        felt = false
+        {want}
+        {PUSH}
+        """
+    )
+
+
+def events_at(contact, release, force=0.5):
+    still = np.zeros(3)
+    time = np.array([contact, (contact + release) / 2, release])
+    motions = Motions(time, still, still, still, still + 1.2, still)
+    return Observation(
+        motions,
+        PluckEvents([StringEvent(contact, 0, 0.0)], [StringEvent(release, 0, force)]),
+    )
+
+
+class Toy:
+    """Engines whose errors are known: of the second order, and a spring string's own."""
+
+    rigid, reduced, spring = 20.0, 0.5, 30e-6
+
+    def __init__(self, exact=True):
+        self.has_exact = exact
+        self.runs = []
+
+    def __call__(self, rig, scene, drive):
+        self.runs.append(scene)
+        own = self.spring if scene.string == "spring" else 0.0
+        return events_at(0.01, 0.014 + own + self.error(scene))
+
+    def solve(self, rig, scene, drive):
+        return events_at(0.01, 0.014 + self.spring)
+
+    def error(self, scene):
+        return getattr(self, scene.engine) * scene.step**2
+
+
+def toy_settle(toy, scene):
+    return settle(load_rig(), scene, observe=toy, solve=toy.solve if toy.has_exact else None)
+
+
+@pytest.mark.parametrize("order", [1.0, 2.0, 4.0])
+def test_an_estimate_is_never_below_the_error(order):
+    ladder = Ladder(lambda n: events_at(0.01, 0.02 + 1e-3 * n**-order), 1, 1 << 20)
+    for rung in range(6):
+        true = 1e-3 * ladder.steps(rung) ** -order
+        assert true <= ladder.estimate(rung).time <= 2 * true + 1.1e-8
+
+
+def test_events_that_come_and_go_have_no_estimate():
+    def observe(n):
+        found = events_at(0.01, 0.02)
+        if n == 4:
+            found.events.releases.clear()
+        return found
+
+    assert Ladder(observe, 1, 64).estimate(0) == LOST
+    assert Ladder(observe, 8, 64).estimate(0).time < 2e-8
+
+
+def test_a_step_that_is_lost_has_no_estimate_and_all_lost_say_why():
+    def observe(n):
+        if n < 4:
+            raise SceneError(f"{n} steps are lost")
+        return events_at(0.01, 0.02)
+
+    assert Ladder(observe, 1, 64).estimate(0) == LOST
+    with pytest.raises(SceneError, match="1 steps are lost"):
+        Ladder(lambda n: observe(1), 1, 64).estimate(0)
+
+
+def test_neighbours_that_come_to_the_same_do_not_hide_an_error():
+    error = {1: 0.8e-6, 2: 0.5e-6, 4: 0.5e-6, 8: 0.1e-6}
+    ladder = Ladder(lambda n: events_at(0.01, 0.02 + error.get(n, 0.0)), 1, 1 << 20)
+    for rung in range(3):
+        assert error[ladder.steps(rung)] <= ladder.estimate(rung).time
+
+
+def test_a_blow_has_no_force_that_a_step_tells():
+    def observe(n):
+        found = events_at(0.01, 0.02)
+        found.motions.finger_force[1] = 1.2 * n
+        return found
+
+    found = Ladder(observe, 1, 64).estimate(0)
+    assert found.time < 2e-8
+    assert found.force == float("inf")
+
+
+@pytest.mark.parametrize("exact", [True, False])
+@pytest.mark.parametrize("want", ["1 us", "10 us", "100 us"])
+def test_the_longest_step_of_the_cheapest_engine_is_taken(want, exact):
+    toy = Toy(exact)
+    settled = toy_settle(toy, scene(want=f'accuracy = "{want}"'))
+    asked, taken = settled.asked.time, settled.scene
+    assert taken.engine == "reduced"
+    assert taken.accuracy is None
+    assert toy.error(taken) <= settled.errors.time <= asked
+    longer = taken.model_copy(update={"step": 2 * taken.step})
+    assert taken.step == PERIOD or (1 if exact else 2) * toy.error(longer) > asked - 1e-8
+
+
+def test_luck_is_no_accuracy():
+    toy = Toy()
+    toy.error = lambda scene: 0.0 if scene.step > 0.9 * PERIOD else 10 * scene.step**2
+    settled = toy_settle(toy, scene(want='accuracy = "1 us"'))
+    assert settled.scene.step <= PERIOD / 2
+    assert toy.error(settled.scene) <= 1e-6
+
+
+def test_explicit_choices_are_kept():
+    toy = Toy()
+    settled = toy_settle(toy, scene("rigid", "spring", "rods"))
+    taken = settled.scene
+    assert (taken.engine, taken.string, taken.plectrum) == ("rigid", "spring", "rods")
+    assert {run.engine for run in toy.runs} == {"rigid"}
+
+
+@pytest.mark.parametrize(("want", "string"), [("10 us", "modal"), ("100 us", "spring")])
+def test_a_spring_string_is_taken_where_its_own_error_allows(want, string):
+    found = toy_settle(Toy(), scene("auto", "auto", "auto", f'accuracy = "{want}"'))
+    assert found.scene.string == string
+    assert found.scene.engine == ("rigid" if string == "modal" else "reduced")
+    assert found.scene.plectrum == "elastica"
+
+
+def test_a_carved_plectrum_asks_for_finite_elements():
+    plectrum = load_rig().plectrum
+    carved = plectrum.model_copy(update={"outline": "an outline"})
+    assert (best_level(plectrum), best_level(carved)) == ("elastica", "fe")
+
+
+@pytest.mark.parametrize("exact", [True, False])
+def test_what_is_out_of_reach_is_said_with_what_was_reached(exact):
+    toy = Toy(exact)
+    toy.rigid = 1e8
+    with pytest.raises(SceneError, match=r"1 us is out of reach.*events to .* us.*ask for"):
+        toy_settle(toy, scene("rigid", want='accuracy = "1 us"'))
+
+
+def test_a_step_given_is_kept_and_estimated():
+    toy = Toy()
+    settled = toy_settle(toy, scene("rigid", want='step = "100 us"'))
+    assert settled.scene.step == PERIOD / 10
+    assert toy.error(settled.scene) <= settled.errors.time
+    assert settled.asked is None
+
+
+def test_the_choice_is_the_same_each_time():
+    first, second = (toy_settle(Toy(), scene()) for _ in range(2))
+    assert first == second
+    assert str(first) == str(second)
+    assert "reduced" in str(first)

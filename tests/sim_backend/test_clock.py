@@ -1,0 +1,120 @@
+"""The stand-in's clock and the turns in which it is had, without a wall's clock in the asserts."""
+
+import threading
+
+import pytest
+
+from sim_backend.clock import Clock
+from sim_backend.turns import Turns
+
+
+class Count:
+    """A bench that is busy until a number of ticks is done."""
+
+    def __init__(self, wanted=0):
+        self.turns = Turns()
+        self.ticks, self.wanted = 0, wanted
+        self.awaited = False
+        self.failed = []
+
+    @property
+    def time(self):
+        return self.ticks * 1e-3
+
+    @property
+    def busy(self):
+        return self.ticks < self.wanted
+
+    def tick(self):
+        self.ticks += 1
+        if self.ticks == 777:
+            raise ValueError("lost its numbers")
+
+    def go(self, ticks):
+        """Let it be busy, and wait until it is not."""
+        with self.turns:
+            self.wanted += ticks
+            self.turns.notify_all()
+            assert self.turns.wait_for(lambda: not self.busy or self.failed, 10)
+
+
+def clock(bench, paced=False):
+    return Clock(bench, bench.turns, paced, bench.failed.append)
+
+
+@pytest.mark.parametrize("paced", [False, True])
+def test_time_goes_while_something_goes_on_and_no_further(paced):
+    bench = Count()
+    with clock(bench, paced):
+        for ticks in (1, 3, 50):
+            bench.go(ticks)
+            assert bench.ticks == bench.wanted
+
+
+def test_a_host_gets_its_turn_while_time_goes_on():
+    """As often as it wants, from a clock that is always busy."""
+
+    class Endless(Count):
+        busy = True
+
+        def tick(self):
+            self.ticks += 1
+
+    bench = Endless()
+    seen = []
+    with clock(bench):
+        while len(seen) < 100 or seen[-1] == 0:
+            with bench.turns:
+                seen.append(bench.ticks)
+    assert sorted(seen) == seen
+
+
+def test_it_stops_at_once_where_somebody_waits_for_what_is_there():
+    bench = Count()
+    bench.awaited = True
+    with clock(bench):
+        bench.go(20)
+    assert bench.ticks == 20
+
+
+def test_a_failing_bench_is_told_and_goes_no_further():
+    bench = Count()
+    with clock(bench):
+        bench.go(2000)
+    assert [str(error) for error in bench.failed] == ["lost its numbers"]
+    assert bench.ticks == 777
+
+
+def test_turns_are_had_in_turn():
+    """A thread that takes the lock again at once does not keep it from one that waits."""
+    turns, greedy, done = Turns(), [0], threading.Event()
+
+    def take():
+        while not done.is_set():
+            with turns:
+                greedy[0] += 1
+
+    thread = threading.Thread(target=take)
+    thread.start()
+    try:
+        for _ in range(200):
+            with turns:
+                pass
+    finally:
+        done.set()
+        thread.join()
+    assert greedy[0] > 0
+
+
+def test_a_condition_is_waited_for_without_the_lock():
+    turns, state = Turns(), []
+
+    def meet():
+        with turns:
+            state.append(1)
+            turns.notify_all()
+
+    with turns:
+        threading.Thread(target=meet).start()
+        assert turns.wait_for(lambda: bool(state), 10)
+        assert not turns.wait_for(lambda: False, 0.0)

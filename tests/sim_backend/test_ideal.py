@@ -1,0 +1,209 @@
+"""An ideal finger on rigid bodies: planner and model, and nothing between them."""
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+
+from analysis.model.key import finger_force
+from analysis.model.predict import rig_pluck
+from rig.load import load_rig, with_values
+from rig.section import GRAVITY
+from sim_backend.physics.drive import LEAD, PressDrive
+from sim_backend.physics.observation import observe
+from sim_backend.physics.world import new_world
+from sim_backend.scene import load_scene
+from trajectory.arm import fingertip_motion, joints_holding_point
+from trajectory.key import jack_motion, key_under_fingertip, rise_of_angle, rise_slope
+from trajectory.motion import Motion
+from trajectory.press import plan_press
+
+RIG = load_rig("paper")
+KEY, JACK = RIG.key, RIG.jack
+PERIOD = RIG.controller.sample_period
+PLAN = plan_press(RIG)
+DRIVE = PressDrive(RIG, PLAN.segments)
+START = LEAD * PERIOD + PLAN.law.start
+"""s, when the fingertip leaves its rest."""
+MUTE = {"plectrum": "none", "string": "none"}
+SMOOTH = {
+    "key.pivot_coulomb_friction": "0 N m",
+    "key.pivot_viscous_friction": "0 N m s/rad",
+    "jack.register_friction": "0 N",
+}
+
+
+def ideal(**changes):
+    return load_scene("ideal").model_copy(update=changes)
+
+
+def planned(time):
+    """The key's motion [rad] that the fingertip's path prescribes."""
+    centre = fingertip_motion(RIG.arm, DRIVE.joints(np.asarray(time)))
+    return key_under_fingertip(KEY, RIG.arm.fingertip_radius, centre)
+
+
+def reaches(rise):
+    """When the planned jack has come to a rise [m]."""
+
+    def short(time):
+        return float(rise_of_angle(KEY, planned(np.array([time])).position)[0]) - rise
+
+    return brentq(short, START + 1e-3, LEAD * PERIOD + PLAN.law.bottom, xtol=1e-13)
+
+
+def in_cruise(time):
+    return (time > START + 0.0125) & (time < START + 0.114)
+
+
+@pytest.fixture(scope="module")
+def seen():
+    return observe(RIG, ideal(), DRIVE)
+
+
+def test_the_key_follows_the_fingertip(seen):
+    moved = seen.motions
+    plan = planned(moved.time)
+    held = moved.finger_force > 0
+    assert held[(moved.time > START + 1e-3) & (moved.time < LEAD * PERIOD + PLAN.law.bottom)].all()
+    np.testing.assert_allclose(moved.angle[held], plan.position[held], rtol=0, atol=1e-9)
+    cruise = in_cruise(moved.time)
+    np.testing.assert_allclose(moved.spin[cruise], plan.velocity[cruise], rtol=0, atol=5e-6)
+
+
+def test_the_jack_stands_on_the_key(seen):
+    moved = seen.motions
+    np.testing.assert_allclose(moved.rise, rise_of_angle(KEY, moved.angle), rtol=0, atol=1e-10)
+    cruise = in_cruise(moved.time)
+    jack = jack_motion(KEY, planned(moved.time))
+    np.testing.assert_allclose(moved.rise[cruise], jack.position[cruise], rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize("step", [20e-6, 1e-4, 1e-3])
+def test_contact_and_release_are_the_models(step):
+    events = observe(RIG, ideal(step=step), DRIVE).events
+    clearance, height = JACK.string_clearance, rig_pluck(RIG).release_height
+    assert [e.time for e in events.contacts] == [pytest.approx(reaches(clearance), abs=1e-8)]
+    assert [e.time for e in events.releases] == [
+        pytest.approx(reaches(clearance + height), abs=1e-8)
+    ]
+    assert [e.time for e in events.returns] == [pytest.approx(0.4455, abs=1e-3)]
+    assert events.releases[0].force == pytest.approx(rig_pluck(RIG).vertical_force[-1])
+
+
+def modelled_force(moved, events, rig=RIG):
+    string = rig_pluck(rig).force_on_jack(moved.rise - rig.jack.string_clearance)
+    released = events.releases[0].time if events.releases else 0.0
+    return finger_force(rig, planned(moved.time), string * (moved.time < released))
+
+
+@pytest.mark.parametrize("friction", [True, False])
+def test_finger_force_is_the_models(friction):
+    seen = observe(RIG, ideal(friction=friction), DRIVE)
+    moved = seen.motions
+    expected = modelled_force(moved, seen.events, RIG if friction else with_values(RIG, SMOOTH))
+    cruise = in_cruise(moved.time) & (np.abs(moved.time - seen.events.releases[0].time) > 1e-4)
+    error = (moved.finger_force - expected)[cruise]
+    assert np.sqrt(np.mean(error**2)) < 1e-4 * expected[cruise].max()
+    np.testing.assert_allclose(moved.finger_force[cruise], expected[cruise], rtol=5e-3)
+
+
+def test_a_mute_scene_has_no_events():
+    seen = observe(RIG, ideal(**MUTE), DRIVE)
+    assert seen.events.contacts == seen.events.releases == seen.events.returns == []
+    expected = finger_force(RIG, planned(seen.motions.time), np.zeros_like(seen.motions.time))
+    cruise = in_cruise(seen.motions.time)
+    np.testing.assert_allclose(seen.motions.finger_force[cruise], expected[cruise], rtol=5e-3)
+    np.testing.assert_array_equal(seen.motions.string_force, 0)
+
+
+@pytest.mark.parametrize("depth", [-1e-6, 1e-12, 1e-6])
+def test_a_finger_at_rest_on_the_key_feels_a_steady_force(depth):
+    """Just above the key it feels none, and the rail carries the key; below, it carries it."""
+    arm = RIG.arm
+    centre = np.array([-KEY.press_arm, KEY.surface_height + arm.fingertip_radius - depth])
+    still = np.zeros((1, 2))
+    joints = joints_holding_point(arm, Motion(centre[None], still, still)).position[0]
+    world = new_world(RIG, ideal(friction=False), (float(joints[0]), float(joints[1])))
+    still = [
+        world.advance(lambda f: (np.zeros((len(f), 2)), np.zeros((len(f), 2))), True)
+        for _ in range(50)
+    ]
+    force = np.concatenate([m.finger_force for m in still])
+    carried = (JACK.mass * GRAVITY * KEY.jack_arm - KEY.front_heaviness) / KEY.press_arm
+    assert np.ptp(force) < 1e-9
+    if depth == -1e-6:
+        assert force[0] == 0
+    elif depth == 1e-6:
+        assert force[0] == pytest.approx(carried, rel=1e-4)
+
+
+def test_the_fingers_work_is_energy_and_heat(seen):
+    """Up to contact, to release and to the end of the cruise."""
+    moved, events = seen.motions, seen.events
+    power = moved.finger_force * KEY.press_arm * moved.spin
+    speed = moved.spin * rise_slope(KEY, moved.angle)
+    heat = (
+        KEY.pivot_viscous_friction * moved.spin**2
+        + KEY.pivot_coulomb_friction * np.abs(moved.spin)
+        + JACK.register_friction * np.abs(speed)
+        + moved.string_force * speed
+    )
+    stored = (
+        KEY.inertia * moved.spin**2 / 2
+        + JACK.mass * speed**2 / 2
+        + JACK.mass * GRAVITY * moved.rise
+        - KEY.front_heaviness * moved.angle
+    )
+    steps = np.diff(moved.time, prepend=0.0)
+    balance = np.cumsum((power - heat) * steps) - stored
+    done = np.cumsum(power * steps)
+    for time in (events.contacts[0].time, events.releases[0].time, START + 0.11):
+        i = np.searchsorted(moved.time, time)
+        assert balance[i] == pytest.approx(0, abs=0.01 * done[i])
+
+
+def test_a_second_press_plucks_again():
+    world = new_world(RIG, ideal(), DRIVE.start)
+    for _ in range(2):
+        for i in range(DRIVE.samples):
+            world.advance(DRIVE.reference(i), True)
+    apart = DRIVE.samples * PERIOD
+    for kind in (world.events.contacts, world.events.releases, world.events.returns):
+        assert len(kind) == 2
+        assert kind[1].time - kind[0].time == pytest.approx(apart, abs=1e-8)
+
+
+def test_truth_changes_the_bench_and_not_the_plan():
+    """A clearance of 2.5 mm that the rig does not know of."""
+    events = observe(RIG, ideal(truth={"jack.string_clearance": "2.5 mm"}), DRIVE).events
+    assert events.contacts[0].time == pytest.approx(reaches(2.5e-3), abs=1e-8)
+
+
+def test_two_choirs_are_plucked_one_after_the_other():
+    """Each where its own lever brings its jack."""
+    scene = load_scene("two-choirs")
+    (choir,) = scene.more_choirs
+    events = observe(RIG, scene, DRIVE).events
+    assert [e.choir for e in events.contacts] == [0, 1]
+    assert [e.choir for e in events.releases] == [0, 1]
+    assert events.releases[0].time < events.contacts[1].time
+    lever = KEY.model_copy(update={"jack_arm": choir.jack_arm})
+    angle = planned(np.array([events.contacts[1].time])).position
+    assert rise_of_angle(lever, angle)[0] == pytest.approx(choir.jack.string_clearance, abs=1e-9)
+
+
+def test_the_felt_stops_the_finger_at_the_bottom():
+    """A dip of 7 mm that the plan does not know of: its spring through the press arm."""
+    truth = {"key.dip": "7 mm"}
+    bottom = LEAD * PERIOD + (PLAN.law.bottom + PLAN.law.return_start) / 2
+    forces = []
+    for felt in (True, False):
+        moved = observe(RIG, ideal(friction=False, felt=felt, truth=truth, **MUTE), DRIVE).motions
+        i = np.searchsorted(moved.time, bottom)
+        forces.append(moved.finger_force[i])
+    depth = moved.angle[i] - 7e-3 / KEY.press_arm
+    still = Motion(*(np.array([v]) for v in (moved.angle[i], 0.0, 0.0)))
+    bare = RIG.model_copy(update={"key": KEY.model_copy(update={"dip": 1.0})})
+    weight = finger_force(bare, still, np.zeros(1))[0]
+    assert forces[1] == pytest.approx(weight, rel=1e-5)
+    assert forces[0] == pytest.approx(weight + KEY.felt_stiffness * KEY.press_arm * depth, rel=1e-6)

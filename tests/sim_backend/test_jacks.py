@@ -1,0 +1,129 @@
+"""Jacks that stand, fly, land and meet their strings, against mechanics by hand."""
+
+import math
+
+import numpy as np
+import pytest
+
+from rig.load import load_rig
+from rig.section import GRAVITY
+from sim_backend.parts import Push
+from sim_backend.physics.division import RESOLVED
+from sim_backend.physics.observation import drive_of, errors, observe
+from sim_backend.physics.world import new_world
+from sim_backend.reference.observe import reference
+from sim_backend.scene import load_scene, packaged_scenes
+from trajectory.key import rise_of_angle, rise_slope
+
+RIG = load_rig("paper")
+KEY, JACK = RIG.key, RIG.jack
+MUTE = {"plectrum": "none", "string": "none"}
+
+
+def pushed(force, duration, rest, truth=None, **changes):
+    push = Push.model_validate({"force": force, "duration": duration, "rest": rest})
+    update = {"push": push, "truth": truth or {}, **changes}
+    return load_scene("free-key").model_copy(update=update)
+
+
+THROWN = pushed("0.8 N", "15 ms", "150 ms", {"key.front_heaviness": "-50 mN m"})
+"""A key so heavy at its back that it falls twice as fast as a jack."""
+
+
+def test_a_jack_that_is_left_behind_flies():
+    moved = observe(RIG, THROWN).motions
+    gap = moved.rise - rise_of_angle(KEY, moved.angle)
+    assert gap.min() > -1e-9
+    air = np.flatnonzero(gap > 1e-5)
+    assert len(air) > 200
+    first, last = air[0], air[-1]
+    assert np.all(np.diff(air) == 1)
+    time = moved.time[first : last + 1] - moved.time[first]
+    flight = np.polyfit(time, moved.rise[first : last + 1], 2)
+    assert 2 * flight[0] == pytest.approx(-GRAVITY, rel=1e-6)
+    np.testing.assert_allclose(np.polyval(flight, time), moved.rise[first : last + 1], atol=2e-9)
+    # The key alone, meanwhile, and until it is on its rail.
+    up = (moved.angle > 1e-3) & (gap > 1e-5)
+    alone = np.polyfit(moved.time[up], moved.angle[up], 2)
+    assert 2 * alone[0] == pytest.approx(-0.050 / KEY.inertia, rel=1e-5)
+    assert moved.rise[-1] == pytest.approx(0, abs=1e-12)
+
+
+def test_landing_conserves_momentum():
+    """The felt stops the key, and the jack goes on and lands on a key that falls back slowly."""
+    truth = {"key.felt_damping": "60 N s/m", "key.front_heaviness": "-8 mN m"}
+    moved = observe(RIG, pushed("0.3 N", "45 ms", "85 ms", truth, felt=True)).motions
+    gap = moved.rise - rise_of_angle(KEY, moved.angle)
+    flying = gap > 1e-9
+    (landed,) = np.flatnonzero(flying[:-1] & ~flying[1:]) + 1
+    assert moved.angle[landed] > 0.01
+    before = slice(landed - 8, landed)
+    time = moved.time[before] - moved.time[landed]
+    jack = np.polyval(np.polyder(np.polyfit(time, moved.rise[before], 2)), 0.0)
+    spin = np.polyval(np.polyfit(time, moved.spin[before], 1), 0.0)
+    slope = float(rise_slope(KEY, moved.angle[landed]))
+    together = KEY.inertia + JACK.mass * slope**2
+    momentum = KEY.inertia * spin + JACK.mass * slope * jack
+    assert slope * spin - jack > 0.05
+    assert moved.spin[landed] == pytest.approx(momentum / together, rel=1e-3)
+    # Standing again, the jack goes as the key does.
+    after = slice(landed, landed + 50)
+    np.testing.assert_allclose(gap[after], 0, atol=1e-9)
+
+
+@pytest.mark.parametrize("step", [1e-4, 1e-3])
+def test_nothing_overlaps_however_far_the_jack_flies(step):
+    scene = THROWN.model_copy(update={"step": step})
+    drive = drive_of(RIG, scene)
+    world = new_world(RIG, scene, drive.start)
+    for i in range(drive.samples):
+        world.advance(drive.reference(i), True)
+    assert world.worst_gap < 1e-6
+
+
+def test_a_damper_carries_part_of_the_jack():
+    """Below its lift the key needs that much less force: by hand, at rest and just above."""
+    damper = JACK.damper
+    carried = damper.stiffness * damper.lift
+    needed = ((JACK.mass * GRAVITY - carried) * KEY.jack_arm - KEY.front_heaviness) / KEY.press_arm
+    for share, moves in ((0.999, False), (1.001, True)):
+        scene = pushed(f"{needed * share} N", "40 ms", "0 s", damper=True)
+        moved = observe(RIG, scene).motions
+        assert (moved.angle[-1] > 1e-9) == moves
+
+
+def test_a_stiff_felt_divides_the_step():
+    """100 times as stiff: what it does is what steps as fine all along would do."""
+    truth = {"key.felt_stiffness": "2000 kN/m", "key.felt_damping": "0 N s/m"}
+    scene = pushed("0.4 N", "70 ms", "0 s", truth, felt=True, step=2e-4)
+    moved = observe(RIG, scene).motions
+    fine = observe(RIG, scene.model_copy(update={"step": 5e-6})).motions
+    felt = moved.angle > KEY.dip / KEY.press_arm
+    omega = math.sqrt(2e6 * KEY.press_arm**2 / KEY.inertia)
+    steps = np.diff(moved.time)
+    inside = felt[:-1] & felt[1:]
+    assert inside.sum() > 10
+    assert steps[inside].max() <= RESOLVED / omega * 1.3
+    assert np.median(steps[~inside]) > 1.9e-4
+    np.testing.assert_allclose(
+        moved.angle, np.interp(moved.time, fine.time, fine.angle), rtol=0, atol=5e-6
+    )
+
+
+@pytest.mark.parametrize("name", [n for n in packaged_scenes() if n != "paper"])
+def test_shipped_scenes_are_what_the_reference_solves(name):
+    scene = load_scene(name)
+    drive = drive_of(RIG, scene)
+    found = errors(observe(RIG, scene, drive), reference(RIG, scene, drive))
+    assert found.time < 0.2e-6
+    assert found.force < 1e-4
+
+
+@pytest.mark.parametrize("name", packaged_scenes())
+def test_joints_and_contacts_hold(name):
+    scene = load_scene(name)
+    drive = drive_of(RIG, scene)
+    world = new_world(RIG, scene, drive.start)
+    for i in range(drive.samples):
+        world.advance(drive.reference(i), True)
+    assert world.worst_gap < 1e-6

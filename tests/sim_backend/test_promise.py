@@ -1,0 +1,113 @@
+"""The accuracy that a scene asks for is kept, or refused, on benches drawn at random."""
+
+import numpy as np
+import pytest
+
+from rig.errors import RigError
+from rig.faults import unit_of
+from rig.instrument import Choir
+from rig.load import load_rig, with_values
+from rig.schema import Rig
+from sim_backend.errors import SceneError
+from sim_backend.physics.observation import drive_of, errors, observe
+from sim_backend.reference.observe import reference
+from sim_backend.scene import Scene
+from sim_backend.trade.choose import settle
+
+DRAWN = ("key.", "jack.", "plectrum.")
+"""Tables of the rig whose assumed ranges are drawn from."""
+PLANNED = ("key.dip", "key.neighbour_height", "key.surface_height")
+"""Quantities for which the press was planned, and which stay."""
+TIGHT = 1e-12
+"""1, of a reference that the choice was not made by."""
+
+
+def log(rng, low, high):
+    return float(np.exp(rng.uniform(np.log(low), np.log(high))))
+
+
+def random_rig(rng):
+    nominal = load_rig()
+    while True:
+        values = {
+            name: f"{rng.uniform(low, high)!r} {unit_of(Rig, name.split('.'))}"
+            for name, (low, high) in nominal.assumed.items()
+            if name.startswith(DRAWN) and name not in PLANNED
+        }
+        values["press.jack_speed"] = f"{log(rng, 0.02, 0.1)!r} m/s"
+        values["plectrum.friction"] = float(rng.choice([0.0, 0.1]))
+        try:
+            return with_values(nominal, values)
+        except RigError:
+            continue
+
+
+def random_scene(rng, rig):
+    time, share = f"{log(rng, 1, 1000)!r} us", f"{log(rng, 0.01, 5)!r} %"
+    finger, felt = {"finger": "ideal"}, bool(rng.integers(2))
+    if rng.integers(2):
+        force, duration = (log(rng, 0.5, 20), "60 ms") if felt else (log(rng, 0.5, 2), "20 ms")
+        push = {"force": f"{force!r} N", "duration": duration, "rest": "20 ms"}
+        finger = {"finger": "push", "push": push}
+    document = {
+        "plectrum": "auto",
+        "string": "spring",
+        "engine": ("auto", "rigid")[rng.integers(2)],
+        "accuracy": (time, share)[rng.integers(2)],
+        "iterations": 10,
+        "felt": felt,
+        **{part: bool(rng.integers(2)) for part in ("friction", "tongue", "damper")},
+    }
+    scene = Scene.model_validate(finger | document)
+    if rng.integers(3):
+        return scene
+    clearance = rig.jack.string_clearance + rng.uniform(-1e-3, 2e-3)
+    choir = Choir(
+        jack_arm=f"{rng.uniform(0.19, 0.21)!r} m",
+        jack=rig.jack.model_copy(update={"string_clearance": clearance}),
+        plectrum=rig.plectrum,
+        string=rig.string,
+    )
+    return scene.model_copy(update={"more_choirs": (choir,)})
+
+
+def broken_promises(n, seed, solve):
+    """Return which of n random scenes are less accurate than they asked, and how many refuse."""
+    rng = np.random.default_rng(seed)
+    broken, refused = [], []
+    for i in range(n):
+        rig = random_rig(rng)
+        scene = random_scene(rng, rig)
+        try:
+            drive = drive_of(rig, scene)
+            settled = settle(rig, scene, drive, solve=solve)
+        except SceneError as error:
+            refused.append((i, str(error)))
+            continue
+        try:
+            true = reference(rig, settled.scene, drive, tolerance=TIGHT)
+        except SceneError as error:
+            broken.append((i, settled, error))
+            continue
+        error = errors(observe(rig, settled.scene, drive), true)
+        asked = settled.asked
+        if asked.time is not None and not error.time <= asked.time:
+            broken.append((i, settled, error))
+        if asked.force is not None and not error.force <= asked.force:
+            broken.append((i, settled, error))
+    return broken, refused
+
+
+def test_an_accuracy_asked_for_is_kept():
+    broken, refused = broken_promises(8, 1, reference)
+    assert not broken
+    assert len(refused) < 8
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(1800)
+@pytest.mark.parametrize("solve", [reference, None], ids=["measured", "estimated"])
+def test_accuracies_asked_for_are_kept(solve):
+    broken, refused = broken_promises(300, 2, solve)
+    assert len(broken) <= 3, broken
+    assert len(refused) < 150, refused

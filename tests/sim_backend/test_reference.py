@@ -1,0 +1,606 @@
+"""The reference against closed forms, conservation laws and other formulations."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy.integrate import LSODA, quad, simpson
+from scipy.optimize import brentq, lsq_linear
+
+from analysis.model.choirs import choir_pluck, choirs
+from analysis.model.key import finger_force
+from rig.load import load_rig, with_values
+from rig.section import GRAVITY
+from sim_backend.errors import SceneError
+from sim_backend.physics.drive import LEAD, PressDrive
+from sim_backend.physics.observation import drive_of
+from sim_backend.physics.servo import PositionLoops
+from sim_backend.reference.jack import JackLaw, PluckLaw, StringState
+from sim_backend.reference.legs import Leg
+from sim_backend.reference.linkage import Linkage
+from sim_backend.reference.mode import Felt, JackMode, Meeting
+from sim_backend.reference.observe import reference, solve
+from sim_backend.reference.switch import begin, strike
+from sim_backend.reference.system import System
+from sim_backend.scene import load_scene, parse_scene
+from trajectory.arm import fingertip_motion
+from trajectory.dynamics import energy, joint_torques, mass_matrix
+from trajectory.key import angle_of_rise, key_under_fingertip, rise_of_angle, rise_slope
+from trajectory.motion import Motion
+from trajectory.press import plan_press
+
+RIG = load_rig("paper")
+PERIOD = RIG.controller.sample_period
+MUTE = {"plectrum": "none", "string": "none"}
+BARE = {**MUTE, "friction": False, "felt": False}
+
+
+def pushed(force=1.5, duration=0.1, rest=0.0, **changes):
+    text = f"""
+    finger = "push"
+    plectrum = "elastica"
+    string = "spring"
+    friction = true
+    felt = true
+    step = "100 us"
+    [push]
+    force = "{force} N"
+    duration = "{duration} s"
+    rest = "{rest} s"
+    """
+    return parse_scene(text).model_copy(update=changes)
+
+
+def pressed(name="ideal", **changes):
+    return load_scene(name).model_copy(update={"sensors": None, **changes})
+
+
+def when(solution, name):
+    return [time for time, why in solution.switches if why == name]
+
+
+@pytest.fixture(scope="module")
+def ideal():
+    scene = pressed(tongue=True, damper=True)
+    return solve(RIG, scene), drive_of(RIG, scene)
+
+
+@pytest.fixture(scope="module")
+def paper():
+    scene = pressed("paper")
+    return solve(RIG, scene), drive_of(RIG, scene)
+
+
+# A push in closed form.
+
+
+def test_a_pushed_key_moves_by_its_energy():
+    """(I + m r'^2) w^2 / 2 = (F a_p + H) a - m g r(a), and the time is the integral of 1 / w."""
+    key, mass = RIG.key, RIG.jack.mass
+    moved = solve(RIG, pushed(1.2, 40 * PERIOD, **BARE))
+    angle, spin = np.array(moved.states)[:, :2].T
+    moment = 1.2 * key.press_arm + key.front_heaviness
+
+    def speed(a):
+        inertia = key.inertia + mass * float(rise_slope(key, a)) ** 2
+        return math.sqrt(2 * (moment * a - mass * GRAVITY * float(rise_of_angle(key, a))) / inertia)
+
+    np.testing.assert_allclose(spin, [speed(a) for a in angle], rtol=1e-10)
+    # a = u^2 takes the root out of the integrand at rest.
+    took, _ = quad(lambda u: 2 * u / speed(u * u), 0, math.sqrt(angle[-1]), epsabs=0, epsrel=1e-12)
+    assert took == pytest.approx(moved.times[-1], rel=1e-10)
+
+
+def test_a_light_jacks_key_swings_on_the_felt_as_a_spring():
+    """Down in sqrt(2 I dip / P), then half a period and the arcs before it and after it."""
+    changes = {"jack.mass": "1e-12 kg", "key.front_heaviness": "0 N m"}
+    changes["key.felt_damping"] = "0 N s/m"
+    scene = pushed(1.0, 0.06, **{**BARE, "felt": True}, truth=changes)
+    moved = solve(RIG, scene)
+    key = RIG.key
+    moment, dip = key.press_arm, key.dip / key.press_arm
+    stiffness = key.felt_stiffness * key.press_arm**2
+    omega, met = math.sqrt(stiffness / key.inertia), math.sqrt(2 * key.inertia * dip / moment)
+    speed = moment * met / key.inertia
+    lag = math.atan(moment / stiffness * omega / speed)
+    assert when(moved, "the key meets the felt")[0] == pytest.approx(met, rel=1e-8)
+    assert when(moved, "the key stops")[0] - met == pytest.approx(
+        (math.pi / 2 + lag) / omega, rel=1e-8
+    )
+    assert when(moved, "the felt pushes or not")[0] - met == pytest.approx(
+        (math.pi + 2 * lag) / omega, rel=1e-8
+    )
+    depth = max(state[0] for state in moved.states) - dip
+    mean = moment / stiffness
+    assert depth == pytest.approx(mean + math.hypot(mean, speed / omega), rel=1e-7)
+
+
+def test_a_jack_flies_and_lands_as_a_stone():
+    """A back-heavy key drops away under it, and is on its rail before the jack is."""
+    truth = {"key.front_heaviness": "-50 mN m"}
+    moved = solve(RIG, pushed(1.0, 20 * PERIOD, 0.2, **BARE, truth=truth))
+    times, states = np.array(moved.times), np.array(moved.states)
+    start = int(np.argmin(abs(times - 20 * PERIOD)))
+    t0, (a0, w0, y0, v0) = times[start], states[start]
+    assert t0 == 20 * PERIOD
+    fall = 0.05 / RIG.key.inertia
+    assert fall * RIG.key.jack_arm > 1.5 * GRAVITY
+    times, states = times[start:] - t0, states[start:]
+    down = (w0 + math.sqrt(w0**2 + 2 * fall * a0)) / fall
+    lands = (v0 + math.sqrt(v0**2 + 2 * GRAVITY * y0)) / GRAVITY
+    assert when(moved, "the key meets the rail")[0] - t0 == pytest.approx(down, abs=1e-11)
+    assert when(moved, "the jack lands")[-1] - t0 == pytest.approx(lands, abs=1e-11)
+    air = times <= lands
+    stone = y0 + v0 * times - GRAVITY * times**2 / 2
+    np.testing.assert_allclose(states[air, 2], stone[air], atol=1e-13)
+    late = times > lands + 1e-9
+    assert late.any()
+    assert not states[late].any()
+
+
+@pytest.mark.parametrize(("share", "moves"), [(1 - 1e-9, False), (1 + 1e-6, True)])
+def test_friction_holds_the_key_up_to_its_limit(share, moves):
+    """tau + f b + m g b - H is what the finger must give to start."""
+    key, jack = RIG.key, RIG.jack
+    limit = key.pivot_coulomb_friction - key.front_heaviness
+    limit += (jack.mass * GRAVITY + jack.register_friction) * key.jack_arm
+    moved = solve(RIG, pushed(share * limit / key.press_arm, 0.05, **MUTE))
+    assert (max(state[0] for state in moved.states) > 0) == moves
+
+
+def test_friction_holds_the_key_up_where_it_came_to():
+    truth = {"key.pivot_coulomb_friction": "20 mN m"}
+    moved = solve(RIG, pushed(1.0, 0.02, 0.3, **MUTE, truth=truth))
+    stopped = when(moved, "the key stops")
+    still = [s for t, s in zip(moved.times, moved.states, strict=True) if t > stopped[-1]]
+    assert len(still) > 1000
+    assert still[0][0] > 0.01
+    assert all(state == still[0] for state in still)
+
+
+def test_without_friction_the_pluck_takes_its_work():
+    """F a_p a = kinetic + potential energy + the pluck's own work, to 1e-9, at release."""
+    moved = solve(RIG, pushed(1.2, 0.03, friction=False))
+    release = moved.events.releases[0]
+    balance = _balance(RIG, moved, release.time, 1.2, friction=False)
+    assert balance == pytest.approx(0, abs=1e-9)
+
+
+def test_with_friction_the_rest_is_heat():
+    moved = solve(RIG, pushed(1.5, 0.03))
+    release = moved.events.releases[0]
+    assert _balance(RIG, moved, release.time, 1.5) == pytest.approx(0, abs=1e-9)
+    pluck = choir_pluck(choirs(RIG)[0])
+    assert release.force == pytest.approx(float(pluck.vertical_force[-1]), rel=1e-12)
+
+
+def _balance(rig, moved, time, force, friction=True):
+    """Return what is missing of the push's work at a time, over that work."""
+    key, jack = rig.key, rig.jack
+    times = np.array(moved.times)
+    i = int(np.argmin(abs(times - time)))
+    assert times[i] == pytest.approx(time, abs=1e-15)
+    states = np.array(moved.states)
+    angle, spin, rise, speed = states[i]
+    stored = key.inertia * spin**2 / 2 + jack.mass * speed**2 / 2
+    stored += jack.mass * GRAVITY * rise - key.front_heaviness * angle
+    heat = key.pivot_coulomb_friction * angle + jack.register_friction * rise
+    heat += key.pivot_viscous_friction * simpson(states[: i + 1, 1] ** 2, x=times[: i + 1])
+    work = force * key.press_arm * angle
+    pluck = choir_pluck(choirs(rig)[0]).work
+    return (work - stored - pluck - friction * heat) / work
+
+
+def test_a_finer_tolerance_moves_no_event():
+    """Through pluck, felt, flight, landing, tongue, damper and rail."""
+    scene = pushed(1.5, 0.15, 0.15, tongue=True, damper=True)
+    coarse, fine = (solve(RIG, scene, tolerance=tolerance) for tolerance in (1e-10, 1e-12))
+    assert [name for _, name in coarse.switches] == [name for _, name in fine.switches]
+    times = [np.array([time for time, _ in moved.switches]) for moved in (coarse, fine)]
+    np.testing.assert_allclose(*times, rtol=0, atol=1e-9)
+    assert len(fine.events.returns) == 1
+    assert {"the jack lands", "the key meets the rail"} <= {name for _, name in fine.switches}
+
+
+# The ideal finger.
+
+
+def planned(drive, time):
+    joints = drive.joints(np.atleast_1d(time))
+    centre = fingertip_motion(RIG.arm, joints)
+    return key_under_fingertip(RIG.key, RIG.arm.fingertip_radius, centre)
+
+
+def reaches(drive, rise, after, before):
+    angle = float(angle_of_rise(RIG.key, rise))
+    return brentq(lambda t: planned(drive, t).position[0] - angle, after, before, xtol=1e-14)
+
+
+def test_an_ideal_finger_plucks_where_it_was_planned(ideal):
+    moved, drive = ideal
+    clearance, law = RIG.jack.string_clearance, plan_press(RIG).law
+    start, top = LEAD * PERIOD, LEAD * PERIOD + law.return_start
+    height = choir_pluck(choirs(RIG)[0]).release_height
+    lever = RIG.plectrum.length - RIG.plectrum.overlap
+    travel = lever * RIG.plectrum.overlap / RIG.jack.tongue.pivot
+    for found, rise, after, before in (
+        (moved.events.contacts, clearance, start, top),
+        (moved.events.releases, clearance + height, start, top),
+        (moved.events.returns, clearance - travel, top, moved.times[-1]),
+    ):
+        assert [e.choir for e in found] == [0]
+        assert found[0].time == pytest.approx(reaches(drive, rise, after, before), abs=1e-9)
+
+
+def test_an_ideal_fingers_force_is_the_models(ideal):
+    """Inverse dynamics of analysis.model.key, the damper and the tongue apart."""
+    moved, drive = ideal
+    observed = reference(RIG, pressed(tongue=True, damper=True)).motions
+    release = moved.events.releases[0].time
+    lifted = when(moved, "the damper")[0]
+    going = (observed.time > lifted) & (observed.time < release)
+    time = observed.time[going]
+    angle = planned(drive, time)
+    force = finger_force(RIG, angle, observed.string_force[going])
+    # The model takes the lever for the press arm; the finger's is where it touches.
+    centre = fingertip_motion(RIG.arm, drive.joints(time)).position
+    lever = -centre[:, 0] * np.cos(angle.position) - centre[:, 1] * np.sin(angle.position)
+    expected = force * RIG.key.press_arm / lever
+    np.testing.assert_allclose(observed.finger_force[going], expected, rtol=1e-7)
+    law = PluckLaw(choir_pluck(choirs(RIG)[0]))
+    height = observed.rise[going] - RIG.jack.string_clearance
+    string = [law.force(h) if h > 0 else 0.0 for h in height]
+    np.testing.assert_allclose(observed.string_force[going], string, atol=1e-12)
+
+
+def test_a_finger_that_goes_away_leaves_the_key_to_itself():
+    """Faster up than the key falls: the finger leaves it, and meets it again on its way down."""
+    rig = with_values(
+        RIG, {"press.run_down_acceleration": "10 m/s^2", "press.run_down_jerk": "4000 m/s^3"}
+    )
+    moved = solve(rig, pressed(**MUTE))
+    left = when(moved, "the finger leaves the key")[0]
+    met = next(t for t in when(moved, "the finger meets the key") if t > left)
+    between = [
+        (s, now)
+        for t, s, now in zip(moved.times, moved.states, moved.instants, strict=True)
+        if left < t <= met
+    ]
+    assert len(between) > 10
+    for state, now in between:
+        assert now.finger == 0
+        assert state[0] >= now.touch.angle - 1e-12
+    # Alone it slows down as a key that no finger touches.
+    above = RIG.key.dip / RIG.key.press_arm - 1e-9
+    rows = [
+        (s[0], s[1], now.acceleration)
+        for s, now in between
+        if s[1] > 1e-9 and s[0] < above and now.jacks[0].mode is JackMode.STANDS
+    ]
+    assert len(rows) > 10
+    alone = finger_force(rig, Motion(*np.array(rows).T), np.zeros(len(rows)))
+    np.testing.assert_allclose(alone, 0, atol=1e-12)
+
+
+def test_two_choirs_pluck_one_after_the_other():
+    first = choirs(RIG)[0]
+    jack = first.jack.model_copy(update={"string_clearance": 2.6e-3})
+    second = first.model_copy(update={"jack_arm": 0.225, "jack": jack})
+    scene = pressed(more_choirs=(second,))
+    moved = solve(RIG, scene)
+    drive = drive_of(RIG, scene)
+    assert [e.choir for e in moved.events.contacts] == [0, 1]
+    top = LEAD * PERIOD + plan_press(RIG).law.return_start
+    key = RIG.key.model_copy(update={"jack_arm": 0.225})
+    rise = float(rise_of_angle(RIG.key, angle_of_rise(key, 2.6e-3)))
+    expected = reaches(drive, rise, LEAD * PERIOD, top)
+    assert moved.events.contacts[1].time == pytest.approx(expected, abs=1e-9)
+    assert sorted(e.choir for e in moved.events.returns) == [0, 1]
+
+
+# The servo.
+
+
+def test_the_arms_equation_is_the_trajectorys():
+    random = np.random.default_rng(5)
+    rig = with_values(
+        RIG, {"arm.gear_ratios": [30, 20], "arm.rotor_inertias": ["1e-6 kg m^2", "2e-6 kg m^2"]}
+    )
+    linkage = Linkage(rig)
+    for _ in range(20):
+        q = np.array([random.uniform(-0.3, 0.6), random.uniform(-1.6, -0.9)])
+        d, s = random.normal(size=2), random.normal(size=2)
+        own = linkage.inertia(*q, *d)
+        inertia = np.array([[own.m11, own.m12], [own.m12, own.m22]])
+        expected = joint_torques(rig.arm, Motion(q, d, s))
+        np.testing.assert_allclose(inertia @ s + [own.load1, own.load2], expected, rtol=1e-12)
+        np.testing.assert_allclose(own.solve(*(inertia @ s)), s, rtol=1e-10)
+        touch = linkage.touch(*q, *d)
+        joints = Motion(*(np.array([v]) for v in (q, d, s)))
+        centre = fingertip_motion(rig.arm, joints)
+        key = key_under_fingertip(rig.key, rig.arm.fingertip_radius, centre)
+        assert touch.angle == pytest.approx(key.position[0], rel=1e-12)
+        assert touch.spin == pytest.approx(key.velocity[0], rel=1e-11)
+        whole = touch.slope1 * s[0] + touch.slope2 * s[1] + touch.bend
+        assert whole == pytest.approx(key.acceleration[0], rel=1e-10)
+
+
+def sampled_states(solution, drive):
+    """Return the states at the controller's samples, the one at 0 included."""
+    times = np.array(solution.times)
+    start = [0.0, 0.0, 0.0, 0.0, *drive.start, 0.0, 0.0]
+    rows = np.searchsorted(times, np.arange(1, drive.samples + 1) * PERIOD - 1e-9)
+    return np.vstack([start, np.array(solution.states)[rows]])
+
+
+def test_the_motors_give_what_the_position_loops_say(paper):
+    """The engine's own loops, fed with the encoders' readings, to the last bit of the counts."""
+    solution, drive = paper
+    loops = PositionLoops(load_scene("paper").servo, RIG.arm, PERIOD)
+    loops.engage(drive.start)
+    times = np.array(solution.times)
+    for i, state in enumerate(sampled_states(solution, drive)[:-1]):
+        torques = _play(loops, drive, i, state)
+        leg = solution.legs[int(np.searchsorted(times, (i + 0.5) * PERIOD))]
+        assert leg.torques == pytest.approx(torques, rel=1e-9, abs=1e-12)
+
+
+def _play(loops, drive, sample, state):
+    radians = 2 * math.pi / RIG.arm.counts_per_revolution
+    counts, speeds = drive.reference(sample)(np.array([0.0, 1.0]))
+    error = [counts[0, j] - round((state[4 + j] - drive.start[j]) / radians) for j in (0, 1)]
+    spin = (speeds[1] - speeds[0]) * radians / PERIOD**2
+    return loops.torque((float(error[0]), float(error[1])), (float(spin[0]), float(spin[1])))
+
+
+def test_the_motors_work_is_energy_and_heat(paper):
+    """From the finger's meeting the key to the string's release."""
+    solution, _ = paper
+    key, jack = RIG.key, RIG.jack
+    times, states = np.array(solution.times), np.array(solution.states)
+    first = int(np.searchsorted(times, when(solution, "the finger meets the key")[0] + 1e-6))
+    last = int(np.argmin(abs(times - solution.events.releases[0].time)))
+    legs = solution.legs
+    work = 0.0
+    for i in range(first + 1, last + 1):  # constant over a leg, to which a row's torque belongs
+        work += float(np.dot(legs[i].torques, states[i, 4:6] - states[i - 1, 4:6]))
+
+    def stored(state):
+        angle, spin, rise, speed = state[:4]
+        still = np.zeros(2)
+        arm = energy(RIG.arm, Motion(state[4:6], state[6:8], still))
+        own = key.inertia * spin**2 / 2 + jack.mass * speed**2 / 2
+        return arm + own + jack.mass * GRAVITY * rise - key.front_heaviness * angle
+
+    turned, lifted = states[last, 0] - states[first, 0], states[last, 2] - states[first, 2]
+    heat = key.pivot_coulomb_friction * turned + jack.register_friction * lifted
+    heat += key.pivot_viscous_friction * simpson(
+        states[first : last + 1, 1] ** 2, x=times[first : last + 1]
+    )
+    pluck = choir_pluck(choirs(RIG)[0]).work
+    change = stored(states[last]) - stored(states[first])
+    assert work == pytest.approx(change + heat + pluck, abs=1e-9 * abs(work))
+
+
+def test_three_coordinates_and_a_multiplier_do_the_same(paper):
+    """Joints and key's angle apart, held together by a force, at another tolerance."""
+    solution, drive = paper
+    begun = math.ceil(when(solution, "the finger meets the key")[0] / PERIOD)
+    loops = PositionLoops(load_scene("paper").servo, RIG.arm, PERIOD)
+    loops.engage(drive.start)
+    rows = sampled_states(solution, drive)
+    for i in range(begun):
+        _play(loops, drive, i, rows[i])
+    state = rows[begun]
+    z = np.array([state[4], state[5], state[0], state[6], state[7], state[1]])
+    pluck = choir_pluck(choirs(RIG)[0])
+    release = solution.events.releases[0].time
+    top = RIG.jack.string_clearance + pluck.release_height
+    found = None
+    for i in range(begun, int(release / PERIOD) + 2):
+        torques = _play(loops, drive, i, [0.0] * 4 + list(z[:2]))
+        solver = LSODA(
+            lambda t, y, torques=torques: _multiplied(y, torques, pluck),
+            i * PERIOD, z, (i + 1) * PERIOD, rtol=1e-9, atol=1e-12,
+        )  # fmt: skip
+        while solver.status == "running" and found is None:
+            solver.step()
+            dense = solver.dense_output()
+
+            def over(t, dense=dense):
+                return float(rise_of_angle(RIG.key, dense(t)[2])) - top
+
+            if over(solver.t) > 0:
+                found = brentq(over, solver.t_old, solver.t, xtol=1e-14)
+        z = solver.y
+        if found is not None:
+            break
+        place = [z[2], z[5], z[0], z[1]]
+        np.testing.assert_allclose(place, rows[i + 1][[0, 1, 4, 5]], rtol=0, atol=1e-7)
+    assert found == pytest.approx(release, abs=1e-7)
+
+
+def _multiplied(z, torques, pluck):
+    """Solve M u = forces + G' force, G u = -G' v, with the contact's height g = 0 above the key."""
+    key, jack, arm = RIG.key, RIG.jack, RIG.arm
+    q, a, d, w = z[:2], z[2], z[3:5], z[5]
+    joints = Motion(q, d, np.zeros(2))
+    motion = fingertip_motion(arm, joints)
+    slope = float(rise_slope(key, a))
+    step = 1e-5
+    bend = float(rise_slope(key, a + step) - rise_slope(key, a - step)) / (2 * step) * w * w
+    height = float(rise_of_angle(key, a)) - jack.string_clearance
+    string = float(pluck.force_on_jack(np.array([height]))[0])
+    load = jack.mass * (GRAVITY + bend) + string + jack.register_friction
+    moment = key.front_heaviness - key.pivot_viscous_friction * w - key.pivot_coulomb_friction
+    moment -= slope * load
+    normal, tangent = np.array([-np.sin(a), np.cos(a)]), np.array([np.cos(a), np.sin(a)])
+    total = q[0] + q[1]
+    lower = arm.lower_length * np.array([-np.sin(total), np.cos(total)])
+    upper = arm.upper_length * np.array([-np.sin(q[0]), np.cos(q[0])])
+    row = np.array([normal @ (upper + lower), normal @ lower, -motion.position @ tangent])
+    # d2/dt2 of C . n(a), without the accelerations.
+    known = normal @ motion.acceleration - 2 * w * (tangent @ motion.velocity)
+    known -= w * w * (normal @ motion.position)
+    matrix = np.zeros((4, 4))
+    matrix[:2, :2] = mass_matrix(arm, q)
+    matrix[2, 2] = key.inertia + jack.mass * slope**2
+    matrix[:3, 3], matrix[3, :3] = -row, row
+    right = np.array([*(torques - joint_torques(arm, joints)), moment, -known])
+    return np.concatenate([d, [w], np.linalg.solve(matrix, right)[:3]])
+
+
+# Impacts and modes.
+
+
+def bench(*jacks, dry=0.0, friction=0.0):
+    laws = tuple(
+        JackLaw(mass, friction, arm, 0.01, 1.0, None, 0.0, 0.0, 0.0, lift, stiffness)
+        for mass, arm, lift, stiffness in jacks
+    )
+    return System("bench", 7e-4, 4e-3, 1e-4, dry, 0.171, math.inf, 1.0, 0.0, laws, None)
+
+
+def test_a_landing_conserves_momentum():
+    """One jack comes down on a key that carries another: the carried one flies on."""
+    system = bench((6e-3, 0.215, -math.inf, 0.0), (4e-3, 0.225, -math.inf, 0.0))
+    a, w = 0.02, 1.0
+    (y1, s1, _), (y2, s2, _) = (jack.foot(a) for jack in system.jacks)
+    after = strike(system, Leg(0.0, 1.0), 0.0, [a, w, y1, -0.3, y2, s2 * w])
+    expected = (7e-4 * w - 6e-3 * s1 * 0.3) / (7e-4 + 6e-3 * s1**2)
+    assert after[1] == pytest.approx(expected, rel=1e-12)
+    assert after[3] == pytest.approx(s1 * expected, rel=1e-12)
+    assert after[5] == pytest.approx(s2 * w, rel=1e-12)
+    # From below both are taken along, and both carry.
+    after = strike(system, Leg(0.0, 1.0), 0.0, [a, w, y1, 0.0, y2, 0.0])
+    expected = 7e-4 * w / (7e-4 + 6e-3 * s1**2 + 4e-3 * s2**2)
+    np.testing.assert_allclose(after[1::2], [expected, s1 * expected, s2 * expected], rtol=1e-12)
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_a_mode_is_the_one_of_least_constraint(seed):
+    """Gauss's principle by its dual, a bounded least-squares problem, from rest."""
+    random = np.random.default_rng(seed)
+    masses, dampers = random.uniform(2e-3, 9e-3, 2), random.uniform(0, 60, 2)
+    dry, friction = random.uniform(0, 3e-3), random.uniform(0, 0.06)
+    system = bench(
+        (masses[0], 0.215, 0.02, dampers[0]), (masses[1], 0.225, 0.02, dampers[1]),
+        dry=dry, friction=friction,
+    )  # fmt: skip
+    a = 0.0 if seed % 3 == 0 else 0.03
+    leg = Leg(0.0, 1.0, moment=random.uniform(-0.03, 0.05))
+    feet = [jack.foot(a) for jack in system.jacks]
+    x = [a, 0.0, feet[0][0], 0.0, feet[1][0], 0.0]
+    meeting = Meeting((StringState.BELOW,) * 2, (True, True), Felt.OFF)
+    stretch = begin(system, leg, 0.0, x, meeting)
+    now = stretch.at(0.0, x)
+    mass = np.diag([system.inertia, *masses])
+    forces = [leg.moment + system.heaviness]
+    forces += [dampers[k] * (0.02 - feet[k][0]) - masses[k] * GRAVITY for k in (0, 1)]
+    rows = np.array([
+        [1, 0, 0], [0, 1, 0], [0, 0, 1], [1, 0, 0], [-feet[0][1], 1, 0], [-feet[1][1], 0, 1]
+    ])  # fmt: skip
+    low = np.array([-dry, -friction, -friction, 0, 0, 0])
+    high = np.array([dry, friction, friction, np.inf, np.inf, np.inf])
+    if a > 0:  # off the rail
+        rows, low, high = (np.delete(array, 3, axis=0) for array in (rows, low, high))
+    root = np.diag(np.diag(mass) ** -0.5)
+    dual = lsq_linear(root @ rows.T, -root @ forces, (low, high), method="bvls", tol=1e-15)
+    expected = (forces + rows.T @ dual.x) / np.diag(mass)
+    found = [now.acceleration, *(jack.acceleration for jack in now.jacks)]
+    np.testing.assert_allclose(found, expected, rtol=1e-6, atol=1e-6)
+
+
+# What it refuses, and extremes.
+
+
+def test_a_modal_string_is_refused():
+    with pytest.raises(SceneError, match=r'string = "modal".*take string = "spring"'):
+        reference(RIG, pressed(string="modal"))
+
+
+def test_a_key_that_turns_over_is_refused():
+    with pytest.raises(SceneError, match=r"has turned by 1.2 rad.*lower the push"):
+        reference(RIG, pushed(90.0, 0.2, **BARE))
+
+
+def test_an_arm_that_reaches_the_pin_is_refused():
+    linkage = Linkage(with_values(RIG, {"arm.base_x": "-120 mm", "arm.base_z": "105 mm"}))
+    with pytest.raises(SceneError, match="touches the key at no angle"):
+        linkage.touch(0.0, -math.pi / 2, 0.0, 0.0)
+
+
+def test_what_is_too_stiff_is_refused(monkeypatch):
+    monkeypatch.setattr("sim_backend.reference.integrate.STEPS", 500)
+    with pytest.raises(SceneError, match=r"after 501 steps of 500 at most.*lower the stiffness"):
+        reference(RIG, pushed(truth={"key.pivot_viscous_friction": "1e4 N m s/rad"}))
+
+
+@pytest.mark.parametrize("finger", ["push", "ideal", "paper"])
+def test_numbers_that_run_away_are_refused(finger):
+    truth = {"key.pivot_viscous_friction": "1e200 N m s/rad"}
+    scene = pushed(truth=truth) if finger == "push" else pressed(finger, truth=truth)
+    with pytest.raises(SceneError, match=r"lost its numbers|stopped at|chatters"):
+        reference(RIG, scene)
+
+
+def test_a_reference_that_jumps_is_refused():
+    """From 15 mm above the key into it."""
+    drive = PressDrive(RIG, plan_press(RIG).segments)
+    deep = drive.reference(LEAD + 150)
+    usual = drive.reference
+    drive.reference = lambda sample: usual(sample) if sample < 5 else deep
+    with pytest.raises(SceneError, match=r"suddenly .* within the key.*reference jumps"):
+        reference(RIG, pressed(), drive)
+
+
+EXTREMES = {
+    "heavy": {"jack.mass": "60 kg"},
+    "light": {"jack.mass": "2e-3 kg", "key.front_heaviness": "0 N m"},
+    "hard felt": {"key.felt_stiffness": "20 MN/m"},
+    "soft felt": {"key.felt_stiffness": "20 N/m"},
+    "hard string": {"string.tension": "66.95 kN"},
+    "hard plectrum": {"plectrum.youngs_modulus": "2900 GPa"},
+    "soft plectrum": {"plectrum.youngs_modulus": "2.9 MPa"},
+    "hard damper": {"jack.damper.stiffness": "15 kN/m"},
+}
+
+
+@pytest.mark.parametrize("name", EXTREMES)
+@pytest.mark.parametrize("finger", ["push", "ideal", pytest.param("paper", marks=pytest.mark.slow)])
+def test_extremes_stay_numbers(finger, name):
+    changes = {"truth": EXTREMES[name], "tongue": True, "damper": True}
+    scene = pushed(1.5, 0.08, 0.02, **changes) if finger == "push" else pressed(finger, **changes)
+    moved = reference(RIG, scene)
+    for values in vars(moved.motions).values():
+        assert np.isfinite(values).all()
+    assert np.all(np.diff(moved.motions.time) > 0)
+    assert moved.motions.angle.min() >= -1e-14
+    assert moved.motions.finger_force.min() >= -1e-9
+    if name == "heavy" and finger != "ideal":
+        assert moved.motions.angle.max() == 0
+    if name in ("hard felt", "hard string", "soft plectrum"):
+        assert len(moved.events.contacts) == len(moved.events.releases) == 1
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("speed", [0.005, 1.0])
+@pytest.mark.parametrize("finger", ["ideal", "paper"])
+def test_slowest_and_fastest_presses(finger, speed):
+    """At 1 m/s with an arm and a planner that are let."""
+    changes = {"press.jack_speed": f"{speed} m/s"}
+    if speed == 1.0:
+        changes |= FAST
+    rig = with_values(RIG, changes)
+    scene = pressed(finger)
+    moved = reference(rig, scene)
+    assert len(moved.events.contacts) == len(moved.events.releases) == 1
+    assert all(np.isfinite(values).all() for values in vars(moved.motions).values())
+
+
+FAST = {
+    "press.run_up_acceleration": "2000 m/s^2", "press.run_up_jerk": "1e8 m/s^3",
+    "press.run_down_acceleration": "2000 m/s^2", "press.run_down_jerk": "1e8 m/s^3",
+    "arm.speed_limit": "100 rad/s", "arm.acceleration_limit": "1e6 rad/s^2",
+    "arm.jerk_limit": "1e10 rad/s^3", "arm.torque_limit": "1000 N m",
+}  # fmt: skip

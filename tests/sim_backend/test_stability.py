@@ -1,0 +1,95 @@
+import pytest
+
+from rig.load import load_rig
+from sim_backend.trade import stability
+from sim_backend.trade.cases import Case, grid, random_cases
+from sim_backend.trade.stability import (
+    judge,
+    run_stability,
+    stability_document,
+    stability_text,
+)
+
+RIG = load_rig()
+GRID = {(case.name, case.scene.engine): case for case in grid(RIG)}
+QUICK = [
+    case
+    for name, engine in GRID
+    if (case := GRID[name, engine]).scene.finger == "push" and "step 1 us" not in name
+]
+"""Cases that take a fraction of a second each."""
+
+
+def test_pushes_converge_or_are_refused_and_never_fail_silently():
+    found = run_stability(RIG, QUICK[::4])
+    assert not found.silent_failures, stability_text(found)
+    assert sum(cell.verdict == "converged" for cell in found.cells) > len(found.cells) / 2
+
+
+@pytest.mark.parametrize("engine", ["rigid", "reduced"])
+def test_a_balanced_key_is_refused_with_the_reason(engine):
+    cell = judge(RIG, GRID["key balanced", engine])
+    assert cell.verdict == "refused"
+    assert "front_heaviness" in cell.reason
+    assert judge(RIG, GRID["key nearly balanced", engine]).verdict == "converged"
+
+
+@pytest.mark.parametrize("engine", ["rigid", "reduced"])
+def test_a_key_thrown_over_is_refused(engine):
+    cell = judge(RIG, GRID["key thrown past its stop", engine])
+    assert cell.verdict == "refused"
+
+
+def test_a_claim_that_is_not_kept_is_a_failure(monkeypatch):
+    case = GRID["push of 1.2 N", "rigid"]
+    truth = stability._truth(RIG, case.scene)
+    truth.events.releases[0] = truth.events.releases[0].__class__(0.02, 0, 0.5)
+    monkeypatch.setattr(stability, "_truth", lambda rig, scene: truth)
+    cell = judge(RIG, case)
+    assert (cell.verdict, cell.reason) == ("failed", "less accurate than claimed")
+
+
+def test_an_untyped_error_is_a_failure(monkeypatch):
+    def crash(*args):
+        raise ZeroDivisionError("by zero")
+
+    monkeypatch.setattr(stability, "observe", crash)
+    found = run_stability(RIG, [GRID["push of 1.2 N", "rigid"]])
+    assert [cell.reason for cell in found.silent_failures] == ["ZeroDivisionError: by zero"]
+
+
+def test_no_number_is_a_failure(monkeypatch):
+    def lost(*args):
+        found = real(*args)
+        found.motions.spin[3] = float("nan")
+        return found
+
+    real = stability.observe
+    monkeypatch.setattr(stability, "observe", lost)
+    cell = judge(RIG, GRID["push of 1.2 N", "rigid"])
+    assert (cell.verdict, cell.reason) == ("failed", "spin is no number")
+
+
+def test_document_and_text_count_every_case():
+    shares = []
+    cases = [GRID["push of 1.2 N", "rigid"], GRID["key balanced", "rigid"]]
+    found = run_stability(RIG, cases, shares.append)
+    document = stability_document(found)
+    assert (document["converged"], document["refused"]) == (1, 1)
+    assert document["silent_failures"] == []
+    assert document["cases"][1]["error"] is None
+    assert stability_text(found)[-1] == "1 converged, 1 refused, 0 failed silently"
+    assert shares == [0.0, 0.5, 1.0]
+
+
+def test_random_cases_are_the_same_each_time():
+    first, second = (list(random_cases(RIG, 5, seed=3)) for _ in range(2))
+    assert first == second
+    assert all(isinstance(case, Case) for case in first)
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(1800)
+def test_the_whole_map_has_no_silent_failure():
+    found = run_stability(RIG)
+    assert not found.silent_failures, "\n".join(stability_text(found))

@@ -1,0 +1,91 @@
+"""The spring string's four states, walked through by hand."""
+
+import numpy as np
+import pytest
+
+from analysis.model.choirs import choirs
+from analysis.model.predict import rig_pluck
+from rig.load import load_rig, with_values
+from sim_backend.errors import SceneError
+from sim_backend.physics.events import PluckEvents
+from sim_backend.physics.pluck import Plucking
+from sim_backend.scene import load_scene
+
+RIG = load_rig("paper")
+CLEARANCE = RIG.jack.string_clearance * 1e3
+TOP = CLEARANCE + rig_pluck(RIG).release_height * 1e3
+LEVER = (RIG.plectrum.length - RIG.plectrum.overlap) * 1e3
+TRAVEL = LEVER * RIG.plectrum.overlap / RIG.jack.tongue.pivot
+
+
+def string(rig=RIG, number=0, **changes):
+    scene = load_scene("return").model_copy(update=changes)
+    return Plucking(choirs(rig)[number], scene, number, PluckEvents())
+
+
+def force(plucking, rise):
+    return plucking.force(rise, rise, 0.0, 0.0)
+
+
+def test_up_and_down_with_a_tongue():
+    plucking = string()
+    assert plucking.high == CLEARANCE
+    assert force(plucking, CLEARANCE / 2) == 0
+    plucking.cross(True, 1.0)
+    assert (plucking.low, plucking.high) == (CLEARANCE, pytest.approx(TOP))
+    heights = np.linspace(0, (TOP - CLEARANCE) * (1 - 1e-12), 57)
+    np.testing.assert_allclose(
+        [force(plucking, CLEARANCE + h) for h in heights],
+        rig_pluck(RIG).force_on_jack(heights / 1e3),
+        atol=1e-6,
+    )
+    plucking.cross(True, 2.0)
+    assert force(plucking, TOP + 1) == 0
+    plucking.cross(False, 3.0)
+    assert plucking.low == pytest.approx(CLEARANCE - TRAVEL)
+    tongue = RIG.jack.tongue
+    for drop in (0, TRAVEL / 2, TRAVEL):
+        moment = tongue.bristle_moment + tongue.bristle_stiffness * drop / LEVER
+        assert force(plucking, CLEARANCE - drop) == pytest.approx(-moment / LEVER * 1e3)
+    plucking.cross(False, 4.0)
+    assert force(plucking, CLEARANCE - TRAVEL) == 0
+    assert plucking.high == CLEARANCE
+    events = plucking.events
+    assert [e.time for e in (*events.contacts, *events.releases, *events.returns)] == [1, 2, 4]
+    assert events.releases[0].force == pytest.approx(rig_pluck(RIG).vertical_force[-1])
+    assert events.returns[0].force == pytest.approx(-moment / LEVER * 1e3)
+
+
+def test_turned_back_before_the_release_the_string_is_let_down():
+    plucking = string()
+    plucking.cross(True, 1.0)
+    plucking.cross(False, 2.0)
+    plucking.cross(True, 3.0)
+    assert [e.time for e in plucking.events.contacts] == [1, 3]
+    assert plucking.events.releases == plucking.events.returns == []
+
+
+def test_turned_back_on_the_tongue_it_is_above_again():
+    plucking = string()
+    for upwards in (True, True, False, True):
+        plucking.cross(upwards, 1.0)
+    assert force(plucking, CLEARANCE + 0.1) == 0
+    assert plucking.events.returns == []
+    plucking.cross(False, 2.0)
+    plucking.cross(False, 3.0)
+    assert [e.time for e in plucking.events.returns] == [3]
+
+
+def test_without_a_tongue_it_returns_where_it_met_the_string():
+    plucking = string(tongue=False)
+    for upwards, time in ((True, 1.0), (True, 2.0), (False, 3.0)):
+        plucking.cross(upwards, time)
+    assert plucking.high == CLEARANCE
+    assert [(e.time, e.force) for e in plucking.events.returns] == [(3.0, 0.0)]
+
+
+def test_a_choir_without_a_pluck_is_named():
+    rig = load_scene("two-choirs").true_rig(RIG)
+    rig = with_values(rig, {"more_choirs.0.plectrum.overlap": "4.49999 mm"})
+    with pytest.raises(SceneError, match=r"more_choirs\[0\]\.plectrum"):
+        string(rig, 1)

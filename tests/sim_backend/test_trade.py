@@ -1,0 +1,156 @@
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from rig.load import load_rig
+from sim_backend.errors import SceneError
+from sim_backend.scene import load_scene
+from sim_backend.trade import cache, measure, stopwatch
+from sim_backend.trade.measure import recommended, run_trade
+from sim_backend.trade.pareto import pareto
+from sim_backend.trade.picture import plot_trade, trade_figure
+from sim_backend.trade.points import Point, Trade
+from sim_backend.trade.summary import trade_document, trade_text
+
+POINT = Point("a push", 1e-4, "rigid", "elastica", "spring", 4, 1e-6, 1e-4, 10.0)
+FAILED = replace(POINT, error=None, force_error=None, real_time_factor=None, failed="it blew up")
+
+few = st.lists(st.tuples(st.integers(0, 5), st.integers(1, 5)), max_size=12)
+
+
+@given(few)
+def test_a_point_is_kept_if_no_other_beats_it(points):
+    errors, speeds = [p[0] for p in points], [p[1] for p in points]
+    kept = pareto(errors, speeds)
+    for i, (error, speed) in enumerate(points):
+        better = [
+            j
+            for j, (e, s) in enumerate(points)
+            if e <= error and s >= speed and (e, s) != (error, speed)
+        ]
+        assert bool(better) == (points[i] not in [points[k] for k in kept])
+    assert [errors[i] for i in kept] == sorted({errors[i] for i in kept})
+
+
+def test_a_speed_that_a_clock_does_not_tell_apart_is_none():
+    assert pareto([1.0, 2.0], [10.0, 10.5], 0.1) == [0]
+    assert pareto([1.0, 2.0], [10.0, 11.5], 0.1) == [0, 1]
+
+
+def test_the_fastest_within_what_is_wanted_is_recommended():
+    points = [
+        replace(POINT, error=1e-6, real_time_factor=10.0),
+        replace(POINT, error=5e-6, real_time_factor=20.0),
+        replace(POINT, error=5e-5, real_time_factor=90.0),
+        FAILED,
+    ]
+    assert recommended(points, 1e-5) == 1
+    assert recommended(points, 1e-7) is None
+
+
+@pytest.fixture(scope="module")
+def trade(tmp_path_factory):
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setenv("XDG_CACHE_HOME", str(tmp_path_factory.mktemp("cache")))
+        patched.setattr(measure, "STEPS", {"rigid": (1, 8), "reduced": (1, 8)})
+        patched.setattr(measure, "ITERATIONS", (1,))
+        patched.setattr(stopwatch, "RUNS", (1, 3))
+        first = run_trade(load_rig(), load_scene("pluck"))
+        assert not first.cached
+        again = run_trade(load_rig(), load_scene("pluck"))
+        assert again == replace(first, cached=True)
+        fresh = run_trade(load_rig(), load_scene("pluck"), fresh=True)
+        assert not fresh.cached
+        return fresh
+
+
+def test_a_trade_holds_every_way_against_the_reference(trade):
+    by = {(p.engine, p.level, round(p.dt * 1e6), p.iterations): p for p in trade.points}
+    assert by["rigid", "elastica", 122, 4].error < 2e-6
+    assert by["reduced", "elastica", 977, 4].error < 1e-6
+    assert by["rigid", "beam", 122, 4].error > 1e-4
+    assert by["rigid", "rods", 122, 4].force_error < 1e-3 < by["rigid", "beam", 122, 4].force_error
+    assert all(p.real_time_factor > 0 for p in trade.points)
+
+
+def test_what_is_recommended_is_accurate_and_what_is_kept_is_not_beaten(trade):
+    chosen = trade.points[trade.recommended]
+    assert chosen.error <= trade.wanted == 0.5 / load_rig().daq.sample_rate
+    best = trade.points[trade.pareto[0]]
+    assert best.error == min(p.error for p in trade.points)
+
+
+def test_an_engine_that_fails_is_not_fast(monkeypatch):
+    def fail(rig, scene, drive):
+        raise SceneError("it blew up")
+
+    monkeypatch.setattr(measure, "timed", fail)
+    monkeypatch.setattr(measure, "store_trade", lambda *args: None)
+    trade = run_trade(load_rig(), load_scene("pluck"), fresh=True)
+    assert {p.failed for p in trade.points} == {"it blew up"}
+    assert trade.pareto == ()
+    assert trade.recommended is None
+    assert "failed: it blew up" in "\n".join(trade_text(trade))
+
+
+def test_events_that_are_missed_are_a_failure(monkeypatch):
+    def miss(rig, scene, drive):
+        found, factor = real(rig, scene, drive)
+        found.events.releases.clear()
+        return found, factor
+
+    real = measure.timed
+    monkeypatch.setattr(measure, "timed", miss)
+    monkeypatch.setattr(measure, "store_trade", lambda *args: None)
+    monkeypatch.setattr(measure, "STEPS", {"rigid": (8,), "reduced": (1,)})
+    monkeypatch.setattr(stopwatch, "RUNS", (1, 1))
+    trade = run_trade(load_rig(), load_scene("pluck"), fresh=True)
+    assert all("misses" in p.failed for p in trade.points)
+
+
+def made(*points):
+    good = [i for i, p in enumerate(points) if not p.failed]
+    return Trade("a push", "a machine", 1e-5, points, tuple(good), good[0] if good else None)
+
+
+def test_a_document_is_json_with_the_points_of_the_contract():
+    document = json.loads(json.dumps(trade_document(made(POINT, FAILED)), allow_nan=False))
+    assert {"scene", "dt", "error", "real_time_factor"} <= set(document["points"][0])
+    assert document["points"][1]["failed"] is True
+    assert document["points"][1]["error"] is None
+    assert document["pareto"] == [document["points"][0]]
+    assert document["recommended"] == document["points"][0]
+
+
+def test_a_picture_is_labelled_and_logarithmic(tmp_path):
+    peer = replace(POINT, engine="mujoco RK4", error=0.0)
+    axes = trade_figure(made(POINT, FAILED), [peer]).axes[0]
+    assert (axes.get_xscale(), axes.get_yscale()) == ("log", "log")
+    assert "(s)" in axes.get_ylabel()
+    names = [text.get_text() for text in axes.get_legend().get_texts()]
+    assert "mujoco RK4, elastica, spring" in names
+    assert all(np.all(np.asarray(line.get_ydata()) > 0) for line in axes.lines)
+    plot_trade(made(FAILED), tmp_path / "trade.png")
+    assert (tmp_path / "trade.png").read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize("damage", ["", "{", "[]", '{"points": 3}', '{"points": [{}]}', "\0"])
+def test_a_damaged_cache_is_measured_anew(monkeypatch, tmp_path, damage):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    rig, scene = load_rig(), load_scene("pluck")
+    cache.store_trade(rig, scene, made(POINT))
+    assert cache.stored_trade(rig, scene) == replace(made(POINT), cached=True)
+    (path,) = tmp_path.rglob("*.json")
+    path.write_text(damage)
+    assert cache.stored_trade(rig, scene) is None
+
+
+def test_without_a_cache_it_is_only_slower(monkeypatch, tmp_path):
+    (tmp_path / "file").write_text("")
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "file"))
+    cache.store_trade(load_rig(), load_scene("pluck"), made(POINT))
+    assert cache.stored_trade(load_rig(), load_scene("pluck")) is None
