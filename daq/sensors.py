@@ -1,10 +1,11 @@
-"""Sensor signals: volts to SI and back, AC coupling undone, delay, clipping.
+"""Sensor signals: volts to SI and back, AC coupling undone, the age of the calibration.
 
-A recording holds raw volts; what stands here turns them into what the sensor felt.
+A recording holds raw volts; what stands here turns them into what the sensor felt. The lag
+behind the motion is taken back in `daq.delays`.
 """
 
 import math
-from typing import NamedTuple
+from datetime import date
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,19 +13,10 @@ from scipy.integrate import cumulative_trapezoid
 
 from rig.schema import Channel
 
-CLIPPING_MARGIN = 1e-3
-"""1, share of the range below its end within which a sample counts as clipped."""
+CALIBRATION_LIFE = 366
+"""Days after which a calibration is told to be old."""
 
 Signal = NDArray[np.float64]
-
-
-class Clipped(NamedTuple):
-    """A stretch of samples at the end of the range, ``start <= n < stop``."""
-
-    start: int
-    """Index of the first clipped sample."""
-    stop: int
-    """Index after the last clipped sample."""
 
 
 def to_si(volts: Signal, channel: Channel) -> Signal:
@@ -41,7 +33,9 @@ def undo_high_pass(values: Signal, corner: float, rate: float) -> Signal:
     """Restore what a first-order high-pass took from a signal at rest before the record.
 
     The filter is y' + w y = x', with y = x = 0 before the first sample, so that
-    x = y + w * integral of y. An offset of y becomes a ramp of x: take it off first.
+    x = y + w * integral of y. By trapezia, with w / rate = 2 tan(pi corner / rate), that is the
+    exact inverse of the sampled filter, and of the analogue one up to second order of the
+    step. An offset of y becomes a ramp of x, w times as steep: take it off first.
 
     Args:
         values: Shape (n_samples,), the filtered signal, in any unit.
@@ -54,50 +48,53 @@ def undo_high_pass(values: Signal, corner: float, rate: float) -> Signal:
     y = np.asarray(values, dtype=float)
     if corner <= 0 or y.size == 0:
         return y.copy()
-    omega = 2 * math.pi * corner
-    return y + omega * cumulative_trapezoid(y, dx=1 / rate, initial=0)
+    return y + 2 * math.tan(math.pi * corner / rate) * cumulative_trapezoid(y, initial=0)
 
 
 def correct(volts: Signal, channel: Channel, rate: float) -> Signal:
     """Turn raw volts into SI values with the droop of the AC coupling undone.
 
-    The delay is a matter of the time axis: see `sample_times`.
-
     Args:
-        volts: Shape (n_samples,), V, from the trigger on.
+        volts: Shape (n_samples,), V, from rest on.
         channel: The channel as its calibration chart describes it.
         rate: Hz, of the samples.
 
     Returns:
-        Shape (n_samples,), in ``channel.unit``.
+        Shape (n_samples,), in ``channel.unit``; the lag is still in it, see `daq.delays`.
     """
     return undo_high_pass(to_si(volts, channel), channel.high_pass, rate)
 
 
-def time_shift(channel: Channel) -> float:
-    """Return what to add to a sample's time to get the motion's (s); never positive."""
-    return -channel.delay
+def white_noise(signal: Signal) -> float:
+    """Return the standard deviation of the white noise in a signal, in its unit.
 
-
-def sample_times(n_samples: int, channel: Channel, rate: float) -> Signal:
-    """Return when the motion was that each sample shows: n / rate - delay.
-
-    Returns:
-        Shape (n_samples,), s, from the trigger; ``rate`` in Hz.
+    It comes from the median of the second differences, which motion hardly touches.
     """
-    return np.arange(n_samples) / rate + time_shift(channel)
+    second = np.diff(signal[np.isfinite(signal)], 2)
+    if not len(second):
+        return 0.0
+    return float(1.4826 * np.median(np.abs(second - np.median(second))) / math.sqrt(6))
 
 
-def clipping(volts: Signal, channel: Channel) -> list[Clipped]:
-    """Find where the signal stands at the end of its range.
+def calibration_warning(channel: Channel, on: date) -> str | None:
+    """Tell what is wrong with the age of a channel's calibration, if anything is.
 
     Args:
-        volts: Shape (n_samples,), V.
-        channel: Its ``range`` (V) is the limit, within `CLIPPING_MARGIN` of it.
-
-    Returns:
-        One interval for each unbroken stretch, in order; empty where nothing clips.
+        channel: Its ``calibrated`` is the chart's date.
+        on: Day of the recording.
     """
-    at_end = np.abs(np.asarray(volts, dtype=float)) >= channel.range * (1 - CLIPPING_MARGIN)
-    edges = np.flatnonzero(np.diff(at_end, prepend=False, append=False))
-    return [Clipped(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+    who = f"{channel.name}: {channel.sensor}"
+    if channel.calibrated is None:
+        return f"{who} has no date of calibration; give `calibrated` from its chart in the rig"
+    age = (on - channel.calibrated).days
+    if age < 0:
+        return (
+            f"{who} was calibrated on {channel.calibrated}, {-age} days after the recording of"
+            f" {on}; mend `calibrated` in the rig, or see whether the scale was another then"
+        )
+    if age > CALIBRATION_LIFE:
+        return (
+            f"{who} was calibrated on {channel.calibrated}, {age} days before the recording, more"
+            f" than {CALIBRATION_LIFE}; have it calibrated anew"
+        )
+    return None

@@ -1,20 +1,22 @@
 """Sensors against closed forms."""
 
 import math
+from datetime import date
 
 import numpy as np
 import pytest
+from scipy import signal
 
 from daq.sensors import (
-    Clipped,
-    clipping,
+    calibration_warning,
     correct,
-    sample_times,
-    time_shift,
     to_si,
     to_volts,
     undo_high_pass,
+    white_noise,
 )
+from rig.errors import RigError
+from rig.load import with_values
 
 RATE = 51_200.0
 
@@ -56,6 +58,15 @@ def test_droop_of_a_sine_is_undone_at_second_order():
     assert orders == pytest.approx(2.0, abs=0.05)
 
 
+@pytest.mark.parametrize("corner", [0.1, 1.0, 300.0])
+def test_the_sampled_filter_is_undone_exactly(corner):
+    """Noise from rest through scipy's first-order high-pass, over 10 s."""
+    x = np.random.default_rng(0).standard_normal(int(10 * RATE))
+    x[0] = 0.0
+    y = signal.lfilter(*signal.butter(1, corner, "high", fs=RATE), x)
+    np.testing.assert_allclose(undo_high_pass(y, corner, RATE), x, atol=1e-9)
+
+
 def test_no_high_pass_leaves_the_scaled_signal(velocity):
     volts = np.array([1.0, 2.0, -3.0])
     found = correct(volts, with_high_pass(velocity, 0.0), RATE)
@@ -64,21 +75,64 @@ def test_no_high_pass_leaves_the_scaled_signal(velocity):
 
 def test_empty_signal_stays_empty(velocity):
     assert correct(np.empty(0), velocity, RATE).shape == (0,)
-    assert clipping(np.empty(0), velocity) == []
 
 
-def test_the_delay_moves_the_time_axis_back(velocity):
-    assert time_shift(velocity) == -1.1e-3
-    times = sample_times(3, velocity, RATE)
-    np.testing.assert_allclose(times, np.array([0, 1, 2]) / RATE - 1.1e-3, rtol=1e-15)
+def test_coupling(velocity):
+    assert velocity.coupling == "AC"
+    assert with_high_pass(velocity, 0.0).coupling == "DC"
 
 
-def test_clipping_finds_both_ends_of_the_range(velocity):
-    volts = np.zeros(20)
-    volts[:2] = 4.0
-    volts[5] = -3.997
-    volts[8:11] = 4.5
-    volts[12] = 3.99
-    volts[18:] = -4.0
-    found = clipping(volts, velocity)
-    assert found == [Clipped(0, 2), Clipped(5, 6), Clipped(8, 11), Clipped(18, 20)]
+@pytest.mark.parametrize(("order", "corner"), [(1, 1000.0), (2, 1000.0), (2, 22_400.0), (8, 500.0)])
+def test_the_low_pass_lags_as_scipys_does(velocity, order, corner):
+    """Group delay of the analogue Butterworth filter far below its corner, by its phase."""
+    channel = velocity.model_copy(update={"low_pass": corner, "low_pass_order": order})
+    b, a = signal.butter(order, 2 * math.pi * corner, analog=True)
+    slow = corner * 1e-3
+    _, response = signal.freqs(b, a, [2 * math.pi * slow])
+    expected = -np.angle(response[0]) / (2 * math.pi * slow)
+    assert channel.lag - channel.delay == pytest.approx(expected, rel=1e-5)
+
+
+def test_the_nexus_low_pass_lags_by_10_to_225_us(velocity):
+    """As its chart says for 22.4 and 1 kHz: a filter of second order."""
+    for corner, lag in ((22_400.0, 10e-6), (1000.0, 225e-6)):
+        chart = {"delay": 0.0, "low_pass": corner, "low_pass_order": 2}
+        assert velocity.model_copy(update=chart).lag == pytest.approx(lag, rel=0.01)
+
+
+def test_without_an_order_the_delay_is_all(velocity):
+    assert velocity.low_pass_order == 0
+    assert velocity.lag == velocity.delay == 1.1e-3
+
+
+def test_an_order_needs_a_corner(paper):
+    with pytest.raises(RigError, match="low_pass_order: 2 is given and low_pass is 0 Hz"):
+        with_values(paper, {"daq.channels.1.low_pass_order": 2, "daq.channels.1.low_pass": "0 Hz"})
+
+
+@pytest.mark.parametrize("std", [1e-6, 1.0])
+def test_white_noise_is_told_from_motion(std):
+    time = np.arange(51_200) / RATE
+    noise = std * np.random.default_rng(0).standard_normal(len(time))
+    assert white_noise(1e3 * std * np.sin(300 * time) + noise) == pytest.approx(std, rel=0.02)
+    assert white_noise(np.empty(0)) == white_noise(np.ones(2)) == 0
+
+
+@pytest.mark.parametrize(
+    ("calibrated", "message"),
+    [
+        (None, "has no date of calibration"),
+        (date(2025, 2, 1), None),
+        (date(2025, 1, 31), "367 days before the recording, more than 366"),
+        (date(2026, 2, 2), None),
+        (date(2026, 2, 3), "1 days after the recording"),
+    ],
+)
+def test_the_age_of_a_calibration(velocity, calibrated, message):
+    channel = velocity.model_copy(update={"calibrated": calibrated})
+    found = calibration_warning(channel, date(2026, 2, 2))
+    if message is None:
+        assert found is None
+    else:
+        assert message in found
+        assert "velocity: Polytec PDV-100" in found

@@ -1,0 +1,134 @@
+"""What other programs see of a recording."""
+
+import json
+
+import numpy as np
+import pandas as pd
+import pyarrow.parquet as pq
+import pytest
+
+from daq.convert.export import export, targets
+from daq.errors import RecordingError
+from daq.reading import read_recording
+from daq.sensors import correct
+
+
+@pytest.fixture
+def recording(tmp_path, record, volts):
+    return record(tmp_path / "press.mcap", volts)
+
+
+def load(path):
+    return pd.read_parquet(path) if path.suffix == ".parquet" else pd.read_csv(path)
+
+
+@pytest.mark.parametrize("to", ["parquet", "csv"])
+def test_raw_volts_are_there_bit_for_bit_in_pandas(tmp_path, recording, volts, to):
+    out = tmp_path / f"table.{to}"
+    assert export(recording, to, out, raw=True)[0] == out
+    found = load(out)
+    assert list(found.columns) == ["time [s]", "velocity [V]", "force [V]", "simulated"]
+    assert np.array_equal(found["velocity [V]"].to_numpy().view(np.uint64), volts[0].view("u8"))
+    assert np.array_equal(found["force [V]"].to_numpy().view(np.uint64), volts[1].view("u8"))
+    assert np.array_equal(found["time [s]"], np.arange(5000) / 51_200)
+    assert found["simulated"].all()
+
+
+@pytest.mark.parametrize("to", ["parquet", "csv"])
+def test_si_values_stand_beside_them_with_their_lag_taken_back(tmp_path, recording, paper, to):
+    """1.1 ms are 56.32 samples; what the sensor saw after the end is empty."""
+    out = tmp_path / f"table.{to}"
+    export(recording, to, out)
+    found = load(out)
+    assert list(found.columns)[1:5] == ["velocity [V]", "velocity [m/s]", "force [V]", "force [N]"]
+    velocity = found["velocity [m/s]"]
+    assert velocity.isna().sum() == 57
+    assert velocity[: 5000 - 57].notna().all()
+    felt = correct(read_recording(recording).volts["velocity"], paper.daq.channels[0], 51_200.0)
+    spectrum, expected = (np.abs(np.fft.rfft(x)[5:1000]) for x in (velocity[:4900], felt[56:4956]))
+    assert np.median(spectrum / expected) == pytest.approx(1, rel=0.01)
+    assert found["force [N]"].isna().sum() == 1
+
+
+def test_parquet_carries_units_and_all_else(tmp_path, recording, paper, session):
+    out = tmp_path / "table.parquet"
+    export(recording, "parquet", out)
+    schema = pq.read_schema(out)
+    assert schema.field("velocity [m/s]").metadata[b"unit"] == b"m/s"
+    assert b"lag of 0.0011 s" in schema.field("velocity [m/s]").metadata[b"what"]
+    told = json.loads(schema.metadata[b"sautereau"])
+    assert told["session"] == session.to_metadata()
+    assert told["rig"]["values"]["name"] == paper.name
+    assert told["source"]["name"] == "press.mcap"
+    assert len(told["source"]["sha256"]) == 64
+    assert told["software"]["mcap"]
+
+
+def test_csv_is_a_plain_table_with_its_metadata_beside_it(tmp_path, recording):
+    out = tmp_path / "table.csv"
+    assert export(recording, "csv", out, raw=True) == [out, tmp_path / "table.csv.json"]
+    first, second = out.read_text().splitlines()[:2]
+    assert first == '"time [s]","velocity [V]","force [V]","simulated"'
+    assert second.startswith("0,0.3455841920")
+    assert second.endswith(",true")
+    told = json.loads((tmp_path / "table.csv.json").read_text())
+    assert told["columns"]["force [V]"]["unit"] == "V"
+
+
+def test_what_was_measured_has_no_column_simulated(tmp_path, paper, session, volts):
+    from dataclasses import replace
+
+    from daq.block import Block
+    from daq.recording import Recording
+
+    path = tmp_path / "press.mcap"
+    with Recording(path, paper, session=replace(session, simulated=False)) as recording:
+        recording.write_block(Block(0, volts))
+    export(path, "csv", tmp_path / "table.csv")
+    assert "simulated" not in load(tmp_path / "table.csv").columns
+
+
+def test_marks_are_told(tmp_path, record):
+    volts = np.zeros((2, 2000))
+    volts[1, 100:200] = 10.0
+    export(record(tmp_path / "press.mcap", volts), "parquet", tmp_path / "table.parquet")
+    told = json.loads(pq.read_schema(tmp_path / "table.parquet").metadata[b"sautereau"])
+    (mark,) = told["marks"]
+    assert (mark["kind"], mark["channel"]) == ("clipped", "force")
+
+
+@pytest.mark.parametrize("taken", ["table.csv", "table.csv.json", "table.csv.part"])
+def test_nothing_is_overwritten_and_nothing_left_behind(tmp_path, recording, taken):
+    (tmp_path / taken).write_text("precious")
+    with pytest.raises(RecordingError, match="never overwritten"):
+        export(recording, "csv", tmp_path / "table.csv")
+    assert (tmp_path / taken).read_text() == "precious"
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["press.mcap", taken]
+
+
+def test_a_folder_that_is_not_there(tmp_path, recording):
+    with pytest.raises(RecordingError, match="there is no folder"):
+        export(recording, "parquet", tmp_path / "none" / "table.parquet")
+
+
+def test_targets(tmp_path):
+    files = [tmp_path / "a.mcap", tmp_path / "b.mcap"]
+    assert targets(files, "csv", None) == [
+        (files[0], tmp_path / "a.csv"),
+        (files[1], tmp_path / "b.csv"),
+    ]
+    folder = tmp_path / "out"
+    folder.mkdir()
+    assert [t for _, t in targets(files, "csv", folder)] == [folder / "a.csv", folder / "b.csv"]
+    assert targets(files[:1], "csv", tmp_path / "x.csv") == [(files[0], tmp_path / "x.csv")]
+    with pytest.raises(RecordingError, match="2 recordings do not go into one file"):
+        targets(files, "csv", tmp_path / "x.csv")
+
+
+def test_targets_that_are_taken_are_all_named(tmp_path):
+    (tmp_path / "a.csv").touch()
+    files = [tmp_path / "a.mcap", tmp_path / "b.mcap", tmp_path / "b.mcap"]
+    with pytest.raises(RecordingError) as caught:
+        targets(files, "csv", None)
+    assert "a.csv: it exists" in str(caught.value)
+    assert "b.csv: twice" in str(caught.value)

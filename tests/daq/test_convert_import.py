@@ -1,0 +1,488 @@
+"""Files of other programs become recordings, exactly or not at all."""
+
+import shutil
+import struct
+import wave
+from datetime import UTC, datetime
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+from nptdms import ChannelObject, RootObject, TdmsWriter
+
+from daq.block import Block
+from daq.convert.answers import Answers
+from daq.convert.export import export
+from daq.convert.importing import import_file
+from daq.errors import RecordingError
+from daq.reading import read_recording
+from daq.recording import Recording
+from rig.load import load_rig, with_values
+
+T0 = 1_700_000_000_000_000_000
+STARTED = "2026-02-03T04:05:06+01:00"
+KNOWN = {"trigger": "0 s", "started": STARTED, "simulated": False}
+
+
+def answers(**given):
+    return Answers(**(KNOWN | given))
+
+
+def bits(signal):
+    return np.ascontiguousarray(signal).view(np.uint64)
+
+
+def refused(path, out, rig, told):
+    with pytest.raises(RecordingError) as caught:
+        import_file(path, out, rig=rig, answers=told)
+    assert not out.exists()
+    return str(caught.value)
+
+
+@pytest.fixture
+def recording(tmp_path, paper, session, volts):
+    path = tmp_path / "press.mcap"
+    t = np.linspace(0, 0.14, 30)
+    with Recording(path, paper, session=session, rate=51_203.277, clock=lambda: T0) as written:
+        written.write_plan(t, t + 1, t + 2, t + 3)
+        written.write_block(Block(0, volts))
+        written.event("trigger", "PFI0 rose", 0.0)
+        written.write_joints(t, t + 4, t + 5)
+    return path
+
+
+@pytest.mark.parametrize("raw", [True, False])
+@pytest.mark.parametrize("to", ["parquet", "csv"])
+def test_an_export_comes_back_with_everything(tmp_path, recording, to, raw):
+    table = tmp_path / f"table.{to}"
+    export(recording, to, table, raw=raw)
+    done = import_file(table, tmp_path / "back.mcap", rig=None, answers=Answers(), notes="back")
+    first, second = read_recording(recording), read_recording(tmp_path / "back.mcap")
+    assert done.simulated is second.simulated is True
+    assert second.rig == first.rig
+    assert second.rig.sources == first.rig.sources
+    assert (second.rate, second.t0_ns) == (first.rate, first.t0_ns)
+    for name, signal in first.volts.items():
+        assert np.array_equal(bits(second.volts[name]), bits(signal))
+    for series in ("plan", "joints"):
+        a, b = getattr(first, series), getattr(second, series)
+        assert all(np.array_equal(getattr(a, f), getattr(b, f)) for f in ("t", "q1", "q2"))
+    assert second.events[:-1] == first.events
+    origin = second.events[-1].text
+    assert origin.startswith(f"imported from table.{to}, sha256 ")
+    assert second.session.notes == f"{first.session.notes}\nback\n{origin}"
+    assert second.session.scene == first.session.scene
+
+
+@settings(max_examples=10, deadline=None)
+@given(hnp.arrays(np.float64, st.tuples(st.just(2), st.integers(1, 60))))
+def test_any_number_comes_back_from_any_table(tmp_path_factory, values):
+    """CSV keeps every finite number, the zeros' signs and infinities; a NaN loses its payload."""
+    folder = tmp_path_factory.mktemp("any")
+    rig = load_rig("paper")
+    session_ = read_session()
+    with Recording(folder / "press.mcap", rig, session=session_) as written:
+        written.write_block(Block(0, np.nan_to_num(values, nan=1.5, posinf=np.inf, neginf=-np.inf)))
+    first = read_recording(folder / "press.mcap")
+    for to in ("parquet", "csv"):
+        export(folder / "press.mcap", to, folder / f"table.{to}", raw=True)
+        import_file(folder / f"table.{to}", folder / f"{to}.mcap", rig=None, answers=Answers())
+        second = read_recording(folder / f"{to}.mcap")
+        for name, signal in first.volts.items():
+            assert np.array_equal(bits(second.volts[name]), bits(signal))
+    shutil.rmtree(folder)
+
+
+def read_session():
+    from daq.session_info import SessionInfo
+
+    return SessionInfo(1, STARTED, False, "DMC", "card")
+
+
+def test_an_export_tells_all_of_itself(tmp_path, recording, paper):
+    table = tmp_path / "table.parquet"
+    export(recording, "parquet", table)
+    out = tmp_path / "back.mcap"
+    message = refused(table, out, None, Answers(rate="48 kHz", simulated=False))
+    assert "leave out --rate, --simulated" in message
+    other = with_values(paper, {"daq.channels.0.scale": "5 mm/s/V"})
+    assert "leave out --rig" in refused(table, out, other, Answers())
+    import_file(table, out, rig=paper, answers=Answers())
+
+
+def test_an_export_that_has_changed_is_refused(tmp_path, recording):
+    table = tmp_path / "table.csv"
+    export(recording, "csv", table, raw=True)
+    text = table.read_text()
+    table.write_text(text.replace("0.3455841", "0.3455842", 1))
+    assert "no longer those" in refused(table, tmp_path / "back.mcap", None, Answers())
+    table.write_text("".join(text.splitlines(keepends=True)[:-1]))
+    assert "no longer those" in refused(table, tmp_path / "back.mcap", None, Answers())
+    (tmp_path / "table.csv.json").write_text("{}")
+    assert "metadata cannot be read" in refused(table, tmp_path / "back.mcap", None, Answers())
+
+
+def test_a_simulated_table_never_passes_for_measured(tmp_path, recording, paper):
+    """Even without its metadata."""
+    table = tmp_path / "table.csv"
+    export(recording, "csv", table)
+    (tmp_path / "table.csv.json").unlink()
+    told = answers(column={"velocity": "velocity [V]"}, unit={"velocity": "V"}, without=("force",))
+    told = Answers(**(vars(told) | {"rate": "51.2 kHz"}))
+    message = refused(table, tmp_path / "back.mcap", paper, told)
+    assert "`simulated`" in message.replace("'", "`")
+    assert "give --simulated" in message
+
+
+def write_tdms(path, volts, *, units="V", step=1 / 51_200, group="analog"):
+    with TdmsWriter(path) as writer:
+        channels = []
+        for name, row in zip(("ai0", "ai1"), volts, strict=True):
+            properties = {"wf_start_time": datetime(2026, 2, 3, 3, 5, 6), "wf_start_offset": 0.0}
+            if step:
+                properties["wf_increment"] = step
+            if units:
+                properties["NI_UnitDescription"] = units
+            channels.append(ChannelObject(group, name, row, properties))
+        writer.write_segment([RootObject(), *channels])
+    return path
+
+
+AI = {"velocity": "ai0", "force": "ai1"}
+
+
+@pytest.mark.parametrize("units", ["V", "Volts"])
+def test_tdms_tells_unit_rate_and_start(tmp_path, paper, volts, units):
+    path = write_tdms(tmp_path / "labview.tdms", volts, units=units)
+    out = tmp_path / "back.mcap"
+    told = Answers(column=AI, trigger="0 s", simulated=False)
+    done = import_file(path, out, rig=paper, answers=told, notes="from the archive")
+    assert (done.rate, done.n_samples, done.first_sample) == (51_200.0, 5000, 0)
+    found = read_recording(out)
+    assert not found.simulated
+    assert found.rig.daq == paper.daq
+    for name, row in zip(("velocity", "force"), volts, strict=True):
+        assert np.array_equal(bits(found.volts[name]), bits(row))
+    expected = datetime(2026, 2, 3, 3, 5, 6, tzinfo=UTC)
+    assert datetime.fromisoformat(found.session.started) == expected
+    assert found.t0_ns == int(expected.timestamp()) * 10**9
+    assert "imported from labview.tdms, sha256" in found.session.controller
+    assert found.session.notes.startswith("from the archive\nimported from labview.tdms")
+    assert found.events[-1].kind == "imported"
+
+
+def test_tdms_of_floats_and_integers(tmp_path, paper, volts):
+    for kind in (np.float32, np.int16):
+        rows = (volts * 1000).astype(kind)
+        path = write_tdms(tmp_path / f"{kind.__name__}.tdms", rows, units="mV")
+        out = path.with_suffix(".mcap")
+        import_file(path, out, rig=paper, answers=answers(column=AI, started=None))
+        assert np.array_equal(read_recording(out).volts["force"], rows[1].astype(float) * 1e-3)
+
+
+def test_si_values_become_volts_by_the_chart(tmp_path, paper, volts):
+    path = write_tdms(tmp_path / "si.tdms", volts, units=None)
+    told = answers(column=AI, unit={"velocity": "mm/s", "force": "mN"})
+    import_file(path, tmp_path / "back.mcap", rig=paper, answers=told)
+    found = read_recording(tmp_path / "back.mcap").volts
+    np.testing.assert_allclose(found["velocity"], volts[0] / 25, rtol=1e-15)
+    np.testing.assert_allclose(found["force"], volts[1] / 1000, rtol=1e-15)
+
+
+def test_columns_of_the_channels_names_need_not_be_told(tmp_path, paper):
+    path = tmp_path / "table.csv"
+    path.write_text("velocity,force\n1,2\n3,4\n")
+    told = answers(rate="1 kHz", unit={"velocity": "V", "force": "V"})
+    import_file(path, tmp_path / "back.mcap", rig=paper, answers=told)
+    found = read_recording(tmp_path / "back.mcap")
+    assert found.rate == 1000.0
+    assert found.volts["force"].tolist() == [2.0, 4.0]
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "# a comment\n\nt,a\n0,1.25\n0.001,-2.5\n0.002,0.1\n",
+        "t;a\n0,000;1,25\n0,001;-2,5\n0,002;0,1\n",
+        "t\ta\r\n0.000\t1.25\r\n0.001\t-2.5\r\n0.002\t0.1\r\n",
+        '\ufeff"t","a"\n0.000,1.25\n0.001,-2.5\n0.002,0.1\n',
+    ],
+)
+def test_dialects_of_csv(tmp_path, paper, text):
+    path = tmp_path / "table.csv"
+    path.write_text(text, encoding="utf-8", newline="")
+    told = answers(column={"velocity": "a"}, unit={"velocity": "V"}, without=("force",), time="t")
+    done = import_file(path, tmp_path / "back.mcap", rig=paper, answers=told)
+    assert done.rate == 1000.0
+    found = read_recording(tmp_path / "back.mcap")
+    assert found.volts["velocity"].tolist() == [1.25, -2.5, 0.1]
+    assert [channel.name for channel in found.rig.daq.channels] == ["velocity"]
+
+
+def test_a_table_without_names(tmp_path, paper):
+    (tmp_path / "table.csv").write_text("1,2\n3,4\n")
+    told = answers(
+        column={"velocity": "2", "force": "1"},
+        unit={"velocity": "V", "force": "V"},
+        rate="1 kHz",
+    )
+    import_file(tmp_path / "table.csv", tmp_path / "back.mcap", rig=paper, answers=told)
+    assert read_recording(tmp_path / "back.mcap").volts["velocity"].tolist() == [2.0, 4.0]
+
+
+def write_wav(path, frames, width, rate=48_000, channels=1):
+    with wave.open(str(path), "wb") as file:
+        file.setnchannels(channels)
+        file.setsampwidth(width)
+        file.setframerate(rate)
+        file.writeframes(frames)
+    return path
+
+
+@pytest.mark.parametrize("width", [1, 2, 3, 4])
+def test_wav_integers_are_scaled_exactly(tmp_path, paper, width):
+    most = 2 ** (8 * width - 1)
+    values = [0, 1, -1, most - 1, -most, most // 3]
+    if width == 1:
+        frames = bytes(value + 128 for value in values)
+    else:
+        frames = b"".join(value.to_bytes(width, "little", signed=True) for value in values)
+    path = write_wav(tmp_path / "laser.wav", frames, width)
+    told = answers(column={"velocity": "1"}, full_scale={"velocity": "4 V"}, without=("force",))
+    done = import_file(path, tmp_path / "back.mcap", rig=paper, answers=told)
+    assert done.rate == 48_000.0
+    found = read_recording(tmp_path / "back.mcap").volts["velocity"]
+    assert found.tolist() == [value * (4 / most) for value in values]
+
+
+def test_wav_at_full_scale_of_the_vibrometers_range(tmp_path, paper):
+    """Two channels of 16 bits; 100 mm/s are 4 V at 25 mm/s/V."""
+    frames = struct.pack("<6h", 0, 16_384, 0, -32_768, 0, 1)
+    path = write_wav(tmp_path / "laser.wav", frames, 2, channels=2)
+    scale = {"velocity": "100 mm/s"}
+    told = answers(column={"velocity": "2"}, full_scale=scale, without=("force",))
+    import_file(path, tmp_path / "back.mcap", rig=paper, answers=told)
+    found = read_recording(tmp_path / "back.mcap").volts["velocity"]
+    np.testing.assert_allclose(found, [2.0, -4.0, 4 / 32_768], rtol=1e-15)
+
+
+def test_everything_missing_is_told_at_once(tmp_path, paper):
+    (tmp_path / "table.csv").write_text("a,b\n1,2\n")
+    message = refused(tmp_path / "table.csv", tmp_path / "back.mcap", paper, Answers())
+    for word in (
+        "8 faults",
+        "give --column.velocity NAME or --without velocity; it has 'a', 'b'",
+        "give --column.force",
+        "give --unit.velocity V",
+        "give --unit.force V",
+        'give --rate "51.2 kHz", or --time COLUMN',
+        'give --trigger "12 ms"',
+        "give --started 2026-02-03T04:05:06+01:00",
+        "give --measured or --simulated",
+    ):
+        assert word in message
+    path = write_wav(tmp_path / "laser.wav", b"\0\0", 2)
+    message = refused(path, tmp_path / "back.mcap", paper, Answers(without=("force",)))
+    assert 'velocity: what is its full scale? give --full-scale.velocity "4 V"' in message
+    assert "rate" not in message
+
+
+@pytest.mark.parametrize(
+    ("given", "word"),
+    [
+        ({"column": {"speed": "a"}}, "--column: the rig has no channel 'speed'; it has velocity"),
+        ({"column": {"velocity": "c"}}, "'c' is no column of it; it has 'a', 'b'"),
+        ({"unit": {"velocity": "kg"}}, "'1 kg' is neither volts nor m/s"),
+        ({"unit": {"velocity": "N"}}, "'1 N' is neither volts nor m/s"),
+        ({"full_scale": {"force": "4 V"}}, "a CSV file has no full scale"),
+        ({"without": ("force",)}, "force: it has a column and is left out"),
+        ({"rate": "48"}, "'48' has no unit"),
+        ({"rate": "0 Hz"}, "'0 Hz' is not above 0"),
+        ({"rate": None}, "what is its rate?"),
+        ({"trigger": "soon"}, "--trigger: 'soon' is not a number with a unit"),
+        ({"started": "yesterday"}, "--started 'yesterday'"),
+        ({"started": "2026-02-03T04:05:06"}, "it has no time zone"),
+        ({"simulated": None}, "--measured or --simulated"),
+        ({"time": "t"}, "--time 't' is no column of it"),
+    ],
+)
+def test_each_fault_is_told(tmp_path, paper, given, word):
+    (tmp_path / "table.csv").write_text("a,b\n1,2\n")
+    base = {
+        "column": {"velocity": "a", "force": "b"},
+        "unit": {"velocity": "V", "force": "V"},
+        "rate": "1 kHz",
+    }
+    merged = base | {
+        key: (base[key] | value if isinstance(value, dict) and key in base else value)
+        for key, value in given.items()
+    }
+    message = refused(tmp_path / "table.csv", tmp_path / "back.mcap", paper, answers(**merged))
+    assert word in message
+    assert "table.csv" in message
+
+
+def test_every_channel_left_out(tmp_path, paper):
+    (tmp_path / "table.csv").write_text("a\n1\n")
+    told = answers(without=("velocity", "force"), rate="1 kHz")
+    message = refused(tmp_path / "table.csv", tmp_path / "back.mcap", paper, told)
+    assert "every channel is left out" in message
+
+
+def test_a_rate_that_is_not_the_files(tmp_path, paper, volts):
+    path = write_tdms(tmp_path / "labview.tdms", volts)
+    message = refused(
+        path, tmp_path / "back.mcap", paper, answers(column=AI, started=None, rate="48 kHz")
+    )
+    assert "is not the 51200 Hz that the file tells" in message
+
+
+@pytest.mark.parametrize(
+    ("text", "word"),
+    [
+        ("a\n1\n\n", None),
+        ("a,b\n1,2\n,4\n", "empty in 1 rows, the first being row 2; a hole is never filled"),
+        ("a,b\n1,2\nnan,4\n", "no number in 1 rows, the first being 2; a hole is never filled"),
+        ("a,b\n1,2\nx,4\n", "rows cannot be read as numbers"),
+        ("a,b\n1,2\n3\n", "rows cannot be read as numbers"),
+        ("a,b\n", "the lengths 'a' 0"),
+        ("", "it has no rows"),
+        ("# nothing\n", "it has no rows"),
+        ("a,a\n1,2\n", "'a' are there twice"),
+    ],
+)
+def test_rows_that_are_none(tmp_path, paper, text, word):
+    path = tmp_path / "table.csv"
+    path.write_text(text)
+    told = answers(
+        column={"velocity": "a"}, unit={"velocity": "V"}, without=("force",), rate="1 kHz"
+    )
+    if word is None:
+        import_file(path, tmp_path / "back.mcap", rig=paper, answers=told)
+    else:
+        assert word in refused(path, tmp_path / "back.mcap", paper, told)
+
+
+@pytest.mark.parametrize(
+    ("times", "word"),
+    [
+        ([0, 1e-3, 2e-3, 4e-3], "is not even at"),
+        ([0, 1e-3, 1e-3, 3e-3], "is not even at"),
+        ([0], "less than two rows"),
+    ],
+)
+def test_uneven_times_are_never_resampled(tmp_path, paper, times, word):
+    path = tmp_path / "table.csv"
+    path.write_text("t,a\n" + "".join(f"{t!r},1\n" for t in times))
+    told = answers(column={"velocity": "a"}, unit={"velocity": "V"}, without=("force",), time="t")
+    assert word in refused(path, tmp_path / "back.mcap", paper, told)
+
+
+@pytest.mark.parametrize("suffix", [".tdms", ".wav", ".parquet", ".csv", ".xlsx"])
+def test_files_of_rubbish(tmp_path, paper, suffix):
+    path = tmp_path / f"rubbish{suffix}"
+    path.write_bytes(b"\xff\xfe\x00rubbish" * 10)
+    message = refused(path, tmp_path / "back.mcap", paper, answers())
+    assert str(path) in message
+    assert ";" in message or "damaged" in message
+
+
+@pytest.mark.parametrize("kind", ["tdms", "wav", "parquet"])
+def test_files_cut_short_are_refused_or_whole(tmp_path, paper, volts, recording, kind):
+    """No cut gives another number of samples unsaid; a CSV cut between rows cannot be told."""
+    path = tmp_path / f"whole.{kind}"
+    told = answers(column=AI, started=None)
+    if kind == "tdms":
+        write_tdms(path, volts)
+    elif kind == "wav":
+        write_wav(path, np.arange(1000, dtype="<i2").tobytes(), 2)
+        told = answers(column={"velocity": "1"}, full_scale={"velocity": "4 V"}, without=("force",))
+    else:
+        export(recording, "parquet", path, raw=True)
+        told = Answers()
+    data = path.read_bytes()
+    cut = tmp_path / f"cut.{kind}"
+    for size in (0, 3, 40, len(data) // 2, len(data) - 9, len(data) - 1):
+        cut.write_bytes(data[:size])
+        refused(cut, tmp_path / "back.mcap", paper, told)
+
+
+def test_a_missing_file_and_no_rig(tmp_path, paper):
+    out = tmp_path / "back.mcap"
+    assert "no such file" in refused(tmp_path / "none.wav", out, paper, answers())
+    (tmp_path / "table.csv").write_text("a\n1\n")
+    assert "give --rig" in refused(tmp_path / "table.csv", out, None, answers())
+
+
+def test_nothing_is_overwritten(tmp_path, recording):
+    export(recording, "parquet", tmp_path / "table.parquet")
+    before = recording.read_bytes()
+    with pytest.raises(RecordingError, match="never overwritten"):
+        import_file(tmp_path / "table.parquet", recording, rig=None, answers=Answers())
+    assert recording.read_bytes() == before
+
+
+def test_samples_before_the_trigger_have_negative_indices(tmp_path, paper, session):
+    """From a table of times, and again through an export."""
+    path = tmp_path / "table.csv"
+    path.write_text("t,a\n" + "".join(f"{k / 1000!r},{k}\n" for k in range(5000)))
+    told = answers(
+        column={"velocity": "a"},
+        unit={"velocity": "V"},
+        without=("force",),
+        time="t",
+        trigger="1.5 s",
+    )
+    done = import_file(path, tmp_path / "first.mcap", rig=paper, answers=told)
+    assert (done.first_sample, done.rate) == (-1500, 1000.0)
+    first = read_recording(tmp_path / "first.mcap")
+    assert first.first_sample == -1500
+    assert first.t0_ns == 1_770_087_907_500_000_000
+    export(tmp_path / "first.mcap", "csv", tmp_path / "again.csv")
+    import_file(tmp_path / "again.csv", tmp_path / "again.mcap", rig=None, answers=Answers())
+    again = read_recording(tmp_path / "again.mcap")
+    assert (again.first_sample, again.t0_ns) == (-1500, first.t0_ns)
+    assert np.array_equal(again.time, first.time)
+    assert np.array_equal(again.volts["velocity"], np.arange(5000.0))
+
+
+def test_a_file_that_begins_after_the_trigger(tmp_path, paper):
+    path = tmp_path / "table.csv"
+    path.write_text("t,a\n0.010,1\n0.011,2\n")
+    told = answers(column={"velocity": "a"}, unit={"velocity": "V"}, without=("force",), time="t")
+    message = refused(path, tmp_path / "back.mcap", paper, told)
+    assert "begins 10 ms after the trigger" in message
+
+
+def test_what_has_lost_its_end_does_not_pass_for_whole(tmp_path, record):
+    from daq.recovery import recover
+
+    noise = np.random.default_rng(0).standard_normal((2, 60_000))
+    data = record(tmp_path / "press.mcap", noise).read_bytes()
+    (tmp_path / "cut.mcap").write_bytes(data[: len(data) * 2 // 3])
+    recovered = recover(tmp_path / "cut.mcap", tmp_path / "recovered.mcap").path
+    first = read_recording(recovered)
+    assert first.gaps
+    export(recovered, "parquet", tmp_path / "table.parquet")
+    import_file(tmp_path / "table.parquet", tmp_path / "back.mcap", rig=None, answers=Answers())
+    second = read_recording(tmp_path / "back.mcap")
+    assert not second.complete
+    assert str(first.gaps[0]) in [event.text for event in second.events]
+    assert np.array_equal(second.volts["force"], first.volts["force"])
+
+
+def test_a_trigger_between_two_samples_is_told(tmp_path, paper):
+    """The nearest sample is 0; by how much it is not the trigger is in the answer."""
+    (tmp_path / "table.csv").write_text("a\n1\n2\n")
+    told = answers(
+        column={"velocity": "a"},
+        unit={"velocity": "V"},
+        without=("force",),
+        rate="1 kHz",
+        trigger="0.2 ms",
+    )
+    done = import_file(tmp_path / "table.csv", tmp_path / "back.mcap", rig=paper, answers=told)
+    assert done.first_sample == 0
+    assert done.trigger_shift == pytest.approx(0.2e-3)

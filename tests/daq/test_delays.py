@@ -1,0 +1,58 @@
+"""A lag is taken back to a fraction of a sample, and nothing is carried on beyond the samples."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from daq.delays import HALF_WIDTH, undelayed
+
+RATE = 51_200.0
+
+
+@pytest.mark.parametrize("lag", [0.0, 0.1, 0.5, 0.512, 0.999, 1.0, 56.32, 1000.25])
+@pytest.mark.parametrize(
+    ("frequency", "error"), [(100.0, 1e-9), (5e3, 1e-9), (10e3, 1e-8), (15e3, 2e-4), (20e3, 0.06)]
+)
+def test_a_sine_comes_back(lag, frequency, error):
+    w = 2 * np.pi * frequency / RATE
+    k = np.arange(4000)
+    found = undelayed(np.sin(w * (k - lag)), lag)
+    assert len(found) == 4000 - np.ceil(lag)
+    inner = slice(HALF_WIDTH, len(found) - HALF_WIDTH)
+    np.testing.assert_allclose(found[inner], np.sin(w * k[: len(found)])[inner], atol=error)
+
+
+@given(st.integers(0, 80), st.floats(0, 90))
+def test_as_many_as_there_are(n, lag):
+    signal = np.arange(float(n))
+    found = undelayed(signal, lag)
+    whole = abs(lag - round(lag)) < 1e-9
+    assert len(found) == max(0, n - (round(lag) if whole else int(np.ceil(lag))))
+    # A straight line is carried between two samples by any polynomial.
+    np.testing.assert_allclose(found, lag + np.arange(len(found)), atol=1e-9)
+
+
+def test_near_the_ends_the_polynomial_is_through_fewer():
+    """Of degree 1 beside the end, 3 one further in: a cubic is exact from there on."""
+    k = np.arange(40.0)
+    found = undelayed((k / 40) ** 3, 0.5)
+    exact = ((k[:-1] + 0.5) / 40) ** 3
+    assert abs(found[0] - exact[0]) > 1e-6
+    assert abs(found[-1] - exact[-1]) > 1e-6
+    np.testing.assert_allclose(found[1:-1], exact[1:-1], atol=1e-14)
+
+
+def test_whole_samples_are_not_touched():
+    signal = np.random.default_rng(0).standard_normal(100)
+    for lag in (3.0, 3 + 1e-12, 3 - 1e-12):
+        assert np.array_equal(undelayed(signal, lag), signal[3:])
+
+
+def test_white_noise_keeps_its_power_in_the_band_that_counts():
+    """Half a sample is the worst: nothing of the power below 0.3 of the rate goes."""
+    noise = np.random.default_rng(0).standard_normal(2**16)
+    found = undelayed(noise, 0.5)
+    band = np.fft.rfftfreq(len(found)) < 0.29
+    before, after = (np.abs(np.fft.rfft(x[: len(found)])[band]) ** 2 for x in (noise, found))
+    assert after.sum() == pytest.approx(before.sum(), rel=2e-3)
