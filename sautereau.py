@@ -16,6 +16,7 @@ from commands import (
     planning,
     pressing,
     recordings,
+    setting_up,
     simulating,
 )
 from commands.common import fail
@@ -27,6 +28,7 @@ app = App(
     suppress_keyboard_interrupt=False,
 )
 for command in (
+    setting_up.setup,
     planning.plan,
     planning.mount,
     pressing.press,
@@ -36,6 +38,7 @@ for command in (
     planning.predict,
     analysing.compare,
     recordings.info,
+    recordings.recover,
     converting.export,
     converting.import_,
     simulating.stand_in,

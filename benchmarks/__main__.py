@@ -5,7 +5,17 @@ import sys
 
 from benchmarks.figures import table, write_page
 
-ALL = ("press", "planner", "model", "levels", "string", "calculix")
+ALL = (
+    "press",
+    "planner",
+    "model",
+    "levels",
+    "string",
+    "calculix",
+    "trade",
+    "recording",
+    "acquisition",
+)
 
 
 def main() -> None:

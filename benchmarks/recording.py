@@ -18,11 +18,11 @@ import numpy as np
 
 from benchmarks.figures import Figure
 from daq.block import Block
+from daq.file.schemas import encode, schema_data
+from daq.file.writer import McapWriter
 from daq.reading import read_recording
 from daq.recording import Recording, SessionInfo
-from daq.schemas import encode, schema_data
 from daq.streaming import stream
-from daq.writer import McapWriter
 from rig.load import load_rig
 from rig.schema import Rig
 

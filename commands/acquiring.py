@@ -21,7 +21,7 @@ from commands.common import (
 )
 
 if TYPE_CHECKING:
-    from daq.task import TaskSettings
+    from daq.card.task import TaskSettings
     from rig.schema import Rig
 
 
@@ -59,18 +59,16 @@ def acquire(
         seconds = None if duration is None else parse_quantity(duration, "s")
     except ValueError as error:
         return fail(f"--duration: {error}; write it like --duration '60 s'", status=2)
-    if seconds is not None and not seconds > 0:
-        return fail(f"--duration: {duration} is not above 0 s; give a longer one", status=2)
     if out is None and not dry_run:
         return fail("--out: there is no file to record into; give one, or --dry-run", status=2)
+    if out is not None and not dry_run and out.exists():
+        raise DaqError(f"--out: {out} exists already; give another file")
     nominal = load_rig(rig)
     with _asked_to_stop() as asked, hardware(nominal, simulation) as bench:
         if dry_run or out is None:
             settings = _settings(bench.rig, triggered)
             answer(json, asdict(settings), _lines(settings))
             return 0
-        if out.exists():
-            raise DaqError(f"--out: {out} exists already; give another file")
         where = "the stand-in: SIMULATED" if bench.scene else "the hardware"
         say(not json, f"rig {nominal.name} on {where}; Ctrl-C ends the recording")
         with share_bar() as show:

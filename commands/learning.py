@@ -30,6 +30,7 @@ def learn(
     rig: RigName = "paper",
     *,
     n: Annotated[int, Parameter(name=["-n", "--number"])] = 6,
+    feed_forward: Path | None = None,
     out: Path,
     notes: str = "",
     simulation: Simulation = Simulation(),
@@ -41,15 +42,19 @@ def learn(
     ----------
     n
         Presses at most; learning stops by itself where nothing improves.
+    feed_forward
+        Recording of an earlier press, whose force the motors push against.
     out
         Folder for the recordings and for learned.json, which `press --learned` takes.
     notes
         Operator's notes, kept in every recording.
     """
-    from daq.head import read_session
+    from daq.file.head import read_session
     from robot.errors import RobotError
-    from robot.galil import GalilController
+    from robot.factory import motion_controller
+    from robot.feedforward import force_of
     from robot.learning import Learned, Lesson
+    from robot.plan import digest
     from robot.session import Item, Origin, make_presses
 
     nominal = load_rig(rig)
@@ -57,7 +62,9 @@ def learn(
     file = out / LEARNED
     if file.exists():
         raise RobotError(f"learning: {file} is there and is not overwritten; give another --out")
-    lesson = Lesson(nominal, expected, n, notes=notes)
+    pushed = digest(feed_forward) if feed_forward else ""
+    measured = force_of(feed_forward) if feed_forward else None
+    lesson = Lesson(nominal, expected, n, measured=measured, notes=notes)
     for warning in (*doubts, *lesson.warnings):
         say(not json, f"warning: {warning}")
     with signals_stop(), hardware(nominal, simulation) as bench, bar(n) as step:
@@ -72,7 +79,7 @@ def learn(
             step()
 
         recordings = make_presses(
-            GalilController(bench.rig),
+            motion_controller(bench.rig),
             out,
             lesson.on(bench.rig),
             Origin(uuid.uuid4().hex, bench.scene, bench.seed),
@@ -83,7 +90,7 @@ def learn(
     if best is None:
         lines.append("no correction was better than none")
     else:
-        Learned(best, tuple(lesson.errors)).write(file, nominal)
+        Learned(best, tuple(lesson.errors), pushed).write(file, nominal)
         lines.append(f"learned:    {file}; press with it by --learned")
     result = {
         "rms_speed_error": lesson.errors,

@@ -21,6 +21,10 @@ from commands.common import (
 )
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from rig.schema import Rig
+    from robot.feedforward import TorqueTable
     from robot.plan import Place
     from robot.plan_table import Row
     from robot.session_folder import SessionFolder
@@ -42,6 +46,7 @@ def press(
     warm_up: int = 0,
     rest: Annotated[str, Parameter(validator=_is_time)] = "0 s",
     learned: Path | None = None,
+    feed_forward: Path | None = None,
     out: Path,
     notes: str = "",
     simulation: Simulation = Simulation(),
@@ -65,6 +70,8 @@ def press(
         Time between presses: "2 s".
     learned
         Correction to press with, as `sautereau learn` wrote it.
+    feed_forward
+        Recording of an earlier press, whose force the motors push against.
     out
         Folder for the recordings; nothing in it is overwritten.
     notes
@@ -78,15 +85,20 @@ def press(
 
     nominal = load_rig(rig)
     rows = read_plan_table(table, nominal, n, notes) if table else (Row(nominal, n, notes=notes),)
+    followed = {"learned": learned, "feed_forward": feed_forward}
+    files = {name: digest(path) for name, path in followed.items() if path}
     plan = Plan(
         nominal,
         rows,
         warm_up,
         parse_quantity(rest, "s"),
         _scene(simulation),
-        {"learned": digest(learned)} if learned else {},
+        files,
     )
-    trajectories = plan_rows(rows, lambda bench: _planned(bench, learned))
+    trajectories = plan_rows(
+        rows, lambda bench: _planned(bench, learned, files.get("feed_forward", ""))
+    )
+    tables = _torques(rows, trajectories, feed_forward)
     folder = SessionFolder(out, plan, simulation.seed, _fresh_seed(simulation))
     report = SessionReport(folder, json)
     report.begin()
@@ -99,32 +111,48 @@ def press(
             waiting = _instrument_to_set(folder, rows[places[0].row], simulated=bool(plan.scene))
             if waiting:
                 break
-            _press(folder, left, trajectories, simulation, report)
+            _press(folder, left, list(zip(trajectories, tables, strict=True)), simulation, report)
     report.end(waiting)
     return 0
 
 
-def _planned(rig: Any, learned: Path | None) -> "Trajectory":
+def _planned(rig: "Rig", learned: Path | None, feed_forward: str) -> "Trajectory":
     """Plan the press of one rig, and say what is doubtful about it."""
     from robot.learning import read_learned
     from trajectory.press import plan_press
 
     expected, doubts = expected_of(rig)
-    trajectory = plan_press(rig, expected, read_learned(learned, rig) if learned else None)
+    correction = read_learned(learned, rig, feed_forward) if learned else None
+    trajectory = plan_press(rig, expected, correction)
     for warning in (*doubts, *trajectory.warnings):
         sys.stderr.write(f"warning: {warning}\n")
     return trajectory
 
 
+def _torques(
+    rows: "Sequence[Row]", trajectories: "list[Trajectory]", feed_forward: Path | None
+) -> "list[TorqueTable | None]":
+    """Return what every row's presses push against."""
+    if feed_forward is None:
+        return [None for _ in rows]
+    from robot.feedforward import force_of, torque_table
+
+    measured = force_of(feed_forward)
+    return [
+        torque_table(row.rig, trajectory, measured)
+        for row, trajectory in zip(rows, trajectories, strict=True)
+    ]
+
+
 def _press(
     folder: "SessionFolder",
     places: "list[Place]",
-    trajectories: "list[Trajectory]",
+    planned: "list[tuple[Trajectory, TorqueTable | None]]",
     simulation: Simulation,
     report: Any,
 ) -> None:
     """Make the presses of one set-up of the instrument."""
-    from robot.galil import GalilController
+    from robot.factory import motion_controller
     from robot.session import Item, Origin, make_presses
 
     plan = folder.plan
@@ -139,12 +167,14 @@ def _press(
 
         def items():
             for place in places:
+                trajectory, torques = planned[place.row]
                 yield Item(
                     rigs[place.row],
-                    trajectories[place.row],
+                    trajectory,
                     place.number,
                     warm_up=place.warm_up,
                     notes=plan.rows[place.row].notes,
+                    torques=torques,
                 )
 
         def done(item: Item, path: Path) -> None:
@@ -155,7 +185,7 @@ def _press(
             step()
 
         make_presses(
-            GalilController(bench.rig),
+            motion_controller(bench.rig),
             folder.path,
             items(),
             Origin(folder.session, bench.scene, bench.seed),

@@ -12,8 +12,10 @@ if TYPE_CHECKING:
     from commands.common import Bench
     from robot.session_folder import SessionFolder
 
-PICTURED = 12
-"""Presses of a row that its picture shows."""
+PICTURED = 8
+"""Presses of a row that its picture shows, the first ones."""
+BESIDE = 1e-3
+"""s, on either side of the cruise, that is kept of the others."""
 
 
 class SessionReport:
@@ -24,6 +26,13 @@ class SessionReport:
         self._json = as_json
         self._found: dict[int, tuple[Press, Phases]] = {}
         self._places = {p.number: p for places in folder.plan.set_ups for p in places}
+        self._pictured = {
+            place.number
+            for row in range(len(folder.plan.rows))
+            for place in [p for p in self._places.values() if p.row == row and not p.warm_up][
+                :PICTURED
+            ]
+        }
         self._reached = ""
         self._headed = False
 
@@ -141,7 +150,7 @@ class SessionReport:
         if any(f.plucks for f in found):
             prediction = predict(row.rig)
             comparison = compare(found, prediction)
-            drawn = min(len(numbers), PICTURED)
+            drawn = len(self._pictured.intersection(numbers))
             names = dict.fromkeys((paths[0].stem, paths[drawn - 1].stem))
             picture = self._folder.path / f"{'-to-'.join(names)}.png"
             draw(picture, pressed[:drawn], found[:drawn], prediction)
@@ -159,12 +168,14 @@ class SessionReport:
         """Analyse a press; of later ones only what a session's figures need is kept."""
         from analysis.phases import find_phases
         from analysis.press import load_press
+        from trajectory.timing import press_law
 
         press = load_press(path)
         phases = find_phases(press)
-        row = self._places[number].row
-        if sum(self._places[other].row == row for other in self._found) >= PICTURED:
-            press = replace(press, data=press.data[["jack_rise"]].copy())
+        if number not in self._pictured:
+            law = press_law(press.rig.press)
+            cruise = slice(law.cruise_start - BESIDE, law.cruise_end + BESIDE)
+            press = replace(press, data=press.data.loc[cruise, ["jack_rise"]].copy())
         self._found[number] = press, phases
         return press, phases
 

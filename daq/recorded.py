@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TypedDict
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,7 +51,66 @@ class Event:
 
 
 @dataclass(frozen=True)
-class Recorded:
+class Gap:
+    """Consecutive samples of one channel that a recording has lost."""
+
+    channel: str
+    """Name of the channel."""
+    first_sample: int
+    """Index of the first that is missing, from the trigger."""
+    stop_sample: int | None
+    """Index after the last; None where the recording's end is lost with it."""
+    rate: float
+    """Hz."""
+
+    @property
+    def start(self) -> float:
+        """s from the trigger, of the first sample that is missing."""
+        return self.first_sample / self.rate
+
+    @property
+    def stop(self) -> float | None:
+        """s from the trigger, of the sample after the last; None for an unknown end."""
+        return None if self.stop_sample is None else self.stop_sample / self.rate
+
+    def __str__(self) -> str:
+        if self.stop_sample is None or self.stop is None:
+            return (
+                f"from sample {self.first_sample} on, {self.start * 1e3:.6g} ms, all of"
+                f" {self.channel} is missing to an end that is not known"
+            )
+        return (
+            f"samples {self.first_sample} to {self.stop_sample - 1} of {self.channel} are missing,"
+            f" {self.start * 1e3:.6g} ms to {self.stop * 1e3:.6g} ms"
+        )
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """Consecutive samples of all channels of a recording."""
+
+    t0_ns: int
+    """ns since 1970 of the trigger, by the host's clock."""
+    rate: float
+    """Hz, of every channel."""
+    first_sample: int
+    """Index of the first sample, from the trigger; negative before it."""
+    volts: dict[str, Signal]
+    """Raw volts of each channel by name, shape (n_samples,), V."""
+
+    @property
+    def n_samples(self) -> int:
+        """Samples of each channel."""
+        return len(next(iter(self.volts.values())))
+
+    @property
+    def time(self) -> Signal:
+        """s from the trigger, of each sample; negative before it."""
+        return (self.first_sample + np.arange(self.n_samples)) / self.rate
+
+
+@dataclass(frozen=True)
+class Recorded(Stretch):
     """One press as it was recorded."""
 
     path: Path
@@ -61,12 +119,6 @@ class Recorded:
     """The bench at the time."""
     session: SessionInfo
     """What the press was."""
-    t0_ns: int
-    """ns since 1970 of the trigger, by the host's clock."""
-    rate: float
-    """Hz, of every channel."""
-    volts: dict[str, Signal]
-    """Raw volts of each channel by name, shape (n_samples,), V, from the trigger on."""
     plan: Plan | None
     """None where none was written."""
     joints: Joints | None
@@ -77,6 +129,8 @@ class Recorded:
     """Versions by name."""
     channels: dict[str, dict[str, str]]
     """Metadata of each topic: unit, and for `/daq/...` the calibration chart."""
+    gaps: tuple[Gap, ...]
+    """What the file has lost, of all channels; nothing of it is in `volts`."""
 
     @property
     def simulated(self) -> bool:
@@ -85,32 +139,5 @@ class Recorded:
 
     @property
     def complete(self) -> bool:
-        """Whether the press was recorded to its end; False where it was aborted."""
-        return all(event.kind != "aborted" for event in self.events)
-
-    @property
-    def n_samples(self) -> int:
-        """Samples of each channel."""
-        return len(next(iter(self.volts.values())))
-
-
-class Description(TypedDict):
-    """What `describe` tells; JSON-able."""
-
-    path: str
-    size: int
-    """Bytes."""
-    rig: str
-    simulated: bool
-    complete: bool
-    session: dict[str, str]
-    rate: float | None
-    """Hz; None without samples."""
-    n_samples: int
-    duration: float
-    """s."""
-    channels: dict[str, dict[str, str]]
-    messages: dict[str, int]
-    """Count of each topic."""
-    events: list[str]
-    software: dict[str, str]
+        """Whether the press was recorded to its end and nothing of it was lost."""
+        return not self.gaps and all(event.kind != "aborted" for event in self.events)

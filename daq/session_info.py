@@ -4,6 +4,9 @@ from dataclasses import dataclass, fields
 
 from daq.errors import RecordingError
 
+_BEFORE_SESSIONS = {"session": "", "item": "", "warm_up": "false"}
+"""Of a recording that was made before sessions had plans."""
+
 
 @dataclass(frozen=True)
 class SessionInfo:
@@ -25,6 +28,12 @@ class SessionInfo:
     """Of every random number; None without one."""
     notes: str = ""
     """The operator's."""
+    session: str = ""
+    """Identity of the session that made it; empty for a press by itself."""
+    item: int | None = None
+    """Which press of the session's plan it is, from 1; None without a plan."""
+    warm_up: bool = False
+    """Whether it only warms the arm up, and counts in no figure."""
 
     def to_metadata(self) -> dict[str, str]:
         """Return the fields as text, for a Metadata record."""
@@ -37,6 +46,9 @@ class SessionInfo:
             "scene": self.scene,
             "seed": "" if self.seed is None else str(self.seed),
             "notes": self.notes,
+            "session": self.session,
+            "item": "" if self.item is None else str(self.item),
+            "warm_up": "true" if self.warm_up else "false",
         }
 
 
@@ -46,25 +58,28 @@ def session_from_metadata(metadata: dict[str, str]) -> SessionInfo:
     Raises:
         RecordingError: A field is missing or has no sense; the flag `simulated` above all.
     """
-    missing = [field.name for field in fields(SessionInfo) if field.name not in metadata]
+    known = _BEFORE_SESSIONS | metadata
+    missing = [field.name for field in fields(SessionInfo) if field.name not in known]
     if missing:
         raise RecordingError(f"its session metadata lacks {', '.join(missing)}")
-    if metadata["simulated"] not in ("true", "false"):
-        raise RecordingError(
-            f"its session says simulated = {metadata['simulated']!r}, not true or false"
-        )
+    for flag in ("simulated", "warm_up"):
+        if known[flag] not in ("true", "false"):
+            raise RecordingError(f"its session says {flag} = {known[flag]!r}, not true or false")
     try:
-        press = int(metadata["press"])
-        seed = int(metadata["seed"]) if metadata["seed"] else None
+        press = int(known["press"])
+        seed, item = (int(known[name]) if known[name] else None for name in ("seed", "item"))
     except ValueError as error:
-        raise RecordingError(f"its session's press or seed is no number: {error}") from error
+        raise RecordingError(f"its session's press, seed or item is no number: {error}") from error
     return SessionInfo(
         press=press,
-        started=metadata["started"],
-        simulated=metadata["simulated"] == "true",
-        controller=metadata["controller"],
-        daq=metadata["daq"],
-        scene=metadata["scene"],
+        started=known["started"],
+        simulated=known["simulated"] == "true",
+        controller=known["controller"],
+        daq=known["daq"],
+        scene=known["scene"],
         seed=seed,
-        notes=metadata["notes"],
+        notes=known["notes"],
+        session=known["session"],
+        item=item,
+        warm_up=known["warm_up"] == "true",
     )

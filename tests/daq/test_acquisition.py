@@ -99,7 +99,8 @@ def test_no_server(paper):
 def test_another_machine_is_refused(paper, address):
     message = str(fault_of(paper.daq.model_copy(update={"address": address})))
     assert address in message
-    assert "TLS is not built yet" in message
+    assert "daq.tls" in message
+    assert "daq.insecure = true" in message
 
 
 @pytest.mark.parametrize("address", ["localhost", "127.0.0.1:", "127.0.0.1:99999", ":31763"])
@@ -185,7 +186,7 @@ def test_a_hung_server_is_a_fault(bench, noise_card, monkeypatch):
             run.wait_for = lambda n, timeout: run.stopped.wait() and 0
             return run
 
-    monkeypatch.setattr("daq.connection.ANSWER_DEADLINE", 0.2)
+    monkeypatch.setattr("daq.card.connection.ANSWER_DEADLINE", 0.2)
     _, _, rig = bench(Hung())
     assert "no answer while reading" in str(fault_of(rig.daq))
 

@@ -5,10 +5,13 @@ import os
 import subprocess
 import sys
 
+import numpy as np
 import pytest
 
-from daq.durable import DurableFile
 from daq.errors import RecordingError
+from daq.file.durable import DurableFile
+from daq.reading import read_recording
+from daq.recovery import recover
 
 # Runs under a limit of the file's size: the write at the limit is refused with EFBIG.
 SCRIPT = """
@@ -24,7 +27,8 @@ if limit:
 volts = np.random.default_rng(0).standard_normal((2, blocks * 1024))
 session = SessionInfo(1, "2026-01-01T00:00:00Z", True, "c", "d")
 try:
-    with Recording(path, load_rig(), session=session, clock=lambda: 10**18) as recording:
+    with Recording(path, load_rig(), session=session, clock=lambda: 10**18,
+                   monotonic=lambda: 0.0) as recording:
         for first in range(0, volts.shape[1], 1024):
             recording.write_block(Block(first, volts[:, first:first + 1024]))
 except RecordingError as error:
@@ -42,6 +46,17 @@ def run(path, limit, blocks):
     )
 
 
+def is_all_that_fitted(part, share):
+    """Return whether samples come back, the first ones, and all but a chunk of what fitted."""
+    found = recover(part).samples["force"]
+    volts = np.random.default_rng(0).standard_normal((2, 40 * 1024))
+    read = read_recording(part.with_suffix(""))
+    chunk = 11 * 1024
+    return found >= share * 40 * 1024 - chunk and np.array_equal(
+        np.stack(list(read.volts.values())), volts[:, :found]
+    )
+
+
 @pytest.mark.skipif(os.name != "posix", reason="limits of the file size are POSIX's")
 def test_a_limit_reached_anywhere_is_one_error(tmp_path):
     whole = tmp_path / "whole.mcap"
@@ -56,7 +71,11 @@ def test_a_limit_reached_anywhere_is_one_error(tmp_path):
         assert "raise the limit" in ended.stdout
         assert f"left in {path}.part" in ended.stdout
         assert not path.exists()
-        assert 0 < (tmp_path / f"{limit}.mcap.part").stat().st_size <= limit
+        part = tmp_path / f"{limit}.mcap.part"
+        assert 0 < part.stat().st_size <= limit
+        assert f"`sautereau recover {part}`" in ended.stdout
+        if limit > 1000:
+            assert is_all_that_fitted(part, limit / size)
     path = tmp_path / "exact.mcap"
     assert run(path, size, 40).returncode == 0
 

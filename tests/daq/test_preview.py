@@ -1,32 +1,79 @@
-"""Previews do not depend on how the signal was cut into blocks."""
+"""Previews do not depend on how the signal was cut into blocks, and hold no aliases."""
+
+import json
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from daq.preview import Decimator
+from daq.file.preview import ATTENUATION, PASS_BAND, Decimator, low_pass
+from daq.file.schemas import FIELDS
+from daq.survey import LAYOUT, describe
+
+HALF = 326
+"""Samples, half the filter at 51.2 kHz."""
 
 
-@given(st.lists(st.integers(0, 120), max_size=12))
-def test_groups_are_carried_across_blocks(lengths):
+@given(st.lists(st.integers(0, 700), max_size=12))
+def test_the_filter_is_carried_across_blocks(lengths):
     values = np.arange(float(sum(lengths)))
-    preview = Decimator(51_200.0)
-    assert preview.factor == 52
-    found = [preview.feed(part) for part in np.split(values, np.cumsum(lengths))[:-1]]
-    middles = np.concatenate([np.empty(0), *(middle for middle, _ in found)])
-    means = np.concatenate([np.empty(0), *(mean for _, mean in found)])
-    assert len(means) == len(values) // 52
-    # The mean of a ramp is its value in the middle.
-    np.testing.assert_allclose(means, middles)
+    preview = Decimator(51_200.0, 1)
+    assert (preview.factor, preview.margin) == (52, HALF)
+    found = [preview.feed(part[None]) for part in np.split(values, np.cumsum(lengths))[:-1]]
+    found.append(preview.rest())
+    places = np.concatenate([np.empty(0), *(place for place, _ in found)])
+    filtered = np.concatenate([np.empty(0), *(value[0] for _, value in found)])
+    assert len(places) == max(0, (len(values) - 2 * HALF - 1) // 52 + 1)
+    # A ramp is left as it is, and not delayed.
+    np.testing.assert_allclose(places, HALF + 52 * np.arange(len(places)))
+    np.testing.assert_allclose(filtered, places, rtol=1e-12)
 
 
 @pytest.mark.parametrize(("rate", "factor"), [(1000.0, 1), (1000.1, 2), (1e6, 1000)])
 def test_a_preview_is_never_faster_than_1_khz(rate, factor):
-    assert Decimator(rate).factor == factor
+    assert Decimator(rate, 2).factor == factor
+
+
+@pytest.mark.parametrize("factor", [2, 3, 52, 1000])
+def test_the_filter_is_what_it_says(factor):
+    """On its frequency response, at frequencies in shares of the preview's rate."""
+    weights = low_pass(factor)
+    n = 16 * 2 ** int(np.ceil(np.log2(len(weights))))
+    response, frequency = np.abs(np.fft.rfft(weights, n)), np.fft.rfftfreq(n) * factor
+    assert 20 * np.log10(response[frequency >= 0.5].max()) < -ATTENUATION
+    assert np.abs(response[frequency <= PASS_BAND] - 1).max() < 2e-3
+
+
+@pytest.mark.parametrize(("frequency", "gain"), [(50.0, 1.0), (190.0, 1.0), (984.6, 0.0)])
+def test_a_tone_is_passed_or_gone(frequency, gain):
+    """984.6 Hz is the preview's rate: a mean of groups would let it through as an offset."""
+    time = np.arange(51_200) / 51_200
+    places, values = Decimator(51_200.0, 1).feed(np.sin(2 * np.pi * frequency * time)[None])
+    assert len(places) == 973
+    expected = gain * np.sin(2 * np.pi * frequency * places / 51_200)
+    np.testing.assert_allclose(values[0], expected, atol=2e-3)
 
 
 def test_infinities_of_both_signs_are_no_fault():
-    _, means = Decimator(2000.0).feed(np.array([np.inf, -np.inf, np.nan, 1.0, 1e308, 1e308]))
-    assert np.isnan(means[:2]).all()
-    assert np.isinf(means[2])
+    values = np.zeros((2, 2000))
+    values[0, 100:103] = np.inf, -np.inf, np.nan
+    preview = Decimator(51_200.0, 2)
+    preview.feed(values)
+    _, found = preview.rest()
+    assert np.isnan(found[0, :3]).any()
+    assert (found[1] == 0).all()
+
+
+def test_the_layout_shows_what_there_is(tmp_path, record, volts):
+    """Every path of the layout for Foxglove is a topic of the recording, and a field of it."""
+    found = describe(record(tmp_path / "press.mcap", volts))
+    assert found["layout"] == str(LAYOUT)
+    layout = json.loads(LAYOUT.read_text())
+    paths = [
+        path["value"] for panel in layout["configById"].values() for path in panel.get("paths", [])
+    ]
+    assert {path.partition(".")[0] for path in paths} == {"/preview/force", "/preview/velocity"}
+    assert {path.partition(".")[0] for path in paths} <= set(found["channels"])
+    assert all(path.partition(".")[2] in FIELDS["Scalar"] for path in paths)
+    assert layout["configById"]["RawMessages!events"]["topicPath"] in found["channels"]

@@ -1,6 +1,8 @@
 """Recordings come back bit for bit, under their name only when whole."""
 
+import itertools
 import json
+import os
 import tempfile
 from pathlib import Path
 
@@ -9,13 +11,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
-from mcap.records import Channel, Header, Message, Metadata
+from mcap.reader import make_reader
+from mcap.records import Channel, Chunk, Header, Message, Metadata
 from mcap.stream_reader import StreamReader
 
 from daq.errors import RecordingError
-from daq.reading import describe, read_recording
+from daq.file.durable import DurableFile
+from daq.file.schemas import declared_class
+from daq.reading import read_recording
 from daq.recording import Block, Recording, SessionInfo
-from daq.schemas import declared_class
+from daq.survey import describe
 from rig.load import load_rig
 
 T0 = 1_700_000_000_000_000_000
@@ -83,16 +88,20 @@ def test_the_head_stands_before_everything_else(tmp_path, record, volts):
     assert isinstance(first, Header)
     assert first.profile == "sautereau"
     names = [r.name for r in rest if isinstance(r, Metadata)]
-    assert names == ["channels", "rig", "software", "session", "schemas"]
-    assert all(isinstance(record, Metadata) for record in rest[:5])
+    head = ["channels", "rig", "software", "session", "schemas"]
+    assert names == [*head, *head, "end"]
+    assert all(isinstance(record, Metadata) for record in rest[:10])
     channels = {r.topic: r.id for r in rest if isinstance(r, Channel)}
-    assert {t: json.loads(text)["id"] for t, text in rest[0].metadata.items()} == channels
+    told = {t: text for t, text in rest[0].metadata.items() if t != "crc32"}
+    assert {t: json.loads(text)["id"] for t, text in told.items()} == channels
 
 
 def test_times_do_not_drift(tmp_path, paper, session):
     """51.2 kHz is 19531.25 ns a sample: the last of 102,400 is at 1999980468.75 ns."""
     path = tmp_path / "press.mcap"
-    with Recording(path, paper, session=session, clock=lambda: T0) as recording:
+    with Recording(
+        path, paper, session=session, clock=lambda: T0, monotonic=lambda: 7.0
+    ) as recording:
         for first in range(0, 102_400, 1024):
             recording.write_block(Block(first, np.zeros((2, 1024))))
         t0 = recording.t0_ns
@@ -104,7 +113,7 @@ def test_times_do_not_drift(tmp_path, paper, session):
 
 
 def test_previews_are_in_si_for_a_viewer(tmp_path, record, paper):
-    volts = np.array([np.full(5200, 2.0), np.arange(5200.0)])
+    volts = np.array([np.full(5252, 2.0), np.arange(5252.0)])
     path = record(tmp_path / "press.mcap", volts)
     found = records(path)
     topics = {r.id: r.topic for r in found if isinstance(r, Channel)}
@@ -113,8 +122,8 @@ def test_previews_are_in_si_for_a_viewer(tmp_path, record, paper):
         if isinstance(r, Message) and topics[r.channel_id] in scalars:
             value = declared_class("Scalar").FromString(r.data).value
             scalars[topics[r.channel_id]].append(value)
-    assert scalars["/preview/velocity"] == pytest.approx([0.05] * 100)
-    assert scalars["/preview/force"] == pytest.approx(np.arange(100) * 52 + 25.5)
+    assert scalars["/preview/velocity"] == pytest.approx([0.05] * 89)
+    assert scalars["/preview/force"] == pytest.approx(np.arange(89) * 52 + 326)
 
 
 def test_the_name_is_taken_at_the_end_only(tmp_path, paper, session, volts):
@@ -218,6 +227,138 @@ def test_describe_is_json(tmp_path, record, volts):
     assert found["duration"] == 5000 / 51_200
     assert found["simulated"] is True
     assert found["messages"]["/daq/force"] == 5
-    assert found["messages"]["/preview/force"] == 96
+    assert found["messages"]["/preview/force"] == 84
+    assert found["damage"] is None
+    assert found["missing"] == []
+    assert Path(found["layout"]).is_file()
     assert found["size"] == path.stat().st_size
     assert found["session"]["press"] == "3"
+
+
+def test_a_recording_begins_at_the_trigger_or_before(tmp_path, paper, session):
+    with Recording(tmp_path / "late.mcap", paper, session=session) as recording:
+        with pytest.raises(RecordingError, match="starts at sample 1, but the next one is 0"):
+            recording.write_block(Block(1, np.zeros((2, 8))))
+        recording.write_block(Block(-3, np.arange(16.0).reshape(2, 8)))
+        assert recording.n_samples == 8
+        with pytest.raises(RecordingError, match="starts at sample 0, but the next one is 5"):
+            recording.write_block(Block(0, np.zeros((2, 8))))
+        recording.write_block(Block(5, np.zeros((2, 8))))
+    found = read_recording(tmp_path / "late.mcap")
+    assert found.first_sample == -3
+    assert found.n_samples == 16
+    assert found.time[3] == 0.0
+    described = describe(tmp_path / "late.mcap")
+    assert described["first_sample"] == -3
+    assert described["missing"] == []
+
+
+def test_a_clock_that_jumps_disturbs_no_date(tmp_path, paper, session):
+    """The host's clock is set back by a year after each look at it, which is one."""
+    looks = iter(T0 - year * 31_536_000 * 10**9 for year in range(9))
+    seconds = iter(np.arange(1000) * 0.02)
+    path = tmp_path / "press.mcap"
+    with Recording(
+        path,
+        paper,
+        session=session,
+        clock=lambda: next(looks),
+        monotonic=lambda: float(next(seconds)),
+    ) as recording:
+        recording.event("before", "the trigger", -1.0)
+        for first in range(0, 20_480, 1024):
+            recording.write_block(Block(first, np.zeros((2, 1024))))
+    times = [r.log_time for r in records(path) if isinstance(r, Message)]
+    assert next(looks) == T0 - 31_536_000 * 10**9
+    assert min(times) >= T0
+    assert max(times) < T0 + 3 * 10**9
+
+
+def test_samples_are_handed_on_by_the_clock_and_by_their_number(tmp_path, paper, session):
+    """After 0.2 s of an injected clock, or as many samples; the disk is asked every second."""
+    now = [0.0]
+    path = tmp_path / "press.mcap"
+    sizes = []
+    with Recording(path, paper, session=session, monotonic=lambda: now[0]) as recording:
+
+        def give(n):
+            recording.write_block(Block(recording.n_samples, np.ones((2, n))))
+            sizes.append(recording.part_path.stat().st_size)
+
+        give(10_000)
+        give(300)  # 10,300 samples are 0.201 s
+        give(10)
+        now[0] = 0.19
+        give(10)
+        now[0] = 0.2
+        give(10)
+        give(10)
+        recording.event("fault", "an event waits for nothing", 0.3)
+        sizes.append(recording.part_path.stat().st_size)
+    grown = [after > before for before, after in itertools.pairwise(sizes)]
+    assert grown == [True, False, False, True, False, True]
+
+
+def test_the_disk_is_asked_every_second(tmp_path, paper, session, monkeypatch):
+    asked = []
+    now = [0.0]
+    monkeypatch.setattr(DurableFile, "sync", lambda self: asked.append(now[0]))
+    with Recording(
+        tmp_path / "press.mcap", paper, session=session, monotonic=lambda: now[0]
+    ) as recording:
+        for step in range(31):
+            now[0] = step / 10
+            recording.write_block(Block(step * 10, np.ones((2, 10))))
+        assert asked == [1.0, 2.0, 3.0]
+
+
+@pytest.mark.parametrize("compress", [True, False])
+def test_sixteen_channels_in_blocks_of_any_size(tmp_path, session, compress):
+    """Every chunk holds the same samples of all channels, and few enough of them."""
+    rig = with_channels(PAPER, 16)
+    volts = np.random.default_rng(4).standard_normal((16, 150_000))
+    path = tmp_path / "long.mcap"
+    with Recording(path, rig, session=session, compress=compress) as recording:
+        for first, stop in itertools.pairwise([0, 1, 100_000, 100_007, 150_000]):
+            recording.write_block(Block(first, volts[:, first:stop]))
+    found = read_recording(path)
+    assert np.array_equal(np.stack(list(found.volts.values())), volts)
+    with path.open("rb") as file:
+        chunks = [r for r in StreamReader(file, emit_chunks=True).records if isinstance(r, Chunk)]
+    assert max(chunk.uncompressed_size for chunk in chunks) < 700_000
+    with path.open("rb") as file:
+        summary = make_reader(file).get_summary()
+    assert summary is not None
+    numbers = [n for n, c in summary.channels.items() if c.topic.startswith("/daq/")]
+    for index in summary.chunk_indexes:
+        held = [n in index.message_index_offsets for n in numbers]
+        assert all(held) or not any(held)
+
+
+def test_a_plan_larger_than_readers_accept_is_refused_and_no_more(tmp_path, paper, session, volts):
+    t = np.zeros(2_200_000)
+    path = tmp_path / "press.mcap"
+    with Recording(path, paper, session=session) as recording:
+        with pytest.raises(RecordingError, match="exceeds the limit of 33554432 bytes"):
+            recording.write_plan(t, t, t, t)
+        recording.write_block(Block(0, volts))
+    assert read_recording(path).plan is None
+
+
+@pytest.mark.skipif(os.name != "posix", reason="permissions are POSIX's")
+def test_a_folder_that_cannot_be_written(paper, session):
+    path = Path("/proc/press.mcap")
+    with (
+        pytest.raises(RecordingError, match="cannot be written"),
+        Recording(path, paper, session=session),
+    ):
+        pass
+
+
+def with_channels(rig, n):
+    """Return a rig with n channels, copies of its force channel."""
+    force = rig.daq.channel("force")
+    channels = tuple(
+        force.model_copy(update={"name": f"c{i}", "terminal": f"ai{i}"}) for i in range(n)
+    )
+    return rig.model_copy(update={"daq": rig.daq.model_copy(update={"channels": channels})})

@@ -6,14 +6,28 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from daq.schemas import FIELDS, declared_class, decode, doubles, encode, schema_data
+from daq.file.schemas import (
+    FIELDS,
+    declared_class,
+    decode,
+    doubles,
+    encode,
+    encode_scalars,
+    schema_data,
+)
 
 
 @given(hnp.arrays(np.uint64, st.integers(0, 50)))
 def test_any_bits_survive_the_twin(bits):
     values = bits.view(np.float64)
-    data = encode("Samples", t0=-1, first_sample=2**63, rate=51_200.0, volts=values)
+    data = encode("Samples", t0=-1, first_sample=-(2**63), rate=51_200.0, volts=values)
     assert np.array_equal(doubles(decode("Samples", data).volts).view(np.uint64), bits)
+
+
+def test_an_index_from_zero_on_is_what_it_was_as_uint64():
+    """Field 2, a varint of 300: recordings from before the samples could be negative."""
+    data = encode("Samples", t0=0, first_sample=300, rate=0.0, volts=[])
+    assert data == b"\x10\xac\x02"
 
 
 def test_a_viewer_reads_the_declared_message():
@@ -26,6 +40,12 @@ def test_a_viewer_reads_the_declared_message():
         [6.0, 7.0],
     ]
     assert plan.SerializeToString() == data
+
+
+def test_scalars_at_once_are_scalars():
+    values = np.array([0.5, -0.0, np.inf, 5e-324])
+    found = [declared_class("Scalar").FromString(row.tobytes()) for row in encode_scalars(values)]
+    assert np.array_equal([message.value for message in found], values)
 
 
 def test_the_schema_holds_every_message():

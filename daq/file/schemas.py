@@ -18,15 +18,22 @@ PACKAGE = "sautereau"
 _Field = descriptor_pb2.FieldDescriptorProto
 _SCALARS = {
     "int64": _Field.TYPE_INT64,
-    "uint64": _Field.TYPE_UINT64,
     "double": _Field.TYPE_DOUBLE,
     "string": _Field.TYPE_STRING,
 }
 _ARRAY = "doubles"
 
 FIELDS: dict[str, dict[str, str]] = {
-    # t0: ns since 1970 of the trigger; first_sample: index since the trigger; rate: Hz.
-    "Samples": {"t0": "int64", "first_sample": "uint64", "rate": "double", "volts": _ARRAY},
+    # t0: ns since 1970 of the trigger; first_sample, begin: indices since the trigger, of this
+    # block's and of the recording's first sample, negative before it; rate: Hz; volts: V.
+    # first_sample was uint64 once, whose bytes are the same from 0 on.
+    "Samples": {
+        "t0": "int64",
+        "first_sample": "int64",
+        "rate": "double",
+        "volts": _ARRAY,
+        "begin": "int64",
+    },
     "Scalar": {"value": "double"},
     # t: s since the trigger; q1, q2: rad; jack_rise: m.
     "Plan": {"t": _ARRAY, "q1": _ARRAY, "q2": _ARRAY, "jack_rise": _ARRAY},
@@ -36,6 +43,10 @@ FIELDS: dict[str, dict[str, str]] = {
     "Event": {"time": "double", "kind": "string", "text": "string"},
 }
 """Fields of each message in the order of their numbers."""
+_ARRAYS = {
+    name: [field for field, kind in fields.items() if kind == _ARRAY]
+    for name, fields in FIELDS.items()
+}
 
 
 def _file(package: str, *, twin: bool) -> descriptor_pb2.FileDescriptorProto:
@@ -82,14 +93,17 @@ def declared_class(name: str) -> type[Message]:
 
 def encode(name: str, **values: Any) -> bytes:
     """Return the wire bytes of a message; arrays are given as 1-D float arrays."""
-    fields = FIELDS[name]
-    plain = {
-        field: np.ascontiguousarray(value, dtype="<f8").tobytes()
-        if fields[field] == _ARRAY
-        else value
-        for field, value in values.items()
-    }
-    return _classes(True)[name](**plain).SerializeToString()
+    for field in _ARRAYS[name]:
+        values[field] = np.ascontiguousarray(values[field], dtype="<f8").tobytes()
+    return _classes(True)[name](**values).SerializeToString()
+
+
+def encode_scalars(values: NDArray[np.float64]) -> NDArray[np.uint8]:
+    """Return the wire bytes of Scalar messages, shape (n, 9), of values of shape (n,)."""
+    data = np.empty((len(values), 9), np.uint8)
+    data[:, 0] = 1 << 3 | 1  # field 1, of 64 bits
+    data[:, 1:] = np.ascontiguousarray(values, "<f8").view(np.uint8).reshape(-1, 8)
+    return data
 
 
 def decode(name: str, data: bytes) -> Any:

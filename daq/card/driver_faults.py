@@ -1,6 +1,5 @@
-"""Reach the DAQmx driver, of this machine or behind NI's gRPC server, and tell its faults."""
+"""Tell the faults of the DAQmx driver: who, what, and what to do about it."""
 
-import ipaddress
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
@@ -8,54 +7,12 @@ from typing import Any
 from daq.errors import DaqError
 from rig.schema import Daq
 
-CONNECT_DEADLINE = 2.0
-"""s, wait for the gRPC server to take the connection."""
-ANSWER_DEADLINE = 10.0
-"""s, wait for the gRPC server to answer a call, beyond what the call itself may wait."""
-MAX_MESSAGE = 64 * 2**20
-"""Bytes of the largest answer; gRPC's own 4 MiB refuse a block of many channels."""
-
 NO_SUCH_CHANNEL = -200170
-NO_SUCH_DEVICE = (-200220, -200324, -88705)
+NO_SUCH_DEVICE = (-200220, -200324, -88705, -201003)
 NOT_YET_AVAILABLE = -200284
+NOT_DONE = -200560
 OVERRUN = (-200279, -200361, -200222)
 RESERVED = -50103
-
-
-@contextmanager
-def connect(daq: Daq) -> Iterator[Any]:
-    """Give what nidaqmx takes as ``grpc_options``: None for the driver of this machine.
-
-    Raises:
-        DaqError: The address is not one, is off this machine, or nothing answers there.
-    """
-    if not daq.address:
-        yield None
-        return
-    _must_be_loopback(daq.address)
-    import grpc
-    from nidaqmx import GrpcSessionOptions
-
-    options = [
-        ("grpc.max_receive_message_length", MAX_MESSAGE),
-        ("grpc.max_send_message_length", MAX_MESSAGE),
-        ("grpc.enable_http_proxy", 0),
-    ]
-    with grpc.insecure_channel(daq.address, options) as channel:
-        ready = grpc.channel_ready_future(channel)
-        try:
-            ready.result(timeout=CONNECT_DEADLINE)
-        except grpc.FutureTimeoutError as error:
-            raise DaqError(
-                f"daq.address {daq.address}: no server took the connection within"
-                f" {CONNECT_DEADLINE:g} s; start NI's gRPC device server there, or set"
-                " daq.address to its port, or use --sim"
-            ) from error
-        finally:
-            ready.cancel()
-        limit = daq.trigger_timeout + ANSWER_DEADLINE
-        bounded = grpc.intercept_channel(channel, _deadline(limit))
-        yield GrpcSessionOptions(bounded, "")
 
 
 @contextmanager
@@ -90,48 +47,6 @@ def told(daq: Daq, doing: str, options: Any = None) -> Iterator[None]:
         ) from error
 
 
-def _must_be_loopback(address: str) -> None:
-    host, colon, port = address.rpartition(":")
-    if not (host and colon and port.isdecimal() and 0 < int(port) < 65536):
-        raise DaqError(
-            f"daq.address {address!r} is not host:port; write it as 127.0.0.1:31763, or leave"
-            " it empty for the driver of this machine"
-        )
-    try:
-        loopback = host == "localhost" or ipaddress.ip_address(host.strip("[]")).is_loopback
-    except ValueError:
-        loopback = False
-    if not loopback:
-        raise DaqError(
-            f"daq.address {address!r} is another machine: the connection would be neither"
-            " encrypted nor authenticated, and TLS is not built yet; run sautereau on the"
-            " machine with the DAQ device and use its loopback address, 127.0.0.1:port"
-        )
-
-
-def _deadline(seconds: float) -> Any:
-    """Return an interceptor that bounds every call, so that a hung server is a fault."""
-    import grpc
-
-    class Deadline(grpc.UnaryUnaryClientInterceptor):
-        def intercept_unary_unary(self, continuation: Any, client_call_details: Any, request: Any):
-            return continuation(_Details(client_call_details, seconds), request)
-
-    return Deadline()
-
-
-class _Details:
-    """A gRPC call's details with another timeout (s)."""
-
-    def __init__(self, call: Any, timeout: float):
-        self.method = call.method
-        self.metadata = call.metadata
-        self.credentials = call.credentials
-        self.wait_for_ready = call.wait_for_ready
-        self.compression = call.compression
-        self.timeout = timeout
-
-
 def _driver_fault(daq: Daq, doing: str, error: Any, options: Any) -> str:
     code = error.error_code
     if code == NO_SUCH_CHANNEL:
@@ -150,7 +65,7 @@ def _driver_fault(daq: Daq, doing: str, error: Any, options: Any) -> str:
         return (
             f"DAQ device {daq.device}: samples were lost ({code}) because {daq.block} samples a"
             f" read at {daq.sample_rate:g} Hz are not fetched fast enough; raise daq.block,"
-            " lower daq.sample_rate, or free the machine, and press again"
+            " lower daq.sample_rate, or free the machine, and record again"
         )
     if code == RESERVED:
         return (

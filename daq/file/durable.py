@@ -3,12 +3,14 @@
 import errno
 import os
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import BinaryIO
 
 from daq.errors import RecordingError
 
+PART = ".part"
+"""Follows the name of a recording until it is whole."""
 _FULL = {
     errno.ENOSPC: "the disk is full; free some space",
     errno.EFBIG: "the file has reached the size that the system allows; raise the limit",
@@ -19,14 +21,18 @@ _FULL = {
 class DurableFile:
     """A binary file written beside its name, as ``name.part``, and renamed at the end."""
 
-    def __init__(self, path: str | Path):
-        """Open ``path.part`` for writing.
+    def __init__(self, path: str | Path, *, beside: str = PART):
+        """Open the file beside ``path`` for writing.
+
+        Args:
+            path: Of the finished file.
+            beside: What its name is followed by until then.
 
         Raises:
             RecordingError: Either name is taken, or the folder cannot be written.
         """
         self.path = Path(path)
-        self.part_path = self.path.with_name(self.path.name + ".part")
+        self.part_path = self.path.with_name(self.path.name + beside)
         for taken in (self.path, self.part_path):
             if os.path.lexists(taken):
                 raise RecordingError(
@@ -48,21 +54,34 @@ class DurableFile:
         except OSError as error:
             code = error.errno
             reason = _FULL.get(code) if code is not None else None
-            left = f"; what was written is left in {self.part_path}" * self.part_path.exists()
+            left = (
+                f"; what was written is left in {self.part_path}, and `sautereau recover"
+                f" {self.part_path}` makes it readable"
+            )
             raise RecordingError(
                 f"recording {self.path}: cannot be written:"
-                f" {reason or f'{error.strerror or error}; see to the disk'} and press"
-                f" again{left}"
+                f" {reason or f'{error.strerror or error}; see to the disk'} and try"
+                f" again{left * self.part_path.exists()}"
             ) from error
 
+    def sync(self) -> None:
+        """Put on the disk what was written so far."""
+        with self.writing():
+            self.stream.flush()
+            os.fsync(self.stream.fileno())
+
     def close(self) -> None:
-        """Put everything on the disk, under the name with ``.part``."""
+        """Put everything on the disk, under the name it has beside its own."""
         with self.writing():
             try:
-                self.stream.flush()
-                os.fsync(self.stream.fileno())
+                self.sync()
             finally:
                 self.stream.close()
+
+    def abandon(self) -> None:
+        """Close a file that cannot be written any further; what it holds already stays."""
+        with suppress(OSError):
+            self.stream.close()
 
     def publish(self) -> None:
         """Give a closed file its name."""

@@ -1,0 +1,1 @@
+"""The DAQ card: the way to its driver, its task, its faults."""

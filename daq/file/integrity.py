@@ -1,0 +1,185 @@
+"""Whether a recording is whole, byte for byte, before anything in it is believed."""
+
+import os
+import struct
+import zlib
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import BinaryIO, NamedTuple
+
+from daq.errors import RecordingError
+from daq.file.provenance import PROFILE
+from daq.file.records import LARGEST_CHUNK, MAGIC, PREFIX, DamageError, Opcode, Record
+
+_FOOTER = struct.Struct("<BQQQI")  # prefix, summary start, summary offset start, CRC
+_DATA_END = struct.Struct("<BQI")  # prefix, CRC of all before
+_CHUNK_INDEX = struct.Struct("<QQQQ")  # start, end, offset, length
+_CRC_SIZE = 4
+_PIECE = 1024**2
+_SKIPPED = (Opcode.MESSAGE_INDEX, Opcode.ATTACHMENT)
+
+
+class IndexedChunk(NamedTuple):
+    """Where a chunk stands."""
+
+    start: int
+    """Byte of the file."""
+    stop: int
+    """Byte of the file."""
+    last: int
+    """ns since 1970, latest log time in it."""
+
+
+@contextmanager
+def opened(path: Path, *, damaged: bool = False) -> Iterator[BinaryIO]:
+    """Open a recording for reading; every error of the context names the file.
+
+    Args:
+        path: Of the file.
+        damaged: Take it even if its first bytes are not those of a recording.
+
+    Raises:
+        RecordingError: There is no such file, it cannot be read, or it is none of ours.
+    """
+    try:
+        if path.is_dir():
+            raise RecordingError("it is a folder; give one of the .mcap files in it")
+        try:
+            with path.open("rb") as file:
+                if not damaged:
+                    check_kind(file)
+                yield file
+        except FileNotFoundError as error:
+            raise RecordingError("there is no such file; see its name and folder") from error
+        except OSError as error:
+            raise RecordingError(
+                f"it cannot be read: {error.strerror or error}; see its rights and its disk"
+            ) from error
+    except DamageError as error:
+        raise DamageError(
+            f"recording {path}: {error}; take it from its copy, or get what is outside the"
+            f" damage by `sautereau recover {path}`"
+        ) from error
+    except RecordingError as error:
+        raise RecordingError(f"recording {path}: {error}") from error.__cause__
+
+
+def check_summary(file: BinaryIO) -> tuple[int, int]:
+    """Refuse a file without its end, or in whose summary a byte has changed.
+
+    Returns:
+        Where the data section ends and where the summary starts, in bytes.
+
+    Raises:
+        DamageError: Says what is wrong and what is left.
+    """
+    size = size_of(file)
+    at = size - len(MAGIC) - _FOOTER.size
+    file.seek(max(0, at))
+    end = file.read()
+    if at < len(MAGIC) or not end.endswith(MAGIC):
+        raise DamageError(_truncated(size))
+    opcode, length, summary, _, crc = _FOOTER.unpack_from(end)
+    if opcode != Opcode.FOOTER or length != _FOOTER.size - PREFIX.size:
+        raise DamageError(_truncated(size))
+    if not len(MAGIC) + _DATA_END.size <= summary <= at:
+        raise DamageError(_corrupted("its footer"))
+    if _checksum(file, summary, size - len(MAGIC) - _CRC_SIZE) != crc:
+        raise DamageError(_corrupted("its summary"))
+    return summary - _DATA_END.size, summary
+
+
+def check_data(file: BinaryIO, end: int) -> None:
+    """Refuse a file in whose data section, which ends at ``end``, a byte has changed."""
+    file.seek(end)
+    opcode, length, crc = _DATA_END.unpack(file.read(_DATA_END.size))
+    if opcode != Opcode.DATA_END or length != _CRC_SIZE or _checksum(file, 0, end) != crc:
+        raise DamageError(_corrupted("its data"))
+
+
+def verified(file: BinaryIO) -> Iterator[Record]:
+    """Yield the records of the data section, once all checksums of the file have held."""
+    end, _ = check_summary(file)
+    check_data(file, end)
+    yield from records(file, len(MAGIC), end)
+
+
+def chunk_index(file: BinaryIO) -> list[IndexedChunk]:
+    """Return the place of every chunk, in their order, once the summary's checksum has held."""
+    data_end, summary = check_summary(file)
+    footer = size_of(file) - len(MAGIC) - _FOOTER.size
+    bodies = (r.body for r in records(file, summary, footer) if r.opcode == Opcode.CHUNK_INDEX)
+    found = (_CHUNK_INDEX.unpack_from(body) for body in bodies)
+    return [IndexedChunk(at, min(data_end, at + length), end) for _, end, at, length in found]
+
+
+def records(file: BinaryIO, start: int, end: int) -> Iterator[Record]:
+    """Yield the records of a stretch of a file, without those that only index it.
+
+    Raises:
+        RecordingError: A length makes no sense.
+    """
+    file.seek(start)
+    while start < end:
+        opcode, length = PREFIX.unpack(file.read(PREFIX.size))
+        start += PREFIX.size + length
+        if start > end:
+            raise RecordingError(
+                f"a record of {length} bytes reaches beyond its section; another program has"
+                " written it: take the file as sautereau left it"
+            )
+        if opcode in _SKIPPED:
+            file.seek(start)
+            continue
+        if length > LARGEST_CHUNK:
+            raise RecordingError(
+                f"a record of {length} bytes exceeds the limit of {LARGEST_CHUNK} bytes; another"
+                " program has written it: take the file as sautereau left it"
+            )
+        yield Record(opcode, file.read(length))
+
+
+def check_kind(file: BinaryIO) -> None:
+    """Refuse a file that does not begin as ours do: magic bytes, then the header record."""
+    file.seek(0)
+    head = file.read(len(MAGIC) + PREFIX.size + _CRC_SIZE + len(PROFILE))
+    if not head:
+        raise RecordingError("it is empty: nothing was recorded; delete it and press again")
+    if not head.startswith(MAGIC):
+        if MAGIC.startswith(head):
+            raise DamageError(_truncated(len(head)))
+        raise RecordingError(
+            "it is no MCAP file; give a recording that sautereau has made;"
+            " `sautereau recover` looks whether there is one in it all the same"
+        )
+    opcode, profile = head[len(MAGIC) : len(MAGIC) + 1], head[len(MAGIC) + PREFIX.size :]
+    expected = struct.pack("<I", len(PROFILE)) + PROFILE.encode("ascii")
+    if opcode not in (b"", bytes([Opcode.HEADER])) or not expected.startswith(profile):
+        raise RecordingError(
+            "it is an MCAP file, but its header does not say that sautereau has made it; give"
+            " another file; `sautereau recover` looks whether it is only damaged"
+        )
+
+
+def size_of(file: BinaryIO) -> int:
+    """Return the size of an open file, bytes."""
+    return os.fstat(file.fileno()).st_size
+
+
+def _checksum(file: BinaryIO, start: int, stop: int) -> int:
+    """Return the CRC of a stretch of a file, which is never in memory as a whole."""
+    file.seek(start)
+    crc = 0
+    while start < stop and (piece := file.read(min(_PIECE, stop - start))):
+        crc = zlib.crc32(piece, crc)
+        start += len(piece)
+    return crc
+
+
+def _truncated(size: int) -> str:
+    return f"it is cut short: {size} bytes and no end, as after a crash or a full disk"
+
+
+def _corrupted(where: str) -> str:
+    return f"it is corrupted: the checksum of {where} does not match"

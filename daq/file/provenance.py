@@ -1,0 +1,109 @@
+"""What stands at the head of a recording: topics, rig, software, session, schemas."""
+
+import base64
+import json
+import platform
+from collections.abc import Iterator
+from importlib.metadata import PackageNotFoundError, version
+
+from mcap.records import Channel, Schema
+
+from daq.file.preview import ATTENUATION, PASS_BAND, Decimator
+from daq.file.schemas import FIELDS, PACKAGE, schema_data
+from daq.file.writer import McapWriter
+from daq.session_info import SessionInfo
+from rig.load import rig_document, rig_json
+from rig.schema import Rig
+
+PROFILE = "sautereau"
+"""Profile in the header of our MCAP files."""
+COPIES = 2
+"""Of the head, so that damage to one leaves the other."""
+LIBRARIES = ("sautereau", "numpy", "scipy", "nidaqmx", "grpcio", "pyserial", "mcap", "protobuf")
+"""Distributions whose versions are written."""
+
+
+def write_head(writer: McapWriter, rig: Rig, session: SessionInfo, rate: float) -> dict[str, int]:
+    """Write the header and the Metadata records, and define the topics.
+
+    Channel and schema records stand only in the first chunk and in the summary, so the
+    Metadata records `channels` and `schemas` repeat them for a damaged file.
+
+    Returns:
+        The MCAP channel's number of each topic.
+    """
+    schemas = {name: number for number, name in enumerate(FIELDS, 1)}
+    channels = [
+        Channel(number, topic, "protobuf", metadata, schemas[message])
+        for number, (topic, message, metadata) in enumerate(_topics(rig, rate), 1)
+    ]
+    names = {number: f"{PACKAGE}.{name}" for name, number in schemas.items()}
+    data = schema_data()
+    head = {
+        "channels": {
+            c.topic: json.dumps({"id": c.id, "schema": names[c.schema_id], "metadata": c.metadata})
+            for c in channels
+        },
+        "rig": {"name": rig.name, "json": rig_json(rig)},
+        "software": software(),
+        "session": session.to_metadata(),
+        "schemas": {"protobuf": base64.b64encode(data).decode("ascii")},
+    }
+    start_head(writer, head)
+    return {channel.topic: channel.id for channel in channels}
+
+
+def start_head(writer: McapWriter, head: dict[str, dict[str, str]]) -> None:
+    """Begin a file with Metadata records and with the definitions that they repeat."""
+    data = base64.b64decode(head["schemas"]["protobuf"])
+    schemas = {f"{PACKAGE}.{name}": number for number, name in enumerate(FIELDS, 1)}
+    channels = []
+    for topic, text in head["channels"].items():
+        told = json.loads(text)
+        channels.append(
+            Channel(told["id"], topic, "protobuf", told["metadata"], schemas[told["schema"]])
+        )
+    writer.start(
+        PROFILE,
+        [*(Schema(n, data, "protobuf", name) for name, n in schemas.items()), *channels],
+    )
+    for _ in range(COPIES):
+        for name, values in head.items():
+            writer.add_metadata(name, values)
+
+
+def software() -> dict[str, str]:
+    """Return the versions of python and of the libraries that made the recording."""
+    versions = {"python": platform.python_version()}
+    for name in LIBRARIES:
+        try:
+            versions[name] = version(name)
+        except PackageNotFoundError:
+            versions[name] = "not installed"
+    return versions
+
+
+def _topics(rig: Rig, rate: float) -> Iterator[tuple[str, str, dict[str, str]]]:
+    """Yield topic, message and metadata of every topic."""
+    documents = rig_document(rig)["daq"]["channels"]
+    for channel, document in zip(rig.daq.channels, documents, strict=True):
+        chart = {key: "" if value is None else str(value) for key, value in document.items()}
+        yield (
+            f"/daq/{channel.name}",
+            "Samples",
+            {"unit": "V", "rate": f"{rate!r} Hz", "what": "raw volts", **chart},
+        )
+    preview = Decimator(rate, len(rig.daq.channels))
+    half = rate / preview.factor / 2
+    what = (
+        f"one sample of {preview.factor}, scale applied, low-pass filtered: true to 0.2 % up to"
+        f" {2 * PASS_BAND * half:.4g} Hz, {ATTENUATION:g} dB down from {half:.4g} Hz on; it starts"
+        f" and ends {preview.margin / rate * 1e3:.3g} ms inside the recording; neither the AC"
+        " coupling nor the delay is corrected"
+    )
+    for channel in rig.daq.channels:
+        yield f"/preview/{channel.name}", "Scalar", {"unit": channel.unit, "what": what}
+    angles = {"t": "s", "q1": "rad", "q2": "rad"}
+    yield "/plan", "Plan", {**angles, "jack_rise": "m", "what": "planned motion"}
+    yield "/joints", "Joints", {**angles, "what": "encoders, on the controller's clock"}
+    yield "/events", "Event", {"time": "s", "what": "what happened, from the trigger on"}

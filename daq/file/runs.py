@@ -1,0 +1,176 @@
+"""Consecutive samples of each channel, joined from blocks; what lies between is a gap."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from daq.errors import RecordingError
+from daq.file.contents import FOREIGN
+from daq.recorded import Gap, Signal, Stretch
+
+MOST_RUNS = 10_000
+"""Of a channel."""
+
+
+class Clock(NamedTuple):
+    """What every block of a recording says alike."""
+
+    t0: int
+    """ns since 1970, of the trigger."""
+    rate: float
+    """Hz."""
+    begin: int
+    """Index of the recording's first sample."""
+
+
+@dataclass
+class _Run:
+    first: int
+    stop: int
+    data: bytearray = field(default_factory=bytearray)
+
+
+class Runs:
+    """The samples of a recording as its blocks come in."""
+
+    def __init__(self, *, keep: bool = True):
+        """Begin without any.
+
+        Args:
+            keep: The samples; False for where they are alone.
+        """
+        self._keep = keep
+        self._runs: dict[str, list[_Run]] = {}
+        self.clock: Clock | None = None
+        """None without a block."""
+
+    def add(self, topic: str, block: Any) -> None:
+        """Take a Samples message.
+
+        Raises:
+            RecordingError: It has no samples, some are there already, or it contradicts the
+                blocks before.
+        """
+        clock = Clock(block.t0, block.rate, block.begin)
+        volts = block.volts
+        first, stop = block.first_sample, block.first_sample + len(volts) // 8
+        if self.clock is None and not 0 < clock.rate < float("inf"):
+            raise RecordingError(f"a block of it tells a rate of {clock.rate} Hz; {FOREIGN}")
+        if self.clock not in (None, clock):
+            raise RecordingError(f"its blocks tell different triggers or rates; {FOREIGN}")
+        if len(volts) % 8 or first == stop or first < clock.begin:
+            raise RecordingError(
+                f"a block of {topic} at sample {first} has {len(volts)} bytes of samples and"
+                f" {clock.begin} for the recording's first; {FOREIGN}"
+            )
+        self.clock = clock
+        name = topic.removeprefix("/daq/")
+        runs = self._runs.setdefault(name, [])
+        if not runs or first > runs[-1].stop:
+            if len(runs) == MOST_RUNS:
+                raise RecordingError(f"{name} has more than the limit of {MOST_RUNS} gaps")
+            runs.append(_Run(first, first))
+        if first < runs[-1].stop:
+            raise RecordingError(
+                f"samples {first} to {min(stop, runs[-1].stop) - 1} of {name} are there twice, or"
+                f" after later ones; {FOREIGN}"
+            )
+        runs[-1].stop = stop
+        if self._keep:
+            runs[-1].data += volts
+
+    def common(self, names: Iterable[str]) -> list[tuple[int, int]]:
+        """Return the stretches (first, stop) in which every channel has its samples."""
+        found: list[tuple[int, int]] | None = None
+        for name in names:
+            runs = [(run.first, run.stop) for run in self._runs.get(name, [])]
+            found = runs if found is None else _overlap(found, runs)
+        return found or []
+
+    def count(self, name: str) -> int:
+        """Return how many samples of a channel there are."""
+        return sum(run.stop - run.first for run in self._runs.get(name, []))
+
+    def last(self) -> int:
+        """Return the index after the last sample of any channel; there has to be one."""
+        return max(runs[-1].stop for runs in self._runs.values())
+
+    def reached(self, names: Iterable[str]) -> int | None:
+        """Return the index that the samples of every channel have reached; None without."""
+        if self.clock is None or any(name not in self._runs for name in names):
+            return None
+        return min(self._runs[name][-1].stop for name in names)
+
+    def volts(self, name: str, first: int, stop: int) -> Signal:
+        """Return the samples of one channel that one run holds, V, without copying them."""
+        run = next(run for run in self._runs[name] if run.first <= first and stop <= run.stop)
+        return np.frombuffer(run.data, dtype="<f8")[first - run.first : stop - run.first]
+
+    def take(self, names: Sequence[str], n: int, *, ended: bool) -> Stretch | None:
+        """Return the first ``n`` samples of all channels and forget them.
+
+        Returns:
+            Fewer before a gap, and, if it has ``ended``, at the end; None while there are not
+            enough yet.
+        """
+        common = self.common(names)
+        if self.clock is None or not common:
+            return None
+        first, stop = common[0]
+        runs = [next(r for r in self._runs[name] if r.stop > first) for name in names]
+        closed = ended or any(
+            run.stop == stop and run is not self._runs[name][-1]
+            for name, run in zip(names, runs, strict=True)
+        )
+        if stop - first < n and not closed:
+            return None
+        stop = min(stop, first + n)
+        volts = {name: self.volts(name, first, stop).copy() for name in names}
+        for held in self._runs.values():
+            for run in held:
+                cut = min(max(stop - run.first, 0), run.stop - run.first)
+                del run.data[: 8 * cut]
+                run.first += cut
+            held[:-1] = [run for run in held[:-1] if run.first < run.stop]
+        return Stretch(self.clock.t0, self.clock.rate, first, volts)
+
+    def gaps(self, names: Iterable[str], end: int | None, *, open_end: bool) -> tuple[Gap, ...]:
+        """Return what is missing.
+
+        Args:
+            names: Of the channels that there should be.
+            end: Index after the recording's last sample, where it tells that.
+            open_end: Whether samples are missing at the end, where it does not tell that.
+        """
+        clock, names = self.clock, tuple(names)
+        if clock is None:
+            return ()
+        held = {name: [(r.first, r.stop) for r in self._runs.get(name, [])] for name in names}
+        last = max((runs[-1][1] for runs in held.values() if runs), default=clock.begin)
+        last = last if end is None else max(last, end)
+        gaps = []
+        for name, runs in held.items():
+            at = clock.begin
+            for first, stop in [*runs, (last, last)]:
+                if first > at:
+                    gaps.append(Gap(name, at, first, clock.rate))
+                at = max(at, stop)
+            if end is None and open_end:
+                gaps.append(Gap(name, last, None, clock.rate))
+        return tuple(gaps)
+
+
+def _overlap(a: list[tuple[int, int]], b: list[tuple[int, int]]) -> list[tuple[int, int]]:
+    """Return the intersection of two ascending lists of stretches."""
+    found, i, j = [], 0, 0
+    while i < len(a) and j < len(b):
+        first, stop = max(a[i][0], b[j][0]), min(a[i][1], b[j][1])
+        if first < stop:
+            found.append((first, stop))
+        if a[i][1] <= b[j][1]:
+            i += 1
+        else:
+            j += 1
+    return found

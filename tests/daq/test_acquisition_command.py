@@ -1,0 +1,85 @@
+"""`sautereau acquire` on the stand-in, as users' scripts meet it."""
+
+import json
+import math
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from commands.acquiring import acquire
+from commands.common import Simulation
+from daq.continuous import record
+from daq.errors import DaqError
+from daq.reading import read_recording
+
+
+def command(*words):
+    return [sys.executable, "-m", "sautereau", "acquire", *map(str, words)]
+
+
+IDEAL = Simulation(scene="ideal", seed=3)
+
+
+def test_a_dry_run_starts_nothing(capsys):
+    assert acquire(dry_run=True, simulation=IDEAL, json=True) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["simulated"] is True
+    assert found["trigger"] == ""
+    assert (found["n_samples"], found["rate"], found["buffer"]) == (None, 51_200.0, 512_000)
+    assert [channel["terminal"] for channel in found["channels"]] == ["Dev1/ai0", "Dev1/ai1"]
+    assert acquire(dry_run=True, triggered=True, simulation=IDEAL) == 0
+    told = capsys.readouterr().out
+    assert "/Dev1/PFI0" in told
+    assert "nothing was started" in told
+
+
+def test_a_recording_of_a_given_duration(tmp_path, capsys):
+    path = tmp_path / "a.mcap"
+    assert acquire(duration="0.51 s", out=path, simulation=IDEAL, json=True) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert (found["n_samples"], found["stopped"], found["seed"]) == (26_112, False, 3)
+    recording = read_recording(path)
+    assert len(recording.volts["velocity"]) == 26_112
+    assert recording.session.simulated
+    with pytest.raises(DaqError, match="exists already"):
+        acquire(out=path, simulation=IDEAL)
+
+
+def test_an_interrupted_recording_is_whole(tmp_path):
+    path = tmp_path / "a.mcap"
+    part = path.with_name("a.mcap.part")
+    with subprocess.Popen(
+        command("--scene", "ideal", "--out", path, "--json"), stdout=subprocess.PIPE, text=True
+    ) as process:
+        while not (part.exists() and part.stat().st_size > 50_000) and process.poll() is None:
+            time.sleep(0.01)
+        process.send_signal(signal.SIGINT)
+        found = json.loads(process.communicate(timeout=60)[0])
+    assert process.returncode == 0
+    assert found["stopped"] is True
+    recording = read_recording(path)
+    assert len(recording.volts["force"]) == found["n_samples"] > 0
+    assert recording.events[-1].kind == "stopped"
+    assert not part.exists()
+
+
+@pytest.mark.parametrize(
+    ("values", "what"),
+    [
+        ({"duration": "10", "out": Path("a.mcap")}, "has no unit"),
+        ({}, "--dry-run"),
+    ],
+)
+def test_wrong_usage_ends_with_two(capsys, values, what):
+    assert acquire(**values, simulation=IDEAL) == 2
+    assert what in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("seconds", [0.0, -1.0, math.inf, math.nan])
+def test_a_duration_that_is_none(paper, tmp_path, seconds):
+    with pytest.raises(DaqError, match="a number above 0 s"):
+        record(paper, tmp_path / "a.mcap", seconds)

@@ -1,0 +1,238 @@
+"""Continuous, around the trigger's edge, many channels, and the dry run, over the real nidaqmx."""
+
+import threading
+
+import numpy as np
+import pytest
+
+from daq.acquisition import Acquisition
+from daq.errors import DaqError
+from daq.reading import read_recording
+from daq.recording import Recording
+from sim_backend.daqmx.card import ENDLESS
+from sim_backend.daqmx.server import serve
+
+
+def ramp(first, n, channels=2):
+    """Tell what a ramp card shows: shape (channels, n), V."""
+    index = np.arange(first, first + n)
+    return (index % 1000 - 500) / 100 + np.arange(channels)[:, None] / 1000
+
+
+class RampRun:
+    def __init__(self, card, setup, before=0):
+        self.card, self.setup, self.before = card, setup, before
+        self.stopped = threading.Event()
+        self.asked = 0
+
+    def wait_for(self, n, timeout):
+        there = self.card.there(n)
+        if there < n:
+            self.stopped.wait(timeout)
+        return there
+
+    def read(self, first, n):
+        return ramp(first, n, len(self.setup.terminals))
+
+    @property
+    def acquired(self):
+        self.asked += 1
+        return self.card.acquired(self)
+
+    def stop(self):
+        self.stopped.set()
+
+
+class RampCard:
+    """A paced card of 16 inputs with a reference trigger; a test sets what is there."""
+
+    name = "Dev1"
+    terminals = tuple(f"ai{n}" for n in range(16))
+    paced = True
+
+    def __init__(self):
+        self.runs = []
+        self.there = lambda n: n
+        self.acquired = lambda run: run.before
+
+    def start(self, setup):
+        self.runs.append(RampRun(self, setup))
+        return self.runs[-1]
+
+    def start_around(self, setup, before):
+        self.runs.append(RampRun(self, setup, before))
+        return self.runs[-1]
+
+
+@pytest.fixture
+def card():
+    return RampCard()
+
+
+@pytest.fixture
+def rig(card, paper):
+    with serve(card) as server:
+        values = {"address": server.address, "trigger_timeout": 0.2}
+        yield paper.model_copy(update={"daq": paper.daq.model_copy(update=values)})
+
+
+def changed(rig, **values):
+    return rig.model_copy(update={"daq": rig.daq.model_copy(update=values)})
+
+
+def read(acquisition, n):
+    """Read n blocks as one."""
+    blocks = acquisition.blocks()
+    return np.concatenate([next(blocks).volts for _ in range(n)], axis=1)
+
+
+def record(acquisition, recording):
+    acquisition.start()
+    for block in acquisition.blocks():
+        recording.write_block(block)
+
+
+@pytest.mark.parametrize("triggered", [False, True])
+def test_a_continuous_acquisition_goes_on_until_it_is_left(card, rig, triggered):
+    with Acquisition(rig.daq, None, triggered=triggered) as acquisition:
+        assert acquisition.n_samples is None
+        acquisition.start()
+        assert np.array_equal(read(acquisition, 40), ramp(0, 40 * 1024))
+    (run,) = card.runs
+    assert run.setup.trigger == ("/Dev1/PFI0" if triggered else None)
+    assert run.setup.n_samples == ENDLESS
+    assert run.stopped.is_set()
+
+
+def test_sixteen_channels_in_their_order(card, rig):
+    channel = rig.daq.channels[0]
+    channels = tuple(
+        channel.model_copy(update={"name": f"c{n}", "terminal": f"ai{15 - n}"}) for n in range(16)
+    )
+    with Acquisition(changed(rig, channels=channels).daq, 0.1, triggered=False) as acquisition:
+        acquisition.start()
+        assert np.array_equal(read(acquisition, 5), ramp(0, 5120, 16))
+    assert card.runs[0].setup.terminals == card.terminals[::-1]
+
+
+def test_samples_before_the_edge_are_recorded_below_zero(card, rig, session, tmp_path):
+    rig = changed(rig, pre_trigger=0.05)
+    with Acquisition(rig.daq, 0.1) as acquisition:
+        assert acquisition.n_samples == 7680
+        with Recording(tmp_path / "a.mcap", rig, session=session) as recording:
+            record(acquisition, recording)
+    assert card.runs[0].before == 2560
+    assert card.runs[0].setup.n_samples == 7680
+    found = read_recording(tmp_path / "a.mcap")
+    assert found.first_sample == -2560
+    assert np.array_equal(found.volts["force"], ramp(0, 7680)[1])
+
+
+def test_start_returns_when_the_samples_before_the_edge_are_there(card, rig):
+    card.acquired = lambda run: 100 * run.asked
+    with Acquisition(changed(rig, pre_trigger=0.01).daq, 0.1) as acquisition:
+        acquisition.start()
+        assert card.runs[0].asked == 6
+        card.acquired = lambda run: 0
+        acquisition.stop()
+        with pytest.raises(DaqError, match=r"0 samples after 0\.21 s.*pre_trigger needs 512"):
+            acquisition.start()
+
+
+def test_no_edge_for_samples_around_it(card, rig):
+    card.there = lambda n: 0
+    with Acquisition(changed(rig, pre_trigger=0.01).daq, 0.05) as acquisition:
+        acquisition.start()
+        with pytest.raises(DaqError, match="no edge on /Dev1/PFI0"):
+            next(acquisition.blocks())
+
+
+def test_a_device_without_a_reference_trigger_says_so(bench):
+    _, _, rig = bench(daq__pre_trigger="10 ms")
+    with (
+        Acquisition(rig.daq, 0.05) as acquisition,
+        pytest.raises(DaqError, match="no reference trigger"),
+    ):
+        acquisition.start()
+
+
+def test_a_slow_reader_is_told_and_what_came_before_is_kept(card, rig, session, tmp_path):
+    card.there = lambda n: n if n <= 4096 else n + 512_001
+    path = tmp_path / "a.mcap"
+    with (
+        pytest.raises(DaqError, match=r"-200279.*raise daq\.block") as caught,
+        Acquisition(rig.daq, None, triggered=False) as acquisition,
+        Recording(path, rig, session=session) as recording,
+    ):
+        record(acquisition, recording)
+    _is_kept(recording, caught.value, 4096)
+
+
+def test_the_samples_of_a_block_that_stays_short_are_kept(card, rig, session, tmp_path):
+    card.there = lambda n: min(n, 1500)
+    path = tmp_path / "a.mcap"
+    with (
+        pytest.raises(DaqError, match="stopped at 1500:") as caught,
+        Acquisition(rig.daq, None, triggered=False) as acquisition,
+        Recording(path, rig, session=session) as recording,
+    ):
+        record(acquisition, recording)
+    _is_kept(recording, caught.value, 1500)
+
+
+def _is_kept(recording, error, n):
+    """Check that the file is well closed with n samples, and says what happened."""
+    assert any(str(recording.part_path) in note for note in error.__notes__)
+    found = read_recording(recording.part_path)
+    assert np.array_equal(found.volts["velocity"], ramp(0, n)[0])
+    assert found.events[-1].kind == "aborted"
+    assert str(error) in found.events[-1].text
+
+
+def test_samples_that_the_driver_passes_over(paper, card):
+    with serve(card) as server:
+        daq = paper.daq.model_copy(update={"address": server.address})
+        with Acquisition(daq, None, triggered=False) as acquisition:
+            acquisition.start()
+            blocks = acquisition.blocks()
+            next(blocks)
+            (task,) = server._servicer._tasks.values()
+            task.position += 7
+            with pytest.raises(DaqError, match="7 samples were lost before sample 1031"):
+                next(blocks)
+
+
+def test_a_dry_run_tells_what_the_device_has_taken(card, rig):
+    with Acquisition(changed(rig, pre_trigger=0.01).daq, 0.1) as acquisition:
+        found = acquisition.settings()
+    assert card.runs == []
+    assert [channel.terminal for channel in found.channels] == ["Dev1/ai0", "Dev1/ai1"]
+    assert (found.channels[0].range, found.channels[0].device_high) == (4.0, 10.0)
+    assert found.channels[0].device_low == -10.0
+    assert (found.rate, found.block, found.trigger) == (51_200.0, 1024, "/Dev1/PFI0")
+    assert (found.n_samples, found.pre_trigger_samples, found.buffer) == (5632, 512, 5632)
+    assert found.simulated
+    with Acquisition(rig.daq, None, triggered=False) as acquisition:
+        found = acquisition.settings()
+    assert (found.n_samples, found.buffer, found.trigger) == (None, 512_000, "")
+
+
+def test_a_dry_run_finds_what_could_not_start(rig):
+    with (
+        Acquisition(changed(rig, trigger_source="ao/StartTrigger").daq, 0.1) as acquisition,
+        pytest.raises(DaqError, match=r"verifying the task with -89120"),
+    ):
+        acquisition.settings()
+
+
+def test_every_fault_of_a_plan_is_told_at_once(paper):
+    daq = paper.daq.model_copy(update={"block": 16, "pre_trigger": 0.1})
+    with pytest.raises(DaqError) as caught:
+        Acquisition(daq, None)
+    message = str(caught.value)
+    assert "daq.pre_trigger: 0.1 s" in message
+    assert "3200 reads a second, not 10 to 100; set it from 512 to 5120" in message
+    with pytest.raises(DaqError, match="512 reads"):
+        Acquisition(paper.daq.model_copy(update={"block": 100}), 1.0)
+    with pytest.raises(DaqError, match="5 reads"):
+        Acquisition(paper.daq.model_copy(update={"block": 10_240}), 1.0)

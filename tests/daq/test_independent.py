@@ -1,0 +1,61 @@
+"""A reader that is not ours, of another language and another protobuf, gets the same bits.
+
+It needs node and `npm ci` in tests/daq/mcap_core; without them it is left out.
+"""
+
+import hashlib
+import json
+import shutil
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+from mcap.reader import make_reader
+
+from daq.recovery import recover
+
+FOLDER = Path(__file__).with_name("mcap_core")
+
+pytestmark = pytest.mark.skipif(
+    shutil.which("node") is None or not (FOLDER / "node_modules").is_dir(),
+    reason="needs node, and `npm ci` in tests/daq/mcap_core",
+)
+
+
+def by_mcap_core(path):
+    done = subprocess.run(
+        ["node", FOLDER / "read.mjs", path], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout)
+
+
+def digests(*rows):
+    names = ("/daq/velocity", "/daq/force")
+    return {n: hashlib.sha256(r.tobytes()).hexdigest() for n, r in zip(names, rows, strict=True)}
+
+
+def test_a_recording(tmp_path, record):
+    """Bits of every kind of number but nan, whose payload JavaScript does not promise to keep."""
+    bits = np.random.default_rng(6).integers(0, 2**64, (2, 30_000), dtype=np.uint64)
+    volts = bits.view(np.float64)
+    volts[np.isnan(volts)] = -0.0
+    volts[:, :2] = np.inf, 5e-324
+    path = record(tmp_path / "press.mcap", volts, block=1000)
+    found = by_mcap_core(path)
+    assert found["digests"] == digests(*volts)
+    assert found["counts"]["/daq/velocity"] == 30
+    assert found["counts"]["/preview/force"] > 500
+
+
+def test_a_recovered_one(tmp_path, record):
+    volts = np.random.default_rng(6).standard_normal((2, 40_960))
+    path = record(tmp_path / "press.mcap", volts)
+    with path.open("rb") as file:
+        summary = make_reader(file).get_summary()
+    assert summary is not None
+    data = bytearray(path.read_bytes())
+    data[summary.chunk_indexes[0].chunk_start_offset + 99] ^= 1
+    path.write_bytes(bytes(data))
+    assert by_mcap_core(recover(path).path)["digests"] == digests(*volts[:, 10_240:])

@@ -1,0 +1,52 @@
+"""Whatever is done to a file: no crash, no hang, no wrong sample, and memory within bounds."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+ROOT = Path(__file__).parents[2]
+MEMORY = 500
+"""MiB."""
+
+pytestmark = pytest.mark.skipif(os.name != "posix", reason="alarms and peak memory are POSIX's")
+
+
+def mutated(whole, folder, seed, count):
+    """Return what became of ``count`` mutations of a recording."""
+    done = subprocess.run(
+        [sys.executable, "-W", "error", "-m", "tests.daq.mutated"]
+        + [str(word) for word in (whole, folder, seed, count)],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout)
+
+
+@pytest.fixture
+def whole(tmp_path, record):
+    volts = np.random.default_rng(3).standard_normal((2, 12_000))
+    return record(tmp_path / "whole.mcap", volts, block=512)
+
+
+def test_a_few_hundred_mutations(tmp_path, whole):
+    told = mutated(whole, tmp_path, 0, 300)
+    assert told["refused"] + told.get("read", 0) == 300
+    assert told["recovered"] > 150
+    assert told["peak memory, MiB"] < MEMORY
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(3000)
+def test_ten_thousand_mutations(tmp_path, whole):
+    told = mutated(whole, tmp_path, 1000, 10_000)
+    assert told["refused"] + told.get("read", 0) == 10_000
+    assert told["recovered"] > 5000
+    assert told["peak memory, MiB"] < MEMORY

@@ -1,0 +1,267 @@
+"""What a damaged recording has left comes back, and what it has lost is told."""
+
+import json
+
+import numpy as np
+import pytest
+from mcap.reader import make_reader
+from mcap.stream_reader import StreamReader
+
+from commands import recordings
+from daq.errors import RecordingError
+from daq.reading import read_parts, read_recording
+from daq.recording import Block, Recording
+from daq.recovery import recover
+from daq.survey import describe
+
+RATE = 51_200.0
+N = 60_000
+CHUNK = 10_240
+"""Samples in a chunk of these recordings: 0.2 s."""
+
+
+@pytest.fixture
+def volts():
+    return np.random.default_rng(5).standard_normal((2, N))
+
+
+@pytest.fixture
+def make(tmp_path, paper, session, volts):
+    """Record the volts from a first sample on and return the file's path."""
+
+    def made(begin=0, name="press.mcap"):
+        path = tmp_path / name
+        t = np.linspace(0, 1, 7)
+        with Recording(
+            path, paper, session=session, clock=lambda: 10**18, monotonic=lambda: 0.0
+        ) as recording:
+            recording.write_plan(t, t + 1, t + 2, t + 3)
+            for at in range(0, N, 512):
+                recording.write_block(Block(begin + at, volts[:, at : at + 512]))
+        return path
+
+    return made
+
+
+def chunks(path):
+    """Return where the chunks of a file stand: (offset, length)."""
+    with path.open("rb") as file:
+        summary = make_reader(file).get_summary()
+    assert summary is not None
+    return [(c.chunk_start_offset, c.chunk_length) for c in summary.chunk_indexes]
+
+
+def spoil(path, *places):
+    data = bytearray(path.read_bytes())
+    for place in places:
+        data[place] ^= 0xFF
+    path.write_bytes(bytes(data))
+
+
+def is_valid_for_others(path):
+    """Read a file by the library's two readers, checksums on."""
+    with path.open("rb") as file:
+        by_stream = sum(1 for _ in StreamReader(file, validate_crcs=True).records)
+    with path.open("rb") as file:
+        by_index = sum(1 for _ in make_reader(file, validate_crcs=True).iter_messages())
+    return by_stream > 0 and by_index > 0
+
+
+def test_a_killed_recording(make, volts):
+    """All after the third chunk is gone; the fourth has begun."""
+    path = make()
+    place, length = chunks(path)[3]
+    part = path.with_name("press.mcap.part")
+    data = path.read_bytes()[: place + length // 2]
+    part.write_bytes(data)
+    path.unlink()
+    with pytest.raises(RecordingError, match=r"cut short.*`sautereau recover"):
+        read_recording(part)
+    told = describe(part)
+    assert "sautereau recover" in (told["damage"] or "")
+    assert told["n_samples"] == 3 * CHUNK
+    found = recover(part)
+    assert part.read_bytes() == data
+    assert found.path == path
+    assert found.samples == {"velocity": 3 * CHUNK, "force": 3 * CHUNK}
+    assert {(g.channel, g.first_sample, g.stop_sample, g.start, g.stop) for g in found.gaps} == {
+        (name, 3 * CHUNK, None, 0.6, None) for name in ("velocity", "force")
+    }
+    assert is_valid_for_others(path)
+    read = read_recording(path)
+    assert np.array_equal(np.stack(list(read.volts.values())), volts[:, : 3 * CHUNK])
+    assert read.gaps == found.gaps
+    assert not read.complete
+    assert read.plan is not None
+    assert describe(path)["damage"] is None
+    assert describe(path)["complete"] is False
+    assert (describe(path)["recovered"] or {})["from"] == "press.mcap.part"
+
+
+@pytest.mark.parametrize("begin", [0, -700])
+@pytest.mark.parametrize("where", [0.0, 0.001, 0.5, 1.0])
+@pytest.mark.parametrize("number", [0, 2, 5])
+def test_a_corrupt_chunk(make, volts, number, where, begin):
+    """A byte of its opcode, its length, its content, or its last; first, middle, last chunk."""
+    path = make(begin)
+    place, length = chunks(path)[number]
+    spoil(path, place + round(where * (length - 1)))
+    damaged = path.read_bytes()
+    with pytest.raises(RecordingError, match=r"corrupted.*`sautereau recover"):
+        read_recording(path)
+    found = recover(path)
+    assert path.read_bytes() == damaged
+    assert found.path.name == "press-recovered.mcap"
+    assert is_valid_for_others(found.path)
+    first, stop = number * CHUNK, min((number + 1) * CHUNK, N)
+    assert {(g.channel, g.first_sample, g.stop_sample) for g in found.gaps} == {
+        (name, begin + first, begin + stop) for name in ("velocity", "force")
+    }
+    parts = read_parts(found.path)
+    assert all(part.gaps == found.gaps and not part.complete for part in parts)
+    for part in parts:
+        at = part.first_sample - begin
+        assert np.array_equal(
+            np.stack(list(part.volts.values())), volts[:, at : at + part.n_samples]
+        )
+    assert sum(part.n_samples for part in parts) == N - (stop - first)
+    if number == 5:
+        assert read_recording(found.path).n_samples == N - (stop - first)
+    else:
+        with pytest.raises(RecordingError, match=r"are missing.*never filled.*read_parts"):
+            read_recording(found.path)
+
+
+def test_a_length_that_leads_astray(make, volts):
+    """A chunk that says it reaches to the file's end hides none of those that follow."""
+    path = make()
+    place, _ = chunks(path)[1]
+    data = bytearray(path.read_bytes())
+    data[place + 1 : place + 9] = (len(data) - place - 9).to_bytes(8, "little")
+    path.write_bytes(bytes(data))
+    assert [g.first_sample for g in recover(path).gaps] == [CHUNK, CHUNK]
+
+
+def test_a_hole_in_the_file(make):
+    """A block of the disk read as zeros, over the end of one chunk and the start of the next."""
+    path = make()
+    (before, length), (after, _) = chunks(path)[1:3]
+    data = bytearray(path.read_bytes())
+    start, stop = before + length - 100, after + 100
+    data[start:stop] = bytes(stop - start)
+    path.write_bytes(bytes(data))
+    assert {(g.first_sample, g.stop_sample) for g in recover(path).gaps} == {(CHUNK, 3 * CHUNK)}
+
+
+def test_damage_outside_the_samples_loses_none(make, volts):
+    path = make()
+    size, whole = path.stat().st_size, path.read_bytes()
+    for place in (0, 12, 30, 200, 6000, size - 20, size - 400):
+        path.write_bytes(whole)
+        spoil(path, place)
+        found = recover(path)
+        assert found.gaps == ()
+        read = read_recording(found.path)
+        assert np.array_equal(np.stack(list(read.volts.values())), volts)
+        assert read.complete
+        found.path.unlink()
+
+
+def test_a_head_whose_copies_are_both_damaged(make):
+    path = make()
+    data = path.read_bytes()
+    spoil(path, *(i for i in range(len(data) - 11) if data[i : i + 11] == b"laser_arm\\x22"[:9]))
+    spoilt = data.replace(b"laser_arm", b"laser_ARM")
+    path.write_bytes(spoilt)
+    with pytest.raises(RecordingError, match="lacks the metadata rig"):
+        recover(path)
+    assert path.read_bytes() == spoilt
+    assert [p.name for p in path.parent.iterdir()] == ["press.mcap"]
+
+
+def test_an_aborted_press_takes_its_name(tmp_path, paper, session, volts):
+    recording = Recording(tmp_path / "press.mcap", paper, session=session)
+
+    def press():
+        with recording:
+            recording.write_block(Block(0, volts))
+            raise ValueError("the finger fell off")
+
+    with pytest.raises(ValueError, match="fell off"):
+        press()
+    found = recover(recording.part_path)
+    assert found.gaps == ()
+    read = read_recording(found.path)
+    assert read.complete is False
+    assert np.array_equal(np.stack(list(read.volts.values())), volts)
+
+
+def test_a_recovered_file_damaged_again(make):
+    path = make()
+    place, _ = chunks(path)[1]
+    spoil(path, place)
+    once = recover(path).path
+    place, _ = chunks(once)[1]
+    spoil(once, place + 99)
+    found = recover(once)
+    assert found.path.name == "press-recovered-recovered.mcap"
+    assert {(g.first_sample, g.stop_sample) for g in found.gaps} == {(CHUNK, 3 * CHUNK)}
+
+
+def test_what_needs_no_recovery_and_what_allows_none(make, tmp_path):
+    path = make()
+    with pytest.raises(RecordingError, match="whole and needs no recovery"):
+        recover(path)
+    for data, message in (
+        (b"", "it is empty"),
+        (b"RIFF" * 100, "no MCAP file"),
+        (path.read_bytes()[:5000], "what was recorded|cut short"),
+    ):
+        other = tmp_path / "other.mcap.part"
+        other.write_bytes(data)
+        with pytest.raises(RecordingError, match=message):
+            recover(other)
+        assert not (tmp_path / "other.mcap").exists()
+    with pytest.raises(RecordingError, match="no such file"):
+        recover(tmp_path / "none.mcap")
+
+
+def test_nothing_is_overwritten(make, tmp_path):
+    path = make()
+    spoil(path, chunks(path)[1][0])
+    taken = tmp_path / "taken.mcap"
+    taken.write_text("precious")
+    with pytest.raises(RecordingError, match="never overwritten"):
+        recover(path, taken)
+    assert taken.read_text() == "precious"
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["press.mcap", "taken.mcap"]
+
+
+def test_the_command(make, capsys):
+    path = make()
+    spoil(path, chunks(path)[1][0])
+    assert recordings.info(path, json=True) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert f"`sautereau recover {path}`" in told["damage"]
+    missing = [
+        {
+            "channel": name,
+            "first_sample": CHUNK,
+            "stop_sample": 2 * CHUNK,
+            "start": CHUNK / RATE,
+            "stop": 2 * CHUNK / RATE,
+        }
+        for name in ("velocity", "force")
+    ]
+    assert told["missing"] == missing
+    out = path.with_name("mended.mcap")
+    assert recordings.recover(path, out=out, json=True) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["missing"] == missing
+    assert told["path"] == str(out)
+    assert told["samples"] == {"velocity": N - CHUNK, "force": N - CHUNK}
+    out.unlink()
+    assert recordings.recover(path, out=out) == 0
+    assert "samples 10240 to 20479 of velocity are missing, 200 ms to 400 ms" in (
+        capsys.readouterr().out
+    )

@@ -1,0 +1,131 @@
+"""Recordings of any length, stretch by stretch and window by window."""
+
+import numpy as np
+import pytest
+from mcap.reader import make_reader
+
+from daq.errors import RecordingError
+from daq.reading import read_recording
+from daq.recording import Block, Recording
+from daq.recovery import recover
+from daq.streaming import read_window, stream
+
+RATE = 51_200.0
+N = 70_000
+BEGIN = -1000
+
+
+@pytest.fixture
+def volts():
+    return np.random.default_rng(8).standard_normal((2, N))
+
+
+@pytest.fixture
+def long(tmp_path, paper, session, volts):
+    """A recording of 70,000 samples, 1000 of them before the trigger."""
+    path = tmp_path / "long.mcap"
+    with Recording(path, paper, session=session, monotonic=lambda: 0.0) as recording:
+        for at in range(0, N, 1000):
+            recording.write_block(Block(BEGIN + at, volts[:, at : at + 1000]))
+    return path
+
+
+@pytest.fixture
+def holed(long):
+    """The same without its third chunk, of 11,000 samples."""
+    with long.open("rb") as file:
+        summary = make_reader(file).get_summary()
+    assert summary is not None
+    data = bytearray(long.read_bytes())
+    data[summary.chunk_indexes[2].chunk_start_offset + 5000] ^= 1
+    long.write_bytes(bytes(data))
+    found = recover(long)
+    assert {(g.first_sample, g.stop_sample) for g in found.gaps} == {(21_000, 32_000)}
+    return found.path
+
+
+def test_samples_before_the_trigger(long, volts):
+    read = read_recording(long)
+    assert read.first_sample == BEGIN
+    assert read.time[0] == BEGIN / RATE
+    assert read.time[1000] == 0.0
+    assert np.array_equal(read.volts["velocity"], volts[0])
+
+
+def test_a_stream_of_single_samples(long):
+    first = next(stream(long, 1e-6))
+    assert (first.first_sample, first.n_samples) == (BEGIN, 1)
+
+
+@pytest.mark.parametrize("seconds", [0.01, 0.25, 100.0])
+def test_a_stream_is_the_whole(long, volts, seconds):
+    stretches = list(stream(long, seconds))
+    n = round(seconds * RATE)
+    assert [s.first_sample for s in stretches] == list(range(BEGIN, BEGIN + N, n))
+    assert all(s.n_samples == n for s in stretches[:-1])
+    for row, name in enumerate(("velocity", "force")):
+        assert np.array_equal(np.concatenate([s.volts[name] for s in stretches]), volts[row])
+
+
+def test_no_stretch_spans_a_gap(holed, volts):
+    stretches = list(stream(holed, 0.25))
+    starts = [s.first_sample for s in stretches]
+    assert starts == [-1000, 11_800, 32_000, 44_800, 57_600]
+    assert stretches[1].first_sample + stretches[1].n_samples == 21_000
+    for s in stretches:
+        at = s.first_sample - BEGIN
+        assert np.array_equal(s.volts["force"], volts[1, at : at + s.n_samples])
+
+
+@pytest.mark.parametrize(
+    ("start", "stop", "first", "last"),
+    [
+        (BEGIN / RATE, 0.0, -1000, 0),
+        (-0.001, 0.001, -51, 52),
+        (0.5, 0.75, 25_600, 38_400),
+        (1.3, 69_000 / RATE, 66_560, 69_000),
+        (BEGIN / RATE, 69_000 / RATE, BEGIN, 69_000),
+    ],
+)
+def test_a_window(long, volts, start, stop, first, last):
+    found = read_window(long, start, stop)
+    assert found.first_sample == first
+    assert np.array_equal(found.volts["velocity"], volts[0, first - BEGIN : last - BEGIN])
+    assert np.array_equal(found.volts["force"], volts[1, first - BEGIN : last - BEGIN])
+    assert found.time[0] >= start
+
+
+@pytest.mark.parametrize(("start", "stop"), [(-1.0, 0.0), (1.0, 1.4), (5.0, 6.0)])
+def test_a_window_beyond_the_recording(long, start, stop):
+    with pytest.raises(RecordingError, match=r"not all of it is there.*sautereau info") as caught:
+        read_window(long, start, stop)
+    assert str(long) in str(caught.value)
+
+
+def test_a_window_without_sense(long):
+    with pytest.raises(RecordingError, match="give a later stop"):
+        read_window(long, 0.5, 0.5)
+    with pytest.raises(RecordingError, match="more than 0 s"):
+        next(stream(long, 0.0))
+
+
+def test_a_window_over_a_gap(holed):
+    with pytest.raises(RecordingError, match="not all of it is there"):
+        read_window(holed, 0.4, 0.7)
+    assert read_window(holed, 0.7, 0.8).first_sample == 35_840
+
+
+def test_a_window_reads_nothing_corrupt(long):
+    """A changed byte in another chunk does no harm; in its own it is refused."""
+    with long.open("rb") as file:
+        summary = make_reader(file).get_summary()
+    assert summary is not None
+    place = summary.chunk_indexes[3].chunk_start_offset + 5000
+    data = bytearray(long.read_bytes())
+    data[place] ^= 1
+    long.write_bytes(bytes(data))
+    assert read_window(long, 0.0, 0.2).n_samples == 10_240
+    with pytest.raises(RecordingError, match="`sautereau recover"):
+        read_window(long, 0.65, 0.7)
+    with pytest.raises(RecordingError, match="`sautereau recover"):
+        next(stream(long, 0.1))
