@@ -15,6 +15,7 @@ ALL = (
     "trade",
     "recording",
     "acquisition",
+    "learning",
 )
 
 

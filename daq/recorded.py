@@ -1,6 +1,6 @@
 """What a recording holds, once read."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -36,6 +36,14 @@ class Joints:
     """rad, of joint 1."""
     q2: Signal
     """rad, of joint 2."""
+    e1: Signal = field(default_factory=lambda: np.empty(0))
+    """rad, following error of joint 1; empty where the controller does not record it."""
+    e2: Signal = field(default_factory=lambda: np.empty(0))
+    """rad, of joint 2; as `e1`."""
+    m1: Signal = field(default_factory=lambda: np.empty(0))
+    """N m, that the controller asked of motor 1; as `e1`."""
+    m2: Signal = field(default_factory=lambda: np.empty(0))
+    """N m, of motor 2; as `e1`."""
 
 
 @dataclass(frozen=True)

@@ -17,6 +17,7 @@ from daq.file.recording_file import RecordingFile
 from daq.file.records import CHUNK_SIZE
 from daq.file.schemas import encode, encode_scalars
 from daq.file.writer import McapWriter
+from daq.recorded import Joints
 from daq.session_info import SessionInfo
 from rig.schema import Rig
 
@@ -156,9 +157,11 @@ class Recording:
         """Write the planned motion: arrays of shape (n,); s from the trigger, rad, rad, m."""
         self._series("Plan", t=t, q1=q1, q2=q2, jack_rise=jack_rise)
 
-    def write_joints(self, t: ArrayLike, q1: ArrayLike, q2: ArrayLike) -> None:
-        """Write what the encoders captured: shape (n,); s on the controller's clock, rad, rad."""
-        self._series("Joints", t=t, q1=q1, q2=q2)
+    def write_joints(self, joints: Joints) -> None:
+        """Write what the controller captured on its own clock."""
+        self._series(
+            "Joints", **{name: column for name, column in vars(joints).items() if len(column)}
+        )
 
     def event(self, kind: str, text: str, time_s: float) -> None:
         """Write what happened ``time_s`` (s) after the trigger; negative for before it.

@@ -167,8 +167,10 @@ class Arm(Section):
 
 
 class Controller(Section):
-    """The motor controller, a Galil DMC-4x."""
+    """The motor controller."""
 
+    kind: Literal["galil", "odrive"] = "galil"
+    """A Galil DMC-4x, or an ODrive 3.x with firmware 0.5.x."""
     port: str = Field(min_length=1)
     """Serial device, or any URL that pyserial takes."""
     baud_rate: int = Field(strict=True, gt=0)
@@ -183,6 +185,12 @@ class Controller(Section):
     """Counts of following error at which the controller switches the motors off."""
     trigger_output: int = Field(strict=True, ge=1, le=16)
     """Digital output wired to the acquisition's trigger input."""
+    full_torque: Voltage = Field(default=9.998, gt=0, le=9.998)
+    """V, command to an amplifier at which its joint gets `arm.torque_limit`."""
+    watchdog_period: Time = Field(default=0.5, ge=0.1, le=5)
+    """s without a sign of the host, after which the controller switches the motors off."""
+    home_tolerance: int = Field(default=100, strict=True, gt=0)
+    """Counts by which a home switch may be found off its place when it is checked again."""
 
 
 class _Channel(Section):

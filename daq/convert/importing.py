@@ -133,8 +133,7 @@ def _restore(
             plan = document.plan
             recording.write_plan(plan.t, plan.q1, plan.q2, plan.jack_rise)
         if document.joints is not None:
-            joints = document.joints
-            recording.write_joints(joints.t, joints.q1, joints.q2)
+            recording.write_joints(document.joints)
         for event in (*document.events, _event(origin)):
             recording.event(event.kind, event.text, event.time)
     return written.imported(out, session, trigger_shift=0.0)

@@ -21,7 +21,7 @@ from daq.file.records import (
     stream_of,
     unsealed,
 )
-from daq.file.schemas import decode, doubles
+from daq.file.schemas import FIELDS, decode, doubles
 from daq.file.unpacking import unpacked
 from daq.recorded import Event, Joints, Plan
 from daq.session_info import SessionInfo, session_from_metadata
@@ -167,4 +167,4 @@ class Contents:
             self.plan = Plan(*map(doubles, (plan.t, plan.q1, plan.q2, plan.jack_rise)))
         elif topic == "/joints":
             joints = decode("Joints", bytes(data))
-            self.joints = Joints(*map(doubles, (joints.t, joints.q1, joints.q2)))
+            self.joints = Joints(*(doubles(getattr(joints, name)) for name in FIELDS["Joints"]))

@@ -104,6 +104,7 @@ def _topics(rig: Rig, rate: float) -> Iterator[tuple[str, str, dict[str, str]]]:
     for channel in rig.daq.channels:
         yield f"/preview/{channel.name}", "Scalar", {"unit": channel.unit, "what": what}
     angles = {"t": "s", "q1": "rad", "q2": "rad"}
+    captured = {**angles, "e1": "rad", "e2": "rad", "m1": "N m", "m2": "N m"}
     yield "/plan", "Plan", {**angles, "jack_rise": "m", "what": "planned motion"}
-    yield "/joints", "Joints", {**angles, "what": "encoders, on the controller's clock"}
+    yield "/joints", "Joints", {**captured, "what": "on the controller's clock"}
     yield "/events", "Event", {"time": "s", "what": "what happened, from the trigger on"}

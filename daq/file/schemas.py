@@ -38,7 +38,8 @@ FIELDS: dict[str, dict[str, str]] = {
     # t: s since the trigger; q1, q2: rad; jack_rise: m.
     "Plan": {"t": _ARRAY, "q1": _ARRAY, "q2": _ARRAY, "jack_rise": _ARRAY},
     # t: s since the trigger on the controller's clock; q1, q2: rad.
-    "Joints": {"t": _ARRAY, "q1": _ARRAY, "q2": _ARRAY},
+    # e1, e2: following errors in rad; m1, m2: N m asked of the motors; empty if not recorded.
+    "Joints": dict.fromkeys(("t", "q1", "q2", "e1", "e2", "m1", "m2"), _ARRAY),
     # time: s since the trigger.
     "Event": {"time": "double", "kind": "string", "text": "string"},
 }
@@ -92,8 +93,8 @@ def declared_class(name: str) -> type[Message]:
 
 
 def encode(name: str, **values: Any) -> bytes:
-    """Return the wire bytes of a message; arrays are given as 1-D float arrays."""
-    for field in _ARRAYS[name]:
+    """Return the wire bytes of a message; arrays are 1-D float arrays, and may be left out."""
+    for field in values.keys() & set(_ARRAYS[name]):
         values[field] = np.ascontiguousarray(values[field], dtype="<f8").tobytes()
     return _classes(True)[name](**values).SerializeToString()
 

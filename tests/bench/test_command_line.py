@@ -146,6 +146,8 @@ def test_predict_and_doctor_answer_the_keys_of_the_contract(sautereau):
         ["plan", "--nonsense"],
         ["press"],
         ["press", "--sim", "--out", "out", "-n", "many"],
+        ["press", "--sim", "--out", "out", "--rest", "2 mm"],
+        ["learn", "--sim"],
         ["press", "--sim", "--out", "out", "--seed", "-1"],
         ["phases"],
     ],
@@ -257,7 +259,8 @@ def test_a_trigger_that_never_comes(sautereau, rig_file, stand_in, tmp_path):
     )
     done = sautereau("press", path, "--out", "out")
     refused(done, "PFI0", "press-0001.mcap.part")
-    assert [p.name for p in (tmp_path / "out").iterdir()] == ["press-0001.mcap.part"]
+    left = {p.name for p in (tmp_path / "out").iterdir()}
+    assert left == {"press-0001.mcap.part", "session.json"}
 
 
 def test_a_full_disk(sautereau, tmp_path):
@@ -294,7 +297,7 @@ def test_an_interrupted_session_leaves_a_safe_arm_and_whole_files(rig_file, tmp_
         assert "Traceback" not in message
         assert served.bench.firmware.motors_on == (False, False)
     for left in (tmp_path / "out").iterdir():
-        assert left.suffix == ".mcap" or left.name in message
+        assert left.suffix in (".mcap", ".json") or left.name in message
 
 
 def test_plain_clients_press_against_a_served_stand_in(tmp_path, sautereau):
@@ -322,3 +325,26 @@ def test_plain_clients_press_against_a_served_stand_in(tmp_path, sautereau):
         finally:
             server.send_signal(signal.SIGTERM)
             assert server.wait(timeout=10) == 0
+
+
+def test_learn_answers_the_keys_of_the_contract_and_is_pressed_again(sautereau, rig_file, tmp_path):
+    done = sautereau("learn", "--sim", "-n", 3, "--seed", 3, "--out", "out", "--json")
+    assert done.returncode == 0, done.stderr
+    result = json.loads(done.stdout)
+    first, *_, last = result["rms_speed_error"]
+    assert last < 0.01 < 0.05 < first
+    assert len(result["recordings"]) == 3
+    assert result["simulated"] is True
+    assert Path(result["learned"]).name == "learned.json"
+    refused(sautereau("learn", "--sim", "--out", "out"), "learned.json", "--out")
+
+    command = ("press", "--sim", "--learned", "out/learned.json", "--out", "again", "--json")
+    done = sautereau(*command)
+    assert done.returncode == 0, done.stderr
+    speeds = json.loads(done.stdout)["presses"][0]["speeds"]
+    assert speeds["held"] == pytest.approx(0.072, rel=0.02)  # 0.065 without
+    other = rig_file(jack_speed='"0.08 m/s"')
+    done = sautereau("press", other, "--sim", "--learned", "out/learned.json", "--out", "other")
+    refused(done, "press.jack_speed", "0.072", "0.08", "learn anew")
+    refused(sautereau("press", "--sim", "--learned", "none.json", "--out", "x"), "none.json")
+    refused(sautereau("press", "--sim", "--out", "again"), "files.learned", "--out")

@@ -18,6 +18,7 @@ from daq.convert.export import export
 from daq.convert.importing import import_file
 from daq.errors import RecordingError
 from daq.reading import read_recording
+from daq.recorded import Joints
 from daq.recording import Recording
 from rig.load import load_rig, with_values
 
@@ -49,7 +50,7 @@ def recording(tmp_path, paper, session, volts):
         written.write_plan(t, t + 1, t + 2, t + 3)
         written.write_block(Block(0, volts))
         written.event("trigger", "PFI0 rose", 0.0)
-        written.write_joints(t, t + 4, t + 5)
+        written.write_joints(Joints(t, t + 4, t + 5))
     return path
 
 

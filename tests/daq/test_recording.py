@@ -19,6 +19,7 @@ from daq.errors import RecordingError
 from daq.file.durable import DurableFile
 from daq.file.schemas import declared_class
 from daq.reading import read_recording
+from daq.recorded import Joints
 from daq.recording import Block, Recording, SessionInfo
 from daq.survey import describe
 from rig.load import load_rig
@@ -58,7 +59,7 @@ def test_everything_beside_the_samples_comes_back(tmp_path, paper, session, volt
         recording.write_plan(t, t + 1, t + 2, t + 3)
         recording.write_block(Block(0, volts))
         recording.event("trigger", "PFI0 rose", 0.0)
-        recording.write_joints(t, t + 4, t + 5)
+        recording.write_joints(Joints(t, t + 4, t + 5))
     found = read_recording(path)
     assert found.rig == paper
     assert found.rig.sources == paper.sources
@@ -211,7 +212,7 @@ def test_series_of_one_length_only(tmp_path, paper, session, volts):
     with Recording(tmp_path / "press.mcap", paper, session=session) as recording:
         recording.write_block(Block(0, volts))
         with pytest.raises(RecordingError, match="one shape"):
-            recording.write_joints([0.0, 1.0], [0.0], [0.0, 1.0])
+            recording.write_joints(Joints(np.array([0.0, 1.0]), np.zeros(1), np.array([0.0, 1.0])))
 
 
 def test_use_outside_the_context(paper, session, tmp_path):

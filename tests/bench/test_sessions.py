@@ -1,0 +1,239 @@
+"""Sessions that are cut short in every way go on where they stopped, and lose nothing."""
+
+import hashlib
+import json
+import os
+import random
+import subprocess
+import sys
+from collections import Counter
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from analysis.press import load_press
+from analysis.repeatability import repeatability
+from daq.file.head import read_session
+from daq.reading import read_recording
+from rig.load import load_rig, with_values
+from robot.galil import GalilController
+from robot.session import Item, make_presses
+from sim_backend.bench import StandIn
+from sim_backend.scene import load_scene, parse_scene
+from trajectory.press import plan_press
+from trajectory.timing import press_law
+
+BARE = """
+description = "a key without strings: quick"
+finger = "ideal"
+plectrum = "none"
+string = "none"
+friction = false
+felt = false
+step = "1 ms"
+"""
+
+
+@pytest.fixture
+def bare(tmp_path):
+    path = tmp_path / "bare.toml"
+    path.write_text(BARE)
+    return path
+
+
+def names(out: Path) -> list[str]:
+    return sorted(path.name for path in out.iterdir())
+
+
+def fingerprints(out: Path) -> dict[str, str]:
+    return {p.name: hashlib.sha256(p.read_bytes()).hexdigest() for p in out.glob("press-*")}
+
+
+def kill_again_and_again(command, tmp_path, presses, kills, seed):
+    """Run a command until it ends by itself, killed after random presses before that."""
+    chance = random.Random(seed)
+    points = sorted(chance.sample(range(presses), kills))
+    out, made = tmp_path / "out", {}
+    for point in points:
+        with subprocess.Popen(
+            command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True
+        ) as process:
+            assert process.stdout
+            wait = max(0, point - len(list(out.glob("*.mcap"))))
+            for line in process.stdout:
+                if line.startswith("press "):  # the head: the arm is about to go
+                    break
+            for _ in range(wait):
+                process.stdout.readline()
+            try:  # somewhere in the next press or in its analysis
+                process.wait(timeout=chance.uniform(0, 0.6))
+            except subprocess.TimeoutExpired:
+                process.kill()
+        now = fingerprints(out)
+        assert made.items() <= now.items()  # nothing is lost, renamed or written again
+        made = now
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    now = fingerprints(out)
+    assert made.items() <= now.items()
+    return out, done
+
+
+def every_press_once(out, presses):
+    recordings = sorted(out.glob("*.mcap"))
+    told = [read_session(path) for path in recordings]
+    assert Counter(t.item for t in told) == Counter(range(1, presses + 1))
+    assert len({t.session for t in told}) == 1
+    assert sorted(told, key=lambda t: t.press) == sorted(told, key=lambda t: t.item or 0)
+    return recordings
+
+
+@pytest.mark.parametrize(
+    ("presses", "kills"),
+    [
+        pytest.param(12, 3, marks=pytest.mark.timeout(300)),
+        pytest.param(1000, 10, marks=[pytest.mark.slow, pytest.mark.timeout(7200)]),
+    ],
+)
+def test_killed_at_random_moments_and_resumed(tmp_path, bare, rig_file, presses, kills):
+    patient = rig_file(timeout='"20 s"')  # however busy the machine is
+    command = [
+        *(sys.executable, "-m", "sautereau", "press", str(patient), "--scene", str(bare)),
+        *("-n", str(presses), "--out", "out"),
+    ]
+    out, done = kill_again_and_again(command, tmp_path, presses, kills, seed=presses)
+    recordings = every_press_once(out, presses)
+    for path in recordings:
+        assert read_recording(path).n_samples > 1000
+    for left in out.glob("*.part"):
+        assert left.name in done.stdout
+    assert len({read_session(path).seed for path in recordings}) >= min(kills, 2)
+    again = subprocess.run(
+        [*command, "--json"], cwd=tmp_path, capture_output=True, text=True, check=True
+    )
+    assert json.loads(again.stdout)["left"] == 0
+    assert every_press_once(out, presses) == recordings
+
+
+def test_another_plan_in_the_same_folder_is_refused_with_the_differences(
+    sautereau, tmp_path, bare, rig_file
+):
+    assert sautereau("press", "--scene", bare, "--out", "out", "--seed", 1).returncode == 0
+    before = names(tmp_path / "out")
+    done = sautereau("press", "--scene", "ideal", "--out", "out", "-n", 2, "--seed", 2)
+    assert done.returncode == 1
+    for word in ("presses.1.repeats: 1 then, 2 now", "scene.string", "seed: 1 then, 2", "--out"):
+        assert word in done.stderr
+    other = rig_file(overlap='"0.3 mm"')
+    done = sautereau("press", other, "--scene", bare, "--out", "out")
+    assert "rig.plectrum.overlap" in done.stderr
+    assert names(tmp_path / "out") == before
+
+
+def test_a_table_of_presses_with_warm_up_on_the_stand_in(sautereau, tmp_path):
+    (tmp_path / "plan.csv").write_text(
+        "press.jack_speed, plectrum.overlap, repeats, notes\n"
+        "0.06 m/s, , 3, slow\n"
+        "0.08 m/s, 0.35 mm, , \n"
+    )
+    done = sautereau(
+        *("press", "--scene", "ideal", "--table", "plan.csv", "--warm-up", 1, "--json"),
+        *("--rest", "1 ms", "--notes", "monday", "--out", "out"),
+    )
+    assert done.returncode == 0, done.stderr
+    result = json.loads(done.stdout)
+    assert [press["warm_up"] for press in result["presses"]] == [1, 0, 0, 0, 1, 0]
+    told = [read_session(path) for path in sorted((tmp_path / "out").glob("*.mcap"))]
+    assert [t.notes for t in told] == ["monday; slow"] * 4 + ["monday"] * 2
+    assert told[0].seed != told[4].seed
+    slow, fast = result["rows"]
+    assert slow["repeatability"]["presses"] == 3
+    assert "repeatability" not in fast
+    assert abs(slow["duration_error"]["value"]) < 0.01
+    assert abs(fast["duration_error"]["value"]) < 0.01  # a new stand-in with the other overlap
+    rig = read_recording(tmp_path / "out" / "press-0006.mcap").rig
+    assert (rig.press.jack_speed, rig.plectrum.overlap) == pytest.approx((0.08, 0.35e-3))
+
+
+def test_every_fault_of_a_table_is_told_at_once(sautereau, tmp_path):
+    (tmp_path / "plan.csv").write_text(
+        "press.jack_sped, plectrum.overlap, repeats\n, 3 kg, 2\n, 9 mm, none\n"
+    )
+    done = sautereau("press", "--sim", "--table", "plan.csv", "--out", "out")
+    assert done.returncode == 1
+    for word in ("did you mean 'jack_speed'", "line 2", "'3 kg'", "line 3", "'none'", "9 mm"):
+        assert word in done.stderr
+    (tmp_path / "plan.csv").write_text("press.jack_speed\n0.9 m/s\n0.07 m/s\n0.8 m/s\n")
+    done = sautereau("press", "--sim", "--table", "plan.csv", "--out", "out")
+    assert "line 2" in done.stderr
+    assert "line 4" in done.stderr
+    assert not (tmp_path / "out").exists()
+
+
+def test_the_operator_sets_the_instrument_on_the_hardware(sautereau, rig_file, tmp_path):
+    with StandIn(load_rig(), parse_scene(BARE)) as served:
+        rig = rig_file(port=f'"{served.serial_port}"', address=f'"{served.daq_address}"')
+        table = "plectrum.overlap, repeats\n , 1\n0.30 mm, 1\n , 1\n"
+        (tmp_path / "plan.csv").write_text(table)
+        command = ("press", rig, "--table", "plan.csv", "--out", "out", "--json")
+        for made, wanted in ((1, "0.30 mm"), (2, "0.000263 m"), (3, None)):
+            done = sautereau(*command)
+            assert done.returncode == 0, done.stderr
+            result = json.loads(done.stdout)
+            assert len(result["recordings"]) == made
+            assert result["left"] == 3 - made
+            assert result["to_set"] == ({"plectrum.overlap": wanted} if wanted else {})
+    overlaps = [read_recording(tmp_path / p).rig.plectrum.overlap for p in result["recordings"]]
+    assert overlaps == pytest.approx([0.263e-3, 0.30e-3, 0.263e-3])
+
+
+def test_on_a_terminal_the_operator_is_asked_and_waited_for(rig_file, tmp_path):
+    with StandIn(load_rig(), parse_scene(BARE)) as served:
+        rig = rig_file(port=f'"{served.serial_port}"', address=f'"{served.daq_address}"')
+        (tmp_path / "plan.csv").write_text("plectrum.overlap\n0.30 mm\n")
+        command = ["press", str(rig), "--table", "plan.csv", "--out", "out", "--json"]
+        master, slave = os.openpty()
+        with subprocess.Popen(
+            [sys.executable, "-m", "sautereau", *command],
+            cwd=tmp_path, stdin=slave, stderr=slave, stdout=subprocess.PIPE, text=True,
+        ) as process:  # fmt: skip
+            asked = b""
+            while b"Enter" not in asked:
+                asked += os.read(master, 1024)
+            assert b"plectrum.overlap = 0.30 mm" in asked
+            assert not (tmp_path / "out").exists()
+            os.write(master, b"\n")
+            result = json.loads(process.communicate(timeout=60)[0])
+        for end in (master, slave):
+            os.close(end)
+    assert (len(result["recordings"]), result["left"], result["to_set"]) == (1, 0, {})
+
+
+def test_a_known_jitter_is_recovered_within_its_interval(tmp_path):
+    """Each press is planned with a speed of its own; the recordings know only the nominal one."""
+    presses, sigma = 10, 4e-3
+    speeds = 1 + sigma * np.random.default_rng(5).standard_normal(presses)
+    with StandIn(load_rig(), parse_scene(BARE)) as stand_in:
+        rig = stand_in.rig
+        nominal = rig.press.jack_speed
+        plans = [
+            plan_press(with_values(rig, {"press.jack_speed": f"{nominal * speed} m/s"}))
+            for speed in speeds
+        ]
+        paths = make_presses(GalilController(rig), tmp_path, (Item(rig, plan) for plan in plans))
+    found = repeatability([load_press(path) for path in paths], press_law(rig.press))
+    spread = found.velocity_repeatability
+    assert spread.low < 3 * sigma < spread.high
+    assert spread.value == pytest.approx(3 * speeds.std(ddof=1), rel=0.02)
+    assert found.velocity_accuracy == pytest.approx(speeds.mean() - 1, abs=3e-4)
+
+
+def test_sensors_noise_is_far_below_a_robots_repeatability(tmp_path):
+    with StandIn(load_rig(), load_scene("paper"), 1) as stand_in:
+        rig = stand_in.rig
+        items = [Item(rig, plan_press(rig))] * 4
+        paths = make_presses(GalilController(rig), tmp_path, items)
+    found = repeatability([load_press(path) for path in paths], press_law(rig.press))
+    assert found.velocity_repeatability.value < 1e-3
+    assert found.path_repeatability < 20e-6
