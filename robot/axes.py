@@ -8,12 +8,14 @@ from robot.dmc import stop_reason
 from robot.errors import (
     CommandRefused,
     GarbledAnswer,
-    LineLost,
     MotionFault,
     RobotError,
     SettingNotTaken,
 )
+from robot.handshake import verify
 from robot.line import Line
+from robot.program import LEFT, PRESS, TICK, TORQUES, WATCH
+from robot.watchdog import TICKS
 from trajectory.segments import Counts
 
 STOPPING = 5.0
@@ -21,6 +23,9 @@ STOPPING = 5.0
 SETTLING = 1.0
 """s that a joint may take to come within tolerance after a motion."""
 _POLL = 0.01
+_QUIET = (f"HX {PRESS}", f"HX {TORQUES}", "OF 0,0", "RC 0")
+_STATE = ("_MOA", "_MOB", "_BGA", "_BGB", "_OFA", "_OFB")
+_SAFE = [1, 1, 0, 0, 0, 0]
 
 
 class Axes:
@@ -76,7 +81,13 @@ class Axes:
 
     def check_stop(self, what: str, normal: Collection[int]) -> None:
         """Refuse a motion that stopped for another reason than ``normal`` stop codes say."""
-        codes = self.line.read("_SCA", "_SCB")
+        *codes, watch = self.line.read("_SCA", "_SCB", f"_XQ{WATCH}")
+        if watch < 0:
+            raise MotionFault(
+                f"{what} broke off: the controller's watchdog has switched the motors off, for"
+                " the host was too long without a sign of life (controller.watchdog_period);"
+                " take load off this machine, then home() again"
+            )
         if faults := [
             f"joint {joint} {stop_reason(code)}"
             for joint, code in enumerate(codes, 1)
@@ -86,8 +97,18 @@ class Axes:
                 f"{what} broke off: {', '.join(faults)}; remove the cause, then home() again"
             )
 
-    def switch_on(self) -> None:
-        """Switch the motors on where they stand, and verify."""
+    def switch_on(self, watchdog_period: float) -> None:
+        """Let the watchdog run and see it count; then switch the motors on, and verify.
+
+        Args:
+            watchdog_period: s without `renew` until the watchdog strikes.
+        """
+        tick = round(watchdog_period * 1e3 / TICKS)
+        self.line.ask(f"{TICK}={tick}", f"{LEFT}={TICKS}")
+        verify(self.line, {TICK: tick, LEFT: TICKS})
+        self.line.ask(f"XQ #WATCH,{WATCH}")
+        self.await_(lambda: self._watched() < TICKS, "the watchdog's first count", STOPPING)
+        self.renew()
         self.line.ask("SH AB")
         if any(self.line.read("_MOA", "_MOB")):
             raise SettingNotTaken(
@@ -95,10 +116,24 @@ class Axes:
                 " emergency stop and the amplifiers"
             )
 
+    def _watched(self) -> float:
+        """Return the counts that the watchdog has left; it must be running."""
+        left, running = self.line.read(LEFT, f"_XQ{WATCH}")
+        if running < 0:
+            raise SettingNotTaken(
+                f"controller on {self.line.name}: its watchdog does not run; connect() again"
+            )
+        return left
+
+    def renew(self, patient: Callable[[], bool] | None = None) -> None:
+        """Give the watchdog a sign of life; ``patient`` as for `Line.ask`."""
+        self.line.ask(f"{LEFT}={TICKS}", patient=patient)
+
     def stop(self) -> None:
-        """Decelerate to a stand, motors on."""
+        """Decelerate to a stand, motors on, without a torque from the program."""
         self.line.resynchronise()
         self._insist("ST AB")
+        self._insist(*self._quiet)
         self.await_standing("the stop", STOPPING)
 
     def switch_off(self) -> None:
@@ -116,31 +151,31 @@ class Axes:
         Raises:
             RobotError: The controller did not confirm that the motors are off.
         """
-        for command in ("AB", "MO AB", f"CB {self.trigger_output}"):
+        state: list[float] = []
+        for _ in range(2):  # what was sent before may have spoilt the first
             try:
-                self._insist(command)
-            except LineLost:
-                raise
-            except RobotError:  # the next one may pass, and the reading back decides
-                continue
-        try:
-            state = self._read_state()
-        except GarbledAnswer:  # a late answer of an earlier command
-            state = self._read_state()
-        if state != [1, 1, 0, 0]:
-            raise MotionFault(
-                f"the controller reads _MOA,_MOB,_BGA,_BGB = {state}, not motors off and standing"
-            )
+                state = self.line.insist(("AB", "MO AB", ";".join(self._quiet)), *_STATE)
+            except GarbledAnswer:
+                state = self.line.insist((), *_STATE)
+            if state == _SAFE:
+                return
+        raise MotionFault(
+            f"the controller reads {','.join(_STATE)} = {state}, not motors off and standing"
+        )
 
-    def _read_state(self) -> list[float]:
-        self.line.resynchronise()
-        return self.line.read("_MOA", "_MOB", "_BGA", "_BGB")
+    def shout(self) -> None:
+        """Say once more what `abort` says to a controller that does not answer."""
+        self.line.shout("AB", "MO AB", ";".join(self._quiet))
 
-    def _insist(self, command: str) -> None:
-        """Send a command, again where a broken-off line before it spoilt the first."""
-        self.line.resynchronise()
+    @property
+    def _quiet(self) -> tuple[str, ...]:
+        """What ends the program's doings but its watchdog's."""
+        return (*_QUIET, f"CB {self.trigger_output}")
+
+    def _insist(self, *commands: str) -> None:
+        """Send commands, again where a broken-off line before them spoilt the first."""
         try:
-            self.line.ask(command)
+            self.line.ask(*commands)
         except (CommandRefused, GarbledAnswer):
             self.line.resynchronise()
-            self.line.ask(command)
+            self.line.ask(*commands)

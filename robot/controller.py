@@ -2,17 +2,20 @@
 
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
-from typing import Protocol, Self
+from typing import TYPE_CHECKING, Protocol, Self
 
 import numpy as np
 
 from trajectory.motion import Floats
 from trajectory.segments import Counts, Segments
 
+if TYPE_CHECKING:
+    from robot.feedforward import TorqueTable
+
 
 @dataclass(frozen=True)
 class Capture:
-    """Encoder positions of one motion, taken by the controller on its own clock."""
+    """What the controller recorded of one motion on its own clock."""
 
     samples: Counts
     """Controller samples since the capture and the motion began; shape (n,)."""
@@ -20,6 +23,11 @@ class Capture:
     """Counts, absolute joint positions; shape (n, 2)."""
     sample_period: float
     """s, of one controller sample."""
+    following_errors: Counts | None = None
+    """Counts, by which the joints are short of where they should be; shape (n, 2). None where
+    the controller does not record them."""
+    torques: Floats | None = None
+    """N m, that the controller asked the amplifiers for; shape (n, 2). None as above."""
 
     def __len__(self) -> int:
         return len(self.samples)
@@ -78,8 +86,19 @@ class MotionController(Protocol):
         """
         ...
 
-    def load(self, segments: Segments) -> Segments:
-        """Preload a motion; return what was really sent."""
+    def load(self, segments: Segments, torque: "TorqueTable | None" = None) -> Segments:
+        """Preload a motion; return what was really sent.
+
+        Args:
+            segments: The motion.
+            torque: Joint torques over time that the controller adds to those of its position
+                loops, from the start of motion on; None for none.
+        """
+        ...
+
+    @property
+    def loaded_torque(self) -> "TorqueTable | None":
+        """The torques that the loaded motion takes, as the controller holds them; None for none."""
         ...
 
     def arm(self) -> None:
@@ -95,7 +114,11 @@ class MotionController(Protocol):
         ...
 
     def capture(self) -> Capture:
-        """Read the encoder positions of the last whole motion."""
+        """Read what was recorded of the last whole motion."""
+        ...
+
+    def check_home(self) -> None:
+        """Go back to the home switches, and refuse to go on if they are not where they were."""
         ...
 
     def positions(self) -> Counts:

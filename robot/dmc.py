@@ -6,11 +6,6 @@ import numpy as np
 
 from trajectory.segments import Counts, Segments
 
-CAPTURE_INTERVAL = 2
-"""Controller samples between two rows of a capture: RC n records every 2^n, n from 1."""
-_RECORD = CAPTURE_INTERVAL.bit_length() - 1
-_SETTLE = 20
-"""ms that the capture runs on after the motion; at TM 1000 no fewer controller samples."""
 END_OF_MOTION = ("PVA=0,0,0", "PVB=0,0,0")
 """Ends PVT mode after the segments before it."""
 CLEAR_SEGMENTS = ("PVA=0,0,-1", "PVB=0,0,-1")
@@ -72,26 +67,3 @@ def segments_from(commands: Sequence[str], start: Counts) -> Segments:
         velocities=numbers[:, :, 1],
         samples=numbers[:, 0, 2],
     )
-
-
-def press_program(trigger_output: int) -> list[str]:
-    """Return the program that captures, triggers and moves, beginning in one sample."""
-    return [
-        "#PRESS",
-        f"RC {_RECORD};SB {trigger_output};BT AB",
-        "AM AB",
-        f"WT {_SETTLE}",
-        "RC 0",
-        f"CB {trigger_output}",
-        "EN",
-    ]
-
-
-def capture_rows(total_samples: int) -> int:
-    """Return how many rows a capture of a motion of ``total_samples`` fills for certain."""
-    return (total_samples + _SETTLE - 2 * CAPTURE_INTERVAL) // CAPTURE_INTERVAL + 1
-
-
-def capture_commands(rows: int) -> list[str]:
-    """Return the commands that give the capture ``rows`` rows of both encoders."""
-    return ["DA *[]", f"DM XA[{rows}],XB[{rows}]", "RA XA[],XB[]", "RD _TPA,_TPB"]

@@ -7,19 +7,22 @@ import math
 import sys
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from typing import Literal, Self
+from contextlib import AbstractContextManager, contextmanager
+from typing import Self
 
 import numpy as np
 
 from rig.schema import Rig
 from robot.axes import Axes
 from robot.dmc import HOMED_ENDS, NORMAL_ENDS
-from robot.errors import NotReady, RobotError
-from robot.handshake import introduce, verify
+from robot.errors import MotionFault, NotReady, RobotError
+from robot.handshake import introduce, set_limits, verify
 from robot.limits import Limits
 from robot.line import Line
 from robot.port import Port, open_port
+from robot.program import controller_program
+from robot.states import State, States
+from robot.watchdog import Renewing
 from trajectory.counts import to_counts
 from trajectory.segments import Counts
 
@@ -30,11 +33,12 @@ _NO_LIMITS = ("FL 2147483647,2147483647", "BL -2147483648,-2147483648")
 _SAFE = "The arm was stopped and its motors are off: the controller confirms it."
 _NOT_SAFE = (
     "The motors are NOT confirmed off ({reason}): press the emergency stop. A motion that the"
-    " controller has begun goes on to its end."
+    " controller has begun goes on until its watchdog strikes, {period:g} s after the host's last"
+    " sign of life."
 )
 
-Stage = Literal["empty", "loaded", "armed", "running", "done"]
-"""How far a press has come."""
+Renewal = Callable[[Callable[[Callable[[], bool]], None], float], AbstractContextManager[object]]
+"""Makes what gives the watchdog its signs of life; called as `Renewing` is."""
 
 
 class GalilArm:
@@ -45,6 +49,7 @@ class GalilArm:
         open_port: Opens the port: name, baud rate, timeout in seconds.
         clock: Seconds, of any origin.
         sleep: Wait for seconds.
+        renewing: Gives the controller's watchdog signs of life while the motors are on.
     """
 
     def __init__(
@@ -54,14 +59,15 @@ class GalilArm:
         open_port: Callable[[str, int, float], Port] = open_port,
         clock: Callable[[], float] = time.monotonic,
         sleep: Callable[[float], None] = time.sleep,
+        renewing: Renewal = Renewing,
     ):
-        self._arm, self._settings = rig.arm, rig.controller
+        self._rig, self._arm, self._settings = rig, rig.arm, rig.controller
         self._limits = Limits(rig.arm)
         self._open_port, self._clock, self._sleep = open_port, clock, sleep
+        self._renewing = renewing
         self._connection: Axes | None = None
         self._identity = ""
-        self._homed = self._powered = False
-        self._stage: Stage = "empty"
+        self._states = States()
 
     @property
     def identity(self) -> str:
@@ -74,20 +80,28 @@ class GalilArm:
         """Whether the controller says of itself that it is a stand-in."""
         return "SIM" in self.identity
 
+    @property
+    def state(self) -> State:
+        """What state the arm is in; see `robot.states`."""
+        return self._states.now
+
     def connect(self) -> str:
-        """Open the port, set sample period and error limits, and return the identity."""
+        """Open the port, switch off, load limits and program, and return the identity."""
         if self._connection is not None:
             raise NotReady("connect: already connected; call disconnect() first")
         name, timeout = self._settings.port, self._settings.timeout
         line = Line(self._open_port(name, self._settings.baud_rate, timeout), name, timeout)
         try:
             self._identity = introduce(line, self._settings)
+            axes = Axes(line, self._settings.trigger_output, self._clock, self._sleep)
+            axes.abort()
+            set_limits(line, self._rig, self._limits)
+            line.download(controller_program(self._settings.trigger_output))
         except BaseException:
             line.close()
             raise
-        self._homed = self._powered = False
-        self._stage = "empty"
-        self._connection = Axes(line, self._settings.trigger_output, self._clock, self._sleep)
+        self._states.enter(State.OFF)
+        self._connection = axes
         return self._identity
 
     def disconnect(self) -> None:
@@ -96,14 +110,16 @@ class GalilArm:
         if axes is None:
             return
         try:
-            if self._powered:
+            if self._states.now is State.FAULTED:
+                axes.shout()
+            elif self._states.on:
                 if earlier is None:
                     self._switch_off(axes)
                 else:
                     self._make_safe(earlier, lambda: self._switch_off(axes))
         finally:
             self._connection = None
-            self._homed = self._powered = False
+            self._states.enter(State.OFF)
             axes.line.close()
 
     def __enter__(self) -> Self:
@@ -117,42 +133,71 @@ class GalilArm:
     def powered(self) -> Iterator[Self]:
         """Switch the motors on; leaving, by whatever way, stops and switches them off."""
         axes = self._axes("powered")
-        if self._powered:
-            raise NotReady("powered: the motors are on already; leave the first block first")
-        self._powered = True
+        self._states.require("powered")
+        self._states.enter(State.STOPPED)
         try:
-            axes.switch_on()
-            yield self
+            axes.switch_on(self._settings.watchdog_period)
+            with self._renewing(axes.renew, self._settings.watchdog_period):
+                yield self
         except BaseException as error:
-            if self._powered:
+            if self._states.on and self._states.now is not State.FAULTED:
                 self._make_safe(error, lambda: self._switch_off(axes))
             raise
         else:
-            if self._powered:
+            if self._states.on:
                 self._switch_off(axes)
-        finally:
-            self._powered = False
 
     def home(self) -> Counts:
         """Find the home switches; return the joint positions (counts, (2,)) set there."""
-        axes = self._axes("home", powered=True, standing=True)
+        axes = self._axes("home")
+        self._states.require("home")
         line = axes.line
-        home = to_counts(self._arm.home_angles, self._arm.counts_per_revolution)
-        (low_a, low_b), (high_a, high_b) = self._limits.lower, self._limits.upper
-        self._homed = False
-        with self._guarded(axes):
+        home = self._home_counts()
+        with self._guarded(axes), self._states.moving(State.HOMED):
             # Until the switches are found, positions mean nothing, and so do their limits.
             line.ask(*_NO_LIMITS)
             line.ask(*self._limits.profile(self._limits.in_counts(_HOMING_SPEED)))
-            line.ask("HM AB", "BG AB")
+            line.ask("HM AB")
+            line.ask("BG AB")
             axes.await_standing("homing", 2 * math.pi / _HOMING_SPEED + MARGIN)
             axes.check_stop("homing", HOMED_ENDS)
             line.ask(f"DP {home[0]},{home[1]}")
             axes.settle(home, self._limits.tolerance)
-            line.ask(f"FL {high_a},{high_b}", f"BL {low_a},{low_b}")
-            verify(line, {"_FLA": high_a, "_FLB": high_b, "_BLA": low_a, "_BLB": low_b})
-        self._homed = True
+            line.ask(*self._limits.software())
+            verify(line, self._limits.software_settings())
         return home
+
+    def check_home(self) -> None:
+        """Go back to the home switches, and refuse to go on if they are not where they were.
+
+        The arm comes to either side of them, `controller.home_tolerance` off.
+
+        Raises:
+            MotionFault: An encoder has slipped, or a switch has moved; the motors are off.
+        """
+        axes = self._axes("check_home")
+        self._states.require("check_home")
+        home, tolerance = self._home_counts(), self._settings.home_tolerance
+        levels = []
+        for side in (-1, 1):
+            self.move_to(home + side * tolerance, self._limits.in_counts(self._arm.approach_speed))
+            levels.append(axes.line.read("_HMA", "_HMB"))
+        slipped = [
+            f"joint {joint}"
+            for joint, (before, behind) in enumerate(zip(*levels, strict=True), 1)
+            if (before, behind) != (0, 1)
+        ]
+        if slipped:
+            with self._guarded(axes):
+                raise MotionFault(
+                    f"the home switch of {' and '.join(slipped)} is not within {tolerance} counts"
+                    " of where it was found (controller.home_tolerance): an encoder has slipped or"
+                    " a switch has moved; distrust what was recorded since home(), check coupling"
+                    " and switch, then home() again"
+                )
+
+    def _home_counts(self) -> Counts:
+        return to_counts(self._arm.home_angles, self._arm.counts_per_revolution)
 
     def move_to(self, counts: Counts, speed_counts_per_s: float) -> Counts:
         """Move both joints from point to point, and wait until they stand there.
@@ -165,13 +210,19 @@ class GalilArm:
         Returns:
             Counts, target as it was sent; shape (2,).
         """
-        axes = self._axes("move_to", powered=True, homed=True, standing=True)
+        axes = self._axes("move_to")
+        self._states.require("move_to")
         target = np.rint(counts).astype(np.int64)
         self._limits.check_move(target, speed_counts_per_s)
-        with self._guarded(axes):
+        loaded = self._states.now is not State.HOMED
+        with (
+            self._guarded(axes),
+            self._states.moving(State.LOADED if loaded else State.HOMED),
+        ):
             distance = int(np.abs(target - axes.positions()).max())
             axes.line.ask(*self._limits.profile(speed_counts_per_s))
-            axes.line.ask(f"PA {target[0]},{target[1]}", "BG AB")
+            axes.line.ask(f"PA {target[0]},{target[1]}")
+            axes.line.ask("BG AB")
             axes.await_standing("the move", distance / speed_counts_per_s + MARGIN)
             axes.check_stop("the move", NORMAL_ENDS)
             axes.settle(target, self._limits.tolerance)
@@ -184,27 +235,20 @@ class GalilArm:
     def stop(self) -> Counts:
         """Decelerate to a stand, motors on; return where (counts, shape (2,))."""
         axes = self._axes("stop")
-        self._stage = "empty"
+        self._states.require("stop")
         with self._guarded(axes):
             axes.stop()
+            self._states.enter(State.STOPPED)
             return axes.positions()
 
     def abort(self) -> None:
         """Stop at once and switch the motors off; raise where this is not confirmed."""
         self._confirm(self._axes("abort").abort)
 
-    def _axes(
-        self, caller: str, *, powered: bool = False, homed: bool = False, standing: bool = False
-    ) -> Axes:
-        """Return the connected axes; refuse a call that is out of order."""
+    def _axes(self, caller: str) -> Axes:
+        """Return the connected axes."""
         if self._connection is None:
             raise NotReady(f"{caller}: not connected; call connect() first")
-        if powered and not self._powered:
-            raise NotReady(f"{caller}: the motors are off; enter powered() first")
-        if homed and not self._homed:
-            raise NotReady(f"{caller}: the joints' positions are unknown; call home() first")
-        if standing and self._stage == "running":
-            raise NotReady(f"{caller}: a press is running; call wait() or stop() first")
         return self._connection
 
     @contextmanager
@@ -225,13 +269,13 @@ class GalilArm:
 
     def _confirm(self, switch_off: Callable[[], None]) -> None:
         """Switch off, and say so where the controller does not confirm it."""
-        self._stage = "empty"
+        self._states.enter(State.FAULTED)
         try:
             switch_off()
         except RobotError as error:
-            error.aftermath = _NOT_SAFE.format(reason="see above")
+            error.aftermath = self._not_safe("see above")
             raise
-        self._powered = False
+        self._states.enter(State.OFF)
 
     def _make_safe(self, error: BaseException, switch_off: Callable[[], None]) -> None:
         """Switch off, and put the outcome into an error that is on its way."""
@@ -239,8 +283,11 @@ class GalilArm:
             switch_off()
             outcome = _SAFE
         except RobotError as fault:
-            outcome = _NOT_SAFE.format(reason=fault.args[0])
+            outcome = self._not_safe(fault.args[0])
         if isinstance(error, RobotError):
             error.aftermath = outcome
         else:
             error.add_note(outcome)
+
+    def _not_safe(self, reason: str) -> str:
+        return _NOT_SAFE.format(reason=reason, period=self._settings.watchdog_period)

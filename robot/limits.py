@@ -10,6 +10,8 @@ from trajectory.counts import to_angles, to_counts
 from trajectory.segments import Counts, Segments
 
 _TOLERANCE = 25e-6
+_ROUNDING = 1.01
+"""Share of the speed limit that rounding to counts and samples may reach."""
 _RUN_UP = 0.1  # s, from rest to the speed of a move
 _STEP_OF_ACCELERATION = 1024  # counts/s^2, resolution of AC and DC
 _LARGEST_ACCELERATION = 1_073_740_800  # counts/s^2
@@ -47,6 +49,16 @@ class Limits:
         rate = steps * _STEP_OF_ACCELERATION
         return f"SP {even},{even}", f"AC {rate},{rate}", f"DC {rate},{rate}"
 
+    def software(self) -> tuple[str, str]:
+        """Return FL and BL, beyond which the controller stops by itself."""
+        (low_a, low_b), (high_a, high_b) = self.lower, self.upper
+        return f"FL {high_a},{high_b}", f"BL {low_a},{low_b}"
+
+    def software_settings(self) -> dict[str, float]:
+        """Return what the controller should read back of `software`."""
+        (low_a, low_b), (high_a, high_b) = self.lower.tolist(), self.upper.tolist()
+        return {"_FLA": high_a, "_FLB": high_b, "_BLA": low_a, "_BLB": low_b}
+
     def check_move(self, target: Counts, speed: float) -> None:
         """Refuse a move (counts, counts a second) that leaves the limits, with every fault."""
         faults = self._outside("target", target[None])
@@ -57,7 +69,7 @@ class Limits:
             )
         _refuse("move_to", faults, "choose a target and a speed inside them")
 
-    def check_motion(self, segments: Segments, segment_limit: int) -> None:
+    def check_motion(self, segments: Segments, segment_limit: int, sample_period: float) -> None:
         """Refuse segments that the controller cannot or must not play, with every fault."""
         faults = []
         if not 0 < len(segments) <= segment_limit:
@@ -71,6 +83,12 @@ class Limits:
             if segments.velocities[-1].any():
                 last = ", ".join(map(str, segments.velocities[-1]))
                 faults.append(f"ends at {last} counts/s, and must end at a stand")
+            means = segments.steps / (np.maximum(segments.samples, 1) * sample_period)[:, None]
+            peak = max(np.abs(means).max(), np.abs(segments.velocities).max())
+            if peak > self.speed * _ROUNDING:
+                faults.append(
+                    f"goes at {peak:.6g} counts/s, and arm.speed_limit is {self.speed:.6g} counts/s"
+                )
             knots = np.vstack([segments.start, segments.start + segments.steps.cumsum(axis=0)])
             faults += self._outside("motion", knots)
         _refuse("load", faults, "plan the motion anew")

@@ -1,13 +1,21 @@
-"""The request/answer line of a Galil controller: commands out, `:` or `?` back."""
+"""The request/answer line of a Galil controller: commands out, `:` or `?` back.
 
+With its echo on the controller says what it has heard, and every command is held to that:
+a byte that changed on its way is never taken for what was sent.
+"""
+
+import contextlib
 import re
-from collections.abc import Iterable, Iterator
+import threading
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 
 from robot.errors import (
     CommandRefused,
     GarbledAnswer,
     LineLost,
     RobotError,
+    SettingNotTaken,
     SilentController,
 )
 from robot.port import Port, port_errors
@@ -16,10 +24,11 @@ LONGEST_LINE = 79
 """Characters of one command line, without its carriage return."""
 _LONGEST_ANSWER = 1 << 18
 _MARK = "4711"
+_MARKED = re.compile(rf"{_MARK}(?:\.0*)?((?: +-?[0-9.]+)*)\s*:$")
 
 
 class Line:
-    """Ask one thing at a time and read exactly its answer.
+    """Ask one thing at a time and read exactly its answer; threads take turns.
 
     Args:
         port: An open serial port, whose reads end after its timeout.
@@ -29,26 +38,56 @@ class Line:
 
     def __init__(self, port: Port, name: str, timeout: float):
         self.port, self.name, self.timeout = port, name, timeout
+        self.echo = False
+        """Whether the controller repeats what it hears, and is held to it."""
         self._gone = port_errors()
+        self._lock = threading.RLock()
+        self._wanted = threading.Event()
+        self._silent: SilentController | None = None
 
-    def ask(self, *commands: str) -> str:
+    def ask(self, *commands: str, patient: Callable[[], bool] | None = None) -> str:
         """Send commands on one line and return the text that they answer.
+
+        Args:
+            commands: What to send.
+            patient: Asked after each timeout whether to go on waiting for the answer, which
+                ends when another thread has wanted the line for as long.
 
         Raises:
             CommandRefused: With the code and text of `TC1`.
             SilentController: No byte came within the timeout.
-            GarbledAnswer: Bytes that no controller sends, or that nobody asked for.
+            GarbledAnswer: Bytes that no controller sends, or that nobody asked for, or the
+                controller heard something else than was sent.
             LineLost: The port has gone away.
         """
-        if said := self._waiting():
-            self.resynchronise()
-            raise GarbledAnswer(
-                f"controller on {self.name} said {said!r} before it was asked"
-                f" {';'.join(commands)!r}: its program failed, or another program shares the"
-                " line; look the message up, then connect() again"
-            )
-        self._send(";".join(commands))
-        return self._answer(commands)
+        with self._turn(patient is None):
+            if said := self._waiting():
+                self.resynchronise()
+                raise GarbledAnswer(
+                    f"controller on {self.name} said {said!r} before it was asked"
+                    f" {';'.join(commands)!r}: its program failed, or another program shares the"
+                    " line; look the message up, then connect() again"
+                )
+            self._send(";".join(commands))
+            try:
+                return self._answer(commands, patient)
+            except SilentController as error:
+                if patient is not None:
+                    self._silent = error
+                raise
+
+    @contextmanager
+    def _turn(self, urgent: bool) -> Iterator[None]:
+        """Have the line to oneself; a silence in which nobody else got it is told once."""
+        if urgent:
+            self._wanted.set()
+        with self._lock:
+            if urgent:
+                self._wanted.clear()
+                error, self._silent = self._silent, None
+                if error is not None:
+                    raise error
+            yield
 
     def numbers(self, command: str, count: int | None = None) -> list[float]:
         """Ask a query and return the numbers that it answers; ``count`` is how many to demand."""
@@ -74,19 +113,58 @@ class Line:
         for line in pack(commands):
             self.ask(*line)
 
+    def shout(self, *commands: str) -> None:
+        """Send commands, a line each, and expect neither an answer nor that they arrive."""
+        with self._lock, contextlib.suppress(LineLost):
+            for command in commands:
+                self._send(command)
+
+    def insist(self, commands: Iterable[str], *operands: str) -> list[float]:
+        """Send commands, a line each, whatever is said to them; return operands read behind them.
+
+        For when the line cannot be trusted and there is no time for one answer after another.
+        """
+        self._wanted.set()
+        with self._lock:
+            self._wanted.clear()
+            self._silent = None
+            self.resynchronise()
+            for command in commands:
+                self._send(command)
+            return self._after_mark(operands)[0]
+
+    def _after_mark(self, operands: tuple[str, ...]) -> tuple[list[float], str]:
+        """Ask for a number of our own and operands; return them, and all that was said."""
+        self._send(f"MG {','.join((_MARK, *operands))}")
+        received = ""
+        while True:
+            received += self._more(_MARK, received)
+            if (found := _MARKED.search(received)) and len(found[1].split()) == len(operands):
+                return [float(word) for word in found[1].split()], received
+
     def download(self, program: Iterable[str]) -> None:
         """Replace the controller's program.
 
         How many `:` a download answers differs between firmwares, so a number of our own
-        is asked for afterwards and everything before it belongs to the download.
+        is asked for afterwards and everything before it belongs to the download. Then the
+        program is listed and compared.
+
+        Raises:
+            SettingNotTaken: The controller holds another program.
         """
-        for text in ("DL", *program, "\\", f"MG {_MARK}"):
-            self._send(text)
-        received = ""
-        while not re.search(rf"{_MARK}(\.0*)?\s*:$", received):
-            received += self._more("DL", received)
-        if "?" in received:
-            self._refuse("DL")
+        program = list(program)
+        with self._turn(urgent=True):
+            for text in ("DL", *program, "\\"):
+                self._send(text)
+            _, said = self._after_mark(())
+            if "?" in said:
+                self._refuse("DL")
+            held = [line.partition(" ")[2] for line in self.ask("LS").split("\r\n")]
+        if held != program:
+            raise SettingNotTaken(
+                f"controller on {self.name} holds another program than was sent:"
+                f" {_short(str(held))}; connect() again, and check the cable's shield"
+            )
 
     def resynchronise(self) -> None:
         """Forget whatever the controller has said so far."""
@@ -115,26 +193,48 @@ class Line:
         except self._gone as error:
             raise self._lost(text, error) from error
 
-    def _answer(self, commands: tuple[str, ...]) -> str:
-        received = ""
+    def _answer(self, commands: tuple[str, ...], patient: Callable[[], bool] | None = None) -> str:
+        sent, received = ";".join(commands), ""
         while received.count(":") < len(commands):
-            received += self._more(";".join(commands), received)
+            received += self._more(sent, received, patient)
             if "?" in received:
-                self._refuse(commands[received.partition("?")[0].count(":")])
-        if not received.endswith(":") or received.count(":") != len(commands):
+                done = self._heard_of(sent, received.partition("?")[0]).count(":")
+                if done < len(commands):
+                    self._refuse(commands[done])
+                break
+        told = self._heard_of(sent, received)
+        if not told.endswith(":") or told.count(":") != len(commands):
             raise GarbledAnswer(
-                f"controller on {self.name} answered {';'.join(commands)!r} with"
+                f"controller on {self.name} answered {sent!r} with"
                 f" {_short(received)}, more than was asked; check that no other program shares"
                 " the line, then connect() again"
             )
-        return received.replace(":", "").strip()
+        return told.replace(":", "").strip()
 
-    def _more(self, asked: str, received: str) -> str:
+    def _heard_of(self, sent: str, received: str) -> str:
+        """Return what follows the echo of what was sent."""
+        if not self.echo:
+            return received
+        heard, told = received[: len(sent)], received[len(sent) :]
+        if heard != sent or not told.startswith("\r"):
+            self.resynchronise()
+            raise GarbledAnswer(
+                f"controller on {self.name} was sent {_short(sent)} and heard"
+                f" {_short(received.partition(chr(13))[0])}; check the cable's shield and"
+                " controller.baud_rate"
+            )
+        return told
+
+    def _more(self, asked: str, received: str, patient: Callable[[], bool] | None = None) -> str:
         """Return at least one character more of an answer."""
-        try:
-            data = self.port.read(max(1, self.port.in_waiting))
-        except self._gone as error:
-            raise self._lost(asked, error) from error
+        while True:
+            wanted = self._wanted.is_set()
+            try:
+                data = self.port.read(max(1, self.port.in_waiting))
+            except self._gone as error:
+                raise self._lost(asked, error) from error
+            if data or wanted or patient is None or not patient():
+                break
         if not data:
             so_far = f" after {_short(received)}" if received else ""
             raise SilentController(

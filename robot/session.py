@@ -1,22 +1,57 @@
-"""A session: n presses, each recorded, the arm made safe by whatever way it ends."""
+"""Presses one after the other, each recorded, the arm made safe by whatever way they end."""
 
 import re
-from collections.abc import Callable
+import time
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
 
 from daq.acquisition import Acquisition
+from daq.recorded import Joints
 from daq.recording import Recording, SessionInfo
 from rig.schema import Rig
-from robot.controller import MotionController
+from robot.controller import Capture, MotionController
 from robot.errors import RobotError
+from robot.feedforward import TorqueTable
 from trajectory.counts import to_angles
+from trajectory.motion import Floats
 from trajectory.press import Trajectory
 from trajectory.segments import Segments
 
 FILE = "press-{:04d}.mcap"
+_NAME = re.compile(r"press-(\d+)\.mcap")
+
+
+@dataclass(frozen=True)
+class Item:
+    """One press to be made, and what its recording says of it."""
+
+    rig: Rig
+    """The bench, with the addresses to use."""
+    trajectory: Trajectory
+    number: int | None = None
+    """Of the press in the session's plan, from 1; None without a plan."""
+    warm_up: bool = False
+    """Whether it only warms the arm up."""
+    notes: str = ""
+    """The operator's."""
+    torques: TorqueTable | None = None
+    """Added to those of the position loops; None for nothing."""
+
+
+@dataclass(frozen=True)
+class Origin:
+    """What all recordings of a session say alike."""
+
+    session: str = ""
+    """Identity of the session."""
+    scene: str = ""
+    """Of the stand-in, as text; empty on the hardware."""
+    seed: int | None = None
+    """Of the stand-in's random numbers."""
 
 
 def run_session(
@@ -26,15 +61,9 @@ def run_session(
     out: Path,
     n: int,
     *,
-    scene: str = "",
-    seed: int | None = None,
-    notes: str = "",
     on_press: Callable[[Path], None] = lambda path: None,
 ) -> list[Path]:
-    """Make n presses and record each in a file of its own.
-
-    A press is durable before the next begins. Numbers go on from the highest that the
-    folder holds, so that nothing already made is ever overwritten.
+    """Make n equal presses and record each in a file of its own; see `make_presses`.
 
     Args:
         rig: The bench.
@@ -42,9 +71,6 @@ def run_session(
         controller: Not yet connected.
         out: Folder of the recordings; it is made.
         n: Presses.
-        scene: TOML text of the stand-in's scene; empty on the hardware.
-        seed: Of the stand-in's random numbers.
-        notes: The operator's.
         on_press: Called with each finished recording.
 
     Raises:
@@ -52,21 +78,73 @@ def run_session(
     """
     if n < 1:
         raise RobotError(f"session: {n} presses were asked for; ask for 1 or more")
-    speed = rig.arm.approach_speed * rig.arm.counts_per_revolution / (2 * np.pi)
+    items = [Item(rig, trajectory)] * n
+    return make_presses(controller, out, items, on_press=lambda item, path: on_press(path))
+
+
+def make_presses(
+    controller: MotionController,
+    out: Path,
+    items: Iterable[Item],
+    origin: Origin = Origin(),
+    *,
+    rest: float = 0.0,
+    on_ready: Callable[[], None] = lambda: None,
+    on_press: Callable[[Item, Path], None] = lambda item, path: None,
+    sleep: Callable[[float], None] = time.sleep,
+) -> list[Path]:
+    """Make presses with the motors on throughout, and record each in a file of its own.
+
+    A press is durable before the next begins. Numbers go on from the highest that the
+    folder holds, so that nothing already made is ever overwritten.
+
+    Args:
+        controller: Not yet connected.
+        out: Folder of the recordings; it is made.
+        items: The presses; the next one may depend on what `on_press` has seen.
+        origin: What all recordings say alike.
+        rest: s, that the arm stands still between presses.
+        on_ready: Called once, with the folder there and the motors still off.
+        on_press: Called with each press and its finished recording.
+        sleep: Wait for seconds.
+
+    Raises:
+        SautereauError: Whatever went wrong; the arm has been stopped and switched off.
+    """
     made: list[Path] = []
     with controller:
-        numbers = _free_numbers(out, n)
+        number = _free_number(out)
+        on_ready()
         with controller.powered():
-            controller.home()
-            controller.move_to(trajectory.hover, speed)
-            _play(controller, trajectory.approach)
-            for number in numbers:
+            stands: Trajectory | None = None
+            for item in items:
+                if stands is not None and rest:
+                    sleep(rest)
+                _go_to(controller, item, stands)
+                stands = item.trajectory
                 path = out / FILE.format(number)
-                _press(rig, trajectory, controller, path, number, scene, seed, notes)
+                _press(controller, item, path, number, origin)
                 made.append(path)
-                on_press(path)
-            _play(controller, trajectory.retreat)
+                number += 1
+                on_press(item, path)
+            if stands is not None:
+                _play(controller, stands.retreat)
+                controller.check_home()
     return made
+
+
+def _go_to(controller: MotionController, item: Item, stands: Trajectory | None) -> None:
+    """Bring the finger to where a press begins, from home or from the last press's end."""
+    wanted = item.trajectory
+    if stands is None:
+        controller.home()
+    elif (stands.segments.end == wanted.segments.start).all():
+        return
+    else:
+        _play(controller, stands.retreat)
+    per_radian = item.rig.arm.counts_per_revolution / (2 * np.pi)
+    controller.move_to(wanted.hover, item.rig.arm.approach_speed * per_radian)
+    _play(controller, wanted.approach)
 
 
 def _play(controller: MotionController, motion: Segments) -> None:
@@ -78,18 +156,12 @@ def _play(controller: MotionController, motion: Segments) -> None:
 
 
 def _press(
-    rig: Rig,
-    trajectory: Trajectory,
-    controller: MotionController,
-    path: Path,
-    number: int,
-    scene: str,
-    seed: int | None,
-    notes: str,
+    controller: MotionController, item: Item, path: Path, number: int, origin: Origin
 ) -> None:
     """Make one press: the acquisition is armed first, then the controller starts both."""
+    rig, trajectory = item.rig, item.trajectory
     duration = trajectory.segments.total_samples * rig.controller.sample_period + rig.daq.tail
-    controller.load(trajectory.segments)
+    controller.load(trajectory.segments, item.torques)
     controller.arm()
     with Acquisition(rig.daq, duration) as acquisition:
         session = SessionInfo(
@@ -98,28 +170,46 @@ def _press(
             simulated=acquisition.simulated or controller.simulated,
             controller=controller.identity,
             daq=acquisition.device_description,
-            scene=scene,
-            seed=seed,
-            notes=notes,
+            scene=origin.scene,
+            seed=origin.seed,
+            notes=item.notes,
+            session=origin.session,
+            item=item.number,
+            warm_up=item.warm_up,
         )
         with Recording(path, rig, session=session, rate=acquisition.rate) as recording:
             acquisition.start()
             controller.start()
             for block in acquisition.blocks():
                 recording.write_block(block)
-            controller.wait()
+            # An event flushes, and what follows may take a while.
             recording.event("trigger", f"edge on {rig.daq.trigger_source}", 0.0)
+            controller.wait()
+            if item.torques is not None:
+                first, second = np.abs(item.torques.torques).max(axis=0)
+                pushed = f"up to {first:.4g} N m at joint 1 and {second:.4g} N m at joint 2"
+                recording.event("feed-forward", pushed, 0.0)
             joints = trajectory.joints.position
             recording.write_plan(
                 trajectory.time, joints[:, 0], joints[:, 1], trajectory.rise.position
             )
             capture = controller.capture()
-            angles = to_angles(capture.counts, rig.arm.counts_per_revolution)
-            recording.write_joints(capture.times, angles[:, 0], angles[:, 1])
+            recording.write_joints(_joints(capture, rig))
 
 
-def _free_numbers(out: Path, n: int) -> range:
-    """Return the next n press numbers of a folder, which is made if it is not there."""
+def _joints(capture: Capture, rig: Rig) -> Joints:
+    turn = rig.arm.counts_per_revolution
+    columns: dict[str, Floats] = {"q": to_angles(capture.counts, turn)}
+    if capture.following_errors is not None:
+        columns["e"] = to_angles(capture.following_errors, turn)
+    if capture.torques is not None:
+        columns["m"] = capture.torques
+    named = {f"{name}{j + 1}": c[:, j] for name, c in columns.items() for j in (0, 1)}
+    return Joints(t=capture.times, **named)
+
+
+def _free_number(out: Path) -> int:
+    """Return the first press number that a folder has free; it is made if it is not there."""
     try:
         out.mkdir(parents=True, exist_ok=True)
         names = [path.name for path in out.iterdir()]
@@ -127,6 +217,4 @@ def _free_numbers(out: Path, n: int) -> range:
         raise RobotError(
             f"session folder {out}: {error.strerror}; give a folder that can be written"
         ) from error
-    taken = [int(m[1]) for name in names if (m := re.match(r"press-(\d+)\.mcap", name))]
-    first = max(taken, default=0) + 1
-    return range(first, first + n)
+    return max((int(m[1]) for name in names if (m := _NAME.match(name))), default=0) + 1

@@ -4,14 +4,17 @@ import contextlib
 import os
 import threading
 import time
+from typing import TypeVar
 
 from rig.load import with_values
 from rig.schema import Rig
+from sim_backend.around_run import AroundSampledRun
 from sim_backend.clock import Clock
 from sim_backend.daqmx.server import DaqmxError, DaqmxServer, TaskSetup, serve
 from sim_backend.faults.line import bad_line
 from sim_backend.faults.strikes import Strikes
-from sim_backend.galil.firmware import GalilFirmware
+from sim_backend.firmware import new_firmware
+from sim_backend.odrive.firmware import OdriveFirmware
 from sim_backend.physics.world import new_world
 from sim_backend.plant import ArmPlant
 from sim_backend.prepare import prepared
@@ -25,6 +28,9 @@ SETTLING = 2.0
 """s, for which time goes on after a motion so that the arm comes to rest."""
 PATIENCE = 60.0
 """s of simulated time that may pass before a command is carried out."""
+
+
+AnyRun = TypeVar("AnyRun", bound=SampledRun)
 
 
 class Bench:
@@ -63,9 +69,7 @@ class Bench:
         self._closing = threading.Event()
         self._stood_at = 0.0
         self._line = bad_line(self.scene.faults, seed, self._strikes.past)
-        self.firmware = GalilFirmware(
-            self._plant, on_output=self._on_output, host_waits=not paced
-        )
+        self.firmware = new_firmware(rig, self._plant, self._on_output, paced)
         self._clock = Clock(self, self._turns, paced, self._fail)
 
     def __enter__(self) -> "Bench":
@@ -137,30 +141,46 @@ class Bench:
             DaqmxError: The card is unplugged, or the bench has failed.
         """
         with self._turns:
-            self._strikes.check_plugged()
-            if self.failure is not None:
-                raise _failed(self.failure)
-            run = SampledRun(
-                self.rig,
-                setup.terminals,
-                setup.rate,
-                setup.n_samples,
-                self.scene.sensors,
-                self._seed,
-                self._armed,
-                self.finger_force,
-                self._turns,
-                self.scene.faults,
-            )
-            self._armed += 1
-            self._runs = [*(other for other in self._runs if not other.over), run]
+            run = self._new_run(SampledRun, setup)
             if setup.trigger is None:
                 self._starts.append(self.world.time)
                 run.trigger(self.world.time)
-            elif setup.trigger.rpartition("/")[2] != self.rig.daq.trigger_source:
-                run.unwired = True
             self._turns.notify_all()
             return run
+
+    def start_around(self, setup: TaskSetup, before: int) -> AroundSampledRun:
+        """Start an acquisition of which so many samples lie before its trigger's edge.
+
+        Raises:
+            DaqmxError: The card is unplugged, or the bench has failed.
+        """
+        with self._turns:
+            run = self._new_run(AroundSampledRun, setup)
+            run.begin(self.world.time, before)
+            self._turns.notify_all()
+            return run
+
+    def _new_run(self, kind: type[AnyRun], setup: TaskSetup) -> AnyRun:
+        self._strikes.check_plugged()
+        if self.failure is not None:
+            raise _failed(self.failure)
+        run = kind(
+            self.rig,
+            setup.terminals,
+            setup.rate,
+            setup.n_samples,
+            self.scene.sensors,
+            self._seed,
+            self._armed,
+            self.finger_force,
+            self._turns,
+            self.scene.faults,
+        )
+        self._armed += 1
+        self._runs = [*(other for other in self._runs if not other.over), run]
+        trigger = setup.trigger or self.rig.daq.trigger_source
+        run.unwired = trigger.rpartition("/")[2] != self.rig.daq.trigger_source
+        return run
 
     def truth(self) -> list[Truth]:
         """Return what really happened in each triggered acquisition, in order."""
@@ -177,6 +197,8 @@ class Bench:
     @property
     def busy(self) -> bool:
         """Whether time must go on: something moves, is sampled, or comes to rest."""
+        if isinstance(self.firmware, OdriveFirmware) and self.firmware.held:
+            return False
         if self.firmware.moving or (self.paced and self.firmware.watching):
             return True
         for run in self._runs:
@@ -272,10 +294,10 @@ class StandIn:
     def rig(self) -> Rig:
         """The nominal rig as wired to this stand-in: its addresses, its sensors' charts."""
         wired = self.scene.as_wired(self._nominal)
-        return with_values(
-            wired,
-            {"controller.port": self.serial_port, "daq.address": self.daq_address},
-        )
+        values = {"controller.port": self.serial_port, "daq.address": self.daq_address}
+        if not self.bench.paced:  # signs of life mean nothing then, and come by the wall's clock
+            values["controller.watchdog_period"] = "5 s"
+        return with_values(wired, values)
 
     def serve_forever(self) -> None:
         """Wait until the stand-in fails, or the waiting thread is interrupted."""

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rig.schema import Rig
+from sim_backend.daqmx.card import ENDLESS
 from sim_backend.faults.sensing import disturbances
 from sim_backend.faults.tables import Faults
 from sim_backend.parts import Sensors
@@ -13,6 +14,9 @@ from sim_backend.physics.events import Motions
 from sim_backend.sensors import SensorChain
 from sim_backend.turns import Turns
 from trajectory.motion import Floats
+
+AHEAD = 10_000
+"""Samples, by which time goes on for a continuous acquisition before somebody reads them."""
 
 
 @dataclass(frozen=True)
@@ -81,11 +85,13 @@ class SampledRun:
         self._volts = np.empty((len(terminals), 0))
         self._computed = self._done = 0
         self._wanted: list[int] = []
+        self._wished = n_samples if n_samples < ENDLESS else 0
 
     @property
     def waiting_for_time(self) -> bool:
         """Whether samples will come as soon as time goes on."""
-        return self.trigger_time is not None and self._done < self._end and not self.stopped
+        end = min(self._end, self._wished + AHEAD)
+        return self.trigger_time is not None and self._done < end and not self.stopped
 
     @property
     def waiting_for_trigger(self) -> bool:
@@ -100,7 +106,17 @@ class SampledRun:
     @property
     def due(self) -> bool:
         """Whether somebody waits for samples that are there."""
-        return bool(self._wanted) and min(self._wanted) <= self._done
+        return bool(self._wanted) and min(self._wanted) <= self._shown
+
+    @property
+    def _shown(self) -> int:
+        """Samples that a read can have."""
+        return self._done
+
+    @property
+    def _last(self) -> int:
+        """Samples after which no more are taken."""
+        return self._end
 
     def trigger(self, time: float, fault: RunFault | None = None) -> None:
         """Begin at a moment [s] of the world's clock; a second edge changes nothing."""
@@ -120,19 +136,20 @@ class SampledRun:
             return
         self._fed.append((motions, jumps))
         elapsed = float(motions.time[-1]) - self.trigger_time
-        self._done = min(self._end, int(elapsed * self.rate * (1 + 1e-12)) + 1)
+        self._done = min(self._last, int(elapsed * self.rate * (1 + 1e-12)) + 1)
 
     def wait_for(self, n: int, timeout: float | None) -> int:
         """Return the samples now there, after waiting for n of them or timeout [s]."""
         with self._turns:
             self._wanted.append(n)
+            self._wished = max(self._wished, n)
             try:
-                self._turns.wait_for(lambda: self._done >= n or self.over, timeout)
+                self._turns.wait_for(lambda: self._shown >= n or self.over, timeout)
             finally:
                 self._wanted.remove(n)
             if self._fault is not None and self._done >= self._end and n > self._fault.sample:
                 raise self._fault.strike()
-            return self._done
+            return self._shown
 
     def read(self, first: int, n: int) -> Floats:
         """Return samples first to first + n [V], shape (n_channels, n)."""

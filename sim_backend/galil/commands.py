@@ -156,9 +156,7 @@ COMMANDS: dict[str, Command] = {
 }
 """Every command by its two letters, and two by their words."""
 
-PROGRAM_ONLY = frozenset(
-    {"EN", "AM", "WT", "AI", "AT", "JP", "JS", "IF", "ELSE", "ENDIF", "RE"}
-)
+PROGRAM_ONLY = frozenset({"EN", "AM", "WT", "AI", "AT", "JP", "JS", "IF", "ELSE", "ENDIF", "RE"})
 """Commands that the host may not give."""
 
 HOST_ONLY = frozenset({"DL", "LS", "QU", "EO", "BP", "RS"})

@@ -71,7 +71,7 @@ class Machine:
         self.power_up()
 
     def power_up(self) -> None:
-        """Begin anew: motors and outputs off, nothing remembered but the program that was burned."""
+        """Begin anew: motors and outputs off, only the program that was burned is remembered."""
         self.axes = [Axis(counts) for counts in self.plant.encoder_counts()]
         self.sample_time = 1000
         """TM; microseconds of 1/1024 s a thousand."""
@@ -87,12 +87,12 @@ class Machine:
         self.capture = Capture()
         self.unsolicited = ""
         """What programs have said and no host has read yet."""
-        self._lines = 0.0
+        self._lines, self._served = 0.0, -1
         for number in range(1, OUTPUTS + 1):
             self.set_output(number, False)
         self.drive()
         if "#AUTO" in self.program.labels:
-            self.threads[0] = Thread(self.program, self.program.labels["#AUTO"], hosted=False)
+            self.threads[0] = Thread(self.program, self.program.labels["#AUTO"], hosted=True)
 
     @property
     def in_motion(self) -> bool:
@@ -187,15 +187,14 @@ class Machine:
         for number, thread in sorted(self.threads.items()):
             if number not in held and thread.wait is not None and not thread.waiting:
                 self._run_line(number, thread)  # the rest of a line whose time was taken before
-        ran = True
-        while ran and self._lines >= 1:
-            ran = False
-            for number, thread in sorted(self.threads.items()):
-                if number in held or thread.waiting or self._lines < 1:
-                    continue
-                self._lines -= 1
-                self._run_line(number, thread)
-                ran = True
+        while self._lines >= 1:
+            ready = [n for n, each in self.threads.items() if n not in held and not each.waiting]
+            if not ready:
+                return
+            later = [number for number in ready if number > self._served]
+            self._served = min(later or ready)
+            self._lines -= 1
+            self._run_line(self._served, self.threads[self._served])
 
     def _may_run(self, thread: Thread) -> bool:
         """Whether a thread has time: a resident one has the host's, if that stands still."""

@@ -53,9 +53,9 @@ def tell(machine: Machine, name: str, args: str) -> str:
 
 
 def motor_off(machine: Machine, args: str, thread: Thread | None) -> None:
-    """MO: switch motors off."""
+    """MO: switch motors off; why the axes stand is told as before."""
     for axis in _resting(machine, args):
-        machine.motor_off(axis, StopCode.AT_TARGET)
+        axis.motor_on = False
 
 
 def servo_here(machine: Machine, args: str, thread: Thread | None) -> None:

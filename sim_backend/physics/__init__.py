@@ -1,1 +1,1 @@
-"""A Galil DMC-4020 as its serial line shows it; speaks the protocol on its own."""
+"""Rigid bodies, the reduced equation and what drives them: the mechanics of a scene."""

@@ -12,7 +12,7 @@ from rig.instrument import Choir
 from rig.schema import Rig
 from sim_backend.errors import SceneError
 from sim_backend.physics.arm import ServoFinger
-from sim_backend.physics.bodies import MM, add_key, add_pivot_friction, new_space
+from sim_backend.physics.bodies import MM, WEIGHT, add_key, add_pivot_friction, new_space
 from sim_backend.physics.division import Division
 from sim_backend.physics.events import PluckEvents
 from sim_backend.physics.finger import Driven, PushFinger
@@ -36,6 +36,24 @@ class Assembly:
     division: Division
     dry: list[tuple[Constraint, float]]
     """Joints with dry friction, and its N mm or N."""
+
+    def kick(self, step: float, share: float, iterations: int) -> None:
+        """Step the engine with a share of the weight and friction that it has by itself.
+
+        Args:
+            step: ms, always the one that is in use.
+            share: 1.
+            iterations: Of its solver.
+        """
+        across, down = WEIGHT
+        self.space.gravity = across, down * share
+        self.space.iterations = iterations
+        for joint, force in self.dry:
+            joint.max_force = force * share
+        self.space.step(step)
+        for joint, force in self.dry:
+            joint.max_force = force
+        self.space.gravity = WEIGHT
 
 
 def assemble(rig: Rig, scene: Scene, start: tuple[float, float], events: PluckEvents) -> Assembly:

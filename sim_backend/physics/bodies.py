@@ -96,7 +96,7 @@ def add_jack(
     x, z = key.jack_arm * MM, key.jack_surface_height * MM
     body = pymunk.Body(jack.mass * MM, math.inf)
     body.position = (x, z + rise)
-    register = GrooveJoint(space.static_body, body, (x, z - 100), (x, z + 100), (0, 0))
+    register = GrooveJoint(space.static_body, body, (x, z - FAR), (x, z + FAR), (0, 0))
     foot = SlideJoint(lever, body, (x, z - FAR), (0, 0), FAR + REACH, 2 * FAR)
     _one_sided(foot)
     space.add(body, _hard(register), foot)

@@ -11,6 +11,8 @@ from sim_backend.physics.lever import KeyLoads
 
 RESOLVED = 0.1
 """rad, of the quickest oscillation, or share of a decay, that a step may take at most."""
+TICK = 1e-9
+"""ms, that is no time to be stepped through."""
 SHORTEST = 1e-4
 """ms, of a step, below which a scene is refused."""
 
@@ -76,3 +78,22 @@ class Division:
 
 def _swing(stiffness: float, jack: CarriedJack) -> float:
     return math.sqrt(stiffness / jack.mass)
+
+
+def even_steps(left: float, step: float) -> tuple[int, float]:
+    """Return how many steps fill the time that is left, all but the first one even.
+
+    Args:
+        left: ms, more than none.
+        step: ms, of the even ones.
+
+    Returns:
+        Their number, and the length [ms] of the first: up to a step, or to a quarter more.
+    """
+    count = max(1, math.ceil(left / step - 1e-6))
+    first = left - (count - 1) * step
+    if abs(first - step) < 1e-6 * step:
+        return count, step
+    if first < step / 4 and count > 1:
+        return count - 1, first + step
+    return count, first

@@ -135,6 +135,8 @@ class ReducedWorld:
         count = int(self._kinds[0, COUNT])
         if status == FINE and count > EVENTS:
             status = CHATTERS
+        if status == FINE and not np.isfinite(rows).all():
+            status = LOST
         if status != FINE:
             raise SceneError(f"rig {self.rig.name}: before {end:.6g} s {_FAULTS[status]}")
         if count:

@@ -79,15 +79,19 @@ def elastica_laws(
         parts = [cases.slide(_ramp(slide))]
         if stick is not None:
             parts.insert(0, cases.stick(_ramp(stick)))
+        for part in parts:  # rounding apart, a pluck begins at 0
+            start, end = part.height[:, 0], part.height[:, -1]
+            start[np.abs(start) <= 1e-12 * np.abs(end)] = 0.0
         folded = status == Status.GIVES_WAY
         cells = np.stack([_cells(part, folded) for part in parts], axis=1)
         cells[..., 0] *= length[:, None, None]
         powers = (stiffness * length)[:, None] / length[:, None] ** np.arange(4)
         cells[..., 1:] *= powers[:, None, None, :]
-    ends = [part.height[:, [0, -1]] * length[:, None] for part in parts]
+    ends = np.array([part.height[:, [0, -1]] * length[:, None] for part in parts])
     places = _places(ends)
-    finite = np.isfinite(cells).all(axis=(1, 2, 3)) | (places[:, 0] < len(parts))
-    good = (status <= Status.GIVES_WAY) & (places[:, 0] > 0) & finite
+    good = (status <= Status.GIVES_WAY) & (places[:, 0] > 0)
+    for part, (start, end) in zip(np.moveaxis(cells, 1, 0), np.moveaxis(ends, 2, 1), strict=True):
+        good &= np.isfinite(part).all(axis=(1, 2)) | ~_lasts(start, end)
     return Laws(cells.reshape(-1, 5), places), good
 
 
@@ -114,15 +118,21 @@ def _cells(part: Branch, folded: NDArray[np.bool_]) -> Floats:
     return np.stack([height[:, :-1], force[:, :-1], left, second, third], axis=-1)
 
 
-def _places(ends: list[Floats]) -> Floats:
-    """Return the places of laws whose stretches go from height to height; (laws, 2) each.
+def _lasts(start: Floats, end: Floats) -> NDArray[np.bool_]:
+    """Return whether stretches have a length: a string may never stick, or never slide."""
+    return end - start > 1e-12 * np.abs(end)
 
-    Those of no length are left out: a string that never sticks, or never slides.
+
+def _places(ends: Floats) -> Floats:
+    """Return the places of laws whose stretches go from height to height.
+
+    Args:
+        ends: m; shape (stretches, laws, 2).
     """
-    n, cells = len(ends[0]), POINTS - 1
+    n, cells = ends.shape[1], POINTS - 1
     places = np.zeros((n, 3 + 2 * MOST))
-    for j, (start, end) in enumerate(np.moveaxis(np.array(ends), 2, 1)):
-        rows = np.flatnonzero(end - start > 1e-12 * np.abs(end))
+    for j, (start, end) in enumerate(np.moveaxis(ends, 2, 1)):
+        rows = np.flatnonzero(_lasts(start, end))
         at = places[rows, 0].astype(int)
         places[rows, 0] += 1
         for k, height in ((0, start), (1, end)):

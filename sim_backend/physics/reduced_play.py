@@ -2,6 +2,7 @@
 
 import math
 
+from sim_backend.physics.reduced_advance import advance
 from sim_backend.physics.reduced_compile import compiled, entry
 from sim_backend.physics.reduced_forces import fingertip, foot, string_force
 from sim_backend.physics.reduced_state import (
@@ -33,7 +34,6 @@ from sim_backend.physics.reduced_state import (
     START,
     TIME,
 )
-from sim_backend.physics.reduced_steps import advance
 from sim_backend.physics.reduced_switch import settle
 
 

@@ -12,6 +12,7 @@ from analysis.model.choirs import choir_pluck, choirs
 from analysis.model.pluck import OVERLAP_MAX, STIFFNESS_RANGE
 from rig.instrument import Choir, Damper, Jack, Key, Plectrum, String, Tongue
 from rig.schema import Rig
+from rig.section import GRAVITY
 from sim_backend.errors import SceneError
 from sim_backend.parts import Push
 from sim_backend.physics.reduced_bench import (
@@ -91,7 +92,9 @@ def sound(of: Numbers, presses: int) -> NDArray[np.bool_]:
                     good &= compare(value, getattr(limit, bound))
     for at in choir_prefixes(of.rig):
         good &= of(f"{at}string.plucking_point") < of(f"{at}string.length")
-    return good
+        good &= of(f"{at}plectrum.overlap") < of(f"{at}plectrum.length")
+    back = of("jack.mass") * GRAVITY * of("key.jack_arm")
+    return good & (of("key.front_heaviness") < back)
 
 
 def varied_laws(of: Numbers, played: NDArray[np.bool_]) -> tuple[Floats, Floats, NDArray[np.bool_]]:

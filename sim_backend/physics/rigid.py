@@ -17,7 +17,8 @@ import numpy as np
 from rig.schema import Rig
 from sim_backend.errors import SceneError
 from sim_backend.physics.assembly import assemble
-from sim_backend.physics.bodies import MM, WEIGHT, set_angle, set_torque
+from sim_backend.physics.bodies import MM, set_angle, set_torque
+from sim_backend.physics.division import TICK, even_steps
 from sim_backend.physics.events import Motions, PluckEvents
 from sim_backend.physics.finger import Finger, Reference
 from sim_backend.physics.happening import Happening, earliest
@@ -49,10 +50,9 @@ class RigidWorld:
         self.radians_per_count = 2 * math.pi / rig.arm.counts_per_revolution
         self.samples = 0
         self.events = PluckEvents()
-        parts = assemble(rig, scene, self.start, self.events)
+        self._parts = parts = assemble(rig, scene, self.start, self.events)
         self._space, self._key, self._loads = parts.space, parts.key, parts.loads
-        self._jacks, self._finger, self._dry = parts.jacks, parts.finger, parts.dry
-        self._division = parts.division
+        self._jacks, self._finger, self._division = parts.jacks, parts.finger, parts.division
         self._loaded = [jack for jack in self._jacks if jack.loaded]
         self._iterations = scene.iterations
         self._thorough = max(scene.iterations, ITERATIONS[scene.finger])
@@ -100,33 +100,18 @@ class RigidWorld:
     def _run(self, end: float) -> None:
         """Go on until some time [ms] into the controller sample."""
         crowd = 0
-        while self._left(end):
-            count, drift = self._plan(end)
+        while end - self._elapsed > TICK:
+            count, drift = even_steps(end - self._elapsed, self._step)
             if drift == self._ahead == self._step:
                 if self._cruise(count) == count:
                     self._elapsed = end
                     return
-                count, drift = self._plan(end)
+                count, drift = even_steps(end - self._elapsed, self._step)
             time, happening = earliest(self._watched(drift), drift)
             self._split(time, happening, end)
             crowd += 1
             if crowd > CROWD:
                 raise self._lost()
-
-    def _left(self, end: float) -> bool:
-        """Return whether there is time left before an end [ms] into the controller sample."""
-        return end - self._elapsed > 1e-9 * self._step
-
-    def _plan(self, end: float) -> tuple[int, float]:
-        """Return how many steps are left before an end, and how long [ms] the first one is."""
-        left, step = end - self._elapsed, self._step
-        count = max(1, math.ceil(left / step - 1e-6))
-        drift = left - (count - 1) * step
-        if abs(drift - step) < 1e-6 * step:
-            return count, step
-        if drift < step / 4 and count > 1:
-            return count - 1, drift + step
-        return count, drift
 
     def _cruise(self, count: int) -> int:
         """Take even steps; return how many were done before one in which something happens."""
@@ -137,10 +122,8 @@ class RigidWorld:
         angle, spin, growth = self._angle, self._spin, self._growth
         low, high = self._loads.bounds(angle)
         begun, clock, elapsed, done = self._elapsed, self.time, self._elapsed, 0
-        sqrt, tan = math.sqrt, math.tan
+        sqrt, tan, fresh = math.sqrt, math.tan, self._fresh
         while done < count:
-            if done == 1 and self._fresh:
-                self._space.iterations, self._fresh = self._iterations, False
             ahead = angle + spin * step
             if not low < ahead < high or closes(ahead, step):
                 break
@@ -161,6 +144,8 @@ class RigidWorld:
             elapsed = begun + done * step
             act(elapsed, ahead, step, step, 1.0)
             space_step(step)
+            if fresh:
+                self._space.iterations, self._fresh, fresh = self._iterations, False, False
             before, spin = spin, key.angular_velocity
             growth = (spin - before) / step
             for jack in jacks:
@@ -202,7 +187,8 @@ class RigidWorld:
         if happening is not None:
             happening.change(now)
             self._step = self._division.step()
-        ahead = self._plan(end)[1] if self._left(end) else self._step
+        left = end - self._elapsed
+        ahead = even_steps(left, self._step)[1] if left > TICK else self._step
         weight = (drift + ahead) / 2
         means = [
             (force * drift + jack.forces(now, 0.0) * ahead) / (2 * weight)
@@ -218,8 +204,8 @@ class RigidWorld:
             for jack, force in zip(jacks, means, strict=True):
                 jack.place(self._step, force * weight / self._step)
             finger.act(self._elapsed, angle, ahead, self._step, weight / self._step)
-            self._kick(weight / self._step)
-        self._engine_step = self._step
+            self._parts.kick(self._step, weight / self._step, self._thorough)
+        self._engine_step, self._fresh = self._step, True
         self._angle, self._ahead = angle, ahead
         self._spin = key.angular_velocity
         landed = happening is not None and happening.strikes
@@ -233,19 +219,6 @@ class RigidWorld:
             pull = sum(jack.pull for jack in self._loaded)
             speed = (self._spin if landed else node) * MM
             self._rows.append((self._elapsed, angle, speed, jacks[0].rise / MM, push, pull))
-
-    def _kick(self, share: float) -> None:
-        """Step the engine, with a share of the weight and the friction that it has by itself."""
-        space, (across, down) = self._space, WEIGHT
-        space.gravity = across, down * share
-        space.iterations = self._thorough
-        for joint, force in self._dry:
-            joint.max_force = force * share
-        space.step(self._step)
-        for joint, force in self._dry:
-            joint.max_force = force
-        space.gravity = WEIGHT
-        self._fresh = True
 
     def _watched(self, drift: float) -> list[Happening]:
         """Return what may happen in a drift [ms]."""

@@ -55,10 +55,13 @@ def settle(
     refusals: list[SceneError] = []
     string = _string_error(trial, scene)
     for candidate in _candidates(true, scene):
+        own = string.get(candidate.string, NONE)
+        if not meets(own, asked):
+            continue
         if best and cost(true, candidate, fewest(true)) >= 1 / best.real_time_factor:
             continue
         try:
-            found = trial.climb(candidate, asked, string.get(candidate.string, NONE))
+            found = trial.climb(candidate, asked, own)
         except SceneError as error:
             refusals.append(error)
             continue

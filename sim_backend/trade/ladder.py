@@ -8,11 +8,11 @@ from sim_backend.physics.observation import Errors, Observation, errors
 
 FINER = 3
 """Rungs above one that tell its error."""
-SAFETY = 1.5
-"""1, multiple of the estimate by which it is given."""
+SAFETY = Errors(time=1.5, force=3.0)
+"""1, multiples of the estimates by which they are given; forces jump, and converge slower."""
 BLOW = 1.3
 """1, growth of the largest force with half the step, from which it is a blow's."""
-ROUNDING = Errors(time=1e-8, force=2e-6)
+ROUNDING = Errors(time=1e-8, force=1e-5)
 """Added to every estimate: what arithmetic, tables and the reference itself leave."""
 LOST = Errors(math.inf, math.inf)
 """Of a step with which the engine found no motion."""
@@ -59,7 +59,7 @@ class Ladder:
             if not any(runs):
                 raise self._lost[rung]
             return LOST
-        found = total(_safe(errors(here, last)), _safe(errors(before, last)), ROUNDING)
+        found = total(_apart(here, last), _apart(before, last), ROUNDING)
         return Errors(found.time, math.inf) if _struck(before, last) else found
 
     def run(self, rung: int) -> Observation | None:
@@ -96,5 +96,8 @@ def _strongest(run: Observation) -> float:
     return strongest
 
 
-def _safe(difference: Errors) -> Errors:
-    return Errors(SAFETY * difference.time, SAFETY * difference.force)
+def _apart(one: Observation, last: Observation) -> Errors:
+    """Return how far two runs are apart, whichever of them is taken for the truth."""
+    there, back = errors(one, last), errors(last, one)
+    time, force = max(there.time, back.time), max(there.force, back.force)
+    return Errors(SAFETY.time * time, SAFETY.force * force)

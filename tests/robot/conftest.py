@@ -11,84 +11,125 @@ import pytest
 
 from rig.load import load_rig, with_values
 from robot.galil import GalilController
+from robot.program import controller_program
 from trajectory.segments import Segments
 
 REVISION = "DMC4020 Rev 1.3c-SIM"
+STATE = "MG 4711,_MOA,_MOB,_BGA,_BGB,_OFA,_OFB"
+ABORT = [
+    ("AB", ":"),
+    ("MO AB", ":"),
+    ("HX 1;HX 2;OF 0,0;RC 0;CB 1", ":::::"),
+    (STATE, " 4711.0000 1.0000 1.0000 0.0000 0.0000 0.0000 0.0000\r\n:"),
+]
+PROGRAM = controller_program(1)
+SOFTWARE = [
+    ("FL 444444,-55556;BL -444444,-833333", "::"),
+    ("MG _FLA,_FLB,_BLA,_BLB", " 444444.0000 -55556.0000 -444444.0000 -833333.0000\r\n:"),
+]
 CONNECT = [
     ("EO 0", "EO 0\r\n:"),
     ("\x12\x16", f"{REVISION}\r\n:"),
     ("MG _PVA", " 255.0000\r\n:"),
+    ("EO 1", ":"),
+    ("MG _EO", " 1.0000\r\n:"),
+    *ABORT,
     ("TM 1000", ":"),
-    ("MG _TM", " 1000.0000\r\n:"),
     ("ER 20000,20000;OE 1,1", "::"),
-    ("MG _ERA,_ERB,_OEA,_OEB", " 20000.0000 20000.0000 1.0000 1.0000\r\n:"),
+    ("TL 9.9980,9.9980;OF 0,0", "::"),
+    SOFTWARE[0],
+    ("MG _TM,_ERA,_ERB,_OEA,_OEB", " 1000.0000 20000.0000 20000.0000 1.0000 1.0000\r\n:"),
+    ("MG _TLA,_TLB,_OFA,_OFB", " 9.9979 9.9979 0.0000 0.0000\r\n:"),
+    SOFTWARE[1],
+    ("DL", ""),
+    *[(line, b"") for line in PROGRAM],
+    ("\\", b"::"),
+    ("MG 4711", " 4711.0000\r\n:"),
+    ("LS", "".join(f"{number} {line}\r\n" for number, line in enumerate(PROGRAM)) + ":"),
 ]
-ON = [("SH AB", ":"), ("MG _MOA,_MOB", " 0.0000 0.0000\r\n:")]
+ON = [
+    ("wtick=50;wleft=10", "::"),
+    ("MG wtick,wleft", " 50.0000 10.0000\r\n:"),
+    ("XQ #WATCH,0", ":"),
+    ("MG wleft,_XQ0", " 10.0000 1.0000\r\n:"),
+    ("MG wleft,_XQ0", " 9.0000 1.0000\r\n:"),
+    ("wleft=10", ":"),
+    ("SH AB", ":"),
+    ("MG _MOA,_MOB", " 0.0000 0.0000\r\n:"),
+]
+CODES = "MG _SCA,_SCB,_XQ0"
 HOME = [
     ("FL 2147483647,2147483647;BL -2147483648,-2147483648", "::"),
     ("SP 63660,63660;AC 635904,635904;DC 635904,635904", ":::"),
-    ("HM AB;BG AB", "::"),
+    ("HM AB", ":"),
+    ("BG AB", ":"),
     ("MG _BGA,_BGB", " 1.0000 1.0000\r\n:"),
     ("MG _BGA,_BGB", " 0.0000 0.0000\r\n:"),
-    ("MG _SCA,_SCB", " 10.0000 10.0000\r\n:"),
+    (CODES, " 10.0000 10.0000 1.0000\r\n:"),
     ("DP 0,-500000", ":"),
     ("MG _TPA,_TPB", " 1.0000 -499999.0000\r\n:"),
-    ("FL 444444,-55556;BL -444444,-833333", "::"),
-    ("MG _FLA,_FLB,_BLA,_BLB", " 444444.0000 -55556.0000 -444444.0000 -833333.0000\r\n:"),
+    *SOFTWARE,
 ]
 MOVE = [
     ("MG _TPA,_TPB", " 0.0000 -500000.0000\r\n:"),
     ("SP 100000,100000;AC 999424,999424;DC 999424,999424", ":::"),
-    ("PA 1000,-501000;BG AB", "::"),
+    ("PA 1000,-501000", ":"),
+    ("BG AB", ":"),
     ("MG _BGA,_BGB", " 0.0000 1.0000\r\n:"),
     ("MG _BGA,_BGB", " 0.0000 0.0000\r\n:"),
-    ("MG _SCA,_SCB", " 1.0000 1.0000\r\n:"),
+    (CODES, " 1.0000 1.0000 1.0000\r\n:"),
     ("MG _TPA,_TPB", " 900.0000 -500900.0000\r\n:"),
     ("MG _TPA,_TPB", " 1003.0000 -501002.0000\r\n:"),
 ]
-LOAD = [
+ROWS = 27
+FIFO = [
     ("MG _PVA,_PVB", " 255.0000 255.0000\r\n:"),
     ("PVA=10,2000,10;PVB=-5,-1000,10;PVA=30,2000,16;PVB=-15,-1000,16;PVA=10,0,10", ":::::"),
     ("PVB=-5,0,10;PVA=0,0,0;PVB=0,0,0", ":::"),
     ("MG _PVA,_PVB", " 252.0000 252.0000\r\n:"),
 ]
-ROWS = 27
+ARRAYS = [
+    ("DA *[]", ":"),
+    ("MG _DM", " 16000.0000\r\n:"),
+    (f"DM posA[{ROWS}],posB[{ROWS}],errA[{ROWS}]", ":"),
+    (f"DM errB[{ROWS}],trqA[{ROWS}],trqB[{ROWS}]", ":"),
+]
+LOAD = [*FIFO, *ARRAYS, ("pushn=0", ":"), ("MG pushn", " 0.0000\r\n:")]
 ARM = [
     ("MG _TPA,_TPB", " 1003.0000 -501002.0000\r\n:"),
-    ("DA *[]", ":"),
-    (f"DM XA[{ROWS}],XB[{ROWS}]", ":"),
-    ("RA XA[],XB[]", ":"),
-    ("RD _TPA,_TPB", ":"),
-    ("DL", ""),
-    ("#PRESS", ""),
-    ("RC 1;SB 1;BT AB", ""),
-    ("AM AB", ""),
-    ("WT 20", ""),
-    ("RC 0", ""),
-    ("CB 1", ""),
-    ("EN", ""),
-    ("\\", "::"),
-    ("MG 4711", " 4711.0000\r\n:"),
+    ("RA posA[],posB[],errA[],errB[],trqA[],trqB[]", ":"),
+    ("RD _TPA,_TPB,_TEA,_TEB,_TTA,_TTB", ":"),
+    ("rate=1", ":"),
+    ("MG rate,_XQ1,_MOA,_MOB", " 1.0000 -1.0000 0.0000 0.0000\r\n:"),
 ]
-START = [("XQ #PRESS", ":")]
-POLL = "MG _BTA,_BGA,_BGB,_XQ"
+START = [("XQ #PRESS,1", ":")]
+POLL = "MG _BGA,_BGB,_XQ1,_XQ0"
 WAIT = [
-    (POLL, " 0.0000 1.0000 1.0000 2.0000\r\n:"),
-    (POLL, " 3.0000 0.0000 0.0000 3.0000\r\n:"),
-    (POLL, " 3.0000 0.0000 0.0000 -1.0000\r\n:"),
-    ("MG _SCA,_SCB", " 31.0000 31.0000\r\n:"),
+    (POLL, " 1.0000 1.0000 11.0000 1.0000\r\n:"),
+    (POLL, " 0.0000 0.0000 13.0000 1.0000\r\n:"),
+    (POLL, " 0.0000 0.0000 -1.0000 1.0000\r\n:"),
+    (CODES, " 31.0000 31.0000 1.0000\r\n:"),
     ("MG _BTA,_BTB", " 3.0000 3.0000\r\n:"),
 ]
+
+
+def upload(name, numbers):
+    listed = ", ".join(f"{number:.4f}" for number in numbers)
+    return f"QU {name}[],0,{ROWS - 1},1", f" {listed}\r\n:"
+
+
 CAPTURE = [
-    (f"QU XA[],0,{ROWS - 1},1", ", ".join(f"{1000 + i}.0000" for i in range(ROWS)) + "\r\n:"),
-    (f"QU XB[],0,{ROWS - 1},1", ", ".join(f"{-501000 - i}.0000" for i in range(ROWS)) + "\r\n:"),
+    upload("posA", range(1000, 1000 + ROWS)),
+    upload("posB", range(-501000, -501000 - ROWS, -1)),
+    upload("errA", range(ROWS)),
+    upload("errB", range(0, -ROWS, -1)),
+    upload("trqA", [4.999] * ROWS),
+    upload("trqB", [-9.998] * ROWS),
 ]
-STOP = [("ST AB", ":"), ("MG _BGA,_BGB", " 0.0000 0.0000\r\n:")]
-ABORT = [
-    ("AB", ":"),
-    ("MO AB", ":"),
-    ("CB 1", ":"),
-    ("MG _MOA,_MOB,_BGA,_BGB", " 1.0000 1.0000 0.0000 0.0000\r\n:"),
+STOP = [
+    ("ST AB", ":"),
+    ("HX 1;HX 2;OF 0,0;RC 0;CB 1", ":::::"),
+    ("MG _BGA,_BGB", " 0.0000 0.0000\r\n:"),
 ]
 OFF = [*STOP, *ABORT]
 PRESS = [
@@ -96,11 +137,27 @@ PRESS = [
 ]  # fmt: skip
 
 
+class Echo:
+    """What the controller says of what it hears; bytes as an answer stand for all that it says."""
+
+    def __init__(self):
+        self.on = False
+
+    def answer(self, sent, answer):
+        echoed = self.on
+        if sent.startswith("EO"):
+            self.on = sent == "EO 1"
+        if isinstance(answer, bytes):
+            return answer
+        return f"{sent}\r\n{answer}".encode() if echoed and answer else answer.encode()
+
+
 class Transcript:
     """A serial port that expects exactly these lines; an answer may be an error to raise."""
 
     def __init__(self, pairs):
         self.expected = list(pairs)
+        self.echo = Echo()
         self.incoming = b""
         self.partial = b""
         self.fault = None
@@ -130,7 +187,7 @@ class Transcript:
                 self.fault = answer
             else:
                 self.fault = None
-                self.incoming += answer if isinstance(answer, bytes) else answer.encode()
+                self.incoming += self.echo.answer(sent, answer)
 
     def reset_input_buffer(self):
         self.incoming = b""
@@ -168,7 +225,7 @@ class Terminal:
         self.thread.start()
 
     def _serve(self):
-        partial = b""
+        partial, echo = b"", Echo()
         with contextlib.suppress(OSError):
             while data := os.read(self.master, 4096):
                 partial += data
@@ -184,7 +241,7 @@ class Terminal:
                         os.close(self.master)
                         self.slave = None
                         return
-                    os.write(self.master, answer if isinstance(answer, bytes) else answer.encode())
+                    os.write(self.master, echo.answer(sent, answer))
 
     def close(self):
         if self.slave is not None:
@@ -202,6 +259,11 @@ def rig():
 
 
 @pytest.fixture
+def transcript_of():
+    return Transcript
+
+
+@pytest.fixture
 def bench(rig):
     """Return a function that makes a controller over a transcript; all of it must be used."""
     made = []
@@ -210,7 +272,11 @@ def bench(rig):
         transcript = Transcript([pair for part in parts for pair in part])
         time = Time()
         controller = GalilController(
-            rig, open_port=transcript.open, clock=time.clock, sleep=time.sleep
+            rig,
+            open_port=transcript.open,
+            clock=time.clock,
+            sleep=time.sleep,
+            renewing=lambda renew, period: contextlib.nullcontext(),
         )
         made.append(transcript)
         return controller, transcript
@@ -228,7 +294,8 @@ def terminal(rig):
     def make(*parts):
         end = Terminal([pair for part in parts for pair in part])
         made.append(end)
-        return GalilController(with_values(rig, {"controller.port": end.port})), end
+        at = with_values(rig, {"controller.port": end.port})
+        return GalilController(at, renewing=lambda *_: contextlib.nullcontext()), end
 
     yield make
     for end in made:

@@ -7,7 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robot.dmc import capture_rows, press_program, segment_commands, segments_from
+from robot.dmc import segment_commands, segments_from
+from robot.errors import UnsafeRequest
+from robot.program import SETTLE, controller_program, plan_capture
 from trajectory.counts import to_angles, to_counts
 from trajectory.segments import Segments
 
@@ -28,14 +30,24 @@ def test_segments_survive_the_wire(rows):
 
 @pytest.mark.parametrize("output", [1, 16])
 def test_capture_trigger_and_motion_begin_on_one_line(output):
-    assert press_program(output)[1] == f"RC 1;SB {output};BT AB"
-    assert press_program(output)[-2:] == [f"CB {output}", "EN"]
+    program = controller_program(output)
+    assert f"RC rate;SB {output};BT AB" in program
+    assert max(map(len, program)) < 80
+    assert not any(mark in line for line in program for mark in "?:")
 
 
-@given(st.integers(1, 20_000))
-def test_a_capture_sees_the_whole_motion_and_is_full_before_it_ends(total):
-    last = 2 * (capture_rows(total) - 1)
-    assert total + 10 < last < total + 20
+@given(st.integers(1, 20_000), st.integers(30, 1000))
+def test_a_capture_sees_the_whole_motion_and_is_full_before_it_ends(total, room):
+    plan = plan_capture(total, 16 * room)
+    last = plan.interval * (plan.rows - 1)
+    assert total + SETTLE - 3 * plan.interval < last <= total + SETTLE - plan.interval
+    assert 6 * plan.rows <= 16 * room
+    assert plan.exponent == 1 or 6 * (2 * plan.rows) > 16 * room - 6 * SETTLE
+
+
+def test_a_capture_that_does_not_fit():
+    with pytest.raises(UnsafeRequest, match="20000 samples does not fit into 100 array elements"):
+        plan_capture(20_000, 100)
 
 
 @given(st.lists(st.floats(-10, 10), min_size=2, max_size=2), st.integers(16, 2**31))

@@ -4,7 +4,13 @@ import pickle
 
 import pytest
 
-from robot.errors import CommandRefused, GarbledAnswer, LineLost, SilentController
+from robot.errors import (
+    CommandRefused,
+    GarbledAnswer,
+    LineLost,
+    SettingNotTaken,
+    SilentController,
+)
 from robot.line import LONGEST_LINE, pack
 
 
@@ -41,7 +47,7 @@ def test_a_refusal_without_a_code(line, answer):
 def test_silence_names_command_timeout_and_remedy(line):
     silent, _ = line(("MG _TPA", " 12.00"))
     with pytest.raises(
-        SilentController, match=r"'MG _TPA' within 0\.2 s after ' 12\.00'; check its power"
+        SilentController, match=r"'MG _TPA' within 0\.2 s after '.* 12\.00'; check its power"
     ):
         silent.read("_TPA")
 
@@ -63,6 +69,19 @@ def test_answers_that_are_not_the_numbers_asked_for(line, answer):
 def test_more_than_was_asked(line):
     garbled, _ = line(("SH AB", "::"))
     with pytest.raises(GarbledAnswer, match="more than was asked"):
+        garbled.ask("SH AB")
+
+
+@pytest.mark.parametrize("heard", ["SH CB", "SHAB", "", "SH AB\x7fB"])
+def test_something_else_heard_than_sent(line, heard):
+    garbled, _ = line(("SH AB", f"{heard}\r:".encode()))
+    with pytest.raises(GarbledAnswer, match=r"was sent 'SH AB' and heard|no text"):
+        garbled.ask("SH AB")
+
+
+def test_a_changed_command_that_is_refused_is_no_refusal(line):
+    garbled, _ = line(("SH AB", b"XH AB\r?"))
+    with pytest.raises(GarbledAnswer, match="heard 'XH AB'"):
         garbled.ask("SH AB")
 
 
@@ -88,21 +107,34 @@ def test_a_port_that_went_away(line, said):
 
 @pytest.mark.parametrize(
     "said",
-    [("", "", "::"), (":", "", ":"), ("", "", ":"), (":", ":", ":"), ("", "", "")],
+    [(b"", b"", b"::"), (b":", b"", b":"), (b"", b"", b":"), (b":", b":", b":"), ("", "", "")],
 )
 def test_a_download_however_the_firmware_acknowledges_it(line, said):
     pairs = zip(("DL", "EN", "\\"), said, strict=True)
-    downloading, port = line(*pairs, ("MG 4711", " 4711.0000\r\n:"))
+    listed = ("LS", "0 EN\r\n:")
+    downloading, port = line(*pairs, ("MG 4711", " 4711.0000\r\n:"), listed)
     downloading.download(["EN"])
     assert not port.incoming
 
 
 def test_a_refused_download(line):
     refused, _ = line(
-        ("DL", ""), ("EN", ""), ("\\", "?"), ("MG 4711", " 4711.0000\r\n:"), ("TC1", "51 Full\r\n:")
+        ("DL", ""),
+        ("EN", ""),
+        ("\\", b"?"),
+        ("MG 4711", " 4711.0000\r\n:"),
+        ("TC1", "51 Full\r\n:"),
     )
     with pytest.raises(CommandRefused, match="'DL': 51 Full"):
         refused.download(["EN"])
+
+
+@pytest.mark.parametrize("listed", ["0 EM", "1 EN\r\n2 EN", ""])
+def test_a_program_that_is_not_the_one_that_was_sent(line, listed):
+    held = ("LS", f"{listed}\r\n:")
+    other, _ = line(("DL", ""), ("EN", ""), ("\\", b":"), ("MG 4711", " 4711.0000\r\n:"), held)
+    with pytest.raises(SettingNotTaken, match="another program than was sent"):
+        other.download(["EN"])
 
 
 def test_packing_fills_lines_and_loses_nothing():

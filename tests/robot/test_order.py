@@ -1,11 +1,15 @@
 """Calls out of order, and requests that must not reach the controller."""
 
+from contextlib import contextmanager
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from rig.load import with_values
 from robot.errors import NotReady, RobotError, SettingNotTaken, UnsafeRequest
+from robot.galil import GalilController
+from robot.states import State
 
 
 def test_nothing_works_unconnected(bench, segments):
@@ -42,27 +46,42 @@ def test_each_state_names_the_way_out(bench, lines, segments):
     def move():
         controller.move_to(segments.start, 100_000)
 
+    def load():
+        controller.load(segments)
+
+    def again():
+        controller.powered().__enter__()
+
     with controller:
         refused(controller.connect, "already connected", "disconnect()")
-        refused(controller.home, "motors are off", "powered()")
-        with controller.powered():
-            refused(lambda: controller.powered().__enter__(), "on already")
-            refused(move, "unknown", "home()")
-            controller.home()
-            move()
-            refused(controller.arm, "no motion is loaded", "load()")
-            controller.load(segments)
-            refused(controller.start, "no motion is armed", "arm()")
-            controller.arm()
-            refused(controller.wait, "no motion is running", "start()")
-            controller.start()
-            for call in (controller.capture, controller.home, move):
-                refused(call, "a press is running", "wait() or stop()")
-            refused(lambda: controller.load(segments), "a press is running")
-            controller.wait()
-            refused(controller.wait, "no motion is running")
-            controller.capture()
+        for call in (controller.home, move, load, controller.stop, controller.wait):
+            refused(call, "is off", "motors are off", "powered()")
         refused(controller.capture, "no motion is done", "wait()")
+        with controller.powered():
+            assert controller.state is State.STOPPED
+            refused(again, "on already")
+            for call in (move, load, controller.check_home):
+                refused(call, "is stopped", "unknown", "home()")
+            controller.home()
+            assert controller.state is State.HOMED
+            move()
+            for call in (controller.arm, controller.start, controller.wait):
+                refused(call, "is homed", "no motion is loaded", "load()")
+            load()
+            assert controller.state is State.LOADED
+            refused(controller.start, "is loaded", "not armed", "arm()")
+            controller.arm()
+            assert controller.state is State.ARMED
+            refused(controller.wait, "is armed", "start()")
+            controller.start()
+            assert controller.state is State.MOVING
+            for call in (controller.capture, controller.home, move, load, controller.check_home):
+                refused(call, "is moving", "wait() or stop()")
+            controller.wait()
+            assert controller.state is State.HOMED
+            refused(controller.wait, "is homed")
+            controller.capture()
+        assert controller.state is State.OFF
 
 
 def test_an_arm_away_from_the_start_is_not_armed(bench, lines, segments):
@@ -99,14 +118,14 @@ def test_a_move_at_no_speed(bench, lines, speed):
 
 
 def test_a_motion_that_must_not_be_played_lists_every_fault(bench, lines, segments):
-    controller, _ = bench(lines.connect)
+    controller, _ = bench(lines.connect, lines.on, lines.home, lines.off)
     bad = replace(
         segments,
         start=np.array([444440, -501000]),
         velocities=segments.velocities + 7,
         samples=np.array([10, 0, 10]),
     )
-    with controller, pytest.raises(UnsafeRequest) as caught:
+    with homed(controller), pytest.raises(UnsafeRequest) as caught:
         controller.load(bad)
     for said in ("a segment of 0 samples", "ends at 7, 7 counts/s", "joint 1 reaches 444490"):
         assert said in str(caught.value)
@@ -114,29 +133,31 @@ def test_a_motion_that_must_not_be_played_lists_every_fault(bench, lines, segmen
 
 @pytest.mark.parametrize("count", [0, 256])
 def test_too_few_or_too_many_segments(bench, lines, segments, count):
-    controller, _ = bench(lines.connect)
+    controller, _ = bench(lines.connect, lines.on, lines.home, lines.off)
     motion = replace(
         segments,
         steps=np.zeros((count, 2), int),
         velocities=np.zeros((count, 2), int),
         samples=np.full(count, 4),
     )
-    with controller, pytest.raises(UnsafeRequest, match=f"{count} segments, .* 1 to 255"):
+    with homed(controller), pytest.raises(UnsafeRequest, match=f"{count} segments, .* 1 to 255"):
         controller.load(motion)
 
 
 def test_a_fifo_that_does_not_empty(bench, lines, segments):
     full = ("MG _PVA,_PVB", " 3.0000 255.0000\r\n:")
     clear = ("PVA=0,0,-1;PVB=0,0,-1", "::")
-    controller, _ = bench(lines.connect, [full, clear, full])
-    with controller, pytest.raises(SettingNotTaken, match="room for 3 segments"):
+    script = [lines.connect, lines.on, lines.home, [full, clear, full], lines.off]
+    controller, _ = bench(*script)
+    with homed(controller), pytest.raises(SettingNotTaken, match="room for 3 segments"):
         controller.load(segments)
 
 
 def test_a_fifo_that_took_less_than_was_sent(bench, lines, segments):
     short = ("MG _PVA,_PVB", " 252.0000 253.0000\r\n:")
-    controller, _ = bench(lines.connect, lines.load[:-1], [short])
-    with controller:
+    script = [lines.connect, lines.on, lines.home, lines.fifo[:-1], [short], lines.off]
+    controller, _ = bench(*script)
+    with homed(controller):
         with pytest.raises(SettingNotTaken, match=r"3 segments were sent .* took 3 and 2"):
             controller.load(segments)
         with pytest.raises(NotReady):
@@ -157,14 +178,36 @@ def test_something_that_is_no_galil_controller(bench, lines):
         controller.connect()
 
 
-def test_settings_that_the_controller_does_not_take(bench, lines):
-    other = ("MG _ERA,_ERB,_OEA,_OEB", " 20000.0000 16384.0000 1.0000 0.0000\r\n:")
-    controller, _ = bench(lines.connect[:-1], [other])
-    with pytest.raises(SettingNotTaken, match="_ERB is 16384 and should be 20000, _OEB is 0"):
+def test_a_controller_without_echo(bench, lines):
+    controller, transcript = bench(lines.connect[:4], [("MG _EO", b" 1.0000\r\n:")])
+    with pytest.raises(SettingNotTaken, match="does not repeat what it hears"):
+        controller.connect()
+    assert transcript.closed
+
+
+SETTINGS = {
+    "MG _TM,_ERA,_ERB,_OEA,_OEB": (
+        " 1000.0000 20000.0000 16384.0000 1.0000 0.0000",
+        "_ERB is 16384 and should be 20000, _OEB is 0",
+    ),
+    "MG _TLA,_TLB,_OFA,_OFB": (" 9.9979 9.9979 0.0000 1.0000", "_OFB is 1 and should be 0"),
+    "MG _FLA,_FLB,_BLA,_BLB": (
+        " 444444.0000 -55556.0000 -444444.0000 0.0000",
+        "_BLB is 0 and should be -833333",
+    ),
+}
+
+
+@pytest.mark.parametrize("query", SETTINGS)
+def test_settings_that_the_controller_does_not_take_keep_the_power_off(bench, lines, query):
+    answer, said = SETTINGS[query]
+    at = [sent for sent, _ in lines.connect].index(query)
+    controller, _ = bench(lines.connect[:at], [(query, f"{answer}\r\n:")])
+    with pytest.raises(SettingNotTaken, match=said):
         controller.connect()
 
 
-def test_limits_that_the_controller_does_not_take(bench, lines):
+def test_limits_that_are_not_taken_back_after_homing(bench, lines):
     other = (lines.home[-1][0], " 444444.0000 -55556.0000 -444444.0000 0.0000\r\n:")
     controller, _ = bench(lines.connect, lines.on, lines.home[:-1], [other], lines.abort)
     with pytest.raises(SettingNotTaken, match="_BLB is 0 and should be -833333"):  # noqa: SIM117
@@ -172,7 +215,23 @@ def test_limits_that_the_controller_does_not_take(bench, lines):
             controller.home()
 
 
+def test_a_rig_that_the_controller_would_not_enforce(rig, lines, transcript_of):
+    at = {"controller.position_error_limit": 400_000, "controller.sample_period": "1.2 ms"}
+    transcript = transcript_of(lines.connect[: lines.connect.index(("TM 1000", ":"))])
+    controller = GalilController(with_values(rig, at), open_port=transcript.open)
+    with pytest.raises(RobotError, match=r"sample_period is 1200 us.*; .*is 400000 counts"):
+        controller.connect()
+    transcript.check()
+
+
 def test_the_rest_of_a_broken_line_is_forgiven(bench, lines):
     spoilt = [("EO 0", "EO 0\r\n?"), ("TC1", "TC1\r\n1 Unrecognized command\r\n:")]
     controller, _ = bench(spoilt, lines.connect)
     controller.connect()
+
+
+@contextmanager
+def homed(controller):
+    with controller, controller.powered():
+        controller.home()
+        yield

@@ -54,6 +54,6 @@ def test_another_baud_rate(terminal):
 
 
 def test_hung_up_while_connecting(terminal, lines):
-    controller, _ = terminal(lines.connect[:3], [("TM 1000", None)])
-    with pytest.raises(LineLost, match="TM 1000"):
+    controller, _ = terminal(lines.connect[:3], [("EO 1", None)])
+    with pytest.raises(LineLost, match="EO 1"):
         controller.connect()

@@ -28,15 +28,15 @@ def test_a_press_says_exactly_this_and_takes_exactly_that(request, through, line
     np.testing.assert_array_equal(capture.counts[:, 0], 1000 + np.arange(27))
     np.testing.assert_array_equal(capture.counts[:, 1], -501000 - np.arange(27))
     assert capture.counts.dtype == np.int64
+    np.testing.assert_array_equal(capture.following_errors[:, 1], -np.arange(27))
+    np.testing.assert_allclose(capture.torques[5], [1.0, -2.0])
+    assert controller.loaded_torque is None
     assert capture.times[-1] == pytest.approx(52 * rig.controller.sample_period)
 
 
 def test_firmwares_that_count_the_end_of_the_motion_as_a_segment(bench, lines, segments):
-    script = [
-        (sent, answer.replace("252", "251") if sent == "MG _PVA,_PVB" else answer)
-        for sent, answer in lines.press
-    ]
-    script = [(s, a.replace("3.", "4.") if s == "MG _BTA,_BTB" else a) for s, a in script]
+    ends = {"MG _PVA,_PVB": ("252", "251"), "MG _BTA,_BTB": ("3.", "4.")}
+    script = [(s, a.replace(*ends[s]) if s in ends else a) for s, a in lines.press]
     controller, _ = bench(script)
     press(controller, segments)
 
@@ -44,13 +44,17 @@ def test_firmwares_that_count_the_end_of_the_motion_as_a_segment(bench, lines, s
 def test_a_motion_never_played_is_cleared_before_the_next(bench, lines, segments):
     controller, _ = bench(
         lines.connect,
+        lines.on,
+        lines.home,
         [
             ("MG _PVA,_PVB", " 200.0000 255.0000\r\n:"),
             ("PVA=0,0,-1;PVB=0,0,-1", "::"),
         ],
         lines.load,
+        lines.off,
     )
-    with controller:
+    with controller, controller.powered():
+        controller.home()
         controller.load(segments)
 
 

@@ -26,6 +26,9 @@ class BareBench:
     def torque_volts(self):
         return 0.5, -1.25
 
+    def drive(self, offsets, limits):
+        self.driven = offsets, limits
+
     def _note_output(self, number, level):
         self.outputs.append((self.firmware.samples, number, level))
 

@@ -13,7 +13,14 @@ from nidaqmx.system import Device
 from daq.errors import DaqError
 from daq.reading import read_recording
 from rig.load import load_rig, with_values
-from robot.errors import CommandRefused, GarbledAnswer, LineLost, MotionFault, SilentController
+from robot.errors import (
+    CommandRefused,
+    GarbledAnswer,
+    LineLost,
+    MotionFault,
+    SettingNotTaken,
+    SilentController,
+)
 from robot.galil import GalilController
 from robot.session import run_session
 from sim_backend.bench import Bench, StandIn
@@ -130,8 +137,8 @@ def test_a_cable_that_takes_its_port_along(struck):
 
 
 def test_a_cable_that_falls_out_in_mid_command(struck):
-    """Before anything has moved: the motors are on, and stay so."""
-    found = struck(cable_out={"after_bytes": 150}, rig={"controller.timeout": "0.2 s"})
+    """In homing: the motors are on, and stay so where no time goes on for the watchdog."""
+    found = struck(cable_out={"after_bytes": 1150}, rig={"controller.timeout": "0.2 s"})
     assert isinstance(found.error, SilentController)
     assert "NOT confirmed off" in str(found.error)
     assert found.motors_on == (True, True)
@@ -159,9 +166,18 @@ def test_bits_that_flip(struck, seed):
 def test_the_same_seed_loses_the_same_bytes(struck):
     tables = {"line": {"dropped": 1e-3}, "rig": PATIENT}
     one, other = (struck(seed=0, **tables) for _ in range(2))
-    assert str(one.error).partition("refused")[2] == str(other.error).partition("refused")[2]
-    assert isinstance(one.error, CommandRefused)
+    assert str(one.error).partition("sent")[2] == str(other.error).partition("sent")[2]
+    assert isinstance(one.error, GarbledAnswer)
     assert is_safe(one)
+
+
+def test_a_digit_that_flips_towards_the_controller_is_never_played(struck):
+    """What the controller has heard is held against what was sent, segment by segment."""
+    for seed in range(4):
+        found = struck(line={"flipped": 3e-4, "towards": "controller"}, seed=seed, n=1, rig=PATIENT)
+        assert isinstance(found.error, GarbledAnswer | CommandRefused | SettingNotTaken)
+        assert not found.made
+        assert found.motors_on == (False, False)
 
 
 # The arm.

@@ -1,7 +1,11 @@
 """Programs, capture, and the trigger edge of the emulated controller."""
 
+import math
+
 import numpy as np
 import pytest
+
+from sim_backend.galil.program import LINE_TIME
 
 
 def download(bench, *lines, end="\\\r"):
@@ -39,7 +43,7 @@ def test_a_press_triggers_starts_and_captures_in_one_sample(bench):
     first = int(np.argmax(path[:, -1, 0] != 0))
     assert first == up
     assert path[first, 0, 0] == 0
-    assert down == up + 121
+    assert down == up + 120
     assert bench.send("MG _XQ;SC") == "-1.0000\r\n: 31, 31\r\n:"
     # Record k is the encoder 2 k samples after the edge.
     at_edge = np.round(path[up : up + 200 : 2, 0, :])
@@ -68,12 +72,30 @@ def test_capture_stops_when_full_or_told_and_records_every_power_of_two(bench):
     assert bench.refusal("RC 1,101") == 84
 
 
-def test_a_line_a_sample_and_a_line_in_one_go(bench):
-    download(bench, "#A;SB 1", "SB 2;SB 3", "", "NO a comment; SB 4", "' another", "EN")
+def test_lines_take_their_time_and_a_line_goes_in_one_go(bench):
+    lines = [f"SB {n % 4 + 1};CB {n % 4 + 1}" for n in range(40)]
+    download(bench, "#A;SB 8", *lines, "NO a comment; SB 7", "' another", "EN")
     bench.accept("XQ #A")
     assert bench.outputs == []
-    assert bench.run() == 5
-    assert bench.outputs == [(0, 1, True), (1, 2, True), (1, 3, True), (2, 4, True)]
+    assert bench.run() == math.ceil(44 * LINE_TIME * 1024)
+    assert len(bench.outputs) == 82
+    times = [at for at, _, _ in bench.outputs[1:-1]]
+    assert times[::2] == times[1::2]
+
+
+def test_a_faster_sample_has_time_for_fewer_lines(bench):
+    bench.accept("TM 250")
+    download(bench, "#A", *["NO"] * 42, "EN")
+    bench.accept("XQ #A")
+    assert bench.run() == pytest.approx(44 * LINE_TIME * 4096, abs=1)
+
+
+def test_threads_take_turns_line_by_line(bench):
+    download(bench, "#A", "SB 1", "CB 1", "JP #A", "#B", "a=a+1", "JP #B,a<10", "SB 2", "EN")
+    bench.accept("a=0", "XQ #A", "XQ #B,1", "XQ #A,2")
+    bench.tick(25)
+    assert bench.number("a") == 10
+    assert len([level for _, number, level in bench.outputs if number == 1]) > 10
 
 
 def test_a_trip_point_releases_the_rest_of_its_line(bench):

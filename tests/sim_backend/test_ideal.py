@@ -65,7 +65,8 @@ def test_the_key_follows_the_fingertip(seen):
     plan = planned(moved.time)
     held = moved.finger_force > 0
     assert held[(moved.time > START + 1e-3) & (moved.time < LEAD * PERIOD + PLAN.law.bottom)].all()
-    np.testing.assert_allclose(moved.angle[held], plan.position[held], rtol=0, atol=1e-9)
+    least = np.maximum(plan.position, 0)
+    np.testing.assert_allclose(moved.angle[held], least[held], rtol=0, atol=1e-9)
     cruise = in_cruise(moved.time)
     np.testing.assert_allclose(moved.spin[cruise], plan.velocity[cruise], rtol=0, atol=5e-6)
 
@@ -206,4 +207,4 @@ def test_the_felt_stops_the_finger_at_the_bottom():
     bare = RIG.model_copy(update={"key": KEY.model_copy(update={"dip": 1.0})})
     weight = finger_force(bare, still, np.zeros(1))[0]
     assert forces[1] == pytest.approx(weight, rel=1e-5)
-    assert forces[0] == pytest.approx(weight + KEY.felt_stiffness * KEY.press_arm * depth, rel=1e-6)
+    assert forces[0] == pytest.approx(weight + KEY.felt_stiffness * KEY.press_arm * depth, rel=1e-5)

@@ -105,9 +105,11 @@ def test_an_accuracy_asked_for_is_kept():
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(1800)
-@pytest.mark.parametrize("solve", [reference, None], ids=["measured", "estimated"])
-def test_accuracies_asked_for_are_kept(solve):
-    broken, refused = broken_promises(300, 2, solve)
-    assert len(broken) <= 3, broken
-    assert len(refused) < 150, refused
+@pytest.mark.timeout(3600)
+@pytest.mark.parametrize(
+    ("solve", "n"), [(reference, 300), (None, 100)], ids=["measured", "estimated"]
+)
+def test_accuracies_asked_for_are_kept(solve, n):
+    broken, refused = broken_promises(n, 2, solve)
+    assert len(broken) <= n / 100, broken
+    assert len(refused) <= n / 10, refused

@@ -24,7 +24,13 @@ def rig():
 
 
 def test_shipped_scenes_load():
-    assert packaged_scenes() == ["ideal", "paper"]
+    assert packaged_scenes() == ["free-key", "ideal", "paper", "pluck", "return", "two-choirs"]
+    for name in packaged_scenes():
+        scene = load_scene(name)
+        assert len(scene.description) > 20
+        assert scene.step == pytest.approx(1e-4)
+        assert scene.engine == "rigid"
+        assert scene.truth == {}
     ideal, paper = load_scene("ideal"), load_scene()
     assert (ideal.finger, ideal.servo, ideal.sensors) == ("ideal", None, None)
     assert paper.finger == "servo"
@@ -32,9 +38,12 @@ def test_shipped_scenes_load():
     assert paper.sensors.velocity_noise == pytest.approx(5e-5)
     assert paper.sensors.force_noise == pytest.approx(5e-3)
     assert paper.sensors.hum == pytest.approx(1e-3)
-    for scene in (ideal, paper):
-        assert scene.step == pytest.approx(1e-4)
-        assert scene.truth == {}
+    back = load_scene("return")
+    assert back.tongue
+    assert back.damper
+    assert load_scene("two-choirs").more_choirs[0].jack_arm == pytest.approx(0.235)
+    assert load_scene("pluck").push.force == pytest.approx(1.2)
+    assert load_scene("free-key").push.rest == pytest.approx(0.15)
 
 
 def test_a_file_is_a_scene(tmp_path):
@@ -50,7 +59,9 @@ def test_a_scene_is_frozen():
 
 
 def test_no_such_scene(tmp_path):
-    with pytest.raises(SceneError, match=r"'cathedral' is neither a file nor .* \(ideal, paper\)"):
+    with pytest.raises(
+        SceneError, match=r"'cathedral' is neither a file nor .* \(free-key, ideal, .*two-choirs\)"
+    ):
         load_scene("cathedral")
     with pytest.raises(SceneError, match=r"none\.toml: cannot be read"):
         load_scene(tmp_path / "none.toml")
@@ -67,17 +78,16 @@ def test_a_file_that_is_no_text(tmp_path):
 
 
 def test_all_faults_are_told_at_once():
-    text = MUTE.replace('"ideal"', '"glove"').replace('"100 us"', '"2 ms"')
+    text = MUTE.replace('"ideal"', '"glove"').replace('"100 us"', '"3 ms"')
     text = text.replace("iterations = 10", "iteration = 10").replace("felt = false", "")
     with pytest.raises(SceneError) as caught:
         parse_scene(text, "my scene")
     message = str(caught.value)
-    assert message.startswith("my scene: 5 faults\n")
+    assert message.startswith("my scene: 4 faults\n")
     for part in (
         "line 2: finger: 'glove' is refused",
         "line 7: step",
         "iteration: unknown key; did you mean 'iterations'?",
-        "iterations: missing; add it",
         "felt: missing; add it",
     ):
         assert part in message
@@ -98,6 +108,32 @@ def test_all_faults_are_told_at_once():
 def test_a_fault_names_its_key(old, new, words):
     with pytest.raises(SceneError, match=words):
         parse_scene(MUTE.replace(old, new))
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ('step = "100 us"', "", "step, accuracy: neither is given"),
+        ("iterations = 10", 'accuracy = "10 us"', "step, accuracy: both are given"),
+        ("iterations = 10", 'engine = "auto"', 'engine: "auto" is chosen by the accuracy'),
+        ('step = "100 us"', 'accuracy = "5 mm"', r"accuracy: '5 mm' has the dimension \[length\]"),
+        ('step = "100 us"', 'accuracy = "20 ms"', "accuracy: '20 ms' must lie between 0 and 10 ms"),
+        ('"ideal"', '"servo"\nengine = "reduced"', r'engine: "reduced" is .*take engine = "rigid"'),
+        ('"ideal"', '"push"', r'finger: "push" and the table \[push\] do not go together'),
+    ],
+)
+def test_parts_that_do_not_fit_are_told(old, new, words):
+    with pytest.raises(SceneError, match=words):
+        parse_scene(MUTE.replace(old, new))
+
+
+@pytest.mark.parametrize("part", ["tongue", "damper"])
+def test_a_part_without_numbers_is_told(rig, part):
+    bare = rig.model_copy(update={"jack": rig.jack.model_copy(update={part: None})})
+    scene = load_scene("return")
+    scene.true_rig(rig)
+    with pytest.raises(SceneError, match=rf"no table \[jack\.{part}\]; add it, or set {part} = f"):
+        scene.true_rig(bare)
 
 
 def test_both_misfits_are_told():

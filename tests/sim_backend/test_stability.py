@@ -1,6 +1,11 @@
+import numpy as np
 import pytest
 
+from analysis.model.predict import rig_pluck
 from rig.load import load_rig
+from rig.section import GRAVITY
+from sim_backend.physics.observation import observe
+from sim_backend.scene import load_scene
 from sim_backend.trade import stability
 from sim_backend.trade.cases import Case, grid, random_cases
 from sim_backend.trade.stability import (
@@ -21,7 +26,7 @@ QUICK = [
 
 
 def test_pushes_converge_or_are_refused_and_never_fail_silently():
-    found = run_stability(RIG, QUICK[::4])
+    found = run_stability(RIG, QUICK[::6])
     assert not found.silent_failures, stability_text(found)
     assert sum(cell.verdict == "converged" for cell in found.cells) > len(found.cells) / 2
 
@@ -86,6 +91,31 @@ def test_random_cases_are_the_same_each_time():
     first, second = (list(random_cases(RIG, 5, seed=3)) for _ in range(2))
     assert first == second
     assert all(isinstance(case, Case) for case in first)
+
+
+@pytest.mark.parametrize(("engine", "steps"), [("rigid", 64), ("reduced", 8)])
+def test_without_friction_no_energy_is_made_or_lost(engine, steps):
+    key, jack = RIG.key, RIG.jack
+    scene = load_scene("pluck").model_copy(
+        update={"engine": engine, "step": RIG.controller.sample_period / steps}
+    )
+    found = observe(RIG, scene)
+    motions, release = found.motions, found.events.releases[0].time
+    angle, spin = motions.angle, motions.spin
+    slope = key.jack_arm / np.cos(angle) ** 2
+    slope += key.jack_surface_height * np.sin(angle) / np.cos(angle) ** 2
+    kinetic = (key.inertia + jack.mass * slope**2) * spin**2 / 2
+    done = (scene.push.force * key.press_arm + key.front_heaviness) * angle
+    pluck = rig_pluck(RIG, "elastica")
+    height = np.linspace(0, pluck.release_height, 20_001)
+    string = np.trapezoid(pluck.force_on_jack(height), height)
+    after = (motions.time > release) & (motions.time < scene.push.duration)
+    before = motions.time < found.events.contacts[0].time
+    balance = done - kinetic - jack.mass * GRAVITY * motions.rise
+    assert before.sum() > 5
+    assert after.sum() > 1
+    assert np.abs(balance[before]).max() < 1e-5 * done.max()
+    assert np.abs(balance[after] - string).max() < 1e-5 * done.max()
 
 
 @pytest.mark.slow

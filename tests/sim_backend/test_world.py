@@ -9,7 +9,7 @@ import pytest
 
 from rig.load import load_rig
 from sim_backend.errors import SceneError
-from sim_backend.physics.observation import drive_of, observe
+from sim_backend.physics.observation import observe
 from sim_backend.physics.world import new_world
 from sim_backend.scene import load_scene, packaged_scenes
 
@@ -92,7 +92,7 @@ print(hashlib.sha256(data + repr(seen.events).encode()).hexdigest())
         ),
         ({"key.felt_stiffness": "1e16 N/m"}, r"front felt needs steps of .* lower key\.felt_stiff"),
         ({"key.felt_damping": "1e8 N s/m"}, r"front felt needs steps of .*lower .*felt_damping"),
-        ({"jack.mass": "2e-9 kg", "key.front_heaviness": "-1 N m"}, r"string needs .*jack\.mass"),
+        ({"jack.mass": "1e-10 kg", "key.front_heaviness": "-1 N m"}, r"string needs .*jack\.mass"),
     ],
 )
 def test_what_no_step_can_take_is_refused(truth, words):
@@ -101,18 +101,14 @@ def test_what_no_step_can_take_is_refused(truth, words):
 
 
 def test_a_key_that_nothing_stops_is_an_error():
+    push = scene_of("pluck").push.model_copy(update={"duration": 1.0})
     with pytest.raises(SceneError, match=r"lost its numbers at 0\.\d+ s .*felt = true"):
-        drive = drive_of(RIG, scene_of("pluck"))
-        world = new_world(RIG, scene_of("pluck"), drive.start)
-        push = scene_of("pluck").push.model_copy(update={"duration": 1.0})
-        world = new_world(RIG, scene_of("pluck", push=push), drive.start)
-        for _ in range(400):
-            world.advance(stand, True)
+        observe(RIG, scene_of("pluck", push=push))
 
 
 def test_a_finger_that_starts_in_the_key_is_refused():
     with pytest.raises(SceneError, match=r"start: the fingertip is in the key"):
-        new_world(RIG, scene_of("ideal"), (-0.6, -1.5))
+        new_world(RIG, scene_of("ideal"), (-0.9, -0.5))
 
 
 @pytest.mark.parametrize("step", [1e-6, 2e-3])

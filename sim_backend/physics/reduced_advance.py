@@ -1,0 +1,86 @@
+"""From one time to another in the reduced engine; compiled.
+
+All that a mode of motion needs is a number that must stay positive. A step at whose end one
+is negative is taken again and ends where the first of them vanishes.
+"""
+
+import math
+
+from sim_backend.physics.reduced_compile import compiled
+from sim_backend.physics.reduced_locate import (
+    hold,
+    locate,
+)
+from sim_backend.physics.reduced_state import (
+    AFTER,
+    ANGLE,
+    CHATTERS,
+    FALLS,
+    FINE,
+    IDEAL,
+    JACK,
+    LOST,
+    RISES,
+    SLIP,
+    SPIN,
+    TOUCH,
+)
+from sim_backend.physics.reduced_step import (
+    take,
+    try_step,
+)
+from sim_backend.physics.reduced_switch import (
+    switch,
+)
+
+RESOLVED, RATED, LEAST = 3e-6, 1e-3, 1e-13
+"""1 and s, share of a speed that the fourth order may bring to a step of so long; it goes with
+the step's fourth power, not below the last. What has more of it is divided."""
+SHORTEST = 1e-8
+"""s, of a step that is divided."""
+SWITCHES = 1000
+"""Changes within one stretch of time that are no motion any more."""
+
+
+@compiled
+def advance(bench, cells, state, kinds, marks, events, leg, time, end):
+    """Advance a state within a leg from a time to another [s]; return how that went."""
+    size = end - time
+    allowed = max(RESOLVED * (size / RATED) ** 4, LEAST)
+    switches = 0
+    while time < end:
+        if at_rest(kinds, leg):
+            return FINE
+        step = min(size, end - time)
+        error = try_step(bench, cells, state, kinds, leg, time, step) / allowed
+        if error > 1.0 and step > SHORTEST:
+            size = max(step * max(0.8 * error**-0.25, 0.1), SHORTEST)
+            continue
+        if hold(bench, state, kinds, leg, time + step, marks, AFTER):
+            take(state)
+            time = end if step == end - time else time + step
+            size = step * min(2.0, 0.8 * max(error, 1e-3) ** -0.25)
+            if not math.isfinite(state[0, ANGLE] + state[0, SPIN]):
+                return LOST
+            continue
+        time += locate(bench, cells, state, kinds, marks, leg, time, step)
+        take(state)
+        status = switch(bench, cells, state, kinds, marks, events, leg, time)
+        if status != FINE:
+            return status
+        size = end - time
+        switches += 1
+        if switches > SWITCHES:
+            return CHATTERS
+    return FINE
+
+
+@compiled
+def at_rest(kinds, leg):
+    """Return whether nothing moves until the leg ends."""
+    if kinds[0, SLIP] != 0 or (leg[IDEAL] > 0 and kinds[0, TOUCH] == 0):
+        return False
+    for k in range(1, len(kinds)):
+        if kinds[k, JACK] == FALLS or kinds[k, JACK] == RISES:
+            return False
+    return True

@@ -1,0 +1,34 @@
+"""A host that begins a press that is held for long, says so, and does nothing more.
+
+Run as `python -m tests.robot.pressing_host PORT`; the tests kill it.
+"""
+
+import sys
+import time
+
+from rig.load import load_rig, with_values
+from robot.galil import GalilController
+from trajectory.press import plan_press
+
+
+def main(port: str) -> None:
+    """Press through a port and say so while the key is held down."""
+    rig = with_values(load_rig(), {"controller.port": port, "press.bottom_hold": "60 s"})
+    plan = plan_press(rig)
+    controller = GalilController(rig)
+    with controller, controller.powered():
+        controller.home()
+        controller.move_to(plan.hover, 150_000)
+        for motion in (plan.approach, plan.segments):
+            controller.load(motion)
+            controller.arm()
+            controller.start()
+            if motion is plan.approach:
+                controller.wait()
+        time.sleep(1)  # longer than the watchdog's period, which it survives
+        print(*controller.positions(), controller.state, flush=True)  # noqa: T201
+        time.sleep(60)
+
+
+if __name__ == "__main__":
+    main(sys.argv[1])

@@ -1,0 +1,207 @@
+"""Random bytes into the driver and into the emulated controller: no crash, no hang, no motion."""
+
+import contextlib
+
+import numpy as np
+import pytest
+
+from robot.errors import RobotError
+from robot.galil import GalilController
+from robot.line import Line
+from sim_backend.galil.firmware import GalilFirmware
+
+MEGABYTE = 1 << 20
+WORDS = [
+    *("PVA=", "PVB=", ",", ":", "?", ";", "\r", "\n", "\\", "#PRESS", "#A", '"', "'", "{F8.2}"),
+    *(
+        "XQ",
+        "HX",
+        "JP",
+        "JS",
+        "IF",
+        "ELSE",
+        "ENDIF",
+        "EN",
+        "RE",
+        "AT",
+        "WT",
+        "AI",
+        "AM",
+        "MG",
+        "DL",
+    ),
+    *(
+        "LS",
+        "QU",
+        "DM",
+        "DA",
+        "RA",
+        "RD",
+        "RC",
+        "SB",
+        "CB",
+        "OF",
+        "TL",
+        "ER",
+        "OE",
+        "FL",
+        "BL",
+        "SP",
+    ),
+    *(
+        "AC",
+        "DC",
+        "PA",
+        "PR",
+        "JG",
+        "BG",
+        "BT",
+        "ST",
+        "AB",
+        "MO",
+        "DP",
+        "HM",
+        "TM",
+        "TC1",
+        "EO",
+        "RS",
+    ),
+    *("BP", "(", ")", "[", "]", "=", "<", ">", "<>", "&", "|", "+", "-", "*", "/", "%", "@ABS["),
+    *("@OUT[", "_TPA", "_XQ0", "_PVA", "0", "1", "-1", "255", "4711", "1e9", "x", " "),
+]
+
+
+class Still:
+    """Encoders of an arm that nothing moves."""
+
+    def __init__(self):
+        self.driven = None
+
+    def encoder_counts(self):
+        return 0, 0
+
+    def home_counts(self):
+        return 1500, -700
+
+    def torque_volts(self):
+        return 0.0, 0.0
+
+    def drive(self, offsets, limits):
+        self.driven = offsets, limits
+
+
+class Noise:
+    """A port that says random bytes, whatever it is told; it ends with silence."""
+
+    def __init__(self, data, chunk):
+        self._data, self._chunk, self._at = data, chunk, 0
+        self.sent = bytearray()
+
+    def open(self, name, baud_rate, timeout):
+        return self
+
+    @property
+    def exhausted(self):
+        return self._at >= len(self._data)
+
+    @property
+    def in_waiting(self):
+        return 0
+
+    def read(self, size=1):
+        data = self._data[self._at : self._at + self._chunk]
+        self._at += self._chunk
+        return data
+
+    def write(self, data):
+        self.sent += data
+
+    def reset_input_buffer(self):
+        pass
+
+    def close(self):
+        pass
+
+
+def babble(kind, seed, size):
+    random = np.random.default_rng(seed)
+    match kind:
+        case "bytes":
+            return random.bytes(size)
+        case "text":
+            return bytes(random.integers(32, 127, size, dtype=np.uint8))
+        case "answers":
+            return random.choice(np.frombuffer(b"0123456789.-: ?\r\n,:", np.uint8), size).tobytes()
+        case _:
+            words = random.choice([*WORDS, *["\r"] * 20], size // 2)  # a line has a few words
+            return "".join(words).encode("latin-1")[:size]
+
+
+@pytest.mark.parametrize("kind", ["bytes", "text", "answers", "words"])
+@pytest.mark.parametrize("echo", [False, True])
+def test_noise_into_the_line(kind, echo):
+    """A megabyte in all."""
+    port = Noise(babble(kind, 1, MEGABYTE // 8), chunk=64)
+    line = Line(port, "noise", 0.0)
+    line.echo = echo
+    asks = [
+        lambda: line.ask("MG _TPA"),
+        lambda: line.read("_TPA", "_TPB"),
+        lambda: line.ask_packed(["PVA=1,2,3"] * 9),
+        lambda: line.insist(["AB", "MO AB"], "_MOA", "_MOB"),
+        lambda: line.download(["#A", "EN"]),
+    ]
+    turns = 0
+    while not port.exhausted:
+        for ask in asks:
+            with contextlib.suppress(RobotError):
+                ask()
+        turns += 1
+    assert turns < MEGABYTE
+
+
+@pytest.mark.parametrize("kind", ["bytes", "text", "answers", "words"])
+def test_noise_at_the_other_end_never_gets_the_motors_on(rig, kind):
+    noise = babble(kind, 2, MEGABYTE)
+    for part in range(0, MEGABYTE, MEGABYTE // 64):
+        port = Noise(noise[part : part + MEGABYTE // 64], chunk=256)
+        controller = GalilController(rig, open_port=port.open)
+        with pytest.raises(RobotError):
+            controller.connect()
+        assert not {b"SH AB", b"BG AB", b"XQ #PRESS,1"} & set(bytes(port.sent).split(b"\r"))
+
+
+@pytest.mark.parametrize("kind", ["bytes", "text", "answers", "words"])
+def test_a_megabyte_of_noise_into_the_controller(kind):
+    """Nobody says SH, so nothing may move; it goes on answering."""
+    changed = []
+    plant = Still()
+    firmware = GalilFirmware(plant, on_output=lambda *change: changed.append(change))
+    data = babble(kind, 3, MEGABYTE).replace(b"SH", b"SX")
+    for part in range(0, MEGABYTE, 4096):
+        firmware.receive(data[part : part + 4096])
+        for _ in range(4):
+            firmware.tick()
+        assert firmware.motors_on == (False, False)
+    firmware.receive(b"\\\r\r")
+    firmware.receive(b"HX\rAB\rEO 0\r")
+    firmware.receive(b"")
+    assert firmware.receive(b"MG 4711\r").endswith(b" 4711.0000\r\n:")
+    assert firmware.receive(b"MG _MOA,_MOB\r") == b" 1.0000 1.0000\r\n:"
+
+
+@pytest.mark.parametrize("seed", range(200))
+def test_noisy_programs_end_or_go_on_and_can_be_stopped(seed):
+    """A program of random words runs in all the threads at once."""
+    random = np.random.default_rng(seed)
+    words = [word for word in WORDS if word not in ("\r", "\n", "\\")]
+    lines = ["".join(random.choice(words, 3)) for _ in range(40)]
+    firmware = GalilFirmware(Still(), on_output=lambda number, level: None)
+    firmware.receive(("EO 0\rDL\r#A\r" + "\r".join(lines) + "\rJP #A\rEN\r\\\r").encode())
+    firmware.receive(b"XQ 0,0;XQ 1,1;XQ 2,2;XQ 3,7\r")
+    for _ in range(200):
+        firmware.tick()
+    assert firmware.motors_on == (False, False)
+    firmware.receive(b"EO 0\rAB\r")
+    assert not firmware.watching
+    assert firmware.receive(b"MG 4711\r").endswith(b" 4711.0000\r\n:")

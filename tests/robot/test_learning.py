@@ -1,0 +1,177 @@
+"""Learning on real recordings: it improves, stops in time, and keeps to what it learned for."""
+
+import json
+
+import numpy as np
+import pytest
+
+from daq.reading import read_recording
+from rig.load import load_rig, with_values
+from robot.errors import RobotError
+from robot.feedforward import force_of
+from robot.galil import GalilController
+from robot.learning import HALVINGS, Learned, Lesson, read_learned
+from robot.session import Item, make_presses
+from sim_backend.bench import StandIn
+from sim_backend.scene import load_scene
+from trajectory.correction import Correction
+from trajectory.errors import TrajectoryError
+from trajectory.press import plan_press
+from trajectory.timing import press_law
+
+# The stand-in answers when its motion is over, however busy the machine is meanwhile.
+RIG = with_values(load_rig("paper"), {"controller.timeout": "20 s"})
+LAW = press_law(RIG.press)
+
+
+def bump(height):
+    """m, a correction that rises in the cruise and goes back before the return."""
+    time = np.linspace(LAW.start, LAW.return_start, 30)
+    rise = height * np.sin(np.pi * (time - LAW.start) / (LAW.return_start - LAW.start)) ** 2
+    rise[[0, -1]] = 0
+    return Correction(time, rise)
+
+
+def lesson_on(scene, out, presses, seed=0, measured=None, **changes):
+    """Learn on the stand-in; return the lesson and the recordings."""
+    lesson = Lesson(RIG, None, presses, measured=measured)
+    scene = load_scene(scene).model_copy(update=changes)
+    with StandIn(RIG, scene, seed) as stand_in:
+        items = lesson.on(stand_in.rig)
+        paths = make_presses(GalilController(stand_in.rig), out, items, on_press=lesson.saw)
+    return lesson, paths
+
+
+def test_the_jacks_speed_is_learned_in_a_few_presses(tmp_path):
+    lesson, paths = lesson_on("paper", tmp_path, 5)
+    assert len(paths) == len(lesson.errors) == 5
+    assert lesson.errors[0] > 0.05
+    assert lesson.errors[-1] < 0.01
+    assert lesson.best is not None
+    with StandIn(RIG, load_scene("paper"), 9) as stand_in:
+        plan = plan_press(stand_in.rig, None, lesson.best)
+        again = Lesson(RIG, None, 1)
+        make_presses(
+            GalilController(stand_in.rig),
+            tmp_path / "again",
+            [Item(stand_in.rig, plan)],
+            on_press=again.saw,
+        )
+    assert again.errors[0] < 0.01
+
+
+def test_feed_forward_leaves_little_to_learn(tmp_path):
+    alone, (path,) = lesson_on("paper", tmp_path, 1)
+    pushed, paths = lesson_on("paper", tmp_path, 3, seed=1, measured=force_of(path))
+    assert pushed.errors[0] < 0.5 * alone.errors[0]
+    assert pushed.errors[-1] < 0.01
+    (told,) = (e for e in read_recording(paths[0]).events if e.kind == "feed-forward")
+    assert "N m at joint 1" in told.text
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(1800)
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"plectrum": "none", "string": "none"},
+        {"truth": {"jack.mass": "12 g"}},
+        {"truth": {"arm.lower_mass": "0.15 kg"}},
+        {"truth": {"plectrum.thickness": "0.6 mm"}},
+    ],
+)
+def test_what_the_rig_does_not_know_is_learned_as_well(tmp_path, changes):
+    lesson, _ = lesson_on("paper", tmp_path, 6, **changes)
+    assert min(lesson.errors) < 0.01
+    assert lesson.errors[-1] <= 1.5 * min(lesson.errors)
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(3600)
+@pytest.mark.parametrize("seed", range(20))
+def test_twenty_seeds_come_below_a_per_cent_and_never_diverge(tmp_path, seed):
+    lesson, _ = lesson_on("paper", tmp_path, 6, seed=seed)
+    assert min(lesson.errors) <= 0.01
+    assert max(lesson.errors[1:]) < lesson.errors[0]
+
+
+def test_an_ideal_finger_has_nothing_to_learn(tmp_path):
+    lesson, paths = lesson_on("ideal", tmp_path, 6)
+    assert len(paths) < 6
+    assert lesson.stopped
+    assert max(lesson.errors) < 0.005
+
+
+def test_a_correction_too_large_is_halved_until_it_can_be_pressed():
+    lesson = Lesson(RIG, None, 5)
+    largest = bump(8e-3)  # beyond the dip, 1 mm is not
+    with pytest.raises(TrajectoryError, match="depth of the key"):
+        plan_press(RIG, None, largest)
+    lesson.plan(largest)
+    items = lesson.on(RIG)
+    rise = next(items).trajectory.law.law.states[:, 0].max()
+    assert RIG.press.jack_rise < rise < RIG.press.jack_rise + 0.6e-3
+    assert not lesson.stopped
+
+
+def test_what_was_pressed_before_is_kept_where_more_cannot_be_pressed():
+    lesson = Lesson(RIG, None, 5)
+    lesson.plan(bump(0.4e-3))
+    lesson.plan(bump(8e-3))
+    rise = next(lesson.on(RIG)).trajectory.law.law.states[:, 0].max()
+    assert rise > plan_press(RIG, None, bump(0.4e-3)).law.law.states[:, 0].max()
+
+
+def test_a_correction_that_no_halving_mends_ends_learning():
+    lesson = Lesson(RIG, None, 5)
+    lesson.plan(bump(0.2))
+    assert f"not even halved {HALVINGS} times" in lesson.stopped
+    assert "press cannot be made" in lesson.stopped
+    assert list(lesson.on(RIG)) == []
+
+
+def test_no_presses_are_refused():
+    with pytest.raises(RobotError, match="0 presses"):
+        Lesson(RIG, None, 0)
+
+
+def test_what_was_learned_is_written_and_read_back(tmp_path):
+    path = tmp_path / "learned.json"
+    learned = Learned(bump(1e-4), (0.07, 0.01))
+    learned.write(path, RIG)
+    moved = with_values(RIG, {"controller.port": "/dev/other", "jack.mass": "7 g"})
+    found = read_learned(path, moved)
+    np.testing.assert_array_equal(found.time, learned.correction.time)
+    np.testing.assert_array_equal(found.rise, learned.correction.rise)
+    assert json.loads(path.read_text())["rms_speed_error"] == [0.07, 0.01]
+    with pytest.raises(RobotError, match=r"learned_for|feed_forward"):
+        read_learned(path, RIG, "sha of a recording")
+    with pytest.raises(RobotError, match="File exists"):
+        learned.write(path, RIG)
+
+
+def test_it_is_refused_for_another_press_arm_or_controller(tmp_path):
+    path = tmp_path / "learned.json"
+    Learned(bump(1e-4), (0.07,)).write(path, RIG)
+    other = with_values(
+        RIG,
+        {
+            "press.jack_speed": "0.1 m/s",
+            "arm.lower_mass": "0.2 kg",
+            "controller.sample_period": "1 ms",
+        },
+    )
+    with pytest.raises(RobotError) as caught:
+        read_learned(path, other)
+    for key in ("press.jack_speed", "arm.lower_mass", "controller.sample_period", "learn anew"):
+        assert key in str(caught.value)
+
+
+@pytest.mark.parametrize("text", ["", "{}", '{"time": [0], "rise": ["x"], "learned_for": {}}', "7"])
+def test_a_file_that_holds_no_correction_is_refused(tmp_path, text):
+    path = tmp_path / "learned.json"
+    path.write_text(text)
+    with pytest.raises(RobotError, match="cannot be read"):
+        read_learned(path, RIG)
+    with pytest.raises(RobotError, match="cannot be read"):
+        read_learned(tmp_path / "none.json", RIG)

@@ -1,0 +1,746 @@
+"""The driver of an ODrive: what it says, what it refuses, and how it leaves the arm."""
+
+import io
+import itertools
+import threading
+
+import numpy as np
+import pytest
+
+from rig.load import load_rig, with_values
+from robot.controller import MotionController
+from robot.errors import (
+    GarbledAnswer,
+    LineLost,
+    MotionFault,
+    NotReady,
+    RobotError,
+    SettingNotTaken,
+    SilentController,
+    UnsafeRequest,
+)
+from robot.factory import motion_controller
+from robot.feedforward import TorqueTable
+from robot.galil import GalilController
+from robot.odrive import OdriveController
+from robot.odrive_errors import error_names
+from robot.odrive_line import OdriveLine, checksum, framed
+from robot.odrive_setpoints import INTERVAL, Setpoints, bandwidth
+from sim_backend.odrive.firmware import OdriveFirmware
+from sim_backend.odrive.setpoint import Setpoint, filtered
+from trajectory.cubic import controller_motion
+from trajectory.press import plan_press
+from trajectory.segments import Segments
+
+GRBL = "".join(map(framed, ("Grbl 1.1h", "x", "y"))).encode()
+OFF = "its motors are off: the controller confirms it"
+NOT_OFF = "NOT confirmed off"
+
+
+class Emulated:
+    """A serial port, and behind it the emulated controller of an arm without inertia."""
+
+    def __init__(self, rig):
+        self.counts, self.home = [19_099, -19_099], (0, 0)
+        self.follows = True
+        self.answers = b""
+        self.said = []
+        self.replace = {}
+        self.fault = None
+        self.closed = False
+        self.outputs = []
+        counts, ratios = rig.arm.counts_per_revolution, rig.arm.gear_ratios
+        self.firmware = OdriveFirmware(
+            self,
+            per_turn=(counts / ratios[0], counts / ratios[1]),
+            period=rig.controller.sample_period,
+            stepped=True,
+            trigger=rig.controller.trigger_output,
+            torque_per_volt=(0.2, 0.2),
+            on_output=lambda number, level: self.outputs.append((number, level)),
+        )
+
+    # What the controller is wired to.
+
+    def encoder_counts(self):
+        return self.counts[0], self.counts[1]
+
+    def home_counts(self):
+        return self.home
+
+    def torque_volts(self):
+        return 0.5, -0.5
+
+    # What the host holds.
+
+    def open(self, name, baud_rate, timeout):
+        return self
+
+    @property
+    def in_waiting(self):
+        return len(self.answers)
+
+    def read(self, size=1):
+        if self.fault:
+            raise self.fault
+        data, self.answers = self.answers[:size], self.answers[size:]
+        return data
+
+    def write(self, data):
+        if self.fault:
+            raise self.fault
+        for line in data.decode().splitlines():
+            text, star, told = line.rpartition("*")
+            if not star:
+                assert not line
+                continue
+            assert told == str(checksum(text)), line
+            if text.startswith("u "):
+                assert self.firmware.receive(f"{line}\n".encode()) == b""
+                continue
+            self.said.append(text)
+            answer = self.firmware.receive(f"{line}\n".encode())
+            if text in self.replace:
+                changed = self.replace[text]
+                if isinstance(changed, BaseException):
+                    self.fault = changed
+                    raise changed
+                answer = changed if isinstance(changed, bytes) else framed(changed).encode()
+            self.answers += answer
+            self._go_on()
+
+    def _go_on(self):
+        while self.firmware.moving:
+            self.firmware.tick()
+            positions, _ = self.firmware.reference(np.array([1.0]))
+            if self.follows:
+                self.counts = [round(value) for value in positions[0]]
+
+    def reset_input_buffer(self):
+        self.answers = b""
+
+    def close(self):
+        self.closed = True
+
+
+class NoRenewal:
+    """Signs of life that nobody gives."""
+
+    def __init__(self, renew, period):
+        self.renew = renew
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *exception):
+        return None
+
+
+@pytest.fixture(scope="module")
+def rig():
+    return with_values(
+        load_rig(),
+        {
+            "controller.kind": "odrive",
+            "controller.baud_rate": 921600,
+            "controller.timeout": "0.2 s",
+        },
+    )
+
+
+@pytest.fixture
+def port(rig):
+    return Emulated(rig)
+
+
+@pytest.fixture
+def controller(rig, port):
+    return OdriveController(rig, open_port=port.open, renewing=NoRenewal)
+
+
+@pytest.fixture
+def segments():
+    return Segments(
+        start=np.array([1000, -501000]),
+        steps=np.array([[600, -300], [1800, -900], [600, -300]]),
+        velocities=np.array([[60_000, -30_000], [60_000, -30_000], [0, 0]]),
+        samples=np.array([20, 30, 20]),
+    )
+
+
+def ready(controller, segments):
+    controller.home()
+    controller.move_to(segments.start, 100_000)
+    controller.load(segments)
+    controller.arm()
+
+
+def press(controller, segments):
+    with controller, controller.powered():
+        ready(controller, segments)
+        controller.start()
+        controller.wait()
+        return controller.capture()
+
+
+def test_the_factory_takes_the_driver_that_the_rig_names(rig):
+    assert isinstance(motion_controller(rig), OdriveController)
+    assert isinstance(motion_controller(load_rig()), GalilController)
+
+
+def test_a_press_through_the_seam(controller: MotionController, port, segments, rig):
+    capture = press(controller, segments)
+    assert port.outputs == [(1, True), (1, False)]
+    assert port.firmware.motors_on == (False, False)
+    assert port.closed
+    np.testing.assert_array_equal(capture.samples, np.arange(0, 90, INTERVAL))
+    np.testing.assert_allclose(capture.counts[0], segments.start, atol=2)
+    np.testing.assert_allclose(capture.counts[-1], segments.end, atol=10)
+    assert np.abs(capture.following_errors).max() < 100
+    np.testing.assert_allclose(capture.torques, [[0.1, -0.1]] * len(capture), atol=1e-6)
+    assert capture.sample_period == rig.controller.sample_period
+
+
+CONNECT = [
+    "i",
+    "w axis0.requested_state 1",
+    "w axis1.requested_state 1",
+    "w gpio1.state 0",
+    "r axis0.current_state",
+    "r axis1.current_state",
+    "r gpio1.state",
+    "r axis0.encoder.config.cpr",
+    "r axis0.controller.config.circular_setpoints",
+    "r axis1.encoder.config.cpr",
+    "r axis1.controller.config.circular_setpoints",
+    *itertools.chain.from_iterable(
+        (f"w axis{axis}.{name} {value}", f"r axis{axis}.{name}")
+        for axis in (0, 1)
+        for name, value in (
+            ("config.watchdog_timeout", "0.5"),
+            ("controller.config.control_mode", "3"),
+            ("controller.config.vel_limit", "0.954929659"),
+            ("motor.config.torque_lim", "2"),
+            ("controller.config.input_filter_bandwidth", "64"),
+            ("min_endstop.config.offset", "0"),
+        )
+    ),
+    "w axis0.config.enable_watchdog 1",
+    "r axis0.config.enable_watchdog",
+    "w axis1.config.enable_watchdog 1",
+    "r axis1.config.enable_watchdog",
+    "r axis0.motor.config.torque_constant",
+    "r axis1.motor.config.torque_constant",
+]
+HEARD = "r vbus_voltage"
+ERRORS = [
+    f"r axis{axis}.{register}error"
+    for axis in (0, 1)
+    for register in ("", "motor.", "encoder.", "controller.")
+]
+ON = [
+    "r axis0.config.enable_watchdog",
+    "r axis1.config.enable_watchdog",
+    "r axis0.config.watchdog_timeout",
+    "r axis1.config.watchdog_timeout",
+    "sc",
+    HEARD,
+    *ERRORS,
+    "w axis0.requested_state 8",
+    "w axis1.requested_state 8",
+    HEARD,
+    "w stand_in.wait 0.010000000",
+    "r axis0.current_state",
+    "r axis1.current_state",
+]
+ABORT = ["w axis0.requested_state 1", "w axis1.requested_state 1", "w gpio1.state 0",
+         "r axis0.current_state", "r axis1.current_state", "r gpio1.state"]  # fmt: skip
+
+
+def test_connecting_says_exactly_this(controller, port):
+    assert "SIM" in controller.connect()
+    assert controller.simulated
+    assert port.said == CONNECT
+
+
+def test_switching_on_and_aborting_say_exactly_this(controller, port):
+    with controller:
+        port.said.clear()
+        with controller.powered():
+            assert port.said == ON
+            assert port.firmware.motors_on == (True, True)
+            port.said.clear()
+            controller.abort()
+            assert port.said == ABORT
+            port.said.clear()
+        assert port.said == []
+
+
+def test_a_motion_says_exactly_this(controller, port, segments):
+    with controller, controller.powered():
+        ready(controller, segments)
+        move = port.said.index("t 0 0.0005000")
+        assert port.said[move - 12 : move + 2] == [
+            *itertools.chain.from_iterable(
+                (f"w axis{axis}.trap_traj.config.{name} {value}",
+                 f"r axis{axis}.trap_traj.config.{name}")
+                for axis in (0, 1)
+                for name, value in (
+                    ("vel_limit", "0.05"), ("accel_limit", "0.5"), ("decel_limit", "0.5")
+                )
+            ),
+            "t 0 0.0005000",
+            "t 1 -0.0005000",
+        ]  # fmt: skip
+        assert port.said[-7:] == [
+            "w axis0.controller.config.input_mode 3",
+            "r axis0.controller.config.input_mode",
+            "w axis1.controller.config.input_mode 3",
+            "r axis1.controller.config.input_mode",
+            "p 0 0.0005000 0",
+            "p 1 -0.0005000 0",
+            HEARD,
+        ]
+        port.said.clear()
+        controller.start()
+        controller.wait()
+        assert port.said[0] == "w gpio1.state 1"
+        assert [line[:4] for line in port.said[1:3]] == ["p 0 ", "p 1 "]
+        assert port.said[3:8] == [
+            "f 0",
+            "f 1",
+            "r axis0.motor.current_control.Iq_setpoint",
+            "r axis1.motor.current_control.Iq_setpoint",
+            "w stand_in.wait 0.003906250",
+        ]
+        setpoints = [line for line in port.said if line.startswith("p 0 ")]
+        assert len(setpoints) == 23
+        assert setpoints[-1] == "p 0 0.0020000 0.000000"
+    assert not any(line.startswith("q") for line in port.said)
+
+
+# What it is.
+
+
+@pytest.mark.parametrize(
+    ("sent", "answer", "said"),
+    [
+        ("i", GRBL, r"an ODrive 3.x gives its hardware version"),
+        ("r gpio1.state", "invalid property", "stock firmware sets no pin"),
+        ("r axis0.encoder.config.cpr", "8192", r"axis0\.encoder.* is 8192 and .*2000000"),
+        ("r axis1.controller.config.circular_setpoints", "1", "circular_setpoints is 1"),
+        ("r axis1.motor.config.torque_lim", "inf", "torque_lim is inf and should be 2"),
+        ("r axis0.config.enable_watchdog", "0", "enable_watchdog is 0 and should be 1"),
+        ("r axis0.controller.config.vel_limit", "invalid property", "refused .*invalid property"),
+        ("r axis0.controller.config.vel_limit", "nan", "1 numbers were due"),
+    ],
+)  # fmt: skip
+def test_a_controller_that_is_not_set_up_is_refused(controller, port, sent, answer, said):
+    port.replace[sent] = answer
+    with pytest.raises(RobotError, match=said):
+        controller.connect()
+    assert port.closed
+
+
+def test_settings_that_are_not_taken_are_told_all_at_once(controller, port):
+    port.replace |= {
+        "r axis0.motor.config.torque_lim": "inf",
+        "r axis1.controller.config.vel_limit": "2.0",
+    }
+    with pytest.raises(SettingNotTaken, match=r"axis0\.motor.*inf.*axis1\.controller.* is 2 "):
+        controller.connect()
+
+
+def test_another_firmware_is_refused(controller, port):
+    lines = ("Hardware version: 3.6-56V", "Firmware version: 0.6.9", "Serial number: 1")
+    port.replace["i"] = "".join(map(framed, lines)).encode()
+    with pytest.raises(RobotError, match=r"0\.6\.9.*install 0\.5\.6"):
+        controller.connect()
+
+
+def test_a_watchdog_that_was_switched_off_meanwhile_gets_no_power(controller, port):
+    with controller:
+        port.firmware.axes[1].settings["config.enable_watchdog"] = 0.0
+        with (
+            pytest.raises(SettingNotTaken, match=r"axis1\.config.enable_watchdog is 0"),
+            controller.powered(),
+        ):
+            pytest.fail("it has power")
+        assert "w axis0.requested_state 8" not in port.said
+
+
+# What is refused.
+
+
+def test_each_state_names_the_way_out(controller, segments):
+    with pytest.raises(NotReady, match=r"connect\(\) first"):
+        controller.positions()
+    with controller:
+        for call in (controller.home, lambda: controller.load(segments), controller.start):
+            with pytest.raises(NotReady, match=r"enter powered\(\) first"):
+                call()
+        with controller.powered():
+            with pytest.raises(NotReady, match=r"call home\(\) first"):
+                controller.load(segments)
+            controller.home()
+            with pytest.raises(NotReady, match=r"call load\(\) first"):
+                controller.arm()
+            with pytest.raises(NotReady, match="wait"):
+                controller.capture()
+            with pytest.raises(NotReady, match="no motion was streamed"):
+                _ = controller.punctuality
+
+
+def test_a_move_out_of_the_limits_is_not_sent(controller, port):
+    with controller, controller.powered():
+        controller.home()
+        port.said.clear()
+        with pytest.raises(UnsafeRequest, match="joint 1 reaches"):
+            controller.move_to([444_445, -500_000], 100_000)
+        assert port.said == []
+
+
+def test_torques_are_refused(controller, segments):
+    with controller, controller.powered():
+        controller.home()
+        with pytest.raises(UnsafeRequest, match="takes none"):
+            controller.load(segments, TorqueTable(np.array([0.0, 0.1]), np.zeros((2, 2))))
+        assert controller.loaded_torque is None
+
+
+def test_a_line_that_is_too_slow_is_refused(rig, port, segments):
+    slow = with_values(rig, {"controller.baud_rate": 115200})
+    controller = OdriveController(slow, open_port=port.open, renewing=NoRenewal)
+    with controller, controller.powered():
+        controller.home()
+        with pytest.raises(UnsafeRequest, match=r"baud_rate is 115200: set both ends to 921600"):
+            controller.load(segments)
+
+
+def test_a_motion_that_would_run_out_of_the_limits_if_the_host_died(controller, segments):
+    near = Segments(
+        np.array([440_000, -501_000]),
+        np.array([[2000, 0], [2000, 0]]),
+        np.array([[120_000, 0], [0, 0]]),
+        np.array([34, 34]),
+    )
+    with controller, controller.powered():
+        controller.home()
+        with pytest.raises(UnsafeRequest, match=r"joint 1 would run out to .* if the host died"):
+            controller.load(near)
+
+
+def test_an_arm_away_from_the_start_is_not_armed(controller, segments):
+    with controller, controller.powered():
+        controller.home()
+        controller.load(segments)
+        with pytest.raises(NotReady, match="move_to"):
+            controller.arm()
+
+
+# How it ends.
+
+
+@pytest.mark.parametrize("kind", [ValueError, KeyboardInterrupt, SystemExit, GeneratorExit])
+def test_any_exception_leaves_the_motors_off(controller, port, kind):
+    with pytest.raises(kind) as caught, controller, controller.powered():
+        raise kind
+    assert OFF in caught.value.__notes__[0]
+    assert port.firmware.motors_on == (False, False)
+
+
+@pytest.mark.parametrize(
+    ("register", "value", "name"),
+    [
+        ("error", "2048", "joint 1 error: WATCHDOG_TIMER_EXPIRED"),
+        ("error", "16384", "ESTOP_REQUESTED"),
+        ("motor.error", "4096", "motor.error: CURRENT_LIMIT_VIOLATION"),
+        ("encoder.error", "4", "encoder.error: NO_RESPONSE"),
+        ("controller.error", "1", "controller.error: OVERSPEED"),
+        ("controller.error", "1073741825", "OVERSPEED, 0x40000000"),
+    ],
+)
+def test_an_error_of_an_axis_is_told_by_its_name(controller, port, segments, register, value, name):
+    with pytest.raises(MotionFault, match=name) as caught, controller, controller.powered():  # noqa: PT012
+        ready(controller, segments)
+        controller.start()
+        port.replace |= {f"r axis0.{register}": value, "r axis0.current_state": "1"}
+        controller.wait()
+    assert OFF in str(caught.value)
+
+
+def test_axes_that_are_off_without_an_error(controller, port, segments):
+    with (  # noqa: PT012
+        pytest.raises(MotionFault, match="states 1 and 1, not in closed loop"),
+        controller,
+        controller.powered(),
+    ):
+        ready(controller, segments)
+        for axis in port.firmware.axes:
+            axis.request(1)
+        controller.start()
+        controller.wait()
+
+
+def test_a_joint_that_does_not_follow_is_switched_off_at_once(controller, port, segments):
+    far = Segments(
+        segments.start, segments.steps * 20, segments.velocities * 6, segments.samples * 4
+    )
+    with pytest.raises(MotionFault, match="off its plan, more than") as caught:  # noqa: PT012, SIM117
+        with controller, controller.powered():
+            ready(controller, far)
+            port.follows = False
+            controller.start()
+            controller._stream._thread.join()
+            assert port.firmware.motors_on == (False, False)
+            controller.wait()
+    assert OFF in str(caught.value)
+
+
+class Late:
+    """A host's clock that now and then jumps."""
+
+    def __init__(self, jumps):
+        self.now, self.sleeps, self.jumps = 0.0, 0, jumps
+
+    def clock(self):
+        return self.now
+
+    def sleep(self, seconds):
+        self.sleeps += 1
+        self.now += seconds + self.jumps.get(self.sleeps, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("late", "gap", "skipped"), [({5: 0.002}, 0.00590625, 0), ({5: 0.007}, 0.01090625, 1)]
+)
+def test_a_late_host_catches_up_and_tells(controller, port, segments, late, gap, skipped):
+    with controller, controller.powered():
+        ready(controller, segments)
+        axes = controller._connection
+        wait, host = axes.sleep, Late(late)
+        axes.clock = host.clock
+
+        def sleep(seconds):
+            before = host.now
+            host.sleep(seconds)
+            wait(host.now - before)
+
+        axes.sleep = sleep
+        controller.start()
+        controller.wait()
+        found = controller.punctuality
+        assert found.largest_gap == pytest.approx(gap, abs=1e-9)
+        assert found.skipped == skipped
+        assert found.jitter > 0
+        assert len(controller.capture()) == 23 - skipped
+
+
+def test_a_press_with_a_large_gap_is_refused(controller, port, segments):
+    with pytest.raises(MotionFault, match=r"gap of 23\.9 ms .* 11\.7 ms are allowed") as caught:  # noqa: PT012, SIM117
+        with controller, controller.powered():
+            ready(controller, segments)
+            axes, host = controller._connection, Late({5: 0.020})
+            axes.clock = host.clock
+            wait = axes.sleep
+            axes.sleep = lambda seconds: (host.sleep(seconds), wait(seconds))
+            controller.start()
+            controller.wait()
+    assert OFF in str(caught.value)
+
+
+def test_stop_in_mid_motion_decelerates_and_says_where(controller, port, segments):
+    gate = threading.Event()
+    with controller, controller.powered():
+        ready(controller, segments)
+        axes, wait, calls = controller._connection, controller._connection.sleep, []
+
+        def sleep(seconds):
+            calls.append(seconds)
+            if len(calls) == 10:
+                gate.set()
+                controller._stream._cancelled.wait(5)
+            wait(seconds)
+
+        axes.sleep = sleep
+        controller.start()
+        assert gate.wait(5)
+        where = controller.stop()
+        assert segments.start[0] < where[0] < segments.end[0] + 1000
+        assert port.firmware.motors_on == (True, True)
+        assert port.outputs[-1] == (1, False)
+        np.testing.assert_array_equal(controller.positions(), where)
+    assert port.firmware.motors_on == (False, False)
+
+
+def test_a_line_that_breaks_in_mid_motion(controller, port, segments):
+    with pytest.raises(LineLost, match="check the cable") as caught:  # noqa: PT012, SIM117
+        with controller, controller.powered():
+            ready(controller, segments)
+            port.replace["f 1"] = OSError("gone")
+            controller.start()
+            controller.wait()
+    assert NOT_OFF in str(caught.value)
+    assert "watchdogs" in str(caught.value)
+
+
+def test_motors_that_stay_on_are_an_error(controller, port):
+    with pytest.raises(MotionFault, match="states 8 and 1") as caught, controller:  # noqa: PT012, SIM117
+        with controller.powered():
+            port.replace["r axis0.current_state"] = "8"
+            controller.abort()
+    assert NOT_OFF in str(caught.value)
+
+
+def test_home_finds_the_switches_from_either_side(rig):
+    for above in (19_099, -19_099, 0):
+        port = Emulated(rig)
+        port.counts = [above, -above]
+        controller = OdriveController(rig, open_port=port.open, renewing=NoRenewal)
+        with controller, controller.powered():
+            np.testing.assert_array_equal(controller.home(), [0, -500_000])
+            np.testing.assert_allclose(port.counts, 0, atol=20)
+
+
+def test_a_switch_that_never_opens(controller, port):
+    port.home = (0, 10_000_000)
+    with (
+        pytest.raises(MotionFault, match=r"home switch of joint 2 is still closed 0\.5 rad on"),
+        controller,
+        controller.powered(),
+    ):
+        controller.home()
+
+
+def test_a_homing_that_stops_early(controller, port):
+    port.replace["r axis1.is_homed"] = "0"
+    with (
+        pytest.raises(MotionFault, match="joint 2 stopped before its home switch"),
+        controller,
+        controller.powered(),
+    ):
+        controller.home()
+
+
+def test_home_switches_are_where_they_were_or_not(controller, port):
+    with controller, controller.powered():
+        controller.home()
+        controller.check_home()
+        port.home = (0, 500)
+        with pytest.raises(MotionFault, match="home switch of joint 2 is not within 100") as caught:
+            controller.check_home()
+    assert OFF in str(caught.value)
+
+
+# The line.
+
+
+class Fed:
+    """A port that only says what it was given."""
+
+    in_waiting = 0
+
+    def __init__(self, data):
+        self._data = io.BytesIO(data)
+
+    @property
+    def empty(self):
+        return self._data.tell() == len(self._data.getbuffer())
+
+    def read(self, size=1):
+        return self._data.read(size)
+
+    def write(self, data):
+        return len(data)
+
+    def reset_input_buffer(self):
+        return None
+
+    def close(self):
+        return None
+
+
+@pytest.mark.parametrize(
+    ("answer", "error"),
+    [
+        (b"", SilentController),
+        (b"1.0", SilentController),
+        (b"1.0\r\n", GarbledAnswer),
+        (b"1.0*30\r\n", GarbledAnswer),
+        (b"1.1*31\r\n", GarbledAnswer),
+        (b"\xff" * 80, GarbledAnswer),
+        (framed("one").encode(), GarbledAnswer),
+        (framed("1 2").encode(), GarbledAnswer),
+        (framed("").encode(), GarbledAnswer),
+        (framed("invalid property").encode(), RobotError),
+    ],
+)
+def test_answers_that_are_none(answer, error):
+    with pytest.raises(error):
+        OdriveLine(Fed(answer), "port", 0.1).read("axis0.error")
+
+
+def test_a_megabyte_of_noise_ends_in_errors_and_never_in_a_number():
+    noise = np.random.default_rng(4).integers(0, 256, 1 << 20, dtype=np.uint8).tobytes()
+    port = Fed(noise)
+    line, errors = OdriveLine(port, "port", 0.1), 0
+    while not port.empty:
+        try:
+            line.read("axis0.error")
+        except RobotError:
+            errors += 1
+        else:
+            pytest.fail("noise was taken for a number")
+    assert errors > 1000
+
+
+def test_something_said_unasked_is_not_taken_for_an_answer():
+    port = Fed(framed("invalid property").encode())
+    port.in_waiting = 18
+    with pytest.raises(GarbledAnswer, match="before it was asked"):
+        OdriveLine(port, "port", 0.1).read("axis0.error")
+
+
+def test_names_of_errors():
+    assert error_names("error", 0x40 | 0x200) == "error: MOTOR_FAILED, CONTROLLER_FAILED"
+
+
+# The setpoints.
+
+
+def followed(setpoints, start, joint, period):
+    """Play setpoints through the filter; return its states, one each controller sample."""
+    now, states = Setpoint(float(start[joint]), 0.0), []
+    for u, w in zip(setpoints.positions[:, joint], setpoints.velocities[:, joint], strict=True):
+        for _ in range(INTERVAL):
+            states.append(now)
+            now, _ = filtered(now, Setpoint(u, w), bandwidth(period), period)
+    return np.array([(s.position, s.velocity) for s in states]), now
+
+
+def test_the_filter_goes_where_the_plan_wants_it(rig):
+    plan, period = plan_press(rig), rig.controller.sample_period
+    segments = plan.segments
+    setpoints = Setpoints.of(segments, period)
+    _, motion = controller_motion(segments, 1, 1.0, period)
+    cruise = slice(int(plan.cruise.start / period) + 30, int(plan.cruise.end / period) - 2)
+    for joint in (0, 1):
+        states, end = followed(setpoints, segments.start, joint, period)
+        off = states[: len(motion.position)] - np.column_stack(
+            [motion.position[:, joint], motion.velocity[:, joint]]
+        )
+        assert np.abs(off[:, 0]).max() < 1e-4 / (2 * np.pi) * rig.arm.counts_per_revolution * 2
+        relative = off[cruise, 1] / motion.velocity[cruise, joint]
+        assert abs(relative.mean()) < 1e-3
+        assert np.ptp(relative) < 1.1 / 8 / 16
+        assert end.position == pytest.approx(segments.end[joint], abs=20)
+
+
+def test_a_motion_that_runs_out_comes_to_rest_where_it_says(rig):
+    setpoints = Setpoints.of(plan_press(rig).segments, rig.controller.sample_period)
+    width, row = bandwidth(rig.controller.sample_period), len(setpoints) // 3
+    for joint in (0, 1):
+        told = Setpoint(setpoints.positions[row, joint], setpoints.velocities[row, joint])
+        rest, settled = filtered(Setpoint(setpoints.planned[row, joint], 0.0), told, width, 2.0)
+        assert settled
+        assert rest.position == pytest.approx(setpoints.run_out[row, joint], abs=0.6)

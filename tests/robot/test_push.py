@@ -1,0 +1,194 @@
+"""Torques that the controller plays by itself, following errors, torques and home checked again."""
+
+import contextlib
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from rig.load import load_rig, with_values
+from robot.errors import MotionFault, SettingNotTaken, UnsafeRequest
+from robot.feedforward import TorqueTable
+from robot.galil import GalilController
+from robot.push import LEAST_INTERVAL, MOST_ROWS, plan_push
+from robot.states import State
+from sim_backend.bench import StandIn
+from sim_backend.faults.tables import Faults
+from sim_backend.scene import load_scene
+from trajectory.press import plan_press
+from trajectory.segments import Segments
+
+PUSHED = 0.4  # N m
+
+
+def still(start, samples=400):
+    """A motion of joint 1 there and back that takes long enough for a torque."""
+    steps = np.array([[200, 0], [-200, 0]])
+    each = np.array([samples // 2] * 2)
+    return Segments(np.asarray(start), steps, np.zeros((2, 2), int), each)
+
+
+def pulse(motion, rig, torque=PUSHED, joint=0):
+    """A torque on a joint in the middle half of a motion, nothing at either end."""
+    end = motion.total_samples * rig.controller.sample_period
+    torques = np.zeros((6, 2))
+    torques[2:4, joint] = torque
+    return TorqueTable(end * np.array([0, 0.2499, 0.25, 0.75, 0.7501, 1.0]), torques)
+
+
+@pytest.fixture
+def bench():
+    """The paper's servo arm without key, connected and homed."""
+    with contextlib.ExitStack() as stack:
+
+        def make(**faults):
+            update = {"plectrum": "none", "string": "none"}
+            update |= {"faults": Faults.model_validate(faults)} if faults else {}
+            scene = load_scene("paper").model_copy(update=update)
+            rig = with_values(load_rig(), {"controller.timeout": "20 s"})
+            stand_in = stack.enter_context(StandIn(rig, scene))
+            return stand_in, stack.enter_context(GalilController(stand_in.rig))
+
+        yield make
+
+
+def play(controller, motion, torque=None):
+    controller.load(motion, torque)
+    controller.arm()
+    controller.start()
+    controller.wait()
+    return controller.capture()
+
+
+def test_a_torque_is_played_from_the_start_of_motion_to_its_end(bench):
+    stand_in, controller = bench()
+    with controller.powered():
+        motion = still(controller.home())
+        bare = play(controller, motion)
+        pushed = play(controller, motion, pulse(motion, stand_in.rig))
+        offsets = controller._connection.line.read("_OFA", "_OFB")
+    assert offsets == [0, 0]
+    assert bare.torques.shape == pushed.torques.shape == (len(bare), 2)
+    # The moment the torque comes the loop has not answered: all of it shows. So when it goes.
+    change = np.diff(pushed.torques[:, 0] - bare.torques[:, 0])
+    rise, fall = int(np.argmax(change)), int(np.argmin(change))
+    assert change[rise] == pytest.approx(PUSHED, rel=0.25)
+    assert change[fall] == pytest.approx(-PUSHED, rel=0.25)
+    quarter = motion.total_samples / 4
+    assert pushed.samples[rise] == pytest.approx(quarter, abs=LEAST_INTERVAL + 2)
+    assert pushed.samples[fall] == pytest.approx(3 * quarter, abs=LEAST_INTERVAL + 2)
+    # It moves the joint ahead of its reference: the following error says so.
+    assert pushed.following_errors[:, 0].min() < bare.following_errors[:, 0].min() - 100
+
+
+def test_what_was_sent_is_what_is_told(bench):
+    stand_in, controller = bench()
+    with controller.powered():
+        motion = still(controller.home())
+        table = pulse(motion, stand_in.rig, -PUSHED, joint=1)
+        controller.load(motion, table)
+        sent = controller.loaded_torque
+        controller.load(motion)
+        assert controller.loaded_torque is None
+    assert len(sent.time) == motion.total_samples / LEAST_INTERVAL
+    wanted = np.interp(sent.time, table.time, table.torques[:, 1])
+    np.testing.assert_allclose(sent.torques[:, 1], wanted, atol=1e-4)
+    assert not sent.torques[:, 0].any()
+
+
+@pytest.mark.parametrize("way", ["stop", "abort", "exception", "poserr"])
+def test_no_torque_is_left_on_any_way_out(bench, way):
+    faults = {"stall": {"press": 1, "joint": 1}} if way == "poserr" else {}
+    stand_in, controller = bench(**faults)
+    raised = MotionFault if way == "poserr" else ZeroDivisionError
+    with pytest.raises(raised), controller.powered():  # noqa: PT012
+        motion = still(controller.home(), samples=4000)
+        controller.load(motion, pulse(motion, stand_in.rig))
+        controller.arm()
+        if way == "poserr":
+            stand_in.bench._strikes.begin_press()
+            controller._connection.line.ask("ER 5,5")
+        controller.start()
+        if way == "stop":
+            controller.stop()
+            assert controller.state is State.STOPPED
+            assert controller._connection.line.read("_OFA", "_XQ2", "@OUT[1]") == [0, -1, 0]
+        elif way == "abort":
+            controller.abort()
+        elif way == "poserr":
+            controller.wait()
+        raise ZeroDivisionError
+    line = controller._connection.line
+    assert line.read("_MOA", "_MOB", "_OFA", "_OFB", "@OUT[1]", "_XQ2") == [1, 1, 0, 0, 0, -1]
+
+
+@pytest.fixture(scope="module")
+def rig():
+    return load_rig()
+
+
+def test_every_fault_of_a_table_is_told(rig):
+    motion = still([0, 0])
+    good = pulse(motion, rig)
+    assert plan_push(rig, good, motion).volts.max() == pytest.approx(0.2 * 9.998, rel=1e-3)
+    late = replace(good, time=good.time[::-1] + 1.0, torques=good.torques * 6)
+    with pytest.raises(UnsafeRequest) as caught:
+        plan_push(rig, late, motion)
+    for said in ("do not increase", "it lasts 1 s and the motion", "joint 1 gets 2.4 N m of at"):
+        assert said in str(caught.value)
+    for bad in (
+        replace(good, torques=good.torques * np.nan),
+        replace(good, time=good.time[1:]),
+        replace(good, torques=good.torques[:, :1]),
+        TorqueTable(np.zeros(0), np.zeros((0, 2))),
+    ):
+        with pytest.raises(UnsafeRequest, match="torque table"):
+            plan_push(rig, bad, motion)
+
+
+@pytest.mark.parametrize("samples", [2, 10, 1000, 1024, 1026, 100_000])
+def test_rows_cover_the_motion_and_are_few(rig, samples):
+    motion = still([0, 0], samples)
+    push = plan_push(rig, pulse(motion, rig, 2.0), motion)
+    assert len(push.volts) <= MOST_ROWS
+    assert len(push.volts) * push.interval >= motion.total_samples
+    assert (len(push.volts) - 1) * push.interval < motion.total_samples
+    assert np.abs(push.volts).max() <= 9.998
+
+
+def test_a_torque_that_the_controller_holds_otherwise(bench):
+    stand_in, controller = bench()
+    with controller.powered():
+        motion = still(controller.home())
+        line, numbers = controller._connection.line, controller._connection.line.numbers
+        line.numbers = lambda *asked: [value + 0.01 for value in numbers(*asked)]
+        line.read = lambda *names: numbers(f"MG {','.join(names)}", len(names))
+        with pytest.raises(SettingNotTaken, match=r"0\.01 V off"):
+            controller.load(motion, pulse(motion, stand_in.rig))
+        assert controller.state is State.HOMED
+
+
+@pytest.mark.parametrize("counts", [300, 3000, -300])
+@pytest.mark.parametrize("joint", [1, 2])
+def test_an_encoder_that_has_slipped_is_found_at_the_home_switch(bench, joint, counts):
+    stand_in, controller = bench(slip={"press": 1, "joint": joint, "counts": counts})
+    with pytest.raises(MotionFault, match=f"home switch of joint {joint} is not") as caught:  # noqa: PT012, SIM117
+        with controller.powered():
+            controller.home()
+            controller.check_home()
+            plan = plan_press(stand_in.rig)
+            controller.move_to(plan.hover, 100_000)
+            stand_in.bench._strikes.begin_press()
+            play(controller, plan.approach)
+            controller.check_home()
+    assert "confirms it" in str(caught.value)
+    assert controller.state is State.OFF
+
+
+def test_a_torque_limit_in_the_controller_limits_the_motors(bench):
+    stand_in, controller = bench()
+    with controller.powered():
+        motion = still(controller.home())
+        controller._connection.line.ask("TL 2.5,2.5")
+        capture = play(controller, motion, pulse(motion, stand_in.rig))
+    assert capture.torques.max() == pytest.approx(2.5 / 9.998 * 2.0)

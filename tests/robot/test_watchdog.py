@@ -1,0 +1,139 @@
+"""A host that is lost: the controller switches the motors off by itself."""
+
+import contextlib
+import json
+import os
+import signal
+import subprocess
+import sys
+import threading
+
+import pytest
+
+from rig.load import load_rig, with_values
+from robot.axes import Axes
+from robot.errors import LineLost, MotionFault
+from robot.galil import GalilController
+from robot.line import Line
+from robot.port import open_port
+from robot.watchdog import Renewing
+from sim_backend.bench import StandIn
+from sim_backend.scene import load_scene
+
+POSIX = pytest.mark.skipif(sys.platform == "win32", reason="no pseudo-terminals, no SIGKILL")
+
+
+def test_signs_of_life_come_until_the_block_is_left():
+    given = threading.Semaphore(0)
+    before = threading.active_count()
+    with Renewing(lambda patient: given.release(), 0.02):
+        assert all(given.acquire(timeout=10) for _ in range(5))
+    assert threading.active_count() == before
+
+
+def test_one_that_is_lost_does_not_end_them():
+    given = threading.Semaphore(0)
+
+    def fail(patient):
+        given.release()
+        raise LineLost("gone")
+
+    with Renewing(fail, 0.004):
+        assert all(given.acquire(timeout=10) for _ in range(5))
+
+
+def test_one_that_waits_for_its_answer_lets_go_when_the_block_is_left():
+    waiting = threading.Event()
+
+    def wait(patient):
+        assert patient()
+        waiting.set()
+        while patient():
+            threading.Event().wait(0.001)
+
+    with Renewing(wait, 0.004):
+        assert waiting.wait(timeout=10)
+
+
+def test_a_dead_thread_gives_none():
+    """The thread that owns the power dies without leaving its block."""
+    given = threading.Semaphore(0)
+    made = []
+
+    def own():
+        made.append(Renewing(lambda patient: given.release(), 0.02))
+        made[0].__enter__()
+        given.acquire(timeout=10)
+
+    owner = threading.Thread(target=own)
+    owner.start()
+    owner.join(timeout=10)
+    made[0]._thread.join(timeout=10)
+    assert not made[0]._thread.is_alive()
+
+
+@contextlib.contextmanager
+def process(*args, **keywords):
+    with subprocess.Popen(
+        [sys.executable, "-m", *args], stdout=subprocess.PIPE, text=True, **keywords
+    ) as running:
+        try:
+            yield running
+        finally:
+            running.kill()
+
+
+def object_of(stream):
+    """Return the lines up to the end of a JSON object."""
+    text = ""
+    while "}" not in text:
+        line = stream.readline()
+        assert line, text
+        text += line
+    return text
+
+
+@POSIX
+@pytest.mark.parametrize(
+    "kind", [signal.SIGKILL, pytest.param(signal.SIGSTOP, marks=pytest.mark.slow)]
+)
+def test_a_host_that_is_killed_or_frozen_in_mid_press(kind):
+    with process("sautereau", "stand-in", "ideal", "--json") as served:
+        port = json.loads(object_of(served.stdout))["serial_port"]
+        with process("tests.robot.pressing_host", port) as host:
+            where = host.stdout.readline().split()
+            assert where[-1] == "moving"
+            os.kill(host.pid, kind)
+            if kind == signal.SIGKILL:
+                host.wait(timeout=10)
+                line = Line(open_port(port, 115200, 10.0), port, 10.0)
+            else:
+                import serial
+
+                line = Line(serial.Serial(port, 115200, timeout=10), port, 10.0)
+            line.insist([])
+            line.ask("EO 1")
+            line.echo = True
+            axes = Axes(line, 1, clock=iter(range(10_000)).__next__, sleep=lambda s: None)
+            axes.await_(lambda: line.read("_MOA", "_MOB") == [1, 1], "the watchdog", 9000)
+            state = line.read("_XQ0", "_XQ1", "_SCA", "_SCB", "_OFA", "@OUT[1]", "wleft")
+            assert state == [-1, -1, 7, 7, 0, 0, 0]
+            line.close()
+
+
+@pytest.fixture
+def paced():
+    rig = with_values(load_rig(), {"controller.timeout": "10 s"})
+    with StandIn(rig, load_scene("ideal"), paced=True) as stand_in:
+        yield stand_in
+
+
+def test_a_host_without_signs_of_life_is_told_what_happened(paced):
+    rig = with_values(paced.rig, {"controller.watchdog_period": "100 ms"})
+    controller = GalilController(rig, renewing=lambda *_: contextlib.nullcontext())
+    with controller, pytest.raises(MotionFault, match="watchdog has switched") as caught:  # noqa: PT012, SIM117
+        with controller.powered():
+            controller.home()
+            controller.move_to([-100_000, -600_000], 20_000)
+    assert "confirms it" in str(caught.value)
+    assert paced.bench.firmware.motors_on == (False, False)

@@ -1,0 +1,64 @@
+"""Acquisitions around the trigger's edge, and without an end, on the whole stand-in."""
+
+import numpy as np
+import pytest
+
+from daq.acquisition import Acquisition
+from daq.reading import read_recording
+from rig.load import load_rig
+from robot.galil import GalilController
+from robot.session import run_session
+from sim_backend.bench import StandIn
+from sim_backend.scene import load_scene
+from trajectory.press import plan_press
+
+
+def changed(rig, **values):
+    return rig.model_copy(update={"daq": rig.daq.model_copy(update=values)})
+
+
+def edge(stand_in):
+    stand_in.bench.receive(f"SB {stand_in.rig.controller.trigger_output}\r".encode())
+
+
+@pytest.mark.parametrize("scene", ["ideal", "paper"])
+def test_a_press_with_and_without_what_was_before_is_the_same(tmp_path, scene):
+    found = []
+    for before in (0.0, 0.03):
+        with StandIn(load_rig(), load_scene(scene)) as stand_in:
+            rig = changed(stand_in.rig, pre_trigger=before)
+            (path,) = run_session(
+                rig, plan_press(rig), GalilController(rig), tmp_path / str(before), 1
+            )
+            assert len(stand_in.truth()) == 1
+        found.append(read_recording(path))
+    start, around = found
+    n = 1536
+    assert (start.first_sample, around.first_sample) == (0, -n)
+    for name in ("velocity", "force"):
+        a, b = start.volts[name], around.volts[name]
+        assert len(b) == len(a) + n
+        far = np.abs(b[n:] - a) > 0.1 * np.ptp(a)
+        assert np.mean(far) < 1e-3  # a step may lie a sample off
+
+
+def test_no_edge_before_there_are_enough_samples_is_heard():
+    with StandIn(load_rig(), load_scene("ideal")) as stand_in:
+        daq = changed(stand_in.rig, pre_trigger=0.03, trigger_timeout=0.3).daq
+        with Acquisition(daq, 0.05) as acquisition:
+            acquisition.start()
+            edge(stand_in)
+            first = next(acquisition.blocks())
+            assert first.first_sample == -1536
+
+
+def test_time_does_not_run_away_from_a_continuous_reader():
+    with (
+        StandIn(load_rig(), load_scene("ideal")) as stand_in,
+        Acquisition(stand_in.rig.daq, None, triggered=False) as acquisition,
+    ):
+        acquisition.start()
+        blocks = acquisition.blocks()
+        for _ in range(5):
+            next(blocks)
+        assert stand_in.bench.world.time < 1

@@ -1,0 +1,210 @@
+"""What programs can say: variables, branches, jumps, subroutines, time, automatic subroutines."""
+
+import numpy as np
+import pytest
+
+from sim_backend.galil.firmware import GalilFirmware
+
+
+@pytest.fixture
+def run(bench):
+    """Run a program; tell where it ended, by what it said."""
+
+    def go(*lines, limit=5000):
+        text = "\r".join(("DL", "#A", *lines))
+        assert bench.firmware.receive(f"{text}\r\\\r".encode()) == b":"
+        bench.accept("XQ #A")
+        while bench.firmware.watching:  # one that goes round as well
+            bench.tick()
+            assert bench.firmware.samples < limit, "does not come to an end"
+        return bench.firmware.receive(b"").decode()
+
+    return go
+
+
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [
+        ("1<2", 1),
+        ("2<1", 0),
+        ("2<=2", 1),
+        ("3>=4", 0),
+        ("3<>4", 1),
+        ("3=3", 1),
+        ("(1=1)&(2>1)", 1),
+        ("(1=2)|(2>1)", 1),
+        ("1+1=2", 1),
+        ("2=1+1", 1),
+        ("-1<0", 1),
+    ],
+)
+def test_comparisons_go_from_left_to_right_like_all_operators(bench, text, value):
+    assert bench.number(text) == value
+
+
+def test_variables_and_elements(bench):
+    assert bench.refusal("MG x") == 9
+    bench.accept("x=1", "x=x+1.5", "DM v[3]", "v[x-1.5]=-7.25", "longname=v[1]*2", "SPA=x*1000")
+    assert bench.send("MG x,v[1],v[0],longname") == " 2.5000 -7.2500 0.0000 -14.5000\r\n:"
+    assert bench.number("_SPA") == 2500
+    assert bench.refusal("v[3]=1") == 56
+    assert bench.refusal("v[-1]=1") == 56
+    assert bench.refusal("w[0]=1") == 82
+    assert bench.refusal("x=") == 1
+    assert bench.refusal("x=y") == 9
+    assert bench.refusal("toolongname=1") == 1
+    bench.accept(*[f"a{number}=0" for number in range(508)])
+    assert bench.refusal("b=0") == 67
+    bench.accept("x=3")
+
+
+@pytest.mark.parametrize(("x", "said"), [(0, "zero"), (1, "one"), (2, "many")])
+def test_branches_nest(run, bench, x, said):
+    bench.accept(f"x={x}")
+    told = run(
+        "IF (x=0)",
+        'MG "zero"',
+        "ELSE",
+        'IF (x=1);MG "one"',
+        "ELSE",
+        'MG "many"',
+        "ENDIF",
+        "ENDIF;y=x",
+        "EN",
+    )
+    assert told.split() == [said]
+    assert bench.number("y") == x
+
+
+def test_a_branch_without_its_end(run, bench):
+    assert run("IF (1=0)", "EN").startswith("?")
+    assert bench.send("TC1").startswith("10 ")
+
+
+def test_loops_and_subroutines(run, bench):
+    bench.accept("sum=0", "n=0")
+    run("#LOOP", "n=n+1;JS #ADD;sum=sum+1", "JP #LOOP,n<10", "EN", "#ADD", "sum=sum+n", "EN")
+    assert bench.number("sum") == 65
+
+
+def test_a_subroutine_may_be_left_out(run, bench):
+    run("x=1", "JS #SUB,x>1", "JS #SUB,x=1", "EN", "#SUB", "x=x+10", "EN")
+    assert bench.number("x") == 11
+
+
+def test_subroutines_without_end(run, bench):
+    assert run("JS #A", "EN").startswith("?")
+    assert bench.send("TC1") == "12 Subroutine more than 16 deep\r\n:"
+
+
+@pytest.mark.parametrize(
+    ("line", "code"),
+    [("JP #NONE", 10), ("JP #A,1,2", 4), ("RE", 8), ("JP #A,(", 83), ("IF", 50), ("AT", 50)],
+)
+def test_a_program_cannot(run, bench, line, code):
+    assert run(line, "EN").startswith("?1 ")
+    assert bench.send("TC1").startswith(f"{code} ")
+
+
+@pytest.mark.parametrize("line", ["JP #A", "JS #A", "IF (1)", "ELSE", "ENDIF", "RE", "AT 0"])
+def test_only_a_program_can(bench, line):
+    assert bench.refusal(line) == 2
+
+
+def test_at_keeps_time_however_long_the_lines_take(run, bench):
+    run("n=0;AT 0", "#L", "SB 1;CB 1", "n=n+1", "NO", "NO", "AT -7,1", "JP #L,n<20", "EN")
+    rises = [at for at, _, level in bench.outputs if level]
+    assert np.diff(rises)[1:].tolist() == [7] * 18
+
+
+def test_time_is_told_in_samples(run, bench):
+    run("t0=TIME", "WT 100", "t1=TIME-t0", "EN")
+    assert bench.number("t1") == pytest.approx(100, abs=1)
+
+
+def test_a_watchdog_that_is_not_renewed_switches_off(bench):
+    text = "DL\r#W\rWT 10\rleft=left-1\rJP #W,left>0\rAB 1;MO AB;CB 1\rEN\r\\\r"
+    bench.firmware.receive(text.encode())
+    bench.accept("SH", "SB 1", "left=5", "JGA=5000;BGA", "XQ #W")
+    for _ in range(10):
+        bench.tick(40)
+        bench.accept("left=5")
+        assert bench.firmware.motors_on == (True, True)
+    bench.tick(52)
+    assert bench.firmware.motors_on == (False, False)
+    assert bench.outputs[-1][1:] == (1, False)
+    assert not bench.firmware.watching
+
+
+def test_a_program_that_goes_round_for_the_host_makes_no_time_go_on(bench):
+    bench.firmware.receive(b"DL\r#W\rWT 10\rn=n+1\rJP #W\rEN\r\\\r")
+    bench.accept("n=0", "XQ #W")
+    assert bench.run() < 20
+    assert bench.firmware.watching
+    bench.tick(100)
+    assert bench.number("n") == pytest.approx(10, abs=1)
+
+
+def test_it_stands_still_where_the_host_waits_for_time_to_stop(bench):
+    firmware = bench.firmware = GalilFirmware(bench, on_output=bench._note_output, host_waits=True)
+    firmware.receive(b"EO 0\rDL\r#W\rWT 10\rn=n+1\rJP #W\rEN\r#POSERR\rSB 3\rRE 1\r\\\r")
+    bench.accept("n=0", "SH", "ER 50", "XQ #W")
+    bench.tick(200)
+    assert bench.number("n") == 1
+    bench.follows = False
+    bench.accept("JGA=20000;BGA")
+    bench.tick(200)
+    assert (3, True) in [change[1:] for change in bench.outputs]
+
+
+POSERR = "#W\rWT 5\rJP #W\rEN\r#POSERR\rn=n+1\rAB 1;MO AB;OF 0,0;CB 1\rRE 1\r"
+
+
+@pytest.mark.parametrize("off_on_error", [0, 1])
+def test_a_following_error_runs_its_routine(bench, off_on_error):
+    bench.firmware.receive(f"DL\r{POSERR}\\\r".encode())
+    bench.follows = False
+    bench.accept(f"OE {off_on_error},{off_on_error}", "ER 100,100", "OF 1.5,-2", "n=0", "SH")
+    assert bench.driven[0] == (1.5, -2)
+    bench.accept("SB 1", "XQ #W", "JGA=20000;BGA")
+    bench.tick(200)
+    assert bench.firmware.motors_on == (False, False)
+    assert bench.outputs[-1][1:] == (1, False)
+    assert bench.number("n") == 1
+    assert bench.driven[0] == (0, 0)
+    assert bench.number("_XQ0") >= 0
+    assert bench.send("SC") == f" {8 if off_on_error else 7}, 1\r\n:"
+
+
+def test_no_routine_without_a_program_in_thread_0(bench):
+    bench.firmware.receive(f"DL\r{POSERR}\\\r".encode())
+    bench.follows = False
+    bench.accept("OE 1,1", "ER 100,100", "n=0", "SH", "XQ #W,1", "JGA=20000;BGA")
+    bench.tick(100)
+    assert bench.firmware.motors_on == (False, True)
+    assert bench.number("n") == 0
+
+
+def test_offsets_and_torque_limits_go_to_the_amplifiers(bench):
+    bench.accept("OF 1,2", "TL 3,4", "OFB=-1")
+    assert bench.driven == ((1, -1), (3, 4))
+    assert bench.send("OF ?,?") == " 1.0000,-1.0000\r\n:"
+    assert bench.refusal("OF 10") == 6
+    bench.accept("AB", "MO")
+    assert bench.driven[0] == (1, -1)
+
+
+def test_auto_runs_at_power_up_where_it_was_burned(bench):
+    bench.firmware.receive(b"DL\r#AUTO\rSB 5\rEN\r\\\r")
+    bench.accept("x=1", "SH", "TL 1,1")
+    assert bench.firmware.receive(b"RS\rEO 0\r").endswith(b":")
+    bench.run()
+    assert bench.outputs == []
+    bench.firmware.receive(b"DL\r#AUTO\rSB 5\rEN\r\\\r")
+    bench.accept("BP", "SH", "OF 1")
+    bench.firmware.receive(b"RS\rEO 0\r")
+    assert bench.firmware.motors_on == (False, False)
+    assert bench.driven == ((0, 0), (9.9982, 9.9982))
+    bench.run()
+    assert bench.outputs == [(bench.firmware.samples - 1, 5, True)]
+    assert bench.refusal("MG x") == 9
