@@ -3,7 +3,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 OUT ?= out
 
-.PHONY: press test test-all lint bench clean
+.PHONY: press test test-all faults lint bench clean
 
 $(VENV)/installed: pyproject.toml
 	$(PYTHON) -m venv $(VENV)
@@ -19,10 +19,14 @@ press: $(VENV)/installed  ## three presses on the stand-in, compared with the mo
 	$(BIN)/sautereau press --sim -n 3 --out $(OUT)/press
 
 test: $(VENV)/installed
-	$(BIN)/python -m pytest -q
+	$(BIN)/python -m pytest -q -n auto --dist worksteal
 
 test-all: $(VENV)/peers
 	$(BIN)/python -m pytest -q -m "slow or not slow"
+
+faults: $(VENV)/installed  ## let every fault happen, and write docs/faults.md
+	SAUTEREAU_FAULTS=docs/faults.md $(BIN)/python -m pytest -q -m "slow or not slow" \
+	  tests/robot/test_thirty_faults.py
 
 lint: $(VENV)/installed
 	$(BIN)/ruff check .

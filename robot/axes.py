@@ -9,26 +9,21 @@ from robot.errors import (
     CommandRefused,
     GarbledAnswer,
     MotionFault,
-    RobotError,
     SettingNotTaken,
 )
 from robot.handshake import verify
+from robot.joint_axes import STOPPING, JointAxes
 from robot.line import Line
 from robot.program import LEFT, PRESS, TICK, TORQUES, WATCH
 from robot.watchdog import TICKS
 from trajectory.segments import Counts
 
-STOPPING = 5.0
-"""s, longest that a decelerated stop may take."""
-SETTLING = 1.0
-"""s that a joint may take to come within tolerance after a motion."""
-_POLL = 0.01
 _QUIET = (f"HX {PRESS}", f"HX {TORQUES}", "OF 0,0", "RC 0")
 _STATE = ("_MOA", "_MOB", "_BGA", "_BGB", "_OFA", "_OFB")
 _SAFE = [1, 1, 0, 0, 0, 0]
 
 
-class Axes:
+class Axes(JointAxes[Line]):
     """Axes A and B.
 
     Args:
@@ -38,6 +33,8 @@ class Axes:
         sleep: Wait for seconds.
     """
 
+    _SUPPLY = "amplifiers"
+
     def __init__(
         self,
         line: Line,
@@ -45,8 +42,8 @@ class Axes:
         clock: Callable[[], float],
         sleep: Callable[[float], None],
     ):
-        self.line, self.trigger_output = line, trigger_output
-        self.clock, self.sleep = clock, sleep
+        super().__init__(line, clock, sleep)
+        self.trigger_output = trigger_output
 
     def positions(self) -> Counts:
         """Read the encoders: counts, shape (2,)."""
@@ -55,29 +52,6 @@ class Axes:
     def await_standing(self, what: str, patience: float) -> None:
         """Wait until both axes stand, ``patience`` seconds at most; ``what`` names the motion."""
         self.await_(lambda: not any(self.line.read("_BGA", "_BGB")), what, patience)
-
-    def await_(self, ended: Callable[[], bool], what: str, patience: float) -> None:
-        """Poll until ``ended``, ``patience`` seconds at most."""
-        deadline = self.clock() + patience
-        while not ended():
-            if self.clock() > deadline:
-                raise MotionFault(
-                    f"{what} has not ended after {patience:.3g} s; check that the arm moves"
-                    " freely, its switches and the amplifiers"
-                )
-            self.sleep(_POLL)
-
-    def settle(self, target: Counts, tolerance: int) -> None:
-        """Wait until both joints are within ``tolerance`` counts of ``target`` (counts, (2,))."""
-        deadline = self.clock() + SETTLING
-        while np.abs((actual := self.positions()) - target).max() > tolerance:
-            if self.clock() > deadline:
-                raise MotionFault(
-                    f"the joints stand at {actual[0]}, {actual[1]} counts, {SETTLING:g} s after"
-                    f" a motion to {target[0]}, {target[1]} that may miss by {tolerance}; check"
-                    " that the arm moves freely, and the gains of its position loops"
-                )
-            self.sleep(_POLL)
 
     def check_stop(self, what: str, normal: Collection[int]) -> None:
         """Refuse a motion that stopped for another reason than ``normal`` stop codes say."""
@@ -135,15 +109,6 @@ class Axes:
         self._insist("ST AB")
         self._insist(*self._quiet)
         self.await_standing("the stop", STOPPING)
-
-    def switch_off(self) -> None:
-        """Stop with deceleration where possible, then abort."""
-        try:
-            self.stop()
-        except RobotError:  # abort says what became of it
-            pass
-        finally:
-            self.abort()
 
     def abort(self) -> None:
         """Stop at once, switch motors and trigger off, and verify by reading back.

@@ -39,10 +39,12 @@ class Capture:
 
 
 class MotionController(Protocol):
-    """Two joints that play a preloaded motion by themselves.
+    """Two joints that play a loaded motion.
 
-    The host's timing never matters: a motion is loaded whole, and the controller starts
-    it, raises the trigger output in the same sample and records the encoders.
+    A controller that keeps motions (`GalilController`) plays them by itself: it starts one,
+    raises the trigger output in the same sample and records the encoders, and the host's
+    timing does not matter. To one that keeps none the host streams the motion, and the times
+    of a press are the host's (`OdriveController`).
     A press: ``connect``, ``powered``, ``home``, ``move_to`` its start, ``load``, ``arm``,
     ``start``, ``wait``, ``capture``. The controller itself is a context manager for the
     connection. Every call raises `RobotError`, `NotReady` where it is out of order.
@@ -87,7 +89,7 @@ class MotionController(Protocol):
         ...
 
     def load(self, segments: Segments, torque: "TorqueTable | None" = None) -> Segments:
-        """Preload a motion; return what was really sent.
+        """Load a motion; return what was really sent.
 
         Args:
             segments: The motion.

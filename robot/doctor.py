@@ -10,7 +10,18 @@ from pathlib import Path
 
 from rig.schema import Rig
 
-PACKAGES = ("numpy", "scipy", "pandas", "pymunk", "pyserial", "nidaqmx", "mcap", "matplotlib")
+PACKAGES = (
+    "numpy",
+    "scipy",
+    "pandas",
+    "pymunk",
+    "pyserial",
+    "nidaqmx",
+    "mcap",
+    "pyarrow",
+    "tomlkit",
+    "matplotlib",
+)
 LEAST_SPACE = 1e9
 """Bytes that should be free where recordings go: some 2,000 presses."""
 
@@ -57,7 +68,7 @@ def _serial(rig: Rig) -> Finding:
     if "://" in port:
         return Finding("controller", True, f"{port}, a URL: not tried")
     if not Path(port).exists():
-        remedy = "plug the controller in, or set controller.port in the rig file"
+        remedy = "plug the controller in; `sautereau setup port` finds where it is"
         return Finding("controller", False, f"{port} is not there; serial ports: {found}", remedy)
     if not os.access(port, os.R_OK | os.W_OK):
         remedy = "add yourself to the group that owns the port (often dialout) and log in again"

@@ -16,8 +16,9 @@ from robot.dmc import (
     segments_from,
 )
 from robot.errors import MotionFault, NotReady, SettingNotTaken
-from robot.galil_arm import MARGIN, GalilArm
+from robot.galil_arm import GalilArm
 from robot.handshake import verify
+from robot.joint_axes import MARGIN
 from robot.line import Line
 from robot.program import (
     PRESS,

@@ -6,19 +6,12 @@ a byte that changed on its way is never taken for what was sent.
 
 import contextlib
 import re
-import threading
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
 
-from robot.errors import (
-    CommandRefused,
-    GarbledAnswer,
-    LineLost,
-    RobotError,
-    SettingNotTaken,
-    SilentController,
-)
-from robot.port import Port, port_errors
+from robot.errors import CommandRefused, GarbledAnswer, LineLost, SettingNotTaken
+from robot.port import Port
+from robot.turns import Turns
+from robot.wire import Wire
 
 LONGEST_LINE = 79
 """Characters of one command line, without its carriage return."""
@@ -27,23 +20,17 @@ _MARK = "4711"
 _MARKED = re.compile(rf"{_MARK}(?:\.0*)?((?: +-?[0-9.]+)*)\s*:$")
 
 
-class Line:
+class Line(Wire):
     """Ask one thing at a time and read exactly its answer; threads take turns.
 
-    Args:
-        port: An open serial port, whose reads end after its timeout.
-        name: Of the port, for messages.
-        timeout: s, of one read, for messages.
+    Arguments as for `Wire`.
     """
 
     def __init__(self, port: Port, name: str, timeout: float):
-        self.port, self.name, self.timeout = port, name, timeout
+        super().__init__(port, name, timeout)
         self.echo = False
         """Whether the controller repeats what it hears, and is held to it."""
-        self._gone = port_errors()
-        self._lock = threading.RLock()
-        self._wanted = threading.Event()
-        self._silent: SilentController | None = None
+        self._turns = Turns()
 
     def ask(self, *commands: str, patient: Callable[[], bool] | None = None) -> str:
         """Send commands on one line and return the text that they answer.
@@ -60,8 +47,10 @@ class Line:
                 controller heard something else than was sent.
             LineLost: The port has gone away.
         """
-        with self._turn(patient is None):
-            if said := self._waiting():
+        with self._turns.urgent() if patient is None else self._turns.patient():
+            with self._reaching("listen"):
+                said = self._waiting()
+            if said:
                 self.resynchronise()
                 raise GarbledAnswer(
                     f"controller on {self.name} said {said!r} before it was asked"
@@ -69,25 +58,7 @@ class Line:
                     " line; look the message up, then connect() again"
                 )
             self._send(";".join(commands))
-            try:
-                return self._answer(commands, patient)
-            except SilentController as error:
-                if patient is not None:
-                    self._silent = error
-                raise
-
-    @contextmanager
-    def _turn(self, urgent: bool) -> Iterator[None]:
-        """Have the line to oneself; a silence in which nobody else got it is told once."""
-        if urgent:
-            self._wanted.set()
-        with self._lock:
-            if urgent:
-                self._wanted.clear()
-                error, self._silent = self._silent, None
-                if error is not None:
-                    raise error
-            yield
+            return self._answer(commands, patient)
 
     def numbers(self, command: str, count: int | None = None) -> list[float]:
         """Ask a query and return the numbers that it answers; ``count`` is how many to demand."""
@@ -115,7 +86,7 @@ class Line:
 
     def shout(self, *commands: str) -> None:
         """Send commands, a line each, and expect neither an answer nor that they arrive."""
-        with self._lock, contextlib.suppress(LineLost):
+        with self._turns.lock, contextlib.suppress(LineLost):
             for command in commands:
                 self._send(command)
 
@@ -124,10 +95,7 @@ class Line:
 
         For when the line cannot be trusted and there is no time for one answer after another.
         """
-        self._wanted.set()
-        with self._lock:
-            self._wanted.clear()
-            self._silent = None
+        with self._turns.at_any_price():
             self.resynchronise()
             for command in commands:
                 self._send(command)
@@ -153,7 +121,7 @@ class Line:
             SettingNotTaken: The controller holds another program.
         """
         program = list(program)
-        with self._turn(urgent=True):
+        with self._turns.urgent():
             for text in ("DL", *program, "\\"):
                 self._send(text)
             _, said = self._after_mark(())
@@ -168,30 +136,12 @@ class Line:
 
     def resynchronise(self) -> None:
         """Forget whatever the controller has said so far."""
-        try:
-            self.port.reset_input_buffer()
-        except self._gone as error:
-            raise self._lost("reset", error) from error
-
-    def close(self) -> None:
-        """Close the port; a port that has gone away counts as closed."""
-        try:
-            self.port.close()
-        except self._gone:  # nothing is left to close
-            return
-
-    def _waiting(self) -> bytes:
-        try:
-            count = self.port.in_waiting
-            return (self.port.read(count) or b"") if count else b""
-        except self._gone as error:
-            raise self._lost("listen", error) from error
+        with self._reaching("reset"):
+            self._port.reset_input_buffer()
 
     def _send(self, text: str) -> None:
-        try:
-            self.port.write(f"{text}\r".encode("ascii"))
-        except self._gone as error:
-            raise self._lost(text, error) from error
+        with self._reaching(text):
+            self._port.write(f"{text}\r".encode("ascii"))
 
     def _answer(self, commands: tuple[str, ...], patient: Callable[[], bool] | None = None) -> str:
         sent, received = ";".join(commands), ""
@@ -228,20 +178,13 @@ class Line:
     def _more(self, asked: str, received: str, patient: Callable[[], bool] | None = None) -> str:
         """Return at least one character more of an answer."""
         while True:
-            wanted = self._wanted.is_set()
-            try:
-                data = self.port.read(max(1, self.port.in_waiting))
-            except self._gone as error:
-                raise self._lost(asked, error) from error
+            wanted = self._turns.wanted
+            with self._reaching(asked):
+                data = self._read()
             if data or wanted or patient is None or not patient():
                 break
         if not data:
-            so_far = f" after {_short(received)}" if received else ""
-            raise SilentController(
-                f"controller on {self.name} did not answer {asked!r} within"
-                f" {self.timeout:g} s{so_far}; check its power, the cable, that"
-                " controller.port is its port and controller.baud_rate its baud rate"
-            )
+            raise self._silence(asked, _short(received) if received else "")
         if any(byte > 126 or (byte < 32 and byte not in b"\t\n\r") for byte in data):
             self.resynchronise()
             raise GarbledAnswer(
@@ -267,12 +210,6 @@ class Line:
                 " code and text of TC1; check the firmware's revision"
             )
         raise CommandRefused(self.name, command, int(code), text.strip())
-
-    def _lost(self, asked: str, error: Exception) -> RobotError:
-        return LineLost(
-            f"connection to the controller on {self.name} lost at {asked!r}: {error}; check the"
-            " cable, the adapter and the controller's power, then connect() and home() again"
-        )
 
 
 def pack(commands: Iterable[str]) -> Iterator[tuple[str, ...]]:

@@ -9,9 +9,11 @@ import math
 import numpy as np
 
 from robot.errors import MotionFault
+from robot.joint_axes import MARGIN
 from robot.limits import Limits
-from robot.odrive_axes import IDLE, MARGIN, SWITCHING, OdriveAxes
+from robot.odrive_axes import OdriveAxes
 from robot.odrive_errors import check_errors
+from robot.odrive_power import IDLE, SWITCHING
 from robot.odrive_settings import AXES
 from trajectory.segments import Counts
 

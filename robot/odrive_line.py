@@ -7,8 +7,9 @@ A line that asks nothing is answered only where it is refused.
 import math
 import threading
 
-from robot.errors import GarbledAnswer, LineLost, RobotError, SettingNotTaken, SilentController
-from robot.port import Port, port_errors
+from robot.errors import GarbledAnswer, RobotError, SettingNotTaken
+from robot.port import Port
+from robot.wire import Wire
 
 _REFUSALS = (
     "invalid command format",
@@ -27,18 +28,14 @@ class LineRefused(RobotError):  # noqa: N818 - the name says what happened
     """The controller knows a command, a property or an axis not, or takes no such value."""
 
 
-class OdriveLine:
+class OdriveLine(Wire):
     """Say and ask whole lines; several threads may, and each answer goes to who asked.
 
-    Args:
-        port: An open serial port, whose reads end after its timeout.
-        name: Of the port, for messages.
-        timeout: s, of one read, for messages.
+    Arguments as for `Wire`.
     """
 
     def __init__(self, port: Port, name: str, timeout: float):
-        self.name, self.timeout = name, timeout
-        self._port, self._gone = port, port_errors()
+        super().__init__(port, name, timeout)
         self._lock = threading.RLock()
         self._heard = b""
 
@@ -72,7 +69,7 @@ class OdriveLine:
             LineLost: The port has gone away.
         """
         asked = "; ".join(commands)
-        with self._lock:
+        with self._lock, self._reaching(asked):
             try:
                 if answers:
                     self._refuse_unasked(asked)
@@ -81,12 +78,6 @@ class OdriveLine:
             except (GarbledAnswer, LineRefused):
                 self._forget()  # what follows belongs to this exchange
                 raise
-            except self._gone as error:
-                raise LineLost(
-                    f"connection to the controller on {self.name} lost at {asked!r}: {error};"
-                    " check the cable, the adapter and the controller's power, then connect()"
-                    " and home() again"
-                ) from error
 
     def read(self, name: str) -> float:
         """Return the value of a property such as `axis0.error`."""
@@ -128,30 +119,16 @@ class OdriveLine:
 
     def resynchronise(self) -> None:
         """End a broken-off line, and forget whatever the controller has said so far."""
-        with self._lock:
-            try:
-                self._port.write(b"\n")
-                self._forget()
-            except self._gone as error:
-                raise LineLost(
-                    f"connection to the controller on {self.name} lost: {error}; check the cable,"
-                    " then connect() and home() again"
-                ) from error
-
-    def close(self) -> None:
-        """Close the port; a port that has gone away counts as closed."""
-        try:
-            self._port.close()
-        except self._gone:  # nothing is left to close
-            return
+        with self._lock, self._reaching("a line's end"):
+            self._port.write(b"\n")
+            self._forget()
 
     def _forget(self) -> None:
         self._heard = b""
         self._port.reset_input_buffer()
 
     def _refuse_unasked(self, asked: str) -> None:
-        count = self._port.in_waiting
-        said = self._heard + ((self._port.read(count) or b"") if count else b"")
+        said = self._heard + self._waiting()
         self._heard = b""
         if said:
             raise GarbledAnswer(
@@ -162,14 +139,8 @@ class OdriveLine:
 
     def _answer(self, asked: str) -> str:
         while b"\n" not in self._heard:
-            data = self._port.read(max(1, self._port.in_waiting))
-            if not data:
-                so_far = f" after {self._heard!r}" if self._heard else ""
-                raise SilentController(
-                    f"controller on {self.name} did not answer {asked!r} within"
-                    f" {self.timeout:g} s{so_far}; check its power, the cable, that"
-                    " controller.port is its port and controller.baud_rate its baud rate"
-                )
+            if not (data := self._read()):
+                raise self._silence(asked, repr(self._heard) if self._heard else "")
             self._heard += data
             if len(self._heard) > _LONGEST_ANSWER and b"\n" not in self._heard:
                 raise self._garbled(asked, self._heard, "no answer is so long")

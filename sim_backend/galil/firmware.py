@@ -8,17 +8,14 @@ the profilers (`motion`). The firmware knows no clock but `GalilFirmware.tick`.
 
 from collections.abc import Callable
 
-import numpy as np
-from numpy.typing import NDArray
-
+from sim_backend.cubic import along
 from sim_backend.galil.commands import execute, execute_in_program
 from sim_backend.galil.faults import CommandError
 from sim_backend.galil.machine import Machine, Plant
 from sim_backend.galil.program import LINE_LENGTH, Program, split_commands
+from trajectory.motion import Floats
 
 __all__ = ["GalilFirmware", "Plant"]
-
-Floats = NDArray[np.float64]
 
 _RETURN, _FEED, _BACKSLASH = b"\r\n\\"
 
@@ -104,13 +101,7 @@ class GalilFirmware:
         Returns:
             Positions [raw encoder counts] and velocities [counts a sample], shapes (k, 2).
         """
-        # In plain floats: for the few fractions of a sample, numpy takes four times as long.
-        (a0, a1, a2, a3), (b0, b1, b2, b3) = (axis.cubic for axis in self._machine.axes)
-        positions, velocities = [], []
-        for f in fractions.tolist():
-            positions.append((a0 + f * (a1 + f * (a2 + f * a3)), b0 + f * (b1 + f * (b2 + f * b3))))
-            velocities.append((a1 + f * (2 * a2 + 3 * f * a3), b1 + f * (2 * b2 + 3 * f * b3)))
-        return np.array(positions), np.array(velocities)
+        return along((axis.cubic for axis in self._machine.axes), fractions)
 
     def receive(self, data: bytes) -> bytes:
         """Take bytes from the host; return what the controller sends back.

@@ -17,7 +17,7 @@ from sim_backend.physics.events import Motions, PluckEvents, StringEvent
 from sim_backend.physics.finger import Reference
 from sim_backend.physics.reduced_bench import Numbers, benches, new_leg
 from sim_backend.physics.reduced_laws import Laws, joined, laws_of, mute_law
-from sim_backend.physics.reduced_play import play_sample, rest
+from sim_backend.physics.reduced_play import play_sample
 from sim_backend.physics.reduced_state import (
     AT_PIN,
     CHATTERS,
@@ -107,8 +107,6 @@ class ReducedWorld:
         self._state, self._kinds, self._marks, self._happened = new_state(1 + len(rig.more_choirs))
         self._leg = new_leg(rig, scene)
         self._leg[[CUBICS, CUBICS + 4]] = self.start
-        rest(self._bench, self._state, self._kinds, self._leg)
-        self._settled = False
 
     @property
     def time(self) -> float:
@@ -146,8 +144,8 @@ class ReducedWorld:
             rows[:, 4] /= self.rig.key.press_arm
         return Motions(*rows.T.copy())
 
-    def _set_leg(self, reference: Reference, powered: bool, time: float) -> bool:
-        """Set what the finger does in a sample, and return whether that is something else."""
+    def _set_leg(self, reference: Reference, powered: bool, time: float) -> int:
+        """Set what the finger does in a sample; return 2 for the first, 1 for something else."""
         leg = self._leg
         if self._ideal:
             counts, speeds = reference(ENDS)
@@ -155,11 +153,11 @@ class ReducedWorld:
             leg[START], leg[CUBICS:LINKAGE] = time, joint_cubics(self.start, places, speeds)
             first, second = (self.start + places[1]).tolist()
             self.finger = StandingFinger((first, second))
-            return True
+            return 1 if self.samples else 2
         pushes = powered and time < self._bench[0, PUSH_END]
         push = float(self._bench[0, PUSHES]) if pushes else 0.0
-        fresh = not self._settled or push != leg[PUSH]
-        leg[PUSH], self._settled = push, True
+        fresh = int(push != leg[PUSH]) if self.samples else 2
+        leg[PUSH] = push
         return fresh
 
     def _note(self, count: int) -> None:

@@ -12,7 +12,6 @@ from sim_backend.physics.reduced_locate import (
     locate,
 )
 from sim_backend.physics.reduced_state import (
-    AFTER,
     ANGLE,
     CHATTERS,
     FALLS,
@@ -20,6 +19,8 @@ from sim_backend.physics.reduced_state import (
     IDEAL,
     JACK,
     LOST,
+    PUSH,
+    PUSH_END,
     RISES,
     SLIP,
     SPIN,
@@ -29,9 +30,7 @@ from sim_backend.physics.reduced_step import (
     take,
     try_step,
 )
-from sim_backend.physics.reduced_switch import (
-    switch,
-)
+from sim_backend.physics.reduced_switch import settle, switch
 
 RESOLVED, RATED, LEAST = 3e-6, 1e-3, 1e-13
 """1 and s, share of a speed that the fourth order may bring to a step of so long; it goes with
@@ -43,11 +42,41 @@ SWITCHES = 1000
 
 
 @compiled
-def advance(bench, cells, state, kinds, marks, events, leg, time, end):
-    """Advance a state within a leg from a time to another [s]; return how that went."""
-    size = end - time
-    allowed = max(RESOLVED * (size / RATED) ** 4, LEAST)
-    switches = 0
+def advance(bench, cells, state, kinds, marks, events, leg, time, end, fresh):
+    """Advance a state within a leg from a time to another [s]; return how that went.
+
+    Args:
+        bench: The press.
+        cells: Of the strings' laws.
+        state: Is changed, as are what everything does, the marks and the events.
+        kinds: What everything does.
+        marks: Room for what must stay positive.
+        events: Room for what the strings meet.
+        leg: Of the drive; a push is taken off where it ends.
+        time: s.
+        end: s.
+        fresh: 1 where the leg begins, else 0.
+    """
+    last = end
+    if leg[PUSH] > 0.0 and bench[0, PUSH_END] < end:
+        end = max(bench[0, PUSH_END], time)
+    while True:
+        if fresh == 1:
+            status = settle(bench, cells, state, kinds, leg, time)
+            if status != FINE:
+                return status
+        status = go_on(bench, cells, state, kinds, marks, events, leg, time, end)
+        if status != FINE or end == last:
+            return status
+        leg[PUSH] = 0.0
+        time, end, fresh = end, last, 1
+
+
+@compiled
+def go_on(bench, cells, state, kinds, marks, events, leg, time, end):
+    """Advance from a time to another [s] in which the leg stays; return how that went."""
+    allowed = max(RESOLVED * ((end - time) / RATED) ** 4, LEAST)
+    size, switches = end - time, 0
     while time < end:
         if at_rest(kinds, leg):
             return FINE
@@ -56,7 +85,7 @@ def advance(bench, cells, state, kinds, marks, events, leg, time, end):
         if error > 1.0 and step > SHORTEST:
             size = max(step * max(0.8 * error**-0.25, 0.1), SHORTEST)
             continue
-        if hold(bench, state, kinds, leg, time + step, marks, AFTER):
+        if hold(bench, state, kinds, leg, time + step, marks):
             take(state)
             time = end if step == end - time else time + step
             size = step * min(2.0, 0.8 * max(error, 1e-3) ** -0.25)

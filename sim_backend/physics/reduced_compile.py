@@ -15,7 +15,12 @@ except ImportError:  # without the extra `fast` the same functions run as plain 
 
 def compiled(function: F) -> F:
     """Return a function compiled for those that are compiled themselves, or as it is."""
-    return _compiled(function, no_cpython_wrapper=True)
+    return _compiled(function)
+
+
+def inlined(function: F) -> F:
+    """Return a function compiled into those that call it, or as it is."""
+    return _compiled(function, forceinline=True)
 
 
 def entry(function: F) -> F:
@@ -23,7 +28,7 @@ def entry(function: F) -> F:
     return _compiled(function, no_cpython_wrapper=False)
 
 
-def _compiled(function: F, no_cpython_wrapper: bool) -> F:
+def _compiled(function: F, *, no_cpython_wrapper: bool = True, forceinline: bool = False) -> F:
     if njit is None:
         return function
     # numba's cache sees changes in a function's own file alone, and in its name.
@@ -34,6 +39,7 @@ def _compiled(function: F, no_cpython_wrapper: bool) -> F:
         error_model="numpy",
         no_cpython_wrapper=no_cpython_wrapper,
         no_cfunc_wrapper=True,
+        forceinline=forceinline,
     )(function)
 
 

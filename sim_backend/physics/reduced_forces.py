@@ -3,7 +3,7 @@
 import math
 
 from rig.section import GRAVITY
-from sim_backend.physics.reduced_compile import compiled
+from sim_backend.physics.reduced_compile import compiled, inlined
 from sim_backend.physics.reduced_state import (
     ARM,
     BORDER,
@@ -47,7 +47,7 @@ from sim_backend.physics.reduced_state import (
 )
 
 
-@compiled
+@inlined
 def foot(arm, height, angle):
     """Return the key's rise [m] under a jack and its slopes by the angle [m/rad, m/rad^2]."""
     half = math.sin(angle / 2)
@@ -146,7 +146,7 @@ def felt_push(bench, angle, spin):
     return bench[0, FELT_STIFFNESS] * (angle - bench[0, DIP]) + bench[0, FELT_DAMPING] * spin
 
 
-@compiled
+@inlined
 def key_motion(bench, cells, state, kinds, push, angle, spin, led):
     """Return the key's acceleration and the moment [N m] of an ideal finger that leads it.
 

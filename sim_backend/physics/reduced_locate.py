@@ -57,12 +57,13 @@ def locate(bench, cells, state, kinds, marks, leg, time, step):
     quadratic interpolation, and overstepped by no more than its tolerance.
     """
     low, high, other, latest = 0.0, step, -1.0, 0.0
-    marks[BROKEN, :] = marks[AFTER]
-    try_step(bench, cells, state, kinds, leg, time, 0.0)
-    hold(bench, state, kinds, leg, time, marks, BEFORE)
     conditions = marks.shape[1]
     for j in range(conditions):
-        marks[BEFORE, j] = max(marks[BEFORE, j], 0.0)
+        marks[BROKEN, j] = marks[AFTER, j]
+    try_step(bench, cells, state, kinds, leg, time, 0.0)
+    hold(bench, state, kinds, leg, time, marks)
+    for j in range(conditions):
+        marks[BEFORE, j] = max(marks[AFTER, j], 0.0)
     for trial in range(TRIALS):
         part, worst = high, 0.0
         for j in range(conditions):
@@ -76,7 +77,7 @@ def locate(bench, cells, state, kinds, marks, leg, time, step):
             part = (low + high) / 2
         latest = part
         try_step(bench, cells, state, kinds, leg, time, part)
-        if hold(bench, state, kinds, leg, time + part, marks, AFTER):
+        if hold(bench, state, kinds, leg, time + part, marks):
             other, low = low, part
             for j in range(conditions):
                 marks[OTHER, j], marks[BEFORE, j] = marks[BEFORE, j], marks[AFTER, j]
@@ -86,7 +87,7 @@ def locate(bench, cells, state, kinds, marks, leg, time, step):
                 marks[OTHER, j], marks[BROKEN, j] = marks[BROKEN, j], marks[AFTER, j]
     if latest != high:
         try_step(bench, cells, state, kinds, leg, time, high)
-        hold(bench, state, kinds, leg, time + high, marks, AFTER)
+        hold(bench, state, kinds, leg, time + high, marks)
     return high
 
 
@@ -107,41 +108,41 @@ def crossing(marks, j, low, high, other, beyond):
 
 
 @compiled
-def hold(bench, state, kinds, leg, time, marks, row):
+def hold(bench, state, kinds, leg, time, marks):
     """Note all that must be positive at the end of a step, and return whether it is."""
     angle, spin = state[0, ANGLE_END], state[0, SPIN_END]
     slip, felt = kinds[0, SLIP], kinds[0, FELT]
-    marks[row, 0] = slip * spin if slip != 0 else 1.0
-    marks[row, 1] = angle if slip < 0 else 1.0
-    marks[row, 2] = TURNED - angle
-    marks[row, 3] = 1.0
+    marks[AFTER, 0] = slip * spin if slip != 0 else 1.0
+    marks[AFTER, 1] = angle if slip < 0 else 1.0
+    marks[AFTER, 2] = TURNED - angle
+    marks[AFTER, 3] = 1.0
     if kinds[0, TOUCH]:
-        marks[row, 3] = state[0, FINGER_END] if slip != 0 else 1.0
+        marks[AFTER, 3] = state[0, FINGER_END] if slip != 0 else 1.0
     elif leg[IDEAL] > 0:
         under, _, _, _ = fingertip(leg, time)
-        marks[row, 3] = angle - under
-    marks[row, 4], marks[row, 5] = bench[0, DIP] - angle, 1.0
+        marks[AFTER, 3] = angle - under
+    marks[AFTER, 4], marks[AFTER, 5] = bench[0, DIP] - angle, 1.0
     if felt != OFF:
         force = felt_push(bench, angle, spin)
-        marks[row, 4], marks[row, 5] = -marks[row, 4], force if felt == PRESSED else -force
+        marks[AFTER, 4], marks[AFTER, 5] = -marks[AFTER, 4], force if felt == PRESSED else -force
     good = True
     for j in range(6):
-        good = good and not marks[row, j] < 0.0
+        good = good and not marks[AFTER, j] < 0.0
     for k in range(1, len(bench)):
         at = 2 + 4 * k
         rise, speed, kind = state[k, RISE_END], state[k, SPEED_END], kinds[k, JACK]
-        marks[row, at + 1] = 1.0
+        marks[AFTER, at + 1] = 1.0
         if kind == STANDS:
-            marks[row, at] = state[k, LOAD] if slip != 0 else 1.0
+            marks[AFTER, at] = state[k, LOAD] if slip != 0 else 1.0
         else:
             under, _, _ = foot(bench[k, ARM], bench[0, HEIGHT], angle)
-            marks[row, at] = rise - under + ROUNDED
+            marks[AFTER, at] = rise - under + ROUNDED
             if kind != HANGS:
-                marks[row, at + 1] = kind * speed
-        marks[row, at + 2] = rise - state[k, LOW]
-        marks[row, at + 3] = state[k, HIGH] - rise
+                marks[AFTER, at + 1] = kind * speed
+        marks[AFTER, at + 2] = rise - state[k, LOW]
+        marks[AFTER, at + 3] = state[k, HIGH] - rise
         for j in range(at, at + 4):
-            good = good and not marks[row, j] < 0.0
+            good = good and not marks[AFTER, j] < 0.0
     return good
 
 

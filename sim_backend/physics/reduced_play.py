@@ -22,10 +22,8 @@ from sim_backend.physics.reduced_state import (
     JACK_SPEED,
     KIND,
     LEAVES,
-    LINKAGE,
     PERIOD,
     PUSH,
-    PUSH_END,
     PUSHES,
     RELEASE,
     RISE,
@@ -34,10 +32,9 @@ from sim_backend.physics.reduced_state import (
     START,
     TIME,
 )
-from sim_backend.physics.reduced_switch import settle
 
 
-@entry
+@compiled
 def rest(bench, state, kinds, leg):
     """Bring a state to rest: the key on its rail, or on an ideal finger above it.
 
@@ -50,30 +47,13 @@ def rest(bench, state, kinds, leg):
     if leg[IDEAL] > 0:
         under, _, _, _ = fingertip(leg, leg[START])
         angle = max(angle, under)
-    state[:] = 0.0
-    kinds[:] = 0
+    state.fill(0.0)
+    kinds.fill(0)
     state[0, ANGLE] = angle
     kinds[0, LEAVES] = -1
     for k in range(1, len(bench)):
         state[k, RISE], _, _ = foot(bench[k, ARM], bench[0, HEIGHT], angle)
         kinds[k, JACK] = STANDS
-
-
-@compiled
-def move(bench, cells, state, kinds, marks, events, leg, time, end):
-    """Advance from one time to another [s]; a push ends where it does."""
-    pushed = bench[0, PUSH_END]
-    if leg[PUSH] > 0.0 and pushed < end:
-        if pushed > time:
-            status = advance(bench, cells, state, kinds, marks, events, leg, time, pushed)
-            if status != FINE:
-                return status
-            time = pushed
-        leg[PUSH] = 0.0
-        status = settle(bench, cells, state, kinds, leg, time)
-        if status != FINE:
-            return status
-    return advance(bench, cells, state, kinds, marks, events, leg, time, end)
 
 
 @entry
@@ -82,26 +62,30 @@ def play_sample(bench, cells, state, kinds, marks, events, leg, time, end, rows,
 
     Args:
         bench: The press.
-        state: Is changed.
-        leg: Of the drive; its push is taken off where it ends.
+        cells: Of the strings' laws.
+        state: Is changed, as are what everything does and the events.
+        kinds: What everything does.
+        marks: Room for what must stay positive.
+        events: Room for what the strings meet.
+        leg: Of the drive; a push is taken off where it ends.
         time: s, where the sample begins.
         end: s, where it ends.
         rows: Time, angle, speed, rise of the first jack, forces of finger and strings at the
             end of each step; shape (steps, 6).
-        fresh: Whether the leg is another than before.
+        fresh: 2 where the press begins, from rest; 1 where another leg does; else 0.
     """
-    status = FINE
     kinds[0, COUNT] = 0
-    if fresh:
-        status = settle(bench, cells, state, kinds, leg, time)
+    if fresh == 2:
+        rest(bench, state, kinds, leg)
     steps = len(rows)
     step = (end - time) / steps
     for j in range(steps):
+        before = leg[PUSH]
+        now, stop = time + j * step, end if j == steps - 1 else time + (j + 1) * step
+        begins = 1 if j == 0 and fresh > 0 else 0
+        status = advance(bench, cells, state, kinds, marks, events, leg, now, stop, begins)
         if status != FINE:
             return status
-        before = leg[PUSH]
-        stop = end if j == steps - 1 else time + (j + 1) * step
-        status = move(bench, cells, state, kinds, marks, events, leg, time + j * step, stop)
         rows[j, 0], rows[j, 1], rows[j, 2] = stop, state[0, ANGLE], state[0, SPIN]
         rows[j, 3] = state[1, RISE]
         rows[j, 4] = finger_force(state, leg, stop)
@@ -110,7 +94,7 @@ def play_sample(bench, cells, state, kinds, marks, events, leg, time, end, rows,
         rows[j, 5] = 0.0
         for k in range(1, len(bench)):
             rows[j, 5] += string_force(bench, cells, kinds, k, state[k, RISE])
-    return status
+    return FINE
 
 
 @compiled
@@ -146,8 +130,11 @@ def play_presses(
         cells: Of the strings' laws.
         first: The first one to play.
         last: The one not to play any more.
-        state: To work in.
-        leg: To work in; `IDEAL` says whether the finger is.
+        state: Room for a state.
+        kinds: Room for what everything does.
+        marks: Room for what must stay positive.
+        events: Room for what the strings meet.
+        leg: Room for the leg; `IDEAL` says whether the finger is, and its linkage counts.
         cubics: rad, joints of an ideal finger over each controller sample; (samples, 8).
         samples: Of the controller, in each press; shape (presses,).
         timing: Period of the controller [s], steps in it.
@@ -163,20 +150,24 @@ def play_presses(
             continue
         bench = benches[i]
         leg[START], leg[PERIOD], leg[PUSH] = 0.0, period, bench[0, PUSHES]
-        leg[CUBICS:LINKAGE] = cubics[0]
+        for c in range(8):
+            leg[CUBICS + c] = cubics[0, c]
         rest(bench, state, kinds, leg)
-        how = settle(bench, cells, state, kinds, leg, 0.0)
+        how = FINE
         for sample in range(samples[i]):
             time = sample * period
-            if ideal and sample > 0 and how == FINE:
+            if ideal:
                 leg[START] = time
-                leg[CUBICS:LINKAGE] = cubics[sample]
-                how = settle(bench, cells, state, kinds, leg, time)
+                for c in range(8):
+                    leg[CUBICS + c] = cubics[sample, c]
             for j in range(steps):
                 if how != FINE:
                     break
-                end = (sample + 1) * period if j == steps - 1 else time + (j + 1) * step
-                how = move(bench, cells, state, kinds, marks, events, leg, time + j * step, end)
+                now, end = time + j * step, time + (j + 1) * step
+                if j == steps - 1:
+                    end = (sample + 1) * period
+                begins = 1 if j == 0 and (ideal or sample == 0) else 0
+                how = advance(bench, cells, state, kinds, marks, events, leg, now, end, begins)
                 keep_first(kinds, events, found[i])
         status[i] = how
 

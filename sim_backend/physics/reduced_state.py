@@ -1,8 +1,9 @@
 """Presses in numbers for the reduced engine: places in its arrays.
 
-Of a press there are four arrays with a row for the key and one for each jack after it: the
-bench, which stays, the state, what everything does, and the cells of the strings' laws. A leg
-is what the finger does while its drive is smooth.
+Three arrays of a press have a row for the key and one for each jack after it: the bench, which
+stays, the state, and what everything does. The cells are those of the strings' laws, the marks
+what must stay positive, the events what the strings have met, and a leg is what the finger does
+while its drive is smooth.
 """
 
 import numpy as np
@@ -19,9 +20,6 @@ BELOW, HELD, ABOVE, PASSING = 0, 1, 2, 3
 """Where a plectrum is with its string."""
 OFF, PRESSED, SLACK = 0, 1, 2
 """What the front felt does; slack is a felt that the key leaves faster than it follows."""
-SLIP, TOUCH, FELT, LETS_GO, LEAVES = range(5)
-"""Places in `State.mode`: sign of the key's speed, whether an ideal finger leads it, the felt;
-whether the finger has just let it go, and the jack that has just left it, or -1."""
 CONTACT, RELEASE, RETURN = 0, 1, 2
 """Kinds of a string's events."""
 
@@ -70,7 +68,7 @@ EVENTS = 512
 
 
 def new_state(choirs: int) -> tuple[Floats, Ints, Floats, Floats]:
-    """Return a state to begin a press with: numbers, what all does, conditions, events."""
+    """Return room for a press: its state, what everything does, marks and events."""
     rows = 1 + choirs
     return (
         np.zeros((rows, 10)),

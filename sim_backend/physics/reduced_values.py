@@ -1,10 +1,8 @@
 """Which values of a scene may vary from press to press, their limits, and the strings' laws."""
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
-from annotated_types import Ge, Gt, Le, Lt
 from numpy.typing import NDArray
 
 from analysis.errors import ModelError
@@ -12,7 +10,7 @@ from analysis.model.choirs import choir_pluck, choirs
 from analysis.model.pluck import OVERLAP_MAX, STIFFNESS_RANGE
 from rig.instrument import Choir, Damper, Jack, Key, Plectrum, String, Tongue
 from rig.schema import Rig
-from rig.section import GRAVITY
+from rig.section import GRAVITY, Section
 from sim_backend.errors import SceneError
 from sim_backend.parts import Push
 from sim_backend.physics.reduced_bench import (
@@ -31,24 +29,19 @@ CHUNK = 192
 _LEVER = ("press_arm", "jack_arm", "jack_surface_height", "inertia", "front_heaviness")
 _PLECTRUM = ("youngs_modulus", "width", "thickness", "length", "overlap", "friction")
 _STRING = ("tension", "length", "plucking_point")
-_LIMITS = {
-    Gt: ("gt", np.greater),
-    Ge: ("ge", np.greater_equal),
-    Lt: ("lt", np.less),
-    Le: ("le", np.less_equal),
-}
+_LIMITS = {"gt": np.greater, "ge": np.greater_equal, "lt": np.less, "le": np.less_equal}
 _DERIVED = ("plectrum.bending_stiffness", "string.static_stiffness")
 
 
-def variables(rig: Rig, scene: Scene) -> dict[str, tuple[type, str] | None]:
+def variables(rig: Rig, scene: Scene) -> dict[str, tuple[type[Section], str] | None]:
     """Return the keys that may vary in a scene, each with its model and field.
 
     Those that follow from others, `plectrum.bending_stiffness` and `string.static_stiffness`
     of the elastica, have none: they may be given in place of what they follow from.
     """
-    found: dict[str, tuple[type, str] | None] = {}
+    found: dict[str, tuple[type[Section], str] | None] = {}
 
-    def add(prefix: str, model: type, *names: str) -> None:
+    def add(prefix: str, model: type[Section], *names: str) -> None:
         found.update({f"{prefix}.{name}": (model, name) for name in names})
 
     add("key", Key, *_LEVER)
@@ -80,16 +73,16 @@ def sound(of: Numbers, presses: int) -> NDArray[np.bool_]:
     good = np.ones(presses, bool)
     known = variables(of.rig, of.scene)
     for name, value in of.given.items():
-        place = known[name]
-        limits: Sequence[Any] = (Gt(0),)
-        if place:
-            model, field = place
-            limits = model.model_fields[field].metadata  # pyright: ignore[reportAttributeAccessIssue]
         good &= np.isfinite(value)
-        for limit in limits:
-            for kind, (bound, compare) in _LIMITS.items():
-                if isinstance(limit, kind):
-                    good &= compare(value, getattr(limit, bound))
+        place = known[name]
+        if not place:
+            good &= value > 0
+            continue
+        model, field = place
+        for limit in model.model_fields[field].metadata:
+            for bound, holds in _LIMITS.items():
+                if hasattr(limit, bound):
+                    good &= holds(value, getattr(limit, bound))
     for at in choir_prefixes(of.rig):
         good &= of(f"{at}string.plucking_point") < of(f"{at}string.length")
         good &= of(f"{at}plectrum.overlap") < of(f"{at}plectrum.length")

@@ -85,7 +85,7 @@ class RigidWorld:
             self._split(0.0, None, self._period)
         if finger.stops < self._period:
             self._run(finger.stops)
-            loads.steady = loads.weight
+            finger.moment, loads.steady = 0.0, loads.weight
             self._split(0.0, None, self._period)
         self._run(self._period)
         self._rest()

@@ -25,7 +25,7 @@ def test_any_exception_leaves_the_motors_off(request, through, lines, kind):
 
 
 def test_an_interrupt_in_mid_motion_stops_it(bench, lines):
-    script = [*lines.connect, *lines.on, *lines.home[:3]]
+    script = [*lines.connect, *lines.on, *lines.home[:4]]
     controller, transcript = bench(script, [("MG _BGA,_BGB", KeyboardInterrupt())], lines.off)
     with pytest.raises(KeyboardInterrupt), controller, controller.powered():
         controller.home()
@@ -41,8 +41,10 @@ def test_a_second_interrupt_while_stopping_does_not_leave_the_motors_on(bench, l
 
 
 def test_motors_that_stay_on_are_an_error(bench, lines):
-    on = ("MG _MOA,_MOB,_BGA,_BGB", " 1.0000 0.0000 0.0000 0.0000\r\n:")
-    controller, _ = bench(lines.connect, lines.on, [*lines.off[:-1], on])
+    on = (lines.abort[-1][0], " 4711.0000 1.0000 0.0000 0.0000 0.0000 0.0000 0.0000\r\n:")
+    abort = [*lines.abort[:-1], on]
+    tried_again = [(sent, "") for sent, _ in lines.abort[:-1]]
+    controller, _ = bench(lines.connect, lines.on, lines.stop, abort, abort, tried_again)
     with controller, pytest.raises(MotionFault, match=r"_MOA.*\[1\.0, 0\.0") as caught:  # noqa: SIM117
         with controller.powered():
             pass
@@ -51,15 +53,25 @@ def test_motors_that_stay_on_are_an_error(bench, lines):
 
 def test_motors_that_stay_off_are_an_error(bench, lines):
     off = ("MG _MOA,_MOB", " 1.0000 0.0000\r\n:")
-    controller, _ = bench(lines.connect, [lines.on[0], off], lines.off)
+    controller, _ = bench(lines.connect, lines.on[:-1], [off], lines.off)
     with pytest.raises(SettingNotTaken, match="emergency stop"), controller:  # noqa: SIM117
         with controller.powered():
             pass
 
 
 def test_a_refused_abort_is_said_again_in_case_half_a_line_spoilt_it(bench, lines):
-    spoilt = [("AB", "?"), ("TC1", "1 Unrecognized command\r\n:")]
+    on = (lines.abort[-1][0], " 4711.0000 0.0000 0.0000 1.0000 0.0000 0.0000 0.0000\r\n:")
+    spoilt = [("AB", b"xxAB\r?"), *lines.abort[1:-1], on]
     controller, _ = bench(lines.connect, spoilt, lines.abort)
+    with controller:
+        controller.abort()
+
+
+@pytest.mark.parametrize("noise", [b"", b"\x00\xff", b"4711.0000 1.0000\r\n:?::"])
+def test_an_abort_does_not_mind_what_is_said_before_its_own_question(bench, lines, noise):
+    script = [(sent, noise) for sent, _ in lines.abort[:-1]]
+    again = [lines.abort[-1]] if b"\xff" in noise else []
+    controller, _ = bench(lines.connect, script, [lines.abort[-1]], again)
     with controller:
         controller.abort()
 
@@ -78,10 +90,39 @@ def test_a_press_that_breaks_off_names_the_joint_and_the_reason(
     bench, lines, segments, codes, reason
 ):
     script = [*lines.press[: -len(lines.capture + lines.off) - 2]]
-    controller, _ = bench(script, [("MG _SCA,_SCB", f" {codes}\r\n:")], lines.abort)
+    controller, _ = bench(script, [(lines.wait[3][0], f" {codes} 1.0000\r\n:")], lines.abort)
     with pytest.raises(MotionFault, match=reason) as caught:
         run_to_wait(controller, segments)
     assert OFF in str(caught.value)
+
+
+def test_a_press_that_the_watchdog_ended(bench, lines, segments):
+    script = [*lines.press[: -len(lines.wait + lines.capture + lines.off)]]
+    struck = [
+        (lines.wait[0][0], " 0.0000 0.0000 -1.0000 -1.0000\r\n:"),
+        (lines.wait[3][0], " 7.0000 7.0000 -1.0000\r\n:"),
+    ]
+    controller, _ = bench(script, struck, lines.abort)
+    with pytest.raises(MotionFault, match="watchdog has switched the motors off") as caught:
+        run_to_wait(controller, segments)
+    assert OFF in str(caught.value)
+
+
+@pytest.mark.parametrize("left", [" 9.0000 -1.0000", " 10.0000 -1.0000"])
+def test_a_watchdog_that_does_not_run_keeps_the_power_off(bench, lines, left):
+    asked = lines.on[3][0]
+    controller, _ = bench(lines.connect, lines.on[:3], [(asked, f"{left}\r\n:")], lines.off)
+    with pytest.raises(SettingNotTaken, match="watchdog does not run"), controller:  # noqa: SIM117
+        with controller.powered():
+            pass
+
+
+def test_a_watchdog_that_does_not_count_keeps_the_power_off(bench, lines):
+    stuck = [lines.on[3]] * 600
+    controller, transcript = bench(lines.connect, lines.on[:3], stuck)
+    limit(transcript, [*lines.stop, *lines.abort])
+    with pytest.raises(MotionFault, match="first count has not"), controller, controller.powered():
+        pass
 
 
 def test_a_press_that_skipped_segments(bench, lines, segments):
@@ -96,17 +137,17 @@ def test_a_press_that_never_ends_is_aborted(bench, lines, segments):
     stuck = [(lines.wait[0][0], " 1.0000 1.0000 1.0000 2.0000\r\n:")]
     controller, transcript = bench(script, stuck * 1200)
     with pytest.raises(MotionFault, match="not ended after 10 s") as caught:
-        run_to_wait(controller, segments, before_wait=lambda: limit(transcript, lines))
+        run_to_wait(controller, segments, before_wait=lambda: limit(transcript, lines.abort))
     assert OFF in str(caught.value)
 
 
-def limit(transcript, lines):
-    """Let the clock, not the script, end the polling."""
-    write = transcript.write
+def limit(transcript, ending):
+    """Let the clock, not the script, end the polling, with the first line of an ending."""
+    write, stuck = transcript.write, transcript.expected[-1]
 
     def follow(data):
-        if data == b"AB\r":
-            transcript.expected = list(lines.abort)
+        if data == f"{ending[0][0]}\r".encode() and transcript.expected[0] == stuck:
+            transcript.expected = list(ending)
         return write(data)
 
     transcript.write = follow
@@ -125,10 +166,9 @@ def run_to_wait(controller, segments, before_wait=lambda: None):
 
 def test_a_silent_controller_in_mid_motion(terminal, lines, segments):
     script = [*lines.press[: -len(lines.wait + lines.capture + lines.off)]]
-    silent = [(sent, "") for sent, _ in [lines.wait[0], *lines.abort]]
-    again = [(sent, "") for sent, _ in [lines.off[0], *lines.abort]]
-    controller, _ = terminal(script, silent, again)
-    with pytest.raises(SilentController, match=r"MG _BTA.*within 0\.2 s") as caught:
+    silent = [(sent, "") for sent, _ in [lines.wait[0], *lines.abort, *lines.abort[:-1]]]
+    controller, _ = terminal(script, silent)
+    with pytest.raises(SilentController, match=r"MG _BGA.*within 0\.2 s") as caught:
         run_to_wait(controller, segments)
     assert NOT_OFF in str(caught.value)
     assert "emergency stop" in str(caught.value)
@@ -159,8 +199,8 @@ def home_and_move(controller):
 
 def test_a_refused_move_is_aborted(bench, lines):
     refused = [
-        *lines.move[:2],
-        ("PA 1000,-501000;BG AB", ":?"),
+        *lines.move[:3],
+        ("BG AB", "?"),
         ("TC1", "22 Begin not possible due to limit switch\r\n:"),
     ]
     controller, _ = bench(lines.connect, lines.on, lines.home, refused, lines.abort)
@@ -173,7 +213,7 @@ def test_a_refused_move_is_aborted(bench, lines):
 def test_an_arm_that_does_not_arrive(bench, lines):
     controller, transcript = bench(lines.connect, lines.on, lines.home, lines.move[:-2])
     transcript.expected += [("MG _TPA,_TPB", " 900.0000 -501000.0000\r\n:")] * 200
-    limit(transcript, lines)
+    limit(transcript, lines.abort)
     with pytest.raises(MotionFault, match=r"900, -501000 .*to 1000, -501000"):
         home_and_move(controller)
 
@@ -185,7 +225,7 @@ def test_disconnect_inside_powered_switches_off(bench, lines):
 
 
 def test_disconnect_does_not_hide_an_earlier_error(bench, lines):
-    lost = [("ST AB", OSError("gone")), ("AB", OSError("gone"))]
+    lost = [(sent, OSError("gone")) for sent, _ in [lines.stop[0], *lines.abort]]
     controller, _ = bench(lines.connect, lines.on, lost)
     controller.connect()
     with pytest.raises(ZeroDivisionError) as caught:  # noqa: PT012

@@ -380,6 +380,7 @@ def test_what_it_cannot_do_is_refused():
     told = scene(finger="ideal")
     drive = drive_of(RIG, told)
     world = ReducedWorld(RIG, told, drive.start)
+    world.advance(drive.reference(0), True)
     with pytest.raises(SceneError, match="suddenly within the key"):
         world.advance(drive.reference(70), True)
     near = RIG.model_copy(

@@ -1,0 +1,31 @@
+"""The words of a line of the ASCII protocol: its checksum and its numbers."""
+
+LARGEST = 1e10
+"""Of a number here: what is more is nothing of this bench."""
+
+
+def checksum(text: str) -> int:
+    """Return the exclusive or of a line's bytes."""
+    found = 0
+    for byte in text.encode("latin-1"):
+        found ^= byte
+    return found
+
+
+def number(word: str) -> float | None:
+    """Return a number, or None for what is none or too large for this bench."""
+    try:
+        value = float(word)
+    except ValueError:
+        return None
+    return value if abs(value) <= LARGEST else None
+
+
+def numbers(text: str) -> list[float]:
+    """Return the leading numbers behind a command's letter."""
+    found = []
+    for word in text[1:].split():
+        if (value := number(word)) is None:
+            break
+        found.append(value)
+    return found

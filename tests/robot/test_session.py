@@ -1,0 +1,175 @@
+"""Plans, tables and manifests: what a session is before anything moves."""
+
+import json
+from datetime import UTC, datetime
+
+import pytest
+
+from daq.block import Block
+from daq.file.head import read_session
+from daq.recording import Recording, SessionInfo
+from rig.load import load_rig, with_values
+from robot.errors import RobotError
+from robot.manifest import MANIFEST, Manifest, check_same, read_manifest, write_manifest
+from robot.plan import Plan, to_set
+from robot.plan_table import Row, read_plan_table
+from robot.session_folder import SessionFolder
+
+RIG = load_rig("paper")
+
+
+@pytest.fixture
+def table(tmp_path):
+    def write(text: str):
+        path = tmp_path / "plan.csv"
+        path.write_text(text, encoding="utf-8")
+        return read_plan_table(path, RIG, 2, "mine")
+
+    return write
+
+
+def record(path, session, item, number=1):
+    """Write a whole recording of a press."""
+    import numpy as np
+
+    info = SessionInfo(
+        number, datetime.now(UTC).isoformat(), True, "c", "d", session=session, item=item
+    )
+    with Recording(path, RIG, session=info) as recording:
+        recording.write_block(Block(0, np.zeros((2, 64))))
+    return path
+
+
+def test_a_table_changes_what_its_cells_say(table):
+    first, second = table(
+        "\ufeffpress.jack_speed, jack.mass, press.speed_tolerance, press.hold, repeats, notes\n"
+        '0.1 m/s, , 0.004, normal, 3, "a, b"\n'
+        "\n"
+        " , 7 g, , , , \n"
+    )
+    assert (first.rig.press.jack_speed, first.rig.press.speed_tolerance) == (0.1, 0.004)
+    assert (first.rig.press.hold, first.repeats, first.notes) == ("normal", 3, "mine; a, b")
+    assert first.set_up == {}
+    assert second.rig.press == RIG.press
+    assert (second.rig.jack.mass, second.repeats, second.notes) == (7e-3, 2, "mine")
+    assert second.set_up == {"jack.mass": "7 g"}
+    assert second.on(RIG) == RIG
+    assert first.on(RIG) == first.rig
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("", ["no columns"]),
+        ("press.jack_speed\n", ["no row"]),
+        ("press.jack_speed, press.jack_speed\n1 m/s, 2 m/s\n", ["twice"]),
+        ("press.jack_speed, , repeats\n0.1 m/s,,1\n", ["column 2 has no name"]),
+        ("press\nx\n", ["line 2"]),
+        ("press.jack_speed\n0.1\n0.1 m/s, 3\n", ["line 2", "line 3: 2 cells"]),
+        ("repeats\n0\n1.5\n-1\n1000000\n", ["line 2", "line 3", "line 4", "line 5"]),
+        ("string.tensoin, press.hold\n1 N, sideways\n", ["'tension'", "'sideways'"]),
+        ('press.jack_speed\n"0.1 m/s\n', ["cannot be read"]),
+    ],
+)
+def test_every_fault_of_a_table_is_told(table, text, words):
+    with pytest.raises(RobotError) as caught:
+        table(text)
+    for word in words:
+        assert word in str(caught.value)
+
+
+def test_a_table_that_is_not_there(tmp_path):
+    with pytest.raises(RobotError, match=r"none\.csv: cannot be read"):
+        read_plan_table(tmp_path / "none.csv", RIG, 1)
+
+
+def test_warm_up_comes_before_every_set_up():
+    other = with_values(RIG, {"jack.mass": "7 g"})
+    fast = with_values(RIG, {"press.jack_speed": "0.1 m/s"})
+    mass = {"jack.mass": "7 g"}
+    plan = Plan(RIG, (Row(RIG, 2), Row(fast, 1), Row(other, 1, mass), Row(RIG, 1)), warm_up=1)
+    parted = [[(p.number, p.row, p.warm_up) for p in places] for places in plan.set_ups]
+    assert parted == [
+        [(1, 0, True), (2, 0, False), (3, 0, False), (4, 1, False)],
+        [(5, 2, True), (6, 2, False)],
+        [(7, 3, True), (8, 3, False)],
+    ]
+    assert plan.presses == 8
+    assert to_set(RIG, {}, plan.rows[2]) == mass
+    assert to_set(RIG, mass, plan.rows[3]) == {"jack.mass": "0.006 kg"}
+
+
+def test_a_plan_of_nothing_is_refused_with_all_its_faults():
+    with pytest.raises(RobotError, match=r"no press[\s\S]*-1 presses[\s\S]*nan s"):
+        Plan(RIG, (), warm_up=-1, rest=float("nan"))
+
+
+def test_where_devices_are_plugged_in_is_no_part_of_a_plan():
+    moved = with_values(RIG, {"controller.port": "/dev/other", "daq.address": "host:1"})
+    plan, other = Plan(RIG, (Row(RIG),)), Plan(moved, (Row(moved),))
+    assert plan.document() == other.document()
+    assert json.loads(json.dumps(plan.document())) == plan.document()
+
+
+def test_a_manifest_is_read_back_and_replaced_whole(tmp_path):
+    assert read_manifest(tmp_path) is None
+    manifest = Manifest("id", "2026-01-01T00:00:00Z", 3, Plan(RIG, (Row(RIG),)).document(), {})
+    write_manifest(tmp_path, manifest)
+    assert read_manifest(tmp_path) == manifest
+    write_manifest(tmp_path, Manifest("id", "later", None, {}, {"jack.mass": "7 g"}))
+    found = read_manifest(tmp_path)
+    assert found
+    assert found.set_up == {"jack.mass": "7 g"}
+    assert [path.name for path in tmp_path.iterdir()] == [MANIFEST]
+
+
+@pytest.mark.parametrize("text", ["", "{", "[]", '{"version": 1}', '{"version": 2}', "\x00"])
+def test_a_damaged_manifest_is_refused(tmp_path, text):
+    (tmp_path / MANIFEST).write_text(text)
+    with pytest.raises(RobotError, match="another folder"):
+        read_manifest(tmp_path)
+
+
+def test_differences_are_named_and_counted(tmp_path):
+    check_same(tmp_path, {"a": [1, {"b": None}]}, {"a": [1, {"b": None}]})
+    begun, asked = {str(i): i for i in range(20)}, {str(i): -i for i in range(20)}
+    with pytest.raises(RobotError, match=r"1: 1 then, -1 now[\s\S]*and 11 more[\s\S]*--out"):
+        check_same(tmp_path, begun, asked)
+    with pytest.raises(RobotError, match=r"a\.2: 3 then, nothing now"):
+        check_same(tmp_path, {"a": [1, 3]}, {"a": [1]})
+
+
+def test_a_folder_tells_what_is_done_from_the_recordings(tmp_path):
+    plan = Plan(RIG, (Row(RIG, 4),))
+    folder = SessionFolder(tmp_path / "new" / "out", plan, None, 7)
+    assert not folder.path.exists()
+    assert (folder.done, folder.resumed, folder.seed) == ({}, False, 7)
+    folder.begin()
+    made = [record(folder.path / f"press-000{i}.mcap", folder.session, i, i) for i in (1, 3)]
+    record(folder.path / "press-0004.mcap", "another", 2)
+    (folder.path / "press-0005.mcap.part").write_bytes(b"cut short")
+    again = SessionFolder(folder.path, plan, None, 8)
+    assert (again.session, again.seed, again.resumed) == (folder.session, 7, True)
+    assert again.done == dict(zip((1, 3), made, strict=True))
+    assert again.others == 1
+    assert [path.name for path in again.left_behind] == ["press-0005.mcap.part"]
+    again.tell({"jack.mass": "7 g"})
+    assert SessionFolder(folder.path, plan, 7, None).set_up == {"jack.mass": "7 g"}
+
+
+def test_a_press_that_is_there_twice_is_refused(tmp_path):
+    plan = Plan(RIG, (Row(RIG, 2),))
+    folder = SessionFolder(tmp_path, plan, None, None)
+    folder.begin()
+    for number in (1, 2):
+        record(tmp_path / f"press-000{number}.mcap", folder.session, 1)
+    with pytest.raises(RobotError, match=r"press-0002\.mcap and press-0001\.mcap are both press 1"):
+        SessionFolder(tmp_path, plan, None, None)
+
+
+def test_the_head_alone_tells_the_session(tmp_path):
+    path = record(tmp_path / "press-0001.mcap", "id", 5)
+    told = read_session(path)
+    assert (told.session, told.item, told.warm_up) == ("id", 5, False)
+    path.write_bytes(path.read_bytes()[:20_000])
+    assert read_session(path) == told

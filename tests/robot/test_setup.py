@@ -1,0 +1,249 @@
+"""The steps of the set-up, on the stand-in: what they find, and how they refuse."""
+
+import math
+import os
+
+import numpy as np
+import pytest
+
+from rig.load import load_rig, with_values
+from robot.errors import MotionFault, PortUnavailable, RobotError
+from robot.setup.contact import Creep, find_contact
+from robot.setup.dry_run import play_in_air, raised
+from robot.setup.joints import TURN, check_encoders, find_home
+from robot.setup.port import find_port, identify
+from robot.setup.step import Declined
+from robot.setup.steps import STEPS, make_steps
+from robot.setup.touch import locate_by_touch
+from sim_backend.bench import StandIn
+from sim_backend.scene import load_scene
+from trajectory.arm import fingertip_place
+
+SHORT = Creep(above=0.3e-3, below=0.6e-3)
+
+
+class Person:
+    """Somebody who agrees, or not, and measures what he is told to say."""
+
+    def __init__(self, agrees=True, measures=None):
+        self.agrees, self.measures = agrees, measures
+        self.asked = []
+
+    def confirm(self, question):
+        self.asked.append(question)
+        return self.agrees
+
+    def number(self, question, unit, expected):
+        self.asked.append(question)
+        return None if self.measures is None else self.measures(expected)
+
+
+@pytest.fixture(scope="module")
+def stand_in():
+    """A stand-in whose key lies 0.3 mm lower than the rig has it, seen from the base."""
+    rig = with_values(load_rig(), {"controller.timeout": "60 s"})
+    scene = load_scene("ideal")
+    truth = {"arm.base_z": f"{rig.arm.base_z + 0.3e-3!r} m"}
+    scene = scene.model_copy(update={"truth": truth, "step": 1e-3})
+    with StandIn(rig, scene) as served:
+        yield served
+
+
+@pytest.fixture
+def rig(stand_in):
+    yield stand_in.rig
+    assert stand_in.bench.firmware.motors_on == (False, False)
+    assert not stand_in.bench.firmware._machine.in_motion
+
+
+@pytest.mark.parametrize("name", [name for name in STEPS if name not in ("port", "controller")])
+def test_nothing_moves_before_somebody_has_agreed(stand_in, rig, name):
+    before = stand_in.bench._plant.encoder_counts()
+    person = Person(agrees=False)
+    with pytest.raises(Declined, match=f"setup {name}: not agreed to"):
+        STEPS[name](rig, person)
+    assert len(person.asked) == 1
+    assert "free?" in person.asked[0] or "at hand?" in person.asked[0]
+    assert stand_in.bench._plant.encoder_counts() == before
+
+
+def test_a_step_that_is_none_names_those_there_are(rig):
+    with pytest.raises(RobotError, match="no step 'hom'; the steps are port, controller, home"):
+        list(make_steps(rig, Person(), "hom"))
+
+
+# The port.
+
+
+def test_the_port_of_the_rig_is_looked_at_first_and_unasked(rig):
+    person = Person(agrees=False)
+    found = find_port(rig, person, ["/dev/null"])
+    assert not person.asked
+    assert found.values == {}
+    assert "DMC4020" in found.lines[0]
+
+
+def test_another_port_is_found_and_told(rig):
+    wrong = with_values(rig, {"controller.port": "/dev/ttyNONE", "controller.baud_rate": 9600})
+    person = Person()
+    found = find_port(wrong, person, [rig.controller.port])
+    assert found.values == {"controller.port": rig.controller.port}
+    assert rig.controller.port in person.asked[0]
+
+
+def test_what_every_port_has_said_is_told(rig):
+    master, slave = os.openpty()
+    wrong = with_values(rig, {"controller.port": "/dev/ttyNONE", "controller.timeout": "10 ms"})
+    try:
+        with pytest.raises(RobotError) as caught:
+            find_port(wrong, Person(), [os.ttyname(slave)])
+    finally:
+        os.close(master)
+        os.close(slave)
+    assert "/dev/ttyNONE (controller.port) is not there" in str(caught.value)
+    assert "did not answer" in str(caught.value)
+
+
+def test_the_controller_is_identified_and_nothing_moves(stand_in, rig):
+    before = stand_in.bench.firmware.samples
+    found = identify(rig, Person(agrees=False))
+    assert "DMC4020" in found.lines[0]
+    assert "SIMULATED" in found.lines[0]
+    assert stand_in.bench.firmware.samples == before
+
+
+def test_a_controller_that_is_not_there(rig):
+    with pytest.raises(PortUnavailable):
+        identify(with_values(rig, {"controller.port": "/dev/ttyNONE"}), Person())
+
+
+# The joints.
+
+
+def test_home_is_found_twice(rig):
+    assert "found twice" in find_home(rig, Person()).lines[0]
+
+
+def test_joints_that_turn_as_they_say(rig):
+    found = check_encoders(rig, Person(measures=lambda expected: expected * 1.02))
+    assert found.values == {}
+    assert found.figures["joint_1_scale"] == pytest.approx(1.02)
+    assert not found.warnings
+
+
+def test_an_encoder_of_half_the_counts_is_seen(rig):
+    found = check_encoders(rig, Person(measures=lambda expected: expected * 2))
+    assert found.values == {"arm.counts_per_revolution": 1_000_000}
+
+
+@pytest.mark.parametrize(
+    ("shares", "said"),
+    [
+        ((-1, 1), "joint 1 turns the wrong way; .*CE"),
+        ((1, 0), "joint 2 has not turned"),
+        ((1, 2), "both"),
+        ((-1, -1), "joint 1 .*joint 2 turns the wrong way"),
+    ],
+)
+def test_joints_that_do_not(rig, shares, said):
+    left = list(shares)
+    with pytest.raises(MotionFault, match=said):
+        check_encoders(rig, Person(measures=lambda expected: expected * left.pop(0)))
+
+
+def test_an_encoder_that_nobody_looks_at_is_not_checked(rig):
+    found = check_encoders(rig, Person())
+    assert found.warnings == ("direction and scale of the encoders are not checked",)
+    assert found.values == {}
+    assert math.radians(5) < TURN
+
+
+# The key.
+
+
+def test_the_first_touch_is_found_within_a_step(rig):
+    found = find_contact(rig, Person(), SHORT)
+    assert found.figures["height"] == pytest.approx(-0.3e-3, abs=0.03e-3)
+    assert 0.02 <= found.figures["force"] < 0.2
+    assert found.warnings
+
+
+def test_the_finger_is_not_pushed_beyond_the_limit(rig):
+    creep = Creep(above=1e-3, below=1e-3, sense=0.001, limit=0.002)
+    with pytest.raises(MotionFault, match=r"the limit is 0\.002 N.*\n.*motors are off"):
+        find_contact(rig, Person(), creep)
+
+
+def test_a_key_that_is_not_there(rig):
+    with pytest.raises(MotionFault, match=r"no touch down to 0\.1 mm under"):
+        find_contact(rig, Person(), Creep(above=0.5e-3, below=0.1e-3))
+
+
+def test_without_a_force_channel_the_motors_tell(rig):
+    """Of a finger that follows exactly no torque is known; it goes on to its end."""
+    mute = rig.model_copy(
+        update={"daq": rig.daq.model_copy(update={"channels": rig.daq.channels[:1]})}
+    )
+    with pytest.raises(MotionFault, match="no touch"):
+        find_contact(mute, Person(), SHORT)
+
+
+@pytest.mark.slow
+def test_a_servo_feels_the_key_by_its_torques():
+    rig = with_values(load_rig(), {"controller.timeout": "60 s"})
+    with StandIn(rig, load_scene("paper")) as served:
+        bare = served.rig.daq.model_copy(update={"channels": rig.daq.channels[:1]})
+        mute = served.rig.model_copy(update={"daq": bare})
+        found = find_contact(mute, Person(), Creep(above=1e-3))
+    assert found.figures["height"] == pytest.approx(0, abs=0.1e-3)
+    assert "torques" in found.lines[0]
+
+
+def test_every_fault_of_a_creep_is_told():
+    with pytest.raises(RobotError) as caught:
+        Creep(above=0, step=-1e-3, speed=math.nan, sense=1.0, limit=0.5)
+    for name in ("above", "step", "speed", "limit"):
+        assert f"{name} is " in str(caught.value)
+
+
+def test_the_base_is_found_from_touches(rig):
+    found = locate_by_touch(rig, Person(measures=lambda expected: expected + 1e-3), SHORT)
+    assert found.figures["base_z"] == pytest.approx(rig.arm.base_z + 0.3e-3, abs=0.03e-3)
+    assert found.figures["base_x"] == pytest.approx(rig.arm.base_x - 1e-3, abs=0.1e-3)
+    assert set(found.values) == {"arm.base_x", "arm.base_z"}
+
+
+@pytest.mark.slow
+def test_where_nobody_measures_the_base_stays_along_the_key(rig):
+    found = locate_by_touch(rig, Person(), SHORT)
+    assert set(found.values) == {"arm.base_z"}
+    assert "nobody measured" in found.warnings[-1]
+
+
+# In the air.
+
+
+def test_the_press_in_the_air_is_the_press_and_never_near_the_key(rig):
+    trajectory, lift = raised(rig)
+    assert lift > rig.press.hover
+    for motion in (trajectory.approach, trajectory.segments, trajectory.retreat):
+        counts = np.vstack([motion.start, motion.start + motion.steps.cumsum(axis=0)])
+        place = fingertip_place(rig.arm, counts * 2 * np.pi / rig.arm.counts_per_revolution)
+        gap = place[:, 1] - rig.key.surface_height - rig.arm.fingertip_radius
+        assert gap.min() >= rig.press.hover - 1e-6
+
+
+def test_it_is_played_to_its_end(stand_in, rig):
+    before = len(stand_in.bench.world.events.contacts)
+    found = play_in_air(rig, Person())
+    assert found.figures["force"] < 0.01
+    assert found.figures["following_error"] < 1e-3
+    assert len(stand_in.bench.world.events.contacts) == before
+
+
+def test_something_in_the_way_is_noticed(rig):
+    low = with_values(
+        rig, {"arm.base_z": f"{rig.arm.base_z + 0.02!r} m", "press.run_up_acceleration": "6 m/s^2"}
+    )
+    with pytest.raises(MotionFault, match=r"felt .* in the air"):
+        play_in_air(low, Person())

@@ -1,0 +1,89 @@
+"""The arm's states: what may be asked in each, and the way out."""
+
+import pytest
+from hypothesis import settings
+from hypothesis import strategies as st
+from hypothesis.stateful import RuleBasedStateMachine, precondition, rule
+
+from robot.errors import NotReady
+from robot.states import WAYS_OUT, State, States
+
+CALLS = ("powered", "home", "check_home", "move_to", "load", "arm", "start", "wait", "stop")
+ALLOWED = {
+    State.OFF: {"powered"},
+    State.STOPPED: {"home", "stop"},
+    State.HOMED: {"home", "check_home", "move_to", "load", "stop"},
+    State.LOADED: {"home", "check_home", "move_to", "load", "arm", "stop"},
+    State.ARMED: {"home", "check_home", "move_to", "load", "arm", "start", "stop"},
+    State.MOVING: {"wait", "stop"},
+    State.FAULTED: set(),
+}
+
+
+@pytest.mark.parametrize("state", State)
+@pytest.mark.parametrize("call", CALLS)
+def test_a_refused_call_names_the_state_and_the_way_out(state, call):
+    states = States()
+    states.enter(state)
+    if call in ALLOWED[state]:
+        states.require(call)
+        return
+    with pytest.raises(NotReady) as caught:
+        states.require(call)
+    assert f"{call}: the arm is {state}; " in str(caught.value)
+    way = WAYS_OUT[state]
+    if call == "powered" and state is not State.FAULTED:
+        way = "leave the first block first"
+    assert way in str(caught.value)
+
+
+def test_a_motion_that_fails_leaves_the_arm_moving():
+    states = States()
+    with pytest.raises(ValueError, match="stuck"), states.moving(State.HOMED):
+        raise ValueError("stuck")
+    assert states.now is State.MOVING
+    with states.moving(State.HOMED):
+        assert states.on
+    assert states.now is State.HOMED
+
+
+def test_off_alone_is_off():
+    states = States()
+    assert not states.on
+    for state in set(State) - {State.OFF}:
+        states.enter(state)
+        assert states.on
+
+
+NEXT = {
+    State.OFF: ("powered", State.STOPPED),
+    State.STOPPED: ("home", State.HOMED),
+    State.HOMED: ("load", State.LOADED),
+    State.LOADED: ("arm", State.ARMED),
+    State.ARMED: ("start", State.MOVING),
+    State.MOVING: ("wait", State.HOMED),
+}
+
+
+class WayOut(RuleBasedStateMachine):
+    """From every state the ways out lead to a press, whatever was called before."""
+
+    def __init__(self):
+        super().__init__()
+        self.states = States()
+
+    @precondition(lambda self: self.states.now is not State.FAULTED)
+    @rule()
+    def follow(self):
+        call, after = NEXT[self.states.now]
+        assert f"{call}()" in WAYS_OUT[self.states.now]
+        self.states.require(call)
+        self.states.enter(after)
+
+    @rule(state=st.sampled_from(State))
+    def break_off(self, state):
+        self.states.enter(state)
+
+
+WayOut.TestCase.settings = settings(max_examples=20, stateful_step_count=20)
+TestWayOut = WayOut.TestCase

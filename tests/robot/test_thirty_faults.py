@@ -1,0 +1,672 @@
+"""Whatever goes wrong, the arm ends stopped and off, a message says why, nothing is lost.
+
+Run by itself with ``SAUTEREAU_FAULTS=docs/faults.md`` and ``-m "slow or not slow"`` (that is
+``make faults``) it writes the table of what happened. The stand-in keeps to the wall's clock
+here, so that the arm goes on moving while the host makes up its mind.
+"""
+
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import pytest
+
+import sim_backend.galil.firmware as firmware_module
+from daq.reading import read_recording
+from daq.recovery import recover
+from rig.errors import SautereauError
+from rig.load import load_rig, rig_from_json, rig_json, with_values
+from robot.galil import GalilController
+from robot.plan import Plan
+from robot.plan_table import Row
+from robot.session import run_session
+from robot.session_folder import SessionFolder
+from sim_backend.bench import StandIn
+from sim_backend.faults.tables import Faults
+from sim_backend.galil.faults import CommandError
+from sim_backend.galil.motion import StopCode
+from sim_backend.scene import load_scene
+from trajectory.press import plan_press
+
+pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="signals, pseudo-terminals")
+
+SOON = 50e-3
+"""s of simulated time after which the arm is off, where the controller sees to it."""
+ALONE = 0.5 + SOON
+"""s of it, where the controller only knows it by its watchdog."""
+HOST = None
+"""Where the host sees to it: that takes the time that this machine takes."""
+OFF = "the controller confirms it"
+NOT_OFF = "NOT confirmed off"
+HOLD = {"press.bottom_hold": "1 s"}
+CHILD = """
+import sys
+from pathlib import Path
+from rig.load import rig_from_json
+from robot.galil import GalilController
+from robot.session import run_session
+from trajectory.press import plan_press
+rig = rig_from_json(Path(sys.argv[1]).read_text())
+run_session(rig, plan_press(rig), GalilController(rig), Path(sys.argv[2]), 1)
+"""
+
+
+@dataclass
+class Desk:
+    """A stand-in that is watched, and to which things happen."""
+
+    out: Path
+    patch: pytest.MonkeyPatch
+    error: BaseException | None = None
+    struck: float | None = None
+    """s, when the fault struck; None for before the motors were on."""
+    off: float | None = None
+    """s, when the motors went off for the last time."""
+    on: bool = False
+    was_on: bool = False
+    due: list[tuple[int, float, Callable[[], object]]] = field(default_factory=list)
+    begins: Callable[[], bool] = lambda: False
+    """Whether the fault shows now, where it was laid before."""
+
+    def press(self, *, n=1, seed=0, rig=None, finger="ideal", controller=None, **faults):
+        """Press; what becomes of it is in `error`, `struck`, `off` and `out`."""
+        with self.stand_in(rig, finger, seed, faults) as stand_in:
+            wired = controller(stand_in.rig) if controller else stand_in.rig
+            self.attempt(
+                lambda: run_session(
+                    wired, plan_press(stand_in.rig), GalilController(wired), self.out, n
+                )
+            )
+            self.await_off()
+
+    def stand_in(self, rig=None, finger="ideal", seed=0, faults=None) -> StandIn:
+        """Return a stand-in whose motors and faults are watched."""
+        scene = load_scene("paper" if finger == "servo" else "ideal").model_copy(
+            update={
+                "plectrum": "none",
+                "string": "none",
+                "step": 1e-4 if finger == "servo" else 1e-3,
+                "faults": Faults.model_validate(faults) if faults else None,
+            }
+        )
+        values = {"controller.timeout": "2 s"} | HOLD | (rig or {})
+        stand_in = StandIn(with_values(load_rig(), values), scene, seed, paced=True)
+        self.watch(stand_in.bench, faults or {})
+        return stand_in
+
+    def watch(self, bench, faults) -> None:
+        self.bench = bench
+        tick, receive = bench.tick, bench.firmware.receive
+        at = next((f for f in faults.values() if "press" in f and "at" in f), None)
+        if at is not None:
+            seconds = float(at["at"].removesuffix(" ms")) * 1e-3
+            self.at(at["press"], seconds, lambda: None)
+
+        def note():
+            on = any(bench.firmware.motors_on)
+            if self.on and not on:
+                self.off = bench.time
+            self.on, self.was_on = on, on or self.was_on
+
+        def ticked():
+            edges = bench._strikes._edges
+            for each in list(self.due):
+                press, later, do = each
+                if len(edges) >= press and bench.time >= edges[press - 1] + later:
+                    self.due.remove(each)
+                    self.strike()
+                    do()
+            tick()
+            if self.begins():
+                self.strike()
+            note()
+
+        def received(data):
+            answer = receive(data)
+            note()
+            return answer
+
+        bench.tick, bench.firmware.receive = ticked, received
+
+    def strike(self) -> None:
+        """Note that the fault strikes now."""
+        if self.struck is None and self.was_on:
+            self.struck = self.bench.time
+
+    def at(self, press, seconds, do) -> None:
+        """Let something happen so many s after the edge of a press."""
+        self.due.append((press, seconds, do))
+
+    @property
+    def machine(self):
+        return self.bench.firmware._machine
+
+    def on_command(self, pattern, do, *, times=1, strikes=True) -> None:
+        """Let something happen in place of a command that the controller takes.
+
+        It is carried out where ``do`` returns true; a raised CommandError refuses it. The fault
+        strikes then, or when it ``begins``.
+        """
+        left, execute = [times], firmware_module.execute
+
+        def hooked(machine, command, thread=None):
+            if left[0] and re.match(pattern, command):
+                left[0] -= 1
+                if strikes:
+                    self.strike()
+                if not do():
+                    return None
+            return execute(machine, command, thread)
+
+        self.patch.setattr(firmware_module, "execute", hooked)
+
+    def attempt(self, act) -> None:
+        """Do something that goes wrong, as the command line does it."""
+        try:
+            act()
+        except (SautereauError, KeyboardInterrupt) as error:
+            self.error = error
+
+    def await_off(self) -> None:
+        """Wait until the controller alone has switched the motors off."""
+        end = time.monotonic() + 20
+        while self.on and time.monotonic() < end:
+            time.sleep(0.01)
+
+    @property
+    def after(self) -> float:
+        """s from the fault to the motors off; 0 where they never were on."""
+        assert not self.on
+        if self.struck is None or self.off is None:
+            return 0.0
+        return max(0.0, self.off - self.struck)
+
+    @property
+    def message(self) -> str:
+        assert self.error is not None, "nothing went wrong"
+        kind = "interrupted: " if isinstance(self.error, KeyboardInterrupt) else ""
+        return kind + "\n".join([str(self.error), *getattr(self.error, "__notes__", [])])
+
+    @property
+    def recording(self) -> str:
+        """What is left of the press, which is always readable."""
+        whole = sorted(self.out.glob("*.mcap"))
+        told = [f"{len(whole)} whole"] if whole else []
+        for path in whole:
+            read_recording(path)
+        for part in sorted(self.out.glob("*.part")):
+            try:
+                read_recording(part)
+                told.append("one cut short, closed")
+            except SautereauError:
+                told.append(self._recovered(part))
+        return ", ".join(told) or "none begun"
+
+    def _recovered(self, part: Path) -> str:
+        try:
+            recover(part, self.out / "recovered.mcap")
+        except SautereauError as error:
+            if "no sample of it is left" not in str(error):
+                raise
+            return "one without a sample"
+        return "one cut off, `recover` reads it"
+
+
+@dataclass(frozen=True)
+class Fault:
+    name: str
+    done: str
+    limit: float | None
+    said: str
+    run: Callable[[Desk], None]
+    quick: bool
+
+
+FAULTS: list[Fault] = []
+
+
+def fault(done, limit, said, quick=False):
+    """Register a fault: what is done, until when the arm must be off, what is said."""
+
+    def register(run):
+        name = run.__name__.replace("_", " ")
+        FAULTS.append(Fault(name, done, limit, said, run, quick))
+        return run
+
+    return register
+
+
+# The cable and the line.
+
+
+@fault("silent after 20 bytes", SOON, "did not answer.*check its power, the cable", quick=True)
+def cable_out_before_anything(desk):
+    desk.press(rig={"controller.timeout": "0.3 s"}, cable_out={"after_bytes": 20})
+
+
+@fault("silent from HM on", ALONE, f"did not answer.*{NOT_OFF}")
+def cable_out_in_homing(desk):
+    desk.on_command("HM", lambda: cut(desk))
+    desk.press(rig={"controller.timeout": "0.3 s"}, cable_out={"press": 99})
+
+
+def cut(desk):
+    """Take the controller's cable out after this command."""
+    desk.bench._line.carry = lambda data, receive: b""
+    return True
+
+
+@fault("silent 30 ms after the trigger", ALONE, f"did not answer.*{NOT_OFF}")
+def cable_out_in_the_press(desk):
+    rig = {"controller.timeout": "0.3 s"}
+    desk.press(rig=rig, cable_out={"press": 1, "at": "30 ms"})
+
+
+@fault("USB adapter pulled 30 ms after the trigger", ALONE, f"lost.*check the.*cable.*{NOT_OFF}")
+def adapter_out_in_the_press(desk):
+    desk.press(cable_out={"press": 1, "at": "30 ms", "port_closes": True})
+
+
+@fault("silent from the reading of the capture on", ALONE, f"did not answer.*{NOT_OFF}")
+def cable_out_after_the_press(desk):
+    desk.on_command("QU", lambda: cut(desk))
+    desk.press(rig={"controller.timeout": "0.3 s"}, cable_out={"press": 99})
+
+
+@fault("0.1 % of all bytes lost", HOST, "heard|did not answer|answered|refused")
+def bytes_dropped(desk):
+    desk.press(rig={"controller.timeout": "0.5 s"}, line={"dropped": 1e-3})
+
+
+@fault("0.05 % of the bytes to the controller with a bit flipped", HOST, "heard|refused|holds")
+def bits_flipped_to_the_controller(desk):
+    desk.press(line={"flipped": 5e-4, "towards": "controller"})
+
+
+@fault("0.05 % of the bytes to the host with a bit flipped", HOST, "heard|answer|refused|holds")
+def bits_flipped_to_the_host(desk):
+    desk.press(line={"flipped": 5e-4, "towards": "host"})
+
+
+@fault("5 % of all bytes lost from the trigger on", HOST, "heard|did not answer|answer|refused")
+def bytes_dropped_in_the_press(desk):
+    desk.at(1, 0.0, lambda: None)
+    desk.press(rig={"controller.timeout": "0.5 s"}, line={"dropped": 0.05, "press": 1})
+
+
+@fault("answers 0.5 s late, and 0.1 s is allowed", SOON, "did not answer")
+def answers_late(desk):
+    desk.press(rig={"controller.timeout": "0.1 s"}, line={"delay": "0.5 s"})
+
+
+# The controller.
+
+
+@fault("power off and on 30 ms after the trigger", SOON, "controller")
+def controller_reset_in_the_press(desk):
+    desk.at(1, 0.03, lambda: desk.machine.power_up())
+    desk.press()
+
+
+@fault("power off and on while the motion is loaded", SOON, "controller")
+def controller_reset_before_the_press(desk):
+    desk.on_command("RA", lambda: desk.machine.power_up() or True)
+    desk.press()
+
+
+@fault("BG answers ?, code 22", HOST, "refused 'BG AB'.*22.*limit stands in the way.*" + OFF)
+def command_refused(desk):
+    desk.on_command("BG", lambda: refuse(22))
+    desk.press()
+
+
+def refuse(code):
+    raise CommandError(code)
+
+
+@fault(
+    "two PVT segments of joint 2 are lost in the controller",
+    HOST,
+    "segments were sent.*FIFO took.*" + OFF,
+)
+def segments_lost(desk):
+    desk.on_command("PVB=", lambda: False, times=2)
+    desk.press()
+
+
+@fault("the segment that ends the motion is lost", HOST, "FIFO took|empty FIFO")
+def fifo_starved(desk):
+    desk.begins = lambda: desk.machine.axes[0].stop_code == StopCode.PVT_STARVED
+    desk.on_command("PV[AB]=0,0,0$", lambda: False, times=2, strikes=False)
+    desk.press()
+
+
+@fault("the revision is of another firmware, without PVT", SOON, "has no PVT mode.*update", True)
+def firmware_without_pvt(desk):
+    desk.on_command("MG _PVA$", lambda: refuse(1))
+    desk.press()
+
+
+@fault("something else answers on the port", SOON, "gives its revision as DMC.*correct")
+def no_galil(desk):
+    def controller(rig):
+        desk.machine.revision = "HELLO, I AM A PRINTER"
+        return rig
+
+    desk.press(controller=controller)
+
+
+@fault("EO 1 does nothing", SOON, "does not repeat what it hears")
+def no_echo(desk):
+    desk.on_command("EO 1", lambda: False)
+    desk.press()
+
+
+@fault("SH does nothing: the emergency stop is pressed", SOON, "motors are still off.*emergency")
+def motors_stay_off(desk):
+    desk.on_command("SH", lambda: False)
+    desk.press()
+
+
+@fault("XQ #WATCH does nothing", SOON, "watchdog does not run")
+def watchdog_does_not_run(desk):
+    desk.on_command("XQ #WATCH", lambda: False)
+    desk.press()
+
+
+@fault("MO does nothing the first time", HOST, "interrupted.*" + OFF)
+def motors_stay_on(desk):
+    desk.at(1, 0.03, lambda: os.kill(os.getpid(), signal.SIGINT))
+    desk.on_command("AB", lambda: desk.on_command("MO", lambda: False) or True)
+    desk.press()
+
+
+# The arm.
+
+
+def limit_here(desk):
+    """Let a limit of joint 1 be where it stands, on both sides."""
+    axis = desk.machine.axes[0]
+    axis.settings["FL"] = axis.settings["BL"] = axis.reported
+
+
+@fault("a limit of joint 1 stands in the way", HOST, "joint 1 stopped by the .* limit.*remove")
+def limit_hit(desk):
+    desk.at(1, 0.03, lambda: limit_here(desk))
+    desk.press()
+
+
+@fault("the abort input strikes", SOON, "stopped by AB|broke off")
+def emergency_stop(desk):
+    def strike():
+        for axis in desk.machine.axes:
+            desk.machine.motor_off(axis, StopCode.ABORTED)
+
+    desk.at(1, 0.03, strike)
+    desk.press()
+
+
+@fault("joint 1 stands from 30 ms on", None, "joint 1 switched off by a following error.*remove")
+def stalled_motor_of_joint_1(desk):
+    desk.press(finger="servo", stall={"joint": 1, "press": 1, "at": "30 ms"})
+
+
+@fault("joint 2 stands from 30 ms on", None, "joint 2 switched off by a following error.*remove")
+def stalled_motor_of_joint_2(desk):
+    desk.press(finger="servo", stall={"joint": 2, "press": 1, "at": "30 ms"})
+
+
+@fault("the encoder reads 30,000 counts less", SOON, "joint 2 switched off by a following error")
+def encoder_slips_far(desk):
+    slip = {"joint": 2, "counts": -30_000, "press": 1, "at": "30 ms"}
+    desk.press(finger="servo", slip=slip)
+
+
+@fault("the encoder reads 500 counts more; home is checked", HOST, "home switch of joint 1.*slipp")
+def encoder_slips_a_little(desk):
+    with desk.stand_in(HOLD, "servo", 0, {"slip": {"joint": 1, "counts": 500}}) as stand_in:
+        controller = GalilController(stand_in.rig)
+
+        def look():
+            with controller, controller.powered():
+                controller.home()
+                desk.strike()
+                desk.bench._plant.slip(1, 500)
+                controller.check_home()
+
+        desk.attempt(look)
+
+
+# The card.
+
+
+@fault("the card is unplugged at sample 5000", HOST, "-201003.*" + OFF, quick=True)
+def daq_gone(desk):
+    desk.at(1, 5000 / 51200, lambda: None)
+    desk.press(device_gone={"press": 1, "sample": 5000})
+
+
+@fault("the gRPC server dies at sample 5000", HOST, "no answer while reading.*" + OFF)
+def daq_server_gone(desk):
+    desk.at(1, 5000 / 51200, lambda: None)
+    desk.press(server_gone={"press": 1, "sample": 5000})
+
+
+@fault("samples are overwritten from 5000 on", HOST, "-200279.*" + OFF)
+def daq_overrun(desk):
+    desk.at(1, 5000 / 51200, lambda: None)
+    desk.press(overrun={"press": 1, "sample": 5000})
+
+
+@fault("nobody is at the card's address", HOST, "daq.address.*no server.*" + OFF)
+def daq_not_there(desk):
+    desk.press(controller=lambda rig: with_values(rig, {"daq.address": "127.0.0.1:9"}))
+
+
+@fault("the edge does not come to the card", HOST, "no edge on /Dev1/PFI0.*cable.*" + OFF)
+def trigger_missing(desk):
+    desk.at(1, 0.0, lambda: None)
+    desk.press(rig={"daq.trigger_timeout": "0.4 s"}, trigger_missing={"press": 1})
+
+
+# The host.
+
+
+def interrupt(desk, pattern):
+    """Press Ctrl-C when the controller takes a command."""
+    desk.on_command(pattern, lambda: os.kill(os.getpid(), signal.SIGINT) or True)
+    desk.press()
+
+
+@fault("Ctrl-C when it is connected", SOON, "interrupted")
+def ctrl_c_in_state_off(desk):
+    interrupt(desk, "TM 1000")
+
+
+@fault("Ctrl-C when the motors go on", HOST, "interrupted.*" + OFF)
+def ctrl_c_in_state_stopped(desk):
+    interrupt(desk, "SH")
+
+
+@fault("Ctrl-C when it homes", HOST, "interrupted.*" + OFF)
+def ctrl_c_in_homing(desk):
+    interrupt(desk, "BG")
+
+
+@fault("Ctrl-C when it moves to the key", HOST, "interrupted.*" + OFF)
+def ctrl_c_in_state_homed(desk):
+    interrupt(desk, "PA")
+
+
+@fault("Ctrl-C while segments are sent", HOST, "interrupted.*" + OFF)
+def ctrl_c_in_loading(desk):
+    interrupt(desk, "PVB")
+
+
+@fault("Ctrl-C when the capture is prepared", HOST, "interrupted.*" + OFF)
+def ctrl_c_in_state_loaded(desk):
+    interrupt(desk, "RA")
+
+
+@fault("Ctrl-C when the motion is started", HOST, "interrupted.*" + OFF)
+def ctrl_c_in_state_armed(desk):
+    interrupt(desk, "XQ #PRESS")
+
+
+@fault("Ctrl-C 30 ms after the trigger", HOST, "interrupted.*" + OFF, quick=True)
+def ctrl_c_in_the_press(desk):
+    desk.at(1, 0.03, lambda: os.kill(os.getpid(), signal.SIGINT))
+    desk.press()
+
+
+@fault("Ctrl-C when the capture is read", HOST, "interrupted.*" + OFF)
+def ctrl_c_in_reading(desk):
+    interrupt(desk, "QU")
+
+
+def child_pressing(desk, end):
+    """Let another process press, and end it 30 ms after the trigger."""
+    with desk.stand_in() as stand_in:
+        told = desk.out.with_suffix(".json")
+        told.write_text(rig_json(stand_in.rig))
+        command = [sys.executable, "-c", CHILD, str(told), str(desk.out)]
+        with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as child:
+            desk.at(1, 0.03, lambda: end(child))
+            deadline = time.monotonic() + 60
+            while not desk.off and child.poll() is None and time.monotonic() < deadline:
+                time.sleep(0.01)
+            desk.await_off()
+            child.kill()
+            _, told = child.communicate()
+    desk.error = RuntimeError(told.strip().rpartition("\n")[2] or "none: the host is dead")
+
+
+@fault("kill -9 of the host 30 ms after the trigger", ALONE, "dead")
+def host_killed(desk):
+    child_pressing(desk, lambda child: child.kill())
+
+
+@fault("the host stopped (SIGSTOP) 30 ms after the trigger", ALONE, "dead")
+def host_frozen(desk):
+    child_pressing(desk, lambda child: child.send_signal(signal.SIGSTOP))
+
+
+@fault("a second host opens the port meanwhile", HOST, "another program uses it: end that")
+def two_processes_on_one_port(desk):
+    with desk.stand_in() as stand_in:
+        first, second = GalilController(stand_in.rig), GalilController(stand_in.rig)
+        with first:
+            desk.attempt(second.connect)
+
+
+@fault("another program writes into the port in the press", HOST, "shares the line|heard|answered")
+def stray_writer_on_the_port(desk):
+    def write():
+        stray = os.open(desk.port, os.O_WRONLY | os.O_NOCTTY)
+        os.write(stray, b"TP\r")
+        os.close(stray)
+
+    def controller(rig):
+        desk.port = rig.controller.port
+        return rig
+
+    desk.on_command("XQ #PRESS", lambda: desk.bench.firmware._line.extend(b"TP;") or True)
+    desk.press(controller=controller)
+
+
+@fault("the rig's limits are narrowed after planning", HOST, "outside arm limits.*" + OFF)
+def rig_edited_between_plan_and_press(desk):
+    desk.press(controller=lambda rig: with_values(rig, {"arm.upper_limits": ["80 deg", "-89 deg"]}))
+
+
+@fault("the rig is edited before a session goes on", SOON, "another|differ|not the same|changed")
+def rig_edited_in_a_session(desk):
+    rig = load_rig()
+    edited = with_values(rig, {"press.jack_speed": "0.1 m/s"})
+    SessionFolder(desk.out, Plan(rig, (Row(rig, 2),), 0, 0.0, "", {}), None, None).begin()
+    plan = Plan(edited, (Row(edited, 2),), 0, 0.0, "", {})
+    desk.attempt(lambda: SessionFolder(desk.out, plan, None, None))
+
+
+@fault("the folder cannot be written", SOON, "session folder.*give a folder that can be written")
+def no_folder_to_record_into(desk):
+    desk.out.write_text("a file")
+    desk.press()
+
+
+ROWS: dict[str, str] = {}
+
+
+def cases():
+    """Return the faults; those that the quick run leaves out are marked slow."""
+    return [
+        pytest.param(
+            each, id=each.name.replace(" ", "-"), marks=() if each.quick else pytest.mark.slow
+        )
+        for each in FAULTS
+    ]
+
+
+@pytest.mark.parametrize("each", cases())
+def test_the_arm_ends_off_and_a_message_says_why(each, tmp_path, monkeypatch):
+    desk = Desk(tmp_path / "out", monkeypatch)
+    each.run(desk)
+    message = " ".join(desk.message.split())
+    message = re.sub(r"/dev/\S*\d|127\.0\.0\.1:\d+", "PORT", message).replace(str(tmp_path), "OUT")
+    ROWS[each.name] = (
+        f"| {each.name} | {each.done} | {desk.after * 1e3:.0f} | {desk.recording} |"
+        f" {message.replace('|', '/')} |"
+    )
+    assert re.search(each.said, message)
+    assert not desk.on
+    if each.limit is not None:
+        assert desk.after <= each.limit
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _table():
+    """Write the table where that is asked for, and every fault has been made."""
+    yield
+    path = os.environ.get("SAUTEREAU_FAULTS")
+    if path and len(ROWS) == len(FAULTS):
+        rows = "\n".join(ROWS[each.name] for each in FAULTS)
+        Path(path).write_text(HEAD.format(count=len(FAULTS)) + rows + "\n", encoding="utf-8")
+
+
+HEAD = """# What happens when something goes wrong
+
+Made by `make faults`, which lets {count} faults happen on the stand-in, kept to the wall's clock,
+so that the arm goes on while the host makes up its mind. "Off after" is simulated time from the
+fault to both motors off; 0 where they were off already, or never on.
+
+- What the controller sees itself, it ends within 50 ms of seeing it. A stalled motor is seen when
+  its joint is `controller.position_error_limit` behind, which takes as long as the motion makes it.
+- Where the line or the host is gone, the controller's watchdog strikes
+  `controller.watchdog_period` (0.5 s) after the last sign of life.
+- Where the host sees it, it stops the arm with a deceleration and then switches off: that takes
+  the time that this machine takes, and nothing asserts it.
+
+A recording that was begun is left closed as `.part`. A host that is killed cannot close it:
+`sautereau recover` reads what is in it, which may be nothing in the first 100 ms.
+
+| fault | what was done | off after, ms | recording | message |
+|---|---|---|---|---|
+"""
+
+
+def test_there_are_thirty():
+    assert len(FAULTS) >= 30
+
+
+def test_the_stand_in_itself_presses_without_a_fault(tmp_path, monkeypatch):
+    desk = Desk(tmp_path / "out", monkeypatch)
+    desk.press()
+    assert desk.error is None
+    assert desk.recording == "1 whole"
+    assert rig_from_json(rig_json(load_rig())) == load_rig()
