@@ -29,6 +29,7 @@ class Axes(JointAxes[Line]):
     Args:
         line: To the controller.
         trigger_output: Digital output that an aborted program leaves high.
+        halting: Sets how hard a stop decelerates; Galil takes it of moving axes too [confirm].
         clock: Seconds, of any origin.
         sleep: Wait for seconds.
     """
@@ -39,11 +40,13 @@ class Axes(JointAxes[Line]):
         self,
         line: Line,
         trigger_output: int,
+        halting: str,
         clock: Callable[[], float],
         sleep: Callable[[float], None],
     ):
         super().__init__(line, clock, sleep)
         self.trigger_output = trigger_output
+        self._halting = halting
 
     def positions(self) -> Counts:
         """Read the encoders: counts, shape (2,)."""
@@ -106,7 +109,7 @@ class Axes(JointAxes[Line]):
     def stop(self) -> None:
         """Decelerate to a stand, motors on, without a torque from the program."""
         self.line.resynchronise()
-        self._insist("ST AB")
+        self._insist(self._halting, "ST AB")
         self._insist(*self._quiet)
         self.await_standing("the stop", STOPPING)
 

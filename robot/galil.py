@@ -76,7 +76,8 @@ class GalilController(GalilArm):
         left = line.read("_PVA", "_PVB")
         falls = [before - after for before, after in zip(free, left, strict=True)]
         count = len(segments)
-        if any(fall not in (count, count + 1) for fall in falls):  # the end may count as one
+        # The end may count as one, of both axes alike.
+        if falls[0] != falls[1] or falls[0] not in (count, count + 1):
             raise SettingNotTaken(
                 f"controller on {line.name}: {count} segments were sent and its FIFO took"
                 f" {falls[0]:g} and {falls[1]:g}; load() again, and check the cable's shield"
@@ -210,6 +211,13 @@ def _write(line: Line, push: Push | None) -> Push | None:
 
 
 def _ended(line: Line) -> bool:
-    """Whether both axes stand and the program has run to its end, or the watchdog has struck."""
-    moving_a, moving_b, press, watch = line.read("_BGA", "_BGB", f"_XQ{PRESS}", f"_XQ{WATCH}")
-    return not moving_a and not moving_b and (press < 0 or watch < 0)
+    """Whether both axes stand and the program has run to its end, or something has struck.
+
+    That is the watchdog, or what stops one axis and would let the other go on: a limit.
+    """
+    names = ("_BGA", "_BGB", "_SCA", "_SCB", f"_XQ{PRESS}", f"_XQ{WATCH}")
+    *moving, code_a, code_b, press, watch = line.read(*names)
+    if any(moving):
+        codes = zip(moving, (code_a, code_b), strict=True)
+        return any(not moves and code not in NORMAL_ENDS for moves, code in codes)
+    return press < 0 or watch < 0

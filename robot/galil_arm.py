@@ -31,10 +31,11 @@ class GalilArm(Arm[Line, Axes]):
 
     def _set_up(self, line: Line) -> tuple[str, Axes]:
         identity = introduce(line, self._settings)
-        axes = Axes(line, self._settings.trigger_output, self._clock, self._sleep)
+        output = self._settings.trigger_output
+        axes = Axes(line, output, self._limits.halting, self._clock, self._sleep)
         axes.abort()
         set_limits(line, self._rig, self._limits)
-        line.download(controller_program(self._settings.trigger_output))
+        line.download(controller_program(output))
         return identity, axes
 
     def _switch_on(self, axes: Axes) -> None:

@@ -44,10 +44,18 @@ class Limits:
         rounded down, and are no less than the least of them.
         """
         even = max(2, int(speed) // 2 * 2)
-        wanted = min(speed / _RUN_UP, self.acceleration, _LARGEST_ACCELERATION)
-        steps = max(1, int(wanted) // _STEP_OF_ACCELERATION)
-        rate = steps * _STEP_OF_ACCELERATION
+        rate = self._rate(min(speed / _RUN_UP, self.acceleration))
         return f"SP {even},{even}", f"AC {rate},{rate}", f"DC {rate},{rate}"
+
+    @property
+    def halting(self) -> str:
+        """DC for a decelerated stop, as hard as the arm may take it."""
+        rate = self._rate(self.acceleration)
+        return f"DC {rate},{rate}"
+
+    def _rate(self, wanted: float) -> int:
+        steps = int(min(wanted, _LARGEST_ACCELERATION)) // _STEP_OF_ACCELERATION
+        return max(1, steps) * _STEP_OF_ACCELERATION
 
     def software(self) -> tuple[str, str]:
         """Return FL and BL, beyond which the controller stops by itself."""

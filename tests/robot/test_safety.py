@@ -34,7 +34,11 @@ def test_an_interrupt_in_mid_motion_stops_it(bench, lines):
 
 def test_a_second_interrupt_while_stopping_does_not_leave_the_motors_on(bench, lines):
     controller, _ = bench(
-        lines.connect, lines.on, [("ST AB", KeyboardInterrupt())], lines.abort, lines.off
+        lines.connect,
+        lines.on,
+        [("DC 63661056,63661056;ST AB", KeyboardInterrupt())],
+        lines.abort,
+        lines.off,
     )
     with pytest.raises(KeyboardInterrupt), controller, controller.powered():
         raise KeyboardInterrupt
@@ -99,7 +103,7 @@ def test_a_press_that_breaks_off_names_the_joint_and_the_reason(
 def test_a_press_that_the_watchdog_ended(bench, lines, segments):
     script = [*lines.press[: -len(lines.wait + lines.capture + lines.off)]]
     struck = [
-        (lines.wait[0][0], " 0.0000 0.0000 -1.0000 -1.0000\r\n:"),
+        (lines.wait[0][0], " 0.0000 0.0000 7.0000 7.0000 -1.0000 -1.0000\r\n:"),
         (lines.wait[3][0], " 7.0000 7.0000 -1.0000\r\n:"),
     ]
     controller, _ = bench(script, struck, lines.abort)
@@ -132,9 +136,21 @@ def test_a_press_that_skipped_segments(bench, lines, segments):
         run_to_wait(controller, segments)
 
 
+def test_a_limit_of_one_joint_ends_the_press_of_both(bench, lines, segments):
+    script = [*lines.press[: -len(lines.wait + lines.capture + lines.off)]]
+    limited = [
+        (lines.wait[0][0], " 0.0000 1.0000 2.0000 0.0000 1.0000 1.0000\r\n:"),
+        (lines.wait[3][0], " 2.0000 0.0000 1.0000\r\n:"),
+    ]
+    controller, _ = bench(script, limited, lines.abort)
+    with pytest.raises(MotionFault, match="joint 1 stopped by the forward limit") as caught:
+        run_to_wait(controller, segments)
+    assert OFF in str(caught.value)
+
+
 def test_a_press_that_never_ends_is_aborted(bench, lines, segments):
     script = [*lines.press[: -len(lines.wait + lines.capture + lines.off)]]
-    stuck = [(lines.wait[0][0], " 1.0000 1.0000 1.0000 2.0000\r\n:")]
+    stuck = [(lines.wait[0][0], " 1.0000 1.0000 0.0000 0.0000 1.0000 2.0000\r\n:")]
     controller, transcript = bench(script, stuck * 1200)
     with pytest.raises(MotionFault, match="not ended after 10 s") as caught:
         run_to_wait(controller, segments, before_wait=lambda: limit(transcript, lines.abort))

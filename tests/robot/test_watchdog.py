@@ -114,7 +114,9 @@ def test_a_host_that_is_killed_or_frozen_in_mid_press(kind):
             line.insist([])
             line.ask("EO 1")
             line.echo = True
-            axes = Axes(line, 1, clock=iter(range(10_000)).__next__, sleep=lambda s: None)
+            axes = Axes(
+                line, 1, "DC 1024,1024", clock=iter(range(10_000)).__next__, sleep=lambda s: None
+            )
             axes.await_(lambda: line.read("_MOA", "_MOB") == [1, 1], "the watchdog", 9000)
             state = line.read("_XQ0", "_XQ1", "_SCA", "_SCB", "_OFA", "@OUT[1]", "wleft")
             assert state == [-1, -1, 7, 7, 0, 0, 0]
