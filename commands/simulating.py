@@ -80,12 +80,11 @@ def trade(
     stability
         Map where the engines stand and where they refuse, in place of the trade.
     """
+    from sim_backend.scene import load_scene
     from sim_backend.trade.measure import run_trade
     from sim_backend.trade.picture import plot_trade
     from sim_backend.trade.stability import run_stability, stability_document, stability_text
     from sim_backend.trade.summary import trade_document, trade_text
-
-    from sim_backend.scene import load_scene
 
     bench = load_rig(rig)
     if stability:
