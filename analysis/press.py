@@ -14,7 +14,8 @@ from analysis.errors import AnalysisError
 from daq.delays import undelayed
 from daq.marks import Mark, find_marks, mark_warnings
 from daq.sensors import calibration_warning, correct, to_si, white_noise
-from rig.schema import Channel, Rig
+from rig.acquisition import Channel
+from rig.schema import Rig
 from trajectory.key import rise_of_angle, rise_slope
 from trajectory.motion import Floats
 

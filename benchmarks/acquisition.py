@@ -14,8 +14,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from benchmarks.figures import Figure, median_time
+from rig.acquisition import Daq
 from rig.load import load_rig
-from rig.schema import Daq, Rig
+from rig.schema import Rig
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -13,7 +13,7 @@ from daq.card.connection import connect
 from daq.card.driver_faults import NOT_DONE, NOT_YET_AVAILABLE, told
 from daq.card.task import TaskSettings, build_task, plan_task, read_back
 from daq.errors import DaqError
-from rig.schema import Daq
+from rig.acquisition import Daq
 
 __all__ = ["Acquisition", "Block"]
 

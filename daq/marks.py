@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from daq.sensors import white_noise
-from rig.schema import Channel
+from rig.acquisition import Channel
 
 CLIPPING_MARGIN = 1e-3
 """1, share of the range about its end within which a sample counts as clipped."""

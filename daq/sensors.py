@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import cumulative_trapezoid
 
-from rig.schema import Channel
+from rig.acquisition import Channel
 
 CALIBRATION_LIFE = 366
 """Days after which a calibration is told to be old."""

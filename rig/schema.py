@@ -8,17 +8,16 @@ the jack, z upwards, and the key's angle is positive when the jack rises.
 """
 
 import math
-from datetime import date
 from itertools import pairwise
 from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
+from rig.acquisition import Daq
 from rig.instrument import Choir, Jack, Key, Plectrum, String
 from rig.section import (
     GRAVITY,
     Angle,
-    Frequency,
     Length,
     Mass,
     Moment,
@@ -191,164 +190,6 @@ class Controller(Section):
     """s without a sign of the host, after which the controller switches the motors off."""
     home_tolerance: int = Field(default=100, strict=True, gt=0)
     """Counts by which a home switch may be found off its place when it is checked again."""
-
-
-class _Channel(Section):
-    """One analog input with what its sensor's calibration chart says."""
-
-    name: str = Field(pattern=r"^[a-z][a-z0-9_]*$")
-    """Name of the signal, and of its topic in a recording."""
-    terminal: str = Field(min_length=1)
-    """Physical channel of the DAQ device, without the device: `ai0`."""
-    sensor: str
-    """Make and model."""
-    range: Voltage = Field(gt=0)
-    """V, largest magnitude that sensor and input take."""
-    delay: Time = Field(ge=0)
-    """s, by which the signal lags the motion."""
-    low_pass: Frequency = Field(ge=0)
-    """Hz, corner of the sensor's low-pass; 0 for none."""
-    low_pass_order: int = Field(default=0, strict=True, ge=0, le=8)
-    """Order of the low-pass as a Butterworth filter, whose lag comes on top of `delay`; 0
-    where `delay` includes it."""
-    high_pass: Frequency = Field(ge=0)
-    """Hz, corner of the AC coupling; 0 for none."""
-    serial_number: str = ""
-    """As engraved on the sensor."""
-    calibrated: date | None = None
-    """Date of the calibration chart."""
-
-    @model_validator(mode="after")
-    def _corners_in_order(self):
-        if 0 < self.low_pass <= self.high_pass:
-            raise ValueError(
-                f"high_pass: {self.high_pass:.6g} Hz is not below low_pass, {self.low_pass:.6g} Hz,"
-                " so nothing would pass; lower it or raise low_pass"
-            )
-        if self.low_pass_order and not self.low_pass:
-            raise ValueError(
-                f"low_pass_order: {self.low_pass_order} is given and low_pass is 0 Hz, which is no"
-                " filter; give low_pass its corner, or low_pass_order = 0"
-            )
-        return self
-
-    @property
-    def coupling(self) -> Literal["AC", "DC"]:
-        """Whether a constant passes."""
-        return "AC" if self.high_pass else "DC"
-
-    @property
-    def lag(self) -> float:
-        """s, of the signal behind a slow motion: `delay`, and the low-pass's own.
-
-        A Butterworth filter of order n delays low frequencies by 1 / (w sin(pi / 2n)).
-        """
-        if not self.low_pass_order:
-            return self.delay
-        corner = 2 * math.pi * self.low_pass
-        return self.delay + 1 / (corner * math.sin(math.pi / (2 * self.low_pass_order)))
-
-
-class VelocityChannel(_Channel):
-    """A vibrometer; positive where the key's front goes down."""
-
-    quantity: Literal["velocity"]
-    """What the channel measures."""
-    scale: Annotated[float, Unit("m/s/V", "25 mm/s/V")] = Field(gt=0)
-    """m/s a volt."""
-
-    @property
-    def unit(self) -> str:
-        """SI unit of the signal."""
-        return "m/s"
-
-
-class ForceChannel(_Channel):
-    """A force transducer; positive where the finger presses on the key."""
-
-    quantity: Literal["force"]
-    """What the channel measures."""
-    scale: Annotated[float, Unit("N/V", "1 N/V")] = Field(gt=0)
-    """N a volt."""
-
-    @property
-    def unit(self) -> str:
-        """SI unit of the signal."""
-        return "N"
-
-
-Channel = Annotated[VelocityChannel | ForceChannel, Field(discriminator="quantity")]
-
-
-class Tls(Section):
-    """What makes the connection to a gRPC server safe: paths of PEM files."""
-
-    root_certificate: str = Field(min_length=1)
-    """Of the authority that signed the server's certificate."""
-    client_certificate: str = ""
-    """That this machine shows, to a server that asks for one."""
-    client_key: str = ""
-    """Of the client certificate."""
-
-    @model_validator(mode="after")
-    def _key_with_certificate(self):
-        if bool(self.client_certificate) != bool(self.client_key):
-            given = "client_certificate" if self.client_certificate else "client_key"
-            raise ValueError(
-                f"client_certificate, client_key: only {given} is given; give both or neither"
-            )
-        return self
-
-
-class Daq(Section):
-    """The acquisition: one NI-DAQmx device."""
-
-    address: str
-    """`host:port` of NI's gRPC device server; empty for the driver of this machine."""
-    tls: Tls | None = None
-    """Certificates of the connection; needed for an address that is another machine."""
-    insecure: bool = Field(default=False, strict=True)
-    """Whether another machine may be reached without `tls`: neither encrypted nor
-    authenticated."""
-    device: str = Field(min_length=1)
-    """Name of the device in NI MAX."""
-    sample_rate: Frequency = Field(ge=1000, le=1e6)
-    """Hz, of every channel."""
-    trigger_source: str = Field(min_length=1)
-    """Terminal that the controller's trigger output is wired to: `PFI0`."""
-    pre_trigger: Time = Field(default=0.0, ge=0, le=60)
-    """s, recorded before the trigger's edge."""
-    trigger_timeout: Time = Field(gt=0)
-    """s, wait for the trigger's edge, and for any one block of samples after it."""
-    tail: Time = Field(ge=0)
-    """s, recorded after the motion has ended."""
-    block: int = Field(strict=True, ge=16, le=100_000)
-    """Samples read, and logged, at a time."""
-    channels: tuple[Channel, ...] = Field(min_length=1)
-    """The analog inputs."""
-
-    @model_validator(mode="after")
-    def _each_channel_once(self):
-        for what in ("name", "terminal"):
-            values = [getattr(channel, what) for channel in self.channels]
-            twice = sorted({value for value in values if values.count(value) > 1})
-            if twice:
-                raise ValueError(
-                    f"channels: {what} {', '.join(twice)} is used twice; give each channel its own"
-                )
-        return self
-
-    @model_validator(mode="after")
-    def _safe_or_not(self):
-        if self.tls and self.insecure:
-            raise ValueError(
-                "tls, insecure: both are given and contradict each other; remove insecure"
-            )
-        return self
-
-    def channel(self, quantity: str) -> VelocityChannel | ForceChannel | None:
-        """Return the first channel that measures ``quantity``, or None."""
-        return next((c for c in self.channels if c.quantity == quantity), None)
 
 
 class Rig(Section):

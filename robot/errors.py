@@ -74,5 +74,6 @@ _REMEDIES = {
     6: "a number is out of the controller's range: compare the rig file with the manual",
     7: "a motion is running: call wait() or stop() first",
     20: "the motors are off: check the emergency stop, then enter powered() again",
+    82: "what was loaded is lost, as after a reset: check its power, then connect() again",
     22: "a limit stands in the way: move the arm off it by hand, then home()",
 }

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.random import Generator
 from scipy import signal
 
-from rig.schema import ForceChannel, VelocityChannel
+from rig.acquisition import ForceChannel, VelocityChannel
 from sim_backend.faults.sensing import Disturbance
 from sim_backend.parts import Sensors
 from trajectory.motion import Floats

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from daq.errors import DaqError
-from rig.schema import Daq, Tls
+from rig.acquisition import Daq, Tls
 
 if TYPE_CHECKING:
     import grpc

@@ -5,7 +5,7 @@ from contextlib import contextmanager
 from typing import Any
 
 from daq.errors import DaqError
-from rig.schema import Daq
+from rig.acquisition import Daq
 
 NO_SUCH_CHANNEL = -200170
 NO_SUCH_DEVICE = (-200220, -200324, -88705, -201003)

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from daq.errors import DaqError
-from rig.schema import Daq
+from rig.acquisition import Daq
 
 RATE_TOLERANCE = 1e-2
 """1, largest relative difference between the rate asked for and the device's own."""

@@ -6,8 +6,9 @@ from datetime import UTC, datetime
 from daq.convert.answers import Answers
 from daq.convert.source import SIMULATED, Source
 from daq.errors import RecordingError
+from rig.acquisition import Channel
 from rig.faults import fault_list
-from rig.schema import Channel, Rig
+from rig.schema import Rig
 from rig.units import parse_quantity
 
 

@@ -10,9 +10,9 @@ from nidaqmx._stubs import nidaqmx_pb2_grpc
 
 from daq.acquisition import Acquisition
 from daq.errors import DaqError
+from rig.acquisition import Tls
 from rig.errors import RigError
 from rig.load import load_rig
-from rig.schema import Tls
 from sim_backend.daqmx.calls import Servicer
 
 NEW_KEY = "-newkey ec -pkeyopt ec_paramgen_curve:prime256v1 -nodes -keyout"
