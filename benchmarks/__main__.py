@@ -12,6 +12,7 @@ ALL = (
     "levels",
     "string",
     "calculix",
+    "parts",
     "trade",
     "recording",
     "acquisition",

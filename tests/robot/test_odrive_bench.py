@@ -73,7 +73,7 @@ def test_the_same_seed_gives_the_same_bytes(rig, tmp_path):
 @pytest.mark.parametrize("port_closes", [False, True])
 def test_a_cable_pulled_in_mid_motion(rig, tmp_path, port_closes):
     scene = mute(cable_out={"press": 1, "at": "20 ms", "port_closes": port_closes})
-    fast = with_values(rig, {"controller.timeout": "0.2 s", "daq.trigger_timeout": "0.5 s"})
+    fast = with_values(rig, {"controller.timeout": "1 s", "daq.trigger_timeout": "0.5 s"})
     with StandIn(fast, scene, 0) as stand_in:
         controller = OdriveController(stand_in.rig)
         with pytest.raises(Exception, match="NOT confirmed off") as caught:

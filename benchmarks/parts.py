@@ -1,0 +1,54 @@
+"""What the parts of a scene cost, and that a part left out costs nothing."""
+
+import time
+
+from benchmarks.figures import Figure
+from rig.load import load_rig
+from rig.schema import Rig
+from sim_backend.physics.observation import drive_of
+from sim_backend.physics.world import new_world
+from sim_backend.scene import Scene, load_scene
+
+RUNS = 9
+FREE = {"plectrum": "none", "string": "none", "friction": False, "felt": False}
+FREE |= {"tongue": False, "damper": False}
+STRING = {"plectrum": "elastica", "string": "spring"}
+PARTS = {
+    "string": STRING,
+    "modal string": STRING | {"string": "modal"},
+    "friction": {"friction": True},
+    "felt": {"felt": True},
+    "string, tongue and damper": STRING | {"tongue": True, "damper": True},
+}
+"""Added one at a time to a free key under an ideal finger."""
+
+
+def run() -> list[Figure]:
+    """Return the time of a controller sample with each part, against the free key's."""
+    rig, ideal = load_rig(), load_scene("ideal")
+    free = ideal.model_copy(update=FREE)
+    least = _sample(rig, free)
+    return [
+        Figure(
+            f"ideal finger with {name}: a controller sample",
+            _sample(rig, free.model_copy(update=parts)) * 1e6,
+            "us",
+            "free key",
+            least * 1e6,
+        )
+        for name, parts in PARTS.items()
+    ]
+
+
+def _sample(rig: Rig, scene: Scene) -> float:
+    """Return the least mean time [s] of a controller sample over a press."""
+    drive = drive_of(rig, scene)
+    references = [drive.reference(i) for i in range(drive.samples)]
+    times = []
+    for _ in range(RUNS):
+        world = new_world(rig, scene, drive.start)
+        begun = time.perf_counter()
+        for reference in references:
+            world.advance(reference, True)
+        times.append(time.perf_counter() - begun)
+    return min(times) / drive.samples
