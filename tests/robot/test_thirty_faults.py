@@ -253,7 +253,7 @@ def cable_out_before_anything(desk):
 @fault("silent from HM on", ALONE, f"did not answer.*{NOT_OFF}")
 def cable_out_in_homing(desk):
     desk.on_command("HM", lambda: cut(desk))
-    desk.press(rig={"controller.timeout": "0.3 s"}, cable_out={"press": 99})
+    desk.press(rig={"controller.timeout": "0.6 s"}, cable_out={"press": 99})
 
 
 def cut(desk):
@@ -264,7 +264,7 @@ def cut(desk):
 
 @fault("silent 30 ms after the trigger", ALONE, f"did not answer.*{NOT_OFF}")
 def cable_out_in_the_press(desk):
-    rig = {"controller.timeout": "0.3 s"}
+    rig = {"controller.timeout": "0.6 s"}
     desk.press(rig=rig, cable_out={"press": 1, "at": "30 ms"})
 
 
@@ -276,7 +276,7 @@ def adapter_out_in_the_press(desk):
 @fault("silent from the reading of the capture on", ALONE, f"did not answer.*{NOT_OFF}")
 def cable_out_after_the_press(desk):
     desk.on_command("QU", lambda: cut(desk))
-    desk.press(rig={"controller.timeout": "0.3 s"}, cable_out={"press": 99})
+    desk.press(rig={"controller.timeout": "0.6 s"}, cable_out={"press": 99})
 
 
 @fault("0.1 % of all bytes lost", HOST, "heard|did not answer|answered|refused")
