@@ -1,5 +1,7 @@
 """Acquisitions around the trigger's edge, and without an end, on the whole stand-in."""
 
+import time
+
 import numpy as np
 import pytest
 
@@ -62,3 +64,18 @@ def test_time_does_not_run_away_from_a_continuous_reader():
         for _ in range(5):
             next(blocks)
         assert stand_in.bench.world.time < 1
+
+
+def test_a_reader_that_comes_back_wakes_the_clock():
+    with (
+        StandIn(load_rig(), load_scene("ideal")) as stand_in,
+        Acquisition(stand_in.rig.daq, None, triggered=False) as acquisition,
+    ):
+        acquisition.start()
+        blocks = acquisition.blocks()
+        for _ in range(3):
+            while stand_in.bench.busy:  # until the clock has gone as far ahead as it may
+                next(blocks, None)
+                time.sleep(0.05)
+            got = [next(blocks).first_sample for _ in range(15)]
+            assert np.diff(got).tolist() == [stand_in.rig.daq.block] * 14
