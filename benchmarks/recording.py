@@ -5,7 +5,6 @@ converter gives. Every file is read back and compared.
 """
 
 import os
-import resource
 import statistics
 import subprocess
 import sys
@@ -235,13 +234,21 @@ def _described(folder: Path) -> list[Figure]:
 
 def _in_a_child(expression: str) -> tuple[float, int]:
     """Return the peak memory [MiB] of a process that evaluates, and its whole number."""
-    code = (
-        "import resource; from daq.survey import describe;"
-        f"print({expression}, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)"
-    )
+    status = "open('/proc/self/status').read()"
+    code = f"from daq.survey import describe; print({expression}); print({status})"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    number, peak = done.stdout.split()
-    return int(peak) / 1024, int(number)
+    number, _, told = done.stdout.partition("\n")
+    return memory("VmHWM", told), int(number)
+
+
+def memory(name: str, status: str | None = None) -> float:
+    """Return what /proc says of a process's memory [MiB]: VmRSS now, VmHWM at most.
+
+    Not ru_maxrss, which begins with what the process that started this one had.
+    """
+    status = status or Path("/proc/self/status").read_text()
+    line = next(x for x in status.splitlines() if name in x)
+    return int(line.split()[1]) / 1024
 
 
 def _sixteen(rig: Rig) -> Rig:
@@ -283,7 +290,7 @@ def _continuous() -> list[Figure]:
                 for _ in range(10):
                     recording.write_block(Block(recording.n_samples, block))
                 if second in (HOUR // 60, HOUR - 1):
-                    peaks.append(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024)
+                    peaks.append(memory("VmRSS"))
         assert recording.n_samples == round(HOUR * rate)
     return [
         Figure("16 channels at 51.2 kHz: share of a core", share * 100, "%", "limit", 40.0),
