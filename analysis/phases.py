@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from analysis.errors import AnalysisError
 from analysis.press import Press
+from daq.sensors import white_noise
 from rig.schema import Rig
 from trajectory.motion import Floats
 
@@ -111,7 +112,7 @@ def find_phases(press: Press) -> Phases:
         mean = float(speed[begin : end + 1].mean())
         return Phases(float(time[begin]), float(time[end]), (), mean, None, None, (warning,))
     cleared = force - _inertial_force(press.rig, data["velocity"].to_numpy(), press.rate)
-    noise = _noise(force)
+    noise = white_noise(force)
     released = _largest_fall(force[:end], press.rate, noise, begin)
     warnings = []
     if speed[end] > 0.5 * speed[begin : end + 1].max():
@@ -167,12 +168,6 @@ def _inertial_force(rig: Rig, velocity: Floats, rate: float) -> Floats:
     spin = slope / rig.key.laser_arm
     inertia = rig.key.inertia + rig.jack.mass * rig.key.jack_arm**2
     return inertia * spin / rig.key.press_arm
-
-
-def _noise(signal: Floats) -> float:
-    """Return the standard deviation of a signal's white noise, from its second differences."""
-    second = np.diff(signal, 2)
-    return float(1.4826 * np.median(np.abs(second - np.median(second))) / np.sqrt(6))
 
 
 def _largest_fall(force: Floats, rate: float, noise: float, begin: int) -> int | None:

@@ -16,6 +16,7 @@ from commands.common import (
     fail,
     hardware,
     load_rig,
+    on_signals,
     say,
     share_bar,
 )
@@ -135,10 +136,5 @@ def _asked_to_stop() -> Iterator[Callable[[], bool]]:
         if len(asked) > 1:
             raise KeyboardInterrupt(signal.Signals(number).name)
 
-    names = [name for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]
-    before = {name: signal.signal(getattr(signal, name), ask) for name in names}
-    try:
+    with on_signals(("SIGINT", "SIGTERM", "SIGHUP"), ask):
         yield lambda: bool(asked)
-    finally:
-        for name, handler in before.items():
-            signal.signal(getattr(signal, name), handler)

@@ -4,7 +4,7 @@ import signal
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from analysis.phases import Phases
     from analysis.press import Press
     from rig.schema import Rig
+    from sim_backend.scene import Scene
     from trajectory.expected import Expectation
 
 Flag = Parameter(negative=())
@@ -40,6 +41,17 @@ class Simulation:
     """Scene of the stand-in, by path or packaged name; implies --sim. Default: paper."""
     seed: Seed = None
     """Of every random number. Default: a fresh one, which is recorded."""
+
+    @property
+    def wanted(self) -> bool:
+        """Whether there is to be a stand-in."""
+        return self.sim or self.scene is not None
+
+    def load(self) -> "Scene":
+        """Return the stand-in's scene."""
+        from sim_backend.scene import load_scene
+
+        return load_scene(self.scene or "paper")
 
 
 def load_rig(name: str) -> "Rig":
@@ -87,20 +99,22 @@ class Bench:
     truth: Callable[[], Any] | None = None
     """What really happened in the last press, where the scene lets it be recorded."""
 
+    def keep_truth(self, recording: Path) -> None:
+        """Leave what really happened beside a recording, where the scene lets it."""
+        if self.truth:
+            write(recording.with_suffix(".truth.json"), json_text(asdict(self.truth())))
+
 
 @contextmanager
 def hardware(rig: "Rig", simulation: Simulation) -> Iterator[Bench]:
     """Yield the hardware of a rig, or the stand-in for it."""
-    if not simulation.sim and simulation.scene is None:
+    if not simulation.wanted:
         yield Bench(rig)
         return
-    import secrets
-
     from sim_backend.bench import StandIn
-    from sim_backend.scene import load_scene
 
-    scene = load_scene(simulation.scene or "paper")
-    seed = simulation.seed if simulation.seed is not None else secrets.randbits(32)
+    scene = simulation.load()
+    seed = simulation.seed if simulation.seed is not None else fresh_seed()
     with StandIn(rig, scene, seed) as served:
 
         def truth() -> Any:
@@ -113,6 +127,13 @@ def hardware(rig: "Rig", simulation: Simulation) -> Iterator[Bench]:
             str(served.bench.reached or ""),
             truth if scene.record_truth else None,
         )
+
+
+def fresh_seed() -> int:
+    """Return a seed that nobody has chosen."""
+    import secrets
+
+    return secrets.randbits(32)
 
 
 def draw(path: Path, presses: Any, found: Any, prediction: "Prediction") -> None:
@@ -128,8 +149,15 @@ def signals_stop() -> Iterator[None]:
     def interrupt(number: int, _frame: object) -> None:
         raise KeyboardInterrupt(signal.Signals(number).name)
 
-    names = [name for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)]
-    before = {name: signal.signal(getattr(signal, name), interrupt) for name in names}
+    with on_signals(("SIGTERM", "SIGHUP"), interrupt):
+        yield
+
+
+@contextmanager
+def on_signals(names: tuple[str, ...], handle: Callable[[int, Any], None]) -> Iterator[None]:
+    """Let a function handle the signals of these names that the system has, for a while."""
+    known = [name for name in names if hasattr(signal, name)]
+    before = {name: signal.signal(getattr(signal, name), handle) for name in known}
     try:
         yield
     finally:

@@ -1,7 +1,6 @@
 """Learn to keep the jack's speed, press after press."""
 
 import uuid
-from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated
 
@@ -15,11 +14,9 @@ from commands.common import (
     bar,
     expected_of,
     hardware,
-    json_text,
     load_rig,
     say,
     signals_stop,
-    write,
 )
 
 LEARNED = "learned.json"
@@ -72,8 +69,7 @@ def learn(
         say(not json, f"rig {nominal.name} on {where}\n{'press':<18} rms error of speed")
 
         def done(item: Item, path: Path) -> None:
-            if bench.truth:
-                write(path.with_suffix(".truth.json"), json_text(asdict(bench.truth())))
+            bench.keep_truth(path)
             lesson.saw(item, path)
             say(not json, f"{path.name:<18} {lesson.errors[-1]:>8.2%}")
             step()

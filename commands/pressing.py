@@ -1,7 +1,7 @@
 """Press the key."""
 
 import sys
-from dataclasses import asdict, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -13,11 +13,10 @@ from commands.common import (
     Simulation,
     bar,
     expected_of,
+    fresh_seed,
     hardware,
-    json_text,
     load_rig,
     signals_stop,
-    write,
 )
 
 if TYPE_CHECKING:
@@ -92,14 +91,14 @@ def press(
         rows,
         warm_up,
         parse_quantity(rest, "s"),
-        _scene(simulation),
+        simulation.load().model_dump_json() if simulation.wanted else "",
         files,
     )
     trajectories = plan_rows(
         rows, lambda bench: _planned(bench, learned, files.get("feed_forward", ""))
     )
     tables = _torques(rows, trajectories, feed_forward)
-    folder = SessionFolder(out, plan, simulation.seed, _fresh_seed(simulation))
+    folder = SessionFolder(out, plan, simulation.seed, fresh_seed() if simulation.wanted else None)
     report = SessionReport(folder, json)
     report.begin()
     waiting: dict[str, Any] = {}
@@ -178,8 +177,7 @@ def _press(
                 )
 
         def done(item: Item, path: Path) -> None:
-            if bench.truth:
-                write(path.with_suffix(".truth.json"), json_text(asdict(bench.truth())))
+            bench.keep_truth(path)
             if item.number is not None:
                 report.pressed(item.number, path)
             step()
@@ -211,24 +209,6 @@ def _instrument_to_set(folder: "SessionFolder", row: "Row", simulated: bool) -> 
             return {}
     folder.tell(row.set_up)
     return changes
-
-
-def _scene(simulation: Simulation) -> str:
-    """Return the stand-in's scene as text; empty for the hardware."""
-    if not simulation.sim and simulation.scene is None:
-        return ""
-    from sim_backend.scene import load_scene
-
-    return load_scene(simulation.scene or "paper").model_dump_json()
-
-
-def _fresh_seed(simulation: Simulation) -> int | None:
-    """Return a seed for a session that begins on the stand-in."""
-    if not simulation.sim and simulation.scene is None:
-        return None
-    import secrets
-
-    return secrets.randbits(32)
 
 
 def _seed_from(seed: int | None, number: int) -> int | None:

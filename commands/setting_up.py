@@ -94,7 +94,7 @@ def _bench(nominal: "Rig", simulation: Simulation) -> "Iterator[tuple[Rig, bool]
     """Yield the rig to set up, and whether it is the stand-in's."""
     from rig.load import with_values
 
-    if simulation.sim or simulation.scene:
+    if simulation.wanted:
         nominal = with_values(nominal, {"controller.timeout": _PATIENCE})
     with hardware(nominal, simulation) as bench:
         yield bench.rig, bool(bench.scene)

@@ -35,7 +35,7 @@ def record(
         path: Of the recording; it must not exist.
         duration_s: s; None for as long as it is wanted.
         triggered: Whether the trigger's edge begins it; else it begins at once.
-        scene: TOML text of the stand-in's scene; empty on the hardware.
+        scene: Text of the stand-in's scene; empty on the hardware.
         seed: Of the stand-in's random numbers.
         notes: The operator's.
         wanted: Asked after every block whether to go on.

@@ -23,7 +23,7 @@ class SessionInfo:
     daq: str
     """Product type and serial number of the DAQ device."""
     scene: str = ""
-    """TOML text of the stand-in's scene; empty on the hardware."""
+    """Text of the stand-in's scene; empty on the hardware."""
     seed: int | None = None
     """Of every random number; None without one."""
     notes: str = ""

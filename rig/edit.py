@@ -1,12 +1,12 @@
 """Write found values into a rig file: its comments, its order and all else stay as they are."""
 
 import difflib
-import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from rig.disk import write_through
 from rig.errors import RigError
 from rig.faults import fault_list, model_keys, near_miss
 from rig.load import parse_rig
@@ -44,10 +44,7 @@ class Edit:
             )
         whole = self.path.with_name(f"{self.path.name}.new")
         try:
-            with whole.open("x", encoding="utf-8", newline="") as file:
-                file.write(self.after)
-                file.flush()
-                os.fsync(file.fileno())
+            write_through(whole, self.after, new=True)
             whole.chmod(self.path.stat().st_mode)
             whole.replace(self.path)
         except OSError as error:

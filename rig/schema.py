@@ -147,6 +147,11 @@ class Arm(Section):
     approach_speed: Annotated[float, Unit("rad/s", "0.5 rad/s")] = Field(gt=0)
     """rad/s, of either joint on its way between home, hover and key."""
 
+    @property
+    def radians_per_count(self) -> float:
+        """Angle of a joint for each encoder count [rad]."""
+        return 2 * math.pi / self.counts_per_revolution
+
     @model_validator(mode="after")
     def _limits_in_order(self):
         for joint, (low, high) in enumerate(zip(self.lower_limits, self.upper_limits, strict=True)):

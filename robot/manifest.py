@@ -1,12 +1,12 @@
 """What a session is to make, written into its folder before anything is made."""
 
 import json
-import os
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from rig.disk import sync_folder, write_through
 from robot.errors import RobotError
 
 MANIFEST = "session.json"
@@ -68,17 +68,9 @@ def write_manifest(folder: Path, manifest: Manifest) -> None:
     beside = path.with_name(f"{MANIFEST}.new")
     text = json.dumps({"version": VERSION} | vars(manifest), indent=1, allow_nan=False)
     try:
-        with beside.open("w", encoding="utf-8") as file:
-            file.write(text + "\n")
-            file.flush()
-            os.fsync(file.fileno())
+        write_through(beside, text + "\n", new=False)
         beside.replace(path)
-        if os.name == "posix":
-            entry = os.open(folder, os.O_RDONLY)
-            try:
-                os.fsync(entry)
-            finally:
-                os.close(entry)
+        sync_folder(folder)
     except OSError as error:
         raise RobotError(
             f"session {path}: cannot be written: {error.strerror}; give a folder that can be"

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from rig.units import format_quantity, parse_quantity
+from rig.units import parse_quantity
 
 
 @dataclass(frozen=True)
@@ -33,4 +33,4 @@ class Accuracy:
     def __str__(self) -> str:
         if self.time is None:
             return f"{(self.force or 0.0) * 100:.3g} %"
-        return format_quantity(self.time, "s")
+        return f"{self.time * 1e6:.4g} us"

@@ -72,12 +72,22 @@ def controller_motion(
     Returns:
         Times [s], shape (n,), and the joints' motion [rad], arrays (n, 2).
     """
-    ends = np.concatenate([[0], np.cumsum(segments.samples)])
     ticks = np.arange(segments.total_samples * per_sample + 1) / per_sample
-    index = np.clip(np.searchsorted(ends, ticks, side="right") - 1, 0, len(segments) - 1)
-    u = (ticks - ends[index]) / segments.samples[index]
     cubics = segment_cubics(segments, counts_per_radian, period)
-    return ticks * period, evaluate(Cubics(*(array[index] for array in cubics)), u[:, None])
+    return ticks * period, motion_at(segments, cubics, ticks)
+
+
+def motion_at(segments: Segments, cubics: Cubics, ticks: Floats) -> Motion:
+    """Return the joints' motion [rad] at controller samples from its start, arrays (n, 2).
+
+    Args:
+        segments: What is sent.
+        cubics: As `segment_cubics` returns them for the segments.
+        ticks: 1, none outside the motion; shape (n,).
+    """
+    index = np.clip(np.searchsorted(segments.ends, ticks, side="right") - 1, 0, len(segments) - 1)
+    u = (ticks - segments.ends[index]) / segments.samples[index]
+    return evaluate(Cubics(*(array[index] for array in cubics)), u[:, None])
 
 
 def extremes(cubics: Cubics) -> Extremes:

@@ -103,8 +103,9 @@ def corrected(
 class Learner:
     """Decide after every press whether and how to go on.
 
-    The best correction so far is kept, and learning stops by itself when nothing improves or
-    the error grows.
+    The best correction so far is kept. A press that is no better than the best is not learned
+    from: the best one is again, with half the gain. Learning stops by itself when nothing
+    improves or the error grows.
     """
 
     law: PressLaw
@@ -117,6 +118,9 @@ class Learner:
     """With which the error was least; None for the plan itself."""
     stopped: str = ""
     """Why learning has ended; empty while it goes on."""
+    gain: float = GAIN
+    """1, share of the error that is corrected at once."""
+    _best: tuple[Floats, Floats] | None = None
 
     def learn(self, used: Correction | None, time: Floats, speed: Floats) -> Correction | None:
         """Take one press's measured speed; return the next correction, or None at the end.
@@ -130,7 +134,9 @@ class Learner:
         least = min(self.errors, default=np.inf)
         self.errors.append(error)
         if error < least:
-            self.best = used
+            self.best, self._best = used, (time, speed)
+        else:
+            self.gain /= 2
         if error > GROWTH * least:
             self.stopped = (
                 f"the error grew to {error * 100:.3g} % from {least * 100:.3g} %; the best"
@@ -142,7 +148,8 @@ class Learner:
             if min(self.errors[-PATIENCE:]) > (1 - IMPROVEMENT) * earlier:
                 self.stopped = f"nothing has improved over the last {PATIENCE} presses"
                 return None
-        return corrected(self.law, used, time, speed, self.period)
+        time, speed = self._best or (time, speed)
+        return corrected(self.law, self.best, time, speed, self.period, gain=self.gain)
 
 
 def _low_pass(values: Floats, cutoff: float, time: Floats) -> Floats:

@@ -1,6 +1,7 @@
 """A motion as a controller takes it: whole counts and whole samples, cubic in between."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +25,11 @@ class Segments:
     """Counts a second at the end of each segment; shape (n_segments, 2)."""
     samples: Counts
     """Controller samples that each segment lasts; shape (n_segments,)."""
+
+    @cached_property
+    def ends(self) -> Counts:
+        """Controller samples at which segments begin and end, from 0; shape (n_segments + 1,)."""
+        return np.concatenate([[0], np.cumsum(self.samples)])
 
     def __len__(self) -> int:
         return len(self.samples)

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 from daq.errors import RecordingError
+from rig.disk import sync_folder
 
 PART = ".part"
 """Follows the name of a recording until it is whole."""
@@ -92,9 +93,4 @@ class DurableFile:
             )
         with self.writing():
             self.part_path.rename(self.path)
-            if os.name == "posix":
-                folder = os.open(self.path.parent, os.O_RDONLY)
-                try:
-                    os.fsync(folder)
-                finally:
-                    os.close(folder)
+            sync_folder(self.path.parent)

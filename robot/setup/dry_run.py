@@ -48,7 +48,7 @@ def play_in_air(rig: Rig, ask: Ask) -> Found:
         counts = float(max(errors))
         limit = rig.controller.position_error_limit
         lines.append(f"the joints were {counts:.0f} counts behind at most, of {limit} allowed")
-        figures["following_error"] = counts * 2 * np.pi / rig.arm.counts_per_revolution
+        figures["following_error"] = counts * rig.arm.radians_per_count
     if forces:
         lines.append(f"the force channel showed {max(forces) * 1e3:.0f} mN at most")
         figures["force"] = max(forces)

@@ -66,7 +66,7 @@ class ServoFinger:
             )
         self._rig, arm = rig, rig.arm
         self._space = space
-        self._radians = 2 * math.pi / arm.counts_per_revolution
+        self._radians = arm.radians_per_count
         self._period = rig.controller.sample_period
         self._loops = PositionLoops(servo, arm, self._period)
         self._base = arm.base_x * MM, arm.base_z * MM

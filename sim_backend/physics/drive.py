@@ -9,7 +9,7 @@ import numpy as np
 from rig.schema import Rig
 from sim_backend.parts import Push
 from sim_backend.physics.finger import Reference
-from trajectory.cubic import Cubics, evaluate, segment_cubics
+from trajectory.cubic import Cubics, motion_at, segment_cubics
 from trajectory.motion import Floats, Motion
 from trajectory.segments import Segments
 
@@ -55,11 +55,12 @@ class PressDrive:
 
     def __init__(self, rig: Rig, segments: Segments):
         self.period = rig.controller.sample_period
-        self.radians = 2 * math.pi / rig.arm.counts_per_revolution
+        self.radians = rig.arm.radians_per_count
         self.segments = segments
         first, second = (segments.start * self.radians).tolist()
         self.start = (first, second)
-        self.samples = LEAD + segments.total_samples + TAIL
+        self._last = segments.total_samples
+        self.samples = LEAD + self._last + TAIL
 
     def reference(self, sample: int) -> Reference:
         """Return fractions of the sample to counts from the start and counts a sample."""
@@ -74,17 +75,14 @@ class PressDrive:
     @cached_property
     def breaks(self) -> Floats:
         """s, when the reference goes from one cubic to the next; shape (n,)."""
-        ends = np.concatenate([[0], np.cumsum(self.segments.samples)])
-        return (LEAD + ends) * self.period
+        return np.asarray(LEAD + self.segments.ends, float) * self.period
 
     def joints(self, time: Floats) -> Motion:
         """Return the reference of the joints [rad] at times [s], arrays (n, 2)."""
         sample = np.asarray(time, float) / self.period - LEAD
-        ends = np.concatenate([[0], np.cumsum(self.segments.samples)])
-        index = np.clip(np.searchsorted(ends, sample, side="right") - 1, 0, len(ends) - 2)
-        u = (sample - ends[index]) / self.segments.samples[index]
-        motion = evaluate(Cubics(*(a[index] for a in self._cubics)), np.clip(u, 0, 1)[:, None])
-        moving = ((sample >= 0) & (sample < ends[-1]))[:, None]
+        inside = np.clip(sample, 0, self._last)
+        motion = motion_at(self.segments, self._cubics, inside)
+        moving = ((sample >= 0) & (sample < self._last))[:, None]
         return Motion(motion.position, motion.velocity * moving, motion.acceleration * moving)
 
     @cached_property

@@ -101,28 +101,57 @@ class Driven(Finger, Protocol):
         ...
 
 
-class PushFinger:
-    """A force on the key from the first instant on; the arm is not there, and stands still."""
+class StandingFinger:
+    """A finger that does exactly what it is told to, by no motors."""
 
-    def __init__(self, push: Push, press_arm: float, start: tuple[float, float], period: float):
-        self._push, self._period = push, period
-        self._arm = press_arm
-        self._start = start
-        self.moment = 0.0
-        self.stops = math.inf
+    def __init__(self, joints: tuple[float, float]):
+        self._joints = joints
 
     def joints(self) -> tuple[float, float]:
-        """Return the joint angles [rad], those of the start."""
-        return self._start
+        """Return the joint angles [rad]."""
+        return self._joints
 
     def torques(self) -> tuple[float, float]:
-        """Return zero: there is no motor."""
+        """Return zero: there are no motors."""
         return 0.0, 0.0
 
     @property
     def settled(self) -> bool:
-        """True: it stands."""
+        """True: it is always where it was told to be."""
         return True
+
+
+class PlacelessFinger(StandingFinger):
+    """A finger of which the engine moves no body, so that none can meet the key."""
+
+    moment = 0.0
+    stops = math.inf
+
+    def closes(self, angle: float, step: float) -> bool:
+        """Return False: there is no body that would meet the key."""
+        return False
+
+    def gap(self, angle: float, time: float, ahead: float) -> float:
+        """Return infinity, for the same reason."""
+        return math.inf
+
+    def land(self, time: float) -> None:
+        """Do nothing: it never comes to that."""
+
+    def glide(self, back: float, drift: float) -> None:
+        """Do nothing: there is no place."""
+
+    def place(self, step: float) -> None:
+        """Do nothing: there is no place."""
+
+
+class PushFinger(PlacelessFinger):
+    """A force on the key from the first instant on; the arm is not there, and stands still."""
+
+    def __init__(self, push: Push, press_arm: float, start: tuple[float, float], period: float):
+        super().__init__(start)
+        self._push, self._period = push, period
+        self._arm = press_arm
 
     def begin(self, reference: Reference, powered: bool, time: float) -> bool:
         """Start a controller sample; see `Driven`."""
@@ -139,23 +168,6 @@ class PushFinger:
     def push(self, weight: float) -> float:
         """Return the force [N] on the key."""
         return self.moment / self._arm / 1e3
-
-    def closes(self, angle: float, step: float) -> bool:
-        """Return False: there is no body."""
-        return False
-
-    def gap(self, angle: float, time: float, ahead: float) -> float:
-        """Return infinity: there is no body."""
-        return math.inf
-
-    def land(self, time: float) -> None:
-        """Do nothing: it never comes to that."""
-
-    def glide(self, back: float, drift: float) -> None:
-        """Do nothing: there is no place."""
-
-    def place(self, step: float) -> None:
-        """Do nothing: there is no body."""
 
     def rest(self, angle: float) -> tuple[float, float]:
         """Return the angle: there is no body."""

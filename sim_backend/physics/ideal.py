@@ -8,7 +8,7 @@ import pymunk
 from rig.schema import Rig
 from sim_backend.errors import SceneError
 from sim_backend.physics.bodies import MM, add_driver
-from sim_backend.physics.finger import Reference
+from sim_backend.physics.finger import PlacelessFinger, Reference
 from trajectory.arm import fingertip_place
 
 
@@ -25,7 +25,7 @@ def touching_angle(rig: Rig, x: float, z: float) -> float:
     return math.atan2(-x, z) - math.atan2(math.sqrt(squared), height)
 
 
-class IdealFinger:
+class IdealFinger(PlacelessFinger):
     """A fingertip that no force moves.
 
     The key may never be below the angle at which it touches the fingertip. So it may not turn
@@ -41,9 +41,6 @@ class IdealFinger:
         cells: Shortest steps in one.
     """
 
-    moment = 0.0
-    stops = math.inf
-
     def __init__(
         self,
         space: pymunk.Space,
@@ -53,10 +50,10 @@ class IdealFinger:
         steps: int,
         cells: int,
     ):
+        super().__init__(start)
         self._arm = rig.arm
         self._height = rig.key.surface_height + rig.arm.fingertip_radius
-        self._radians = 2 * math.pi / rig.arm.counts_per_revolution
-        self._joints = start
+        self._radians = rig.arm.radians_per_count
         self._start = np.array(start)
         self._body, self._contact = add_driver(space, lever)
         cells = max(cells, 4)
@@ -66,19 +63,6 @@ class IdealFinger:
         self._angles: list[float] = []
         self._reaches: list[float] = []
         self._reach = 1.0
-
-    def joints(self) -> tuple[float, float]:
-        """Return the joint angles [rad]."""
-        return self._joints
-
-    def torques(self) -> tuple[float, float]:
-        """Return zero: an ideal finger needs no motors."""
-        return 0.0, 0.0
-
-    @property
-    def settled(self) -> bool:
-        """True: an ideal finger is always where it was told to be."""
-        return True
 
     def begin(self, reference: Reference, powered: bool, time: float) -> bool:
         """Work out the key's least angle over a controller sample; see `Driven`."""
@@ -110,23 +94,6 @@ class IdealFinger:
     def push(self, weight: float) -> float:
         """Return the force [N] on the key; see `Driven`."""
         return self._contact.impulse / (weight * self._reach)
-
-    def closes(self, angle: float, step: float) -> bool:
-        """Return False: the key is held from the fingertip a step before it would meet it."""
-        return False
-
-    def gap(self, angle: float, time: float, ahead: float) -> float:
-        """Return infinity, for the same reason."""
-        return math.inf
-
-    def land(self, time: float) -> None:
-        """Do nothing: it never comes to that."""
-
-    def glide(self, back: float, drift: float) -> None:
-        """Do nothing: there is no place."""
-
-    def place(self, step: float) -> None:
-        """Do nothing: the body has no place."""
 
     def rest(self, angle: float) -> tuple[float, float]:
         """Return the angle, and by how much [mm] the key is in the fingertip."""

@@ -14,7 +14,7 @@ from analysis.model.choirs import choir_pluck, choirs
 from rig.schema import Rig
 from sim_backend.errors import SceneError
 from sim_backend.physics.events import Motions, PluckEvents, StringEvent
-from sim_backend.physics.finger import Reference
+from sim_backend.physics.finger import Reference, StandingFinger
 from sim_backend.physics.reduced_bench import Numbers, benches, new_leg
 from sim_backend.physics.reduced_laws import Laws, joined, laws_of, mute_law
 from sim_backend.physics.reduced_play import play_sample
@@ -54,23 +54,6 @@ _FAULTS = {
 }
 
 
-class StandingFinger:
-    """A finger that does exactly what it is told to, by no motors."""
-
-    settled = True
-
-    def __init__(self, joints: tuple[float, float]):
-        self._joints = joints
-
-    def joints(self) -> tuple[float, float]:
-        """Return the joint angles [rad]."""
-        return self._joints
-
-    def torques(self) -> tuple[float, float]:
-        """Return zero: there are no motors."""
-        return 0.0, 0.0
-
-
 class ReducedWorld:
     """The physics of a scene with a push or an ideal finger; see `physics.world.World`.
 
@@ -90,7 +73,7 @@ class ReducedWorld:
         home, offset = rig.arm.home_angles, scene.start_offset
         self.start = start or (home[0] + offset[0], home[1] + offset[1])
         """rad, joints when power came on."""
-        self.radians_per_count = 2 * math.pi / rig.arm.counts_per_revolution
+        self.radians_per_count = rig.arm.radians_per_count
         self.steps = steps_of(rig, scene)
         """Steps in a controller sample."""
         self.samples = 0

@@ -47,7 +47,7 @@ class RigidWorld:
         self.rig = rig = scene.true_rig(rig)
         (first, second), (more, most) = rig.arm.home_angles, scene.start_offset
         self.start = start or (first + more, second + most)
-        self.radians_per_count = 2 * math.pi / rig.arm.counts_per_revolution
+        self.radians_per_count = rig.arm.radians_per_count
         self.samples = 0
         self.events = PluckEvents()
         self._parts = parts = assemble(rig, scene, self.start, self.events)

@@ -1,7 +1,5 @@
 """The two position loops: PID on encoder counts at the controller's sample."""
 
-import math
-
 import numpy as np
 
 from rig.schema import Arm
@@ -16,7 +14,7 @@ class PositionLoops:
         self.servo = servo
         self.arm = arm
         self.period = period
-        self.radians = 2 * math.pi / arm.counts_per_revolution
+        self.radians = arm.radians_per_count
         self.offsets = (0.0, 0.0)
         """N m, added to what the loops want."""
         self.limits = (arm.torque_limit, arm.torque_limit)

@@ -167,7 +167,7 @@ def _drive(of: Numbers, presses: int) -> tuple[Ints, Floats]:
 
 def _cubics(rig: Rig, drive: Drive) -> Floats:
     """Return the joints' cubics [rad] over all samples, shape (samples, 8)."""
-    radians = 2 * np.pi / rig.arm.counts_per_revolution
+    radians = rig.arm.radians_per_count
     ends = [drive.reference(i)(ENDS) for i in range(drive.samples)]
     places = np.array([counts for counts, _ in ends]) * radians
     return joint_cubics(drive.start, places, np.array([speeds for _, speeds in ends]) * radians)

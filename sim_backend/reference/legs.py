@@ -112,7 +112,7 @@ class _Sampled:
     def __init__(self, rig: Rig, drive: Drive):
         self.drive = drive
         self.period = rig.controller.sample_period
-        self.radians = 2 * math.pi / rig.arm.counts_per_revolution
+        self.radians = rig.arm.radians_per_count
         self.samples = 0
 
     def ends(self) -> tuple[Pair, tuple[list[float], list[float]], tuple[list[float], list[float]]]:

@@ -11,7 +11,7 @@ from sim_backend.physics.observation import Errors, drive_of, errors, observe
 from sim_backend.reference.observe import reference
 from sim_backend.scene import Scene
 from sim_backend.trade.cost import cost
-from sim_backend.trade.settled import Settled, meets, micro, reached, share, shown
+from sim_backend.trade.settled import Settled, meets, micro, reached, share
 from sim_backend.trade.trial import Observe, Trial, fewest
 
 NONE = Errors(0.0, 0.0)
@@ -124,7 +124,7 @@ def _out_of_reach(closest: Settled, asked: Accuracy) -> str:
     else:
         remedy = "strings are met, let go or passed by a hair: change the drive, or give a step"
     return (
-        f"accuracy: {shown(asked)} is out of reach: engine {scene.engine}, string {scene.string}"
+        f"accuracy: {asked} is out of reach: engine {scene.engine}, string {scene.string}"
         f" and steps of {micro(scene.step or 0.0)} reach {reached(closest.errors)}; {remedy}, or"
         " choose another engine or string"
     )

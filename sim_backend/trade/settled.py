@@ -24,7 +24,7 @@ class Settled:
 
     def __str__(self) -> str:
         scene = self.scene
-        asked = f" for the {shown(self.asked)} asked" if self.asked else ""
+        asked = f" for the {self.asked} asked" if self.asked else ""
         return (
             f"settled on engine {scene.engine}, plectrum {scene.plectrum}, string {scene.string},"
             f" steps of {micro(scene.step or 0.0)}: {reached(self.errors)}{asked};"
@@ -51,8 +51,3 @@ def reached(found: Errors) -> str:
 
 def micro(seconds: float) -> str:
     return f"{seconds * 1e6:.4g} us"
-
-
-def shown(asked: Accuracy) -> str:
-    """Return what is asked for, as it is said."""
-    return f"{100 * (asked.force or 0.0):.3g} %" if asked.time is None else micro(asked.time)
