@@ -52,7 +52,7 @@ def _errors(
 ) -> list[float]:
     """Return the rms speed error of every press that learns [%]."""
     from robot.feedforward import force_of
-    from robot.galil import GalilController
+    from robot.galil.driver import GalilController
     from robot.learning import Lesson
     from robot.session import make_presses, run_session
     from sim_backend.bench import StandIn

@@ -39,7 +39,7 @@ def _presses(scene: str) -> list[Figure]:
     from analysis.model.predict import predict
     from analysis.phases import find_phases
     from analysis.press import load_press
-    from robot.galil import GalilController
+    from robot.galil.driver import GalilController
     from robot.session import run_session
     from sim_backend.bench import StandIn
     from sim_backend.scene import load_scene

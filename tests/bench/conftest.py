@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from rig.load import load_rig
-from robot.galil import GalilController
+from robot.galil.driver import GalilController
 from robot.session import run_session
 from sim_backend.bench import StandIn
 from sim_backend.scene import load_scene

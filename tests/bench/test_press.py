@@ -88,7 +88,7 @@ def test_paper_jack_slows_down_while_the_string_is_held(bench, tmp_path):
 
 
 def test_truth_apart_from_the_rig_is_seen_in_the_recording(tmp_path):
-    from robot.galil import GalilController
+    from robot.galil.driver import GalilController
     from robot.session import run_session
     from sim_backend.bench import StandIn
     from sim_backend.scene import load_scene

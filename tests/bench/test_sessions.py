@@ -17,7 +17,7 @@ from analysis.repeatability import repeatability
 from daq.file.head import read_session
 from daq.reading import read_recording
 from rig.load import load_rig, with_values
-from robot.galil import GalilController
+from robot.galil.driver import GalilController
 from robot.session import Item, make_presses
 from sim_backend.bench import StandIn
 from sim_backend.scene import load_scene, parse_scene

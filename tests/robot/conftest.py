@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from rig.load import load_rig, with_values
-from robot.galil import GalilController
-from robot.program import controller_program
+from robot.galil.driver import GalilController
+from robot.galil.program import controller_program
 from trajectory.segments import Segments
 
 REVISION = "DMC4020 Rev 1.3c-SIM"

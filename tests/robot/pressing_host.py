@@ -7,7 +7,7 @@ import sys
 import time
 
 from rig.load import load_rig, with_values
-from robot.galil import GalilController
+from robot.galil.driver import GalilController
 from trajectory.press import plan_press
 
 

@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robot.dmc import segment_commands, segments_from
 from robot.errors import UnsafeRequest
-from robot.program import SETTLE, controller_program, plan_capture
+from robot.galil.dmc import segment_commands, segments_from
+from robot.galil.program import SETTLE, controller_program, plan_capture
 from trajectory.counts import to_angles, to_counts
 from trajectory.segments import Segments
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from robot.errors import RobotError
-from robot.galil import GalilController
-from robot.line import Line
+from robot.galil.driver import GalilController
+from robot.galil.line import Line
 from sim_backend.galil.firmware import GalilFirmware
 
 MEGABYTE = 1 << 20

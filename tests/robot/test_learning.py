@@ -9,7 +9,7 @@ from daq.reading import read_recording
 from rig.load import load_rig, with_values
 from robot.errors import RobotError
 from robot.feedforward import force_of
-from robot.galil import GalilController
+from robot.galil.driver import GalilController
 from robot.learning import HALVINGS, Learned, Lesson, read_learned
 from robot.session import Item, make_presses
 from sim_backend.bench import StandIn

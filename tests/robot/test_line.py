@@ -11,7 +11,7 @@ from robot.errors import (
     SettingNotTaken,
     SilentController,
 )
-from robot.line import LONGEST_LINE, pack
+from robot.galil.line import LONGEST_LINE, pack
 
 
 @pytest.fixture

@@ -21,11 +21,11 @@ from robot.errors import (
 )
 from robot.factory import motion_controller
 from robot.feedforward import TorqueTable
-from robot.galil import GalilController
-from robot.odrive import OdriveController
-from robot.odrive_errors import error_names
-from robot.odrive_line import OdriveLine, checksum, framed
-from robot.odrive_setpoints import INTERVAL, Setpoints, bandwidth
+from robot.galil.driver import GalilController
+from robot.odrive.driver import OdriveController
+from robot.odrive.errors import error_names
+from robot.odrive.line import OdriveLine, checksum, framed
+from robot.odrive.setpoints import INTERVAL, Setpoints, bandwidth
 from sim_backend.odrive.firmware import OdriveFirmware
 from sim_backend.odrive.setpoint import Setpoint, filtered
 from trajectory.cubic import controller_motion

@@ -16,7 +16,7 @@ from analysis.press import load_press
 from daq.reading import read_recording
 from rig.load import load_rig, rig_document, with_values
 from robot.errors import LineLost, PortUnavailable, SilentController
-from robot.odrive import OdriveController
+from robot.odrive.driver import OdriveController
 from robot.session import run_session
 from sim_backend.bench import StandIn
 from sim_backend.faults.tables import Faults
@@ -88,7 +88,7 @@ def test_a_cable_pulled_in_mid_motion(rig, tmp_path, port_closes):
 HOST = """
 import sys, time
 from rig.load import load_rig, with_values
-from robot.odrive import OdriveController
+from robot.odrive.driver import OdriveController
 
 rig = with_values(load_rig(), {{"controller.kind": "odrive", "controller.baud_rate": 921600,
     "controller.watchdog_period": "0.2 s", "controller.port": {port!r}}})

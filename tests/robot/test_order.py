@@ -8,7 +8,7 @@ import pytest
 
 from rig.load import with_values
 from robot.errors import NotReady, RobotError, SettingNotTaken, UnsafeRequest
-from robot.galil import GalilController
+from robot.galil.driver import GalilController
 from robot.states import State
 
 

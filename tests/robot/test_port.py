@@ -5,7 +5,7 @@ import serial
 
 from rig.load import with_values
 from robot.errors import GarbledAnswer, LineLost, PortUnavailable, SilentController
-from robot.galil import GalilController
+from robot.galil.driver import GalilController
 from robot.port import open_port
 
 

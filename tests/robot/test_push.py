@@ -9,8 +9,8 @@ import pytest
 from rig.load import load_rig, with_values
 from robot.errors import MotionFault, SettingNotTaken, UnsafeRequest
 from robot.feedforward import TorqueTable
-from robot.galil import GalilController
-from robot.push import LEAST_INTERVAL, MOST_ROWS, plan_push
+from robot.galil.driver import GalilController
+from robot.galil.push import LEAST_INTERVAL, MOST_ROWS, plan_push
 from robot.states import State
 from sim_backend.bench import StandIn
 from sim_backend.faults.tables import Faults

@@ -22,7 +22,7 @@ from daq.reading import read_recording
 from daq.recovery import recover
 from rig.errors import SautereauError
 from rig.load import load_rig, rig_from_json, rig_json, with_values
-from robot.galil import GalilController
+from robot.galil.driver import GalilController
 from robot.plan import Plan
 from robot.plan_table import Row
 from robot.session import run_session
@@ -49,7 +49,7 @@ CHILD = """
 import sys
 from pathlib import Path
 from rig.load import rig_from_json
-from robot.galil import GalilController
+from robot.galil.driver import GalilController
 from robot.session import run_session
 from trajectory.press import plan_press
 rig = rig_from_json(Path(sys.argv[1]).read_text())

@@ -11,10 +11,10 @@ import threading
 import pytest
 
 from rig.load import load_rig, with_values
-from robot.axes import Axes
 from robot.errors import LineLost, MotionFault
-from robot.galil import GalilController
-from robot.line import Line
+from robot.galil.axes import Axes
+from robot.galil.driver import GalilController
+from robot.galil.line import Line
 from robot.port import open_port
 from robot.watchdog import Renewing
 from sim_backend.bench import StandIn

@@ -8,7 +8,7 @@ import pytest
 from daq.acquisition import Acquisition
 from daq.reading import read_recording
 from rig.load import load_rig
-from robot.galil import GalilController
+from robot.galil.driver import GalilController
 from robot.session import run_session
 from sim_backend.bench import StandIn
 from sim_backend.scene import load_scene

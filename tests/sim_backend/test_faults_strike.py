@@ -21,7 +21,7 @@ from robot.errors import (
     SettingNotTaken,
     SilentController,
 )
-from robot.galil import GalilController
+from robot.galil.driver import GalilController
 from robot.session import run_session
 from sim_backend.bench import Bench, StandIn
 from sim_backend.errors import SceneError

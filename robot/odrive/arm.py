@@ -6,11 +6,11 @@ Positions are counts, speeds counts a second.
 from robot.arm import Arm
 from robot.errors import GarbledAnswer, RobotError
 from robot.joint_axes import STOPPING
-from robot.odrive_axes import OdriveAxes
-from robot.odrive_homing import find_switches, switches_closed
-from robot.odrive_line import OdriveLine
-from robot.odrive_stream import Stream
-from robot.odrive_time import HostTime
+from robot.odrive.axes import OdriveAxes
+from robot.odrive.clock import HostTime
+from robot.odrive.homing import find_switches, switches_closed
+from robot.odrive.line import OdriveLine
+from robot.odrive.stream import Stream
 from trajectory.segments import Counts
 
 

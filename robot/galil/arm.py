@@ -8,12 +8,12 @@ import math
 import numpy as np
 
 from robot.arm import Arm
-from robot.axes import Axes
-from robot.dmc import HOMED_ENDS, NORMAL_ENDS
-from robot.handshake import introduce, set_limits, verify
+from robot.galil.axes import Axes
+from robot.galil.dmc import HOMED_ENDS, NORMAL_ENDS
+from robot.galil.handshake import introduce, set_limits, verify
+from robot.galil.line import Line
+from robot.galil.program import controller_program
 from robot.joint_axes import MARGIN
-from robot.line import Line
-from robot.program import controller_program
 from trajectory.segments import Counts
 
 _HOMING_SPEED = 0.2  # rad/s

@@ -8,19 +8,18 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from robot.controller import Capture
-from robot.dmc import (
+from robot.errors import MotionFault, NotReady, SettingNotTaken
+from robot.galil.arm import GalilArm
+from robot.galil.dmc import (
     CLEAR_SEGMENTS,
     END_OF_MOTION,
     NORMAL_ENDS,
     segment_commands,
     segments_from,
 )
-from robot.errors import MotionFault, NotReady, SettingNotTaken
-from robot.galil_arm import GalilArm
-from robot.handshake import verify
-from robot.joint_axes import MARGIN
-from robot.line import Line
-from robot.program import (
+from robot.galil.handshake import verify
+from robot.galil.line import Line
+from robot.galil.program import (
     PRESS,
     PUSH,
     PUSH_EVERY,
@@ -33,7 +32,8 @@ from robot.program import (
     plan_capture,
     record_commands,
 )
-from robot.push import Push, plan_push
+from robot.galil.push import Push, plan_push
+from robot.joint_axes import MARGIN
 from robot.states import State
 from trajectory.motion import Floats
 from trajectory.segments import Segments

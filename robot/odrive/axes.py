@@ -9,10 +9,10 @@ import numpy as np
 
 from rig.schema import Rig
 from robot.joint_axes import MARGIN
-from robot.odrive_line import OdriveLine, framed
-from robot.odrive_power import OdrivePower
-from robot.odrive_setpoints import Setpoints
-from robot.odrive_settings import AXES, set_limits
+from robot.odrive.line import OdriveLine, framed
+from robot.odrive.power import OdrivePower
+from robot.odrive.setpoints import Setpoints
+from robot.odrive.settings import AXES, set_limits
 from trajectory.counts import to_counts
 from trajectory.motion import Floats
 from trajectory.segments import Counts

@@ -1,7 +1,7 @@
 """What an ODrive's axes tell of their errors, by name."""
 
 from robot.errors import MotionFault
-from robot.odrive_line import OdriveLine
+from robot.odrive.line import OdriveLine
 
 _ERRORS = {
     "error": {

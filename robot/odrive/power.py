@@ -10,9 +10,9 @@ from contextlib import suppress
 from rig.schema import Controller
 from robot.errors import GarbledAnswer, MotionFault, RobotError, SettingNotTaken
 from robot.joint_axes import POLL, JointAxes
-from robot.odrive_errors import check_errors
-from robot.odrive_line import LineRefused, OdriveLine
-from robot.odrive_settings import AXES
+from robot.odrive.errors import check_errors
+from robot.odrive.line import LineRefused, OdriveLine
+from robot.odrive.settings import AXES
 
 IDLE, CLOSED_LOOP = 1, 8
 """States of an axis."""

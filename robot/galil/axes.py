@@ -4,17 +4,17 @@ from collections.abc import Callable, Collection
 
 import numpy as np
 
-from robot.dmc import stop_reason
 from robot.errors import (
     CommandRefused,
     GarbledAnswer,
     MotionFault,
     SettingNotTaken,
 )
-from robot.handshake import verify
+from robot.galil.dmc import stop_reason
+from robot.galil.handshake import verify
+from robot.galil.line import Line
+from robot.galil.program import LEFT, PRESS, TICK, TORQUES, WATCH
 from robot.joint_axes import STOPPING, JointAxes
-from robot.line import Line
-from robot.program import LEFT, PRESS, TICK, TORQUES, WATCH
 from robot.watchdog import TICKS
 from trajectory.segments import Counts
 

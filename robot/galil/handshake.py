@@ -4,8 +4,8 @@ from collections.abc import Mapping
 
 from rig.schema import Controller, Rig
 from robot.errors import CommandRefused, GarbledAnswer, RobotError, SettingNotTaken
+from robot.galil.line import Line
 from robot.limits import Limits
-from robot.line import Line
 
 _SAMPLE_PERIODS = (970e-6, 1001e-6)  # s, what firmwares make of TM 1000
 _VOLTAGE_STEP = 5e-4  # V, to which the controller rounds TL and OF

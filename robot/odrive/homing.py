@@ -11,10 +11,10 @@ import numpy as np
 from robot.errors import MotionFault
 from robot.joint_axes import MARGIN
 from robot.limits import Limits
-from robot.odrive_axes import OdriveAxes
-from robot.odrive_errors import check_errors
-from robot.odrive_power import IDLE, SWITCHING
-from robot.odrive_settings import AXES
+from robot.odrive.axes import OdriveAxes
+from robot.odrive.errors import check_errors
+from robot.odrive.power import IDLE, SWITCHING
+from robot.odrive.settings import AXES
 from trajectory.segments import Counts
 
 _HOMING = 11  # state of an axis

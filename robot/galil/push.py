@@ -9,7 +9,7 @@ import numpy as np
 
 from rig.schema import Rig
 from robot.errors import UnsafeRequest
-from robot.program import PUSH, PUSH_EVERY, PUSHES
+from robot.galil.program import PUSH, PUSH_EVERY, PUSHES
 from trajectory.motion import Floats
 
 if TYPE_CHECKING:

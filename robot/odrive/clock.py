@@ -1,6 +1,6 @@
 """The time of a stand-in for an ODrive that waits for the host, see docs/decisions/0006."""
 
-from robot.odrive_line import OdriveLine
+from robot.odrive.line import OdriveLine
 
 
 class HostTime:

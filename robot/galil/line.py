@@ -9,8 +9,8 @@ import re
 from collections.abc import Callable, Iterable, Iterator
 
 from robot.errors import CommandRefused, GarbledAnswer, LineLost, SettingNotTaken
+from robot.galil.turns import Turns
 from robot.port import Port
-from robot.turns import Turns
 from robot.wire import Wire
 
 LONGEST_LINE = 79

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from robot.errors import MotionFault, RobotError
-from robot.odrive_axes import OdriveAxes
-from robot.odrive_setpoints import Setpoints
+from robot.odrive.axes import OdriveAxes
+from robot.odrive.setpoints import Setpoints
 from trajectory.motion import Floats
 from trajectory.segments import Counts
 

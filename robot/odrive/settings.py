@@ -3,8 +3,8 @@
 import math
 
 from rig.schema import Rig
-from robot.odrive_line import OdriveLine
-from robot.odrive_setpoints import bandwidth
+from robot.odrive.line import OdriveLine
+from robot.odrive.setpoints import bandwidth
 
 AXES = ("axis0", "axis1")
 """Names of the axes, which turn joints 1 and 2."""

@@ -17,9 +17,9 @@ import numpy as np
 
 from robot.controller import Capture
 from robot.errors import NotReady, UnsafeRequest
-from robot.odrive_arm import OdriveArm
-from robot.odrive_setpoints import Setpoints
-from robot.odrive_stream import Punctuality, Stream
+from robot.odrive.arm import OdriveArm
+from robot.odrive.setpoints import Setpoints
+from robot.odrive.stream import Punctuality, Stream
 from robot.states import State
 from trajectory.segments import Segments
 

@@ -1,0 +1,1 @@
+"""The driver of ODrive's motor controllers."""
