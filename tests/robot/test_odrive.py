@@ -1,6 +1,5 @@
 """The driver of an ODrive: what it says, what it refuses, and how it leaves the arm."""
 
-import io
 import itertools
 import threading
 
@@ -10,26 +9,20 @@ import pytest
 from rig.load import load_rig, with_values
 from robot.controller import MotionController
 from robot.errors import (
-    GarbledAnswer,
     LineLost,
     MotionFault,
     NotReady,
     RobotError,
     SettingNotTaken,
-    SilentController,
     UnsafeRequest,
 )
 from robot.factory import motion_controller
 from robot.feedforward import TorqueTable
 from robot.galil.driver import GalilController
 from robot.odrive.driver import OdriveController
-from robot.odrive.errors import error_names
-from robot.odrive.line import OdriveLine, checksum, framed
-from robot.odrive.setpoints import INTERVAL, Setpoints, bandwidth
+from robot.odrive.line import checksum, framed
+from robot.odrive.setpoints import INTERVAL
 from sim_backend.odrive.firmware import OdriveFirmware
-from sim_backend.odrive.setpoint import Setpoint, filtered
-from trajectory.cubic import controller_motion
-from trajectory.press import plan_press
 from trajectory.segments import Segments
 
 GRBL = "".join(map(framed, ("Grbl 1.1h", "x", "y"))).encode()
@@ -630,117 +623,3 @@ def test_home_switches_are_where_they_were_or_not(controller, port):
         with pytest.raises(MotionFault, match="home switch of joint 2 is not within 100") as caught:
             controller.check_home()
     assert OFF in str(caught.value)
-
-
-# The line.
-
-
-class Fed:
-    """A port that only says what it was given."""
-
-    in_waiting = 0
-
-    def __init__(self, data):
-        self._data = io.BytesIO(data)
-
-    @property
-    def empty(self):
-        return self._data.tell() == len(self._data.getbuffer())
-
-    def read(self, size=1):
-        return self._data.read(size)
-
-    def write(self, data):
-        return len(data)
-
-    def reset_input_buffer(self):
-        return None
-
-    def close(self):
-        return None
-
-
-@pytest.mark.parametrize(
-    ("answer", "error"),
-    [
-        (b"", SilentController),
-        (b"1.0", SilentController),
-        (b"1.0\r\n", GarbledAnswer),
-        (b"1.0*30\r\n", GarbledAnswer),
-        (b"1.1*31\r\n", GarbledAnswer),
-        (b"\xff" * 80, GarbledAnswer),
-        (framed("one").encode(), GarbledAnswer),
-        (framed("1 2").encode(), GarbledAnswer),
-        (framed("").encode(), GarbledAnswer),
-        (framed("invalid property").encode(), RobotError),
-    ],
-)
-def test_answers_that_are_none(answer, error):
-    with pytest.raises(error):
-        OdriveLine(Fed(answer), "port", 0.1).read("axis0.error")
-
-
-def test_a_megabyte_of_noise_ends_in_errors_and_never_in_a_number():
-    noise = np.random.default_rng(4).integers(0, 256, 1 << 20, dtype=np.uint8).tobytes()
-    port = Fed(noise)
-    line, errors = OdriveLine(port, "port", 0.1), 0
-    while not port.empty:
-        try:
-            line.read("axis0.error")
-        except RobotError:
-            errors += 1
-        else:
-            pytest.fail("noise was taken for a number")
-    assert errors > 1000
-
-
-def test_something_said_unasked_is_not_taken_for_an_answer():
-    port = Fed(framed("invalid property").encode())
-    port.in_waiting = 18
-    with pytest.raises(GarbledAnswer, match="before it was asked"):
-        OdriveLine(port, "port", 0.1).read("axis0.error")
-
-
-def test_names_of_errors():
-    assert error_names("error", 0x40 | 0x200) == "error: MOTOR_FAILED, CONTROLLER_FAILED"
-
-
-# The setpoints.
-
-
-def followed(setpoints, start, joint, period):
-    """Play setpoints through the filter; return its states, one each controller sample."""
-    now, states = Setpoint(float(start[joint]), 0.0), []
-    for u, w in zip(setpoints.positions[:, joint], setpoints.velocities[:, joint], strict=True):
-        for _ in range(INTERVAL):
-            states.append(now)
-            now, _ = filtered(now, Setpoint(u, w), bandwidth(period), period)
-    return np.array([(s.position, s.velocity) for s in states]), now
-
-
-def test_the_filter_goes_where_the_plan_wants_it(rig):
-    plan, period = plan_press(rig), rig.controller.sample_period
-    segments = plan.segments
-    setpoints = Setpoints.of(segments, period)
-    _, motion = controller_motion(segments, 1, 1.0, period)
-    cruise = slice(int(plan.cruise.start / period) + 30, int(plan.cruise.end / period) - 2)
-    for joint in (0, 1):
-        states, end = followed(setpoints, segments.start, joint, period)
-        off = states[: len(motion.position)] - np.column_stack(
-            [motion.position[:, joint], motion.velocity[:, joint]]
-        )
-        assert np.abs(off[:, 0]).max() < 1e-4 / (2 * np.pi) * rig.arm.counts_per_revolution * 2
-        relative = off[cruise, 1] / motion.velocity[cruise, joint]
-        assert abs(relative.mean()) < 1e-3
-        assert np.ptp(relative) < 1.1 / 8 / 16
-        assert end.position == pytest.approx(segments.end[joint], abs=20)
-
-
-def test_a_motion_that_runs_out_comes_to_rest_where_it_says(rig):
-    setpoints = Setpoints.of(plan_press(rig).segments, rig.controller.sample_period)
-    width, row = bandwidth(rig.controller.sample_period), len(setpoints) // 3
-    for joint in (0, 1):
-        told = Setpoint(setpoints.positions[row, joint], setpoints.velocities[row, joint])
-        rest, settled = filtered(Setpoint(setpoints.planned[row, joint], 0.0), told, width, 2.0)
-        assert settled
-        assert rest.position == pytest.approx(setpoints.run_out[row, joint], abs=0.6)
