@@ -3,7 +3,12 @@
 Rooms are imported inside the commands that need them, so that `sautereau --help` is quick.
 """
 
+import os
 import sys
+
+# Nothing here has matrices large enough for BLAS's threads, which wait for each other by
+# spinning and bring a busy machine to a stand. Whoever has set it otherwise keeps that.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 from cyclopts import App, CycloptsError
 
@@ -12,6 +17,7 @@ from commands import (
     analysing,
     converting,
     examining,
+    fitting,
     learning,
     planning,
     pressing,
@@ -36,7 +42,7 @@ for command in (
     learning.learn,
     analysing.phases,
     planning.predict,
-    analysing.compare,
+    fitting.compare,
     recordings.info,
     recordings.recover,
     converting.export,

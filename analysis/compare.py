@@ -2,12 +2,19 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
 from analysis.errors import AnalysisError
+from analysis.model.choirs import ChoirPluck
 from analysis.model.predict import Prediction
 from analysis.phases import Phases
+
+MANY = 20
+"""Presses from which on they are resampled: of fewer, Student's interval covers better."""
+RESAMPLES = 9999
+"""Of a bootstrap."""
 
 
 @dataclass(frozen=True)
@@ -20,6 +27,8 @@ class Departure:
     """1, lower end of the 95 % interval of the mean; None for a single press."""
     high: float | None
     """1, upper end of the 95 % interval of the mean; None for a single press."""
+    interval: Literal["none", "student", "bootstrap"] = "none"
+    """Whence the interval comes: Student's t, or presses resampled (BCa) where they are many."""
 
 
 @dataclass(frozen=True)
@@ -57,12 +66,19 @@ def compare(phases: Sequence[Phases], prediction: Prediction) -> Comparison:
     )
 
 
-def predicted_features(prediction: Prediction) -> tuple[float, float]:
-    """Return slope [N/m] and rise [N] of the finger's force while the string is held.
+def predicted_features(
+    prediction: Prediction, choir: ChoirPluck | None = None
+) -> tuple[float, float]:
+    """Return slope [N/m] and rise [N] of the finger's force while a string is held.
 
     They are taken as the phases take them from a recording.
+
+    Args:
+        prediction: The model's press.
+        choir: Whose string; None for the first.
     """
-    pressing = np.flatnonzero(prediction.string_force > 0)
+    string_force = prediction.string_force if choir is None else choir.string_force
+    pressing = np.flatnonzero(string_force > 0)
     held = slice(pressing[0] - 1, pressing[-1] + 1)
     force, deflection = prediction.finger_force[held], prediction.deflection[held]
     even = np.linspace(deflection[0], deflection[-1], len(deflection))
@@ -71,11 +87,33 @@ def predicted_features(prediction: Prediction) -> tuple[float, float]:
 
 
 def _departure(values: list[float]) -> Departure:
-    """Return the mean with Student's 95 % interval."""
+    """Return the mean with its 95 % interval."""
     mean = float(np.mean(values))
     if len(values) < 2:
         return Departure(mean, None, None)
-    from scipy.stats import t
+    low, high, kind = mean_interval(values)
+    return Departure(mean, low, high, kind)
 
-    half = float(t.ppf(0.975, len(values) - 1) * np.std(values, ddof=1) / np.sqrt(len(values)))
-    return Departure(mean, mean - half, mean + half)
+
+def mean_interval(
+    values: Sequence[float],
+) -> tuple[float, float, Literal["student", "bootstrap"]]:
+    """Return the ends of the 95 % interval of a mean, and whence they come.
+
+    From `MANY` values on these are resampled with bias correction and acceleration (Efron
+    1987), with a fixed seed; of 20 normal ones that covers 93 in 100. Of fewer it covers too
+    little, and Student's t is taken.
+
+    Args:
+        values: Two or more, in any unit.
+    """
+    from scipy.stats import bootstrap, t
+
+    count, mean = len(values), float(np.mean(values))
+    if count >= MANY and np.ptp(values) > 0:
+        found = bootstrap(
+            (values,), np.mean, n_resamples=RESAMPLES, method="BCa", rng=np.random.default_rng(0)
+        ).confidence_interval
+        return float(found.low), float(found.high), "bootstrap"
+    half = float(t.ppf(0.975, count - 1) * np.std(values, ddof=1) / np.sqrt(count))
+    return mean - half, mean + half, "student"

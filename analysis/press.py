@@ -74,11 +74,20 @@ def load_press(path: str | Path) -> Press:
         daq.errors.RecordingError: The file is not a whole recording.
         AnalysisError: It has no velocity or no force channel, or is too short.
     """
-    import pandas as pd
-
     from daq.reading import read_recording
 
-    recorded = read_recording(path)
+    return press_of(read_recording(path))
+
+
+def press_of(recorded: "Recorded") -> Press:
+    """Return the press of what was recorded, wherever it came from; as `load_press`.
+
+    Raises:
+        AnalysisError: It has no velocity or no force channel, or is too short.
+    """
+    import pandas as pd
+
+    path = recorded.path
     rig, rate = recorded.rig, recorded.rate
     velocity_channel, force_channel = (_channel(recorded, q) for q in ("velocity", "force"))
     rows = _rows(recorded, max(velocity_channel.lag, force_channel.lag))
@@ -107,9 +116,9 @@ def load_press(path: str | Path) -> Press:
         velocity, drift, doubts = without_drift(
             velocity, rests, rate, start, velocity_channel.high_pass, _returns(recorded)
         )
-        shown = aligned(to_si(recorded.volts[force_channel.name], force_channel), force_channel)
+        at_rest = recorded.volts[force_channel.name][rests.before]
         force, level, doubtful = _from_rest(
-            force, shown[rests.before], force_channel.high_pass, rate
+            force, to_si(at_rest, force_channel), force_channel.high_pass, rate
         )
         drift = replace(drift, force=level)
         warnings += [*doubts, *doubtful]
@@ -127,9 +136,7 @@ def load_press(path: str | Path) -> Press:
         index=pd.Index(recorded.time[:rows], name="time"),
     )
     frame.attrs = {"units": UNITS, "simulated": recorded.simulated, "path": str(path)}
-    return Press(
-        Path(path), rig, recorded.simulated, frame, rate, tuple(marks), drift, tuple(warnings)
-    )
+    return Press(path, rig, recorded.simulated, frame, rate, tuple(marks), drift, tuple(warnings))
 
 
 def _channel(recorded: "Recorded", quantity: str) -> Channel:
@@ -156,7 +163,10 @@ def _calibrations(recorded: "Recorded", *channels: Channel) -> list[str]:
     """Return what is to be said of old calibrations; a stand-in has none."""
     if recorded.simulated:
         return []
-    day = date.fromisoformat(recorded.session.started[:10])
+    try:
+        day = date.fromisoformat(recorded.session.started[:10])
+    except ValueError:
+        return ["its session has no date, so nobody knows the age of the calibrations then"]
     found = (calibration_warning(channel, day) for channel in channels)
     return [text for text in found if text]
 

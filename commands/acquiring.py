@@ -70,8 +70,7 @@ def acquire(
             settings = _settings(bench.rig, triggered)
             answer(json, asdict(settings), _lines(settings))
             return 0
-        where = "the stand-in: SIMULATED" if bench.scene else "the hardware"
-        say(not json, f"rig {nominal.name} on {where}; Ctrl-C ends the recording")
+        say(not json, f"rig {nominal.name} on {bench.where}; Ctrl-C ends the recording")
         with share_bar() as show:
             rate = bench.rig.daq.sample_rate
             n = record(

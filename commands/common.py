@@ -99,6 +99,11 @@ class Bench:
     truth: Callable[[], Any] | None = None
     """What really happened in the last press, where the scene lets it be recorded."""
 
+    @property
+    def where(self) -> str:
+        """On what the rig is, as it is said to people."""
+        return "the stand-in: SIMULATED" if self.scene else "the hardware"
+
     def keep_truth(self, recording: Path) -> None:
         """Leave what really happened beside a recording, where the scene lets it."""
         if self.truth:

@@ -65,8 +65,7 @@ def learn(
     for warning in (*doubts, *lesson.warnings):
         say(not json, f"warning: {warning}")
     with signals_stop(), hardware(nominal, simulation) as bench, bar(n) as step:
-        where = "the stand-in: SIMULATED" if bench.scene else "the hardware"
-        say(not json, f"rig {nominal.name} on {where}\n{'press':<18} rms error of speed")
+        say(not json, f"rig {nominal.name} on {bench.where}\n{'press':<18} rms error of speed")
 
         def done(item: Item, path: Path) -> None:
             bench.keep_truth(path)

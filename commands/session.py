@@ -55,8 +55,7 @@ class SessionReport:
 
         self._reached = bench.reached
         if not self._headed:
-            where = "the stand-in: SIMULATED" if bench.scene else "the hardware"
-            self._say(f"rig {bench.rig.name} on {where}")
+            self._say(f"rig {bench.rig.name} on {bench.where}")
             if bench.reached:
                 self._say(bench.reached)
             self._say(HEADER)
@@ -127,7 +126,7 @@ class SessionReport:
         from analysis.compare import compare
         from analysis.model.predict import predict
         from analysis.repeatability import LEAST, repeatability
-        from analysis.summary.press import comparison_lines, comparison_summary
+        from analysis.summary.comparison import comparison_lines, comparison_summary
         from analysis.summary.session import repeatability_lines, repeatability_summary
         from trajectory.timing import press_law
 

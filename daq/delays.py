@@ -37,17 +37,16 @@ def undelayed(signal: Signal, lag: float) -> Signal:
         return signal[first:].copy()
     rows = max(0, len(signal) - first - 1)
     found = np.empty(rows)
-    before = first + np.arange(rows)
-    room = np.minimum(HALF_WIDTH, np.minimum(before + 1, len(signal) - 1 - before))
-    for k in np.flatnonzero(room < HALF_WIDTH):
-        half = int(room[k])
-        taps = signal[before[k] - half + 1 : before[k] + half + 1]
+    # Those of which a whole stencil lies within the record come after some and before others.
+    start = min(max(HALF_WIDTH - 1 - first, 0), rows)
+    stop = max(start, rows + 1 - HALF_WIDTH)
+    if stop > start:
+        taps = signal[first + start - HALF_WIDTH + 1 : first + stop + HALF_WIDTH]
+        found[start:stop] = np.correlate(taps, _lagrange(part, HALF_WIDTH), "valid")
+    for k in (*range(start), *range(stop, rows)):
+        half = min(HALF_WIDTH, first + k + 1, len(signal) - 1 - first - k)
+        taps = signal[first + k - half + 1 : first + k + half + 1]
         found[k] = taps @ _lagrange(part, half)
-    (inner,) = np.nonzero(room == HALF_WIDTH)
-    if len(inner):
-        start = before[inner[0]] - HALF_WIDTH + 1
-        stop = before[inner[-1]] + HALF_WIDTH + 1
-        found[inner] = np.correlate(signal[start:stop], _lagrange(part, HALF_WIDTH), "valid")
     return found
 
 

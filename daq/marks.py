@@ -131,19 +131,22 @@ def _drop_outs(
 
     A key turning round stands beside the median as well, but slowly.
     """
-    from scipy.ndimage import median_filter
-
     window = math.ceil(DROP_OUT_WINDOW * rate) | 1
     if len(volts) < window:
         return []
     unit = max(noise, LEAST_DROP_OUT * largest / DROP_OUT_SEED)
-    away = np.abs(volts - median_filter(volts, window, mode="nearest"))
+    least = DROP_OUT_SEED * math.sqrt(2) * unit
     jumps = np.abs(volts[DROP_OUT_JUMP:] - volts[:-DROP_OUT_JUMP])
+    if not (jumps > least).any():
+        return []  # before the median is taken, which is most of the work
+    from scipy.ndimage import median_filter
+
+    away = np.abs(volts - median_filter(volts, window, mode="nearest"))
     found = []
     for start, stop in _runs(away > DROP_OUT_EDGE * unit):
         depth = away[start:stop].max()
         jump = jumps[max(0, start - DROP_OUT_JUMP) : stop].max()
-        sudden = jump > max(DROP_OUT_SEED * math.sqrt(2) * unit, DROP_OUT_SHARE * depth)
+        sudden = jump > max(least, DROP_OUT_SHARE * depth)
         if depth > DROP_OUT_SEED * unit and sudden and not known[start:stop].any():
             found.append((start, stop))
     return found

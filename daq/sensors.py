@@ -15,6 +15,8 @@ from rig.acquisition import Channel
 
 CALIBRATION_LIFE = 366
 """Days after which a calibration is told to be old."""
+NOISE_ROWS = 8192
+"""Second differences from which a noise is told, at the least, where there are so many."""
 
 Signal = NDArray[np.float64]
 
@@ -68,11 +70,13 @@ def correct(volts: Signal, channel: Channel, rate: float) -> Signal:
 def white_noise(signal: Signal) -> float:
     """Return the standard deviation of the white noise in a signal, in its unit.
 
-    It comes from the median of the second differences, which motion hardly touches.
+    It comes from the median of the second differences, which motion hardly touches. Of a long
+    signal every so many are enough: `NOISE_ROWS` tell it to 1.3 %.
     """
     second = np.diff(signal[np.isfinite(signal)], 2)
     if not len(second):
         return 0.0
+    second = second[:: max(1, len(second) // NOISE_ROWS)]
     return float(1.4826 * np.median(np.abs(second - np.median(second))) / math.sqrt(6))
 
 

@@ -128,18 +128,23 @@ class Scene(Section):
         return rig
 
     def as_wired(self, rig: Rig) -> Rig:
-        """Return the rig with the calibration charts of this scene's sensors."""
+        """Return the rig with the calibration charts of this scene's sensors.
+
+        What a chart said of a value, its source or its range, does not hold for an ideal sensor's.
+        """
         if self.sensors is not None:
             return rig
         ideal = {"delay": "0 s", "low_pass": "0 Hz", "high_pass": "0 Hz"}
-        return with_values(
-            rig,
-            {
-                f"daq.channels.{i}.{name}": value
-                for i in range(len(rig.daq.channels))
-                for name, value in ideal.items()
-            },
-        )
+        charts = {
+            f"daq.channels.{i}.{name}": value
+            for i in range(len(rig.daq.channels))
+            for name, value in ideal.items()
+        }
+        origins = {
+            kind: {key: said for key, said in getattr(rig, kind).items() if key not in charts}
+            for kind in ("assumed", "sources")
+        }
+        return with_values(rig, charts).model_copy(update=origins)
 
 
 def load_scene(name: str | Path = "paper") -> Scene:

@@ -2,7 +2,6 @@
 
 from typing import Any
 
-from analysis.compare import Comparison, Departure
 from analysis.phases import Phases
 from analysis.press import Press
 
@@ -22,15 +21,10 @@ def press_summary(press: Press, phases: Phases) -> dict[str, Any]:
         "start": phases.start,
         "contact": first and first.contact,
         "release": first and first.release,
-        "plucks": [
-            {
-                "contact": p.contact,
-                "release": p.release,
-                "contact_std": p.contact_std,
-                "release_std": p.release_std,
-            }
-            for p in phases.plucks
-        ],
+        "bottom": phases.bottom,
+        "bottomed": phases.bottomed,
+        "returned": phases.returned,
+        "plucks": [vars(pluck) for pluck in phases.plucks],
         "speeds": {
             "free": phases.free_speed,
             "held": phases.held_speed,
@@ -46,47 +40,14 @@ def press_summary(press: Press, phases: Phases) -> dict[str, Any]:
 
 
 def press_line(press: Press, phases: Phases) -> str:
-    """Return one press as a row under `HEADER`."""
+    """Return one press as rows under `HEADER`, one a pluck."""
     name = press.path.name + (" simulated" if press.simulated else "")
     row = f"{name:<25} {phases.free_speed:>9.5f}"
     if not phases.plucks:
         return f"{row}  no pluck"
-    first = phases.plucks[0]
-    return (
-        f"{row} {first.contact * 1e3:>10.3f} {first.release * 1e3:>10.3f}"
-        f" {first.duration * 1e3:>8.3f} {first.peak_force:>7.4f}"
+    first, *more = (
+        f"{p.contact * 1e3:>10.3f} {p.release * 1e3:>10.3f}"
+        f" {p.duration * 1e3:>8.3f} {p.peak_force:>7.4f}"
+        for p in phases.plucks
     )
-
-
-def comparison_summary(comparison: Comparison) -> dict[str, Any]:
-    """Return a comparison as JSON would hold it."""
-
-    def plain(departure: Departure) -> dict[str, Any]:
-        known = departure.low is not None
-        return {
-            "value": departure.value,
-            "ci95": [departure.low, departure.high] if known else None,
-        }
-
-    return {
-        "slope_error": plain(comparison.slope_error),
-        "magnitude_error": plain(comparison.magnitude_error),
-        "duration_error": plain(comparison.duration_error),
-    }
-
-
-def comparison_lines(comparison: Comparison, level: str) -> list[str]:
-    """Return a comparison as text; a departure is predicted / measured - 1."""
-
-    def said(departure: Departure) -> str:
-        text = f"{departure.value:+.2%}"
-        if departure.low is None or departure.high is None:
-            return f"{text} (one press: no interval)"
-        return f"{text} (95 %: {departure.low:+.2%} to {departure.high:+.2%})"
-
-    return [
-        f"model ({level}) against {comparison.presses} presses, predicted / measured - 1:",
-        f"  slope of force on deflection  {said(comparison.slope_error)}",
-        f"  rise of force to release      {said(comparison.magnitude_error)}",
-        f"  time the string is held       {said(comparison.duration_error)}",
-    ]
+    return "\n".join([f"{row} {first}", *(f"{'':<35} {line}" for line in more)])

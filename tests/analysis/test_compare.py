@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 from analysis.compare import _departure, compare, predicted_features
+from analysis.compare_features import COMPARED, compare_features, pluck_features
 from analysis.errors import AnalysisError
+from analysis.features import Features, PluckFeatures
 from analysis.model.predict import predict
 from analysis.phases import HeldString, Phases
 
@@ -68,12 +70,88 @@ def test_without_a_pluck_there_is_nothing_to_compare(prediction, phases):
         compare(phases, prediction)
 
 
-@pytest.mark.parametrize("n", [2, 5, 20])
-def test_the_interval_covers_the_mean_in_95_of_100(n):
+@pytest.mark.parametrize(
+    ("n", "kind", "repeats", "within"),
+    [(2, "student", 2000, 0.015), (5, "student", 2000, 0.015), (20, "bootstrap", 400, 0.045)],
+)
+def test_the_interval_covers_the_mean_in_95_of_100(n, kind, repeats, within):
+    """Resampling of 20 covers 93 of 100 and no less, where the values are normal."""
     random = np.random.default_rng(n)
-    draws = random.normal(0.1, 0.03, (2000, n))
-    covered = [d.low <= 0.1 <= d.high for d in (_departure(list(row)) for row in draws)]
-    assert np.mean(covered) == pytest.approx(0.95, abs=0.015)
+    draws = random.normal(0.1, 0.03, (repeats, n))
+    found = [_departure(list(row)) for row in draws]
+    assert {d.interval for d in found} == {kind}
+    assert np.mean([d.low <= 0.1 <= d.high for d in found]) == pytest.approx(0.95, abs=within)
+
+
+@pytest.mark.parametrize("n", [2, 20])
+def test_presses_that_are_all_alike_have_an_interval_of_no_width(n):
+    found = _departure([0.25] * n)
+    assert (found.low, found.high) == pytest.approx((0.25, 0.25), abs=1e-15)
+
+
+def test_a_skewed_feature_has_a_skewed_interval():
+    """BCa reaches further to the side of the long tail, which Student's t does not see."""
+    values = list(np.random.default_rng(1).exponential(1.0, 30))
+    found = _departure(values)
+    assert found.interval == "bootstrap"
+    assert found.high - found.value > found.value - found.low
+
+
+def features_of(predicted, share=0.0):
+    """Return the features of a press that departs from a prediction by a share of each."""
+    pluck = PluckFeatures(**{name: value / (1 + share) for name, value in predicted.items()})
+    return Features("press.mcap", True, 0, 0.2, None, None, 0.07, 0.07, 0.07, 1e-3, 0, (pluck,))
+
+
+def test_every_feature_stands_beside_the_models(paper, prediction):
+    predicted = pluck_features(paper, prediction, prediction.choirs[0])
+    rows = [features_of(predicted, share) for share in (-0.1, 0.0, 0.1)]
+    found = {f.name: f for f in compare_features(rows, paper, prediction)}
+    assert tuple(found) == COMPARED
+    for name, feature in found.items():
+        assert feature.predicted == predicted[name]
+        assert feature.presses == 3
+        assert feature.low < feature.measured < feature.high
+    assert found["contact_duration"].predicted == pytest.approx(prediction.contact_duration)
+    assert found["contact_rise"].predicted == pytest.approx(paper.jack.string_clearance, rel=1e-6)
+    assert found["force_step"].predicted > 0
+    assert found["force_slope"].unit == "N/m"
+
+
+def test_one_press_has_features_without_intervals(paper, prediction):
+    row = features_of(pluck_features(paper, prediction, prediction.choirs[0]))
+    for feature in compare_features([row], paper, prediction):
+        assert (feature.low, feature.high, feature.interval) == (None, None, "none")
+        assert feature.measured == pytest.approx(feature.predicted)
+
+
+def test_features_without_a_pluck_are_not_compared(paper, prediction):
+    mute = Features("press.mcap", True, 0, 0.2, None, None, 0.07, None, None, 1e-3, 0, ())
+    assert compare_features([mute], paper, prediction) == ()
+
+
+def test_the_held_work_of_a_prediction_is_its_own(paper, prediction):
+    """The finger's work while the string is held is the string's and what friction and
+    weight take on the way."""
+    held = pluck_features(paper, prediction, prediction.choirs[0])["held_work"]
+    bare = paper.model_copy(
+        update={
+            "key": paper.key.model_copy(
+                update={
+                    "front_heaviness": 0.0,
+                    "pivot_coulomb_friction": 0.0,
+                    "pivot_viscous_friction": 0.0,
+                    "inertia": 1e-9,
+                }
+            ),
+            "jack": paper.jack.model_copy(update={"mass": 1e-9, "register_friction": 0.0}),
+        }
+    )
+    alone = predict(bare)
+    assert pluck_features(bare, alone, alone.choirs[0])["held_work"] == pytest.approx(
+        alone.work, rel=1e-3
+    )
+    assert held > alone.work
 
 
 def test_features_of_a_line_are_the_lines(prediction):

@@ -8,6 +8,7 @@ from analysis.phases import find_phases
 from analysis.press import Press
 
 CONTACT, RELEASE = 0.052, 0.072
+LAG = 1 / (2 * np.pi * 22e3)
 NOISY = {"force_noise": 5e-3, "velocity_noise": 5e-5, "hum": 1e-3}
 RATES = [10e3, 20e3, 51.2e3, 100e3, 200e3]
 
@@ -36,9 +37,11 @@ def cut(press, rows):
 def test_a_clean_press_is_known_to_a_sample(make_press, rate):
     held, phases = only_pluck(make_press(rate=rate))
     assert held.contact == pytest.approx(CONTACT, abs=1e-6)
-    assert held.release == pytest.approx(RELEASE, abs=0.51 / rate)
-    assert held.release_std == pytest.approx(1 / rate / np.sqrt(12), rel=1e-9)
-    assert held.duration == pytest.approx(0.020, abs=0.6 / rate)
+    assert held.release == pytest.approx(RELEASE, abs=0.7 / rate)
+    # Where in a sample it is, and a lag of the low-pass that the chart may leave out.
+    known = np.hypot(1 / rate, 2 * LAG) / np.sqrt(12)
+    assert known * (1 - 1e-9) <= held.release_std < 1.3 * known
+    assert held.duration == pytest.approx(0.020, abs=0.7 / rate)
     assert held.contact_force == pytest.approx(0.33, abs=1e-3)
     assert held.peak_force == pytest.approx(0.33 + 27 * 0.02, abs=27 / rate)
     assert held.force_step == pytest.approx(27 * 0.02, abs=27 / rate)
@@ -222,3 +225,45 @@ def test_finding_does_not_change_the_press(make_press):
     first = find_phases(press)
     assert press.data.equals(before)
     assert find_phases(press) == first
+
+
+@pytest.mark.parametrize(
+    ("speed", "contact", "release", "rate"),
+    [(1.0, 0.0335, 0.0365, 51.2e3), (1.0, 0.0335, 0.0365, 200e3), (0.005, 0.5, 0.9, 51.2e3)],
+)
+def test_presses_of_milliseconds_and_of_two_seconds(make_press, speed, contact, release, rate):
+    press = make_press(
+        speed=speed,
+        contact=contact,
+        release=release,
+        slope=0.5 / (release - contact),
+        until=max(0.08, 2.2 * release),
+        rate=rate,
+        **NOISY,
+    )
+    held, _ = only_pluck(press)
+    assert held.contact == pytest.approx(contact, abs=max(0.3e-3, 4 * held.contact_std))
+    assert held.release == pytest.approx(release, abs=0.1e-3)
+
+
+@pytest.mark.parametrize(("peak", "noise"), [(50.0, 5e-3), (0.1, 1e-4)])
+def test_strong_and_weak_forces(make_press, peak, noise):
+    held, _ = only_pluck(make_press(slope=peak / 0.020, force_noise=noise))
+    assert held.contact == pytest.approx(CONTACT, abs=0.1e-3)
+    assert held.release == pytest.approx(RELEASE, abs=0.03e-3)
+    assert held.force_step == pytest.approx(peak, rel=0.02)
+
+
+def test_a_pluck_of_a_millinewton_is_not_told(make_press):
+    """It is below what the rest of the model leaves out, and docs/phases.md says so."""
+    phases = find_phases(make_press(slope=1e-3 / 0.020))
+    assert phases.plucks == ()
+    assert_finite(phases)
+
+
+def test_pure_noise_is_no_press(make_press):
+    random = np.random.default_rng(0)
+    press = make_press.build(1e-3 * random.standard_normal(9000), random.standard_normal(9000), 5e4)
+    phases = find_phases(press)
+    assert phases.plucks == ()
+    assert phases.warnings

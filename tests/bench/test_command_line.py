@@ -113,7 +113,7 @@ def test_press_phases_compare_info_on_the_stand_in(sautereau, tmp_path):
     assert len(found["files"]) == 2
     assert {"path", "plucks", "speeds", "forces", "warnings"} <= set(found["files"][0])
     pluck = found["files"][0]["plucks"][0]
-    assert set(pluck) == {"contact", "release", "contact_std", "release_std"}
+    assert {"contact", "release", "contact_std", "release_std"} <= set(pluck)
     assert pluck["contact"] == result["presses"][0]["contact"]
 
     compared = json.loads(sautereau("compare", *result["recordings"], "--json").stdout)

@@ -3,7 +3,8 @@
 import pytest
 
 from rig.errors import RigError
-from rig.load import load_rig
+from rig.load import load_rig, parse_rig
+from rig.text import rig_text
 from sim_backend.errors import SceneError
 from sim_backend.scene import load_scene, packaged_scenes, parse_scene
 
@@ -167,3 +168,8 @@ def test_without_sensors_the_charts_are_those_of_ideal_ones(rig):
             chart.scale, chart.range, chart.terminal,
         )  # fmt: skip
     assert load_scene("paper").as_wired(rig) is rig
+
+
+def test_a_rig_with_ideal_charts_is_a_rig_file_that_reads_back(rig):
+    wired = load_scene("ideal").as_wired(rig)
+    assert parse_rig(rig_text(wired)) == wired

@@ -1,0 +1,125 @@
+"""A picture of presses and their phases: what was measured, the boundaries, their uncertainty."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from analysis.errors import AnalysisError
+from analysis.phases import HeldString, Phases
+from analysis.press import Press
+from trajectory.motion import Floats
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+MEASURED, CONTACT, RELEASE, OTHER = "#1f4e79", "#2e7d32", "#c8502d", "#777777"
+DOUBTFUL = "#f3d9a4"
+MOST = 8
+"""Presses that one picture holds."""
+MARGIN = 0.15
+"""1, of the time from start to bottom that is shown beyond it on either side."""
+COVERAGE = 1.96
+"""Standard uncertainties on either side that a band covers: 95 %."""
+
+
+def plot_phases(path: str | Path, presses: Sequence[Press], phases: Sequence[Phases]) -> None:
+    """Draw `phases_figure` into a file.
+
+    Args:
+        path: Where the picture goes; its suffix chooses the format.
+        presses: Recorded presses.
+        phases: Theirs, in the same order.
+
+    Raises:
+        AnalysisError: There is no press to draw, or too many for one picture.
+    """
+    phases_figure(presses, phases).savefig(path, dpi=120)
+
+
+def phases_figure(presses: Sequence[Press], phases: Sequence[Phases]) -> "Figure":
+    """Return a figure with a row a press: force and jack speed over time, contact and release.
+
+    A boundary is a line with a band of 95 %; stretches that are not to be believed are shaded.
+    """
+    from matplotlib.figure import Figure
+
+    if not presses:
+        raise AnalysisError("there is no press to draw; give at least one recording")
+    if len(presses) > MOST:
+        raise AnalysisError(
+            f"{len(presses)} presses are too many for one picture of {MOST} at most; give fewer"
+            " recordings, or no picture"
+        )
+    simulated = any(press.simulated for press in presses)
+    figure = Figure(figsize=(12, 1.2 + 3.2 * len(presses)), layout="constrained")
+    grid = figure.subplots(len(presses), 2, squeeze=False, width_ratios=(2, 1))
+    for (whole, close), press, found in zip(grid, presses, phases, strict=True):
+        _whole(whole, press, found)
+        _close(close, press, found)
+    kind = "SIMULATED, made on the stand-in" if simulated else "measured"
+    figure.suptitle(f"Rig {presses[0].rig.name}: phases, {kind}")
+    return figure
+
+
+def _whole(axes: "Axes", press: Press, found: Phases) -> None:
+    time = press.data.index.to_numpy() * 1e3
+    spare = MARGIN * max(found.bottom - found.start, 1e-3)
+    inside = slice(*time.searchsorted([(found.start - spare) * 1e3, (found.bottom + spare) * 1e3]))
+    if inside.stop - inside.start < 2:
+        inside = slice(None)
+    axes.plot(time[inside], press.data["force"].to_numpy()[inside], color=MEASURED, lw=0.7)
+    force = press.data["force"].to_numpy()[time <= found.bottom * 1e3]
+    if len(force):  # blows on the felt would make the rest small
+        spare = 0.05 + 0.1 * float(np.ptp(force))
+        axes.set_ylim(float(force.min()) - spare, float(force.max()) + spare)
+    axes.set_ylabel("finger force (N)", color=MEASURED)
+    axes.set_xlabel("time from the trigger (ms)")
+    speed = axes.twinx()
+    speed.plot(time[inside], press.data["jack_speed"].to_numpy()[inside], color=OTHER, lw=0.7)
+    speed.set_ylabel("jack speed (m/s)", color=OTHER)
+    for mark in press.marks:
+        if mark.stop * 1e3 > time[inside][0] and mark.start * 1e3 < time[inside][-1]:
+            axes.axvspan(mark.start * 1e3, mark.stop * 1e3, color=DOUBTFUL, zorder=0)
+    for number, held in enumerate(found.plucks, 1):
+        _boundary(axes, held.contact, held.contact_std, CONTACT, f"contact {number}")
+        _boundary(axes, held.release, held.release_std, RELEASE, f"release {number}")
+    others = {"felt": found.bottomed, "bottom": found.bottom, "back": found.returned}
+    for name, instant in others.items():
+        if instant is not None and time[inside][0] <= instant * 1e3 <= time[inside][-1]:
+            axes.axvline(instant * 1e3, color=OTHER, lw=0.8, ls=":", label=name)
+    axes.legend(loc="center right", fontsize=7)
+    word = " simulated" if press.simulated else ""
+    axes.set_title(f"{press.path.name}{word}", loc="left", fontsize=9)
+
+
+def _close(axes: "Axes", press: Press, found: Phases) -> None:
+    """Draw the force on the deflection from contact on, as the paper aligns its presses."""
+    if not found.plucks:
+        axes.text(0.5, 0.5, "no pluck", transform=axes.transAxes, ha="center", va="center")
+        axes.set_axis_off()
+        return
+    for held in found.plucks:
+        force, travel = _from_contact(press, held)
+        axes.plot(travel * 1e3, force, lw=0.7, color=MEASURED)
+    axes.axvline(0.0, color=CONTACT, lw=1)
+    axes.set_xlabel("deflection at the laser from contact (mm)")
+    axes.set_ylabel("finger force (N)")
+
+
+def _from_contact(press: Press, held: HeldString) -> tuple[Floats, Floats]:
+    """Return force [N] and deflection [m] a little beyond contact and release."""
+    margin = 0.25 * held.duration
+    data = press.data.loc[held.contact - margin : held.release + margin]
+    before = press.data["deflection"].loc[: held.contact]
+    zero = float(before.iloc[-1]) if len(before) else 0.0
+    return data["force"].to_numpy(), data["deflection"].to_numpy() - zero
+
+
+def _boundary(axes: "Axes", instant: float, std: float, colour: str, name: str) -> None:
+    half = COVERAGE * std
+    label = f"{name}: {instant * 1e3:.3f} ± {std * 1e3:.2g} ms"
+    axes.axvspan((instant - half) * 1e3, (instant + half) * 1e3, color=colour, alpha=0.25, lw=0)
+    axes.axvline(instant * 1e3, color=colour, lw=1, label=label)

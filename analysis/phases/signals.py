@@ -1,0 +1,157 @@
+"""The signals of a press as phases are found in them: what is not to be believed is bridged."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.errors import AnalysisError
+from analysis.press import Press
+from daq.sensors import white_noise
+from rig.schema import Rig
+from trajectory.key import rise_of_angle, rise_slope
+from trajectory.motion import Floats
+
+LEFT = 0.005
+"""1, share of the full rise at which the jack has left its rest."""
+TOP = 0.995
+"""1, share of the full rise at which it counts as at its top."""
+SPREAD = 18
+"""Samples on either side of a doubtful stretch that taking back the lag has spread it over."""
+NOISE_ROWS = 4096
+"""Samples that the noise is taken from."""
+FORCE_FLOOR, VELOCITY_FLOOR = 5e-4, 5e-6
+"""N and m/s, least noise of a sample: what the model of the key leaves out."""
+SPIKE = 12.0
+"""Standard deviations by which a spike stands out."""
+
+
+@dataclass(frozen=True)
+class Signals:
+    """A press's signals with what is not to be believed bridged; arrays of shape (n,)."""
+
+    time: Floats
+    """s from the trigger."""
+    rate: float
+    """Hz."""
+    force: Floats
+    """N, spikes of one or two samples taken out."""
+    velocity: Floats
+    """m/s, of the key under the laser."""
+    deflection: Floats
+    """m, of the key under the laser."""
+    rise: Floats
+    """m, of the jack."""
+    speed: Floats
+    """m/s, of the jack."""
+    inertial: float
+    """kg, of key and jack at the finger for each unit of the laser spot's acceleration."""
+    force_noise: float
+    """N, of one sample."""
+    velocity_noise: float
+    """m/s, of one sample."""
+    instant_std: float
+    """s, of any instant: where in a sample it is, and the sensors' lag beside their charts'."""
+    no_force: NDArray[np.bool_]
+    """Where the force is not to be believed."""
+    no_velocity: NDArray[np.bool_]
+    """Where the velocity is not to be believed."""
+
+    def sample(self, instant: float) -> int:
+        """Return the sample nearest to an instant [s]."""
+        return round((instant - float(self.time[0])) * self.rate)
+
+
+def signals_of(press: Press) -> Signals:
+    """Return the signals of a press with drop-outs and spikes bridged.
+
+    Raises:
+        AnalysisError: Force or velocity hold samples that are not numbers.
+    """
+    rate, key = press.rate, press.rig.key
+    time = press.data.index.to_numpy()
+    # Column by column, pandas would copy the units with each.
+    columns = dict(zip(press.data.columns, press.data.to_numpy().T, strict=True))
+    force, velocity, deflection, rise, speed = (
+        np.ascontiguousarray(columns[name])
+        for name in ("force", "velocity", "deflection", "jack_rise", "jack_speed")
+    )
+    _must_be_numbers(press, {"force": force, "velocity": velocity})
+    force_noise, velocity_noise = (white_noise(signal[:NOISE_ROWS]) for signal in (force, velocity))
+    names = {c.name: c.quantity for c in press.rig.daq.channels}
+    bad = {quantity: np.zeros(len(time), bool) for quantity in ("force", "velocity")}
+    for mark in press.marks:
+        first, last = np.searchsorted(time, (mark.start, mark.stop))
+        bad[names[mark.channel]][max(0, first - SPREAD) : last + SPREAD] = True
+    force = _without_spikes(force, force_noise)
+    if bad["velocity"].any() and not bad["velocity"].all():
+        good = ~bad["velocity"]
+        velocity = np.interp(time, time[good], velocity[good])
+        spin = velocity / key.laser_arm
+        angle = np.cumsum(spin) / rate
+        deflection = angle * key.laser_arm
+        rise, speed = rise_of_angle(key, angle), spin * rise_slope(key, angle)
+    inertia = key.inertia + press.rig.jack.mass * key.jack_arm**2
+    return Signals(
+        time=time,
+        rate=rate,
+        force=force,
+        velocity=velocity,
+        deflection=deflection,
+        rise=rise,
+        speed=speed,
+        inertial=inertia / key.laser_arm / key.press_arm,
+        force_noise=max(force_noise, FORCE_FLOOR),
+        velocity_noise=max(velocity_noise, VELOCITY_FLOOR),
+        instant_std=math.hypot(1 / rate / math.sqrt(12), _lag_std(press.rig)),
+        no_force=bad["force"],
+        no_velocity=bad["velocity"],
+    )
+
+
+def _must_be_numbers(press: Press, signals: dict[str, Floats]) -> None:
+    for name, signal in signals.items():
+        bad = int(np.count_nonzero(~np.isfinite(signal)))
+        if bad:
+            raise AnalysisError(
+                f"press {press.path}: {bad} samples of its {name} are not finite numbers;"
+                " look at the recording, and press again"
+            )
+
+
+def _lag_std(rig: Rig) -> float:
+    """Return the standard uncertainty of the force's lag [s].
+
+    A first-order low-pass lags by 1/(2 pi f); a chart that gives no order leaves open whether
+    its delay has that in it, which may be off by it either way.
+    """
+    channel = rig.daq.channel("force")
+    if channel is None or not channel.low_pass or channel.low_pass_order:
+        return 0.0
+    return 1 / (2 * math.pi * channel.low_pass) / math.sqrt(3)
+
+
+def way_down(signals: Signals) -> tuple[int, int] | None:
+    """Return the samples at which the jack leaves its rest and comes to its top, if it does."""
+    top = signals.rise.max(initial=0.0)
+    if top < 1e-4:
+        return None
+    begin = int(np.argmax(signals.rise > LEFT * top))
+    return begin, int(np.argmax(signals.rise > TOP * top))
+
+
+def _without_spikes(force: Floats, noise: float) -> Floats:
+    """Bridge single samples, and two together, that stand out to one side of both neighbours."""
+    if len(force) < 7:
+        return force
+    before, after = force[3:-3] - force[:-6], force[3:-3] - force[6:]
+    height = np.where(before * after > 0, np.minimum(np.abs(before), np.abs(after)), 0.0)
+    # A spike comes back to where it was, and the tip of a pluck does not.
+    back = np.abs(before - after) < 0.3 * height
+    out = 3 + np.flatnonzero(back & (height > SPIKE * max(noise, FORCE_FLOOR)))
+    if not len(out):
+        return force
+    bridged = force.copy()
+    bridged[out] = (force[out - 3] + force[out + 3]) / 2
+    return bridged

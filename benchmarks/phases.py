@@ -1,0 +1,172 @@
+"""Contact and release in randomised presses whose truth is known, and `ruptures` beside it."""
+
+import statistics
+import sys
+import time
+from dataclasses import dataclass
+
+import numpy as np
+
+from analysis.phases import Phases, find_phases
+from analysis.press import Press
+from benchmarks.figures import Figure
+from benchmarks.simulated import random_case, simulated_press
+from sim_backend.truth import Truth
+from trajectory.motion import Floats
+
+CASES = 1000
+PEER_CASES, PEER_ROWS = 40, 250
+"""On which `ruptures` is tried as well, and means that it is given of each: its time grows with
+the square of their number."""
+PEER_MARGIN = 8e-3
+"""s, that it is spared after the start and before the bottom, where lines do not hold."""
+
+
+@dataclass(frozen=True)
+class Study:
+    """Presses found right and wrong, and the errors of all boundaries of those found right."""
+
+    cases: int
+    wrong: tuple[int, ...]
+    """Seeds of cases with a wrong number of plucks."""
+    mute_plucked: int
+    """Mute presses that were given a pluck."""
+    contact: Floats
+    """s, errors; shape (plucks,)."""
+    contact_std: Floats
+    """s, what was stated."""
+    release: Floats
+    """s."""
+    release_std: Floats
+    """s."""
+    seconds: Floats
+    """s of the processor, for each press."""
+
+    @property
+    def passed(self) -> bool:
+        """Whether this is as exact and as honest as it is meant to be."""
+        return (
+            len(self.wrong) <= 0.005 * self.cases
+            and self.mute_plucked == 0
+            and all(
+                np.median(np.abs(error)) <= 0.1e-3
+                and np.quantile(np.abs(error), 0.99) <= 0.5e-3
+                and 0.60 <= covered(error, std, 1.0) <= 0.76
+                and 0.90 <= covered(error, std, 1.96) <= 0.99
+                for error, std in (
+                    (self.contact, self.contact_std),
+                    (self.release, self.release_std),
+                )
+            )
+        )
+
+
+def covered(error: Floats, std: Floats, deviations: float) -> float:
+    """Return the share of errors within so many of their stated uncertainties."""
+    return float(np.mean(np.abs(error) <= deviations * std))
+
+
+def study(seeds: range) -> Study:
+    """Find the phases of random cases and compare them with the truth."""
+    wrong, rows, seconds, mute = [], [], [], 0
+    for seed in seeds:
+        press, truth = simulated_press(*random_case(seed), seed)
+        begun = time.process_time()
+        found = find_phases(press)
+        seconds.append(time.process_time() - begun)
+        if len(found.plucks) != len(truth.releases):
+            wrong.append(seed)
+            mute += not truth.contacts
+            continue
+        for held, contact, release in zip(
+            found.plucks, truth.contacts, truth.releases, strict=False
+        ):
+            rows.append(
+                (
+                    held.contact - contact,
+                    held.contact_std,
+                    held.release - release,
+                    held.release_std,
+                )
+            )
+    columns = np.array(rows).reshape(-1, 4).T
+    return Study(len(seeds), tuple(wrong), mute, *columns, np.array(seconds))
+
+
+def run() -> list[Figure]:
+    """Return the errors, their honesty, the time of a press, and the peer's."""
+    found = study(range(CASES))
+    assert found.passed, found
+    figures = [Figure(f"wrong number of plucks, of {CASES}", len(found.wrong), "", "limit", 5)]
+    for name in ("contact", "release"):
+        error, std = getattr(found, name), getattr(found, f"{name}_std")
+        figures += [
+            Figure(f"{name}, median error", np.median(np.abs(error)) * 1e3, "ms", "limit", 0.1),
+            Figure(
+                f"{name}, 99th percentile",
+                np.quantile(np.abs(error), 0.99) * 1e3,
+                "ms",
+                "limit",
+                0.5,
+            ),
+            Figure(f"{name}, in its 68 %", covered(error, std, 1.0), "", "meant", 0.68),
+            Figure(f"{name}, in its 95 %", covered(error, std, 1.96), "", "meant", 0.95),
+        ]
+    median = statistics.median(found.seconds.tolist())
+    figures.append(Figure("phases of a press", median * 1e3, "ms", "limit", 3.3))
+    return [*figures, *_peer()]
+
+
+def _peer() -> list[Figure]:
+    """Let `ruptures` find as many boundaries as there are, in the same presses."""
+    ours: list[tuple[float, float]] = []
+    theirs: list[tuple[float, float]] = []
+    seconds = [0.0, 0.0]
+    for seed in range(CASES):
+        rig, scene = random_case(seed)
+        if scene.push is not None:  # its force tells nothing, and the peer sees the force alone
+            continue
+        press, truth = simulated_press(rig, scene, seed)
+        if len(truth.releases) != 1:
+            continue
+        begun = time.process_time()
+        found = find_phases(press)
+        then = time.process_time()
+        contact, release = _by_ruptures(press, found)
+        seconds = [seconds[0] + then - begun, seconds[1] + time.process_time() - then]
+        held = found.plucks[0]
+        ours.append(_errors(truth, held.contact, held.release))
+        theirs.append(_errors(truth, contact, release))
+        if len(ours) == PEER_CASES:
+            break
+    figures = []
+    for place, name in enumerate(("contact", "release")):
+        mine, peer = (statistics.median(e[place] for e in errors) for errors in (ours, theirs))
+        figures.append(Figure(f"{name}, median error", mine * 1e3, "ms", "ruptures", peer * 1e3))
+    mine, peer = (total / len(ours) * 1e3 for total in seconds)
+    return [*figures, Figure("phases of a press", mine, "ms", "ruptures", peer)]
+
+
+def _by_ruptures(press: Press, found: Phases) -> tuple[float, float]:
+    """Return the two changes of a piecewise line that `ruptures` sees on the way down [s].
+
+    It is told that there are two, and where the way down begins and ends; its search is exact.
+    """
+    import ruptures
+
+    at, force = press.data.index.to_numpy(), press.data["force"].to_numpy()
+    inside = (at > found.start + PEER_MARGIN) & (at < found.bottom - PEER_MARGIN)
+    n = max(1, int(inside.sum()) // PEER_ROWS)
+    rows = int(inside.sum()) // n
+    at, force = (signal[inside][: rows * n].reshape(rows, n).mean(1) for signal in (at, force))
+    signal = np.column_stack([force, np.ones(rows), np.arange(rows)])
+    first, second, _ = ruptures.Dynp(model="linear", jump=1, min_size=3).fit(signal).predict(2)
+    return float(at[first]), float(at[second])
+
+
+def _errors(truth: Truth, contact: float, release: float) -> tuple[float, float]:
+    return abs(contact - truth.contacts[0]), abs(release - truth.releases[0])
+
+
+if __name__ == "__main__":
+    print(study(range(*map(int, sys.argv[1:3]))))

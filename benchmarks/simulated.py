@@ -1,0 +1,167 @@
+"""Presses made in process: a world's motion, through the sensor chain, straight to a `Press`."""
+
+from datetime import UTC, datetime
+from pathlib import Path
+
+import numpy as np
+from numpy.random import Generator
+
+from analysis.errors import ModelError
+from analysis.press import Press, press_of
+from daq.recorded import Recorded
+from daq.session_info import SessionInfo
+from rig.load import load_rig, with_values
+from rig.schema import Rig
+from sim_backend.errors import SceneError
+from sim_backend.faults.tables import Faults
+from sim_backend.parts import Push, Sensors
+from sim_backend.physics.drive import LEAD, PressDrive
+from sim_backend.physics.observation import Observation, drive_of, observe
+from sim_backend.physics.world import new_world
+from sim_backend.runs import SampledRun
+from sim_backend.scene import Scene, load_scene
+from sim_backend.truth import Truth, truths
+from sim_backend.turns import Turns
+
+SCENES = ("ideal", "paper", "return", "two-choirs", "pluck", "free-key")
+"""Packaged scenes that `random_case` draws from."""
+SHARES = (0.2, 0.35, 0.15, 0.2, 0.05, 0.05)
+"""1, of each scene."""
+MUTE_SHARE = 0.15
+"""1, share of the planned presses whose strings are taken off."""
+SPECKLED_SHARE = 0.3
+"""1, share of the cases whose vibrometer loses its light now and then."""
+DAY = datetime(2026, 1, 1, tzinfo=UTC).isoformat()
+
+
+def simulated_press(rig: Rig, scene: Scene, seed: int = 0) -> tuple[Press, Truth]:
+    """Make a press by the scene's own engine and sensors, with no line, no card and no file.
+
+    Args:
+        rig: The nominal bench.
+        scene: With its step settled.
+        seed: Of the sensors' noise and drop-outs.
+
+    Returns:
+        The press, and what truly happened, in s from its time zero.
+    """
+    return sensed(rig, scene, observe(rig, scene), seed)
+
+
+def sensed(rig: Rig, scene: Scene, seen: Observation, seed: int = 0) -> tuple[Press, Truth]:
+    """Let the scene's sensors see what was observed; as `simulated_press`."""
+    recorded, truth = acquired(rig, scene, seen, seed)
+    return press_of(recorded), truth
+
+
+def acquired(rig: Rig, scene: Scene, seen: Observation, seed: int = 0) -> tuple[Recorded, Truth]:
+    """Return what the card acquires of what was observed; as `simulated_press`."""
+    wired = scene.as_wired(rig)
+    edge = (
+        LEAD * rig.controller.sample_period if isinstance(drive_of(rig, scene), PressDrive) else 0.0
+    )
+    rate, motions = rig.daq.sample_rate, seen.motions
+    before = motions.time <= edge
+    rest = float(motions.finger_force[before][-1]) if before.any() else 0.0
+    terminals = tuple(channel.terminal for channel in wired.daq.channels)
+    n = int((motions.time[-1] - edge) * rate)
+    run = SampledRun(wired, terminals, rate, n, scene.sensors, seed, 0, rest, Turns(), scene.faults)
+    run.trigger(edge)
+    sudden = (*seen.events.releases, *seen.events.returns)
+    run.feed(motions, sorted(event.time for event in sudden if event.time > edge))
+    recorded = Recorded(
+        t0_ns=0,
+        rate=rate,
+        first_sample=0,
+        volts=dict(zip((c.name for c in wired.daq.channels), run.read(0, n), strict=True)),
+        path=Path(f"simulated-{seed}.mcap"),
+        rig=wired,
+        session=SessionInfo(1, DAY, True, "none", "none", seed=seed),
+        plan=None,
+        joints=None,
+        events=(),
+        software={},
+        channels={},
+        gaps=(),
+    )
+    return recorded, truths(seen.events, [edge])[0]
+
+
+def random_case(seed: int) -> tuple[Rig, Scene]:
+    """Return a bench and a scene drawn at random: jack speed, instrument, sensors, drop-outs.
+
+    The simulated instrument differs from the rig that the analysis is told, within the
+    ranges that `rig/paper.toml` assumes; the noise is from none to three times that of the
+    scene `paper`. A case can always be played.
+    """
+    random = np.random.default_rng([8, seed])
+    while True:
+        rig, scene = _rig(random), _scene(random)
+        try:
+            drive_of(rig, scene)
+            new_world(rig, scene)
+        except (SceneError, ModelError):
+            continue
+        return rig, scene
+
+
+def _rig(random: Generator) -> Rig:
+    """Return a rig with a jack speed, a run-up and a sampling rate of its own."""
+    speed = float(np.exp(random.uniform(np.log(0.02), np.log(0.3))))
+    run_up = max(12.0, speed**2 / random.uniform(1.5e-3, 9e-3))
+    return with_values(
+        load_rig(),
+        {
+            "press.jack_speed": f"{speed} m/s",
+            "press.run_up_acceleration": f"{run_up} m/s^2",
+            "press.run_up_jerk": f"{250 * run_up} m/s^3",
+            "press.run_down_acceleration": f"{max(1.5, speed**2 / 2e-3)} m/s^2",
+            "press.run_down_jerk": f"{max(200.0, speed**3 / 1e-6)} m/s^3",
+            "daq.sample_rate": f"{random.choice([25.6, 51.2, 51.2, 51.2, 102.4])} kHz",
+            "daq.channels.0.range": "10 V",
+        },
+    )
+
+
+def _scene(random: Generator) -> Scene:
+    """Return a packaged scene, its instrument, noise and drop-outs changed."""
+    name = str(random.choice(SCENES, p=SHARES))
+    scene, uniform = load_scene(name), random.uniform
+    heaviness, mass = uniform(0, 8), uniform(4, 12)
+    truth = {
+        "key.inertia": f"{uniform(5e-4, 10e-4)} kg m^2",
+        "key.front_heaviness": f"{min(heaviness, 1.8 * mass)} mN m",
+        "key.pivot_coulomb_friction": f"{uniform(0, 3)} mN m",
+        "jack.mass": f"{mass} g",
+        "jack.register_friction": f"{uniform(0, 60)} mN",
+        "jack.string_clearance": f"{uniform(1.5, 2.5)} mm",
+        "plectrum.overlap": f"{uniform(0.15, 0.35)} mm",
+        "plectrum.thickness": f"{uniform(0.40, 0.55)} mm",
+        "plectrum.friction": float(uniform(0, 0.15)),
+    }
+    changes: dict[str, object] = {"truth": truth}
+    # Rigid bodies spread the fall of the finger's force at a release over a step.
+    changes |= {"step": 25e-6} if scene.finger == "servo" else {"engine": "reduced"}
+    if scene.push is not None:
+        longer = {"force": f"{uniform(0.8, 1.5)} N", "duration": "25 ms", "rest": "0 s"}
+        changes["push"] = Push.model_validate(longer)
+    if random.random() < MUTE_SHARE and name != "two-choirs":
+        changes |= {"plectrum": "none", "string": "none", "tongue": False}
+    noise = max(0.0, uniform(-0.6, 3.0))
+    changes["sensors"] = Sensors.model_validate(
+        {
+            "velocity_noise": f"{0.05 * noise} mm/s",
+            "force_noise": f"{5 * noise} mN",
+            "hum": f"{noise} mN",
+            "hum_frequency": f"{random.choice([50, 60])} Hz",
+        }
+    )
+    if random.random() < SPECKLED_SHARE:
+        speckle = {
+            "rate": f"{uniform(2, 40)} Hz",
+            "duration": f"{uniform(0.2, 1.4)} ms",
+            "level": float(uniform(0, 0.3)),
+            "spike": f"{uniform(0, 20)} mm/s",
+        }
+        changes["faults"] = Faults.model_validate({"speckle": speckle})
+    return scene.model_copy(update=changes)

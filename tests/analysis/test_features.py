@@ -1,0 +1,57 @@
+"""The flat row of numbers of a press."""
+
+import json
+from dataclasses import replace
+
+import pytest
+
+from analysis.features import UNITS, features
+from analysis.phases import find_phases
+
+
+@pytest.fixture(scope="module")
+def found(make_press):
+    press = make_press()
+    return press, features(press, find_phases(press))
+
+
+def test_a_row_has_a_column_for_every_unit(found):
+    _, features_ = found
+    row = features_.row()
+    assert set(row) == set(UNITS)
+    assert None not in {row[name] for name in row if name not in ("bottomed", "returned")}
+    json.dumps(row, allow_nan=False)
+
+
+def test_the_numbers_are_those_of_the_press(found):
+    """Closed forms: a jack at 72 mm/s, and a force that rises by 27 N/s for 20 ms."""
+    press, features_ = found
+    row = features_.row()
+    key = press.rig.key
+    assert row["contact_duration"] == pytest.approx(0.020, rel=1e-3)
+    assert row["release_rise"] - row["contact_rise"] == pytest.approx(0.072 * 0.020, rel=1e-3)
+    lever = key.laser_arm / key.jack_arm
+    assert row["held_deflection"] == pytest.approx(0.072 * 0.020 * lever, rel=0.02)
+    travel = 0.072 * 0.020 * key.press_arm / key.jack_arm
+    assert row["held_work"] == pytest.approx((0.33 + 27 * 0.020 / 2) * travel, rel=0.02)
+    assert row["press_work"] > row["held_work"]
+    assert row["force_slope"] == pytest.approx(27 / (0.072 * lever), rel=0.02)
+
+
+def test_a_mute_press_has_empty_columns(make_press):
+    press = make_press(slope=0)
+    row = features(press, find_phases(press)).row()
+    assert set(row) == set(UNITS)
+    assert row["plucks"] == 0
+    assert row["contact"] is None
+    assert row["held_work"] is None
+    assert row["press_work"] > 0
+
+
+def test_later_plucks_have_their_number_behind(found):
+    _, features_ = found
+    (pluck,) = features_.plucks
+    row = replace(features_, plucks=(pluck, pluck)).row()
+    assert row["plucks"] == 2
+    assert row["contact_2"] == row["contact"]
+    assert {name.removesuffix("_2") for name in row} == set(UNITS)

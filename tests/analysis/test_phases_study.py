@@ -1,0 +1,117 @@
+"""Phases of randomised presses of the stand-in, whose truth is known."""
+
+import numpy as np
+import pytest
+
+from analysis.phases import find_phases
+from benchmarks.phases import covered, study
+from benchmarks.simulated import random_case, sensed, simulated_press
+from rig.load import load_rig, with_values
+from sim_backend.physics.observation import observe
+from sim_backend.scene import load_scene
+
+
+def simulated(scene, speed=0.072, *, mute=False, seed=0, rate=51.2):
+    rig = with_values(
+        load_rig(), {"press.jack_speed": f"{speed} m/s", "daq.sample_rate": f"{rate} kHz"}
+    )
+    changes = {"sensors": load_scene("paper").sensors}
+    if scene != "paper":  # which has the moment of release exactly
+        changes["engine"] = "reduced"
+    if mute:
+        changes |= {"plectrum": "none", "string": "none", "tongue": False}
+    return simulated_press(rig, load_scene(scene).model_copy(update=changes), seed)
+
+
+def assert_found(press, truth, limit=0.25e-3):
+    plucks = find_phases(press).plucks
+    assert len(plucks) == len(truth.releases)
+    for held, contact, release in zip(plucks, truth.contacts, truth.releases, strict=True):
+        assert held.contact == pytest.approx(contact, abs=limit)
+        assert held.contact == pytest.approx(contact, abs=4 * held.contact_std)
+        assert held.release == pytest.approx(release, abs=0.03e-3)
+
+
+@pytest.mark.parametrize("scene", ["ideal", "paper", "return", "two-choirs"])
+@pytest.mark.parametrize("speed", [0.02, 0.15])
+def test_every_scene(scene, speed):
+    assert_found(*simulated(scene, speed))
+
+
+@pytest.mark.parametrize("scene", ["ideal", "paper", "return"])
+def test_a_mute_string_is_never_plucked(scene):
+    press, truth = simulated(scene, mute=True)
+    assert not truth.contacts
+    assert find_phases(press).plucks == ()
+
+
+def test_a_push_of_constant_force_is_known_by_the_velocity_alone():
+    """The finger's force shows neither contact nor release; the key's acceleration does."""
+    scene = load_scene("pluck")
+    push = scene.push.model_copy(update={"duration": 25e-3})
+    scene = scene.model_copy(update={"push": push, "engine": "reduced"})
+    rig = with_values(load_rig(), {"daq.channels.0.range": "10 V"})  # it gets fast
+    press, truth = simulated_press(rig, scene, 0)
+    assert_found(press, truth, limit=0.05e-3)
+
+
+def test_a_return_passes_the_string_and_is_no_pluck():
+    press, truth = simulated("return")
+    phases = find_phases(press)
+    assert len(truth.returns) == len(phases.plucks) == 1
+    assert phases.returned > truth.returns[0]
+
+
+def test_the_key_meets_its_felt():
+    press, _ = simulated_press(*random_case(5), 5)
+    phases = find_phases(press)
+    key = press.rig.key
+    travel = press.data["angle"].to_numpy() * key.press_arm
+    met = press.data.index[np.argmax(travel > key.dip)]
+    assert phases.bottomed == pytest.approx(met, abs=0.5e-3)
+
+
+def test_drop_outs_leave_the_phases():
+    rig, scene = random_case(14)
+    assert scene.faults is not None
+    assert_found(*simulated_press(rig, scene, 14))
+
+
+@pytest.mark.parametrize("rate", [1.0, 4.0, 200.0])
+def test_sampling_rates(rate):
+    press, truth = simulated("ideal", rate=rate)
+    (held,) = find_phases(press).plucks
+    limit = 1 / press.rate
+    assert held.contact == pytest.approx(truth.contacts[0], abs=max(0.2e-3, limit))
+    assert held.release == pytest.approx(truth.releases[0], abs=max(0.02e-3, limit))
+
+
+def test_the_same_press_with_other_noise_scatters_as_it_says():
+    rig, scene = load_rig(), load_scene("paper")
+    seen = observe(rig, scene)
+    scores = []
+    for seed in range(12):
+        press, truth = sensed(rig, scene, seen, seed)
+        (held,) = find_phases(press).plucks
+        scores.append((held.contact - truth.contacts[0]) / held.contact_std)
+    assert 0.5 < np.sqrt(np.mean(np.square(scores))) < 1.6
+
+
+def test_a_few_random_presses():
+    found = study(range(12))
+    assert not found.wrong
+    assert np.median(np.abs(found.contact)) < 0.1e-3
+    assert np.median(np.abs(found.release)) < 0.02e-3
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(3600)
+def test_a_thousand_random_presses():
+    found = study(range(1000))
+    assert len(found.wrong) <= 5, found.wrong
+    assert found.mute_plucked == 0
+    for error, std in ((found.contact, found.contact_std), (found.release, found.release_std)):
+        assert np.median(np.abs(error)) <= 0.1e-3
+        assert np.quantile(np.abs(error), 0.99) <= 0.5e-3
+        assert 0.60 <= covered(error, std, 1.0) <= 0.76
+        assert 0.90 <= covered(error, std, 1.96) <= 0.99
