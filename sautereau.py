@@ -43,6 +43,7 @@ for command in (
     analysing.phases,
     planning.predict,
     fitting.compare,
+    fitting.identify,
     recordings.info,
     recordings.recover,
     converting.export,

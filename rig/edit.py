@@ -55,7 +55,7 @@ class Edit:
             ) from error
 
 
-def edit_rig(path: str | Path, values: Mapping[str, str | int], source: str = "") -> Edit:
+def edit_rig(path: str | Path, values: Mapping[str, str | float], source: str = "") -> Edit:
     """Put values into the text of a rig file.
 
     A value that is a table, with a range that was assumed for it, keeps the table and loses
@@ -91,7 +91,7 @@ def edit_rig(path: str | Path, values: Mapping[str, str | int], source: str = ""
     return Edit(path, before, after)
 
 
-def _put(node: Any, keys: list[str], value: str | int, source: str) -> None:
+def _put(node: Any, keys: list[str], value: str | float, source: str) -> None:
     """Set what is found along the keys in the document; a key that is new is the last one."""
     import tomlkit
 

@@ -75,8 +75,8 @@ def compiled_solve():
         from numba import njit
     except ImportError:
         raise ModelError(
-            "numba is not installed, and the compiled solve needs it; install sautereau[fast],"
-            " or use solve_pluck"
+            "numba is not installed, and the compiled solve needs it;"
+            " pip install 'sautereau[fast]', or use solve_pluck"
         ) from None
     return njit(cache=True, fastmath=False)(solve_contact)
 

@@ -65,5 +65,5 @@ def test_the_compiled_solve_says_when_the_contact_is_lost(paper, contact_solver)
 def test_without_numba_the_compiled_solve_says_what_to_do(monkeypatch):
     monkeypatch.setitem(sys.modules, "numba", None)
     compiled.compiled_solve.cache_clear()
-    with pytest.raises(ModelError, match=r"sautereau\[fast\], or use solve_pluck"):
+    with pytest.raises(ModelError, match=r"sautereau\[fast\]', or use solve_pluck"):
         compiled.contact_solver(table(0.0), 1.0, 1.0, 0.1)

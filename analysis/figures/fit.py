@@ -1,0 +1,106 @@
+"""A picture of a fit: what the force was, what the model says, and what hangs together."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from analysis.figures.comparison import MEASURED, PREDICTED
+from analysis.identify.fit import Fit
+from analysis.identify.identified import Identified
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+STARTED = "#9a9a9a"
+
+
+def plot_fit(path: str | Path, made: Fit, found: Identified, simulated: bool) -> None:
+    """Draw `fit_figure` into a file; its suffix chooses the format."""
+    fit_figure(made, found, simulated).savefig(path, dpi=120)
+
+
+def fit_figure(made: Fit, found: Identified, simulated: bool) -> "Figure":
+    """Return a figure of the first press's force, what is missed of all, and the correlation.
+
+    Args:
+        made: The fit.
+        found: What it told.
+        simulated: Whether a stand-in made any of the presses.
+    """
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(12, 6.5), layout="constrained")
+    grid = figure.add_gridspec(2, 2, width_ratios=(1.6, 1))
+    top = figure.add_subplot(grid[0, 0])
+    below = figure.add_subplot(grid[1, 0], sharex=top)
+    _forces(top, below, made)
+    _correlation(figure, figure.add_subplot(grid[0, 1]), found)
+    _combinations(figure.add_subplot(grid[1, 1]), found)
+    kind = "SIMULATED, made on the stand-in" if simulated else "measured"
+    count = len(found.presses)
+    figure.suptitle(
+        f"Rig {found.rig.name}: fit to {count} press{'es' * (count > 1)}, {kind}; misses"
+        f" {found.rms * 1e3:.3g} mN rms, before {found.rms_before * 1e3:.3g} mN"
+    )
+    if simulated:
+        figure.text(
+            0.5, 0.5, "simulated", fontsize=90, color="#00000014", rotation=25,
+            ha="center", va="center",
+        )  # fmt: skip
+    return figure
+
+
+def _forces(top, below, made: Fit) -> None:
+    """Draw the first press's force and its models, and what the fit misses of every press."""
+    balance, noise = made.problem.balance, made.problem.whitenings
+    start = np.array([p.start for p in balance.free])
+    before, _ = balance.residuals(start)
+    after, _ = balance.residuals(made.values)
+    press = balance.presses[0]
+    time = press.time * 1e3
+    force = np.full(len(time), np.nan)
+    force[press.used] = press.force()[press.used]
+    top.plot(time, force, color=MEASURED, lw=1.0, label="measured")
+    for missed, colour, name in (
+        (before[0], STARTED, "model before"),
+        (after[0], PREDICTED, "model fitted"),
+    ):
+        model = np.full(len(time), np.nan)
+        model[press.used] = force[press.used] - missed + noise[0].trend(missed)
+        top.plot(time, model, color=colour, lw=1.0, ls="--", label=name)
+    top.set_ylabel("finger force (N)")
+    top.legend(loc="upper right")
+    for each, missed, white in zip(balance.presses, after, noise, strict=True):
+        left = np.full(len(each.time), np.nan)
+        left[each.used] = missed - white.trend(missed)
+        below.plot(each.time * 1e3, left * 1e3, lw=0.6, alpha=0.7)
+    below.set_ylabel("missed, every press (mN)")
+    below.set_xlabel("time from the trigger (ms)")
+
+
+def _correlation(figure, axes, found: Identified) -> None:
+    names = [e.name.rpartition(".")[2] for e in found.estimates]
+    image = axes.imshow(found.correlation, cmap="RdBu_r", vmin=-1, vmax=1)
+    axes.set_xticks(range(len(names)), names, rotation=30, ha="right")
+    axes.set_yticks(range(len(names)), names)
+    for (row, column), value in np.ndenumerate(found.correlation):
+        axes.text(column, row, f"{value:.2f}", ha="center", va="center", fontsize=8)
+    figure.colorbar(image, ax=axes, label="correlation")
+
+
+def _combinations(axes, found: Identified) -> None:
+    """Draw how well each combination is told, the worst at the bottom."""
+    from matplotlib.ticker import NullFormatter
+
+    known = [(str(c), c.std, c.told) for c in found.combinations if c.std is not None]
+    for place, (_, std, told) in enumerate(known):
+        axes.plot(std, -place, "o", color=MEASURED if told else PREDICTED)
+    axes.set_yticks([-place for place in range(len(known))], [name for name, *_ in known])
+    axes.tick_params(axis="y", labelsize=7)
+    axes.set_xscale("log")
+    axes.xaxis.set_minor_formatter(NullFormatter())
+    axes.set_xlabel("standard uncertainty over the scale")
+    unseen = [str(c) for c in found.combinations if c.std is None]
+    if unseen:
+        axes.set_title("not seen at all: " + "; ".join(unseen), fontsize=8)

@@ -1,0 +1,251 @@
+"""What may be fitted: values of the rig by dotted key, with bounds and priors."""
+
+import difflib
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from analysis.errors import AnalysisError
+from rig.faults import fault_list, unit_of
+from rig.schema import Rig
+from rig.units import format_quantity, parse_quantity
+
+STIFFNESS, MODULUS = "plectrum.bending_stiffness", "plectrum.youngs_modulus"
+TIME, FORCE = "offset.time", "offset.force"
+GAIN = "offset.gain"
+"""Of the forces, 1 where they are right; never a result."""
+CLEARANCE = "jack.string_clearance"
+TIME_RANGE = 1e-3
+"""s, by which force and motion may be apart."""
+FACTOR = 10.0
+"""1, from a value to its bounds either way where the rig file gives no range for it."""
+ENDS = {
+    "plectrum.friction": (0.0, 0.5),
+    TIME: (-TIME_RANGE, TIME_RANGE),
+}
+"""Bounds of what has a natural range, SI."""
+NAMES = (
+    MODULUS,
+    STIFFNESS,
+    "plectrum.overlap",
+    "plectrum.friction",
+    "key.inertia",
+    "key.pivot_coulomb_friction",
+    "key.pivot_viscous_friction",
+    "key.front_heaviness",
+    "jack.mass",
+    "jack.register_friction",
+    CLEARANCE,
+    TIME,
+    FORCE,
+)
+"""Of what may be fitted; `offset.force` has a value for every press, and is always fitted
+where the force is AC-coupled."""
+_SPREAD = re.compile(r"(.+?)\s*(?:\+-|\+/-|±)\s*(.+)")
+_RANGE = re.compile(r"(.+?)\s+to\s+(.+)")
+
+
+@dataclass(frozen=True)
+class Prior:
+    """What is known of a parameter beforehand; SI."""
+
+    low: float | None = None
+    """Least value, where there is one."""
+    high: float | None = None
+    """Largest value, where there is one."""
+    mean: float | None = None
+    """Expected value, where there is one."""
+    std: float | None = None
+    """Standard uncertainty of `mean`."""
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A value that is fitted; SI."""
+
+    name: str
+    """Dotted key."""
+    unit: str
+    """SI, empty for a ratio."""
+    start: float
+    """The rig's own."""
+    low: float
+    """Least value that is allowed."""
+    high: float
+    """Largest value that is allowed."""
+    mean: float | None = None
+    """Expected value where a prior has one."""
+    std: float | None = None
+    """Its standard uncertainty."""
+    hidden: bool = False
+    """Whether it stands for an error of the measurement and is no result."""
+
+    def scale(self, value: float) -> float:
+        """Return a change that counts as a large one where the parameter has a value."""
+        return max(abs(value), (self.high - self.low) / FACTOR)
+
+
+def parameters(
+    rig: Rig, names: Sequence[str], priors: Mapping[str, Prior] | None = None
+) -> tuple[Parameter, ...]:
+    """Return what is to be fitted, with the rig's values and bounds.
+
+    Bounds are those of the prior, else the range assumed in the rig file, else a tenth and ten
+    times the rig's value.
+
+    Args:
+        rig: The bench as it is supposed to be.
+        names: Of `NAMES`; `offset.force` is left to the fit.
+        priors: What is known beforehand, by name.
+
+    Raises:
+        AnalysisError: A name is unknown or given twice, none is given, a prior is of what is
+            not fitted or contradicts itself; names all of them.
+    """
+    priors = priors or {}
+    faults = [
+        f"{name}: nothing of that name is fitted{_near(name, NAMES)}"
+        for name in dict.fromkeys(names)
+        if name not in NAMES
+    ]
+    faults += [f"{name}: given twice; name it once" for name in set(names) if names.count(name) > 1]
+    if {MODULUS, STIFFNESS} <= set(names):
+        faults.append(f"{MODULUS}, {STIFFNESS}: the one follows from the other; fit one of them")
+    faults += [
+        f"prior of {name}: it is not fitted{_near(name, names)}; free it or leave the prior out"
+        for name in priors
+        if name not in names or name == FORCE
+    ]
+    found = []
+    for name in names:
+        if name in NAMES and name != FORCE:
+            found.append(_parameter(rig, name, priors.get(name, Prior()), faults))
+    if not found and not faults:
+        faults.append(f"nothing is free; name at least one of {', '.join(NAMES[:-1])}")
+    if faults:
+        raise AnalysisError(fault_list("identify", faults))
+    return tuple(found)
+
+
+def read_prior(text: str) -> tuple[str, Prior]:
+    """Read ``key=LOW to HIGH`` or ``key=MEAN +- STD`` with units.
+
+    Raises:
+        AnalysisError: It is neither, or its unit is not that of the key.
+    """
+    name, _, value = (part.strip() for part in text.partition("="))
+    spread, ends = _SPREAD.fullmatch(value), _RANGE.fullmatch(value)
+    found = spread or ends
+    if name not in NAMES or found is None:
+        raise AnalysisError(
+            f"prior {text!r}: a key and a range or a spread are needed, such as"
+            f" 'plectrum.overlap=0.1 mm to 0.5 mm' or 'key.inertia=7e-4 kg m^2 +- 1e-4 kg m^2'"
+            f"{_near(name, NAMES)}"
+        )
+    unit = unit_of_parameter(name)
+    try:
+        first, second = (parse_quantity(part, unit) for part in found.groups())
+    except ValueError as error:
+        raise AnalysisError(f"prior {text!r}: {error}; give a quantity in {unit or '1'}") from error
+    if spread:
+        return name, Prior(mean=first, std=second)
+    return name, Prior(low=first, high=second)
+
+
+def value_of(rig: Rig, name: str) -> float:
+    """Return the rig's value [SI] of a parameter; an offset is 0."""
+    section, _, field = name.partition(".")
+    return 0.0 if section == "offset" else float(getattr(getattr(rig, section), field))
+
+
+def unit_of_parameter(name: str) -> str:
+    """Return a parameter's SI unit; empty for a ratio."""
+    known = {STIFFNESS: "N*m**2", TIME: "s", FORCE: "N"}
+    return known.get(name) or unit_of(Rig, name.split(".")) or ""
+
+
+def rig_values(rig: Rig, values: Mapping[str, float]) -> dict[str, str | float]:
+    """Return TOML values by the rig file's dotted key for parameters [SI].
+
+    The bending stiffness becomes Young's modulus, and a lag of the force behind the motion
+    that much less delay of the vibrometer, whose delay is the less certain one.
+    """
+    found: dict[str, str | float] = {}
+    for name, value in values.items():
+        if name == STIFFNESS:
+            name, value = MODULUS, value * rig.plectrum.youngs_modulus / _stiffness(rig)
+        if name == TIME:
+            at, channel = next(
+                (i, c) for i, c in enumerate(rig.daq.channels) if c.quantity == "velocity"
+            )
+            found[f"daq.channels.{at}.delay"] = format_quantity(channel.delay - value, "s")
+        elif name != FORCE:
+            unit = unit_of_parameter(name)
+            found[name] = format_quantity(value, unit) if unit else value
+    return found
+
+
+def with_parameters(rig: Rig, values: Mapping[str, float]) -> Rig:
+    """Return the rig with other values of parameters [SI], within bounds already checked."""
+    changes: dict[str, dict[str, float]] = {}
+    for name, value in values.items():
+        section, _, field = name.partition(".")
+        if section == "offset":
+            continue
+        if name == STIFFNESS:
+            field, value = "youngs_modulus", value * rig.plectrum.youngs_modulus / _stiffness(rig)
+        changes.setdefault(section, {})[field] = value
+    parts = {
+        section: getattr(rig, section).model_copy(update=fields)
+        for section, fields in changes.items()
+    }
+    return rig.model_copy(update=parts)
+
+
+def _parameter(rig: Rig, name: str, prior: Prior, faults: list[str]) -> Parameter:
+    """Return a parameter with its bounds; what is wrong with them goes to the faults."""
+    value, unit = value_of(rig, name), unit_of_parameter(name)
+    low, high = ENDS.get(name) or rig.assumed.get(name) or _around(rig, name, value)
+    low = low if prior.low is None else prior.low
+    high = high if prior.high is None else prior.high
+    if prior.mean is not None and prior.std is not None:
+        if prior.std <= 0:
+            faults.append(f"prior of {name}: its spread {prior.std:.4g} {unit} is not above 0")
+        low = min(low, prior.mean) if prior.low is None else low
+        high = max(high, prior.mean) if prior.high is None else high
+        value = min(max(prior.mean, low), high)
+    if not low < high:
+        faults.append(
+            f"{name}: from {low:.4g} to {high:.4g} {unit} there is no room; give the least value"
+            " first, or a range where the rig's value is 0"
+        )
+    if not low <= value <= high:
+        # A range that leaves out the rig's own value is meant: start in its middle.
+        value = (low + high) / 2
+    return Parameter(name, unit, value, low, high, prior.mean, prior.std)
+
+
+def _around(rig: Rig, name: str, value: float) -> tuple[float, float]:
+    if name == STIFFNESS and MODULUS in rig.assumed:
+        share = _stiffness(rig) / rig.plectrum.youngs_modulus
+        low, high = rig.assumed[MODULUS]
+        return low * share, high * share
+    low, high = sorted((value / FACTOR, value * FACTOR))
+    if name == "plectrum.overlap":
+        high = min(high, 0.9 * rig.plectrum.length)
+    return low, high
+
+
+def _stiffness(rig: Rig) -> float:
+    return rig.plectrum.bending_stiffness
+
+
+def _near(name: str, known: Sequence[str]) -> str:
+    fields = {key.rpartition(".")[2]: key for key in known}
+    close = difflib.get_close_matches(name, known, n=1, cutoff=0.5)
+    if close := close or [
+        fields[field]
+        for field in difflib.get_close_matches(name.rpartition(".")[2], list(fields), n=1)
+    ]:
+        return f"; did you mean {close[0]!r}?"
+    return f"; there are {', '.join(known)}" if known else ""

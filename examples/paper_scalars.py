@@ -1,0 +1,122 @@
+"""What the paper's three scalars alone say of the plectrum, and what they leave open.
+
+python -m examples.paper_scalars
+
+Contact at 27 ms, release at 47 ms and Vosc = 0.46 m/s are taken with the rounding in which they
+are printed, the jack's speed and the string's stiffness to 2 %, and the friction on the string
+from 0 to 0.2. Every draw gives the bending stiffness and the overlap that explain it.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from analysis.errors import ModelError
+from analysis.model.release_fit import fit_release, overlap_for_duration
+from analysis.model.string import first_mode_release_speed, release_speed
+from rig.load import load_rig
+from rig.schema import Rig
+
+CONTACT, RELEASE, V_OSC = 27e-3, 47e-3, 0.46
+"""s, s and m/s, as printed."""
+ROUNDING = (0.5e-3, 0.5e-3, 0.005)
+"""s, s and m/s, half of the last printed digit."""
+SPREAD = 0.02
+"""1, standard deviation of what the paper gives without one: jack speed, string stiffness."""
+FRICTION_MAX = 0.2
+"""1, of the plectrum on the string; the paper's model has none, and measured none."""
+DRAWS = 400
+
+
+@dataclass(frozen=True)
+class Said:
+    """Draws of what explains the scalars; arrays of shape (n,)."""
+
+    stiffness: np.ndarray
+    """N m^2, EI of the plectrum."""
+    overlap: np.ndarray
+    """m."""
+    clearance: np.ndarray
+    """m, rise of the jack at contact."""
+    friction: np.ndarray
+    """1, as drawn."""
+    unexplained: int
+    """Draws that no plectrum explains."""
+
+
+def explain(rig: Rig, *, first_mode: bool, draws: int = DRAWS, seed: int = 0) -> Said:
+    """Draw scalars and nuisances, and find what explains each.
+
+    Args:
+        rig: The paper's.
+        first_mode: Whether Vosc is the speed of the first mode alone.
+        draws: Of the scalars.
+        seed: Of the draws.
+    """
+    random = np.random.default_rng(seed)
+    share = first_mode_release_speed(rig.string, 1.0) / release_speed(rig.string, 1.0)
+    found, unexplained = [], 0
+    for _ in range(draws):
+        contact, release, v_osc = (
+            random.uniform(value - half, value + half)
+            for value, half in zip((CONTACT, RELEASE, V_OSC), ROUNDING, strict=True)
+        )
+        speed = rig.press.jack_speed * random.normal(1, SPREAD)
+        friction = random.uniform(0, FRICTION_MAX)
+        case = rig.model_copy(
+            update={
+                "press": rig.press.model_copy(update={"jack_speed": speed}),
+                "string": rig.string.model_copy(
+                    update={"tension": rig.string.tension * random.normal(1, SPREAD)}
+                ),
+                "plectrum": rig.plectrum.model_copy(update={"friction": friction}),
+            }
+        )
+        try:
+            fit = fit_release(case, release - contact, v_osc / share if first_mode else v_osc)
+        except ModelError:
+            unexplained += 1
+            continue
+        found.append((fit.bending_stiffness, fit.overlap, contact * speed, friction))
+    columns = np.array(found).reshape(-1, 4).T
+    return Said(*columns, unexplained=unexplained)
+
+
+def overlap_at(rig: Rig, share: float) -> float:
+    """Return the overlap [m] that explains the duration if EI is a share [1] of the rig's.
+
+    Raises:
+        ModelError: None does.
+    """
+    modulus = rig.plectrum.youngs_modulus * share
+    plectrum = rig.plectrum.model_copy(update={"youngs_modulus": modulus})
+    case = rig.model_copy(update={"plectrum": plectrum})
+    return overlap_for_duration(case, RELEASE - CONTACT).overlap
+
+
+def lines(rig: Rig, draws: int = DRAWS) -> list[str]:
+    """Return what is said, as text."""
+    told = []
+    for first_mode, reading in ((False, "all modes"), (True, "the first mode alone")):
+        said = explain(rig, first_mode=first_mode, draws=draws)
+        told.append(f"Vosc as the speed of {reading} ({said.unexplained} of {draws} unexplained):")
+        for name, values, scale, unit in (
+            ("EI over Table 1's", said.stiffness / rig.plectrum.bending_stiffness, 1, ""),
+            ("overlap", said.overlap, 1e3, " mm"),
+            ("string's clearance", said.clearance, 1e3, " mm"),
+        ):
+            low, middle, high = np.percentile(values, (2.5, 50, 97.5)) * scale
+            told.append(f"  {name}: {middle:.3g}{unit}, 95 % from {low:.3g} to {high:.3g}{unit}")
+        for name, values in (("EI", said.stiffness), ("overlap", said.overlap)):
+            together = float(np.corrcoef(values, said.friction)[0, 1])
+            told.append(f"  correlation of {name} with the friction: {together:+.2f}")
+        both = float(np.corrcoef(said.stiffness, said.overlap)[0, 1])
+        told.append(f"  correlation of EI with the overlap: {both:+.2f}")
+    told.append("from the duration alone, an overlap for every EI:")
+    for share in (0.25, 0.5, 1.0, 2.0, 4.0):
+        told.append(f"  EI {share:.3g} of Table 1's: {overlap_at(rig, share) * 1e3:.4g} mm")
+    return told
+
+
+if __name__ == "__main__":
+    print("\n".join(lines(load_rig())))

@@ -1,0 +1,261 @@
+"""Fits to presses of a bench that differs from its rig by known amounts."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from analysis.compare import compare
+from analysis.errors import AnalysisError
+from analysis.figures.fit import fit_figure
+from analysis.identify.fit import balance_of, fit
+from analysis.identify.identified import identify, told
+from analysis.identify.parameters import Prior, rig_values, value_of, with_parameters
+from analysis.identify.profile import profile
+from analysis.model.predict import predict
+from analysis.phases import find_phases
+from analysis.summary.fit import fit_lines, fit_summary
+from benchmarks.identify import FREE, coverage
+from benchmarks.simulated import sensed
+from rig.load import load_rig
+from sim_backend.physics.observation import observe
+from sim_backend.scene import load_scene
+
+TRUTH = {
+    "plectrum.youngs_modulus": "2.2 GPa",
+    "plectrum.overlap": "0.34 mm",
+    "key.inertia": "8.6e-4 kg m^2",
+    "key.pivot_coulomb_friction": "1.4 mN m",
+}
+
+
+@pytest.fixture(scope="module")
+def rig():
+    return load_rig()
+
+
+@pytest.fixture(scope="module")
+def scene():
+    return load_scene("paper").model_copy(update={"truth": TRUTH})
+
+
+@pytest.fixture(scope="module")
+def true(rig, scene):
+    return scene.true_rig(rig)
+
+
+@pytest.fixture(scope="module")
+def five(rig, scene):
+    """Five noisy presses of one motion, and their phases."""
+    seen = observe(rig, scene)
+    pressed = [sensed(rig, scene, seen, seed)[0] for seed in range(5)]
+    return pressed, [find_phases(press) for press in pressed]
+
+
+@pytest.fixture(scope="module")
+def two(five):
+    """The first two of them, which are quicker to fit."""
+    return [part[:2] for part in five]
+
+
+@pytest.fixture(scope="module")
+def made(five):
+    return fit(balance_of(*five, FREE), 2)
+
+
+@pytest.fixture(scope="module")
+def found(made):
+    return told(made)
+
+
+def free_key(rig, seed=0):
+    """Return a press of a key without strings, and its phases."""
+    scene = load_scene("paper").model_copy(update={"plectrum": "none", "string": "none"})
+    press = sensed(rig, scene, observe(rig, scene), seed)[0]
+    return press, find_phases(press)
+
+
+def by_name(found):
+    return {e.name: e for e in found.estimates}
+
+
+def test_five_noisy_presses_tell_plectrum_inertia_and_friction(found, true):
+    assert [e.name for e in found.estimates] == list(FREE)
+    for estimate in found.estimates:
+        assert estimate.told
+        assert not estimate.at_bound
+        assert estimate.value == pytest.approx(value_of(true, estimate.name), rel=0.03)
+        assert estimate.low < value_of(true, estimate.name) < estimate.high
+    assert found.rms < found.rms_before / 5
+    assert all(c.told for c in found.combinations)
+    assert np.allclose(np.diag(found.correlation), 1)
+    assert np.abs(found.correlation).max() <= 1 + 1e-9
+    assert not found.warnings
+
+
+def test_the_slope_error_falls_from_tens_of_per_cent_to_under_three(five, found, rig):
+    _, phases = five
+    before = compare(phases, predict(rig)).slope_error.value
+    after = compare(phases, predict(found.rig)).slope_error.value
+    assert before > 0.15
+    assert abs(after) < 0.03
+
+
+def test_the_profile_of_a_well_told_parameter_is_a_parabola(made, found):
+    estimate = by_name(found)["plectrum.overlap"]
+    drawn = profile(made, found, "plectrum.overlap")
+    assert drawn.low == pytest.approx(estimate.low, abs=0.1 * estimate.std)
+    assert drawn.high == pytest.approx(estimate.high, abs=0.1 * estimate.std)
+    middle = int(np.argmin(drawn.rises))
+    assert np.all(np.diff(drawn.rises[middle:]) > 0)
+    with pytest.raises(AnalysisError, match=r"jack\.mass: it was not fitted"):
+        profile(made, found, "jack.mass")
+
+
+def test_a_picture_shows_every_part(made, found):
+    figure = fit_figure(made, found, simulated=True)
+    assert "SIMULATED" in figure.get_suptitle()
+    labels = {label for axes in figure.axes for label in axes.get_legend_handles_labels()[1]}
+    assert {"measured", "model before", "model fitted"} <= labels
+
+
+def test_one_press_is_enough_and_says_less(five, found, true):
+    pressed, phases = five
+    one = identify(pressed[:1], phases[:1], FREE, starts=1)
+    for alone, together in zip(one.estimates, found.estimates, strict=True):
+        assert alone.value == pytest.approx(value_of(true, alone.name), rel=0.05)
+        assert alone.std > together.std
+
+
+def test_two_frictions_that_push_alike_are_not_told_apart(two):
+    """Dry friction of pivot and register differ by the jack's lever, which hardly changes."""
+    names = ["key.pivot_coulomb_friction", "jack.register_friction"]
+    found = identify(*two, [*names, "plectrum.overlap"], starts=1)
+    estimates = by_name(found)
+    assert estimates["plectrum.overlap"].told
+    assert not estimates["key.pivot_coulomb_friction"].told
+    *_, worst = found.combinations
+    assert not worst.told
+    assert found.combinations[0].told
+    assert worst.weights["key.pivot_coulomb_friction"] ** 2 > 0.5
+    text = "\n".join(fit_lines(found))
+    assert "do not tell all of them apart" in text
+    assert "NOT TOLD" in text
+
+
+def test_a_weight_that_only_shifts_the_force_is_not_seen(two):
+    """Of an AC-coupled force the level is unknown, and front heaviness is nothing else."""
+    found = identify(*two, ["key.front_heaviness", *FREE], starts=1)
+    unseen = by_name(found)["key.front_heaviness"]
+    assert (unseen.std, unseen.low, unseen.high, unseen.told) == (None, None, None, False)
+    assert found.combinations[-1].std is None
+    assert by_name(found)["key.inertia"].told
+    summary = fit_summary(found)
+    assert summary["parameters"]["key.front_heaviness"]["ci95"] is None
+    assert summary["identifiable"]["all"] is False
+
+
+def test_a_prior_fills_in_what_data_do_not_tell(two):
+    prior = Prior(mean=6e-3, std=1e-3)
+    found = identify(*two, ["key.front_heaviness"], {"key.front_heaviness": prior}, starts=1)
+    (estimate,) = found.estimates
+    assert estimate.value == pytest.approx(6e-3, rel=1e-3)
+    assert estimate.std == pytest.approx(1e-3, rel=1e-3)
+    assert not estimate.told
+
+
+def test_a_bound_that_stops_a_parameter_is_told(two):
+    prior = Prior(low=4e-4, high=7.5e-4)
+    found = identify(*two, ["key.inertia"], {"key.inertia": prior}, starts=1)
+    (estimate,) = found.estimates
+    assert estimate.at_bound
+    assert estimate.value == pytest.approx(7.5e-4, rel=1e-6)
+    assert any("key.inertia: it came to a bound" in warning for warning in found.warnings)
+
+
+def test_a_lag_of_the_force_is_found(five):
+    pressed, phases = five
+    late = []
+    for press in pressed[:2]:
+        data = press.data.copy()
+        data["force"] = np.interp(data.index - 0.2e-3, data.index, data["force"])
+        late.append(replace(press, data=data))
+    names = [*FREE, "offset.time"]
+    on_time = by_name(identify(pressed[:2], phases[:2], names, starts=1))["offset.time"].value
+    found = identify(late, [find_phases(press) for press in late], names, starts=1)
+    assert by_name(found)["offset.time"].value - on_time == pytest.approx(0.2e-3, abs=10e-6)
+    values = rig_values(found.rig, {"offset.time": 0.2e-3})
+    assert values == {"daq.channels.0.delay": f"{1.1e-3 - 0.2e-3!r} s"}
+
+
+def test_without_a_pluck_the_key_is_told_and_the_plectrum_is_not(rig):
+    press, phases = free_key(rig)
+    found = identify([press], [phases], ["key.inertia", "plectrum.overlap"], starts=1)
+    estimates = by_name(found)
+    assert estimates["key.inertia"].told
+    assert estimates["key.inertia"].value == pytest.approx(rig.key.inertia, rel=0.03)
+    assert estimates["plectrum.overlap"].std is None
+    assert found.rise_error is None
+    assert any("no press has a pluck" in warning for warning in found.warnings)
+
+
+def test_noise_alone_is_refused(rig):
+    press, _ = free_key(rig)
+    random = np.random.default_rng(1)
+    data = press.data.copy()
+    data["force"] = 5e-3 * random.standard_normal(len(data))
+    data["velocity"] = 5e-5 * random.standard_normal(len(data))
+    for name in ("angle", "deflection", "jack_rise", "jack_speed"):
+        data[name] = 0.0
+    still = replace(press, data=data)
+    with pytest.raises(AnalysisError, match="the key moves freely, and 20 are needed"):
+        identify([still], [find_phases(still)], ["key.inertia"], starts=1)
+
+
+def test_samples_that_are_no_numbers_are_refused(five):
+    pressed, phases = five
+    data = pressed[0].data.copy()
+    data.iloc[100, 0] = np.nan
+    with pytest.raises(AnalysisError, match="not finite numbers"):
+        identify([replace(pressed[0], data=data)], phases[:1], ["key.inertia"])
+
+
+def test_no_press_is_refused():
+    with pytest.raises(AnalysisError, match="there is no press to fit to"):
+        identify([], [], ["key.inertia"])
+
+
+def test_presses_of_different_instruments_are_refused(five):
+    pressed, phases = five
+    other = with_parameters(pressed[0].rig, {"plectrum.overlap": 0.3e-3})
+    mixed = [pressed[0], replace(pressed[1], path=pressed[1].path, rig=other)]
+    with pytest.raises(AnalysisError, match=r"its plectrum differ.* from those of"):
+        identify(mixed, phases[:2], ["key.inertia"])
+
+
+def test_a_robust_fit_bears_a_false_stretch_better(five, true):
+    pressed, phases = five
+    data = pressed[0].data.copy()
+    data.loc[0.300:0.302, "force"] += 0.3
+    broken = [replace(pressed[0], data=data), *pressed[1:3]]
+    errors = []
+    for robust in (False, True):
+        found = identify(broken, phases[:3], FREE, starts=1, robust=robust)
+        errors.append([abs(e.value / value_of(true, e.name) - 1) for e in found.estimates])
+    assert max(errors[1]) < 0.1
+    assert max(errors[1]) < max(errors[0])
+
+
+def test_intervals_hold_the_truth_of_a_few_benches():
+    found = coverage(1, 2)
+    assert found.covered.mean() >= 0.75
+    assert np.abs(found.errors).max() < 0.03
+    assert np.abs(found.slopes[:, 1]).max() < 0.03
+
+
+@pytest.mark.slow
+def test_intervals_hold_the_truth_in_90_of_100_fits_and_more():
+    found = coverage(20, 10)
+    for k, name in enumerate(FREE):
+        assert found.covered[:, k].mean() >= 0.90, name
+        assert np.abs(found.errors[found.told[:, k], k]).max(initial=0.0) < 0.03, name

@@ -1,0 +1,87 @@
+"""From recordings on disk to a rig file with the values that they tell."""
+
+import json
+from importlib import resources
+
+import pytest
+
+import sautereau
+from rig.load import load_rig
+from robot.galil.driver import GalilController
+from robot.session import run_session
+from sim_backend.bench import StandIn
+from sim_backend.scene import load_scene
+from trajectory.press import plan_press
+
+
+@pytest.fixture(scope="module")
+def recordings(tmp_path_factory):
+    """Two recordings of a bench whose overlap and inertia are not those of its rig."""
+    truth = {"plectrum.overlap": "0.33 mm", "key.inertia": "9e-4 kg m^2"}
+    scene = load_scene("paper").model_copy(update={"truth": truth})
+    out = tmp_path_factory.mktemp("recordings")
+    with StandIn(load_rig(), scene, 1) as stand_in:
+        rig = stand_in.rig
+        return run_session(rig, plan_press(rig), GalilController(rig), out, 2)
+
+
+def run(capsys, *words):
+    status = sautereau.app([*map(str, words)], exit_on_error=False, print_error=False)
+    return status, capsys.readouterr().out
+
+
+def test_identify_writes_a_rig_that_compare_agrees_with(recordings, tmp_path, capsys):
+    rig, picture = tmp_path / "found.toml", tmp_path / "fit.png"
+    free = "plectrum.overlap,key.inertia,key.front_heaviness"
+    status, out = run(
+        capsys, "identify", *recordings, "--free", free, "--starts", 1, "--out", rig,
+        "--plot", picture, "--json",
+    )  # fmt: skip
+    assert status == 0
+    found = json.loads(out)
+    for name, true in (("plectrum.overlap", 0.33e-3), ("key.inertia", 9e-4)):
+        assert found["parameters"][name]["value"] == pytest.approx(true, rel=0.03)
+        low, high = found["parameters"][name]["ci95"]
+        assert low < high
+        assert set(found["correlation"]) == set(found["parameters"])
+    assert found["simulated"]
+    assert set(found["written"]) == {"plectrum.overlap", "key.inertia"}
+    assert picture.stat().st_size > 1000
+    written = load_rig(rig)
+    assert written.plectrum.overlap == found["parameters"]["plectrum.overlap"]["value"]
+    assert written.key.front_heaviness == load_rig().key.front_heaviness
+    assert written.sources["key.inertia"].startswith("identified from SIMULATED press-")
+    assert "key.inertia" not in written.assumed
+    errors = []
+    for extra in ((), ("--rig", rig)):
+        _, out = run(capsys, "compare", *recordings, "--json", *extra)
+        compared = json.loads(out)
+        errors.append(abs(compared["slope_error"]["value"]))
+        assert compared["features"]["contact_duration"]["unit"] == "s"
+    assert errors[1] < errors[0]
+
+
+def test_a_rig_file_of_ones_own_keeps_its_comments(recordings, tmp_path, capsys):
+    rig = tmp_path / "mine.toml"
+    rig.write_text("# of my own\n" + resources.files("rig").joinpath("paper.toml").read_text())
+    free = "plectrum.overlap,key.inertia"
+    _, out = run(capsys, "identify", recordings[0], "--free", free, "--out", rig, "--starts", 1)
+    assert f"rig:     {rig}, with plectrum.overlap, key.inertia" in out
+    assert rig.read_text().startswith("# of my own\n# The bench of the paper")
+    sources = load_rig(rig).sources
+    assert sources["plectrum.overlap"] == sources["key.inertia"]
+    assert sources["key.inertia"].startswith("identified from SIMULATED press-0001.mcap on ")
+
+
+def test_identify_profiles_where_asked(recordings, capsys):
+    free = "plectrum.overlap,key.inertia"
+    status, out = run(capsys, "identify", recordings[0], "--free", free, "--starts", 1, "--profile")
+    assert status == 0
+    assert "key.inertia: 95 % by its profile from" in out
+    assert "these data tell all of them apart" in out
+
+
+def test_what_a_wrong_rig_hides_is_not_told(recordings, capsys):
+    """With a wrong overlap the model misses so much that the inertia is in doubt as well."""
+    _, out = run(capsys, "identify", recordings[0], "--free", "key.inertia", "--starts", 1)
+    assert "NOT TOLD by these data" in out

@@ -1,0 +1,77 @@
+"""Residuals that hold together, made white although some are missing."""
+
+import numpy as np
+import pytest
+from scipy.linalg import toeplitz
+
+from analysis.identify.noise import autocovariance, whitening
+
+STEP = 0.5e-3
+
+
+def autoregressive(random, count, share=0.8):
+    noise = random.standard_normal(count + 200)
+    found = np.zeros_like(noise)
+    for k in range(1, len(noise)):
+        found[k] = share * found[k - 1] + noise[k]
+    return found[200:]
+
+
+def with_gaps(count):
+    used = np.ones(count, bool)
+    used[100:120] = used[300:301] = False
+    return used
+
+
+def test_the_autocovariance_of_an_autoregression_is_found_through_gaps():
+    """Of x[k] = a x[k-1] + e it is a^lag / (1 - a^2)."""
+    random = np.random.default_rng(0)
+    used = [with_gaps(4000) for _ in range(10)]
+    residuals = [autoregressive(random, 4000)[u] for u in used]
+    found = autocovariance(residuals, used, STEP, 0)
+    lags = np.arange(6)
+    assert found[:6] == pytest.approx(0.8**lags / (1 - 0.64), rel=0.08)
+
+
+@pytest.mark.parametrize("levelled", [False, True])
+def test_whitening_is_that_of_the_dense_covariance(levelled):
+    used = with_gaps(400)
+    covariance = 0.8 ** np.arange(100) * 4e-6
+    white = whitening(used, covariance, levelled)
+    at = np.flatnonzero(used)
+    dense = toeplitz(np.r_[covariance, np.zeros(300)])[np.ix_(at, at)]
+    factor = np.linalg.cholesky(dense)
+    residual = 1e-3 * np.random.default_rng(1).standard_normal(len(at))
+    expected = np.linalg.solve(factor, residual)
+    if levelled:
+        trends = np.linalg.solve(factor, np.stack([np.ones(len(at)), at], 1).astype(float))
+        expected = expected - trends @ np.linalg.lstsq(trends, expected, rcond=None)[0]
+    assert white(residual) == pytest.approx(expected, abs=1e-9)
+
+
+def test_a_level_and_a_ramp_are_taken_off():
+    used = with_gaps(400)
+    white = whitening(used, np.array([1e-6]), True)
+    ramp = 0.3 + 2.0 * np.flatnonzero(used) * STEP
+    assert np.abs(white(ramp)).max() < 1e-9
+    assert white.trend(ramp) == pytest.approx(ramp, abs=1e-12)
+
+
+def test_whitened_noise_is_white_with_variance_one():
+    random = np.random.default_rng(3)
+    used = [with_gaps(2000) for _ in range(5)]
+    residuals = [1e-3 * autoregressive(random, 2000)[u] for u in used]
+    covariance = autocovariance(residuals, used, STEP, 0)
+    whites = [whitening(u, covariance, False)(r) for u, r in zip(used, residuals, strict=True)]
+    joined = np.concatenate(whites)
+    assert joined.var() == pytest.approx(1, abs=0.1)
+    neighbours = np.mean([np.mean(w[1:] * w[:-1]) for w in whites])
+    assert abs(neighbours) < 0.06
+
+
+def test_hum_and_silence_have_a_positive_covariance():
+    time = np.arange(800) * STEP
+    used = [np.ones(800, bool)]
+    for residual in (1e-3 * np.sin(2 * np.pi * 50 * time), np.zeros(800)):
+        found = autocovariance([residual], used, STEP, 1)
+        assert np.isfinite(whitening(used[0], found, True)(residual)).all()

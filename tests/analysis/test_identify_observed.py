@@ -1,0 +1,107 @@
+"""What a fit takes of a press: smoothed alike, and masked where the model does not hold."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from analysis.errors import AnalysisError
+from analysis.identify.observed import LEAST, observed
+from analysis.identify.parameters import parameters
+from analysis.identify.residuals import Balance
+from analysis.model.key import finger_force
+from analysis.phases import find_phases
+from daq.marks import Mark
+from trajectory.motion import Motion
+
+
+@pytest.fixture(scope="module")
+def press(make_press):
+    return make_press(until=0.25)
+
+
+@pytest.fixture(scope="module")
+def taken(press):
+    return observed(press, find_phases(press))
+
+
+def balanced(press, rate):
+    """Return a press whose force is the model's own, of an oscillating key without friction."""
+    rig = press.rig
+    rig = rig.model_copy(
+        update={
+            "key": rig.key.model_copy(
+                update={"pivot_coulomb_friction": 0.0, "dip": 1.0, "inertia": 8e-4}
+            ),
+            "jack": rig.jack.model_copy(update={"register_friction": 0.0}),
+        }
+    )
+    time = np.arange(round(0.4 * rate)) / rate
+    swing, omega = 0.02, 2 * np.pi * 20
+    motion = Motion(
+        swing * (1 - np.cos(omega * time)),
+        swing * omega * np.sin(omega * time),
+        swing * omega**2 * np.cos(omega * time),
+    )
+    data = press.data.iloc[: len(time)].reindex(index=press.data.index[: len(time)])
+    import pandas as pd
+
+    force = finger_force(rig, motion, np.zeros_like(time))
+    data = pd.DataFrame(
+        {
+            "velocity": motion.velocity * rig.key.laser_arm,
+            "force": force,
+            "angle": motion.position,
+            "jack_rise": motion.position * rig.key.jack_arm,
+            "jack_speed": motion.velocity * rig.key.jack_arm,
+        },
+        index=pd.Index(time, name="time"),
+    )
+    return replace(press, rig=rig, data=data, rate=rate), force
+
+
+@pytest.mark.parametrize("rate", [10e3, 25.6e3, 51.2e3, 102.4e3])
+def test_the_balance_of_a_swinging_key_closes(press, rate):
+    """Force and acceleration are seen through the same window, so nothing of it is left."""
+    swinging, force = balanced(press, rate)
+    phases = replace(find_phases(press), plucks=())
+    taken = observed(swinging, phases)
+    balance = Balance(swinging.rig, parameters(swinging.rig, ["key.inertia"]), [taken], "elastica")
+    (missed,), rises = balance.residuals(np.array([swinging.rig.key.inertia]))
+    assert len(rises) == 0
+    assert np.abs(missed).max() < 1e-4 * np.abs(force).max()
+
+
+def test_what_the_model_does_not_hold_for_is_left_out(press, taken):
+    assert taken.used.sum() > LEAST
+    (release,) = taken.releases
+    assert release == pytest.approx(0.072, abs=1e-4)
+    assert np.abs(taken.time[taken.used] - release).min() > 2.5e-3
+    travel = press.rig.key.press_arm * taken.motion.position[taken.used]
+    assert travel.max() < press.rig.key.dip
+    assert np.all(taken.motion.velocity[taken.used] > 0)
+    assert taken.release_stds[0] >= 1e-6
+
+
+def test_marked_stretches_are_left_out(press):
+    phases = find_phases(press)
+    gap = Mark("drop-out", "velocity", 0.100, 0.102)
+    taken = observed(replace(press, marks=(gap,)), phases)
+    inside = (taken.time > 0.099) & (taken.time < 0.103)
+    assert not taken.used[inside].any()
+    assert taken.used[taken.time > 0.105].any()
+    clipped = Mark("clipped", "force", 0.100, 0.101)
+    taken = observed(replace(press, marks=(clipped,)), phases)
+    assert not taken.used[taken.time > 0.100].any()
+
+
+def test_a_shift_that_is_asked_for_widens_what_is_left_out(press):
+    phases = find_phases(press)
+    assert observed(press, phases, 1e-3).used.sum() < observed(press, phases).used.sum()
+
+
+def test_a_press_of_nothing_is_refused(press):
+    data = press.data.copy()
+    data.loc[:, :] = 0.0
+    with pytest.raises(AnalysisError, match="look whether the key was pressed"):
+        observed(replace(press, data=data), replace(find_phases(press), plucks=()))
