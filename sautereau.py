@@ -15,6 +15,7 @@ from cyclopts import App, CycloptsError
 from commands import (
     acquiring,
     analysing,
+    campaigning,
     converting,
     examining,
     fitting,
@@ -44,6 +45,8 @@ for command in (
     planning.predict,
     fitting.compare,
     fitting.identify,
+    campaigning.campaign,
+    campaigning.touch,
     recordings.info,
     recordings.recover,
     converting.export,

@@ -17,6 +17,11 @@ ALL = (
     "recording",
     "acquisition",
     "learning",
+    "phases",
+    "report",
+    "identify",
+    "campaign",
+    "imports",
 )
 
 

@@ -4,6 +4,7 @@ import json
 import re
 import tomllib
 from collections.abc import Mapping
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -115,8 +116,9 @@ def rig_json(rig: Rig) -> str:
     return json.dumps({"values": rig_document(rig), "assumed": rig.assumed, "sources": rig.sources})
 
 
+@lru_cache(maxsize=8)
 def rig_from_json(text: str) -> Rig:
-    """Read back what `rig_json` wrote.
+    """Read back what `rig_json` wrote; the recordings of a session have it in common.
 
     Raises:
         RigError: The text is not what `rig_json` writes.

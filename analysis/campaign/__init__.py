@@ -1,0 +1,1 @@
+"""Thousands of presses at once: from a folder of recordings to one table."""

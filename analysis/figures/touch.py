@@ -1,0 +1,104 @@
+"""The picture of touch: what is felt over the plectrum's stiffness, and where spread is from."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from analysis.repeatability import Spread
+from analysis.touch import Felt, Touch
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+COLOURS = {"threshold": "#1f77b4", "slope": "#d9743a", "drop": "#2f6b3a"}
+LABELS = {
+    "threshold": "force at which the string is let go (N)",
+    "slope": "growth of the force before (N/mm)",
+    "drop": "fall of the force at release (N)",
+}
+SCALE = {"threshold": 1.0, "slope": 1e-3, "drop": 1.0}
+"""1, of the labels' units."""
+SOURCES = ("within a session", "between sessions", "between plectra", "beyond their shape")
+
+
+def plot_touch(path: str | Path, found: Touch) -> None:
+    """Draw `touch_figure` into a file; the suffix of ``path`` chooses the format."""
+    touch_figure(found).savefig(path, dpi=120)
+
+
+def touch_figure(found: Touch) -> "Figure":
+    """Return a figure: each felt quantity over the tip's stiffness, and all spreads.
+
+    Args:
+        found: Of `analysis.touch.find_touch`.
+    """
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(13, 7.5), layout="constrained")
+    panels = figure.subplots(2, 2).ravel()
+    for axes, (name, felt) in zip(panels, found.felt.items(), strict=False):
+        _felt_over_stiffness(axes, found, name, felt)
+    _sources(panels[3], found)
+    for axes in panels:
+        axes.grid(color="#e6e6e6", lw=0.7)
+        axes.set_axisbelow(True)
+        for side in ("top", "right"):
+            axes.spines[side].set_visible(False)
+    figure.suptitle(
+        ("SIMULATED: " if found.simulated else "")
+        + f"touch of {len(found.plectra)} plectra in {found.sessions} sessions,"
+        f" {found.presses} presses; bars are intervals of 95 %"
+    )
+    return figure
+
+
+def _felt_over_stiffness(axes: "Axes", found: Touch, name: str, felt: Felt) -> None:
+    scale = SCALE[name]
+    stiffness = [plectrum.tip_stiffness for plectrum in found.plectra]
+    spreads = [plectrum.felt[name] for plectrum in found.plectra]
+    axes.errorbar(
+        stiffness,
+        [scale * s.value for s in spreads],
+        yerr=_bars(spreads, scale),
+        fmt="o",
+        color=COLOURS[name],
+        ms=5,
+        capsize=3,
+    )
+    axes.set_ylabel(LABELS[name])
+    axes.set_xlabel("plectrum's stiffness at the tip, 3EI/L^3 (N/m)")
+    exponents = ", ".join(
+        f"{column.removeprefix('plectrum_')}^{e.value:.2f} ({e.low:.2f} to {e.high:.2f})"
+        for column, e in felt.exponents.items()
+    )
+    axes.set_title(f"{name}" + (f", as {exponents}" if exponents else ""), fontsize=10)
+
+
+def _sources(axes: "Axes", found: Touch) -> None:
+    """Draw where the spread comes from, one row for each source and quantity."""
+    for shift, (name, felt) in enumerate(found.felt.items()):
+        told = enumerate((felt.press, felt.session, felt.plectrum, felt.unexplained))
+        rows = [(place, spread) for place, spread in told if spread is not None]
+        axes.errorbar(
+            [100 * spread.value for _, spread in rows],
+            [place + 0.2 * (shift - 1) for place, _ in rows],
+            xerr=_bars([spread for _, spread in rows], 100.0),
+            fmt="o",
+            color=COLOURS[name],
+            ms=5,
+            capsize=3,
+            label=name,
+        )
+    axes.set_yticks(range(len(SOURCES)), SOURCES)
+    axes.invert_yaxis()
+    axes.set_xscale("symlog", linthresh=0.1)
+    axes.set_xlim(left=0)
+    axes.set_xlabel("standard deviation (%)")
+    axes.set_title("where the spread is from", fontsize=10)
+    axes.legend(frameon=False)
+
+
+def _bars(spreads: list[Spread], scale: float) -> list[list[float]]:
+    """Return the lengths of the bars below and above."""
+    below = [scale * (s.value - s.low) for s in spreads]
+    return [below, [scale * (s.high - s.value) for s in spreads]]

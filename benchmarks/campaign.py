@@ -1,0 +1,151 @@
+"""Campaigns: thousands of recordings on both cores and on a cluster, and the touch they tell.
+
+Presses are played in process and written by the recorder; beyond `MADE` they are copies, which
+cost a campaign the same.
+"""
+
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from analysis.campaign.run import run_campaign
+from analysis.campaign.table import read_campaign
+from analysis.campaign.workers import Where
+from analysis.touch import find_touch
+from benchmarks.figures import Figure
+from benchmarks.simulated import acquired
+from daq.block import Block
+from daq.recording import Recording
+from rig.load import load_rig, with_values
+from rig.schema import Rig
+from sim_backend.physics.observation import observe
+from sim_backend.scene import Scene, load_scene
+
+RECORDINGS = 5000
+MADE = 250
+"""Recordings that differ."""
+PLECTRA, SESSIONS = 10, 5
+PROCESSES = 2
+LIMIT = 60.0
+"""s, for all of them on two cores."""
+SET_UP = 0.02
+"""1, standard deviation of the overlap that setting up anew leaves."""
+CUTS = (0.42e-3, 0.54e-3), (0.22e-3, 0.32e-3)
+"""m, between which the plectra's thickness and overlap lie."""
+
+
+def run() -> list[Figure]:
+    """Return the time of a campaign here and on a cluster; both tables have to be the same."""
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name) / "recordings"
+        made = write_presses(folder, PLECTRA, SESSIONS, MADE // (PLECTRA * SESSIONS))
+        copy_presses(made, RECORDINGS)
+        times = {}
+        with cluster(PROCESSES) as (address, _):
+            for what, where in (("two cores", PROCESSES), ("a cluster of two", address)):
+                times[what] = _timed(folder, Path(name) / f"{what}.parquet", where)
+        tables = [read_campaign(Path(name) / f"{what}.parquet") for what in times]
+        assert tables[0].table.equals(tables[1].table), "the cluster has made another table"
+        assert len(tables[0].table) == RECORDINGS
+        assert not tables[0].faults
+        again = _timed(folder, tables[0].path, PROCESSES)
+        begun = time.perf_counter()
+        find_touch(tables[0])
+        touch = time.perf_counter() - begun
+    figures = [
+        Figure(f"{RECORDINGS} recordings, {what}", seconds, "s", "limit", LIMIT)
+        for what, seconds in times.items()
+    ]
+    begin = times["two cores"]
+    return [
+        *figures,
+        Figure("the same, once read", again, "s", "reading them", begin),
+        Figure("touch of these presses", touch, "s", "reading them", begin),
+    ]
+
+
+def _timed(folder: Path, out: Path, where: Where) -> float:
+    begun = time.perf_counter()
+    run_campaign(folder, out, where)
+    return time.perf_counter() - begun
+
+
+def write_presses(
+    folder: Path, plectra: int, sessions: int, presses: int, seed: int = 0
+) -> list[Path]:
+    """Record presses of plectra of several cuts, each set up anew for every session.
+
+    Args:
+        folder: A folder for each session is made in it.
+        plectra: That differ in thickness and overlap.
+        sessions: Of each plectrum.
+        presses: Of each session.
+        seed: Of cuts, set-ups and noise.
+    """
+    random = np.random.default_rng(seed)
+    scene = load_scene("ideal").model_copy(update={"sensors": load_scene("paper").sensors})
+    paths = []
+    for plectrum in range(plectra):
+        thickness, overlap = (random.uniform(*ends) for ends in CUTS)
+        cut = {"plectrum.thickness": f"{thickness} m", "plectrum.overlap": f"{overlap} m"}
+        rig = with_values(load_rig(), cut)
+        for session in range(sessions):
+            truth = {"plectrum.overlap": f"{overlap * (1 + random.normal(0, SET_UP))} m"}
+            place = folder / f"plectrum-{plectrum + 1:02}-session-{session + 1}"
+            place.mkdir(parents=True)
+            set_up = scene.model_copy(update={"truth": truth})
+            paths += _write_session(place, rig, set_up, presses, int(random.integers(2**31)))
+    return paths
+
+
+def _write_session(folder: Path, rig: Rig, scene: Scene, presses: int, seed: int) -> Iterator[Path]:
+    """Record presses of one set-up, which differ by their noise."""
+    seen = observe(rig, scene)
+    for press in range(1, presses + 1):
+        recorded, _ = acquired(rig, scene, seen, seed + press)
+        path = folder / f"press-{press:04}.mcap"
+        info = replace(
+            recorded.session,
+            press=press,
+            started=f"2026-01-01T00:{press % 60:02}:00Z",
+            session=folder.name,
+        )
+        with Recording(path, recorded.rig, session=info) as recording:
+            recording.write_block(Block(0, np.stack(list(recorded.volts.values()))))
+        yield path
+
+
+def copy_presses(paths: list[Path], wanted: int) -> None:
+    """Copy recordings beside themselves until there are as many as are wanted."""
+    for number in range(len(paths), wanted):
+        path = paths[number % len(paths)]
+        shutil.copy(path, path.with_name(f"{path.stem}-{number // len(paths)}.mcap"))
+
+
+@contextmanager
+def cluster(workers: int) -> Iterator[tuple[str, list[subprocess.Popen[bytes]]]]:
+    """Yield the address of a Dask scheduler of this machine, and its workers' processes."""
+    from distributed import LocalCluster
+
+    environment = os.environ | {"PYTHONPATH": str(Path(__file__).parents[1])}
+    with LocalCluster(n_workers=0, processes=True, dashboard_address=":0") as served:
+        address = served.scheduler_address
+        words = [sys.executable, "-m", "dask", "worker", address]
+        words += ["--nthreads", "1", "--no-nanny", "--no-dashboard"]
+        quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL, "env": environment}
+        processes = [subprocess.Popen(words, **quiet) for _ in range(workers)]
+        try:
+            yield address, processes
+        finally:
+            for process in processes:
+                process.terminate()
+                process.wait()

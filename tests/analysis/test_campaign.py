@@ -1,0 +1,230 @@
+"""A folder of recordings becomes one table, whatever happens on the way."""
+
+import os
+import shutil
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+
+from analysis.campaign import run as campaign_run
+from analysis.campaign.row import UNITS, plectrum_id, unit_of
+from analysis.campaign.run import run_campaign
+from analysis.campaign.table import PART, empty_campaign, read_campaign
+from analysis.errors import AnalysisError
+from analysis.features import features
+from analysis.phases import find_phases
+from analysis.press import load_press
+from benchmarks.campaign import write_presses
+from rig.load import load_rig, with_values
+
+ROOT = Path(__file__).parents[2]
+GOOD = 8
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("recordings")
+    write_presses(folder, 2, 2, 2)
+    return folder
+
+
+@pytest.fixture
+def recordings(made, tmp_path):
+    return Path(shutil.copytree(made, tmp_path / "recordings"))
+
+
+@pytest.fixture(scope="module")
+def whole(made, tmp_path_factory):
+    return run_campaign(made, tmp_path_factory.mktemp("table") / "whole.parquet").campaign
+
+
+def same(found, whole):
+    """Return whether two tables are equal but for dates of copied files."""
+    return found.table.drop(["mtime"]).equals(whole.table.drop(["mtime"]))
+
+
+def test_a_row_holds_session_plectrum_and_features(made, whole):
+    assert len(whole.table) == GOOD
+    assert not whole.faults
+    assert whole.simulated
+    path = made / whole.data["path"][0]
+    press = load_press(path)
+    row = whole.table.to_pylist()[0]
+    found = features(press, find_phases(press)).row()
+    for name in set(found) - {"path"}:
+        assert row[name] == found[name], name
+    assert row["path"] == "plectrum-01-session-1/press-0001.mcap"
+    assert row["session"] == "plectrum-01-session-1"
+    assert row["press"] == 1
+    assert row["plectrum_bending_stiffness"] == press.rig.plectrum.bending_stiffness
+    assert row["plectrum"] == plectrum_id(press.rig)
+    assert list(row) == [name for name in UNITS if name in row]
+
+
+def test_the_file_tells_units_and_is_what_was_returned(whole):
+    again = read_campaign(whole.path)
+    assert again.table.equals(whole.table)
+    field = pq.read_schema(whole.path).field("peak_force")
+    assert field.metadata == {b"unit": b"N"}
+    assert whole.units["contact_std"] == "s"
+    assert unit_of("contact_2") == "s"
+
+
+def test_plectra_differ_by_what_the_rig_says_of_them():
+    rig = load_rig()
+    assert plectrum_id(rig) == plectrum_id(load_rig())
+    assert plectrum_id(rig) != plectrum_id(with_values(rig, {"plectrum.overlap": "0.3 mm"}))
+    assert plectrum_id(rig) != plectrum_id(rig.model_copy(update={"name": "another"}))
+    assert plectrum_id(rig) == plectrum_id(with_values(rig, {"press.jack_speed": "0.1 m/s"}))
+
+
+def test_two_processes_make_the_same_table(recordings, whole, tmp_path, monkeypatch):
+    monkeypatch.setattr(campaign_run, "BATCH", 1)
+    told = []
+    found = run_campaign(
+        recordings, tmp_path / "two.parquet", 2, on_read=lambda *done: told.append(done)
+    )
+    assert same(found.campaign, whole)
+    assert told[-1] == (GOOD, GOOD)
+    assert len(told) == GOOD
+
+
+def test_faulty_files_are_told_and_left_out(recordings, whole, tmp_path):
+    victim = sorted(recordings.rglob("*.mcap"))[3]
+    data = bytearray(victim.read_bytes())
+    (recordings / "cut-short.mcap").write_bytes(data[: len(data) // 2])
+    data[len(data) // 2] ^= 1
+    (recordings / "changed.mcap").write_bytes(data)
+    (recordings / "empty.mcap").touch()
+    (recordings / "text.mcap").write_text("nothing that was recorded")
+    (recordings / "folder.mcap").mkdir()
+    (recordings / "open.mcap.part").touch()
+    out = tmp_path / "table.parquet"
+    found = run_campaign(recordings, out)
+    assert same(found.campaign, whole)
+    names = ["changed.mcap", "cut-short.mcap", "empty.mcap", "text.mcap"]
+    assert [fault.source.path for fault in found.campaign.faults] == names
+    assert all(fault.text for fault in found.campaign.faults)
+    again = run_campaign(recordings, out)
+    assert (again.read, again.kept) == (4, GOOD)
+    assert again.campaign.faults == found.campaign.faults
+    shutil.copy(victim, recordings / "text.mcap")
+    mended = run_campaign(recordings, out)
+    assert mended.read == 4
+    assert len(mended.campaign.table) == GOOD + 1
+    assert [fault.source.path for fault in mended.campaign.faults] == names[:3]
+
+
+def test_only_what_is_new_or_changed_is_read(recordings, whole, tmp_path):
+    out = tmp_path / "deep" / "table.parquet"
+    run_campaign(recordings, out)
+    assert run_campaign(recordings, out).read == 0
+    first, second, *_ = sorted(recordings.rglob("*.mcap"))
+    os.utime(first, ns=(0, 0))
+    second.unlink()
+    found = run_campaign(recordings, out)
+    assert (found.read, found.kept, found.dropped) == (1, GOOD - 2, 2)
+    paths = set(whole.data["path"]) - {second.relative_to(recordings).as_posix()}
+    assert set(found.campaign.data["path"]) == paths
+
+
+def test_a_table_of_another_version_is_made_anew(recordings, tmp_path):
+    out = tmp_path / "table.parquet"
+    found = run_campaign(recordings, out).campaign
+    older = empty_campaign(out, "0.0.1").grown(found.table.to_pylist(), ())
+    older.write()
+    assert run_campaign(recordings, out).read == GOOD
+
+
+def test_an_interrupted_campaign_goes_on(recordings, whole, tmp_path, monkeypatch):
+    monkeypatch.setattr(campaign_run, "BATCH", 1)
+    out = tmp_path / "table.parquet"
+
+    def stop(done, total):
+        if done == 3:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        run_campaign(recordings, out, on_read=stop)
+    assert len(read_campaign(out).table) == 3
+    found = run_campaign(recordings, out)
+    assert (found.read, found.kept) == (GOOD - 3, 3)
+    assert same(found.campaign, whole)
+
+
+KILLED = """
+import os, signal, sys
+from analysis.campaign import run
+
+run.BATCH = run.UNWRITTEN = 1
+
+def kill(done, total):
+    if done == 5:
+        os.kill(os.getpid(), signal.SIGKILL)
+
+run.run_campaign(sys.argv[1], sys.argv[2], on_read=kill)
+"""
+
+
+def test_a_killed_campaign_goes_on(recordings, whole, tmp_path):
+    out = tmp_path / "table.parquet"
+    words = [sys.executable, "-c", KILLED, str(recordings), str(out)]
+    done = subprocess.run(words, cwd=ROOT, check=False, capture_output=True, text=True)
+    assert done.returncode == -signal.SIGKILL, done.stderr
+    assert len(read_campaign(out).table) == 4
+    out.with_name(out.name + PART).write_bytes(b"of a write that was cut short")
+    found = run_campaign(recordings, out)
+    assert found.kept == 4
+    assert same(found.campaign, whole)
+    assert not out.with_name(out.name + PART).exists()
+
+
+def test_a_killed_campaign_leaves_no_process_behind(recordings, tmp_path):
+    words = [sys.executable, "-c", KILLED.replace("sys.argv[2]", "sys.argv[2], 2")]
+    words += [str(recordings), str(tmp_path / "table.parquet")]
+    # The workers hold the pipe as well: it ends when the last of them has.
+    with subprocess.Popen(words, cwd=ROOT, stdout=subprocess.PIPE) as killed:
+        killed.communicate(timeout=60)
+    assert killed.returncode == -signal.SIGKILL
+
+
+def test_what_is_no_campaign_is_refused_and_left_alone(recordings, tmp_path):
+    text, other = tmp_path / "text.parquet", tmp_path / "other.parquet"
+    text.write_text("not a table")
+    pq.write_table(pa.table({"a": [1]}), other)
+    for path in (text, other):
+        before = path.read_bytes()
+        with pytest.raises(AnalysisError, match="give the file that `sautereau campaign`"):
+            run_campaign(recordings, path)
+        assert path.read_bytes() == before
+    with pytest.raises(AnalysisError, match="no such file"):
+        read_campaign(tmp_path / "nothing.parquet")
+
+
+def test_a_folder_without_recordings_is_refused(tmp_path):
+    out = tmp_path / "table.parquet"
+    for folder in (tmp_path, tmp_path / "nowhere"):
+        with pytest.raises(AnalysisError, match="it holds no recordings"):
+            run_campaign(folder, out)
+    assert not out.exists()
+
+
+def test_columns_of_later_plucks_stand_last(tmp_path):
+    of_two = {"path": "b", "size": 1, "mtime": 1, "contact": 0.1, "warnings": 0, "contact_2": 0.2}
+    of_none = {"path": "a", "size": 1, "mtime": 1, "contact": None, "warnings": 0}
+    tables = [
+        empty_campaign(tmp_path / "a.parquet", "x").grown(first, ()).grown(second, ()).table
+        for first, second in (([of_two], [of_none]), ([of_none], [of_two]), ([of_none, of_two], []))
+    ]
+    assert tables[0].equals(tables[1])
+    assert tables[0].equals(tables[2])
+    names = tables[0].column_names
+    assert names[-1] == "contact_2"
+    assert names.index("contact") < names.index("warnings")
+    assert np.array_equal(tables[0]["contact"].to_pylist(), [None, 0.1])

@@ -1,0 +1,172 @@
+"""Touch: exponents and spreads that were put in come out, and what cannot be told is said."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from analysis.campaign.table import empty_campaign
+from analysis.errors import AnalysisError
+from analysis.figures.touch import plot_touch, touch_figure
+from analysis.summary.touch import touch_lines, touch_summary
+from analysis.touch import FELT, find_touch
+
+EXPONENTS = {"threshold": (1.5, 0.0), "slope": (2.0, 0.0), "drop": (1.5, 0.7)}
+"""Of thickness and overlap."""
+STDS = (0.01, 0.02, 0.05)
+"""1, of presses, sessions and plectra."""
+ROW = {
+    "started": "2026-01-01T00:00:00Z", "warm_up": False, "simulated": True, "notes": "", "rig": "a",
+    "plectrum_length": 4.5e-3, "plectrum_width": 0.75e-3, "plectrum_youngs_modulus": 2.9e9,
+    "plectrum_friction": 0.0, "string_stiffness": 810.0, "string_clearance": 2e-3,
+    "jack_speed": 0.072, "plucks": 1, "size": 1, "mtime": 1,
+}  # fmt: skip
+
+
+def rows_of(plectra=12, sessions=3, presses=8, seed=0, stds=STDS, together=False):
+    """Return rows of plectra whose touch follows `EXPONENTS`."""
+    random = np.random.default_rng(seed)
+    rows = []
+    for p in range(plectra):
+        cut = random.uniform(-0.3, 0.3, 2)
+        cut[1] = cut[0] if together else cut[1]
+        thickness, overlap = 0.48e-3 * np.exp(cut[0]), 0.3e-3 * np.exp(cut[1])
+        own = random.normal(0, stds[2], 3)
+        for s in range(sessions):
+            here = own + random.normal(0, stds[1], 3)
+            for i in range(presses):
+                felt = here + random.normal(0, stds[0], 3)
+                felt += [np.dot(e, cut) for e in EXPONENTS.values()]
+                rows.append(
+                    ROW
+                    | {"path": f"{p}/{s}/{i}.mcap", "session": f"{p}-{s}", "plectrum": f"p{p}"}
+                    | {"plectrum_thickness": thickness, "plectrum_overlap": overlap}
+                    | {"plectrum_bending_stiffness": 2.9e9 * 0.75e-3 * thickness**3 / 12}
+                    | dict(zip(FELT.values(), np.exp(felt), strict=True))
+                )
+    return rows
+
+
+def campaign_of(rows):
+    return empty_campaign(Path("campaign.parquet"), "test").grown(rows, ())
+
+
+@pytest.fixture(scope="module")
+def found():
+    return find_touch(campaign_of(rows_of()))
+
+
+def test_exponents_that_were_put_in_come_out(found):
+    for name, true in EXPONENTS.items():
+        exponents = found.felt[name].exponents
+        assert list(exponents) == ["plectrum_thickness", "plectrum_overlap"]
+        for exponent, value in zip(exponents.values(), true, strict=True):
+            assert abs(exponent.value - value) < 4 * exponent.std
+            assert exponent.low < exponent.value < exponent.high
+            assert 0 < exponent.std < 0.2
+
+
+def test_spreads_that_were_put_in_come_out(found):
+    for felt in found.felt.values():
+        for spread, true in zip((felt.press, felt.session, felt.unexplained), STDS, strict=True):
+            assert spread.value == pytest.approx(true, rel=0.5)
+            assert spread.low < spread.value < spread.high
+        assert felt.plectrum.value > 3 * felt.unexplained.value
+
+
+def test_plectra_are_told_in_order_of_stiffness(found):
+    assert found.presses == 12 * 3 * 8
+    assert found.sessions == 36
+    assert found.simulated
+    stiffness = [plectrum.tip_stiffness for plectrum in found.plectra]
+    assert stiffness == sorted(stiffness)
+    one = found.plectra[0]
+    rows = [row for row in rows_of() if row["plectrum"] == one.name]
+    assert one.presses == len(rows) == 24
+    assert one.sessions == 3
+    mean = np.exp(np.mean(np.log([row["peak_force"] for row in rows])))
+    assert one.felt["threshold"].value == pytest.approx(mean, rel=1e-9)
+    assert one.shape["plectrum_thickness"] == rows[0]["plectrum_thickness"]
+    expected = 3 * rows[0]["plectrum_bending_stiffness"] / 4.5e-3**3
+    assert one.tip_stiffness == pytest.approx(expected)
+
+
+def test_answers_are_numbers_lines_and_a_picture(found, tmp_path):
+    summary = json.loads(json.dumps(touch_summary(found), allow_nan=False))
+    assert summary["felt"]["drop"]["exponents"]["plectrum_overlap"]["std"] > 0
+    lines = touch_lines(found)
+    assert lines[0].startswith("SIMULATED")
+    assert any(line.lstrip().startswith("grows as thickness^") for line in lines)
+    plot_touch(tmp_path / "touch.png", found)
+    assert (tmp_path / "touch.png").stat().st_size > 10_000
+    figure = touch_figure(found)
+    assert figure.get_suptitle().startswith("SIMULATED")
+    assert len(figure.axes) == 4
+
+
+def test_presses_that_cannot_be_compared_are_left_out_and_counted():
+    rows = rows_of(3, 2, 3)
+    rows[0] |= {"warm_up": True}
+    rows[1] |= {"plucks": 0} | dict.fromkeys(FELT.values())
+    rows[2] |= {"force_slope": -1.0}
+    found = find_touch(campaign_of(rows))
+    assert found.presses == len(rows) - 3
+    told = "\n".join(found.notes)
+    for text in ("1 warm-up presses", "1 presses without a pluck", "not above 0"):
+        assert text in told
+
+
+def test_mixed_presses_are_told():
+    rows = rows_of(2, 2, 2)
+    rows[0] |= {"simulated": False}
+    assert any(
+        "of the stand-in and of an instrument" in n for n in find_touch(campaign_of(rows)).notes
+    )
+
+
+@pytest.mark.parametrize(
+    ("rows", "note"),
+    [
+        (rows_of(1, 2, 3), "all plectra have one shape"),
+        (rows_of(3, 2, 3), "it takes 4"),
+        (rows_of(6, 2, 3, together=True), "vary together"),
+        (rows_of(6, 1, 3), "no plectrum has two sessions"),
+        (rows_of(6, 2, 1), "no plectrum has two sessions"),
+    ],
+)
+def test_what_cannot_be_told_is_said_and_the_rest_answered(rows, note):
+    found = find_touch(campaign_of(rows))
+    assert any(note in text for text in found.notes)
+    alone = "one shape" in note
+    for felt in found.felt.values():
+        assert felt.press.value > 0
+        assert (felt.plectrum is None) == alone
+        assert (felt.session is None) == note.startswith("no plectrum")
+        assert not felt.exponents or note.startswith("no plectrum")
+    assert touch_lines(found)
+    assert touch_figure(found)
+
+
+def test_jack_speed_is_taken_into_account():
+    rows = rows_of(6, 2, 6, stds=(0.01, 0.0, 0.02))
+    for i, row in enumerate(rows):
+        row["jack_speed"] = 0.05 * (1 + i % 3)
+        for column in FELT.values():
+            row[column] *= (1 + i % 3) ** 0.5
+    found = find_touch(campaign_of(rows))
+    for felt in found.felt.values():
+        assert felt.press.high < 0.02
+
+
+def test_too_few_presses_are_refused():
+    rows = rows_of(3, 1, 1)
+    with pytest.raises(AnalysisError, match="press each plectrum several times"):
+        find_touch(campaign_of(rows))
+    with pytest.raises(AnalysisError, match="needs 2 or more"):
+        find_touch(campaign_of(rows[:1]))
+    with pytest.raises(AnalysisError, match="no press with a pluck"):
+        find_touch(campaign_of([]))
+    mute = [row | dict.fromkeys(FELT.values()) | {"plucks": 0} for row in rows]
+    with pytest.raises(AnalysisError, match="3 presses without a pluck"):
+        find_touch(campaign_of(mute))

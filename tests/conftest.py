@@ -1,0 +1,70 @@
+"""Sessions on disk, quickly: one press of the stand-in, recorded anew with noise of its own."""
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from daq.block import Block
+from daq.reading import read_recording
+from daq.recorded import Recorded
+from daq.recording import Recording
+from rig.load import load_rig
+from rig.schema import Rig
+from robot.galil.driver import GalilController
+from robot.session import run_session
+from sim_backend.bench import StandIn
+from sim_backend.scene import load_scene
+from trajectory.press import plan_press
+
+
+@dataclass(frozen=True)
+class SessionWriter:
+    """Writes recordings that differ by their noise and by what they say."""
+
+    one: Recorded
+
+    def __call__(
+        self,
+        folder: Path,
+        n: int,
+        *,
+        first: int = 1,
+        rig: Rig | None = None,
+        events: tuple[tuple[str, str], ...] = (),
+        noise: float = 1e-3,
+        scale: float = 1.0,
+        **said: object,
+    ) -> list[Path]:
+        """Write n presses into a folder; `noise` is in V, `scale` of all volts."""
+        folder.mkdir(parents=True, exist_ok=True)
+        paths = []
+        rig = rig or self.one.rig
+        volts = np.stack([self.one.volts[channel.name] for channel in self.one.rig.daq.channels])
+        for number in range(first, first + n):
+            random = np.random.default_rng(number)
+            session = replace(self.one.session, press=number, item=number, **said)
+            path = folder / f"press-{number:04d}.mcap"
+            with Recording(path, rig, session=session, rate=self.one.rate) as recording:
+                noisy = scale * volts + noise * random.standard_normal(volts.shape)
+                recording.write_block(Block(self.one.first_sample, noisy))
+                recording.event("trigger", "edge on PFI0", 0.0)
+                for kind, text in events:
+                    recording.event(kind, text, 0.0)
+            paths.append(path)
+        return paths
+
+
+@pytest.fixture(scope="session")
+def write_session(tmp_path_factory) -> SessionWriter:
+    """Write sessions of presses that the stand-in's scene `ideal` made once."""
+    with StandIn(load_rig(), load_scene("ideal"), 0) as stand_in:
+        (path,) = run_session(
+            stand_in.rig,
+            plan_press(stand_in.rig),
+            GalilController(stand_in.rig),
+            tmp_path_factory.mktemp("one"),
+            1,
+        )
+    return SessionWriter(read_recording(path))
