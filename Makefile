@@ -3,7 +3,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 OUT ?= out
 
-.PHONY: press test test-all faults lint bench clean
+.PHONY: press test test-all faults lint bench docs gallery clean
 
 $(VENV)/installed: pyproject.toml
 	$(PYTHON) -m venv $(VENV)
@@ -37,5 +37,11 @@ lint: $(VENV)/installed
 bench: $(VENV)/peers
 	$(BIN)/python -m benchmarks
 
+docs: $(VENV)/installed  ## the site, into site/
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict
+
+gallery: $(VENV)/installed  ## the README's picture anew; the site draws the others itself
+	$(BIN)/python -m examples.gallery docs/gallery session.png
+
 clean:
-	rm -rf $(VENV) $(OUT) build *.egg-info
+	rm -rf $(VENV) $(OUT) build site *.egg-info

@@ -20,11 +20,14 @@ from commands import (
     examining,
     fitting,
     learning,
+    picturing,
     planning,
     pressing,
     recordings,
+    reporting,
     setting_up,
     simulating,
+    starting,
 )
 from commands.common import fail
 
@@ -35,6 +38,7 @@ app = App(
     suppress_keyboard_interrupt=False,
 )
 for command in (
+    starting.init,
     setting_up.setup,
     planning.plan,
     planning.mount,
@@ -45,8 +49,11 @@ for command in (
     planning.predict,
     fitting.compare,
     fitting.identify,
+    picturing.animate,
+    picturing.listen,
     campaigning.campaign,
     campaigning.touch,
+    reporting.report,
     recordings.info,
     recordings.recover,
     converting.export,
@@ -56,6 +63,7 @@ for command in (
     examining.doctor,
 ):
     app.command(command)
+app.register_install_completion_command()
 
 
 def main() -> None:

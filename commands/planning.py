@@ -19,7 +19,12 @@ from commands.common import (
 
 
 def plan(
-    rig: RigName = "paper", *, out: Path | None = None, plot: Picture = None, json: Json = False
+    rig: RigName = "paper",
+    *,
+    out: Path | None = None,
+    plot: Picture = None,
+    bench: Picture = None,
+    json: Json = False,
 ) -> int:
     """Plan one press and check it.
 
@@ -27,27 +32,34 @@ def plan(
     ----------
     out
         File for the controller's segments, as JSON; written only if every check holds.
+    bench
+        File for a picture of the bench to scale; its suffix tells how.
     """
     from analysis.summary.plan import plan_lines, plan_summary
     from trajectory.press import draft_press
     from trajectory.segments import segments_document
 
-    bench = load_rig(rig)
-    expected, doubts = expected_of(bench)
-    draft = draft_press(bench, expected)
+    nominal = load_rig(rig)
+    expected, doubts = expected_of(nominal)
+    draft = draft_press(nominal, expected)
     failed = [check for check in draft.checks if not check.holds]
     warnings = [*doubts, *draft.warnings]
-    result, lines = plan_summary(draft, warnings), plan_lines(bench, draft, warnings)
+    result, lines = plan_summary(draft, warnings), plan_lines(nominal, draft, warnings)
     if out and not failed:
-        period = bench.controller.sample_period
+        period = nominal.controller.sample_period
         document = segments_document(draft.segments, period, draft.home, draft.hover)
         write(out, json_text(document))
         lines.append(f"segments: {out}")
     if plot:
         from analysis.figures.plan import plot_plan
 
-        plot_plan(plot, bench, draft, expected)
+        plot_plan(plot, nominal, draft, expected)
         lines.append(f"picture: {plot}")
+    if bench:
+        from analysis.figures.bench import plot_bench
+
+        plot_bench(bench, nominal, draft)
+        lines.append(f"bench: {bench}")
     answer(json, result, lines)
     if failed:
         return fail(

@@ -1,6 +1,7 @@
 """Press the key."""
 
 import sys
+from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -8,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import Parameter
 
 from commands.common import (
+    Flag,
     Json,
     RigName,
     Simulation,
@@ -18,6 +20,7 @@ from commands.common import (
     load_rig,
     signals_stop,
 )
+from commands.live.watching import watching
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -48,6 +51,8 @@ def press(
     feed_forward: Path | None = None,
     out: Path,
     notes: str = "",
+    view: Annotated[bool, Flag] = False,
+    live: Annotated[bool, Flag] = False,
     simulation: Simulation = Simulation(),
     json: Json = False,
 ) -> int:
@@ -75,6 +80,10 @@ def press(
         Folder for the recordings; nothing in it is overwritten.
     notes
         Operator's notes, kept in every recording.
+    view
+        Show arm, acquisition, force and speed in the terminal meanwhile.
+    live
+        Serve the same to Foxglove on this machine.
     """
     from commands.session import SessionReport
     from rig.units import parse_quantity
@@ -110,7 +119,8 @@ def press(
             waiting = _instrument_to_set(folder, rows[places[0].row], simulated=bool(plan.scene))
             if waiting:
                 break
-            _press(folder, left, list(zip(trajectories, tables, strict=True)), simulation, report)
+            planned = list(zip(trajectories, tables, strict=True))
+            _press(folder, left, planned, simulation, report, view=view, live=live)
     report.end(waiting)
     return 0
 
@@ -149,6 +159,9 @@ def _press(
     planned: "list[tuple[Trajectory, TorqueTable | None]]",
     simulation: Simulation,
     report: Any,
+    *,
+    view: bool,
+    live: bool,
 ) -> None:
     """Make the presses of one set-up of the instrument."""
     from robot.factory import motion_controller
@@ -159,7 +172,10 @@ def _press(
     wanted = plan.rows[places[0].row].rig
     with (
         hardware(wanted, replace(simulation, seed=seed)) as bench,
-        bar(len(places)) as step,
+        nullcontext(lambda: None) if view else bar(len(places)) as step,
+        watching(
+            f"rig {wanted.name} on {bench.where}", in_terminal=view, to_foxglove=live
+        ) as watch,
     ):
         report.on(bench)
         rigs = {row: plan.rows[row].on(bench.rig) for row in {place.row for place in places}}
@@ -190,6 +206,7 @@ def _press(
             rest=plan.rest,
             on_ready=folder.begin,
             on_press=done,
+            watch=watch,
         )
 
 

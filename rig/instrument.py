@@ -137,11 +137,11 @@ class Plectrum(Section):
     friction: float = Field(default=0.0, strict=True, ge=0, le=0.5)
     """1, Coulomb coefficient between plectrum and string."""
     tip_thickness: Length | None = Field(default=None, gt=0)
-    """m, of the section at the tip, for the level `two-beam`; None for `thickness`."""
+    """m, of the section at the tip, for the level `two-beam`; left out, `thickness`."""
     tip_length: Length | None = Field(default=None, gt=0)
-    """m, of the section at the tip, for the level `two-beam`; None for half the length."""
+    """m, of the section at the tip, for the level `two-beam`; left out, half the length."""
     outline: Outline | None = None
-    """Carved outline, for the level `fe`; None for a uniform section. In a file also
+    """Carved outline, for the level `fe`; left out, a uniform section. In a file also
     ``outline = { file = "contour.csv" }``."""
 
     @property

@@ -1,5 +1,6 @@
 """TOML files by path, or by the name under which they come with sautereau."""
 
+import difflib
 from importlib import resources
 from pathlib import Path
 
@@ -28,9 +29,11 @@ def named_text(
         ) from error
     packaged = resources.files(package).joinpath(f"{name}.toml")
     if not packaged.is_file():
+        known = packaged_names(package)
+        close = difflib.get_close_matches(str(name), known, n=1)
         raise error_type(
-            f"{what} {str(name)!r} is neither a file nor a packaged {what}"
-            f" ({', '.join(packaged_names(package))}); give the path of a .toml file"
+            f"{what} {str(name)!r} is neither a file nor a packaged {what} ({', '.join(known)});"
+            f" {f'did you mean {close[0]!r}?' if close else 'give the path of a .toml file'}"
         )
     return packaged.read_text(encoding="utf-8"), f"packaged {what} {name}", Path()
 

@@ -23,6 +23,4 @@ Inertia = Annotated[float, Unit("kg*m**2", "7e-4 kg m^2")]
 class Section(BaseModel):
     """A table of the rig file: frozen, no unknown keys, no NaN."""
 
-    model_config = ConfigDict(
-        frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True
-    )
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)

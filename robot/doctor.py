@@ -1,50 +1,35 @@
 """What is installed, connected and missing on this machine, each with its remedy."""
 
 import os
-import shutil
+import re
 import sys
 from collections.abc import Iterator
-from dataclasses import dataclass
 from importlib import metadata
 from pathlib import Path
 
 from rig.schema import Rig
+from robot.machine import Finding, clock, disk_room, disk_speed
 
-PACKAGES = (
-    "numpy",
-    "scipy",
-    "pandas",
-    "pymunk",
-    "pyserial",
-    "nidaqmx",
-    "mcap",
-    "pyarrow",
-    "tomlkit",
-    "matplotlib",
-)
-LEAST_SPACE = 1e9
-"""Bytes that should be free where recordings go: some 2,000 presses."""
-
-
-@dataclass(frozen=True)
-class Finding:
-    """One thing looked at."""
-
-    name: str
-    ok: bool
-    detail: str
-    remedy: str = ""
-    """What to do about it; empty where all is well."""
+PACKAGE = "sautereau"
 
 
 def examine(rig: Rig, folder: Path) -> list[Finding]:
-    """Look at Python, packages, serial port, DAQ device and disk; nothing is moved.
+    """Look at Python, packages, serial port, DAQ device, disk and clock; nothing is moved.
 
     Args:
         rig: The bench whose port and device are looked for.
         folder: Where recordings will go.
     """
-    return [_python(), *_packages(), _serial(rig), _daq(rig), _stand_in(), _disk(folder)]
+    return [
+        _python(),
+        *_packages(),
+        _serial(rig.controller.port),
+        _daq(rig),
+        _stand_in(),
+        disk_room(folder),
+        disk_speed(folder, rig.daq),
+        clock(),
+    ]
 
 
 def _python() -> Finding:
@@ -53,27 +38,52 @@ def _python() -> Finding:
 
 
 def _packages() -> Iterator[Finding]:
-    for name in PACKAGES:
+    """Look for whatever this program was installed with, extras left out."""
+    try:
+        needed = metadata.requires(PACKAGE) or []
+    except metadata.PackageNotFoundError:
+        remedy = "python -m pip install -e . in the checkout"
+        yield Finding(PACKAGE, False, "run from a folder, and not installed", remedy)
+        return
+    for requirement in needed:
+        wanted, _, marker = requirement.partition(";")
+        if "extra ==" in marker:
+            continue
+        name = re.split(r"[\s\[<>=!~(]", wanted, maxsplit=1)[0]
         try:
             yield Finding(name, True, metadata.version(name))
         except metadata.PackageNotFoundError:
-            yield Finding(name, False, "not installed", f"python -m pip install {name}")
+            yield Finding(name, False, "not installed", f'python -m pip install "{wanted.strip()}"')
 
 
-def _serial(rig: Rig) -> Finding:
+def _serial(port: str) -> Finding:
     from serial.tools.list_ports import comports
 
-    port = rig.controller.port
-    found = ", ".join(p.device for p in comports()) or "none"
+    found = [p.device for p in comports()]
     if "://" in port:
         return Finding("controller", True, f"{port}, a URL: not tried")
-    if not Path(port).exists():
+    if os.name == "nt":
+        there, allowed = port in found, True
+    else:
+        there, allowed = Path(port).exists(), os.access(port, os.R_OK | os.W_OK)
+    if not there:
         remedy = "plug the controller in; `sautereau setup port` finds where it is"
-        return Finding("controller", False, f"{port} is not there; serial ports: {found}", remedy)
-    if not os.access(port, os.R_OK | os.W_OK):
-        remedy = "add yourself to the group that owns the port (often dialout) and log in again"
-        return Finding("controller", False, f"{port} may not be opened by you", remedy)
+        detail = f"{port} is not there; serial ports: {', '.join(found) or 'none'}"
+        return Finding("controller", False, detail, remedy)
+    if not allowed:
+        group = _group(Path(port))
+        detail = f"{port} may not be opened by you; it belongs to the group {group}"
+        remedy = f"sudo usermod -aG {group} $USER, then log in again"
+        return Finding("controller", False, detail, remedy)
     return Finding("controller", True, f"{port} is there and may be opened")
+
+
+def _group(port: Path) -> str:
+    """Return the group of a port by name, or by number where it has none."""
+    try:
+        return port.group()
+    except KeyError:
+        return str(port.stat().st_gid)
 
 
 def _daq(rig: Rig) -> Finding:
@@ -91,10 +101,3 @@ def _daq(rig: Rig) -> Finding:
 def _stand_in() -> Finding:
     kind = "a pseudo-terminal" if hasattr(os, "openpty") else "socket:// on loopback"
     return Finding("stand-in", True, f"runs here, over {kind}: sautereau press --sim --out out")
-
-
-def _disk(folder: Path) -> Finding:
-    free = shutil.disk_usage(folder).free
-    enough = free >= LEAST_SPACE
-    detail = f"{free / 1e9:.1f} GB free in {folder.resolve()}"
-    return Finding("disk", enough, detail, "" if enough else "free some space, or record elsewhere")

@@ -2,7 +2,8 @@
 
 import re
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -16,6 +17,7 @@ from rig.schema import Rig
 from robot.controller import Capture, MotionController
 from robot.errors import RobotError
 from robot.feedforward import TorqueTable
+from robot.live import Fault, Made, Samples, Stage, Watch
 from trajectory.counts import to_angles
 from trajectory.motion import Floats
 from trajectory.press import Trajectory
@@ -91,6 +93,7 @@ def make_presses(
     rest: float = 0.0,
     on_ready: Callable[[], None] = lambda: None,
     on_press: Callable[[Item, Path], None] = lambda item, path: None,
+    watch: Watch = lambda seen: None,
     sleep: Callable[[float], None] = time.sleep,
 ) -> list[Path]:
     """Make presses with the motors on throughout, and record each in a file of its own.
@@ -106,13 +109,15 @@ def make_presses(
         rest: s, that the arm stands still between presses.
         on_ready: Called once, with the folder there and the motors still off.
         on_press: Called with each press and its finished recording.
+        watch: Told what happens meanwhile, as it happens.
         sleep: Wait for seconds.
 
     Raises:
         SautereauError: Whatever went wrong; the arm has been stopped and switched off.
     """
     made: list[Path] = []
-    with controller:
+    with _faults_told(watch), controller:
+        watch(Stage("motors off", "idle"))
         number = _free_number(out)
         on_ready()
         with controller.powered():
@@ -120,17 +125,31 @@ def make_presses(
             for item in items:
                 if stands is not None and rest:
                     sleep(rest)
+                watch(Stage("going to the start", "idle"))
                 _go_to(controller, item, stands)
                 stands = item.trajectory
                 path = out / FILE.format(number)
-                _press(controller, item, path, number, origin)
+                _press(controller, item, path, number, origin, watch)
+                watch(Made(number, path))
                 made.append(path)
                 number += 1
                 on_press(item, path)
             if stands is not None:
+                watch(Stage("going home", "idle"))
                 _play(controller, stands.retreat)
                 controller.check_home()
+        watch(Stage("motors off", "idle"))
     return made
+
+
+@contextmanager
+def _faults_told(watch: Watch) -> Iterator[None]:
+    try:
+        yield
+    except BaseException as error:
+        told = f"{type(error).__name__}: {error}".removesuffix(": ")
+        watch(Fault("\n".join([told, *getattr(error, "__notes__", [])])))
+        raise
 
 
 def _go_to(controller: MotionController, item: Item, stands: Trajectory | None) -> None:
@@ -156,11 +175,17 @@ def _play(controller: MotionController, motion: Segments) -> None:
 
 
 def _press(
-    controller: MotionController, item: Item, path: Path, number: int, origin: Origin
+    controller: MotionController,
+    item: Item,
+    path: Path,
+    number: int,
+    origin: Origin,
+    watch: Watch,
 ) -> None:
     """Make one press: the acquisition is armed first, then the controller starts both."""
     rig, trajectory = item.rig, item.trajectory
     duration = trajectory.segments.total_samples * rig.controller.sample_period + rig.daq.tail
+    watch(Stage("loading", "idle", number))
     controller.load(trajectory.segments, item.torques)
     controller.arm()
     with Acquisition(rig.daq, duration) as acquisition:
@@ -179,12 +204,17 @@ def _press(
         )
         with Recording(path, rig, session=session, rate=acquisition.rate) as recording:
             acquisition.start()
+            watch(Stage("armed", "armed", number))
             controller.start()
+            watch(Stage("moving", "reading", number))
             for block in acquisition.blocks():
                 recording.write_block(block)
+                watch(Samples(number, rig.daq.channels, acquisition.rate, block))
+            watch(Stage("moving", "complete", number))
             # An event flushes, and what follows may take a while.
             recording.event("trigger", f"edge on {rig.daq.trigger_source}", 0.0)
             controller.wait()
+            watch(Stage("standing", "complete", number))
             if item.torques is not None:
                 first, second = np.abs(item.torques.torques).max(axis=0)
                 pushed = f"up to {first:.4g} N m at joint 1 and {second:.4g} N m at joint 2"

@@ -1,0 +1,201 @@
+"""The figure of a press in slow motion: bench, jack's head, string, and what was measured."""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from analysis.figures.jack import JackView
+from analysis.figures.side import ARM, PRESSED, BenchPose, draw_surroundings
+from analysis.reenactment import ChoirMotion, Reenactment
+
+if TYPE_CHECKING:
+    from matplotlib.artist import Artist
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+SIZE, DPI = (9.6, 6.4), 100
+"""in and 1/in: 960 by 640 pixels."""
+HELD = "#fbe3cf"
+
+
+@dataclass(frozen=True)
+class Part:
+    """One of the axes of an animation."""
+
+    axes: "Axes"
+    artists: "Sequence[Artist]"
+    """All that moves in it."""
+    show: Callable[[int], None]
+    """Moves them to a frame."""
+
+
+def animation_figure(scene: Reenactment, slow: float) -> "tuple[Figure, list[Part]]":
+    """Return the figure and what moves in it, at the first frame.
+
+    Args:
+        scene: The press at the frames' instants.
+        slow: 1, how many times slower than the press they are shown.
+    """
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=SIZE, dpi=DPI, layout="constrained")
+    grid = figure.add_gridspec(3, 2, height_ratios=(1.9, 1.0, 1.3), width_ratios=(1.15, 1))
+    parts: list[Part] = [
+        _bench(figure.add_subplot(grid[0, 0]), scene),
+        _strings(figure.add_subplot(grid[1, 0]), scene),
+    ]
+    heads = grid[:2, 1].subgridspec(len(scene.choirs), 1)
+    for number, motion in enumerate(scene.choirs):
+        name = f"choir {number + 1}: " if len(scene.choirs) > 1 else ""
+        axes = figure.add_subplot(heads[number, 0])
+        parts.append(_head(axes, motion, name))
+        if number + 1 < len(scene.choirs):
+            axes.set_xlabel("")
+    parts.append(_trace(figure.add_subplot(grid[2, 0]), scene, "force", 1.0, "finger force (N)"))
+    parts.append(
+        _trace(figure.add_subplot(grid[2, 1]), scene, "jack_speed", 1e3, "jack speed (mm/s)")
+    )
+    press = scene.press
+    kind = "SIMULATED, made on the stand-in" if press.simulated else "measured"
+    string = "no pluck was found: plectrum and string are drawn unbent and at rest"
+    if any(motion.plucks for motion in scene.choirs):
+        string = "plectrum and string by the model, set to contact and release"
+    arm = "" if scene.joints is not None else "; no arm was recorded"
+    figure.suptitle(
+        f"Rig {press.rig.name}, {press.path.name}: {kind}; {slow:.4g} times slower{arm}\n"
+        f"key, jack and arm as recorded; {string}",
+        fontsize=10,
+    )
+    if press.simulated:
+        figure.text(
+            0.5, 0.5, "simulated", fontsize=80, color="#00000014", rotation=25,
+            ha="center", va="center",
+        )  # fmt: skip
+
+    for part in parts:
+        part.show(0)
+    figure.draw_without_rendering()
+    figure.set_layout_engine("none")  # so that nothing shifts from frame to frame
+    return figure, parts
+
+
+def _bench(axes, scene: Reenactment) -> Part:
+    rig = scene.press.rig
+    draw_surroundings(axes, rig)
+    pose = BenchPose(axes, rig)
+    # The arm, where there is one, takes the left side.
+    side = {"x": 0.02, "ha": "left"} if scene.joints is None else {"x": 0.98, "ha": "right"}
+    corner = {**side, "s": "", "va": "top", "transform": axes.transAxes}
+    clock, phase = axes.text(y=0.96, fontsize=12, **corner), axes.text(y=0.83, **corner)
+    behind = max(motion.choir.jack_arm for motion in scene.choirs)
+    left = -rig.key.front_arm - 15e-3
+    top = rig.key.jack_surface_height + 0.12
+    if scene.joints is not None:
+        reach = rig.arm.upper_length * np.sin(scene.joints[:, 0]).max()
+        left = min(left, rig.arm.base_x - 15e-3)
+        top = max(top, rig.arm.base_z + max(reach, 0) + 15e-3)
+    axes.set_xlim(left * 1e3, (behind + 45e-3) * 1e3)
+    axes.set_ylim(-35, top * 1e3)
+    axes.set_aspect("equal")
+    axes.set_xlabel("x from the balance pin (mm)")
+    axes.set_ylabel("z (mm)")
+
+    digits = max(1, math.ceil(-math.log10(1e3 * (scene.time[1] - scene.time[0]))))
+
+    def show(frame: int) -> None:
+        joints = None if scene.joints is None else scene.joints[frame]
+        pose.put(float(scene.angle[frame]), joints)
+        clock.set_text(f"{scene.time[frame] * 1e3:.{digits}f} ms")
+        phase.set_text(_phase(scene, float(scene.time[frame])))
+
+    return Part(axes, [*pose.artists, clock, phase], show)
+
+
+def _phase(scene: Reenactment, time: float) -> str:
+    """Return what the press is at at a time [s]."""
+    plucks = scene.phases.plucks
+    if any(held.contact <= time < held.release for held in plucks):
+        return "string held"
+    if plucks and time >= plucks[0].release:
+        return "string released"
+    return "free"
+
+
+def _head(axes, motion: ChoirMotion, name: str) -> Part:
+    travel = float(np.abs(motion.deflection).max()) * 1.3 if motion.plucks else 0.0
+    view = JackView(axes, motion.choir, travel)
+    title = axes.set_title("", fontsize=10)
+
+    def show(frame: int) -> None:
+        height = float(motion.height[frame])
+        title.set_text(f"{name}plectrum {height * 1e3:+.2f} mm from contact")
+        view.put(
+            height,
+            motion.line[frame],
+            float(motion.tongue[frame]),
+            motion.wire[frame],
+        )
+
+    return Part(axes, [*view.artists, title], show)
+
+
+def _strings(axes, scene: Reenactment) -> Part:
+    """Draw every string from nut to bridge: where it is, and where it has been in the frame."""
+    from matplotlib.patches import Polygon
+
+    most = max(float(np.abs(motion.deflection).max()) for motion in scene.choirs) * 1e3
+    length = max(float(motion.places[-1]) for motion in scene.choirs) * 1e3
+    axes.set_xlim(0, length)
+    axes.set_ylim(-1.2 * max(most, 0.1), 1.2 * max(most, 0.1))
+    axes.set_xlabel("along the string, from nut to bridge (mm)")
+    axes.set_ylabel("string's z\n(mm)")
+    shown = []
+    for motion, colour in zip(scene.choirs, (ARM, PRESSED, "#2f6b3a", "#7a3e9d"), strict=False):
+        band = Polygon(np.zeros((1, 2)), fc=colour, ec="none", alpha=0.25)
+        axes.add_patch(band)
+        (line,) = axes.plot([], [], color=colour, lw=1.3)
+        axes.axvline(motion.choir.string.plucking_point * 1e3, color=colour, lw=0.7, ls=":")
+        shown.append((motion, band, line))
+
+    def show(frame: int) -> None:
+        for motion, band, line in shown:
+            x, z = motion.places * 1e3, motion.deflection[frame] * 1e3
+            outline = np.concatenate([z.min(axis=0), z.max(axis=0)[::-1]])
+            band.set_xy(np.column_stack([np.concatenate([x, x[::-1]]), outline]))
+            line.set_data(x, z[0])
+
+    return Part(axes, [artist for _, *both in shown for artist in both], show)
+
+
+def _trace(axes, scene: Reenactment, column: str, scale: float, label: str) -> Part:
+    """Draw a measured column over the frames' time, with the present marked."""
+    data = scene.press.data.loc[scene.time[0] : scene.time[-1]]
+    time, values = data.index.to_numpy() * 1e3, data[column].to_numpy() * scale
+    axes.plot(time, values, color=ARM, lw=0.8)
+    low, high = min(values.min(), 0.0), max(values.max(), 0.0)
+    margin = 0.08 * (high - low)
+    axes.set_ylim(low - margin, high + margin)
+    # A finger may strike the key many times as hard as the string resists.
+    held_force = [data[column].loc[h.contact : h.release].max() for h in scene.phases.plucks]
+    most = 1.6 * max(held_force, default=np.inf) * scale
+    if column == "force" and 0 < most < values.max():
+        axes.set_ylim(-0.1 * most, most)
+        at = int(np.argmax(values))
+        axes.annotate(
+            f"{values[at]:.3g} N", (time[at], most), (5, -2), textcoords="offset points",
+            va="top", fontsize=8,
+        )  # fmt: skip
+    for held in scene.phases.plucks:
+        axes.axvspan(held.contact * 1e3, held.release * 1e3, color=HELD, zorder=0)
+    axes.set_xlim(scene.time[0] * 1e3, scene.time[-1] * 1e3)
+    axes.set_xlabel("time from the trigger (ms)")
+    axes.set_ylabel(label)
+    now = axes.axvline(scene.time[0] * 1e3, color=PRESSED, lw=1.2)
+
+    def show(frame: int) -> None:
+        now.set_xdata([scene.time[frame] * 1e3] * 2)
+
+    return Part(axes, [now], show)

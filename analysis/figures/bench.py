@@ -1,0 +1,169 @@
+"""The picture of the bench: to scale, with its dimensions, and a jack's head drawn larger."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from analysis.figures.jack import JackView
+from analysis.figures.side import (
+    ARM,
+    FELT,
+    GRAIN,
+    LASER,
+    METAL,
+    PRESSED,
+    UNDER,
+    BenchPose,
+    draw_surroundings,
+    string_height,
+)
+from analysis.model.choirs import choirs
+from rig.schema import Rig
+from trajectory.arm import base
+from trajectory.press import Trajectory
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+DIMENSION = "#444444"
+
+
+def plot_bench(path: str | Path, rig: Rig, trajectory: Trajectory) -> None:
+    """Write the picture of `bench_figure`; the suffix of ``path`` chooses the format."""
+    bench_figure(rig, trajectory).savefig(path, dpi=120)
+
+
+def bench_figure(rig: Rig, trajectory: Trajectory) -> "Figure":
+    """Draw the bench to scale at rest and at full rise, with its dimensions, and a jack's head.
+
+    Args:
+        rig: The bench; dimensions that it assumes are marked.
+        trajectory: Its plan, for the arm's joints.
+    """
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(14, 9), layout="constrained")
+    grid = figure.add_gridspec(2, 2, width_ratios=(1, 1.5), height_ratios=(1.3, 1))
+    side = figure.add_subplot(grid[0, :])
+    head, words = figure.add_subplot(grid[1, 0]), figure.add_subplot(grid[1, 1])
+    draw_surroundings(side, rig)
+    rise = trajectory.rise.position
+    for sample, ghost in ((int(np.argmax(rise)), True), (0, False)):
+        pose = BenchPose(side, rig, PRESSED if ghost else ARM, ghost=ghost)
+        pose.put(float(trajectory.angle.position[sample]), trajectory.joints.position[sample])
+    _name_things(side, rig)
+    _dimensions(side, rig)
+    side.set_aspect("equal")
+    side.relim()
+    side.margins(0.03, 0.08)
+    side.autoscale_view()
+    side.set_xlabel("x from the balance pin (mm)")
+    side.set_ylabel("z (mm)")
+    _head(head, rig)
+    _legend(words, rig)
+    figure.suptitle(
+        f'Rig {rig.name}, hold "{rig.press.hold}": the bench to scale, at rest and (dashed) at a'
+        f" jack rise of {rise.max() * 1e3:.4g} mm"
+    )
+    return figure
+
+
+def _name_things(axes, rig: Rig) -> None:
+    key, arm = rig.key, rig.arm
+    foot = np.array([key.jack_arm, key.jack_surface_height]) * 1e3
+    height = string_height(rig, choirs(rig)[0]) * 1e3
+    plucked = rig.string.plucking_point * 1e3
+    ends = foot[0] - plucked, foot[0] - plucked + rig.string.length * 1e3
+    axes.plot(
+        [-key.laser_arm * 1e3] * 2, [key.surface_height * 1e3, 120], color=LASER, lw=1, ls="-."
+    )
+    low = key.neighbour_height * 1e3
+    axes.plot([-key.front_arm * 1e3, 0], [low, low], color=GRAIN, ls=":", lw=1)
+    felt = (-UNDER - key.dip) * 1e3 - 2
+    named = (
+        ("laser", (-key.laser_arm * 1e3, 120), (0, 3), "center", LASER),
+        ("base", tuple(base(arm) * 1e3), (0, 12), "center", ARM),
+        ("neighbouring keys", (0, low), (3, 0), "left", GRAIN),
+        ("jack", (foot[0] - 4, (foot[1] + height) / 2), (-8, -14), "right", "black"),
+        ("nut", (ends[0], height - 9), (0, -11), "center", "black"),
+        ("bridge", (ends[1], height - 9), (0, -11), "center", "black"),
+        ("string", ((foot[0] + ends[1]) / 2, height), (0, -13), "center", "black"),
+        ("rail", (foot[0] - 6, -UNDER * 1e3 - 4), (0, -11), "center", FELT),
+        ("felt", (-key.press_arm * 1e3 - 12, felt), (-4, -4), "right", FELT),
+        ("balance pin", (0, -UNDER * 1e3 - 8), (0, -11), "center", "black"),
+    )
+    for text, place, offset, side, colour in named:
+        axes.annotate(
+            text, place, offset, textcoords="offset points", ha=side, color=colour, fontsize=9
+        )
+
+
+def _dimensions(axes, rig: Rig) -> None:
+    """Draw the lengths along the key below it, each from the pin."""
+    key = rig.key
+    rows = (
+        ("key.laser_arm", -key.laser_arm, -42.0),
+        ("key.press_arm", -key.press_arm, -57.0),
+        ("key.front_arm", -key.front_arm, -72.0),
+        ("key.jack_arm", key.jack_arm, -42.0),
+    )
+    axes.plot([0, 0], [-36, -76], color=DIMENSION, lw=0.6)
+    for name, value, z in rows:
+        axes.plot([value * 1e3] * 2, [-14, z - 4], color=DIMENSION, lw=0.6, ls=":")
+        axes.annotate(
+            "", (value * 1e3, z), (0, z), arrowprops={"arrowstyle": "<->", "color": DIMENSION}
+        )
+        text = _told(rig, name, abs(value), name.split(".")[1].replace("_", " "))
+        axes.text(
+            value * 500, z, text, ha="center", va="center", fontsize=8,
+            bbox={"fc": "white", "ec": "none", "pad": 1},
+        )  # fmt: skip
+
+
+def _head(axes, rig: Rig) -> None:
+    """Draw the first jack's head at rest, seen along the string."""
+    choir = choirs(rig)[0]
+    view = JackView(axes, choir)
+    view.rest()
+    view.label()
+    axes.set_title("jack's head at rest, seen along the string", fontsize=10)
+
+
+def _legend(axes, rig: Rig) -> None:
+    """Write the numbers that have no arrow."""
+    arm, plectrum, string, jack = rig.arm, rig.plectrum, rig.string, rig.jack
+    rows = [
+        _told(rig, "arm.upper_length", arm.upper_length, "link 1"),
+        _told(rig, "arm.lower_length", arm.lower_length, "link 2"),
+        _told(rig, "arm.base_x", arm.base_x, "base, x"),
+        _told(rig, "arm.base_z", arm.base_z, "base, z"),
+        _told(rig, "arm.fingertip_radius", arm.fingertip_radius, "fingertip's radius"),
+        _told(rig, "key.dip", rig.key.dip, "dip at the pressing point"),
+        _told(rig, "press.jack_rise", rig.press.jack_rise, "jack's rise"),
+        _told(rig, "jack.string_clearance", jack.string_clearance, "rise until contact"),
+        _told(rig, "plectrum.length", plectrum.length, "plectrum's length"),
+        _told(rig, "plectrum.overlap", plectrum.overlap, "plectrum's overlap"),
+        _told(rig, "plectrum.thickness", plectrum.thickness, "plectrum's thickness"),
+        _told(rig, "plectrum.width", plectrum.width, "plectrum's width"),
+        _told(rig, "string.length", string.length, "string, nut to bridge"),
+        _told(rig, "string.plucking_point", string.plucking_point, "nut to jack"),
+        _told(rig, "string.diameter", string.diameter, "wire"),
+    ]
+    if rig.more_choirs:
+        rows.append(f"{len(rig.more_choirs)} more choir{'s' * (len(rig.more_choirs) > 1)}")
+    axes.axis("off")
+    half = (len(rows) + 1) // 2
+    for column, part in enumerate((rows[:half], rows[half:])):
+        axes.text(
+            0.03 + 0.5 * column, 0.95, "\n".join(part), va="top", linespacing=1.7, fontsize=10
+        )
+    if any("*" in row for row in rows):
+        axes.text(
+            0.03, 0.02, "* assumed in the rig file: no source gives it", fontsize=9, color=METAL
+        )
+
+
+def _told(rig: Rig, name: str, value: float, text: str) -> str:
+    mark = "*" if name in rig.assumed else ""
+    return f"{text} {value * 1e3:.5g} mm{mark}"

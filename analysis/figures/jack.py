@@ -1,0 +1,153 @@
+"""A jack's head seen along the string, to scale: tongue, plectrum, damper and wire.
+
+The model's string is a line on the plectrum's mid-line. A wire lies on the upper surface, so
+the plectrum is drawn lower by half its thickness and the wire's radius.
+"""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from analysis.model.plectrum.shape import straight
+from rig.instrument import Choir
+from trajectory.motion import Floats
+
+if TYPE_CHECKING:
+    from matplotlib.artist import Artist
+
+PLECTRUM, WIRE, WOOD, EDGE, TONGUE, FELT, METAL = (
+    "#c8502d", "#1f4e79", "#efe4cc", "#8a7a5c", "#dcc9a0", "#7d9b76", "#9a9a9a",
+)  # fmt: skip
+BODY, AXLE = 3.0e-3, 1.3e-3
+"""m, width of a jack's body behind its tongue, and of the tongue."""
+FELT_HEIGHT = 1.4e-3
+"""m, of a damper's felt at rest on nothing."""
+
+
+class JackView:
+    """A jack's head and its string, as artists that can be moved, in mm from the string at rest.
+
+    Args:
+        axes: To draw in.
+        choir: Jack, plectrum and string.
+        travel: m, of the jack above first contact that has to be seen.
+    """
+
+    def __init__(self, axes, choir: Choir, travel: float = 0.0):
+        from matplotlib.patches import Circle, Polygon
+
+        self.axes, self.choir = axes, choir
+        plectrum, jack = choir.plectrum, choir.jack
+        self.clamp = plectrum.overlap - plectrum.length
+        """m, x of the clamp."""
+        self.radius = choir.string.diameter / 2
+        nothing = np.zeros((1, 2))
+        self._body = Polygon(nothing, fc=WOOD, ec=EDGE, zorder=2)
+        self._tongue = Polygon(nothing, fc=TONGUE, ec=EDGE, zorder=3)
+        self._holder = Polygon(nothing, fc=METAL, ec="none", zorder=2.5)
+        self._felt = Polygon(nothing, fc=FELT, ec="none", zorder=2.4)
+        self._plectrum = Polygon(nothing, fc=PLECTRUM, ec=PLECTRUM, lw=0.5, zorder=4)
+        self._wire = Circle((0, 0), self.radius * 1e3, fc=WIRE, ec="none", zorder=6)
+        (self._path,) = axes.plot([], [], color=WIRE, lw=1.2, alpha=0.45, zorder=5)
+        for patch in (
+            self._body, self._tongue, self._holder, self._felt, self._plectrum, self._wire,
+        ):  # fmt: skip
+            axes.add_patch(patch)
+        axes.plot(0, 0, "+", color="#666666", ms=9, mew=0.8, zorder=7)
+        axes.set_aspect("equal")
+        below = min(jack.string_clearance, 2.5e-3) + plectrum.thickness + 0.8e-3
+        axes.set_ylim(-below * 1e3, (travel + FELT_HEIGHT + 1.0e-3) * 1e3)
+        axes.set_xlim((self.clamp - AXLE - BODY * 0.7) * 1e3, 2.1)
+        axes.set_xlabel("along the plectrum, from the string (mm)")
+        axes.set_ylabel("z (mm)")
+
+    @property
+    def artists(self) -> "list[Artist]":
+        """All that moves."""
+        return [
+            self._body, self._tongue, self._holder, self._felt, self._plectrum, self._path,
+            self._wire,
+        ]  # fmt: skip
+
+    def put(self, height: float, line: Floats, tongue: float, wire: Floats) -> None:
+        """Move to a height and a shape.
+
+        Args:
+            height: m, of the jack above first contact.
+            line: m, mid-line of the plectrum from its clamp, shape (n, 2).
+            tongue: rad, by which the tongue has swung back.
+            wire: m, places of the wire over the picture's time, the first one now; (k, 2).
+        """
+        choir = self.choir
+        clamp = np.array([self.clamp, height])
+        down = self.radius + choir.plectrum.thickness / 2
+        shape = _thick(line, choir.plectrum.thickness) + clamp - (0.0, down)
+        pivot = choir.jack.tongue.pivot if choir.jack.tongue else 12e-3
+        axle = clamp - (0.0, pivot)
+        upper = 1.2e-3
+        own = np.array([[-AXLE, 0], [0, 0], [0, pivot + upper], [-AXLE, pivot + upper]]) + axle
+        self._tongue.set_xy(_turned(own, axle, tongue) * 1e3)
+        self._plectrum.set_xy(_turned(shape, axle, tongue) * 1e3)
+        top, left = 30e-3, -AXLE - BODY
+        body = [[left, -top], [0, -top], [0, -pivot - 1e-3], [-AXLE, -pivot - 1e-3]]
+        body += [[-AXLE, top], [left, top]]
+        self._body.set_xy((np.array(body) + clamp) * 1e3)
+        self._put_damper(height)
+        self._wire.set_center(tuple(wire[0] * 1e3))
+        self._path.set_data(*wire.T * 1e3)
+
+    def rest(self) -> None:
+        """Move to the jack at rest, with the string at rest."""
+        self.put(
+            -self.choir.jack.string_clearance, straight(self.choir.plectrum), 0.0, np.zeros((1, 2))
+        )
+
+    def label(self) -> None:
+        """Name what is seen, at rest."""
+        choir = self.choir
+        clearance, middle = choir.jack.string_clearance * 1e3, self.clamp * 500
+        low = -clearance - (self.radius + choir.plectrum.thickness / 2) * 1e3
+        arrow = {"arrowstyle": "<->", "color": "#444444"}
+        self.axes.annotate("", (0.9, 0), (0.9, -clearance), arrowprops=arrow)
+        self.axes.plot([0.1, 1.2], [-clearance] * 2, color="#444444", lw=0.6, ls=":")
+        self.axes.plot([0.1, 1.2], [0, 0], color="#444444", lw=0.6, ls=":")
+        self.axes.text(1.0, -clearance / 2, "clearance", va="center", fontsize=8)
+        self.axes.text(middle, low - 0.35, "plectrum", ha="center", va="top", fontsize=8)
+        self.axes.annotate(
+            "wire", (-self.radius * 1e3, 0), (-30, -12), textcoords="offset points", fontsize=8
+        )
+        if choir.jack.damper:
+            top = (self.radius + FELT_HEIGHT - choir.jack.damper.lift) * 1e3 + 0.4
+            self.axes.text(middle, top, "damper", ha="center", va="bottom", fontsize=8)
+        side = (self.clamp - AXLE / 2) * 1e3
+        self.axes.text(side, low - 0.1, "tongue", rotation=90, ha="center", va="bottom", fontsize=8)
+
+    def _put_damper(self, height: float) -> None:
+        choir = self.choir
+        damper = choir.jack.damper
+        for artist in (self._holder, self._felt):
+            artist.set_visible(damper is not None)
+        if damper is None:
+            return
+        gap = height + choir.jack.string_clearance - damper.lift
+        foot, top = max(gap, 0.0) + self.radius, gap + self.radius + FELT_HEIGHT
+        self._felt.set_xy(_box(-0.9e-3, 0.9e-3, foot, max(top, foot)) * 1e3)
+        self._holder.set_xy(_box(self.clamp - AXLE, 0.9e-3, top, top + 0.3e-3) * 1e3)
+
+
+def _thick(line: Floats, thickness: float) -> Floats:
+    """Return the outline [m] of a beam about its mid-line."""
+    along = np.gradient(line, axis=0)
+    normal = np.stack([-along[:, 1], along[:, 0]], -1)
+    size = np.hypot(*normal.T)[:, None]
+    normal = np.divide(normal, size, out=np.zeros_like(normal), where=size > 0) * thickness / 2
+    return np.concatenate([line + normal, (line - normal)[::-1]])
+
+
+def _turned(points: Floats, about: Floats, angle: float) -> Floats:
+    cosine, sine = np.cos(angle), np.sin(angle)
+    return (points - about) @ np.array([[cosine, sine], [-sine, cosine]]) + about
+
+
+def _box(left: float, right: float, low: float, high: float) -> Floats:
+    return np.array([[left, low], [right, low], [right, high], [left, high]])

@@ -1,0 +1,152 @@
+"""A press in slow motion as a file: a GIF by pillow, or an MP4 where ffmpeg is."""
+
+import shutil
+import subprocess
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import suppress
+from itertools import chain
+from pathlib import Path
+from typing import IO, TYPE_CHECKING, cast
+
+import numpy as np
+
+from analysis.errors import AnalysisError
+from analysis.figures.animation import animation_figure
+from analysis.reenactment import Reenactment
+from trajectory.motion import Floats
+
+if TYPE_CHECKING:
+    from PIL.Image import Image
+
+Done = Callable[[float], object]
+"""Is told the share that is done, from 0 to 1."""
+FRAME_RATE = 25
+"""Hz, of the pictures shown."""
+MOST_FRAMES = 1500
+COLOURS = 128
+"""Of a GIF's palette."""
+SAMPLED = 40
+"""Frames from one in which a palette's colours are looked for to the next."""
+
+
+def frame_times(start: float, stop: float, slow: float) -> Floats:
+    """Return the instants [s] of an animation's frames, shape (n,).
+
+    Args:
+        start: s.
+        stop: s.
+        slow: 1, how many times slower than the press it is shown.
+
+    Raises:
+        AnalysisError: There would be fewer than two frames or far too many.
+    """
+    if not slow > 0:
+        raise AnalysisError(f"slow: {slow:.4g} times slower must be more than 0; raise it")
+    count = int((stop - start) * slow * FRAME_RATE + 1e-6) + 1
+    if not 2 <= count <= MOST_FRAMES:
+        raise AnalysisError(
+            f"an animation of {(stop - start) * 1e3:.4g} ms, {slow:g} times slower, has {count}"
+            f" frames, which must be 2 to {MOST_FRAMES}; change --slow or the stretch shown"
+        )
+    return start + np.arange(count) / (slow * FRAME_RATE)
+
+
+def animate(
+    path: str | Path,
+    scene: Reenactment,
+    done: Done = lambda share: None,
+) -> None:
+    """Write a press as an animation.
+
+    Args:
+        path: File, .gif or .mp4; the latter needs ffmpeg.
+        scene: The press at the frames' instants.
+        done: Is told what share is written.
+
+    Raises:
+        AnalysisError: The suffix is another, or there is no ffmpeg.
+    """
+    path = Path(path)
+    write = _writer(path)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    write(path, scene, done)
+
+
+def pictures(scene: Reenactment, frames: Iterable[int]) -> "Iterator[Image]":
+    """Yield some frames, of which only what moves is drawn anew."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from PIL import Image
+
+    figure, parts = animation_figure(scene, _slowness(scene))
+    canvas = FigureCanvasAgg(figure)
+    for artist in (artist for part in parts for artist in part.artists):
+        artist.set_animated(True)
+    canvas.draw()
+    still = canvas.copy_from_bbox(figure.bbox)
+    for frame in frames:
+        canvas.restore_region(still)
+        for part in parts:
+            part.show(frame)
+            for artist in sorted(part.artists, key=lambda each: each.get_zorder()):
+                part.axes.draw_artist(artist)
+        yield Image.fromarray(np.asarray(canvas.buffer_rgba())[..., :3].copy())
+
+
+def _slowness(scene: Reenactment) -> float:
+    """Return how many times slower than the press its frames are shown."""
+    return float(1 / (FRAME_RATE * (scene.time[1] - scene.time[0])))
+
+
+def _counted(scene: Reenactment, done: Done) -> "Iterator[Image]":
+    """Yield all frames, and tell after each what share of them is done."""
+    n = len(scene.time)
+    for frame, picture in enumerate(pictures(scene, range(n))):
+        yield picture
+        done((frame + 1) / n)
+
+
+def _writer(path: Path) -> Callable[[Path, Reenactment, Done], None]:
+    """Return what writes a file of this kind."""
+    suffix = path.suffix.lower()
+    if suffix == ".gif":
+        return _write_gif
+    if suffix != ".mp4":
+        raise AnalysisError(f"{path}: an animation is a .gif or an .mp4; let its name end so")
+    if shutil.which("ffmpeg") is None:
+        raise AnalysisError(
+            f"{path}: an .mp4 is written by ffmpeg, which is not installed; install it"
+            " (apt install ffmpeg, brew install ffmpeg), or write a .gif"
+        )
+    return _write_mp4
+
+
+def _write_gif(path: Path, scene: Reenactment, done: Done) -> None:
+    from PIL import Image
+
+    # One palette for all frames, so that what stands still is stored once.
+    sample = [np.asarray(p) for p in pictures(scene, range(0, len(scene.time), SAMPLED))]
+    every = Image.fromarray(np.concatenate(sample))
+    palette = every.quantize(COLOURS, Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE)
+    reduced = (
+        frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in _counted(scene, done)
+    )
+    next(reduced).save(
+        path, save_all=True, append_images=reduced, duration=1000 / FRAME_RATE, loop=0
+    )
+
+
+def _write_mp4(path: Path, scene: Reenactment, done: Done) -> None:
+    frames = _counted(scene, done)
+    first = next(frames)
+    source = f"-f rawvideo -pix_fmt rgb24 -s {first.width}x{first.height} -r {FRAME_RATE} -i -"
+    words = ["ffmpeg", "-loglevel", "error", "-y", *source.split(), "-pix_fmt", "yuv420p"]
+    command = [*words, str(path)]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stderr=subprocess.PIPE) as ffmpeg:
+        pipe, errors = cast(IO[bytes], ffmpeg.stdin), cast(IO[bytes], ffmpeg.stderr)
+        with suppress(BrokenPipeError):  # ffmpeg has ended, and says why
+            for frame in chain([first], frames):
+                pipe.write(frame.tobytes())
+            pipe.close()
+        said = errors.read().decode(errors="replace").strip()
+    if ffmpeg.returncode:
+        raise AnalysisError(f"{path}: ffmpeg has failed: {said}; mend that, or write a .gif")

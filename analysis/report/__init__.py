@@ -1,0 +1,1 @@
+"""A session as one page, which needs nothing but a browser."""

@@ -1,0 +1,155 @@
+"""What a report says in words: how it was pressed, what is doubtful, with which software."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from analysis.report.contents import Contents, PressRecord
+from daq.file.provenance import software as software_here
+from rig.load import rig_document
+from rig.schema import Rig
+
+MOST_LISTED = 40
+"""Entries of one list that the page shows."""
+MOST_EVENTS = 10
+"""Events of one recording that the page shows."""
+
+Facts = list[tuple[str, str]]
+
+
+@dataclass(frozen=True)
+class Warned:
+    """One warning, said once for all presses that it is of."""
+
+    text: str
+    where: str
+    """Which presses; empty for the session itself."""
+
+
+def warnings(contents: Contents, of_session: Sequence[str]) -> list[Warned]:
+    """Return all warnings: of the session, of recordings that are left out, of presses.
+
+    Args:
+        contents: The presses.
+        of_session: Of the session itself.
+    """
+    found = [Warned(text, "") for text in of_session]
+    found += [
+        Warned(f"{path.name} is left out: {why}", "") for path, why in contents.unread.items()
+    ]
+    for number, condition in enumerate(contents.conditions, 1):
+        where = f"condition {number}" if len(contents.conditions) > 1 else ""
+        found += [Warned(text, where) for text in condition.warnings]
+    same: dict[str, list[int]] = {}
+    for record in contents.presses:
+        for text in record.warnings:
+            same.setdefault(text, []).append(record.number)
+    return found + [Warned(text, f"press {_numbers(n)}") for text, n in same.items()]
+
+
+def how_pressed(contents: Contents) -> Facts:
+    """Return how the presses of the first condition were made, in words."""
+    presses = contents.presses
+    rig, first = contents.conditions[0].rig, presses[0].session
+    document = rig_document(rig)
+    warm_up = sum(record.session.warm_up for record in presses)
+    facts = [
+        ("rig", rig.name),
+        ("presses", f"{len(presses)}" + (f", {warm_up} of them for warming up" if warm_up else "")),
+        ("made", _range(record.session.started for record in presses)),
+        ("press", _press(rig, document["press"])),
+        ("key", _listed(document["key"], ("press_arm", "laser_arm", "jack_arm", "inertia"))),
+        ("plectrum", _listed(document["plectrum"], ("length", "width", "thickness", "overlap"))),
+        ("string", _listed(document["string"], ("frequency", "tension", "length", "diameter"))),
+        ("controller", _different(record.session.controller for record in presses)),
+        ("acquisition", _different(record.session.daq for record in presses)),
+        ("rate", f"{presses[0].press.rate:g} Hz"),
+    ]
+    facts += [
+        (f"channel {channel.name}", channel.sensor) for channel in rig.daq.channels[:MOST_LISTED]
+    ]
+    facts += [
+        ("session", _different(record.session.session for record in presses)),
+        ("notes", _different(record.session.notes for record in presses)),
+    ]
+    if first.seed is not None:
+        facts.append(("seed", _different(str(record.session.seed) for record in presses)))
+    return [(name, value) for name, value in facts if value]
+
+
+def of_recording(record: PressRecord) -> Facts:
+    """Return what one recording says of itself."""
+    session = record.session
+    events = [f"{e.time * 1e3:.3f} ms {e.kind}: {e.text}" for e in record.events]
+    told = events[:MOST_EVENTS]
+    if len(events) > MOST_EVENTS:
+        told.append(f"and {len(events) - MOST_EVENTS} more")
+    facts = [
+        ("began", session.started),
+        ("made by", "the stand-in: SIMULATED" if session.simulated else "the hardware"),
+        ("notes", session.notes),
+        *(("event", text) for text in told),
+        *(("warning", text) for text in record.warnings[:MOST_EVENTS]),
+        ("SHA-256", record.digest),
+    ]
+    return [(name, value) for name, value in facts if value]
+
+
+def software(presses: Sequence[PressRecord]) -> list[tuple[str, str, str]]:
+    """Return name, versions that recorded, and version that made this page."""
+    here = software_here()
+    names = dict.fromkeys([*here, *(name for record in presses for name in record.software)])
+    rows = [
+        (name, _different(record.software.get(name, "") for record in presses), here.get(name, ""))
+        for name in list(names)[:MOST_LISTED]
+    ]
+    if len(names) > MOST_LISTED:
+        rows.append((f"and {len(names) - MOST_LISTED} more", "", ""))
+    return rows
+
+
+def _press(rig: Rig, document: Mapping[str, Any]) -> str:
+    if rig.press.gesture is not None:
+        return "a player's gesture, replayed"
+    return _listed(document, ("jack_speed", "jack_rise", "hold", "run_up_acceleration", "settle"))
+
+
+def _listed(values: Mapping[str, Any], names: Iterable[str]) -> str:
+    return ", ".join(f"{name.replace('_', ' ')} {_read(values[name])}" for name in names)
+
+
+def readable_unit(unit: str) -> str:
+    """Return a unit as people write it: kg*m**2 as kg m²."""
+    return unit.replace("**2", "²").replace("**3", "³").replace("*", " ")
+
+
+def _read(quantity: object) -> str:
+    """Return a quantity with as many digits as a reader wants; the rig file has them all."""
+    number, _, unit = str(quantity).partition(" ")
+    try:
+        return f"{float(number):.6g} {readable_unit(unit)}".strip()
+    except ValueError:
+        return str(quantity)
+
+
+def _different(values: Iterable[str]) -> str:
+    """Return the different values, each once."""
+    found = list(dict.fromkeys(value for value in values if value))
+    more = f"; and {len(found) - MOST_EVENTS} more" if len(found) > MOST_EVENTS else ""
+    return "; ".join(found[:MOST_EVENTS]) + more
+
+
+def _range(values: Iterable[str]) -> str:
+    found = sorted(value for value in values if value)
+    return " to ".join(dict.fromkeys([found[0], found[-1]])) if found else ""
+
+
+def _numbers(numbers: list[int]) -> str:
+    """Return numbers as a reader lists them: 1 to 4, 7."""
+    runs: list[list[int]] = []
+    for number in numbers:
+        if runs and number == runs[-1][1] + 1:
+            runs[-1][1] = number
+        elif not runs or number != runs[-1][1]:
+            runs.append([number, number])
+    return ", ".join(f"{a}" if a == b else f"{a} to {b}" for a, b in runs)

@@ -1,0 +1,82 @@
+"""Fits that were made of a session's presses, as `sautereau identify --json` wrote them."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from pydantic import BaseModel, ConfigDict, FiniteFloat, ValidationError
+
+from analysis.errors import AnalysisError
+from analysis.report.facts import readable_unit
+
+PATTERN = "fit*.json"
+"""Names under which a session's folder keeps them."""
+
+
+class _Estimate(BaseModel):
+    model_config = ConfigDict(extra="ignore")
+
+    unit: str
+    value: FiniteFloat
+    std: FiniteFloat | None
+    ci95: tuple[FiniteFloat, FiniteFloat] | None
+    identifiable: bool
+
+
+class _Identified(BaseModel):
+    model_config = ConfigDict(extra="ignore")
+
+    parameters: dict[str, _Estimate]
+    presses: tuple[str, ...]
+    level: str
+    rms: FiniteFloat
+    rms_before: FiniteFloat
+    warnings: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Fit:
+    """Parameters fitted to presses, as the page shows them."""
+
+    name: str
+    """Of the file."""
+    about: str
+    rows: tuple[tuple[str, str, str, str], ...]
+    """Parameter, value, standard uncertainty, 95 % interval."""
+    warnings: tuple[str, ...] = ()
+
+
+def read_fit(path: Path) -> Fit:
+    """Read a fit.
+
+    Raises:
+        AnalysisError: The file cannot be read, or is not what `identify` writes.
+    """
+    try:
+        found = _Identified.model_validate_json(path.read_bytes())
+    except OSError as error:
+        raise AnalysisError(f"fit {path}: cannot be read: {error.strerror}") from error
+    except ValidationError as error:
+        first = error.errors(include_url=False, include_input=False)[0]
+        place = ".".join(map(str, first["loc"]))
+        raise AnalysisError(
+            f"fit {path}: {place or 'the file'}: {first['msg']}; write it by `sautereau identify"
+            f" ... --json > {path.name}`, or give it a name other than {PATTERN}"
+        ) from error
+    return Fit(
+        path.name,
+        f"fitted to {len(found.presses)} presses, plectrum as {found.level}; the model missed"
+        f" {found.rms_before * 1e3:.3g} mN rms of the force before and misses"
+        f" {found.rms * 1e3:.3g} mN",
+        tuple(_row(name, estimate) for name, estimate in found.parameters.items()),
+        found.warnings,
+    )
+
+
+def _row(name: str, found: _Estimate) -> tuple[str, str, str, str]:
+    told = "" if found.identifiable else ", NOT TOLD by these data"
+    return (
+        f"{name}{told}",
+        f"{found.value:.6g} {readable_unit(found.unit)}",
+        "nothing bounds it" if found.std is None else f"{found.std:.2g}",
+        "none" if found.ci95 is None else f"{found.ci95[0]:.6g} to {found.ci95[1]:.6g}",
+    )

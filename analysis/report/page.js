@@ -1,0 +1,126 @@
+"use strict";
+(() => {
+  const root = document.documentElement;
+  const system = matchMedia("(prefers-color-scheme: dark)");
+  const toggle = document.getElementById("theme");
+  const said = document.getElementById("said");
+  const plots = [...document.querySelectorAll(".plot")];
+
+  const isDark = () => (root.dataset.theme ?? (system.matches ? "dark" : "light")) === "dark";
+
+  // plotly draws in colours of its own, so that every change of theme is told to it.
+  function colours(plot) {
+    const style = getComputedStyle(root);
+    const text = style.getPropertyValue("--text").trim();
+    const line = style.getPropertyValue("--line").trim();
+    const back = style.getPropertyValue("--field").trim();
+    const wanted = { "font.color": text, "hoverlabel.bgcolor": back, "hoverlabel.font.color": text };
+    for (const axis of Object.keys(plot.layout ?? {}).filter((key) => /^[xy]axis\d*$/.test(key))) {
+      Object.assign(wanted, { [`${axis}.gridcolor`]: line, [`${axis}.linecolor`]: line,
+        [`${axis}.zerolinecolor`]: line });
+    }
+    return wanted;
+  }
+
+  function paint() {
+    toggle.setAttribute("aria-pressed", String(isDark()));
+    return Promise.all(plots.map((plot) => Plotly.relayout(plot, colours(plot))));
+  }
+
+  let selected = null;
+  function select(number) {
+    selected = number === selected ? null : number;
+    for (const button of document.querySelectorAll("button[data-press]")) {
+      const chosen = Number(button.dataset.press) === selected;
+      button.setAttribute("aria-pressed", String(chosen));
+      button.closest("tr").classList.toggle("selected", chosen);
+    }
+    for (const about of document.querySelectorAll("details[data-press]")) {
+      if (Number(about.dataset.press) === selected) about.open = true;
+    }
+    const drawn = plots.some((plot) => plot.data.some((trace) => trace.meta === selected));
+    for (const plot of plots) {
+      const own = plot.data.map((trace, index) => [trace, index]).filter(([t]) => t.meta);
+      if (!own.length) continue;
+      const chosen = ([trace]) => trace.meta === selected;
+      Plotly.restyle(plot, {
+        opacity: own.map((one) => (!drawn ? 0.6 : chosen(one) ? 1 : 0.1)),
+        "line.width": own.map((one) => (drawn && chosen(one) ? 2.5 : 1)),
+      }, own.map(([, index]) => index));
+    }
+    if (selected === null) said.textContent = "all presses shown alike";
+    else said.textContent = `press ${selected} is ${drawn ? "brought out" : "not among those drawn"}`;
+  }
+
+  // Returns the least and the largest value that an axis shows between two places of x.
+  function reach(plot, name, low, high) {
+    let least = Infinity, most = -Infinity;
+    for (const trace of plot._fullData) {
+      if ((trace.yaxis ?? "y").replace("y", "yaxis") !== name || trace.visible !== true) continue;
+      for (let i = 0; i < trace.x.length; i++) {
+        if (trace.x[i] < low || trace.x[i] > high) continue;
+        least = Math.min(least, trace.y[i]);
+        most = Math.max(most, trace.y[i]);
+      }
+    }
+    const margin = 0.05 * (most - least) || 1e-6;
+    return least <= most ? [least - margin, most + margin] : null;
+  }
+
+  // Dragging with the mouse zooms as well; these buttons do so from the keyboard too.
+  function zoom(button) {
+    const plot = document.getElementById(button.dataset.plot);
+    const x = Object.keys(plot.layout).filter((key) => /^xaxis\d*$/.test(key)).sort().at(-1);
+    let range = button.dataset.range ? JSON.parse(button.dataset.range) : null;
+    if (button.dataset.by) {
+      const [low, high] = plot._fullLayout[x].range;
+      const middle = (low + high) / 2 + (high - low) * Number(button.dataset.shift);
+      const half = ((high - low) / 2) * Number(button.dataset.by);
+      range = [middle - half, middle + half];
+    }
+    const wanted = range ? { [`${x}.range`]: range } : { [`${x}.autorange`]: true };
+    for (const y of Object.keys(plot.layout).filter((key) => /^yaxis\d*$/.test(key))) {
+      const found = range && reach(plot, y, ...range);
+      wanted[found ? `${y}.range` : `${y}.autorange`] = found || true;
+    }
+    said.textContent = `the plot shows: ${button.textContent}`;
+    return Plotly.relayout(plot, wanted);
+  }
+
+  const drawn = plots.map((plot) => {
+    const figure = JSON.parse(document.getElementById(`${plot.id}-data`).textContent);
+    return Plotly.newPlot(plot, figure.data, figure.layout, { responsive: true, displaylogo: false,
+      toImageButtonOptions: { format: "svg", filename: plot.id } }).then(() => {
+      plot.on("plotly_click", (event) => {
+        const point = event.points[0];
+        const number = plot.id === "over-session" ? point.x : point.data.meta;
+        if (number && number !== selected) select(number);
+      });
+    });
+  });
+  const first = document.querySelector("button[data-range]");
+  Promise.all(drawn).then(paint).then(() => first && zoom(first)).then(() => {
+    said.textContent = "";
+    root.dataset.ready = "yes";
+  });
+
+  toggle.addEventListener("click", () => { root.dataset.theme = isDark() ? "light" : "dark"; paint(); });
+  system.addEventListener("change", paint);
+  document.addEventListener("click", (event) => {
+    const button = event.target.closest("button");
+    if (button?.dataset.press) select(Number(button.dataset.press));
+    if (button?.dataset.plot) zoom(button);
+  });
+  let before = null;
+  addEventListener("beforeprint", () => {
+    before = root.dataset.theme ?? "";
+    root.dataset.theme = "light";
+    for (const about of document.querySelectorAll("details")) about.open = true;
+    paint();
+  });
+  addEventListener("afterprint", () => {
+    if (before) root.dataset.theme = before;
+    else delete root.dataset.theme;
+    paint();
+  });
+})();

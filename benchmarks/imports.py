@@ -1,0 +1,76 @@
+"""Imports: what each room costs before it does anything."""
+
+import statistics
+import subprocess
+import sys
+from dataclasses import dataclass
+
+from benchmarks.figures import Figure
+
+RUNS = 7
+"""Fresh processes for each module."""
+PROBE = """
+import sys, time
+begun = time.process_time()
+import {module}
+print(time.process_time() - begun, *(name for name in {heavy!r} if name in sys.modules))
+"""
+HEAVY = (
+    "numpy", "pydantic", "scipy", "pandas", "matplotlib", "PIL", "pyarrow", "nidaqmx", "grpc",
+    "pymunk", "skfem", "numba", "plotly", "jinja2", "dask", "distributed", "foxglove",
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Front:
+    """The module by which a room is entered."""
+
+    module: str
+    brings: tuple[str, ...]
+    """Which of `HEAVY` it may import; the others wait until they are used."""
+    limit: float
+    """s, of processor time."""
+
+
+FRONTS = (
+    Front("sautereau", (), 0.3),
+    Front("rig.load", ("pydantic",), 0.4),
+    Front("trajectory.press", ("numpy", "pydantic"), 0.6),
+    Front("daq.reading", ("numpy", "pydantic"), 0.6),
+    Front("daq.acquisition", ("numpy", "pydantic"), 0.6),
+    Front("analysis.model.predict", ("numpy", "pydantic"), 0.6),
+    Front("analysis.press", ("numpy", "pydantic", "scipy"), 1.2),
+    Front("analysis.figures.movie", ("numpy", "pydantic", "scipy"), 1.2),
+    Front("robot.galil.driver", ("numpy", "pydantic"), 0.6),
+    Front("robot.session", ("numpy", "pydantic", "scipy"), 1.2),
+    Front("sim_backend.scene", ("pydantic",), 0.5),
+    Front("sim_backend.physics.observation", ("numpy", "pydantic"), 0.8),
+    Front("sim_backend.bench", ("numpy", "pydantic", "scipy", "nidaqmx", "grpc", "pymunk"), 2.5),
+)
+
+
+def run() -> list[Figure]:
+    """Return the processor time of each import, in processes of their own."""
+    figures = []
+    for front in FRONTS:
+        times = []
+        for _ in range(RUNS):
+            spent, brought = imported(front.module)
+            assert brought <= set(front.brings), (front.module, brought)
+            times.append(spent)
+        spent = statistics.median(times)
+        assert spent < front.limit
+        figures.append(
+            Figure(f"import {front.module}", spent * 1e3, "ms", "limit", front.limit * 1e3)
+        )
+    return figures
+
+
+def imported(module: str) -> tuple[float, set[str]]:
+    """Import a module in a fresh process; return the processor time [s] and what is heavy in it."""
+    program = PROBE.format(module=module, heavy=HEAVY)
+    done = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=True
+    )
+    spent, *brought = done.stdout.split()
+    return float(spent), set(brought)

@@ -1,0 +1,44 @@
+"""The page on a session of 20 presses: how long it takes, and how large it is."""
+
+import json
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+from benchmarks.figures import Figure
+from rig.load import load_rig
+from robot.galil.driver import GalilController
+from robot.session import run_session
+from sim_backend.bench import StandIn
+from sim_backend.scene import load_scene
+from trajectory.press import plan_press
+
+PRESSES = 20
+RUNS = 5
+
+
+def run() -> list[Figure]:
+    """Return the time of `sautereau report` from start to end, and the size of its page."""
+    with tempfile.TemporaryDirectory() as folder:
+        with StandIn(load_rig(), load_scene("paper")) as stand_in:
+            rig = stand_in.rig
+            run_session(rig, plan_press(rig), GalilController(rig), Path(folder), PRESSES)
+        times = []
+        for _ in range(RUNS):
+            start = time.perf_counter()
+            done = subprocess.run(
+                [sys.executable, "-m", "sautereau", "report", folder, "--json"],
+                capture_output=True,
+                check=True,
+            )
+            times.append(time.perf_counter() - start)
+        told = json.loads(done.stdout)
+        assert told["presses"] == PRESSES
+        size = Path(told["path"]).stat().st_size
+    return [
+        Figure("sautereau report", statistics.median(times), "s", "limit", 5.0),
+        Figure("its page", size / 1e6, "MB", "limit", 6.0),
+    ]

@@ -1,0 +1,1 @@
+"""A session while it goes on: in the terminal, and in Foxglove."""

@@ -1,0 +1,199 @@
+"""Say what a rig file may hold: every key with unit, default, limits and meaning."""
+
+import ast
+import inspect
+import json
+import re
+import textwrap
+import types
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from datetime import date
+from functools import cache
+from itertools import pairwise
+from typing import Annotated, Any, Literal, Union, cast, get_args, get_origin
+
+from pydantic import BaseModel
+from pydantic.fields import FieldInfo
+
+from rig.faults import unit_of
+from rig.schema import Rig
+from rig.units import format_quantity
+
+_KINDS = {str: "text", int: "whole number", bool: "true or false", date: "date", float: "number"}
+_SIGNS = (("gt", "> "), ("ge", ">= "), ("lt", "< "), ("le", "<= "))
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One key of a table."""
+
+    name: str
+    """Of the key in its table."""
+    unit: str
+    """SI unit as people write it; empty where there is none."""
+    kind: str
+    """What stands for the value: quantity, whole number, text, one of several words."""
+    default: str | None
+    """As TOML writes it; empty where nothing is the default, None where a value is needed."""
+    limits: str
+    """That a value keeps to, in `unit`; empty where there are none."""
+    meaning: str
+    """The field's docstring without its unit."""
+
+
+@dataclass(frozen=True)
+class Table:
+    """One table of the file."""
+
+    name: str
+    """Dotted; empty for the top level."""
+    repeated: bool
+    """Whether it is an array of tables, ``[[name]]``."""
+    needed: bool
+    """Whether a file must have it."""
+    meaning: str
+    """What it describes."""
+    entries: tuple[Entry, ...]
+
+
+def describe(model: type[BaseModel] = Rig) -> list[Table]:
+    """Return every table that a rig file may have, in the file's order.
+
+    Args:
+        model: The table to begin with; the whole rig by default.
+    """
+    return list(_tables((model,), "", repeated=False, needed=True))
+
+
+def _tables(
+    models: tuple[type[BaseModel], ...], name: str, *, repeated: bool, needed: bool
+) -> Iterator[Table]:
+    fields = {k: f for m in models for k, f in m.model_fields.items() if not f.exclude}
+    inner = {key: found for key, field in fields.items() if (found := _models(field.annotation))}
+    entries = tuple(_entry(key, models) for key in fields if key not in inner)
+    meaning = " Or: ".join(_prose(model.__doc__ or "") for model in models)
+    yield Table(name, repeated, needed, meaning, entries)
+    for key, found in inner.items():
+        many = get_origin(_bare(fields[key].annotation)) is tuple
+        dotted = f"{name}.{key}" if name else key
+        yield from _tables(found, dotted, repeated=many, needed=fields[key].is_required())
+
+
+def _entry(key: str, models: tuple[type[BaseModel], ...]) -> Entry:
+    """Return what is said of a key, by every kind of table that has it."""
+    said = [_said(key, model) for model in models if key in model.model_fields]
+
+    def together(name: str, link: str) -> str:
+        return link.join(dict.fromkeys(getattr(entry, name) for entry in said))
+
+    return replace(
+        said[0],
+        unit=together("unit", " or "),
+        kind=together("kind", ", ").replace(", one of", ","),
+        meaning=together("meaning", " Or: "),
+    )
+
+
+def _said(key: str, model: type[BaseModel]) -> Entry:
+    field, name = model.model_fields[key], unit_of(model, [key])
+    unit = _written(name) if name else ""
+    meaning = _prose(_docstrings(model).get(key, ""))
+    for head in (f"{unit or '1'}, ", f"{unit or '1'}.", f"{unit} "):
+        if head != " " and meaning.startswith(head):
+            meaning = meaning.removeprefix(head)
+            break
+    return Entry(
+        key, unit, _kind(field.annotation, name), _default(field, name), _limits(field), meaning
+    )
+
+
+@cache
+def _docstrings(model: type[BaseModel]) -> dict[str, str]:
+    """Return the fields' docstrings; they are read here, for few programs ask for them.
+
+    Pydantic would read them as the models are made, which every command would wait for.
+    """
+    found: dict[str, str] = {}
+    for kind in reversed(model.__mro__):
+        if not issubclass(kind, BaseModel) or kind is BaseModel:
+            continue
+        (tree,) = ast.parse(textwrap.dedent(inspect.getsource(kind))).body
+        for field, text in pairwise(cast(ast.ClassDef, tree).body):
+            match field, text:
+                case (
+                    ast.AnnAssign(target=ast.Name(id=name)),
+                    ast.Expr(value=ast.Constant(value=str(said))),
+                ):
+                    found[name] = inspect.cleandoc(said)
+    return found
+
+
+def _written(unit: str) -> str:
+    """Return a unit as people write it: kg m^2 for pint's kg*m**2."""
+    return unit.replace("**", "^").replace("*", " ")
+
+
+def _models(annotation: Any) -> tuple[type[BaseModel], ...]:
+    """Return the tables that an annotation allows; none where it is a value."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return (annotation,)
+    return tuple(model for inner in get_args(annotation) for model in _models(inner))
+
+
+def _bare(annotation: Any) -> Any:
+    """Return an annotation without its metadata, and without a None beside it."""
+    if get_origin(annotation) is Annotated:
+        return _bare(get_args(annotation)[0])
+    if get_origin(annotation) in (Union, types.UnionType):
+        others = [inner for inner in get_args(annotation) if inner is not type(None)]
+        return _bare(others[0])
+    return annotation
+
+
+def _kind(annotation: Any, unit: str | None) -> str:
+    bare = _bare(annotation)
+    if get_origin(bare) is Literal:
+        return "one of " + ", ".join(map(str, get_args(bare)))
+    if get_origin(bare) is tuple:
+        items = get_args(bare)
+        many = "list" if Ellipsis in items else f"list of {len(items)}"
+        return f"{many}: {_kind(items[0], unit)}"
+    return "quantity" if unit else _KINDS[bare]
+
+
+def _default(field: FieldInfo, unit: str | None) -> str | None:
+    if field.is_required():
+        return None
+    value = field.default
+    return "" if value is None or value == () else _toml(value, unit)
+
+
+def _toml(value: Any, unit: str | None) -> str:
+    if isinstance(value, tuple):
+        return f"[{', '.join(_toml(item, unit) for item in value)}]"
+    if isinstance(value, float) and unit:
+        return json.dumps(format_quantity(value, _written(unit)))
+    return json.dumps(value)
+
+
+def _limits(field: FieldInfo) -> str:
+    items = [*field.metadata, *_inner_metadata(field.annotation)]
+    found = {
+        sign: f"{sign}{getattr(item, name):g}"
+        for item in items
+        for name, sign in _SIGNS
+        if getattr(item, name, None) is not None
+    }
+    return ", ".join(found.values())
+
+
+def _inner_metadata(annotation: Any) -> Iterator[Any]:
+    for inner in get_args(annotation):
+        for item in getattr(inner, "__metadata__", ()):
+            yield from getattr(item, "metadata", None) or [item]
+
+
+def _prose(docstring: str) -> str:
+    """Return a docstring on one line, in Markdown."""
+    return re.sub(r"\s+", " ", docstring).strip().replace("``", "`")

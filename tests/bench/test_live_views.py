@@ -1,0 +1,253 @@
+"""The views of a session: the terminal's, and Foxglove's over its own websocket."""
+
+import io
+import json
+import struct
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as arrays
+from rich.console import Console
+
+from commands.live.process import LiveError, ViewProcess
+from commands.live.terminal import TerminalView
+from commands.live.trace import thinned, trace_lines
+from commands.live.watching import watching
+from daq.block import Block
+from daq.file.schemas import declared_class
+from daq.survey import LAYOUT
+from rig.load import load_rig
+from robot.live import Fault, Feed, Made, Samples, Stage
+
+RIG = load_rig()
+RATE = 51_200.0
+SIGNALS = arrays.arrays(
+    np.float64, st.integers(1, 300), elements=st.floats(-1e3, 1e3) | st.just(np.nan)
+)
+
+
+def samples(press=1, first=0, n=1024):
+    time = (first + np.arange(n)) / RATE
+    return Samples(
+        press, RIG.daq.channels, RATE, Block(first, np.stack([np.sin(9 * time), np.cos(9 * time)]))
+    )
+
+
+@given(SIGNALS, st.integers(1, 40), st.integers(1, 8))
+def test_a_trace_fits_its_place_and_reaches_its_ends(values, width, height):
+    lines = trace_lines(values, width, height)
+    assert [len(line) for line in lines] == [width] * height
+    assert all(0x2800 <= ord(c) <= 0x28FF for line in lines for c in line)
+    finite = values[np.isfinite(values)]
+    drawn = [any(ord(c) != 0x2800 for c in line) for line in lines]
+    assert drawn[-1] == bool(len(finite))
+    if len(finite) and np.ptp(finite):
+        assert drawn[0]
+
+
+def test_a_step_is_drawn_where_it_is():
+    assert trace_lines(np.array([0.0, 0, 0, 0, 1, 1, 1, 1]), 4, 1) == ["⣀⣀⠉⠉"]
+    assert trace_lines(np.array([3.0, 3.0]), 2, 1) == ["⣀⠀"]
+
+
+@given(SIGNALS, st.integers(1, 50))
+def test_thinning_keeps_the_ends(values, stretch):
+    kept = thinned(values, stretch)
+    assert len(kept) == 2 * -(-len(values) // stretch)
+    if np.isfinite(values).all():
+        assert (kept.min(), kept.max()) == (values.min(), values.max())
+
+
+def terminal():
+    return Console(file=io.StringIO(), force_terminal=True, width=100, height=40)
+
+
+def test_the_terminal_shows_state_traces_and_faults():
+    console = terminal()
+    with TerminalView("rig paper on the stand-in: SIMULATED", console) as view:
+        view.show([Stage("moving", "reading", 7), samples(7), Made(7, Path("x"))], 0)
+        view.show([Fault("joint 1 is off its plan\x1b[2J")], 3)
+        view.show([], 3)
+    text = console.file.getvalue()
+    for told in ("SIMULATED", "moving", "reading", "force (N)", "velocity (m/s)", "⠤"):
+        assert told in text
+    last = text[text.rindex("╭") :]
+    assert "joint 1 is off its plan?[2J" in last
+    assert "3 things that happened are not shown" in last
+
+
+def test_the_terminal_stands_what_is_no_number():
+    console = terminal()
+    one = samples()
+    one.block.volts[0] = np.nan
+    with TerminalView("rig", console) as view:
+        view.show([Stage("moving", "reading", 1), one], 0)
+    assert "velocity (m/s): nothing" in console.file.getvalue()
+
+
+def test_a_new_press_begins_a_new_trace():
+    view = TerminalView("rig", terminal())
+    view.show([Stage("moving", "reading", 1), samples(1), samples(1, 1024)], 0)
+    assert {len(parts) for parts in view._traces.values()} == {2}
+    view.show([Stage("loading", "idle", 2)], 0)
+    assert view._traces == {}
+
+
+@pytest.fixture
+def foxglove():
+    pytest.importorskip("foxglove")
+    from commands.live.foxglove import FoxgloveView
+
+    return FoxgloveView
+
+
+def looked_at(port, show, wanted):
+    """Connect as Foxglove does, subscribe to all, and return what comes of each topic."""
+    from websockets.sync.client import connect
+
+    channels, found = {}, {}
+    address = f"ws://127.0.0.1:{port}"
+    with connect(
+        address, subprotocols=["foxglove.sdk.v1"], proxy=None, close_timeout=0.2
+    ) as client:
+        while not wanted <= set(channels.values()) or sum(map(len, found.values())) == 0:
+            message = client.recv(timeout=20)
+            if isinstance(message, str):
+                told = json.loads(message)
+                if told["op"] == "serverInfo":
+                    show()
+                if told["op"] == "advertise":
+                    ids = {c["id"]: c["topic"] for c in told["channels"]}
+                    channels |= ids
+                    asked = [{"id": number, "channelId": number} for number in ids]
+                    client.send(json.dumps({"op": "subscribe", "subscriptions": asked}))
+                    if wanted <= set(channels.values()):
+                        break
+        client.ping().wait(20)  # the subscriptions have been heard
+        show()
+        while not wanted <= set(found):
+            message = client.recv(timeout=20)
+            if isinstance(message, bytes) and message[0] == 1:
+                number, at = struct.unpack_from("<IQ", message, 1)
+                found.setdefault(channels[number], []).append((at, message[13:]))
+    return found
+
+
+def test_foxglove_sees_previews_and_events(foxglove):
+    """A client of another make reads our messages, under the names that the layout knows."""
+    wanted = {"/preview/velocity", "/preview/force", "/events"}
+    with foxglove("rig", port=0) as view:
+        numbers = iter(range(1, 9))
+
+        def show():
+            press = next(numbers)
+            blocks = [samples(press, first) for first in range(0, 8192, 1024)]
+            view.show([Stage("moving", "reading", press), *blocks, Fault("oh")], 0)
+
+        found = looked_at(view.port, show, wanted)
+    at, data = found["/preview/force"][0]
+    scale = RIG.daq.channel("force").scale
+    value = declared_class("Scalar").FromString(data).value
+    assert abs(value) <= abs(scale) * 1.01
+    assert at > 10**18
+    event = declared_class("Event").FromString(found["/events"][0][1])
+    assert (event.kind, event.text) == ("state", "arm moving, acquisition reading")
+    layout = LAYOUT.read_text(encoding="utf-8")
+    assert all(topic in layout for topic in wanted)
+
+
+def test_foxglove_is_served_on_the_loopback_alone(foxglove):
+    with foxglove("rig", port=0) as view:
+        table = Path("/proc/net/tcp")
+        if not table.exists():
+            pytest.skip("only Linux tells who listens where")
+        listening = [line.split()[1] for line in table.read_text().splitlines()[1:]]
+        own = [a for a in listening if a.endswith(f":{view.port:04X}")]
+        assert "0100007F:" + f"{view.port:04X}" in own
+        assert not [a for a in own if a.startswith("00000000:")]
+
+
+def test_a_port_that_is_taken_is_no_hindrance(foxglove):
+    with foxglove("rig", port=0) as first, foxglove("rig", port=first.port) as second:
+        assert second.port != first.port
+
+
+def test_without_the_package_it_says_what_to_install(foxglove, monkeypatch):
+    monkeypatch.setitem(sys.modules, "foxglove", None)
+    with pytest.raises(LiveError, match=r"pip install 'sautereau\[live\]'"):
+        foxglove("rig")
+
+
+def test_the_views_have_a_process_of_their_own(capfd):
+    with watching("rig paper", in_terminal=True, to_foxglove=False) as watch:
+        watch(Stage("moving", "reading", 7))
+        watch(samples(7))
+        watch(Fault("the lid was open"))
+    shown = capfd.readouterr().err
+    assert "see below" in shown
+    assert "force (N)" in shown
+    assert "the lid was open" in shown
+
+
+class Unknown:
+    """What the process of the views cannot read: it has no module of this name."""
+
+
+def test_views_that_end_early_are_told_of(capsys):
+    with watching("rig", in_terminal=True, to_foxglove=False) as watch:
+        watch(Unknown())
+        watch(Fault("a"))
+    assert "warning: live view: ViewProcess:" in capsys.readouterr().err
+
+
+def test_views_that_are_killed_stop_nothing():
+    views = ViewProcess("rig", in_terminal=True, to_foxglove=False)
+    with views, Feed([views], period=1e-3) as feed:
+        views._process.kill()
+        views._process.join()
+        while not feed.faults:
+            feed(Fault("a"))
+    assert feed.faults[0].startswith("ViewProcess: LiveError: its process has ended")
+
+
+def test_views_that_cannot_begin_refuse_the_session(monkeypatch):
+    """A process that ends at once, before any press is made."""
+    monkeypatch.setattr("commands.live.process._run", int)
+    with (
+        pytest.raises(LiveError, match="has ended at once; press without"),
+        watching("rig", in_terminal=True, to_foxglove=False),
+    ):
+        pass
+
+
+def test_what_is_said_meanwhile_comes_when_the_terminal_is_free(monkeypatch):
+    class Terminal(io.StringIO):
+        def isatty(self):
+            return True
+
+    screen = Terminal()
+    monkeypatch.setattr(sys, "stdout", screen)
+    with watching("rig", in_terminal=True, to_foxglove=False):
+        sys.stdout.write("press-0001.mcap\n")
+        assert screen.getvalue() == ""
+    assert screen.getvalue() == "press-0001.mcap\n"
+
+
+def test_nobody_looks_by_default():
+    with watching("rig", in_terminal=False, to_foxglove=False) as watch:
+        assert watch(Fault("a")) is None
+
+
+def test_presses_are_made_and_told_under_a_view(sautereau, tmp_path):
+    """`--json` stays one object, whatever is shown beside it."""
+    ran = sautereau(
+        "press", "-n", 2, "--scene", "ideal", "--out", tmp_path / "out", "--view", "--json"
+    )
+    assert ran.returncode == 0, ran.stderr
+    assert len(json.loads(ran.stdout)["recordings"]) == 2
+    assert "SIMULATED" in ran.stderr
+    assert "made 2" in ran.stderr

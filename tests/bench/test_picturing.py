@@ -1,0 +1,96 @@
+"""`animate`, `listen` and `plan --bench` as scripts call them."""
+
+import json
+
+import pytest
+from cyclopts import CycloptsError
+from PIL import Image
+from scipy.io import wavfile
+
+from analysis.errors import AnalysisError, ModelError
+from analysis.sounding import QUALITY
+from sautereau import app
+
+STRETCH = ("--since", "60 ms", "--until", "80 ms")
+
+
+def call(*words: object) -> object:
+    """Run a command in this process."""
+    return app([str(word) for word in words], print_error=False, exit_on_error=False)
+
+
+def test_a_recording_is_animated(sautereau, ideal, tmp_path):
+    words = ("--slow", "10", *STRETCH, "--json")
+    done = sautereau("animate", ideal[0][0], "--out", "pluck.gif", *words)
+    assert done.returncode == 0, done.stderr
+    result = json.loads(done.stdout)
+    assert result["simulated"] is True
+    assert (result["frames"], result["plucks"], result["arm"]) == (6, 1, True)
+    assert result["start"] == pytest.approx(0.06)
+    with Image.open(tmp_path / "pluck.gif") as film:
+        assert film.n_frames == 6
+
+
+def test_the_lines_say_simulated(ideal, tmp_path, capsys):
+    path = tmp_path / "pluck.gif"
+    assert call("animate", ideal[0][0], "--out", path, "--slow", "4", *STRETCH) == 0
+    said = capsys.readouterr().out
+    assert said.startswith(f"SIMULATED: {path}\n60 to 80 ms")
+    assert "1 of 1 strings were plucked" in said
+
+
+@pytest.mark.parametrize(
+    ("words", "error", "said"),
+    [
+        (("--since", "60"), CycloptsError, "has no unit"),
+        (("--since", "3 kg"), CycloptsError, "--since"),
+        (("--until", "9 s"), AnalysisError, "is no stretch of the recording"),
+        (("--slow", "0"), AnalysisError, "must be more than 0"),
+        (("--slow", "nan"), AnalysisError, "must be more than 0"),
+    ],
+)
+def test_a_wrong_stretch_is_refused(ideal, tmp_path, words, error, said):
+    with pytest.raises(error, match=said):
+        call("animate", ideal[0][0], "--out", tmp_path / "pluck.gif", *words)
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_press_is_heard(sautereau, tmp_path):
+    done = sautereau("listen", "--out", "pluck.wav", "--duration", "300 ms", "--json")
+    assert done.returncode == 0, done.stderr
+    result = json.loads(done.stdout)
+    assert result["sample_rate"] == 48_000
+    assert result["duration"] == pytest.approx(0.3)
+    assert 0.1 < result["full_scale"] < 1.0
+    rate, samples = wavfile.read(tmp_path / "pluck.wav")
+    assert (rate, len(samples)) == (48_000, 14_400)
+
+
+def test_the_quality_by_default_is_the_models(tmp_path, capsys):
+    words = ("listen", "--out", tmp_path / "pluck.wav", "--duration", "100 ms", "--json")
+    call(*words)
+    default = capsys.readouterr().out
+    call(*words, "--quality", QUALITY)
+    assert capsys.readouterr().out == default
+
+
+@pytest.mark.parametrize(
+    ("name", "words", "error", "said"),
+    [
+        ("pluck.mp3", ("--duration", "100 ms"), AnalysisError, r"end in \.wav"),
+        ("pluck.wav", ("--quality", "0.5"), ModelError, "must be above 1"),
+        ("pluck.wav", ("--duration", "1 h"), AnalysisError, "between 0 and 60 s"),
+        ("pluck.wav", ("--held", "1"), CycloptsError, "has no unit"),
+    ],
+)
+def test_sounds_that_cannot_be_are_refused(tmp_path, name, words, error, said):
+    with pytest.raises(error, match=said):
+        call("listen", "--out", tmp_path / name, *words)
+    assert not list(tmp_path.iterdir())
+
+
+def test_the_bench_is_drawn(sautereau, tmp_path):
+    done = sautereau("plan", "--bench", "bench.png")
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.endswith("bench: bench.png\n")
+    assert (tmp_path / "bench.png").read_bytes().startswith(b"\x89PNG")

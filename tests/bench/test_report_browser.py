@@ -1,0 +1,237 @@
+"""The report in a real browser: it opens from the disk, and does what its buttons say."""
+
+import re
+import shutil
+from contextlib import contextmanager
+from itertools import pairwise
+
+import pytest
+
+from analysis.report.build import About, build_report
+from analysis.report.contents import gather
+from commands.reporting import report
+from rig.load import with_values
+from robot.plan import Plan
+from robot.plan_table import Row
+from robot.session_folder import SessionFolder
+
+CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "chrome"))), None)
+PRESSES = 20
+pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="there is no Chromium on this machine")
+
+
+@pytest.fixture(scope="module")
+def browser():
+    playwright = pytest.importorskip("playwright.sync_api")
+    with playwright.sync_playwright() as driver:
+        # Chromium's own sandbox cannot be had as root, and the page is ours.
+        browser = driver.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
+        yield browser
+        browser.close()
+
+
+@pytest.fixture(scope="module")
+def session(write_session, tmp_path_factory):
+    """A folder as `press` leaves it, and its report."""
+    path = tmp_path_factory.mktemp("sessions") / "evening"
+    rig = write_session.one.rig
+    folder = SessionFolder(path, Plan(rig, (Row(rig, PRESSES),)), None, 0)
+    folder.begin()
+    write_session(path, PRESSES, session=folder.session)
+    assert report(path, json=True) == 0
+    return path
+
+
+@contextmanager
+def opened(browser, path, **options):
+    """Open a page; whatever it complains of, asks for or loads is a fault."""
+    page = browser.new_page(viewport={"width": 1200, "height": 900}, **options)
+    faults, loaded = [], []
+    page.on("console", lambda message: faults.append(message.text))
+    page.on("pageerror", lambda error: faults.append(str(error)))
+    page.on("dialog", lambda dialog: (faults.append(dialog.message), dialog.dismiss()))
+    page.on("request", lambda request: loaded.append(request.url))
+    page.goto(path.as_uri())
+    page.wait_for_selector("html[data-ready=yes]")
+    yield page
+    assert faults == []
+    assert [url for url in loaded if not url.startswith(("file:", "blob:", "data:"))] == []
+    page.close()
+
+
+@pytest.fixture
+def page(browser, session):
+    with opened(browser, session / "report.html") as page:
+        yield page
+
+
+def opacities(page, plot):
+    return page.evaluate(
+        "id => document.getElementById(id).data.filter(t => t.meta).map(t => [t.meta, t.opacity])",
+        plot,
+    )
+
+
+def ranges(page):
+    return page.evaluate(
+        "() => { const l = document.getElementById('over-time')._fullLayout;"
+        " return [l.xaxis3.range, l.yaxis3.range]; }"
+    )
+
+
+def test_every_plot_is_drawn(page):
+    for plot in ("over-time", "over-session", "force-on-deflection"):
+        assert page.locator(f"#{plot} .main-svg").count() > 0
+    lines = page.locator("#over-time .scatterlayer .trace path.js-line")
+    assert lines.count() == 3 * PRESSES
+
+
+def test_a_click_brings_a_press_out(page):
+    button = page.get_by_role("button", name="press 3", exact=True)
+    button.click()
+    assert button.get_attribute("aria-pressed") == "true"
+    assert page.get_by_role("status").inner_text() == "press 3 is brought out"
+    assert page.locator("details[data-press='3']").get_attribute("open") is not None
+    for plot in ("over-time", "force-on-deflection"):
+        for press, opacity in opacities(page, plot):
+            assert opacity == (1 if press == 3 else 0.1)
+    button.press("Enter")
+    assert button.get_attribute("aria-pressed") == "false"
+    assert {opacity for _, opacity in opacities(page, "over-time")} == {0.6}
+
+
+def test_a_click_on_a_point_or_a_line_does_so_too(page):
+    point = page.locator("#over-session .scatterlayer path.point").nth(4)
+    point.scroll_into_view_if_needed()
+    box = point.bounding_box()
+    page.mouse.click(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
+    button = page.get_by_role("button", name="press 5", exact=True)
+    until(page, lambda: button.get_attribute("aria-pressed") == "true")
+    for press, opacity in opacities(page, "force-on-deflection"):
+        assert opacity == (1 if press == 5 else 0.1)
+
+
+def shows(page, part):
+    """Return the button of the page's own that shows a part of the plot."""
+    return page.locator("button[data-plot]").filter(has_text=part)
+
+
+def test_the_plot_zooms_by_buttons_and_by_mouse(page):
+    whole, _ = ranges(page)
+    shows(page, "Release").press("Enter")
+    release, force = ranges(page)
+    assert whole[0] < release[0] < release[1] < whole[1]
+    assert release[1] - release[0] < 10
+    assert 0 < force[1] < 2
+    shows(page, "Zoom out").click()
+    wider, _ = ranges(page)
+    assert wider[1] - wider[0] == pytest.approx(2 * (release[1] - release[0]))
+    shows(page, "Later").click()
+    later, _ = ranges(page)
+    assert later[0] == pytest.approx((wider[0] + wider[1]) / 2)
+    shows(page, "Going down").click()
+    plot = page.locator("#over-time .nsewdrag").first
+    plot.scroll_into_view_if_needed()
+    box = plot.bounding_box()
+    page.mouse.move(box["x"] + 0.3 * box["width"], box["y"] + 0.5 * box["height"])
+    page.mouse.down()
+    page.mouse.move(box["x"] + 0.5 * box["width"], box["y"] + 0.5 * box["height"], steps=5)
+    page.mouse.up()
+    until(page, lambda: ranges(page)[0] != whole)
+    dragged, _ = ranges(page)
+    assert dragged[1] - dragged[0] == pytest.approx(0.2 * (whole[1] - whole[0]), rel=0.05)
+
+
+def until(page, met):
+    """Wait until something is met; the page's policy forbids Playwright's own way."""
+    for _ in range(400):
+        if met():
+            return
+        page.wait_for_timeout(25)
+    raise AssertionError("it never came to that")
+
+
+def back(page):
+    colour = page.evaluate("() => getComputedStyle(document.body).backgroundColor")
+    return sum(map(int, re.findall(r"\d+", colour)[:3])) / 3
+
+
+def test_the_theme_follows_the_system_and_the_button(page):
+    def text():
+        return page.evaluate("() => document.getElementById('over-time').layout.font.color")
+
+    assert back(page) > 200
+    light = text()
+    page.emulate_media(color_scheme="dark")
+    until(page, lambda: text() != light)
+    assert back(page) < 60
+    toggle = page.get_by_role("button", name="Dark")
+    assert toggle.get_attribute("aria-pressed") == "true"
+    toggle.click()
+    until(page, lambda: text() == light)
+    assert back(page) > 200
+    assert toggle.get_attribute("aria-pressed") == "false"
+
+
+def test_the_table_reads_as_the_recordings_do(page, session):
+    table = page.get_by_role("table").filter(has_text="One row a press")
+    heads = table.get_by_role("columnheader").all_inner_texts()
+    contact = heads.index("contact (ms)") - 1
+    rows = table.locator("tbody tr")
+    assert rows.count() == PRESSES
+    for row, record in zip(rows.all(), gather(_paths(session), "elastica").presses, strict=True):
+        cell = row.locator("td").nth(contact).inner_text()
+        assert cell.startswith(f"{record.phases.plucks[0].contact * 1e3:.3f} ±")
+
+
+def _paths(session):
+    return sorted(session.glob("*.mcap"))
+
+
+def test_keyboard_and_screen_reader_find_their_way(page):
+    page.keyboard.press("Tab")
+    assert page.evaluate("() => document.activeElement.textContent") == "Skip to the presses"
+    page.keyboard.press("Tab")
+    assert page.evaluate("() => document.activeElement.id") == "theme"
+    levels = page.eval_on_selector_all("h1, h2, h3", "e => e.map(h => Number(h.tagName[1]))")
+    assert levels[0] == 1
+    assert all(after <= before + 1 for before, after in pairwise(levels))
+    unnamed = page.eval_on_selector_all(
+        "button", "e => e.filter(b => !(b.ariaLabel || b.textContent.trim())).length"
+    )
+    assert unnamed == 0
+    for plot in page.locator(".plot").all():
+        about = plot.get_attribute("aria-labelledby")
+        assert page.locator(f"#{about}").inner_text()
+
+
+def test_it_prints(browser, session):
+    with opened(browser, session / "report.html", color_scheme="dark") as page:
+        data = page.pdf()
+        assert data.startswith(b"%PDF")
+        page.emulate_media(media="print")
+        assert not page.get_by_role("button", name="Dark").is_visible()
+
+
+def test_without_scripts_the_tables_are_there(browser, session):
+    page = browser.new_page(java_script_enabled=False)
+    page.goto((session / "report.html").as_uri())
+    assert "The plots need JavaScript" in page.inner_text("noscript")
+    assert page.locator("tbody tr button").count() == PRESSES
+    page.close()
+
+
+def test_odd_texts_do_nothing(browser, write_session, tmp_path):
+    """What a parser lets through, a browser would run: here it runs nothing."""
+    odd = "</script></pre><script>alert(1)</script><img src=x onerror=alert(2)>\x00\u202e"
+    rig = with_values(write_session.one.rig, {"name": odd, "daq.channels.0.sensor": odd})
+    paths = write_session(
+        tmp_path, 3, rig=rig, events=(("fault", odd),), notes=odd, controller=odd, scene=odd
+    )
+    about = About(odd, odd, (odd,), (odd,), scene=odd)
+    out = tmp_path / "report.html"
+    out.write_text(build_report(gather(paths, "elastica"), about), encoding="utf-8")
+    with opened(browser, out) as page:
+        page.get_by_role("button", name="press 2", exact=True).click()
+        assert "alert(1)" in page.get_by_role("heading", level=1).inner_text()
+        assert page.locator("img").count() == 0

@@ -1,0 +1,119 @@
+"""The first things that people do: a rig file of their own, completion, a terminal or none."""
+
+import json
+import os
+import re
+import shutil
+import subprocess
+import sys
+
+import pytest
+
+from examples import session
+from rig.load import load_rig
+from sautereau import app
+
+ESCAPE = "\x1b["
+COLOUR = re.compile(r"\x1b\[[0-9;]*\b(?:3[0-79]|9[0-7]|38|48)[0-9;]*m")
+posix = pytest.mark.skipif(sys.platform == "win32", reason="pseudo-terminals are POSIX's")
+
+
+def test_init_writes_a_rig_that_plans(sautereau, tmp_path):
+    made = sautereau("init", "mine.toml", "--json")
+    assert json.loads(made.stdout) == {"path": "mine.toml"}
+    assert load_rig(tmp_path / "mine.toml") == load_rig()
+    assert sautereau("plan", "mine.toml").returncode == 0
+
+
+def test_init_overwrites_nothing(sautereau, tmp_path):
+    (tmp_path / "my-rig.toml").write_text("mine")
+    done = sautereau("init")
+    assert done.returncode == 1
+    assert "my-rig.toml: it is there and is not overwritten" in done.stderr
+    assert (tmp_path / "my-rig.toml").read_text() == "mine"
+
+
+def test_init_tells_of_a_folder_that_is_not_there(sautereau):
+    done = sautereau("init", "nowhere/rig.toml")
+    assert done.returncode == 1
+    assert "nowhere" in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("words", "meant", "status"),
+    [
+        (["pres", "--sim"], "press", 2),
+        (["press", "--sm", "--out", "x"], "--sim", 2),
+        (["setup", "hom"], "home", 2),
+        (["plan", "papr"], "paper", 1),
+        (["press", "--scene", "idea", "--out", "x"], "ideal", 1),
+    ],
+)
+def test_what_is_nearly_right_is_offered(sautereau, words, meant, status):
+    done = sautereau(*words)
+    assert done.returncode == status
+    assert re.search(rf"[Dd]id you mean ['\"]?{meant}", done.stderr)
+
+
+@pytest.mark.skipif(not shutil.which("bash"), reason="there is no bash")
+@pytest.mark.parametrize(
+    ("typed", "offered"),
+    [
+        (["pre"], {"press", "predict"}),
+        (["press", "--sc"], {"--scene"}),
+        (["setup", "--step", "ho"], {"home"}),
+    ],
+)
+def test_bash_completes(tmp_path, typed, offered):
+    (tmp_path / "completion").write_text(app.generate_completion(shell="bash"))
+    words = " ".join(["sautereau", *typed])
+    script = (
+        f". ./completion; COMP_WORDS=({words}); COMP_CWORD={len(typed)}; _sautereau;"
+        ' printf "%s\\n" "${COMPREPLY[@]}"'
+    )
+    done = subprocess.run(
+        ["bash", "-c", script], cwd=tmp_path, capture_output=True, text=True, check=True
+    )
+    assert offered <= set(done.stdout.split())
+
+
+@pytest.mark.parametrize("shell", ["bash", "zsh", "fish", "powershell"])
+def test_completion_is_there_for_every_shell(shell):
+    assert "stand-in" in app.generate_completion(shell=shell)
+
+
+def test_pipes_get_no_colour(sautereau):
+    for words in (["--help"], ["press", "--help"], ["doctor"], ["pres"]):
+        done = sautereau(*words)
+        assert ESCAPE not in done.stdout + done.stderr
+
+
+@posix
+def test_terminals_get_colour_unless_it_is_declined():
+    assert COLOUR.search(on_terminal(TERM="xterm-256color"))
+    assert not COLOUR.search(on_terminal(TERM="xterm-256color", NO_COLOR="1"))
+    assert not COLOUR.search(on_terminal(TERM="dumb"))
+
+
+def on_terminal(**environment: str) -> str:
+    """Return what a usage error and the help print on a terminal."""
+    master, slave = os.openpty()
+    plain = {k: v for k, v in os.environ.items() if k not in ("NO_COLOR", "FORCE_COLOR")}
+    with os.fdopen(master, "rb", buffering=0) as terminal:
+        command = [sys.executable, "-m", "sautereau", "press", "--help"]
+        with subprocess.Popen(command, stdout=slave, stderr=slave, env=plain | environment):
+            os.close(slave)
+            printed = b""
+            try:
+                while part := terminal.read(4096):
+                    printed += part
+            except OSError:  # the last writer has closed it
+                pass
+    return printed.decode()
+
+
+def test_the_stand_in_needs_no_pseudo_terminal(monkeypatch):
+    monkeypatch.delattr(os, "openpty", raising=False)  # as on Windows
+    studied = session.study(n=1, scene="ideal")
+    assert studied.comparison.duration_error.value == pytest.approx(0, abs=5e-3)

@@ -1,0 +1,94 @@
+"""That what is told of the rig file is what the schema has, and that `init` gives all of it."""
+
+import re
+import tomllib
+from importlib import resources
+
+import pytest
+
+from rig.describe import describe
+from rig.errors import RigError
+from rig.faults import model_keys
+from rig.load import load_rig, parse_rig
+from rig.schema import Rig
+from rig.template import commented_rig
+
+TABLES = {table.name: table for table in describe()}
+
+
+def entry(dotted: str):
+    table, _, name = dotted.rpartition(".")
+    return next(e for e in TABLES[table].entries if e.name == name)
+
+
+def test_every_key_of_the_schema_is_described():
+    described = {f"{t.name}.{e.name}".lstrip(".") for t in TABLES.values() for e in t.entries}
+    assert described | set(TABLES) - {""} == set(model_keys(Rig))
+
+
+def test_every_key_says_what_it_is():
+    bare = {"youngs_modulus", "density", "tension", "poisson_ratio"}
+    for table in TABLES.values():
+        assert table.meaning
+        for each in table.entries:
+            assert each.meaning or each.name in bare, each
+
+
+@pytest.mark.parametrize(
+    ("key", "unit", "kind", "default", "limits"),
+    [
+        ("key.press_arm", "m", "quantity", None, "> 0"),
+        ("key.pivot_viscous_friction", "N m s/rad", "quantity", None, ">= 0"),
+        ("press.jack_speed", "m/s", "quantity", None, ">= 0.005, <= 1"),
+        ("press.hold", "", "one of point, normal", None, ""),
+        ("plectrum.friction", "", "number", "0.0", ">= 0, <= 0.5"),
+        ("plectrum.tip_length", "m", "quantity", "", "> 0"),
+        ("plectrum.outline.x", "m", "list: quantity", None, ""),
+        ("arm.gear_ratios", "", "list of 2: number", "[1.0, 1.0]", "> 0"),
+        ("controller.watchdog_period", "s", "quantity", '"0.5 s"', ">= 0.1, <= 5"),
+        ("daq.insecure", "", "true or false", "false", ""),
+        ("daq.channels.scale", "m/s/V or N/V", "quantity", None, "> 0"),
+        ("daq.channels.quantity", "", "one of velocity, force", None, ""),
+        ("daq.channels.calibrated", "", "date", "", ""),
+    ],
+)
+def test_a_key_is_described_as_it_is(key, unit, kind, default, limits):
+    found = entry(key)
+    assert (found.unit, found.kind, found.default, found.limits) == (unit, kind, default, limits)
+
+
+def test_units_are_told_once():
+    assert entry("key.press_arm").meaning == "from the pin to the pressing point."
+    assert entry("controller.watchdog_period").meaning.startswith("without a sign of the host")
+
+
+def test_the_file_to_start_from_is_the_packaged_rig():
+    started, packaged = parse_rig(commented_rig()), load_rig()
+    assert started == packaged
+    assert started.sources == packaged.sources
+    assert started.assumed == packaged.assumed
+
+
+def test_the_file_to_start_from_keeps_what_the_packaged_one_writes():
+    text = resources.files("rig").joinpath("paper.toml").read_text(encoding="utf-8")
+    assert tomllib.loads(commented_rig()) == tomllib.loads(text)
+
+
+def test_defaults_that_stand_as_comments_are_valid():
+    text = commented_rig()
+    for key in ("kind", "full_torque", "watchdog_period", "home_tolerance", "rotor_inertias"):
+        text, n = re.subn(rf"(?m)^# ({key} = )", r"\1", text)
+        assert n == 1
+    assert parse_rig(text) == load_rig()
+
+
+def test_lines_are_short_enough_to_read():
+    comments = [line for line in commented_rig().splitlines() if line.startswith("#")]
+    assert max(map(len, comments)) <= 88
+
+
+def test_a_name_that_nearly_is_one_is_offered():
+    with pytest.raises(RigError, match="did you mean 'paper'"):
+        load_rig("papr")
+    with pytest.raises(RigError, match=r"give the path of a \.toml file"):
+        load_rig("nothing-like-it")

@@ -1,0 +1,100 @@
+"""What the doctor finds, where all is well and where it is not."""
+
+import os
+import sys
+import time
+
+import pytest
+
+from rig.load import load_rig, with_values
+from robot import doctor, machine
+from robot.doctor import examine
+from robot.machine import clock, disk_room, disk_speed
+
+RIG = load_rig()
+
+
+def found(rig, folder):
+    return {finding.name: finding for finding in examine(rig, folder)}
+
+
+def test_whatever_is_missing_has_a_remedy(tmp_path):
+    findings = found(with_values(RIG, {"controller.port": "/dev/nowhere"}), tmp_path)
+    assert not findings["controller"].ok
+    assert "/dev/nowhere is not there" in findings["controller"].detail
+    assert {"python", "nidaqmx", "daq", "disk", "disk speed", "clock"} <= set(findings)
+    assert all(finding.ok or finding.remedy for finding in findings.values())
+    assert not list(tmp_path.iterdir())
+
+
+def test_every_package_of_the_installation_is_looked_for(tmp_path, monkeypatch):
+    monkeypatch.setattr(
+        doctor.metadata,
+        "requires",
+        lambda _: [
+            "numpy<3,>=1.26",
+            "no-such_thing[grpc]>=2; python_version > '3'",
+            "x; extra == 'y'",
+        ],
+    )
+    findings = found(RIG, tmp_path)
+    assert findings["numpy"].ok
+    assert not findings["no-such_thing"].ok
+    assert 'install "no-such_thing[grpc]>=2"' in findings["no-such_thing"].remedy
+    assert "x" not in findings
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="ports of Windows have no permissions")
+def test_a_port_that_is_not_yours_is_told_with_its_group(tmp_path, monkeypatch):
+    port = tmp_path / "ttyUSB9"
+    port.touch()
+    # Who runs the tests may be root, who may open everything.
+    monkeypatch.setattr(os, "access", lambda *_: False)
+    finding = found(with_values(RIG, {"controller.port": str(port)}), tmp_path)["controller"]
+    assert not finding.ok
+    assert f"usermod -aG {port.group()}" in finding.remedy
+
+
+def test_a_folder_that_cannot_be_written_is_told(tmp_path):
+    finding = disk_speed(tmp_path / "none", RIG.daq)
+    assert not finding.ok
+    assert "nothing can be written" in finding.detail
+    assert finding.remedy
+
+
+def test_a_disk_slower_than_the_channels_is_told(tmp_path, monkeypatch):
+    assert disk_speed(tmp_path, RIG.daq).ok
+    monkeypatch.setattr(machine, "DISK_MARGIN", 1e9)
+    finding = disk_speed(tmp_path, RIG.daq)
+    assert not finding.ok
+    assert "bring 0.819 MB/s" in finding.detail
+
+
+def test_a_full_disk_is_told(tmp_path, monkeypatch):
+    assert disk_room(tmp_path).detail.endswith(str(tmp_path.resolve()))
+    monkeypatch.setattr(machine, "LEAST_SPACE", 1e18)
+    assert not disk_room(tmp_path).ok
+
+
+def test_a_clock_before_the_program_is_wrong():
+    assert not clock(now=0.0).ok
+    assert "1970-01-01" in clock(now=0.0).detail
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="a script stands in for timedatectl")
+@pytest.mark.parametrize(
+    ("script", "ok", "words"),
+    [
+        ("echo yes", True, "kept by network time"),
+        ("echo no", False, "not kept by network time"),
+        ("exit 1", True, "not known"),
+    ],
+)
+def test_what_systemd_says_of_the_clock_is_told(tmp_path, monkeypatch, script, ok, words):
+    asked = tmp_path / "timedatectl"
+    asked.write_text(f"#!/bin/sh\n{script}\n")
+    asked.chmod(0o755)
+    monkeypatch.setenv("PATH", str(tmp_path))
+    finding = clock(now=time.time())
+    assert finding.ok is ok
+    assert words in finding.detail
