@@ -1,0 +1,226 @@
+"""Pages and pictures that the site makes of the program itself, and equations without a script."""
+
+import ast
+import re
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+
+from latex2mathml.converter import convert
+from mkdocs.config.defaults import MkDocsConfig
+from mkdocs.exceptions import PluginError
+from mkdocs.structure.files import File, Files
+from mkdocs.structure.pages import Page
+
+from rig.describe import Entry, Table, describe
+from rig.load import load_rig
+from rig.packaged import named_text
+
+ROOT = Path(__file__).parents[1]
+ROOMS = ("rig", "trajectory", "daq", "analysis", "sim_backend", "robot")
+_FIGURES = re.compile(r"<!-- figures: ([^:]*?)(?:: (.*?))? -->")
+_EQUATION = re.compile(r'<(span|div) class="arithmatex">\\[(\[](.*?)\\[)\]]</\1>', re.DOTALL)
+
+
+def on_config(config: MkDocsConfig) -> MkDocsConfig:
+    """Put every decision and every module into the navigation."""
+    decisions = sorted((Path(config.docs_dir) / "decisions").glob("*.md"))
+    rooms = [
+        {room: [_page(room), *({module: _page(module)} for module in modules(room))]}
+        for room in ROOMS
+    ]
+    config.nav = [
+        *(config.nav or []),
+        {"Programming": rooms},
+        {"Decisions": [f"decisions/{page.name}" for page in decisions]},
+    ]
+    return config
+
+
+def on_files(files: Files, config: MkDocsConfig) -> Files:
+    """Add the pages that are written here."""
+    pages = {"rig-file.md": rig_page(), "commands.md": commands_page()}
+    for room in ROOMS:
+        pages[_page(room)] = room_page(room)
+        pages |= {_page(name): f"# {name}\n\n::: {name}\n" for name in modules(room)}
+    for name, text in pages.items():
+        files.append(File.generated(config, name, content=text))
+    for name, picture in pictures(Path(config.docs_dir)):
+        files.append(File.generated(config, name, content=picture))
+    return files
+
+
+def pictures(docs: Path) -> Iterator[tuple[str, bytes]]:
+    """Yield the gallery's pictures, save those that are kept with the text, each freshly drawn."""
+    from examples.gallery import pictures as draws
+
+    with tempfile.TemporaryDirectory() as folder:
+        for name, draw in draws().items():
+            if not (docs / "gallery" / name).exists():
+                path = Path(folder) / name
+                draw(path)
+                yield f"gallery/{name}", path.read_bytes()
+
+
+def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Files) -> str:
+    """Put tables of the measured figures where a page asks for them."""
+    return _FIGURES.sub(lambda asked: measured(asked[1], asked[2] or ""), markdown)
+
+
+def measured(heading: str, columns: str = "") -> str:
+    """Return the table below the heading of docs/figures.md that begins so.
+
+    Args:
+        heading: First words of the heading.
+        columns: What is wanted of each thing, parted by commas, for figures that are named
+            `thing: what`; then a thing has one row. Empty for the table as it is.
+
+    Raises:
+        PluginError: There is no such heading, or nothing of what is wanted below it.
+    """
+    sections = (ROOT / "docs" / "figures.md").read_text(encoding="utf-8").split("\n## ")
+    found = [text for text in sections if text.startswith(heading)]
+    if len(found) != 1:
+        raise PluginError(f"docs/figures.md has {len(found)} headings that begin with {heading!r}")
+    table = found[0].partition("\n\n")[2].strip()
+    return _by_thing(table, [name.strip() for name in columns.split(",")]) if columns else table
+
+
+def _by_thing(table: str, columns: list[str]) -> str:
+    """Return a table of figures with one row for each thing, of the columns that are wanted."""
+    things: dict[str, dict[str, str]] = {}
+    for row in table.splitlines()[2:]:
+        name, value, *_ = (cell.strip() for cell in row.strip("|").split("|"))
+        thing, _, what = name.partition(": ")
+        things.setdefault(thing, {})[what] = value
+    known = {what for row in things.values() for what in row}
+    if missing := [name for name in columns if name not in known]:
+        raise PluginError(f"docs/figures.md has no figure {', '.join(missing)}")
+    rows = [
+        f"| {thing} | {' | '.join(row.get(name, '') for name in columns)} |"
+        for thing, row in things.items()
+    ]
+    head = [f"| | {' | '.join(columns)} |", "|---" * (len(columns) + 1) + "|"]
+    return "\n".join([*head, *rows])
+
+
+def on_page_content(html: str, page: Page, config: MkDocsConfig, files: Files) -> str:
+    """Turn TeX into MathML, which browsers draw themselves."""
+
+    def drawn(match: re.Match[str]) -> str:
+        tex = match[2].replace("&lt;", "<").replace("&gt;", ">").replace("&amp;", "&")
+        return convert(tex, display="block" if match[1] == "div" else "inline")
+
+    return _EQUATION.sub(drawn, html)
+
+
+def modules(room: str) -> dict[str, str]:
+    """Return the modules of a room by dotted name, each with the first line of its docstring."""
+    found = {}
+    for path in sorted((ROOT / room).rglob("*.py")):
+        parts = path.relative_to(ROOT).with_suffix("").parts
+        if path.name != "__init__.py" and not any(part.startswith("_") for part in parts):
+            docstring = ast.get_docstring(ast.parse(path.read_text(encoding="utf-8"))) or ""
+            found[".".join(parts)] = docstring.partition("\n")[0]
+    return found
+
+
+def room_page(room: str) -> str:
+    """Return the list of a room's modules."""
+    head = ast.get_docstring(ast.parse((ROOT / room / "__init__.py").read_text(encoding="utf-8")))
+    rows = [f"| [{name}]({_page(name)}) | {what} |" for name, what in modules(room).items()]
+    return "\n".join([f"# {room}", "", head or "", "", "| module | |", "|---|---|", *rows]).replace(
+        f"(api/{room}/", "("
+    )
+
+
+def _page(module: str) -> str:
+    room, _, rest = module.partition(".")
+    return f"api/{room}/{rest or 'index'}.md"
+
+
+def commands_page() -> str:
+    """Return what `--help` tells of every command."""
+    from sautereau import app
+
+    text = app.generate_docs(output_format="markdown", flatten_commands=True)
+    title, _, rest = text.partition("## Table of Contents")
+    commands = rest.partition("**Commands**:")[2]
+    told = f"# Commands\n{title.partition(chr(10))[2]}{commands}"
+    return re.sub(r"(?m)^# sautereau ", "## sautereau ", told)
+
+
+def rig_page() -> str:
+    """Return the reference of the rig file."""
+    return "\n".join(_rig_lines())
+
+
+def _rig_lines() -> Iterator[str]:
+    yield from (
+        "# The rig file",
+        "",
+        "A rig file holds every number of a bench, in TOML. `sautereau init my-rig.toml` writes",
+        "one in which each key is explained as below. It is read as a whole: wrong units, unknown",
+        "keys and values out of range are told together, each with its line.",
+        "",
+        'A quantity is a number with a unit: `"14 mm"`, `"0.072 m/s"`. Any unit of the right',
+        "dimension will do; limits below are in the SI unit of the column *unit*, and a key with a",
+        "unit takes a quantity. Where the origin",
+        "of a value matters, it stands in a table, with a `source`, or with the range that was",
+        "`assumed` because there is none:",
+        "",
+        "```toml",
+        "[jack]",
+        'mass = { value = "6 g", assumed = ["4 g", "12 g"] }',
+        "```",
+        "",
+        "The values of the packaged rig `paper` are told here, each with where it comes from.",
+        "",
+    )
+    import tomllib
+
+    document = tomllib.loads(named_text("paper", "rig", "rig", ValueError)[0])
+    sources = load_rig().sources
+    for table in describe():
+        if table.name.startswith("more_choirs."):
+            continue
+        yield from _table_lines(table, document, sources)
+
+
+def _table_lines(table: Table, document: dict, sources: dict[str, str]) -> Iterator[str]:
+    brackets = "[[{}]]" if table.repeated else "[{}]"
+    yield f"## {brackets.format(table.name)}" if table.name else "## At the top"
+    yield ""
+    if table.name:
+        need = "" if table.needed else " A rig can do without it."
+        yield f"{table.meaning}{need}"
+        yield ""
+    if table.name == "more_choirs":
+        yield "Its tables `jack`, `plectrum` and `string` are those below, all of them its own."
+        yield ""
+    yield "| key | unit | value | default | in `paper` | meaning |"
+    yield "|---|---|---|---|---|---|"
+    for entry in table.entries:
+        key = f"{table.name}.{entry.name}".lstrip(".")
+        yield _row(entry, _in_paper(document, key.split("."), sources.get(key, "")))
+    yield ""
+
+
+def _row(entry: Entry, paper: str) -> str:
+    default = "needed" if entry.default is None else f"`{entry.default}`" if entry.default else ""
+    kind = "" if entry.kind == "quantity" else entry.kind
+    value = ", ".join(filter(None, (kind, entry.limits))).replace(" ", "&nbsp;", 1)
+    cells = (f"`{entry.name}`", entry.unit, value, default, paper, entry.meaning)
+    return f"| {' | '.join(cell.replace('|', '&#124;') for cell in cells)} |"
+
+
+def _in_paper(node: object, keys: list[str], source: str) -> str:
+    for key in keys:
+        if not isinstance(node, dict) or key not in node:
+            return ""
+        node = node[key]
+    if isinstance(node, dict):
+        origin = " to ".join(node.get("assumed", ()))
+        told = [f"assumed {origin}"] if origin else []
+        return f"{node.get('value')} ({'; '.join([*told, *([source] if source else [])])})"
+    return str(node)

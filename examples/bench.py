@@ -1,0 +1,21 @@
+"""The bench drawn to scale, at rest and pressed: what `plan --bench` draws.
+
+python -m examples.bench picture.png
+"""
+
+import sys
+from pathlib import Path
+
+from analysis.figures.bench import plot_bench
+from rig.load import load_rig
+from rig.schema import Rig
+from trajectory.press import plan_press
+
+
+def plot(path: str | Path, rig: Rig) -> None:
+    """Draw arm, key, jack and string into a file."""
+    plot_bench(path, rig, plan_press(rig))
+
+
+if __name__ == "__main__":
+    plot(sys.argv[1], load_rig())

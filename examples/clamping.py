@@ -1,0 +1,38 @@
+"""Where to clamp the robot: how far the finger tilts, over all the places where it could stand.
+
+python -m examples.clamping [picture.png]
+"""
+
+import math
+import sys
+from pathlib import Path
+
+from analysis.figures.mount import plot_mount
+from rig.load import load_rig
+from rig.schema import Rig
+from trajectory.mount import Mount, find_mount, mount_map
+
+
+def study(rig: Rig) -> Mount:
+    """Return the best place."""
+    return find_mount(rig)
+
+
+def plot(path: str | Path, rig: Rig, mount: Mount) -> None:
+    """Draw the map of all places, and the arm at the best one, into a file."""
+    plot_mount(path, rig, mount_map(rig), mount)
+
+
+def main() -> None:
+    rig = load_rig()
+    mount = study(rig)
+    print(
+        f"base at x = {mount.base_x * 1e3:.2f} mm, z = {mount.base_z * 1e3:.2f} mm:"
+        f" the finger tilts by {math.degrees(mount.tilt_max):.4f} deg"
+    )
+    if len(sys.argv) > 1:
+        plot(sys.argv[1], rig, mount)
+
+
+if __name__ == "__main__":
+    main()

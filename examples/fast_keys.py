@@ -1,0 +1,59 @@
+"""How fast a key may be pressed before the string is no spring any more.
+
+The model takes the held string as a spring, which it is while the jack is slow. A string of 30
+modes knows of the waves that run to the nut and back while the plectrum lifts it.
+
+python -m examples.fast_keys [picture.png]
+"""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+
+from analysis.model.modal import modal_pluck
+from analysis.model.predict import rig_pluck
+from rig.load import load_rig
+from rig.schema import Rig
+
+SPEEDS = (0.02, 0.03, 0.05, 0.072, 0.1, 0.15, 0.2, 0.25, 0.3, 0.35, 0.4, 0.5, 0.6, 0.7, 0.85, 1.0)
+"""m/s, of the jack."""
+
+
+def study(rig: Rig, speeds: tuple[float, ...] = SPEEDS) -> dict[float, float]:
+    """Return the spring's error [1] of the time for which the string is held, by jack speed."""
+    height = rig_pluck(rig).release_height
+    return {speed: height / speed / _held(rig, speed) - 1 for speed in speeds}
+
+
+def _held(rig: Rig, speed: float) -> float:
+    press = rig.press.model_copy(update={"jack_speed": speed})
+    return modal_pluck(rig.model_copy(update={"press": press})).release
+
+
+def plot(path: str | Path, studied: dict[float, float]) -> None:
+    """Draw the error over the jack's speed into a file."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(8, 4.2), layout="constrained")
+    axes = figure.subplots()
+    axes.axhline(0, color="#888888", lw=0.8)
+    axes.axvspan(0.02, 0.1, color="#e5f0e2")
+    axes.semilogx(list(studied), 100 * np.array(list(studied.values())), "o-", color="#1f4e79")
+    axes.set_xticks([0.02, 0.05, 0.1, 0.2, 0.5, 1.0], ["0.02", "0.05", "0.1", "0.2", "0.5", "1"])
+    axes.minorticks_off()
+    axes.set_xlabel("speed of the jack (m/s)")
+    axes.set_ylabel("time held: spring over modes, less 1 (%)")
+    figure.savefig(path, dpi=110)
+
+
+def main() -> None:
+    studied = study(load_rig())
+    for speed, error in studied.items():
+        print(f"{speed:6.3f} m/s {error:+8.2%}")
+    if len(sys.argv) > 1:
+        plot(sys.argv[1], studied)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,50 @@
+"""Make every picture of the handbook, each by its example.
+
+python -m examples.gallery FOLDER [NAME ...]
+"""
+
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+from examples import (
+    bench,
+    clamping,
+    fast_keys,
+    learning,
+    levels,
+    pluck,
+    session,
+    string_waves,
+    voicing,
+)
+from rig.load import load_rig
+
+
+def pictures() -> dict[str, Callable[[Path], None]]:
+    """Return what draws each picture, by the name of its file."""
+    rig = load_rig()
+    return {
+        "session.png": lambda path: session.plot(path, session.study()),
+        "levels.png": lambda path: levels.plot(path, rig),
+        "voicing.png": lambda path: voicing.plot(path, voicing.study(rig)),
+        "fast_keys.png": lambda path: fast_keys.plot(path, fast_keys.study(rig)),
+        "string_waves.png": lambda path: string_waves.plot(path, string_waves.study(rig)),
+        "clamping.png": lambda path: clamping.plot(path, rig, clamping.study(rig)),
+        "learning.png": lambda path: learning.plot(path, learning.study()),
+        "bench.png": lambda path: bench.plot(path, rig),
+        "pluck.gif": lambda path: pluck.plot(path, pluck.study()),
+    }
+
+
+def main() -> None:
+    folder, *names = sys.argv[1:]
+    draws = pictures()
+    for name in names or draws:
+        path = Path(folder) / name
+        draws[name](path)
+        print(path)
+
+
+if __name__ == "__main__":
+    main()

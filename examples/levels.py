@@ -1,0 +1,35 @@
+"""One pluck by every level of the plectrum: what small rotations get wrong.
+
+python -m examples.levels [picture.png]
+"""
+
+import sys
+from pathlib import Path
+
+from analysis.figures.pluck import plot_pluck
+from analysis.model.predict import LEVELS, predict
+from rig.load import load_rig
+from rig.schema import Rig
+
+
+def study(rig: Rig) -> dict[str, float]:
+    """Return the time [s] for which the string is held, by level."""
+    return {level: predict(rig, level).contact_duration for level in LEVELS}
+
+
+def plot(path: str | Path, rig: Rig) -> None:
+    """Draw shape, path and force of every level into a file."""
+    plot_pluck(path, rig, list(LEVELS))
+
+
+def main() -> None:
+    rig = load_rig()
+    held = study(rig)
+    for level, duration in held.items():
+        print(f"{level:9} {duration * 1e3:7.3f} ms {duration / held['elastica'] - 1:+8.2%}")
+    if len(sys.argv) > 1:
+        plot(sys.argv[1], rig)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,48 @@
+"""A pluck, a hundred times slower: what `animate` makes of a recording.
+
+python -m examples.pluck picture.gif
+"""
+
+import sys
+import tempfile
+from pathlib import Path
+
+from analysis.figures.movie import animate, frame_times
+from analysis.phases import find_phases
+from analysis.press import press_of
+from analysis.reenactment import Reenactment, reenact
+from daq.reading import read_recording
+from rig.load import load_rig
+from robot.factory import motion_controller
+from robot.session import run_session
+from sim_backend.bench import StandIn
+from sim_backend.scene import load_scene
+from trajectory.press import plan_press
+
+SLOWER = 100.0
+"""Times slower than it was."""
+BEFORE, AFTER = 12e-3, 6e-3
+"""s, shown before and after the release."""
+
+
+def study(scene: str = "return", seed: int = 1) -> Reenactment:
+    """Press once on the stand-in, and put the pluck together at the frames' instants."""
+    rig = load_rig()
+    with tempfile.TemporaryDirectory() as out, StandIn(rig, load_scene(scene), seed) as served:
+        bench = served.rig
+        (path,) = run_session(bench, plan_press(bench), motion_controller(bench), Path(out), 1)
+        recorded = read_recording(path)
+    press = press_of(recorded)
+    phases = find_phases(press)
+    release = phases.plucks[0].release
+    times = frame_times(release - BEFORE, release + AFTER, SLOWER)
+    return reenact(press, phases, times, recorded.joints)
+
+
+def plot(path: str | Path, studied: Reenactment) -> None:
+    """Draw the pluck into a GIF or MP4 file."""
+    animate(path, studied)
+
+
+if __name__ == "__main__":
+    plot(sys.argv[1], study())

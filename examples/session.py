@@ -1,0 +1,65 @@
+"""A session on the stand-in beside the model: what `make press` makes.
+
+Driver and acquisition are those of the hardware; only the addresses are the stand-in's.
+
+python -m examples.session [picture.png]
+"""
+
+import sys
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+
+from analysis.compare import Comparison, compare
+from analysis.figures.comparison import plot_comparison
+from analysis.model.predict import Prediction, predict
+from analysis.phases import Phases, find_phases
+from analysis.press import Press, load_press
+from rig.load import load_rig
+from robot.factory import motion_controller
+from robot.session import run_session
+from sim_backend.bench import StandIn
+from sim_backend.scene import load_scene
+from trajectory.press import plan_press
+
+
+@dataclass(frozen=True)
+class Session:
+    presses: list[Press]
+    phases: list[Phases]
+    prediction: Prediction
+    comparison: Comparison
+    true_contacts: list[float]
+    """s from the trigger, as the stand-in knows them."""
+
+
+def study(n: int = 3, scene: str = "paper", seed: int = 1) -> Session:
+    """Press n times on the stand-in, and compare with the model."""
+    rig = load_rig()
+    with tempfile.TemporaryDirectory() as out, StandIn(rig, load_scene(scene), seed) as served:
+        bench = served.rig
+        paths = run_session(bench, plan_press(bench), motion_controller(bench), Path(out), n)
+        presses = [load_press(path) for path in paths]
+        contacts = [truth.contacts[0] for truth in served.truth()]
+    phases = [find_phases(press) for press in presses]
+    prediction = predict(rig)
+    return Session(presses, phases, prediction, compare(phases, prediction), contacts)
+
+
+def plot(path: str | Path, studied: Session) -> None:
+    """Draw force and deflection with the phases, and beside the model, into a file."""
+    plot_comparison(path, studied.presses, studied.phases, studied.prediction)
+
+
+def main() -> None:
+    studied = study()
+    for phases, truth in zip(studied.phases, studied.true_contacts, strict=True):
+        (held,) = phases.plucks
+        print(f"contact at {held.contact * 1e3:.3f} ms, in truth at {truth * 1e3:.3f} ms")
+    print(f"model over measured duration, less 1: {studied.comparison.duration_error.value:+.2%}")
+    if len(sys.argv) > 1:
+        plot(sys.argv[1], studied)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,76 @@
+"""The released string: two kinks that part from the plectrum and go round, once a period.
+
+python -m examples.string_waves [picture.png]
+"""
+
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.model.modal import ModalPluck, modal_pluck
+from rig.load import load_rig
+from rig.schema import Rig
+
+PLACES, INSTANTS, PERIODS = 201, 400, 2.0
+
+
+@dataclass(frozen=True)
+class Waves:
+    time: NDArray[np.float64]
+    """s, from release, shape (INSTANTS,)."""
+    place: NDArray[np.float64]
+    """m, from the nut, shape (PLACES,)."""
+    lift: NDArray[np.float64]
+    """m, shape (PLACES, INSTANTS)."""
+    pluck: ModalPluck
+
+    @property
+    def period(self) -> float:
+        """s, after which the string is most like it was at release, from half a period on."""
+        first = self.lift[:, 0]
+        apart = np.linalg.norm(self.lift - first[:, None], axis=0)
+        later = len(self.time) // 4 + int(np.argmin(apart[len(self.time) // 4 : -10]))
+        return float(self.time[later])
+
+
+def study(rig: Rig) -> Waves:
+    """Pluck the string and follow it for two periods."""
+    pluck = modal_pluck(rig)
+    time = np.linspace(0, PERIODS / rig.string.frequency, INSTANTS)
+    place = np.linspace(0, rig.string.length, PLACES)
+    lift = np.stack([pluck.motion(time, x)[0][:, 1] for x in place])
+    return Waves(time, place, lift, pluck)
+
+
+def plot(path: str | Path, waves: Waves) -> None:
+    """Draw the lift over time and place into a file."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(8, 4.2), layout="constrained")
+    axes = figure.subplots()
+    most = float(np.abs(waves.lift).max()) * 1e3
+    drawn = axes.pcolormesh(
+        waves.time * 1e3, waves.place * 1e3, waves.lift * 1e3,
+        cmap="RdBu_r", vmin=-most, vmax=most, rasterized=True,
+    )  # fmt: skip
+    plucked = waves.pluck.string.string.plucking_point * 1e3
+    axes.axhline(plucked, color="#333333", lw=0.8, ls="--")
+    axes.annotate("plectrum", (0, plucked), (4, 3), textcoords="offset points", fontsize=9)
+    axes.set_xlabel("time from release (ms)")
+    axes.set_ylabel("place from the nut (mm)")
+    figure.colorbar(drawn, label="lift of the string (mm)")
+    figure.savefig(path, dpi=110)
+
+
+def main() -> None:
+    waves = study(load_rig())
+    print(f"the string comes back after {waves.period * 1e3:.3f} ms: {1 / waves.period:.1f} Hz")
+    if len(sys.argv) > 1:
+        plot(sys.argv[1], waves)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,105 @@
+"""Every example of the gallery runs, draws its picture, and keeps to its number."""
+
+import math
+import re
+from pathlib import Path
+
+import pytest
+
+from examples import (
+    bench,
+    clamping,
+    fast_keys,
+    gallery,
+    learning,
+    levels,
+    pluck,
+    session,
+    string_waves,
+)
+from rig.load import load_rig
+
+ROOT = Path(__file__).parents[2]
+LARGEST = 200e3
+"""Bytes of a picture that is kept with the text."""
+RIG = load_rig()
+
+
+def drawn(path: Path) -> bool:
+    return path.read_bytes().startswith(b"\x89PNG") and path.stat().st_size < LARGEST
+
+
+def test_session_finds_the_contacts_of_the_stand_in(tmp_path):
+    studied = session.study(n=2)
+    for phases, truth in zip(studied.phases, studied.true_contacts, strict=True):
+        assert phases.plucks[0].contact == pytest.approx(truth, abs=0.1e-3)
+    session.plot(tmp_path / "a.png", studied)
+    assert drawn(tmp_path / "a.png")
+
+
+def test_beams_hold_the_string_too_long(tmp_path):
+    held = levels.study(RIG)
+    assert held["elastica"] == pytest.approx(20e-3, rel=1e-3)
+    assert held["beam"] / held["elastica"] == pytest.approx(1.222, abs=1e-3)
+    levels.plot(tmp_path / "a.png", RIG)
+    assert drawn(tmp_path / "a.png")
+
+
+def test_a_slow_string_is_a_spring(tmp_path):
+    studied = fast_keys.study(RIG, (0.03, 0.072, 1.0))
+    assert abs(studied[0.03]) < 1e-3
+    assert studied[0.072] == pytest.approx(-0.0025, abs=5e-4)
+    assert studied[1.0] == pytest.approx(-0.077, abs=2e-3)
+    fast_keys.plot(tmp_path / "a.png", studied)
+    assert drawn(tmp_path / "a.png")
+
+
+def test_the_string_comes_back_after_a_period(tmp_path):
+    waves = string_waves.study(RIG)
+    assert waves.period == pytest.approx(1 / RIG.string.frequency, rel=5e-3)
+    half = len(waves.time) // 4
+    # After half a period the triangle stands on its head, mirrored between nut and bridge.
+    mirrored = -waves.lift[::-1, half]
+    assert abs(mirrored - waves.lift[:, 0]).max() < 0.03 * waves.lift[:, 0].max()
+    string_waves.plot(tmp_path / "a.png", waves)
+    assert drawn(tmp_path / "a.png")
+
+
+def test_the_best_place_hardly_tilts_the_finger(tmp_path):
+    mount = clamping.study(RIG)
+    assert math.degrees(mount.tilt_max) == pytest.approx(0.0518, abs=1e-3)
+    clamping.plot(tmp_path / "a.png", RIG, mount)
+    assert drawn(tmp_path / "a.png")
+
+
+def test_three_presses_teach_the_speed(tmp_path):
+    studied = learning.study(n=3)
+    assert 0.05 < studied.errors[0] < 0.1
+    assert min(studied.errors) < 0.005
+    learning.plot(tmp_path / "a.png", studied)
+    assert drawn(tmp_path / "a.png")
+
+
+def test_a_pluck_is_shown_from_contact_to_the_free_string(tmp_path):
+    studied = pluck.study()
+    (choir,) = studied.choirs
+    assert choir.plucks
+    held = studied.phases.plucks[0]
+    assert studied.time[0] < held.release < studied.time[-1]
+    assert studied.time[-1] - studied.time[0] == pytest.approx(pluck.BEFORE + pluck.AFTER, rel=0.1)
+    pluck.plot(tmp_path / "a.gif", studied)
+    assert (tmp_path / "a.gif").read_bytes().startswith(b"GIF8")
+
+
+def test_the_bench_is_drawn(tmp_path):
+    bench.plot(tmp_path / "a.png", RIG)
+    assert drawn(tmp_path / "a.png")
+
+
+def test_the_page_shows_every_picture_that_there_is():
+    shown = re.findall(r"\]\(gallery/([^)]+)\)", (ROOT / "docs" / "gallery.md").read_text())
+    assert sorted(shown) == sorted(gallery.pictures())
+
+
+def test_the_readmes_picture_is_kept_with_the_text():
+    assert drawn(ROOT / "docs" / "gallery" / "session.png")

@@ -1,0 +1,117 @@
+"""The site: every page is in it, every link leads somewhere, nothing is fetched from elsewhere."""
+
+import importlib.util
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+import yaml
+
+import sautereau
+from examples.gallery import pictures
+from rig.faults import model_keys
+from rig.schema import Rig
+
+ROOT = Path(__file__).parents[2]
+DOCS = ROOT / "docs"
+_LINK = re.compile(r"\]\((?!https?:)([^)#\s]+)(?:#[^)]*)?\)")
+
+
+@pytest.fixture(scope="module")
+def hooks():
+    spec = importlib.util.spec_from_file_location("hooks", DOCS / "hooks.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.fixture(scope="module")
+def written(hooks):
+    """Names of the pages and pictures that the hooks make."""
+    rooms = {f"api/{room}/index.md" for room in hooks.ROOMS}
+    modules = {
+        f"api/{room}/{name.partition('.')[2]}.md"
+        for room in hooks.ROOMS
+        for name in hooks.modules(room)
+    }
+    drawn = {f"gallery/{name}" for name in pictures()}
+    return {"rig-file.md", "commands.md"} | rooms | modules | drawn
+
+
+def test_every_page_is_in_the_navigation(written):
+    def leaves(node):
+        if isinstance(node, dict):
+            node = list(node.values())
+        return (
+            [leaf for inner in node for leaf in leaves(inner)] if isinstance(node, list) else [node]
+        )
+
+    told = set(leaves(yaml.safe_load((ROOT / "mkdocs.yml").read_text(encoding="utf-8"))["nav"]))
+    pages = {path.name for path in DOCS.glob("*.md")}
+    assert told == pages | {"rig-file.md", "commands.md"}
+
+
+def test_every_relative_link_leads_to_a_page(written):
+    for path in DOCS.rglob("*.md"):
+        for target in _LINK.findall(path.read_text(encoding="utf-8")):
+            found = (path.parent / target).resolve()
+            assert found.exists() or str(found.relative_to(DOCS)) in written, (path.name, target)
+
+
+def test_the_page_of_the_rig_file_has_every_key(hooks):
+    page = hooks.rig_page()
+    assert "| `jack_speed` | m/s | >=&nbsp;0.005, <= 1 | needed | 0.072 m/s (paper) |" in page
+    assert "12 mm (assumed 6 mm to 20 mm)" in page
+    for key in model_keys(Rig):
+        name = key.rpartition(".")[2]
+        assert f"`{name}`" in page or f".{name}]" in page or f"[{name}]" in page, key
+
+
+def test_the_page_of_the_commands_has_every_command(hooks):
+    page = hooks.commands_page()
+    for name in sautereau.app:
+        assert name.startswith("-") or f"sautereau {name}" in page
+
+
+def test_measured_tables_are_those_of_the_figures(hooks):
+    text = (DOCS / "choosing.md").read_text(encoding="utf-8")
+    shown = hooks.on_page_markdown(text, None, None, None)
+    assert "<!-- figures" in text
+    assert "<!-- figures" not in shown
+    assert "| | error of release force | error of contact duration |" in shown
+    assert re.search(r"\| beam \| 22\.\d+ % \|", shown)
+    assert "| what | measured |" in shown
+    with pytest.raises(hooks.PluginError, match="no such thing"):
+        hooks.measured("no such thing")
+    with pytest.raises(hooks.PluginError, match="weight"):
+        hooks.measured("Levels of the plectrum", "weight")
+
+
+def test_equations_need_no_script(hooks):
+    inline = r'<p>with <span class="arithmatex">\(a &lt; b\)</span></p>'
+    html = inline + r'<div class="arithmatex">\[x^2\]</div>'
+    drawn = hooks.on_page_content(html, None, None, None)
+    assert drawn.count("<math") == 2
+    assert "arithmatex" not in drawn
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(300)
+def test_the_site_builds_without_a_warning(tmp_path):
+    done = subprocess.run(
+        [sys.executable, "-m", "mkdocs", "build", "--strict", "--site-dir", str(tmp_path)],
+        cwd=ROOT,
+        env=os.environ | {"NO_MKDOCS_2_WARNING": "1"},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    assert "WARNING" not in done.stderr
+    assert (tmp_path / "api" / "trajectory" / "press.html").is_file()
+    for page in tmp_path.rglob("*.html"):
+        html = page.read_text(encoding="utf-8")
+        assert not re.search(r'<(?:script|link|img)[^>]+(?:src|href)="https?://', html), page
