@@ -62,6 +62,14 @@ def format_quantity(value: float, unit: str) -> str:
     return f"{value!r} {unit}".strip()
 
 
+def readable_quantity(value: float, unit: str) -> str:
+    """Write an SI value as people do, to six digits: 171 mm, 2.9 GPa, 0.0007 kg·m²."""
+    quantity = _registry().Quantity(value, unit)
+    if unit.isidentifier():  # a prefix before a product of units helps nobody
+        quantity = quantity.to_compact()
+    return f"{quantity:.6g~P}"
+
+
 def shown(value: object) -> str:
     """Return a value as an error shows it, cut where it is long."""
     try:

@@ -8,6 +8,7 @@ from analysis.report.contents import Contents, PressRecord
 from daq.file.provenance import software as software_here
 from rig.load import rig_document
 from rig.schema import Rig
+from rig.units import readable_quantity
 
 MOST_LISTED = 40
 """Entries of one list that the page shows."""
@@ -118,16 +119,11 @@ def _listed(values: Mapping[str, Any], names: Iterable[str]) -> str:
     return ", ".join(f"{name.replace('_', ' ')} {_read(values[name])}" for name in names)
 
 
-def readable_unit(unit: str) -> str:
-    """Return a unit as people write it: kg*m**2 as kg m²."""
-    return unit.replace("**2", "²").replace("**3", "³").replace("*", " ")
-
-
 def _read(quantity: object) -> str:
     """Return a quantity with as many digits as a reader wants; the rig file has them all."""
     number, _, unit = str(quantity).partition(" ")
     try:
-        return f"{float(number):.6g} {readable_unit(unit)}".strip()
+        return readable_quantity(float(number), unit)
     except ValueError:
         return str(quantity)
 

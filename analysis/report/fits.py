@@ -6,7 +6,6 @@ from pathlib import Path
 from pydantic import BaseModel, ConfigDict, FiniteFloat, ValidationError
 
 from analysis.errors import AnalysisError
-from analysis.report.facts import readable_unit
 
 PATTERN = "fit*.json"
 """Names under which a session's folder keeps them."""
@@ -76,7 +75,12 @@ def _row(name: str, found: _Estimate) -> tuple[str, str, str, str]:
     told = "" if found.identifiable else ", NOT TOLD by these data"
     return (
         f"{name}{told}",
-        f"{found.value:.6g} {readable_unit(found.unit)}",
+        f"{found.value:.6g} {_readable(found.unit)}",
         "nothing bounds it" if found.std is None else f"{found.std:.2g}",
         "none" if found.ci95 is None else f"{found.ci95[0]:.6g} to {found.ci95[1]:.6g}",
     )
+
+
+def _readable(unit: str) -> str:
+    """Return a unit as people write it, whatever a file says it is: kg*m**2 as kg·m²."""
+    return unit.replace("**2", "²").replace("**3", "³").replace("*", "·")

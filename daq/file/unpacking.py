@@ -8,6 +8,8 @@ from daq.file.records import Opcode, Record, unpack_chunk
 
 AHEAD = 3
 """Chunks at a time, which bounds the memory."""
+FEW = 8
+"""Chunks, the first of a file, for which no thread is worth its start; a press has no more."""
 
 
 def unpacked(records: Iterable[Record]) -> Iterator[Record]:
@@ -17,10 +19,12 @@ def unpacked(records: Iterable[Record]) -> Iterator[Record]:
         DamageError: As `daq.file.records.unpack_chunk`.
     """
     waiting: deque[tuple[int, bytes | Future[bytes]]] = deque()
+    chunks = 0
     with ThreadPoolExecutor(AHEAD - 1, "recording") as threads:
         for opcode, body in records:
-            is_chunk = opcode == Opcode.CHUNK
-            waiting.append((opcode, threads.submit(unpack_chunk, body) if is_chunk else body))
+            chunks += opcode == Opcode.CHUNK
+            ahead = opcode == Opcode.CHUNK and chunks > FEW
+            waiting.append((opcode, threads.submit(unpack_chunk, body) if ahead else body))
             if len(waiting) > AHEAD:
                 yield _ready(*waiting.popleft())
         while waiting:
@@ -28,4 +32,6 @@ def unpacked(records: Iterable[Record]) -> Iterator[Record]:
 
 
 def _ready(opcode: int, body: "bytes | Future[bytes]") -> Record:
-    return Record(opcode, body if isinstance(body, bytes) else body.result())
+    if isinstance(body, Future):
+        return Record(opcode, body.result())
+    return Record(opcode, unpack_chunk(body) if opcode == Opcode.CHUNK else body)

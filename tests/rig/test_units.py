@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rig.units import format_quantity, parse_quantity
+from rig.units import format_quantity, parse_quantity, readable_quantity
 
 UNITS = [
     "m", "kg", "N", "rad", "s", "Hz", "V", "Pa", "N*m", "kg*m**2", "N*m*s/rad", "N/m", "N*s/m",
@@ -87,3 +87,21 @@ def test_any_text_is_a_finite_quantity_or_a_value_error(text, unit):
         fault = " is "
     assert math.isfinite(value)
     assert " is " in fault or " has " in fault
+
+
+@pytest.mark.parametrize(
+    ("value", "unit", "text"),
+    [
+        (0.171, "m", "171 mm"),
+        (0.00048, "m", "480 µm"),
+        (0.0, "m", "0 m"),
+        (2.9e9, "Pa", "2.9 GPa"),
+        (-51200.0, "Hz", "-51.2 kHz"),
+        (7e-4, "kg*m**2", "0.0007 kg·m²"),
+        (0.072, "m/s", "0.072 m/s"),
+        (0.25, "", "0.25"),
+        (1.7e308, "N", "1.7×10²⁷⁸ QN"),
+    ],
+)
+def test_a_quantity_that_people_read(value, unit, text):
+    assert readable_quantity(value, unit) == text
