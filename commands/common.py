@@ -26,7 +26,27 @@ Json = Annotated[
 ]
 RigName = Annotated[str, Parameter(help="Path of a rig file, or name of a packaged one.")]
 Level = Annotated[str, Parameter(help="Of the plectrum: rods, beam, two-beam, elastica or fe.")]
-Picture = Annotated[Path | None, Parameter(help="File for a picture; its suffix tells how.")]
+PICTURES = (".png", ".svg", ".pdf", ".jpg", ".webp", ".eps")
+"""Suffixes of the pictures that are drawn."""
+
+
+def _can_be_drawn(_: object, path: Path | None) -> None:
+    """Refuse a picture that could not be written, before there is any work to lose."""
+    if path is None:
+        return
+    faults = []
+    if path.suffix.lower() not in PICTURES:
+        faults.append(f"it ends in {path.suffix or 'nothing'}; end it in {', '.join(PICTURES)}")
+    if not path.parent.is_dir():
+        faults.append(f"there is no folder {path.parent}; make it first")
+    if faults:
+        raise ValueError(f"picture {path}: {'; '.join(faults)}")
+
+
+Picture = Annotated[
+    Path | None,
+    Parameter(help="File for a picture; its suffix tells how.", validator=_can_be_drawn),
+]
 Seed = Annotated[int | None, Parameter(validator=lambda _, value: seed_fits(value))]
 
 

@@ -150,6 +150,8 @@ def test_predict_and_doctor_answer_the_keys_of_the_contract(sautereau):
         ["learn", "--sim"],
         ["press", "--sim", "--out", "out", "--seed", "-1"],
         ["phases"],
+        ["plan", "--plot", "plan.foo"],
+        ["plan", "--bench", "bench"],
     ],
 )
 def test_wrong_usage_ends_with_two(sautereau, words):
@@ -157,6 +159,14 @@ def test_wrong_usage_ends_with_two(sautereau, words):
     assert done.returncode == 2
     assert done.stdout == ""
     assert "--help" in done.stderr
+
+
+def test_a_picture_that_cannot_be_written_is_refused_before_the_work(sautereau, tmp_path):
+    done = sautereau("predict", "--plot", "no/folder/pluck")
+    assert done.returncode == 2
+    assert "there is no folder no/folder" in done.stderr.replace("\n", " ")
+    assert "ends in nothing" in done.stderr
+    assert not any(tmp_path.iterdir())
 
 
 def test_every_fault_of_a_rig_is_told_at_once(sautereau, rig_file):
