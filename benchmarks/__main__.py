@@ -1,7 +1,12 @@
-"""Run all benchmarks, or those that are named, and rewrite the page of figures."""
+"""Run benchmarks, all of them or those that are named, and print what they have measured.
 
+All of them, or those that are named after `--write`, go onto the page of figures.
+"""
+
+import ast
 import importlib
 import sys
+from pathlib import Path
 
 from benchmarks.figures import table, write_page
 
@@ -26,14 +31,18 @@ ALL = (
 
 
 def main() -> None:
-    names = sys.argv[1:] or ALL
-    tables = []
-    for name in names:
-        module = importlib.import_module(f"benchmarks.{name}")
-        tables.append(table(module.__doc__.splitlines()[0].rstrip("."), module.run()))
-        print(tables[-1])
-    if tuple(names) == ALL:
-        write_page(tables)
+    names = [name for name in sys.argv[1:] if name != "--write"]
+    for name in names or ALL:
+        found = table(title(name), importlib.import_module(f"benchmarks.{name}").run())
+        print(found, flush=True)
+        if not names or "--write" in sys.argv:
+            write_page([found], [title(each) for each in ALL])
+
+
+def title(name: str) -> str:
+    """Return the heading of a benchmark's figures, its first line."""
+    module = ast.parse((Path(__file__).parent / f"{name}.py").read_text(encoding="utf-8"))
+    return (ast.get_docstring(module) or name).splitlines()[0].rstrip(".")
 
 
 main()

@@ -52,13 +52,26 @@ def median_time(work: Callable[[], object]) -> float:
 
 
 def table(title: str, figures: Sequence[Figure]) -> str:
-    """Return a titled Markdown table."""
+    """Return a titled Markdown table, with the day and the machine below it."""
     head = "| what | measured | against | ratio |\n|---|---|---|---|"
-    return "\n".join([f"## {title}", "", head, *map(str, figures), ""])
+    told = f"Measured on {datetime.now(UTC).date().isoformat()}; {machine()}."
+    return "\n".join([f"## {title}", "", head, *map(str, figures), "", told])
 
 
-def write_page(tables: Sequence[str]) -> None:
-    """Replace the page of figures."""
-    day = datetime.now(UTC).date().isoformat()
-    head = f"# Figures\n\nWritten by `make bench` on {day}; {machine()}.\n"
-    PAGE.write_text("\n".join([head, *tables]), encoding="utf-8")
+def write_page(tables: Sequence[str], titles: Sequence[str]) -> None:
+    """Put tables on the page of figures, each in the place of the older one of its title.
+
+    Args:
+        tables: As `table` returns them.
+        titles: Of all benchmarks, in the order of the page; a table of no other stays.
+    """
+    page = PAGE.read_text(encoding="utf-8") if PAGE.exists() else ""
+    found = {_title(text): text.strip() for text in page.split("\n## ")[1:]}
+    found |= {_title(text): text.removeprefix("## ").strip() for text in tables}
+    kept = [f"## {found[title]}" for title in titles if title in found]
+    head = "# Figures\n\nWritten by `make bench`, or one by one: `python -m benchmarks --write NAME`."
+    PAGE.write_text("\n\n".join([head, *kept]) + "\n", encoding="utf-8")
+
+
+def _title(text: str) -> str:
+    return text.removeprefix("## ").partition("\n")[0].strip()

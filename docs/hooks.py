@@ -82,7 +82,7 @@ def measured(heading: str, columns: str = "") -> str:
     found = [text for text in sections if text.startswith(heading)]
     if len(found) != 1:
         raise PluginError(f"docs/figures.md has {len(found)} headings that begin with {heading!r}")
-    table = found[0].partition("\n\n")[2].strip()
+    table = "\n".join(line for line in found[0].splitlines() if line.startswith("|"))
     return _by_thing(table, [name.strip() for name in columns.split(",")]) if columns else table
 
 
