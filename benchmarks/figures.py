@@ -69,8 +69,8 @@ def write_page(tables: Sequence[str], titles: Sequence[str]) -> None:
     found = {_title(text): text.strip() for text in page.split("\n## ")[1:]}
     found |= {_title(text): text.removeprefix("## ").strip() for text in tables}
     kept = [f"## {found[title]}" for title in titles if title in found]
-    head = "# Figures\n\nWritten by `make bench`, or one by one: `python -m benchmarks --write NAME`."
-    PAGE.write_text("\n\n".join([head, *kept]) + "\n", encoding="utf-8")
+    how = "Written by `make bench`, or one by one: `python -m benchmarks --write NAME`."
+    PAGE.write_text("\n\n".join(["# Figures", how, *kept]) + "\n", encoding="utf-8")
 
 
 def _title(text: str) -> str:
