@@ -31,9 +31,10 @@ def named_text(
     if not packaged.is_file():
         known = packaged_names(package)
         close = difflib.get_close_matches(str(name), known, n=1)
+        meant = f"did you mean {close[0]!r}? If not, " if close else ""
         raise error_type(
             f"{what} {str(name)!r} is neither a file nor a packaged {what} ({', '.join(known)});"
-            f" {f'did you mean {close[0]!r}?' if close else 'give the path of a .toml file'}"
+            f" {meant}give the path of a .toml file"
         )
     return packaged.read_text(encoding="utf-8"), f"packaged {what} {name}", Path()
 

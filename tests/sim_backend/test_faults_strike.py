@@ -138,7 +138,7 @@ def test_a_cable_that_takes_its_port_along(struck):
 
 def test_a_cable_that_falls_out_in_mid_command(struck):
     """In homing: the motors are on, and stay so where no time goes on for the watchdog."""
-    found = struck(cable_out={"after_bytes": 1150}, rig={"controller.timeout": "0.2 s"})
+    found = struck(cable_out={"after_bytes": 1150}, rig={"controller.timeout": "1 s"})
     assert isinstance(found.error, SilentController)
     assert "NOT confirmed off" in str(found.error)
     assert found.motors_on == (True, True)
