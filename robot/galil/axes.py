@@ -58,8 +58,8 @@ class Axes(JointAxes[Line]):
 
     def check_stop(self, what: str, normal: Collection[int]) -> None:
         """Refuse a motion that stopped for another reason than ``normal`` stop codes say."""
-        *codes, watch = self.line.read("_SCA", "_SCB", f"_XQ{WATCH}")
-        if watch < 0:
+        *codes, watch, left = self.line.read("_SCA", "_SCB", f"_XQ{WATCH}", LEFT)
+        if watch < 0 or left <= 0:  # it has struck, or is about to end after its strike
             raise MotionFault(
                 f"{what} broke off: the controller's watchdog has switched the motors off, for"
                 " the host was too long without a sign of life (controller.watchdog_period);"

@@ -94,17 +94,19 @@ def test_a_press_that_breaks_off_names_the_joint_and_the_reason(
     bench, lines, segments, codes, reason
 ):
     script = [*lines.press[: -len(lines.capture + lines.off) - 2]]
-    controller, _ = bench(script, [(lines.wait[3][0], f" {codes} 1.0000\r\n:")], lines.abort)
+    controller, _ = bench(script, [(lines.wait[3][0], f" {codes} 1.0000 9.0000\r\n:")], lines.abort)
     with pytest.raises(MotionFault, match=reason) as caught:
         run_to_wait(controller, segments)
     assert OFF in str(caught.value)
 
 
-def test_a_press_that_the_watchdog_ended(bench, lines, segments):
+@pytest.mark.parametrize("watch", ["-1.0000 0.0000", "43.0000 0.0000", "-1.0000 9.0000"])
+def test_a_press_that_the_watchdog_ended(bench, lines, segments, watch):
+    """Its thread has ended, or is about to, or something else has ended it."""
     script = [*lines.press[: -len(lines.wait + lines.capture + lines.off)]]
     struck = [
         (lines.wait[0][0], " 0.0000 0.0000 7.0000 7.0000 -1.0000 -1.0000\r\n:"),
-        (lines.wait[3][0], " 7.0000 7.0000 -1.0000\r\n:"),
+        (lines.wait[3][0], f" 7.0000 7.0000 {watch}\r\n:"),
     ]
     controller, _ = bench(script, struck, lines.abort)
     with pytest.raises(MotionFault, match="watchdog has switched the motors off") as caught:
@@ -140,7 +142,7 @@ def test_a_limit_of_one_joint_ends_the_press_of_both(bench, lines, segments):
     script = [*lines.press[: -len(lines.wait + lines.capture + lines.off)]]
     limited = [
         (lines.wait[0][0], " 0.0000 1.0000 2.0000 0.0000 1.0000 1.0000\r\n:"),
-        (lines.wait[3][0], " 2.0000 0.0000 1.0000\r\n:"),
+        (lines.wait[3][0], " 2.0000 0.0000 1.0000 9.0000\r\n:"),
     ]
     controller, _ = bench(script, limited, lines.abort)
     with pytest.raises(MotionFault, match="joint 1 stopped by the forward limit") as caught:
