@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from analysis.report import captions, facts
 from analysis.report.contents import Contents
 from analysis.report.fits import Fit
+from analysis.report.moving import Moving, moving
 from analysis.report.tables import (
     compared_rows,
     comparison_rows,
@@ -23,7 +24,6 @@ from rig.text import rig_text
 if TYPE_CHECKING:
     from jinja2 import Template
     from markupsafe import Markup
-    from plotly.graph_objects import Figure
 
 MOST_LONG = 60_000
 """Characters of a rig or a scene that the page shows."""
@@ -69,12 +69,16 @@ def build_report(contents: Contents, about: About) -> str:
     many = len(conditions) > 1
     names = [f"condition {number}" if many else "" for number in range(1, len(conditions) + 1)]
     plotly, script = Markup(get_plotlyjs()), Markup(_part("page.js"))
+    shown = moving(contents.slow_motion) if contents.slow_motion else None
     simulated = sum(record.press.simulated for record in presses)
     return _template().render(
         title=f"Session {about.name}",
         subtitle=f"{len(presses)} press{'es' * (len(presses) > 1)} on rig {conditions[0].rig.name}",
         version=about.version,
         policy=_policy(plotly, script),
+        moving=shown,
+        about_moving=shown and escape(shown.about),
+        not_moving=contents.no_slow_motion,
         css=Markup(_part("page.css")),
         plotly=plotly,
         script=script,
@@ -119,11 +123,11 @@ def build_report(contents: Contents, about: About) -> str:
         rig_toml=_long(rig_text(conditions[0].rig)),
         scene_toml=_long(about.scene),
         software=facts.software(presses),
-        figures=_figures(contents),
+        data=_data(contents, shown),
     )
 
 
-def _figures(contents: Contents) -> dict[str, "Markup"]:
+def _data(contents: Contents, shown: Moving | None) -> dict[str, "Markup"]:
     from analysis.report.figures import force_on_deflection, over_session, over_time
 
     drawn = {
@@ -132,14 +136,16 @@ def _figures(contents: Contents) -> dict[str, "Markup"]:
     }
     if len(contents.presses) > 1:
         drawn["over-session"] = over_session(contents, course(contents.presses))
-    return {name: _embedded(figure) for name, figure in drawn.items()}
+    data = {name: figure.to_json(validate=False) or "" for name, figure in drawn.items()}
+    if shown:
+        data["slow-motion"] = shown.data
+    return {name: _embedded(text) for name, text in data.items()}
 
 
-def _embedded(figure: "Figure") -> "Markup":
-    """Return a figure as JSON that no parser of HTML can take for a tag."""
+def _embedded(text: str) -> "Markup":
+    """Return JSON that no parser of HTML can take for a tag."""
     from markupsafe import Markup
 
-    text = figure.to_json(validate=False) or ""
     return Markup(text.replace("&", "\\u0026").replace("<", "\\u003c").replace(">", "\\u003e"))
 
 

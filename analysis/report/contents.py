@@ -16,12 +16,13 @@ from analysis.model.predict import Prediction, predict
 from analysis.phases import Phases, find_phases
 from analysis.press import Press, press_of
 from analysis.repeatability import LEAST, Repeatability, repeatability
+from analysis.report.differences import values_of
 from analysis.report.envelope import envelope
+from analysis.report.slow_motion import SlowMotion, slow_motion
 from daq.reading import read_recording
-from daq.recorded import Event
+from daq.recorded import Event, Recorded
 from daq.session_info import SessionInfo
 from rig.errors import SautereauError
-from rig.load import rig_document
 from rig.schema import Rig
 from trajectory.motion import Floats
 from trajectory.timing import press_law
@@ -34,8 +35,6 @@ COLUMNS = ("deflection", "jack_speed", "force")
 """Of a press, that are drawn over time."""
 BESIDE = 5e-3
 """s, before contact and after release, that force on deflection is drawn of."""
-_ADDRESSES = (("controller", "port"), ("daq", "address"))
-"""Where devices are plugged in: no condition of a press."""
 
 
 @dataclass(frozen=True)
@@ -109,6 +108,10 @@ class Contents:
     """Of one trace."""
     rate: float
     """Hz, of the samples of which a trace is made."""
+    slow_motion: SlowMotion | None
+    """Of the first press with a pluck."""
+    no_slow_motion: str
+    """Why there is none; empty where there is one."""
 
     @property
     def presses(self) -> tuple[PressRecord, ...]:
@@ -133,32 +136,49 @@ def gather(paths: Sequence[Path], level: str, step: Callable[[], Any] = lambda: 
     every = max(1, -(-LEAST_POINTS * len(COLUMNS) * len(paths) // POINTS))
     records: list[PressRecord] = []
     unread: dict[Path, str] = {}
+    shown: SlowMotion | None = None
+    not_shown = ""
     for number, path in enumerate(paths, 1):
         try:
-            records.append(_read(path, number, points if (number - 1) % every == 0 else 0))
+            recorded = read_recording(path)
+            press = press_of(recorded)
+            phases = find_phases(press)
+            drawn = points if (number - 1) % every == 0 else 0
+            records.append(_record(path, number, recorded, press, phases, drawn))
+            if phases.plucks and not (shown or not_shown):
+                shown, not_shown = _shown(number, press, phases)
         except SautereauError as error:
             unread[path] = str(error)
         step()
     if not records:
         told = next(iter(unread.values()), "there is none; give the folder of a session")
         raise AnalysisError(f"report: no recording of {len(paths)} can be read: {told}")
-    base = _document(records[0].rig)
+    base = values_of(records[0].rig)
     parted: dict[str, list[PressRecord]] = {}
     for record in records:
-        parted.setdefault(repr(_document(record.rig)), []).append(record)
+        parted.setdefault(repr(values_of(record.rig)), []).append(record)
     return Contents(
         tuple(_condition(alike, base, level) for alike in parted.values()),
         unread,
         points,
         records[0].press.rate,
+        shown,
+        "" if shown else not_shown or "no press has a pluck",
     )
 
 
-def _read(path: Path, number: int, points: int) -> PressRecord:
-    """Analyse one recording; with no points it is not drawn."""
-    recorded = read_recording(path)
-    press = press_of(recorded)
-    phases = find_phases(press)
+def _shown(number: int, press: Press, phases: Phases) -> tuple[SlowMotion | None, str]:
+    """Return the press in slow motion, or why it cannot be shown so."""
+    try:
+        return slow_motion(number, press, phases), ""
+    except SautereauError as error:
+        return None, str(error)
+
+
+def _record(
+    path: Path, number: int, recorded: Recorded, press: Press, phases: Phases, points: int
+) -> PressRecord:
+    """Return what the page needs of one recording; with no points it is not drawn."""
     time = press.data.index.to_numpy()
     traces: dict[str, Trace] = {}
     for column in COLUMNS if points else ():
@@ -212,7 +232,7 @@ def _condition(records: list[PressRecord], base: Mapping[str, Any], level: str) 
             spread = repeatability([r.press for r in counted], press_law(rig.press))
         except AnalysisError as error:
             warnings.append(f"no figures of repeatability: {error}")
-    own = _document(rig)
+    own = values_of(rig)
     changed = {key: own.get(key) for key in [*base, *own] if own.get(key) != base.get(key)}
     return Condition(
         rig,
@@ -224,22 +244,3 @@ def _condition(records: list[PressRecord], base: Mapping[str, Any], level: str) 
         spread,
         tuple(warnings),
     )
-
-
-def _document(rig: Rig) -> dict[str, Any]:
-    """Return a rig's values by dotted key, without its addresses."""
-    document = rig_document(rig)
-    for section, name in _ADDRESSES:
-        del document[section][name]
-    return dict(_flat(document, ""))
-
-
-def _flat(node: Any, at: str) -> list[tuple[str, Any]]:
-    if isinstance(node, Mapping) and node:
-        parts = node.items()
-    elif isinstance(node, list) and node and isinstance(node[0], Mapping):
-        parts = enumerate(node)
-    else:
-        return [(at, node)]
-    dot = f"{at}." if at else ""
-    return [pair for key, value in parts for pair in _flat(value, f"{dot}{key}")]

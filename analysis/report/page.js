@@ -111,16 +111,62 @@
     if (button?.dataset.press) select(Number(button.dataset.press));
     if (button?.dataset.plot) zoom(button);
   });
-  let before = null;
+  // The slow motion: every attribute of every part has a value for every frame.
+  const slider = document.getElementById("frame");
+  const play = document.getElementById("play");
+  const motion = { parts: [], playing: 0 };
+
+  function put(frame) {
+    slider.value = frame;
+    for (const [part, name, values] of motion.parts) {
+      if (name) part.setAttribute(name, values[frame]);
+      else part.textContent = values[frame];
+    }
+  }
+
+  function stop() {
+    clearInterval(motion.playing);
+    motion.playing = 0;
+    play.textContent = "Play";
+  }
+
+  function start() {
+    if (slider.value === slider.max) put(0);
+    const pause = matchMedia("(prefers-reduced-motion: reduce)").matches ? 400 : 40;
+    motion.playing = setInterval(() => {
+      if (slider.value === slider.max) stop();
+      else put(Number(slider.value) + 1);
+    }, pause);
+    play.textContent = "Pause";
+  }
+
+  if (slider) {
+    const moves = JSON.parse(document.getElementById("slow-motion-data").textContent);
+    for (const [id, attributes] of Object.entries(moves)) {
+      const part = document.getElementById(id);
+      for (const [name, values] of Object.entries(attributes)) motion.parts.push([part, name, values]);
+    }
+    play.parentElement.hidden = false;
+    play.addEventListener("click", () => (motion.playing ? stop() : start()));
+    slider.addEventListener("input", () => { stop(); put(Number(slider.value)); });
+  }
+
+  let before = null, shown = null;
   addEventListener("beforeprint", () => {
     before = root.dataset.theme ?? "";
     root.dataset.theme = "light";
     for (const about of document.querySelectorAll("details")) about.open = true;
+    if (slider) {
+      stop();
+      shown = slider.value;
+      put(Number(slider.defaultValue));
+    }
     paint();
   });
   addEventListener("afterprint", () => {
     if (before) root.dataset.theme = before;
     else delete root.dataset.theme;
+    if (slider) put(Number(shown));
     paint();
   });
 })();

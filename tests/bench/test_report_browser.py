@@ -205,6 +205,69 @@ def test_keyboard_and_screen_reader_find_their_way(page):
         assert page.locator(f"#{about}").inner_text()
 
 
+def frame(page):
+    """Return the slider's frame, and the places of plectrum, wire and reading in it."""
+    return page.evaluate(
+        "() => [Number(document.getElementById('frame').value),"
+        " ...[['head-1-plectrum', 'points'], ['head-1-wire', 'cx']].map(([id, name]) =>"
+        " document.getElementById(id).getAttribute(name)),"
+        " document.getElementById('reading-1').textContent,"
+        " document.getElementById('frame').getAttribute('aria-valuetext')]"
+    )
+
+
+def test_the_slow_motion_follows_the_slider(page):
+    """By key and by mouse; every part goes along, and no key is needed but the usual ones."""
+    slider = page.get_by_role("slider", name="Frame")
+    number, plectrum, wire, *_ = frame(page)
+    slider.press("ArrowLeft")
+    before, other, _, time, told = frame(page)
+    assert before == number - 1
+    assert other != plectrum
+    assert told.startswith(f"{time}, string held, ")
+    slider.press("Home")
+    first, straight, rest, *_ = frame(page)
+    assert first == 0
+    assert {pair.split(",")[1] for pair in straight.split()} == {straight.split(",")[1].split()[0]}
+    assert rest == "0"
+    slider.press("End")
+    assert "string released" in frame(page)[-1]
+    box = slider.bounding_box()
+    page.mouse.click(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
+    assert frame(page)[0] == pytest.approx(50, abs=1)
+    slider.fill(str(number))
+    assert frame(page)[:3] == [number, plectrum, wire]
+
+
+def test_it_plays_and_pauses(page):
+    button = page.locator("#play")
+    start, still = frame(page)[0], frame(page)
+    page.wait_for_timeout(200)
+    assert frame(page) == still  # it does not start by itself
+    button.press("Enter")
+    assert button.inner_text() == "Pause"
+    until(page, lambda: frame(page)[0] > start + 2)
+    button.press("Enter")
+    assert button.inner_text() == "Play"
+    paused = frame(page)
+    page.wait_for_timeout(200)
+    assert frame(page) == paused
+    page.locator("#frame").press("End")
+    button.click()
+    until(page, lambda: 2 < frame(page)[0] < 90)  # from its beginning again
+    page.locator("#frame").press("End")
+    assert button.inner_text() == "Play"
+
+
+def test_the_slow_motion_prints_as_it_is_at_release(page):
+    told = frame(page)
+    page.locator("#frame").press("Home")
+    page.evaluate("() => dispatchEvent(new Event('beforeprint'))")
+    assert frame(page) == told
+    page.evaluate("() => dispatchEvent(new Event('afterprint'))")
+    assert frame(page)[0] == 0
+
+
 def test_it_prints(browser, session):
     with opened(browser, session / "report.html", color_scheme="dark") as page:
         data = page.pdf()
@@ -218,6 +281,9 @@ def test_without_scripts_the_tables_are_there(browser, session):
     page.goto((session / "report.html").as_uri())
     assert "The plots need JavaScript" in page.inner_text("noscript")
     assert page.locator("tbody tr button").count() == PRESSES
+    assert page.locator("#head-1-plectrum").is_visible()
+    assert page.locator("#reading-2").inner_text() == "string held"
+    assert not page.locator("#play").is_visible()
     page.close()
 
 

@@ -1,0 +1,165 @@
+"""The rest of a slow motion: strings from nut to bridge, the key from its side, the force."""
+
+import numpy as np
+
+from analysis.figures.side import BODY, HEAD, JACK, KEY_HEAD, UNDER, string_height
+from analysis.model.choirs import choirs, key_of
+from analysis.reenactment import ChoirMotion, Reenactment
+from analysis.report.drawing import (
+    Picture,
+    Shape,
+    box,
+    every,
+    label,
+    points,
+    rectangle,
+    shifted,
+    whole,
+)
+from analysis.report.envelope import envelope
+from trajectory.key import rise_of_angle
+from trajectory.motion import Floats
+
+WIDE, LOW = 2000, 600
+"""Units of the pictures of string and force, of about a third of a pixel."""
+MARGIN, GAP = 60, 16
+LETTERS = 52
+LINE, BAND = 4, 8
+"""Places of a string from one that is drawn to the next: of the string, of where it has been."""
+TRACED = 400
+"""Points of the force."""
+TENTH = 1e4
+"""1/m: the key is drawn in units of 0.1 mm."""
+
+
+def string_picture(number: int, motion: ChoirMotion, name: str) -> Picture:
+    """Draw a string, and where it has been during the frame.
+
+    Args:
+        number: Of the choir, from 1.
+        motion: What it does.
+        name: Put before what the picture tells of itself.
+    """
+    string = motion.choir.string
+    across = (WIDE - 2 * MARGIN) / string.length
+    most = max(float(np.abs(motion.deflection).max()), 1e-4)
+    up = (LOW / 2 - MARGIN) / most
+    x, seen = MARGIN + motion.places * across, motion.deflection * up
+    line, band = (_kept(motion, every_nth) for every_nth in (LINE, BAND))
+    swept = [_path(x, side)[:, band] for side in (seen.max(axis=1), seen.min(axis=1))]
+    at = whole(MARGIN + string.plucking_point * across)
+    shapes = (
+        Shape("path", "axis", {"d": f"M{MARGIN},0H{WIDE - MARGIN}"}),
+        Shape("path", "axis", {"d": f"M{at},{-LOW // 2}V{LOW // 2}"}),
+        Shape("polygon", "band", {}, {"points": every(np.hstack([swept[0], swept[1][:, ::-1]]))}),
+        Shape("polyline", "string", {}, {"points": every(_path(x, seen[:, 0])[:, line])}),
+        label("nut", MARGIN, GAP - LOW / 2),
+        label("plectrum", at + GAP, GAP - LOW / 2),
+        label("bridge", WIDE - MARGIN, GAP - LOW / 2, "end"),
+    )
+    about = f"{name}string from nut to bridge, at rest: no pluck of it was found"
+    if motion.plucks:
+        about = (
+            f"{name}string from nut to bridge, its deflection of at most {most * 1e3:.2g} mm drawn"
+            f" {up / across:.0f} times larger; shaded: where it has been during the frame"
+        )
+    return Picture(f"string-{number}", about, 0, -LOW // 2, WIDE, LOW, LETTERS, shapes)
+
+
+def _kept(motion: ChoirMotion, every_nth: int) -> np.ndarray:
+    """Return which places of a string are drawn: of them the one above the plectrum."""
+    plucked = int(np.argmin(np.abs(motion.places - motion.choir.string.plucking_point)))
+    return np.unique([*range(0, len(motion.places), every_nth), plucked])
+
+
+def _path(x: Floats, z: Floats) -> Floats:
+    """Return places, shape (frames, n, 2), from x, shape (n,), and z, shape (frames, n)."""
+    return np.stack([np.broadcast_to(x, z.shape), z], -1)
+
+
+def force_picture(scene: Reenactment) -> Picture:
+    """Draw the finger's force over the time that is shown, with the frame's instant."""
+    start, stop = float(scene.time[0]), float(scene.time[-1])
+    force = scene.press.data["force"].loc[start:stop]
+    kept = envelope(force.to_numpy(), TRACED)
+    newton, time = force.to_numpy()[kept], force.index.to_numpy()[kept]
+    low, high = min(float(newton.min()), 0.0), max(float(newton.max()), 1e-3)
+    across = (WIDE - 2 * MARGIN) / (stop - start)
+    up = (LOW - 2 * (GAP + LETTERS)) / (high - low)
+
+    def place(at: float) -> int:
+        return whole(MARGIN + (at - start) * across)
+
+    held = [
+        box("held", place(one.contact), low * up, place(one.release), high * up)
+        for one in scene.phases.plucks
+    ]
+    trace = np.stack([MARGIN + (time - start) * across, newton * up], -1)
+    now = tuple(f"translate({place(float(at))} 0)" for at in scene.time)
+    foot = low * up - LETTERS
+    shapes = (
+        *held,
+        Shape("path", "axis", {"d": f"M{MARGIN},0H{WIDE - MARGIN}"}),
+        Shape("polyline", "trace", {"points": points(trace)}),
+        Shape(
+            "path", "now", {"d": f"M0,{-whole(high * up)}V{-whole(low * up)}"}, {"transform": now}
+        ),
+        label(f"{high:.3g} N", MARGIN, high * up + GAP),
+        label(f"{start * 1e3:.2f} ms", MARGIN, foot),
+        label(f"{stop * 1e3:.2f} ms", WIDE - MARGIN, foot, "end"),
+    )
+    top, bottom = whole(high * up + GAP + LETTERS), whole(foot - GAP)
+    about = "force of the finger over time; shaded: string held"
+    return Picture("force", about, 0, -top, WIDE, top - bottom, LETTERS, shapes)
+
+
+def key_picture(scene: Reenactment) -> Picture:
+    """Draw the key with its jacks from the side."""
+    rig = scene.press.rig
+    key, all_choirs = rig.key, choirs(rig)
+    behind = max(choir.jack_arm for choir in all_choirs)
+    front, back = -key.front_arm, behind + KEY_HEAD
+    surface, rear = key.surface_height, key.jack_surface_height
+    outline = np.array(
+        [[front, -UNDER], [front, surface], [0, surface], [0, rear], [back, rear], [back, -UNDER]]
+    )
+    touched = np.array([-key.press_arm, surface])
+    finger = touched + np.array([[0, 0], [-6e-3, 16e-3], [6e-3, 16e-3]])
+    turned = tuple(f"rotate({-angle:.3f})" for angle in np.degrees(scene.angle).tolist())
+    pin = np.array([[0, 0], [-5e-3, -UNDER - 8e-3], [5e-3, -UNDER - 8e-3]])
+    shapes = [
+        _felt(-key.press_arm, -UNDER - key.dip),
+        _felt(key.jack_arm, -UNDER),
+        Shape("polygon", "key", {"points": points(outline * TENTH)}, {"transform": turned}),
+        Shape("polygon", "finger", {"points": points(finger * TENTH)}, {"transform": turned}),
+        Shape("polygon", "pin", {"points": points(pin * TENTH)}),
+        label("finger", (8e-3 - key.press_arm) * TENTH, (surface + 14e-3) * TENTH),
+        label("balance pin", 8e-3 * TENTH, (-UNDER - 14e-3) * TENTH),
+    ]
+    right = back + 30e-3
+    for number, choir in enumerate(all_choirs, 1):
+        x, z = choir.jack_arm * TENTH, whole(string_height(rig, choir) * TENTH)
+        rise = rise_of_angle(key_of(rig, choir), scene.angle) * TENTH
+        half = BODY / 2 * TENTH
+        body = rectangle(-half, rear * TENTH, half, (rear + JACK + HEAD) * TENTH)
+        shapes += [
+            Shape("path", "string", {"d": f"M{whole(x - 600)},{-z}H{whole(right * TENTH)}"}),
+            Shape("rect", f"jack jack-{number}", body, {"transform": shifted(x, rise)}),
+        ]
+    left, low = front - 15e-3, -UNDER - key.dip - 16e-3
+    high = rear + JACK + HEAD + 30e-3
+    width = whole((right - left) * TENTH)
+    return Picture(
+        "key",
+        "key and jack from the side; they are drawn where the laser saw them",
+        whole(left * TENTH),
+        -whole(high * TENTH),
+        width,
+        whole((high - low) * TENTH),
+        whole(width * LETTERS / WIDE),
+        tuple(shapes),
+    )
+
+
+def _felt(x: float, top: float) -> Shape:
+    return box("felt", (x - 12e-3) * TENTH, (top - 4e-3) * TENTH, (x + 12e-3) * TENTH, top * TENTH)

@@ -1,0 +1,212 @@
+"""The report's slow motion: its numbers are the press's, and its first frame needs no script."""
+
+import json
+import re
+from dataclasses import replace
+from types import SimpleNamespace
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+
+from analysis.phases import find_phases
+from analysis.press import load_press
+from analysis.reenactment import reenact
+from analysis.report.build import About, build_report
+from analysis.report.contents import gather
+from analysis.report.slow_motion import FRAMES, LEAST_BESIDE, about, readings, slow_motion
+from rig.errors import SautereauError
+from rig.load import with_values
+from sim_backend.scene import load_scene
+
+MOST_DATA = 150_000
+"""Bytes of the page for one choir, pictures and numbers."""
+
+
+def page_of(paths):
+    """Build a page, and take its slow motion apart."""
+    found = gather(paths, "elastica")
+    text = build_report(found, About("a", "0"))
+    data = "".join(re.findall('id="slow-motion-data">(.*?)</script>', text, re.S))
+    (section,) = re.findall('<section aria-labelledby="slow">.*?</section>', text, re.S)
+    pictures = [ElementTree.fromstring(svg) for svg in re.findall("<svg.*?</svg>", section, re.S)]
+    return SimpleNamespace(
+        shown=found.slow_motion,
+        pictures=pictures,
+        parts={e.get("id"): e for picture in pictures for e in picture.iter() if e.get("id")},
+        moves=json.loads(data or "{}"),
+        section=section,
+        size=len(section) + len(data),
+    )
+
+
+@pytest.fixture(scope="module")
+def two(write_session, tmp_path_factory):
+    paths = write_session(tmp_path_factory.mktemp("two"), 2)
+    return page_of(paths), paths
+
+
+def places(points):
+    """Return an SVG's points, shape (n, 2), with z up again."""
+    pairs = [pair.split(",") for pair in points.split()]
+    return np.array(pairs, float) * (1, -1)
+
+
+def shift(transform):
+    """Return by how much [m] a transform moves upwards in the picture of the head."""
+    return -float(transform.removeprefix("translate(0 ").split(")")[0]) * 1e-6
+
+
+def test_every_part_that_moves_is_drawn_and_has_every_frame(two):
+    page, _ = two
+    for name, attributes in page.moves.items():
+        assert f'id="{name}"' in page.section
+        for values in attributes.values():
+            assert len(values) == FRAMES
+    assert page.size < MOST_DATA
+
+
+def test_what_is_drawn_at_first_is_the_frame_at_release(two):
+    page, _ = two
+    frame = page.shown.at_release
+    release = page.shown.scene.phases.plucks[0].release
+    time = page.shown.scene.time
+    assert time[frame] < release <= time[frame + 1]
+    for name, element in page.parts.items():
+        if name in page.moves:
+            for attribute, values in page.moves[name].items():
+                assert element.get(attribute) == values[frame]
+    assert f'value="{frame}"' in page.section
+    assert page.moves["reading-2"][""][frame] == "string held"
+    assert page.moves["reading-2"][""][frame + 1] == "string released"
+
+
+def test_the_readings_are_what_was_recorded(two):
+    page, paths = two
+    data = load_press(paths[0]).data
+    time = page.shown.scene.time
+    for name, column, scale, digits in (("3", "force", 1, 3), ("4", "jack_speed", 1e3, 1)):
+        seen = np.interp(time, data.index, data[column]) * scale
+        told = [float(text.split()[0]) for text in page.moves[f"reading-{name}"][""]]
+        np.testing.assert_allclose(told, seen, atol=0.51 * 10**-digits)
+    assert page.moves["frame"]["aria-valuetext"][0] == ", ".join(
+        page.moves[f"reading-{number}"][""][0] for number in (1, 2, 3, 4)
+    )
+
+
+def test_the_parts_are_where_the_press_had_them(two):
+    """To a micrometre: jack, plectrum and wire; the key's angle to a thousandth of a degree."""
+    page, _ = two
+    scene = page.shown.scene
+    (motion,) = scene.choirs
+    plectrum, radius = motion.choir.plectrum, motion.choir.string.diameter / 2
+    clamp = plectrum.overlap - plectrum.length
+    moves = page.moves
+    for frame in range(FRAMES):
+        body = moves["head-1-body"]["transform"][frame]
+        assert shift(body) == pytest.approx(motion.height[frame], abs=1e-6)
+        drawn = places(moves["head-1-plectrum"]["points"][frame]) * 1e-6
+        lower = (clamp, -radius - plectrum.thickness / 2)
+        np.testing.assert_allclose(drawn, motion.line[frame, ::2] + lower, atol=1e-6)
+        wire = places(moves["head-1-path"]["points"][frame]) * 1e-6
+        np.testing.assert_allclose(wire, motion.wire[frame], atol=1e-6)
+        turned = float(moves["key-key"]["transform"][frame][7:-1])
+        assert turned == pytest.approx(-np.degrees(scene.angle[frame]), abs=1e-3)
+
+
+def test_the_string_is_held_at_its_ends_and_bent_at_the_plectrum(two):
+    page, _ = two
+    points = page.moves["string-1-string"]["points"]
+    ends = np.array([places(each)[[0, -1]] for each in points])
+    assert (ends[:, :, 1] == 0).all()
+    before = places(points[0])
+    assert (before[:, 1] == 0).all()
+    bent = places(points[page.shown.at_release])
+    plucked = page.shown.scene.choirs[0].choir.string
+    x = (bent[:, 0] - bent[0, 0]) / np.ptp(bent[:, 0]) * plucked.length
+    assert x[bent[:, 1].argmax()] == pytest.approx(plucked.plucking_point, abs=3e-3)
+
+
+def test_it_says_what_is_recorded_and_what_is_simulated(two, write_session, tmp_path):
+    page, _ = two
+    assert "Press 1 (SIMULATED, made on the stand-in)" in page.section
+    assert page.section.count(">SIMULATED</text>") == len(page.pictures)
+    assert "As recorded: the key" in page.section
+    assert "By the model" in page.section
+    measured = page_of(write_session(tmp_path, 1, simulated=False))
+    assert "Press 1 (measured)" in measured.section
+    assert "SIMULATED" not in measured.section
+
+
+def test_without_a_pluck_there_is_a_sentence(write_session, tmp_path):
+    page = page_of(write_session(tmp_path, 1, scale=0.0))
+    assert not page.pictures
+    assert "No press can be shown so: no press has a pluck." in page.section
+
+
+def test_where_the_model_has_no_pluck_there_is_a_sentence(write_session, tmp_path):
+    """The press still has its pluck: it is only that no plectrum can be drawn."""
+    rig = with_values(write_session.one.rig, {"jack.string_clearance": "9.9 mm"})
+    page = page_of(write_session(tmp_path, 2, rig=rig))
+    assert not page.pictures
+    assert "No press can be shown so: press.jack_rise: 10 mm ends before" in page.section
+
+
+def test_the_first_press_with_a_pluck_is_shown(write_session, tmp_path):
+    paths = write_session(tmp_path, 1, scale=0.0) + write_session(tmp_path, 2, first=2)
+    page = page_of(paths)
+    assert page.shown.number == 2
+    assert "Press 2 (" in page.section
+
+
+@pytest.mark.parametrize("more", [1, 3])
+def test_every_choir_is_shown(more, write_session, tmp_path):
+    rig = load_scene("two-choirs").true_rig(write_session.one.rig)
+    rig = rig.model_copy(update={"more_choirs": rig.more_choirs * more})
+    page = page_of(write_session(tmp_path, 1, rig=rig))
+    assert len(page.pictures) == 2 * (1 + more) + 2
+    assert f"All {1 + more} choirs are shown, 1 of them plucked" in page.section
+    assert "choir 2: string from nut to bridge, at rest: no pluck of it was found" in page.section
+    assert page.size < 2 * MOST_DATA
+
+
+def test_a_pluck_at_the_recordings_end_is_shown_to_the_end(make_press):
+    press = make_press()
+    phases = find_phases(press)
+    (held,) = phases.plucks
+    short = type(press)(
+        press.path, press.rig, True, press.data.loc[held.contact : held.release + 1e-3], press.rate
+    )
+    shown = slow_motion(1, short, phases)
+    assert shown.scene.time[0] == short.data.index[0]
+    assert shown.scene.time[-1] == short.data.index[-1]
+    whole = slow_motion(1, press, phases)
+    assert whole.scene.time[-1] >= held.release + LEAST_BESIDE
+    assert shown.scene.time[shown.at_release] < held.release
+
+
+def test_a_press_without_a_pluck_is_refused(make_press):
+    press = make_press(slope=0.0)
+    phases = find_phases(press)
+    assert not phases.plucks
+    with pytest.raises(SautereauError, match="no pluck was found"):
+        slow_motion(1, press, phases)
+
+
+def test_a_pluck_of_no_string_is_told(make_press):
+    """The rig has one string, and a second pluck was found."""
+    press = make_press()
+    phases = find_phases(press)
+    (held,) = phases.plucks
+    later = replace(held, contact=held.contact + 0.05, release=held.release + 0.05)
+    shown = slow_motion(1, press, replace(phases, plucks=(held, later)))
+    assert "Of 2 plucks that were found 1 can be drawn" in about(shown)
+    assert readings(shown)[1].values[shown.at_release] == "string held, pluck 1"
+    assert readings(shown)[1].values[-1] == "2 of 2 strings released"
+
+
+def test_the_frames_are_the_reenactments(two):
+    page, paths = two
+    press = load_press(paths[0])
+    again = reenact(press, find_phases(press), page.shown.scene.time)
+    np.testing.assert_array_equal(again.choirs[0].line, page.shown.scene.choirs[0].line)
