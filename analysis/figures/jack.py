@@ -20,6 +20,8 @@ PLECTRUM, WIRE, WOOD, EDGE, TONGUE, FELT, METAL = (
 )  # fmt: skip
 BODY, AXLE = 3.0e-3, 1.3e-3
 """m, width of a jack's body behind its tongue, and of the tongue."""
+PIVOT = 12e-3
+"""m, of a tongue's pivot below its plectrum, where the rig has no tongue."""
 FELT_HEIGHT = 1.4e-3
 """m, of a damper's felt at rest on nothing."""
 
@@ -82,7 +84,7 @@ class JackView:
         clamp = np.array([self.clamp, height])
         down = self.radius + choir.plectrum.thickness / 2
         shape = _thick(line, choir.plectrum.thickness) + clamp - (0.0, down)
-        pivot = choir.jack.tongue.pivot if choir.jack.tongue else 12e-3
+        pivot = choir.jack.tongue.pivot if choir.jack.tongue else PIVOT
         axle = clamp - (0.0, pivot)
         upper = 1.2e-3
         own = np.array([[-AXLE, 0], [0, 0], [0, pivot + upper], [-AXLE, pivot + upper]]) + axle

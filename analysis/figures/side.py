@@ -67,7 +67,9 @@ class BenchPose:
 
     def put(self, angle: float, joints: Floats | None) -> None:
         """Move to a key's angle [rad] and joints [rad], shape (2,); None for no arm."""
-        self._key.set_xy(_key_outline(self.rig, angle) * 1e3)
+        along, up = key_outline(self.rig).T
+        tangent, normal = surface_axes(angle)
+        self._key.set_xy((np.outer(along, tangent) + np.outer(up, normal)) * 1e3)
         for patch, choir in zip(self._jacks, self.choirs, strict=True):
             foot = jack_foot(self.rig, choir, angle)
             sides = np.array([[-1, 0], [1, 0], [1, 1], [-1, 1]]) * (BODY / 2, JACK + HEAD)
@@ -119,13 +121,11 @@ def draw_surroundings(axes, rig: Rig) -> None:
             axes.add_patch(Rectangle((middle - 2.5, 58), 5, 7, fc="#d8d8d8", **block))
 
 
-def _key_outline(rig: Rig, angle: float) -> Floats:
-    """Return the key's outline [m] from its side, turned, shape (n, 2)."""
+def key_outline(rig: Rig) -> Floats:
+    """Return the outline [m] of a key at rest from its side, shape (n, 2)."""
     key = rig.key
     back = max(choir.jack_arm for choir in choirs(rig)) + KEY_HEAD
     front, top, rear = -key.front_arm, key.surface_height, key.jack_surface_height
-    own = np.array(
+    return np.array(
         [[front, -UNDER], [front, top], [0, top], [0, rear], [back, rear], [back, -UNDER]]
     )
-    tangent, normal = surface_axes(angle)
-    return own[:, :1] * tangent + own[:, 1:] * normal

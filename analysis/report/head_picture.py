@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from analysis.figures.jack import AXLE, BODY, FELT_HEIGHT
+from analysis.figures.jack import AXLE, BODY, FELT_HEIGHT, PIVOT
 from analysis.reenactment import ChoirMotion
 from analysis.report.drawing import (
     Frames,
@@ -47,7 +47,7 @@ def head_picture(number: int, motion: ChoirMotion, name: str) -> Picture:
     clamp = (plectrum.overlap - plectrum.length) * UM
     radius = choir.string.diameter / 2 * UM
     down = radius + plectrum.thickness / 2 * UM
-    pivot = (jack.tongue.pivot if jack.tongue else 12e-3) * UM
+    pivot = (jack.tongue.pivot if jack.tongue else PIVOT) * UM
     height, wire = motion.height * UM, motion.wire * UM
     risen = shifted(0, height)
     swung = tuple(

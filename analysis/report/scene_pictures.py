@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from analysis.figures.side import BODY, HEAD, JACK, KEY_HEAD, UNDER, string_height
+from analysis.figures.side import BODY, HEAD, JACK, UNDER, key_outline, string_height
 from analysis.model.choirs import choirs, key_of
 from analysis.reenactment import ChoirMotion, Reenactment
 from analysis.report.drawing import (
@@ -117,12 +117,9 @@ def key_picture(scene: Reenactment) -> Picture:
     """Draw the key with its jacks from the side."""
     rig = scene.press.rig
     key, all_choirs = rig.key, choirs(rig)
-    behind = max(choir.jack_arm for choir in all_choirs)
-    front, back = -key.front_arm, behind + KEY_HEAD
     surface, rear = key.surface_height, key.jack_surface_height
-    outline = np.array(
-        [[front, -UNDER], [front, surface], [0, surface], [0, rear], [back, rear], [back, -UNDER]]
-    )
+    outline = key_outline(rig)
+    front, back = outline[:, 0].min(), outline[:, 0].max()
     touched = np.array([-key.press_arm, surface])
     finger = touched + np.array([[0, 0], [-6e-3, 16e-3], [6e-3, 16e-3]])
     turned = tuple(f"rotate({-angle:.3f})" for angle in np.degrees(scene.angle).tolist())
