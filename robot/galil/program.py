@@ -1,17 +1,20 @@
 """The program in the controller: a press, its torques, the watchdog, and the last net.
 
-The watchdog has thread 0, where the controller runs ``#POSERR`` as well, the press thread 1
-and the torques thread 2. Variables that the host sets are named here.
+The watchdog has thread 0, where the controller runs ``#POSERR`` as well, the press thread 1,
+the torques thread 2, and thread 3 sees to it that no joint goes on alone. Variables that the
+host sets are named here.
 """
 
 from dataclasses import dataclass
 
 from robot.errors import UnsafeRequest
 
-WATCH, PRESS, TORQUES = 0, 1, 2
+WATCH, PRESS, TORQUES, BOTH = 0, 1, 2, 3
 """Threads."""
 SETTLE = 20
 """ms that the capture runs on after the motion; at TM 1000 no fewer controller samples."""
+LOOK = 2
+"""ms between two looks whether one joint has stopped alone; the other is then stopped too."""
 TICK, LEFT = "wtick", "wleft"
 """ms between two counts of the watchdog, and the counts left; the host renews the latter."""
 RATE = "rate"
@@ -47,11 +50,22 @@ def controller_program(trigger_output: int) -> list[str]:
         f"XQ #PUSH,{TORQUES}",
         "#BARE",
         f"RC {RATE};SB {trigger_output};BT AB",
+        f"XQ #BOTH,{BOTH}",
         "AM AB",
         f"HX {TORQUES};OF 0,0",
         f"WT {SETTLE}",
         "RC 0",
         f"CB {trigger_output}",
+        "EN",
+        "#BOTH",
+        f"WT {LOOK}",
+        # A limit's stop codes are 2 and 3; without one they come to their ends in one sample.
+        "JP #BOTH,_BGA*_BGB*(_SCA-2)*(_SCA-3)*(_SCB-2)*(_SCB-3)<>0",
+        "JP #EVEN,_BGA+_BGB=0",
+        f"ST AB;HX {TORQUES};OF 0,0",
+        "AM AB",
+        "MO AB",
+        "#EVEN",
         "EN",
         "#PUSH",
         "AT 0",

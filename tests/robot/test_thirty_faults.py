@@ -40,6 +40,8 @@ SOON = 50e-3
 """s of simulated time after which the arm is off, where the controller sees to it."""
 ALONE = 0.5 + SOON
 """s of it, where the controller only knows it by its watchdog."""
+GENTLY = 0.25
+"""s, likewise, where it brings both joints to rest before."""
 HOST = None
 """Where the host sees to it: that takes the time that this machine takes."""
 OFF = "the controller confirms it"
@@ -396,7 +398,7 @@ def limit_here(desk):
     axis.settings["FL"] = axis.settings["BL"] = axis.reported
 
 
-@fault("a limit of joint 1 stands in the way", HOST, "joint 1 stopped by the .* limit.*remove")
+@fault("a limit of joint 1 stands in the way", GENTLY, "joint 1 stopped by the .* limit.*remove")
 def limit_hit(desk):
     desk.at(1, 0.03, lambda: limit_here(desk))
     desk.press()
@@ -647,6 +649,7 @@ fault to both motors off; 0 where they were off already, or never on.
 
 - What the controller sees itself, it ends within 50 ms of seeing it. A stalled motor is seen when
   its joint is `controller.position_error_limit` behind, which takes as long as the motion makes it.
+- At a limit it brings both joints to rest with the arm's deceleration, and switches off then.
 - Where the line or the host is gone, the controller's watchdog strikes
   `controller.watchdog_period` (0.5 s) after the last sign of life.
 - Where the host sees it, it stops the arm with a deceleration and then switches off: that takes
