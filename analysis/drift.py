@@ -10,7 +10,6 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.integrate import cumulative_trapezoid
 
 from daq.sensors import white_noise
 from trajectory.motion import Floats
@@ -79,8 +78,9 @@ def find_rests(velocity: Floats, rate: float) -> Rests:
     nothing = Rests(slice(0, 0), slice(len(velocity), len(velocity)))
     if n_blocks < 3 * LEAST_REST / BLOCK:
         return nothing
-    forwards = velocity[: n_blocks * size].reshape(-1, size).mean(axis=1)
-    backwards = velocity[::-1][: n_blocks * size].reshape(-1, size).mean(axis=1)
+    share = np.full(size, 1 / size)
+    forwards = velocity[: n_blocks * size].reshape(-1, size) @ share
+    backwards = (velocity[len(velocity) - n_blocks * size :].reshape(-1, size) @ share)[::-1]
     fastest = float(np.abs(forwards).max())
     threshold = max(MOVES * fastest, 6 * white_noise(velocity) / math.sqrt(size))
     lengths = [_steady(means, threshold, fastest) * size for means in (forwards, backwards)]
@@ -110,7 +110,7 @@ def without_drift(
     Returns:
         The velocity, what was taken off, and warnings.
     """
-    time = np.arange(len(velocity)) / rate
+    n = len(velocity)
     before = _span(rests.before, rate, start)
     after = _span(rests.after, rate, start)
     omega = 2 * math.pi * corner
@@ -121,19 +121,24 @@ def without_drift(
         )
         return velocity, Drift(None, after), [text]
     level, std = _level(velocity[rests.before])
+    middle = _middle(rests.before, rate)
     if after is None:
-        line = level * (1 + omega * time) / (1 + omega * time[rests.before].mean())
-        taken = _taken(line, rate)
+        first = level / (1 + omega * middle)
+        line = first, first * omega
+        taken = _taken(line, n, rate)
         text = (
             f"no rest after the press: {abs(level) * 1e6:.3g} um/s, the velocity's mean at rest, is"
             " taken off as an offset, and nothing checks the end; record for longer"
         )
-        return velocity - line, Drift(before, None, *taken), [text]
+        return _without(velocity, line, rate), Drift(before, None, *taken), [text]
     late, late_std = _level(velocity[rests.after])
-    middles = time[rests.before].mean(), time[rests.after].mean()
+    middles = middle, _middle(rests.after, rate)
     between = slice(*(int(t * rate) for t in middles))
-    deflection = cumulative_trapezoid(velocity[between], dx=1 / rate, initial=0)
-    end, largest = float(deflection[-1]), float(np.abs(deflection).max())
+    moved = velocity[between]
+    size = max(1, round(BLOCK * rate))
+    deflection = np.cumsum(np.add.reduceat(moved, np.arange(0, len(moved), size)))
+    end = float(deflection[-1] - (moved[0] + moved[-1]) / 2) / rate  # by trapezia
+    largest = max(float(deflection.max()), -float(deflection.min())) / rate
     duration = middles[1] - middles[0]
     rows = [[1.0, middles[0]], [1.0, middles[1]]]
     seen, stds = [level, late], [std, late_std]
@@ -149,20 +154,24 @@ def without_drift(
         )
     matrix, values = np.array(rows), np.array(seen)
     weights = 1 / np.array(stds)
-    line = np.linalg.lstsq(matrix * weights[:, None], values * weights, rcond=None)[0]
-    if np.abs((matrix @ line - values) * weights).max() > CONSISTENT:
-        line = np.array([end / duration, 0.0])
+    fitted = np.linalg.lstsq(matrix * weights[:, None], values * weights, rcond=None)[0]
+    line = float(fitted[0]), float(fitted[1])
+    if np.abs((matrix @ fitted - values) * weights).max() > CONSISTENT:
+        line = end / duration, 0.0
         warnings.append(
             f"the rests show {level * 1e6:.3g} and {late * 1e6:.3g} um/s, but the deflection comes"
             f" back to {end * 1e6:.3g} um: no offset of the sensor makes both; look at its corner"
             " and its delay, and whether the key is really at rest"
         )
-    off = line[0] + line[1] * time
-    closure = end - float(off[between].sum()) / rate if back else None
-    return velocity - off, Drift(before, after, *_taken(off, rate), closure), warnings
+    closure = None
+    if back:
+        rows = between.stop - between.start
+        closure = end - (line[0] + line[1] * _middle(between, rate)) * rows / rate
+    found = Drift(before, after, *_taken(line, n, rate), closure)
+    return _without(velocity, line, rate), found, warnings
 
 
-def force_at_rest(measured: Floats, rate: float, corner: float) -> tuple[float, bool]:
+def force_at_rest(measured: Floats, noise: float, rate: float, corner: float) -> tuple[float, bool]:
     """Return the level of an AC-coupled force at rest, and whether it is an offset.
 
     An offset stays; what is left of an earlier force decays by w times itself a second. The
@@ -170,13 +179,14 @@ def force_at_rest(measured: Floats, rate: float, corner: float) -> tuple[float, 
 
     Args:
         measured: N, shape (n,), in the rest before, the coupling not undone.
+        noise: N, its white noise.
         rate: Hz.
         corner: Hz, of the coupling.
     """
-    level = float(measured.mean())
-    time = np.arange(len(measured)) / rate
-    slope = float(np.polyfit(time, measured, 1)[0])
-    std = white_noise(measured) * math.sqrt(12 / len(measured)) / time[-1]
+    n, level = len(measured), float(measured.mean())
+    time = (np.arange(n) - (n - 1) / 2) / rate
+    slope = float(time @ measured / (time @ time))
+    std = noise * math.sqrt(12 / n) / (n - 1) * rate
     decay = -2 * math.pi * corner * level
     remembered = abs(decay) > CONSISTENT * std and abs(slope - decay) < abs(slope)
     return level, not remembered
@@ -201,7 +211,24 @@ def _level(signal: Floats) -> tuple[float, float]:
     return float(signal.mean()), max(LEAST_STD, white_noise(signal) / math.sqrt(len(signal)))
 
 
-def _taken(line: Floats, rate: float) -> tuple[float, float]:
-    """Return the largest of what is taken off, and of its integral."""
-    moved = np.abs(cumulative_trapezoid(line, dx=1 / rate, initial=0)).max()
-    return float(np.abs(line).max()), float(moved)
+def _middle(rows: slice, rate: float) -> float:
+    """Return the mean time of rows [s], the record's first having 0."""
+    return (rows.start + rows.stop - 1) / 2 / rate
+
+
+def _without(velocity: Floats, line: tuple[float, float], rate: float) -> Floats:
+    """Return a velocity less a line [m/s, m/s^2]."""
+    off = np.arange(len(velocity), dtype=float)
+    off *= -line[1] / rate
+    off -= line[0]
+    off += velocity
+    return off
+
+
+def _taken(line: tuple[float, float], n: int, rate: float) -> tuple[float, float]:
+    """Return the largest of a line over n rows [m/s], and of its integral [m]."""
+    level, slope = line
+    last = (n - 1) / rate
+    turn = -level / slope if slope and 0 < -level / slope < last else last
+    moved = max(abs(t * (level + slope * t / 2)) for t in (turn, last))
+    return max(abs(level), abs(level + slope * last)), moved

@@ -152,10 +152,9 @@ class _Signals:
     """The signals of a press that features are taken from."""
 
     def __init__(self, press: Press):
-        data = press.data
-        self.time = data.index.to_numpy()
-        self.rise, self.deflection, self.angle, self.force = (
-            data[name].to_numpy() for name in ("jack_rise", "deflection", "angle", "force")
+        self.time = press.data.index.to_numpy()
+        self.rise, self.deflection, self.angle, self.force = press.columns(
+            "jack_rise", "deflection", "angle", "force"
         )
         self.press_arm = press.rig.key.press_arm
 

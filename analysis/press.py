@@ -2,12 +2,12 @@
 
 from dataclasses import dataclass, replace
 from datetime import date
+from functools import cache
 from math import ceil, pi
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.integrate import cumulative_trapezoid
 
 from analysis.drift import NO_DRIFT, RETURNED, Drift, find_rests, force_at_rest, without_drift
 from analysis.errors import AnalysisError
@@ -15,6 +15,7 @@ from daq.delays import undelayed
 from daq.marks import Mark, find_marks, mark_warnings
 from daq.sensors import calibration_warning, correct, to_si, white_noise
 from rig.acquisition import Channel
+from rig.instrument import Key
 from rig.schema import Rig
 from trajectory.key import rise_of_angle, rise_slope
 from trajectory.motion import Floats
@@ -35,6 +36,8 @@ UNITS = {
 """Of the columns of a press."""
 LEAST_ROWS = 16
 """Rows that a press has at the least."""
+STRETCH = 4096
+"""Rows worked out at a time: arrays of all are asked of the system and given back each time."""
 FORCE_DRIFT = 2e-3
 """1, share of the largest force by which a doubtful offset may bend it unsaid."""
 FORCE_MEAN = 1e-3
@@ -63,6 +66,11 @@ class Press:
     """What was taken off at the press's own rests."""
     warnings: tuple[str, ...] = ()
     """Of what is lost, the calibrations, the marks and the drift."""
+
+    def columns(self, *names: str) -> tuple[Floats, ...]:
+        """Return columns of the data, shape (rows,), which pandas would copy `attrs` for."""
+        place, columns = self.data.columns.get_loc, self.data.to_numpy().T
+        return tuple(np.ascontiguousarray(columns[place(name)]) for name in names)
 
 
 def load_press(path: str | Path) -> Press:
@@ -122,21 +130,39 @@ def press_of(recorded: "Recorded") -> Press:
         )
         drift = replace(drift, force=level)
         warnings += [*doubts, *doubtful]
-    spin = velocity / rig.key.laser_arm
-    angle = cumulative_trapezoid(spin, dx=1 / rate, initial=0)
     frame = pd.DataFrame(
-        {
-            "velocity": velocity,
-            "force": force,
-            "angle": angle,
-            "deflection": angle * rig.key.laser_arm,
-            "jack_rise": rise_of_angle(rig.key, angle),
-            "jack_speed": spin * rise_slope(rig.key, angle),
-        },
+        _columns(rig.key, velocity, force, rate).T,
+        columns=_names(),
         index=pd.Index(recorded.time[:rows], name="time"),
+        copy=False,
     )
     frame.attrs = {"units": UNITS, "simulated": recorded.simulated, "path": str(path)}
     return Press(path, rig, recorded.simulated, frame, rate, tuple(marks), drift, tuple(warnings))
+
+
+@cache
+def _names() -> "pd.Index":
+    """Return the names of the columns, for which pandas takes longer than for their samples."""
+    import pandas as pd
+
+    return pd.Index(UNITS)
+
+
+def _columns(key: Key, velocity: Floats, force: Floats, rate: float) -> Floats:
+    """Return the columns of `UNITS`, shape (columns, rows)."""
+    columns = np.empty((len(UNITS), len(velocity)))
+    columns[0], columns[1] = velocity, force
+    integral = np.cumsum(velocity)
+    integral -= velocity[0] / 2
+    for first in range(0, len(velocity), STRETCH):
+        rows = slice(first, first + STRETCH)
+        moved, spin = velocity[rows], velocity[rows] / key.laser_arm
+        deflection = (integral[rows] - moved / 2) / rate  # by trapezia
+        angle = deflection / key.laser_arm
+        columns[2, rows], columns[3, rows] = angle, deflection
+        columns[4, rows] = rise_of_angle(key, angle)
+        columns[5, rows] = rise_slope(key, angle) * spin
+    return columns
 
 
 def _channel(recorded: "Recorded", quantity: str) -> Channel:
@@ -194,12 +220,18 @@ def _from_rest(
     """
     if not corner or not len(at_rest):
         return force, 0.0, []
-    level, is_offset = force_at_rest(at_rest, rate, corner)
-    ramp = 2 * pi * corner * level * np.arange(len(force)) / rate
-    force = force - level - ramp * is_offset
-    doubt = float(abs(ramp[-1]))
-    hidden = white_noise(at_rest) / np.sqrt(FORCE_MEAN * rate)
-    if doubt <= max(FORCE_DRIFT * np.abs(force).max(), hidden):
+    noise = white_noise(at_rest)
+    level, is_offset = force_at_rest(at_rest, noise, rate, corner)
+    slope = 2 * pi * corner * level / rate
+    doubt = abs(slope) * (len(force) - 1)
+    off = np.arange(len(force), dtype=float)
+    off *= -slope * is_offset
+    off -= level
+    off += force
+    force = off
+    hidden = noise / np.sqrt(FORCE_MEAN * rate)
+    largest = max(force.max(), -force.min())
+    if doubt <= max(FORCE_DRIFT * largest, hidden):
         return force, level, []
     meant = "an offset of the sensor" if is_offset else "the rest of an earlier force"
     text = (

@@ -98,13 +98,13 @@ def mark_warnings(marks: Iterable[Mark]) -> list[str]:
 
 def _found(volts: Signal, channel: Channel, rate: float) -> list[tuple[Kind, int, int]]:
     """Return the marks as kind, first sample and sample after the last."""
-    noise = white_noise(volts)
-    high = np.abs(volts) >= channel.range * (1 - CLIPPING_MARGIN)
+    noise, away = white_noise(volts), np.abs(volts)
+    high = away >= channel.range * (1 - CLIPPING_MARGIN)
     found: list[tuple[Kind, int, int]] = []
     for start, stop in _runs(high):
-        beyond = np.abs(volts[start:stop]).max() > channel.range * (1 + CLIPPING_MARGIN)
+        beyond = away[start:stop].max() > channel.range * (1 + CLIPPING_MARGIN)
         found.append(("overload" if beyond else "clipped", start, stop))
-    for start, stop in _saturated(volts, noise, channel.range, high):
+    for start, stop in _saturated(volts, away, noise, channel.range, high):
         found.append(("overload", start, stop))
     if channel.quantity == "velocity":
         for start, stop in _drop_outs(volts, noise, channel.range, rate, high):
@@ -113,13 +113,14 @@ def _found(volts: Signal, channel: Channel, rate: float) -> list[tuple[Kind, int
 
 
 def _saturated(
-    volts: Signal, noise: float, largest: float, known: NDArray[np.bool_]
+    volts: Signal, away: Signal, noise: float, largest: float, known: NDArray[np.bool_]
 ) -> list[tuple[int, int]]:
     """Return where a noisy signal stands still away from zero, below the end of the range."""
     if noise < LEAST_NOISE * largest or len(volts) < FLAT:
         return []
-    still = np.abs(np.diff(volts)) < FLAT_NOISE * noise
-    still &= np.abs(volts[1:]) > FLAT_LEVEL * largest
+    steps = np.diff(volts)
+    still = np.abs(steps, out=steps) < FLAT_NOISE * noise
+    still &= away[1:] > FLAT_LEVEL * largest
     still &= ~(known[1:] | known[:-1])
     return [(a, b + 1) for a, b in _runs(still) if b + 1 - a >= FLAT]
 
@@ -136,7 +137,8 @@ def _drop_outs(
         return []
     unit = max(noise, LEAST_DROP_OUT * largest / DROP_OUT_SEED)
     least = DROP_OUT_SEED * math.sqrt(2) * unit
-    jumps = np.abs(volts[DROP_OUT_JUMP:] - volts[:-DROP_OUT_JUMP])
+    jumps = volts[DROP_OUT_JUMP:] - volts[:-DROP_OUT_JUMP]
+    np.abs(jumps, out=jumps)
     if not (jumps > least).any():
         return []  # before the median is taken, which is most of the work
     from scipy.ndimage import median_filter
@@ -154,5 +156,9 @@ def _drop_outs(
 
 def _runs(which: NDArray[np.bool_]) -> list[tuple[int, int]]:
     """Return the unbroken stretches of True, as first and after last."""
-    edges = np.flatnonzero(np.diff(which, prepend=False, append=False))
-    return [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+    edges = (1 + np.flatnonzero(which[1:] != which[:-1])).tolist()
+    if len(which) and which[0]:
+        edges.insert(0, 0)
+    if len(which) and which[-1]:
+        edges.append(len(which))
+    return list(zip(edges[::2], edges[1::2], strict=True))

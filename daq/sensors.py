@@ -9,14 +9,13 @@ from datetime import date
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.integrate import cumulative_trapezoid
 
 from rig.acquisition import Channel
 
 CALIBRATION_LIFE = 366
 """Days after which a calibration is told to be old."""
-NOISE_ROWS = 8192
-"""Second differences from which a noise is told, at the least, where there are so many."""
+NOISE_ROWS = 2048
+"""Second differences from which a noise is told, about, where there are so many."""
 
 Signal = NDArray[np.float64]
 
@@ -50,7 +49,12 @@ def undo_high_pass(values: Signal, corner: float, rate: float) -> Signal:
     y = np.asarray(values, dtype=float)
     if corner <= 0 or y.size == 0:
         return y.copy()
-    return y + 2 * math.tan(math.pi * corner / rate) * cumulative_trapezoid(y, initial=0)
+    step = 2 * math.tan(math.pi * corner / rate)
+    restored = np.cumsum(y)
+    restored -= y[0] / 2
+    restored *= step
+    restored += (1 - step / 2) * y  # half of the last sample is not in the integral
+    return restored
 
 
 def correct(volts: Signal, channel: Channel, rate: float) -> Signal:
@@ -71,13 +75,25 @@ def white_noise(signal: Signal) -> float:
     """Return the standard deviation of the white noise in a signal, in its unit.
 
     It comes from the median of the second differences, which motion hardly touches. Of a long
-    signal every so many are enough: `NOISE_ROWS` tell it to 1.3 %.
+    signal every so many are enough: `NOISE_ROWS` tell it to 2.6 %.
     """
-    second = np.diff(signal[np.isfinite(signal)], 2)
+    n = len(signal) - 2
+    if n < 1:
+        return 0.0
+    step = max(1, round(n / NOISE_ROWS))
+    with np.errstate(over="ignore", invalid="ignore"):  # samples may be anything
+        second = signal[2::step] - 2 * signal[1:-1:step] + signal[:n:step]
+        second = second[np.isfinite(second)]
     if not len(second):
         return 0.0
-    second = second[:: max(1, len(second) // NOISE_ROWS)]
-    return float(1.4826 * np.median(np.abs(second - np.median(second))) / math.sqrt(6))
+    second -= _median(second)
+    return 1.4826 * _median(np.abs(second, out=second)) / math.sqrt(6)
+
+
+def _median(signal: Signal) -> float:
+    """Return the median, of an even number the upper of the two, sooner than numpy's own."""
+    middle = len(signal) // 2
+    return float(np.partition(signal, middle)[middle])
 
 
 def calibration_warning(channel: Channel, on: date) -> str | None:

@@ -14,9 +14,8 @@ from trajectory.motion import Floats, Motion, dot
 
 def rise_of_angle(key: Key, angle: ArrayLike) -> Floats:
     """Return the jack's rise [m] at a key angle [rad]: b tan a + hb (1/cos a - 1)."""
-    angle = np.asarray(angle, dtype=float)
-    versine = np.sin(angle / 2) ** 2 * 2 / np.cos(angle)
-    return key.jack_arm * np.tan(angle) + key.jack_surface_height * versine
+    half = np.tan(np.asarray(angle, dtype=float) / 2)
+    return 2 * half * (key.jack_arm + key.jack_surface_height * half) / (1 - half * half)
 
 
 def angle_of_rise(key: Key, rise: ArrayLike) -> Floats:
@@ -33,9 +32,11 @@ def angle_of_rise(key: Key, rise: ArrayLike) -> Floats:
 
 def rise_slope(key: Key, angle: ArrayLike) -> Floats:
     """Return d(rise)/da [m/rad] at a key angle [rad]."""
-    angle = np.asarray(angle, dtype=float)
+    half = np.tan(np.asarray(angle, dtype=float) / 2)
     b, hb = key.jack_arm, key.jack_surface_height
-    return (b + hb * np.sin(angle)) / np.cos(angle) ** 2
+    square = half * half
+    one = 1 + square
+    return one * (b * one + 2 * hb * half) / (1 - square) ** 2
 
 
 def rise_curvature(key: Key, angle: ArrayLike) -> Floats:

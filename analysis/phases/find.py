@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from analysis.phases.contact import Contact, find_contact
 from analysis.phases.doubts import doubts_of, ending
 from analysis.phases.found import HeldString, Phases
-from analysis.phases.measure import measured
+from analysis.phases.measure import line_through, measured
 from analysis.phases.release import LEAST_FALL, Release, find_falls, refine
 from analysis.phases.signals import LEFT, Signals, signals_of, way_down
 from analysis.phases.stroke import Rows, rows_of
@@ -71,7 +71,7 @@ def find_phases(press: Press) -> Phases:
     contact = plucks[0].contact if plucks else float(time[end])
     contact = max(contact, float(time[begin + LEAST_SAMPLES // 2]))
     settled = _at_full_speed(time, speed, time[begin], contact)
-    slope, offset = np.polyfit(time[settled], signals.rise[settled], 1)
+    slope, offset = line_through(time[settled], signals.rise[settled])
     held_speed = released_speed = None
     if plucks:
         held_speed = _mean(speed, time, plucks[0].contact, plucks[0].release)
@@ -173,15 +173,20 @@ def _returned(signals: Signals, end: int) -> float | None:
     return float(signals.time[end + back[0]]) if len(back) else None
 
 
-def _at_full_speed(time: Floats, speed: Floats, start: float, end: float) -> NDArray[np.bool_]:
-    """Return which samples of the later half between two instants [s] are neither start nor end."""
-    inside = (time >= (start + end) / 2) & (time < end)
-    if inside.sum() < 8:
-        inside = (time >= start) & (time <= end)
-    full = inside & (speed >= FULL_SPEED * np.median(speed[inside]))
-    return full if full.sum() >= 8 else inside
+def _at_full_speed(time: Floats, speed: Floats, start: float, end: float) -> NDArray[np.intp]:
+    """Return the samples of the later half between two instants [s] that are at full speed."""
+    inside = _between(time, (start + end) / 2, end)
+    if len(inside) < 8:
+        inside = _between(time, start, end)
+    full = inside[speed[inside] >= FULL_SPEED * np.median(speed[inside])]
+    return full if len(full) >= 8 else inside
+
+
+def _between(time: Floats, start: float, end: float) -> NDArray[np.intp]:
+    """Return the samples from one instant to before another [s]."""
+    return np.arange(*np.searchsorted(time, (start, end)))
 
 
 def _mean(signal: Floats, time: Floats, start: float, end: float) -> float:
-    inside = (time >= start) & (time < end)
-    return float(signal[inside].mean()) if inside.any() else float("nan")
+    inside = signal[slice(*np.searchsorted(time, (start, end)))]
+    return float(inside.mean()) if len(inside) else float("nan")

@@ -140,14 +140,20 @@ class KeyAndString:
 
     def _string(self, times: Floats) -> Floats:
         """Return the string's columns in units of the noise, shape (instants, BENDS, rows)."""
-        held = self._held
+        held, n = self._held, len(times)
         at = np.interp(times, *self._path)
-        reach = np.maximum(held.rise[-1] - at, 1e-9)
-        # A row's mean over a bend is above the bend.
-        beside = np.maximum(1 - np.abs(held.time - times[:, None]) / held.step, 0.0)
-        bend = (np.interp(times, held.time, held.speed) * held.step / 6)[:, None] * beside**3
-        u = (np.maximum(held.rise - at[:, None], 0.0) + bend) / reach[:, None]
-        columns = np.stack([u, u * (u - 1), u * (u - 1) * (u - 0.5)], 1)
+        columns = np.empty((n, BENDS, len(held.time)))
+        line, square, cube = columns[:, 0], columns[:, 1], columns[:, 2]
+        np.maximum(held.rise - at[:, None], 0.0, out=line)
+        # A row's mean over a bend is above the bend, which is in the two rows beside it.
+        above = np.interp(times, held.time, held.speed) * held.step / 6
+        place = (times - held.time[0]) / held.step
+        row = np.clip(np.floor(place).astype(int), 0, len(held.time) - 2)
+        for beside in (row, row + 1):
+            line[np.arange(n), beside] += above * np.maximum(1 - np.abs(place - beside), 0.0) ** 3
+        line /= np.maximum(held.rise[-1] - at, 1e-9)[:, None]
+        np.multiply(line, line - 1, out=square)
+        np.multiply(square, line - 0.5, out=cube)
         white = self._white(columns.reshape(-1, len(held.time)).T)
         return white.T.reshape(columns.shape)
 
@@ -162,8 +168,9 @@ class KeyAndString:
         own[:, 0, 0] += noise / self._fall_std**2
         mixed[:, 0, INERTIA] += noise * self._slowed / self._fall_std
         load[:, 0] += noise * self._fall / self._fall_std
-        alone = np.linalg.solve(gram, right)
-        mixed_by_key = np.linalg.solve(gram, mixed.reshape(-1, len(gram)).T).T.reshape(mixed.shape)
+        of_all = np.concatenate([right[None], mixed.reshape(-1, len(gram))])
+        by_key = np.linalg.solve(gram, of_all.T).T
+        alone, mixed_by_key = by_key[0], by_key[1:].reshape(mixed.shape)
         own = own - mixed_by_key @ mixed.transpose(0, 2, 1)
         load = load - mixed @ alone
         factors = np.linalg.solve(own, load[..., None])[..., 0]

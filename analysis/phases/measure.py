@@ -6,11 +6,20 @@ from analysis.phases.contact import Contact
 from analysis.phases.found import HeldString
 from analysis.phases.release import Release
 from analysis.phases.signals import Signals
+from trajectory.motion import Floats
 
 SIDE = 1e-3
 """s, of the lines on either side of a release, and of the mean before contact."""
 GAP = 3
 """Samples beside a release over which it is spread."""
+
+
+def line_through(x: Floats, y: Floats) -> tuple[float, float]:
+    """Return slope and value at 0 of the line with the least squares; arrays of shape (n,)."""
+    middle, level = float(x.mean()), float(y.mean())
+    away = x - middle
+    slope = float(away @ y / (away @ away))
+    return slope, level - slope * middle
 
 
 def measured(signals: Signals, contact: Contact, release: Release) -> HeldString:
@@ -27,7 +36,7 @@ def measured(signals: Signals, contact: Contact, release: Release) -> HeldString
     # Lines on both sides are carried on to the release.
     sides = slice(max(0, last - GAP - m), last - GAP), slice(last + GAP, last + GAP + m)
     before, after = (
-        float(np.polyval(np.polyfit(time[s] - release.time, force[s], 1), 0.0))
+        line_through(time[s] - release.time, force[s])[1]
         if len(time[s]) > 2
         else float(force[min(s.start, len(force) - 1)])
         for s in sides

@@ -59,9 +59,9 @@ def find_falls(rows: Rows) -> list[int]:
     m = max(4, min(WINDOW, n // 12))
     if n < 2 * (m + GAP) + 1:
         return []
-    x = np.arange(m) + GAP
-    design = np.stack([np.ones(m), x], 1)
-    weights = np.linalg.pinv(design)[0]
+    # Of the value at row 0 of the line with the least squares through rows GAP and on.
+    away = np.arange(m) - (m - 1) / 2
+    weights = 1 / m - (GAP + (m - 1) / 2) * away / (away @ away)
     after = np.correlate(rows.load, weights, "valid")
     before = np.correlate(rows.load, weights[::-1], "valid")
     # Row r has the lines over r - GAP - m + 1 .. r - GAP and r + GAP .. r + GAP + m - 1.
@@ -163,20 +163,24 @@ class _Fall:
 
     def at(self, instants: Floats) -> _Steps:
         """Return the fits with a step at each instant [samples]."""
-        from_step = self._tau[:, None] - instants
+        from_step = self._tau - instants[:, None]
         # A row is the load over a sample's length: of the one in which it falls, a share.
-        share = np.clip(from_step + 0.5, 0, 1)
-        columns = self._white(np.concatenate([share, share * from_step / self.span], 1))
-        columns = columns - self._base @ (self._base.T @ columns)
-        columns = columns.reshape(len(self._tau), 2, -1).transpose(2, 1, 0)
-        gram = columns @ columns.transpose(0, 2, 1) + RIDGE * np.eye(2)
-        right = columns @ self._target
-        inverse = np.linalg.inv(gram)
-        found = (inverse @ right[..., None])[..., 0]
+        share = np.minimum(np.maximum(from_step + 0.5, 0.0), 1.0)
+        columns = np.concatenate([share, share * from_step / self.span])
+        columns = self._white(columns.T).T
+        columns = columns - (columns @ self._base) @ self._base.T
+        step, bend = columns.reshape(2, len(instants), -1)
+        of_step, of_bend = (columns @ self._target).reshape(2, -1)
+        # The normal equations of a step and a bend, solved.
+        both = (step * bend).sum(1)
+        square_step, square_bend = (step * step).sum(1) + RIDGE, (bend * bend).sum(1) + RIDGE
+        determinant = square_step * square_bend - both**2
+        fall = (square_bend * of_step - both * of_bend) / determinant
+        slope = (square_step * of_bend - both * of_step) / determinant
         free = float(self._target @ self._target)
-        misfit = free - (found * right).sum(1) + RISES * (found[:, 0] >= 0)
-        bent = free - float((right[:, 1] ** 2 / gram[:, 1, 1]).max())
-        return _Steps(misfit, np.asarray(found[:, 0]), np.sqrt(inverse[:, 0, 0]), bent)
+        misfit = free - fall * of_step - slope * of_bend + RISES * (fall >= 0)
+        bent = free - float((of_bend**2 / square_bend).max())
+        return _Steps(misfit, fall, np.sqrt(square_bend / determinant), bent)
 
 
 def _mean(signal: Floats) -> float:

@@ -71,11 +71,8 @@ def signals_of(press: Press) -> Signals:
     """
     rate, key = press.rate, press.rig.key
     time = press.data.index.to_numpy()
-    # Column by column, pandas would copy the units with each.
-    columns = dict(zip(press.data.columns, press.data.to_numpy().T, strict=True))
-    force, velocity, deflection, rise, speed = (
-        np.ascontiguousarray(columns[name])
-        for name in ("force", "velocity", "deflection", "jack_rise", "jack_speed")
+    force, velocity, deflection, rise, speed = press.columns(
+        "force", "velocity", "deflection", "jack_rise", "jack_speed"
     )
     _must_be_numbers(press, {"force": force, "velocity": velocity})
     force_noise, velocity_noise = (white_noise(signal[:NOISE_ROWS]) for signal in (force, velocity))
@@ -112,7 +109,7 @@ def signals_of(press: Press) -> Signals:
 
 def _must_be_numbers(press: Press, signals: dict[str, Floats]) -> None:
     for name, signal in signals.items():
-        bad = int(np.count_nonzero(~np.isfinite(signal)))
+        bad = len(signal) - int(np.count_nonzero(np.isfinite(signal)))
         if bad:
             raise AnalysisError(
                 f"press {press.path}: {bad} samples of its {name} are not finite numbers;"
@@ -145,11 +142,13 @@ def _without_spikes(force: Floats, noise: float) -> Floats:
     """Bridge single samples, and two together, that stand out to one side of both neighbours."""
     if len(force) < 7:
         return force
-    before, after = force[3:-3] - force[:-6], force[3:-3] - force[6:]
-    height = np.where(before * after > 0, np.minimum(np.abs(before), np.abs(after)), 0.0)
+    steps = force[3:] - force[:-3]
+    high = np.abs(steps) > SPIKE * max(noise, FORCE_FLOOR)
+    at = np.flatnonzero(high[:-3] & high[3:])
+    before, after = steps[at], -steps[at + 3]
+    height = np.minimum(np.abs(before), np.abs(after))
     # A spike comes back to where it was, and the tip of a pluck does not.
-    back = np.abs(before - after) < 0.3 * height
-    out = 3 + np.flatnonzero(back & (height > SPIKE * max(noise, FORCE_FLOOR)))
+    out = 3 + at[(before * after > 0) & (np.abs(before - after) < 0.3 * height)]
     if not len(out):
         return force
     bridged = force.copy()

@@ -89,13 +89,10 @@ def rows_of(
     if blocks < LEAST_ROWS:
         return NO_ROWS
     last = first + blocks * n
-    force, velocity = signals.force[first:last], signals.velocity[first:last]
-    impulse = (np.cumsum(force) - 0.5 * force) / rate - signals.inertial * velocity
-
     share = np.full(n, 1 / n)
 
     def means(signal: Floats) -> Floats:
-        return signal if n == 1 else signal.reshape(blocks, n) @ share
+        return signal[first:last].reshape(blocks, n) @ share
 
     def at_rows(signal: Floats) -> Floats:
         each = means(signal)
@@ -103,15 +100,18 @@ def rows_of(
 
     step = n / rate
     no_force, no_velocity = (
-        at_rows(flags[first:last].astype(float)) > 0 if flags.any() else np.zeros(blocks - 1, bool)
+        at_rows(flags.astype(float)) > 0 if flags.any() else np.zeros(blocks - 1, bool)
         for flags in (signals.no_force, signals.no_velocity)
     )
-    inertia = signals.inertial * np.diff(means(velocity)) / step
-    load = np.diff(means(impulse)) / step
+    inertia = signals.inertial * _steps(means(signals.velocity)) / step
+    # The mean of a sum that grows over a block grows by the rest of one and the first of the next.
+    late = (np.arange(n) + 0.5) / n
+    parts = signals.force[first:last].reshape(blocks, n) @ np.stack([late, 1 - late], 1)
+    load = (parts[:-1, 0] + parts[1:, 1]) / n - inertia
     if no_velocity.any() and not no_velocity.all():
         bridged = _bridged(inertia, ~no_velocity, max(1, round(BRIDGE / step)))
         load, inertia = load + inertia - bridged, bridged
-    shape = np.convolve(np.convolve(share, share), (0.5, 0.5))
+    shape = np.concatenate([late, 1 - late]) / n
     of_force = signals.force_noise**2
     of_velocity = (signals.inertial * signals.velocity_noise / step) ** 2 / n
     # Where the velocity is bridged its noise is not in the load, and the bridge's error is.
@@ -122,12 +122,16 @@ def rows_of(
         time=signals.time[first] + (np.arange(1, blocks) * n - 0.5) / rate,
         step=step,
         load=load,
-        rise=at_rows(signals.rise[first:last]),
-        speed=at_rows(signals.speed[first:last]),
+        rise=at_rows(signals.rise),
+        speed=at_rows(signals.speed),
         inertia=inertia,
         variance=variance + (HIDDEN * no_force) ** 2,
         covariance=np.where(alone[1:] | alone[:-1], 0.0, shared),
     )
+
+
+def _steps(signal: Floats) -> Floats:
+    return signal[1:] - signal[:-1]
 
 
 def _bridged(signal: Floats, good: NDArray[np.bool_], width: int) -> Floats:

@@ -8,17 +8,19 @@ from typing import Any
 
 from google.protobuf.message import DecodeError
 from mcap.exceptions import McapError
-from mcap.records import Channel
+from mcap.records import Metadata
 
 from daq.errors import RecordingError
 from daq.file.records import (
+    CHANNEL,
     LARGEST_CHUNK,
     LARGEST_DEFINITIONS,
     MESSAGE,
     Opcode,
     Record,
     records_within,
-    stream_of,
+    text_within,
+    texts_within,
     unsealed,
 )
 from daq.file.schemas import FIELDS, decode, doubles
@@ -52,6 +54,7 @@ class Contents:
         self._topics: dict[int, str] = {}
         self._counted: set[int] = set()
         self._definitions = 0
+        self._seen: dict[bytes, Metadata] = {}
         self._unpacked = 0
         self._most = max(LARGEST_CHUNK, size * MOST_UNPACKED)
 
@@ -138,10 +141,15 @@ class Contents:
                 f"its definitions exceed the limit of {LARGEST_DEFINITIONS} bytes; {FOREIGN}"
             )
         if opcode == Opcode.CHANNEL:
-            channel = Channel.read(stream_of(body))
-            self._define(channel.id, channel.topic, channel.metadata)
+            topic, at = text_within(body, CHANNEL.size)
+            _, at = text_within(body, at)  # encoding of its messages
+            self._define(CHANNEL.unpack_from(body)[0], topic, texts_within(body, at))
             return
-        record = unsealed(body)
+        record = self._seen.get(body)
+        if record is not None and self.metadata[record.name] is record.metadata:
+            return  # it stands at the head and at the end
+        record = record or unsealed(body)
+        self._seen[body] = record
         self.metadata[record.name] = record.metadata
         if record.name == "channels":
             for topic, text in record.metadata.items():

@@ -10,7 +10,6 @@ from typing import NamedTuple
 import numpy as np
 import zstandard
 from mcap.data_stream import ReadDataStream, RecordBuilder
-from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.records import McapRecord, Metadata
 from mcap.writer import MCAP0_MAGIC as MAGIC
@@ -32,7 +31,10 @@ MESSAGE = struct.Struct("<HIQQ")
 """Channel, sequence, log time and publish time of a message, ns."""
 _CHUNK = struct.Struct("<QQQII")  # start, end, size, CRC, length of the compression's name
 _SIZE = struct.Struct("<Q")
-_CHANNEL = struct.Struct("<H")
+_NUMBER = struct.Struct("<H")
+_LENGTH = struct.Struct("<I")
+CHANNEL = struct.Struct("<HH")
+"""Number of a channel and of its schema."""
 _LONGEST_RUN = 512
 _CRC = "crc32"
 SEAL = _CRC.encode()
@@ -107,7 +109,7 @@ def records_within(
         if size > len(view) - at:
             raise ValueError(f"a record of {length} bytes reaches beyond its chunk")
         body = view[at + PREFIX.size : at + size]
-        alike = opcode == Opcode.MESSAGE and _CHANNEL.unpack_from(body)[0] in counted
+        alike = opcode == Opcode.MESSAGE and _NUMBER.unpack_from(body)[0] in counted
         n = _run_length(chunk, at, size) if alike else 1
         yield opcode, body, n
         at += n * size
@@ -143,6 +145,34 @@ def written(record: McapRecord) -> bytes:
     return builder.end()
 
 
+def text_within(body: bytes, at: int) -> tuple[str, int]:
+    """Return a text that its length stands before, and where it ends.
+
+    Raises:
+        ValueError: It reaches beyond the record, or is no text.
+    """
+    begin = at + _LENGTH.size
+    end = begin + _LENGTH.unpack_from(body, at)[0]
+    if end > len(body):
+        raise ValueError(f"a text of {end - begin} bytes reaches beyond its record")
+    return body[begin:end].decode(), end
+
+
+def texts_within(body: bytes, at: int) -> dict[str, str]:
+    """Return texts by name, whose length altogether stands before them.
+
+    Raises:
+        ValueError: As `text_within`.
+    """
+    texts = {}
+    end = at + _LENGTH.size + _LENGTH.unpack_from(body, at)[0]
+    at += _LENGTH.size
+    while at < end:
+        name, at = text_within(body, at)
+        texts[name], at = text_within(body, at)
+    return texts
+
+
 def stream_of(body: bytes | memoryview) -> ReadDataStream:
     """Return a record's body for the library's own readers."""
     return ReadDataStream(BytesIO(body))
@@ -165,16 +195,26 @@ def unsealed(body: bytes, *, has_seal: bool = False) -> Metadata:
         DamageError: The checksum fails, or the record makes no sense.
     """
     try:
-        record = Metadata.read(stream_of(body))
-    except (McapError, ValueError, struct.error) as error:
+        name, at = text_within(body, 0)
+        texts = texts_within(body, at)
+    except (ValueError, struct.error) as error:
         raise DamageError(f"a Metadata record cannot be read: {error}") from error
-    told = record.metadata.pop(_CRC, None)
+    told = texts.pop(_CRC, None)
     if told is None and not has_seal:
-        return record
-    if told != f"{_checksum(record.name, record.metadata):08x}":
-        raise DamageError(f"the checksum of the metadata {record.name} does not match")
-    return record
+        return Metadata(name, texts)
+    if told != f"{_checksum(name, texts):08x}":
+        raise DamageError(f"the checksum of the metadata {name} does not match")
+    return Metadata(name, texts)
 
 
 def _checksum(name: str, data: dict[str, str]) -> int:
-    return zlib.crc32(written(Metadata(name=name, metadata=data)))
+    """Return the CRC of a Metadata record, prefix included."""
+    packed = [_packed(text) for pair in data.items() for text in pair]
+    content = b"".join(packed)
+    body = _packed(name) + _LENGTH.pack(len(content)) + content
+    return zlib.crc32(PREFIX.pack(Opcode.METADATA, len(body)) + body)
+
+
+def _packed(text: str) -> bytes:
+    data = text.encode()
+    return _LENGTH.pack(len(data)) + data

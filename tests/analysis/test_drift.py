@@ -151,17 +151,17 @@ def rest_of(level, slope, seconds, seed=0):
 def test_an_offset_stays_and_an_earlier_force_decays(seed):
     """0.1 N in a rest of 0.3 s: 0.1 Hz lets it decay by 63 mN/s."""
     w = 2 * np.pi * 0.1
-    assert force_at_rest(rest_of(0.1, 0.0, 0.3, seed), RATE, 0.1) == (
+    assert force_at_rest(rest_of(0.1, 0.0, 0.3, seed), 0.005, RATE, 0.1) == (
         pytest.approx(0.1, abs=1e-3),
         True,
     )
-    level, is_offset = force_at_rest(rest_of(0.1, -w * 0.1, 0.3, seed), RATE, 0.1)
+    level, is_offset = force_at_rest(rest_of(0.1, -w * 0.1, 0.3, seed), 0.005, RATE, 0.1)
     assert not is_offset
     assert level == pytest.approx(0.1 - 0.15 * w * 0.1, abs=1e-3)
 
 
 def test_a_short_rest_cannot_tell_and_takes_it_for_an_offset():
-    assert force_at_rest(rest_of(0.01, -0.006, 0.02), RATE, 0.1)[1]
+    assert force_at_rest(rest_of(0.01, -0.006, 0.02), 0.005, RATE, 0.1)[1]
 
 
 def test_an_offset_taken_off_first_leaves_no_ramp():

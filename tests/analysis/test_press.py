@@ -258,3 +258,10 @@ def test_old_calibrations_of_measured_presses(paper, record, calibrated, count):
     assert all("calibrat" in warning for warning in press.warnings)
     press.path.unlink()
     assert load_press(record(rig, volts)).warnings == ()
+
+
+def test_columns_as_arrays(paper, record):
+    press = load_press(record(paper, np.stack([np.linspace(0, 0.02, 2000), np.full(2000, 0.5)])))
+    force, rise = press.columns("force", "jack_rise")
+    np.testing.assert_array_equal(force, press.data["force"])
+    np.testing.assert_array_equal(rise, press.data["jack_rise"])

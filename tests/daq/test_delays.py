@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from daq.delays import HALF_WIDTH, undelayed
+from daq.delays import HALF_WIDTH, WIDTH, undelayed
 
 RATE = 51_200.0
 
@@ -56,3 +56,33 @@ def test_white_noise_keeps_its_power_in_the_band_that_counts():
     band = np.fft.rfftfreq(len(found)) < 0.29
     before, after = (np.abs(np.fft.rfft(x[: len(found)])[band]) ** 2 for x in (noise, found))
     assert after.sum() == pytest.approx(before.sum(), rel=2e-3)
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf, 1e308])
+@pytest.mark.parametrize("at", [0, 31, 32, 500, 999])
+def test_what_is_no_number_spoils_what_is_near_it_alone(bad, at):
+    signal = np.sin(0.1 * np.arange(1000.0))
+    expected = undelayed(signal, 3.3)
+    signal[at] = bad
+    found = undelayed(signal, 3.3)
+    far = np.abs(np.arange(len(found)) + 3.3 - at) > 2 * WIDTH
+    np.testing.assert_allclose(found[far], expected[far], rtol=0, atol=1e-12)
+    near = np.abs(np.arange(len(found)) + 3.3 - at) < 1
+    assert not np.any(np.abs(found[near]) < 1e300)
+
+
+@pytest.mark.parametrize("n", [34, 100, 1000])
+def test_it_is_a_correlation_with_the_weights_of_lagrange(n):
+    signal = np.random.default_rng(n).standard_normal(n)
+    places = np.arange(1 - HALF_WIDTH, HALF_WIDTH + 1)
+    weights = lagrange_weights(places, 0.37)
+    expected = np.correlate(signal, weights, "valid")
+    inner = slice(HALF_WIDTH - 1, HALF_WIDTH - 1 + len(expected))
+    np.testing.assert_allclose(undelayed(signal, 0.37)[inner], expected, atol=1e-13)
+
+
+def lagrange_weights(places, at):
+    return [
+        np.prod([(at - other) / (place - other) for other in places if other != place])
+        for place in places
+    ]

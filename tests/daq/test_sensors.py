@@ -136,3 +136,17 @@ def test_the_age_of_a_calibration(velocity, calibrated, message):
     else:
         assert message in found
         assert "velocity: Polytec PDV-100" in found
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf, 1e308])
+def test_white_noise_of_what_is_hardly_a_number(bad):
+    """A few samples do not count; of nothing but them there is none."""
+    noisy = np.random.default_rng(0).standard_normal(5000)
+    noisy[::97] = bad
+    assert white_noise(noisy) == pytest.approx(1.0, rel=0.15)
+    assert white_noise(np.full(50, bad)) == 0.0
+
+
+@pytest.mark.parametrize("n", [0, 1, 2])
+def test_too_few_samples_have_no_white_noise(n):
+    assert white_noise(np.arange(float(n))) == 0.0

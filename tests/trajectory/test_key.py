@@ -144,3 +144,13 @@ def test_a_fingertip_at_the_pin_touches_at_no_angle():
     still = np.zeros((1, 2))
     with pytest.raises(TrajectoryError, match=r"within 14 mm of the balance pin.*press_arm"):
         key_under_fingertip(PAPER, 0.004, Motion(np.array([[-0.01, 0.005]]), still, still))
+
+
+def test_rise_and_slope_are_the_textbook_law_up_to_steep_angles():
+    key = PAPER.model_copy(update={"jack_surface_height": 0.01})
+    angle = np.linspace(-1.4, 1.4, 57)
+    b, hb = key.jack_arm, key.jack_surface_height
+    rise = b * np.tan(angle) + hb * (1 / np.cos(angle) - 1)
+    slope = (b + hb * np.sin(angle)) / np.cos(angle) ** 2
+    np.testing.assert_allclose(rise_of_angle(key, angle), rise, rtol=1e-12, atol=1e-17)
+    np.testing.assert_allclose(rise_slope(key, angle), slope, rtol=1e-12)
