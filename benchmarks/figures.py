@@ -27,9 +27,10 @@ class Figure:
     """Of the limit or peer, in the same unit."""
 
     def __str__(self) -> str:
+        unit = f" {self.unit}" if self.unit not in ("", "1") else ""
         return (
-            f"| {self.what} | {self.value:.4g} {self.unit} | {self.against}:"
-            f" {self.reference:.4g} {self.unit} | {self.value / self.reference:.3g} |"
+            f"| {self.what} | {self.value:.4g}{unit} | {self.against}:"
+            f" {self.reference:.4g}{unit} | {self.value / self.reference:.3g} |"
         )
 
 
