@@ -158,8 +158,9 @@ def test_answers_that_come_late_enough_do_no_harm(struck):
 
 @pytest.mark.parametrize("seed", [0, 2])
 def test_bits_that_flip(struck, seed):
+    """They are refused, make no sense, or are seen when the program is read back."""
     found = struck(line={"flipped": 0.002}, seed=seed, rig=PATIENT)
-    assert isinstance(found.error, CommandRefused | GarbledAnswer)
+    assert isinstance(found.error, CommandRefused | GarbledAnswer | SettingNotTaken)
     assert found.motors_on == (False, False)
 
 
