@@ -131,7 +131,7 @@ def press_of(recorded: "Recorded") -> Press:
         drift = replace(drift, force=level)
         warnings += [*doubts, *doubtful]
     frame = pd.DataFrame(
-        _columns(rig.key, velocity, force, rate).T,
+        columns_of(rig.key, velocity, force, rate).T,
         columns=_names(),
         index=pd.Index(recorded.time[:rows], name="time"),
         copy=False,
@@ -148,8 +148,15 @@ def _names() -> "pd.Index":
     return pd.Index(UNITS)
 
 
-def _columns(key: Key, velocity: Floats, force: Floats, rate: float) -> Floats:
-    """Return the columns of `UNITS`, shape (columns, rows)."""
+def columns_of(key: Key, velocity: Floats, force: Floats, rate: float) -> Floats:
+    """Return the columns of `UNITS`, shape (columns, rows).
+
+    Args:
+        key: The key.
+        velocity: m/s, of the key under the laser, from rest on; shape (rows,).
+        force: N, of the finger; shape (rows,).
+        rate: Hz.
+    """
     columns = np.empty((len(UNITS), len(velocity)))
     columns[0], columns[1] = velocity, force
     integral = np.cumsum(velocity)

@@ -5,6 +5,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
+from analysis.summary.simulated import SOME_SIMULATED
 from commands.common import Json, Picture, answer, fail, share_bar, signals_stop
 
 SHOWN = 20
@@ -59,7 +60,7 @@ def campaign(
         + (f", {made.dropped} gone or changed since" if made.dropped else "")
     ]
     if found.simulated:
-        lines.insert(0, "SIMULATED: at least one of these presses was made on the stand-in")
+        lines.insert(0, SOME_SIMULATED)
     lines += [f"left out: {f.source.path}: {f.text}" for f in faults[:SHOWN]]
     if len(faults) > SHOWN:
         lines.append(f"left out: {len(faults) - SHOWN} more; --json tells them all")

@@ -5,13 +5,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
+from analysis.summary.simulated import SOME_SIMULATED
 from commands.common import Flag, Json, Level, Picture, answer, draw, load, load_rig, write
 
 if TYPE_CHECKING:
     from analysis.identify.identified import Identified
     from rig.schema import Rig
-
-SIMULATED = "SIMULATED: at least one of these presses was made on the stand-in"
 
 
 def compare(
@@ -46,7 +45,7 @@ def compare(
     comparison = compare_presses(found, prediction)
     every = compare_features([features(p, f) for p, f in both], bench, prediction)
     simulated = any(p.simulated for p in pressed)
-    lines = [*([SIMULATED] * simulated), *comparison_lines(comparison, level, every)]
+    lines = [*([SOME_SIMULATED] * simulated), *comparison_lines(comparison, level, every)]
     result = comparison_summary(comparison, every) | {"simulated": simulated}
     if plot:
         draw(plot, pressed, found, prediction)
@@ -108,7 +107,7 @@ def identify(
     profiles = [profile_of(made, found, e.name) for e in found.estimates] if profile else []
     simulated = any(p.simulated for p in pressed)
     result = fit_summary(found, profiles) | {"simulated": simulated}
-    lines = [*([SIMULATED] * simulated), *fit_lines(found, profiles)]
+    lines = [*([SOME_SIMULATED] * simulated), *fit_lines(found, profiles)]
     if plot:
         from analysis.figures.fit import plot_fit
 

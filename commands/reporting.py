@@ -5,6 +5,7 @@ from pathlib import Path
 from shlex import quote
 from typing import TYPE_CHECKING
 
+from analysis.summary.simulated import SOME_SIMULATED
 from commands.common import Json, Level, answer, bar
 
 if TYPE_CHECKING:
@@ -59,7 +60,7 @@ def report(
     simulated = any(record.press.simulated for record in contents.presses)
     lines = [f"report:     {out}"]
     if simulated:
-        lines.insert(0, "SIMULATED: at least one of these presses was made on the stand-in")
+        lines.insert(0, SOME_SIMULATED)
     lines += [f"left out:   {path}: {why}" for path, why in contents.unread.items()]
     result = {
         "path": str(out),

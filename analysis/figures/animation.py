@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from analysis.figures.jack import JackView
+from analysis.figures.made import how_made, stamp
 from analysis.figures.side import ARM, PRESSED, BenchPose, draw_surroundings
 from analysis.reenactment import ChoirMotion, Reenactment
 
@@ -59,7 +60,7 @@ def animation_figure(scene: Reenactment, slow: float) -> "tuple[Figure, list[Par
         _trace(figure.add_subplot(grid[2, 1]), scene, "jack_speed", 1e3, "jack speed (mm/s)")
     )
     press = scene.press
-    kind = "SIMULATED, made on the stand-in" if press.simulated else "measured"
+    kind = how_made(press.simulated)
     string = "no pluck was found: plectrum and string are drawn unbent and at rest"
     if any(motion.plucks for motion in scene.choirs):
         string = "plectrum and string by the model, set to contact and release"
@@ -69,11 +70,7 @@ def animation_figure(scene: Reenactment, slow: float) -> "tuple[Figure, list[Par
         f"key, jack and arm as recorded; {string}",
         fontsize=10,
     )
-    if press.simulated:
-        figure.text(
-            0.5, 0.5, "simulated", fontsize=80, color="#00000014", rotation=25,
-            ha="center", va="center",
-        )  # fmt: skip
+    stamp(figure, press.simulated, 80)
 
     for part in parts:
         part.show(0)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from analysis.errors import AnalysisError
+from analysis.figures.made import how_made, stamp
 from analysis.model.predict import Prediction
 from analysis.phases import Phases
 from analysis.press import Press
@@ -58,14 +59,10 @@ def comparison_figure(
     _over_time(top, below, presses[0], phases[0], prediction)
     _force_on_deflection(right, presses, phases, prediction)
     simulated = any(press.simulated for press in presses)
-    kind = "SIMULATED, made on the stand-in" if simulated else "measured"
+    kind = how_made(simulated)
     name = presses[0].rig.name
     figure.suptitle(f"Rig {name}: {len(presses)} press{'es' * (len(presses) > 1)}, {kind}")
-    if simulated:
-        figure.text(
-            0.5, 0.5, "simulated", fontsize=90, color="#00000014", rotation=25,
-            ha="center", va="center",
-        )  # fmt: skip
+    stamp(figure, simulated)
     return figure
 
 

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from analysis.figures.comparison import MEASURED, PREDICTED
+from analysis.figures.made import how_made, stamp
 from analysis.identify.fit import Fit
 from analysis.identify.identified import Identified
 
@@ -37,17 +38,13 @@ def fit_figure(made: Fit, found: Identified, simulated: bool) -> "Figure":
     _forces(top, below, made)
     _correlation(figure, figure.add_subplot(grid[0, 1]), found)
     _combinations(figure.add_subplot(grid[1, 1]), found)
-    kind = "SIMULATED, made on the stand-in" if simulated else "measured"
+    kind = how_made(simulated)
     count = len(found.presses)
     figure.suptitle(
         f"Rig {found.rig.name}: fit to {count} press{'es' * (count > 1)}, {kind}; misses"
         f" {found.rms * 1e3:.3g} mN rms, before {found.rms_before * 1e3:.3g} mN"
     )
-    if simulated:
-        figure.text(
-            0.5, 0.5, "simulated", fontsize=90, color="#00000014", rotation=25,
-            ha="center", va="center",
-        )  # fmt: skip
+    stamp(figure, simulated)
     return figure
 
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from analysis.errors import AnalysisError
+from analysis.figures.made import how_made
 from analysis.phases import HeldString, Phases
 from analysis.press import Press
 from trajectory.motion import Floats
@@ -59,7 +60,7 @@ def phases_figure(presses: Sequence[Press], phases: Sequence[Phases]) -> "Figure
     for (whole, close), press, found in zip(grid, presses, phases, strict=True):
         _whole(whole, press, found)
         _close(close, press, found)
-    kind = "SIMULATED, made on the stand-in" if simulated else "measured"
+    kind = how_made(simulated)
     figure.suptitle(f"Rig {presses[0].rig.name}: phases, {kind}")
     return figure
 

@@ -7,7 +7,7 @@ from analysis.phases.contact import Contact, find_contact
 from analysis.phases.doubts import doubts_of, ending
 from analysis.phases.found import HeldString, Phases
 from analysis.phases.measure import line_through, measured
-from analysis.phases.release import LEAST_FALL, Release, find_falls, refine
+from analysis.phases.release import LEAST_FALL, Release, find_falls, refine, robust_std
 from analysis.phases.signals import LEFT, Signals, signals_of, way_down
 from analysis.phases.stroke import Rows, rows_of
 from analysis.press import Press
@@ -161,8 +161,7 @@ def _bottomed(signals: Signals, begin: int, plucks: list[HeldString]) -> float |
     if len(load) < 4 * SETTLED:
         return None
     level = float(np.median(load))
-    std = 1.4826 * float(np.median(np.abs(load - level)))
-    below = np.flatnonzero(load < level + max(FELT, FELT_SIGNIFICANCE * std))
+    below = np.flatnonzero(load < level + max(FELT, FELT_SIGNIFICANCE * robust_std(load)))
     risen = int(below[-1]) + 1 if len(below) else 0
     return float(rows.time[first + risen]) if len(load) - risen >= SETTLED else None
 
@@ -187,6 +186,7 @@ def _between(time: Floats, start: float, end: float) -> NDArray[np.intp]:
     return np.arange(*np.searchsorted(time, (start, end)))
 
 
-def _mean(signal: Floats, time: Floats, start: float, end: float) -> float:
+def _mean(signal: Floats, time: Floats, start: float, end: float) -> float | None:
+    """Return the mean from one instant to before another [s]; None where no sample is."""
     inside = signal[slice(*np.searchsorted(time, (start, end)))]
-    return float(inside.mean()) if len(inside) else float("nan")
+    return float(inside.mean()) if len(inside) else None

@@ -74,7 +74,7 @@ def find_falls(rows: Rows) -> list[int]:
     )
     fall = fall - WRONG_INERTIA * np.maximum(slowed, 0.0)
     first = m + GAP - 1
-    std = 1.4826 * float(np.median(np.abs(fall - np.median(fall))))
+    std = robust_std(fall)
     least = max(LEAST_FALL, SIGNIFICANCE * std)
     found = []
     left = fall.copy()
@@ -181,6 +181,11 @@ class _Fall:
         misfit = free - fall * of_step - slope * of_bend + RISES * (fall >= 0)
         bent = free - float((of_bend**2 / square_bend).max())
         return _Steps(misfit, fall, np.sqrt(square_bend / determinant), bent)
+
+
+def robust_std(signal: Floats) -> float:
+    """Return the standard deviation of most of a signal, from its median absolute deviation."""
+    return 1.4826 * float(np.median(np.abs(signal - np.median(signal))))
 
 
 def _mean(signal: Floats) -> float:

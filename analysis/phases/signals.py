@@ -7,10 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.errors import AnalysisError
-from analysis.press import Press
+from analysis.press import Press, columns_of
 from daq.sensors import white_noise
 from rig.schema import Rig
-from trajectory.key import rise_of_angle, rise_slope
 from trajectory.motion import Floats
 
 LEFT = 0.005
@@ -85,10 +84,7 @@ def signals_of(press: Press) -> Signals:
     if bad["velocity"].any() and not bad["velocity"].all():
         good = ~bad["velocity"]
         velocity = np.interp(time, time[good], velocity[good])
-        spin = velocity / key.laser_arm
-        angle = np.cumsum(spin) / rate
-        deflection = angle * key.laser_arm
-        rise, speed = rise_of_angle(key, angle), spin * rise_slope(key, angle)
+        _, _, _, deflection, rise, speed = columns_of(key, velocity, force, rate)
     inertia = key.inertia + press.rig.jack.mass * key.jack_arm**2
     return Signals(
         time=time,

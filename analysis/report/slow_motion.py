@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from analysis.errors import AnalysisError
+from analysis.figures.made import how_made
 from analysis.model.choirs import choirs
 from analysis.phases import Phases
 from analysis.press import Press
@@ -90,7 +91,7 @@ def about(shown: SlowMotion) -> str:
     """Return what the pictures show, what of it was recorded, and what follows the model."""
     scene = shown.scene
     start, stop = scene.time[0] * 1e3, scene.time[-1] * 1e3
-    kind = "SIMULATED, made on the stand-in" if scene.press.simulated else "measured"
+    kind = how_made(scene.press.simulated)
     strings, moved = len(scene.choirs), sum(motion.plucks for motion in scene.choirs)
     several = f" All {strings} choirs are shown, {moved} of them plucked." if strings > 1 else ""
     plucks = len(scene.phases.plucks)

@@ -4,6 +4,7 @@ from dataclasses import asdict
 from typing import Any
 
 from analysis.repeatability import Spread
+from analysis.summary.simulated import SOME_SIMULATED
 from analysis.touch import UNITS, Felt, Touch
 
 SHORT = {"threshold": "N", "slope": "N/mm", "drop": "N"}
@@ -21,7 +22,7 @@ def touch_lines(found: Touch) -> list[str]:
     """Return the touch as text: a table of the plectra, then each quantity's spread."""
     lines = []
     if found.simulated:
-        lines.append("SIMULATED: at least one of these presses was made on the stand-in")
+        lines.append(SOME_SIMULATED)
     lines.append(
         f"{found.presses} presses, {found.sessions} sessions, {len(found.plectra)} plectra;"
         " intervals are of 95 %"
