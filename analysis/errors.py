@@ -1,6 +1,6 @@
 """Faults of models and analyses."""
 
-from rig.errors import SautereauError
+from sautereau.rig.errors import SautereauError
 
 
 class AnalysisError(SautereauError):

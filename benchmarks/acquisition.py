@@ -14,15 +14,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from benchmarks.figures import Figure, median_time
-from rig.acquisition import Daq
-from rig.load import load_rig
-from rig.schema import Rig
+from sautereau.rig.acquisition import Daq
+from sautereau.rig.load import load_rig
+from sautereau.rig.schema import Rig
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from sim_backend.daqmx.card import TaskSetup
-    from trajectory.motion import Floats
+    from sautereau.sim_backend.devices.daqmx.card import TaskSetup
+    from sautereau.trajectory.motion import Floats
 
 CHANNELS = 16
 DURATION = 10.0
@@ -74,8 +74,8 @@ def run() -> list[Figure]:
 
 def _continuous(rig: Rig) -> list[Figure]:
     """Read with and without recording; an overrun would end it with an error."""
-    from daq.acquisition import Acquisition
-    from daq.continuous import record
+    from sautereau.daq.source.acquisition import Acquisition
+    from sautereau.daq.source.continuous import record
 
     n = int(DURATION * rig.daq.sample_rate)
     with Acquisition(rig.daq, None, triggered=False) as acquisition:
@@ -108,7 +108,7 @@ def _overhead(daq: Daq) -> Figure:
     """
     import grpc
 
-    from daq.acquisition import Acquisition
+    from sautereau.daq.source.acquisition import Acquisition
 
     two = daq.model_copy(update={"channels": daq.channels[:2]})
 
@@ -152,7 +152,7 @@ def _served() -> "Iterator[str]":
 
 
 def _serve() -> None:
-    from sim_backend.daqmx.server import serve
+    from sautereau.sim_backend.devices.daqmx.server import serve
 
     with serve(PacedCard()) as server:
         sys.stdout.write(f"{server.address}\n")

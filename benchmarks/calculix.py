@@ -14,12 +14,12 @@ from pathlib import Path
 
 import numpy as np
 
-from analysis.model.plectrum.fe.build import build
-from analysis.model.plectrum.fe.level import FE, REACHES
-from analysis.model.plectrum.fe.profile import profile_of
 from benchmarks.figures import Figure
-from rig.instrument import Plectrum
-from rig.load import load_rig
+from sautereau.analysis.model.plectrum.fe.build import build
+from sautereau.analysis.model.plectrum.fe.level import FE, REACHES
+from sautereau.analysis.model.plectrum.fe.profile import profile_of
+from sautereau.rig.instrument import Plectrum
+from sautereau.rig.load import load_rig
 
 FORCES = (0.5, 1.0)
 """N."""

@@ -17,18 +17,18 @@ from pathlib import Path
 
 import numpy as np
 
-from analysis.campaign.run import run_campaign
-from analysis.campaign.table import read_campaign
-from analysis.campaign.workers import Where
-from analysis.touch import find_touch
 from benchmarks.figures import Figure
 from benchmarks.simulated import acquired
-from daq.block import Block
-from daq.recording import Recording
-from rig.load import load_rig, with_values
-from rig.schema import Rig
-from sim_backend.physics.observation import observe
-from sim_backend.scene import Scene, load_scene
+from sautereau.analysis.campaign.run import run_campaign
+from sautereau.analysis.campaign.table import read_campaign
+from sautereau.analysis.campaign.touch import find_touch
+from sautereau.analysis.campaign.workers import Where
+from sautereau.daq.block import Block
+from sautereau.daq.file.recording import Recording
+from sautereau.rig.load import load_rig, with_values
+from sautereau.rig.schema import Rig
+from sautereau.sim_backend.physics.observation import observe
+from sautereau.sim_backend.scene import Scene, load_scene
 
 RECORDINGS = 5000
 MADE = 250

@@ -9,18 +9,18 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from analysis.compare import compare
-from analysis.identify.identified import Identified, identify
-from analysis.identify.parameters import value_of
-from analysis.model.predict import predict
-from analysis.phases import Phases, find_phases
-from analysis.press import Press
 from benchmarks.figures import Figure
 from benchmarks.simulated import sensed
-from rig.load import load_rig
-from rig.schema import Rig
-from sim_backend.physics.observation import observe
-from sim_backend.scene import Scene, load_scene
+from sautereau.analysis.identify.identified import Identified, identify
+from sautereau.analysis.identify.parameters import value_of
+from sautereau.analysis.model.predict import predict
+from sautereau.analysis.phases import Phases, find_phases
+from sautereau.analysis.press.load import Press
+from sautereau.analysis.session.compare import compare
+from sautereau.rig.load import load_rig
+from sautereau.rig.schema import Rig
+from sautereau.sim_backend.physics.observation import observe
+from sautereau.sim_backend.scene import Scene, load_scene
 
 FREE = (
     "plectrum.bending_stiffness",

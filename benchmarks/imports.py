@@ -34,18 +34,22 @@ class Front:
 
 FRONTS = (
     Front("sautereau", (), 0.3),
-    Front("rig.load", ("pydantic",), 0.4),
-    Front("trajectory.press", ("numpy", "pydantic"), 0.6),
-    Front("daq.reading", ("numpy", "pydantic"), 0.6),
-    Front("daq.acquisition", ("numpy", "pydantic"), 0.6),
-    Front("analysis.model.predict", ("numpy", "pydantic"), 0.6),
-    Front("analysis.press", ("numpy", "pydantic", "scipy"), 1.2),
-    Front("analysis.figures.movie", ("numpy", "pydantic", "scipy"), 1.2),
-    Front("robot.galil.driver", ("numpy", "pydantic"), 0.6),
-    Front("robot.session", ("numpy", "pydantic", "scipy"), 1.2),
-    Front("sim_backend.scene", ("pydantic",), 0.5),
-    Front("sim_backend.physics.observation", ("numpy", "pydantic"), 0.8),
-    Front("sim_backend.bench", ("numpy", "pydantic", "scipy", "nidaqmx", "grpc", "pymunk"), 2.5),
+    Front("sautereau.rig.load", ("pydantic",), 0.4),
+    Front("sautereau.trajectory.press", ("numpy", "pydantic"), 0.6),
+    Front("sautereau.daq.file.reading", ("numpy", "pydantic"), 0.6),
+    Front("sautereau.daq.source.acquisition", ("numpy", "pydantic"), 0.6),
+    Front("sautereau.analysis.model.predict", ("numpy", "pydantic"), 0.6),
+    Front("sautereau.analysis.press.load", ("numpy", "pydantic", "scipy"), 1.2),
+    Front("sautereau.analysis.figures.movie", ("numpy", "pydantic", "scipy"), 1.2),
+    Front("sautereau.robot.drivers.galil.driver", ("numpy", "pydantic"), 0.6),
+    Front("sautereau.robot.experiment.session", ("numpy", "pydantic", "scipy"), 1.2),
+    Front("sautereau.sim_backend.scene", ("pydantic",), 0.5),
+    Front("sautereau.sim_backend.physics.observation", ("numpy", "pydantic"), 0.8),
+    Front(
+        "sautereau.sim_backend.bench",
+        ("numpy", "pydantic", "scipy", "nidaqmx", "grpc", "pymunk"),
+        2.5,
+    ),
 )
 
 

@@ -4,7 +4,7 @@ import tempfile
 from pathlib import Path
 
 from benchmarks.figures import Figure
-from rig.load import load_rig, with_values
+from sautereau.rig.load import load_rig, with_values
 
 SEEDS = 20
 PRESSES = 6
@@ -51,13 +51,13 @@ def _errors(
     seed: int, changes: dict[str, object] | None = None, *, feed_forward: bool = False
 ) -> list[float]:
     """Return the rms speed error of every press that learns [%]."""
-    from robot.feedforward import force_of
-    from robot.galil.driver import GalilController
-    from robot.learning import Lesson
-    from robot.session import make_presses, run_session
-    from sim_backend.bench import StandIn
-    from sim_backend.scene import load_scene
-    from trajectory.press import plan_press
+    from sautereau.robot.drivers.galil.driver import GalilController
+    from sautereau.robot.experiment.feedforward import force_of
+    from sautereau.robot.experiment.learning import Lesson
+    from sautereau.robot.experiment.session import make_presses, run_session
+    from sautereau.sim_backend.bench import StandIn
+    from sautereau.sim_backend.scene import load_scene
+    from sautereau.trajectory.press import plan_press
 
     rig = with_values(load_rig(), PATIENT)
     scene = load_scene("paper").model_copy(update=changes)

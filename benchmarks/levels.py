@@ -6,14 +6,14 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.integrate import solve_bvp
 
-from analysis.model.plectrum.base import PlectrumMap
-from analysis.model.plectrum.levels import plectrum_map
-from analysis.model.plectrum.rods import Rods
-from analysis.model.pluck import Pluck, solve_pluck
 from benchmarks.figures import Figure, median_time
-from rig.instrument import Plectrum
-from rig.load import load_rig
-from rig.schema import Rig
+from sautereau.analysis.model.plectrum.base import PlectrumMap
+from sautereau.analysis.model.plectrum.levels import plectrum_map
+from sautereau.analysis.model.plectrum.rods import Rods
+from sautereau.analysis.model.pluck.pluck import Pluck, solve_pluck
+from sautereau.rig.instrument import Plectrum
+from sautereau.rig.load import load_rig
+from sautereau.rig.schema import Rig
 
 DEAREST = "elastica"
 """The exact level that the others are held against."""

@@ -5,15 +5,15 @@ import time
 
 import numpy as np
 
-from analysis.model.batch import Status, predict_many
-from analysis.model.choirs import choirs
-from analysis.model.plectrum.elastica import Elastica
-from analysis.model.pluck import solve_pluck
-from analysis.model.predict import predict, rig_pluck
-from analysis.model.table import table
 from benchmarks.figures import Figure, median_time
-from rig.load import load_rig
-from rig.schema import Rig
+from sautereau.analysis.model.choirs import choirs
+from sautereau.analysis.model.plectrum.elastica import Elastica
+from sautereau.analysis.model.pluck.batch import Status, predict_many
+from sautereau.analysis.model.pluck.pluck import solve_pluck
+from sautereau.analysis.model.pluck.table import table
+from sautereau.analysis.model.predict import predict, rig_pluck
+from sautereau.rig.load import load_rig
+from sautereau.rig.schema import Rig
 
 CASES = 20_000
 CHECKED = 20
@@ -102,7 +102,7 @@ def _compiled(rig: Rig) -> list[Figure]:
         import numba
     except ImportError:
         return [Figure("one compiled solve (numba is not installed)", np.nan, "ns", "limit", 1e3)]
-    from analysis.model.compiled import SOLVED, cell_major, compiled_solve
+    from sautereau.analysis.model.pluck.compiled import SOLVED, cell_major, compiled_solve
 
     solve = compiled_solve()
 

@@ -6,12 +6,12 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from analysis.model.predict import rig_pluck
-from rig.schema import Rig
-from rig.section import GRAVITY
-from sim_backend.physics.events import Motions, PluckEvents, StringEvent
-from sim_backend.physics.observation import Observation
-from sim_backend.scene import Scene
+from sautereau.analysis.model.predict import rig_pluck
+from sautereau.rig.schema import Rig
+from sautereau.rig.section import GRAVITY
+from sautereau.sim_backend.physics.events import Motions, PluckEvents, StringEvent
+from sautereau.sim_backend.physics.observation import Observation
+from sautereau.sim_backend.scene import Scene
 
 _XML = """
 <mujoco>

@@ -3,11 +3,11 @@
 import time
 
 from benchmarks.figures import Figure
-from rig.load import load_rig
-from rig.schema import Rig
-from sim_backend.physics.observation import drive_of
-from sim_backend.physics.world import new_world
-from sim_backend.scene import Scene, load_scene
+from sautereau.rig.load import load_rig
+from sautereau.rig.schema import Rig
+from sautereau.sim_backend.physics.observation import drive_of
+from sautereau.sim_backend.physics.world import new_world
+from sautereau.sim_backend.scene import Scene, load_scene
 
 RUNS = 9
 FREE = {"plectrum": "none", "string": "none", "friction": False, "felt": False}

@@ -9,14 +9,14 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from analysis.features import features
-from analysis.phases import Phases, find_phases
-from analysis.press import Press, load_press
 from benchmarks.campaign import write_presses
 from benchmarks.figures import Figure
 from benchmarks.simulated import random_case, simulated_press
-from sim_backend.truth import Truth
-from trajectory.motion import Floats
+from sautereau.analysis.phases import Phases, find_phases
+from sautereau.analysis.press.features import features
+from sautereau.analysis.press.load import Press, load_press
+from sautereau.sim_backend.truth import Truth
+from sautereau.trajectory.motion import Floats
 
 CASES = 1000
 PEER_CASES, PEER_ROWS = 40, 250

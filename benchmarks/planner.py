@@ -9,12 +9,12 @@ from types import ModuleType
 import numpy as np
 
 from benchmarks.figures import Figure, median_time
-from rig.load import load_rig
-from rig.schema import Rig
-from trajectory.arm import base, fingertip_motion, joints_holding_point
-from trajectory.motion import Floats, Motion
-from trajectory.press import plan_press
-from trajectory.timing import press_law
+from sautereau.rig.load import load_rig
+from sautereau.rig.schema import Rig
+from sautereau.trajectory.arm import base, fingertip_motion, joints_holding_point
+from sautereau.trajectory.motion import Floats, Motion
+from sautereau.trajectory.press import plan_press
+from sautereau.trajectory.timing import press_law
 
 CRUISE_LIMIT = 0.1
 """%, of the jack's speed in the cruise."""

@@ -9,7 +9,7 @@ from itertools import pairwise
 from pathlib import Path
 
 from benchmarks.figures import Figure
-from rig.load import load_rig
+from sautereau.rig.load import load_rig
 
 PRESSES = 10
 STARTS = 9
@@ -35,15 +35,15 @@ def _help() -> Figure:
 
 
 def _presses(scene: str) -> list[Figure]:
-    from analysis.compare import compare
-    from analysis.model.predict import predict
-    from analysis.phases import find_phases
-    from analysis.press import load_press
-    from robot.galil.driver import GalilController
-    from robot.session import run_session
-    from sim_backend.bench import StandIn
-    from sim_backend.scene import load_scene
-    from trajectory.press import plan_press
+    from sautereau.analysis.model.predict import predict
+    from sautereau.analysis.phases import find_phases
+    from sautereau.analysis.press.load import load_press
+    from sautereau.analysis.session.compare import compare
+    from sautereau.robot.drivers.galil.driver import GalilController
+    from sautereau.robot.experiment.session import run_session
+    from sautereau.sim_backend.bench import StandIn
+    from sautereau.sim_backend.scene import load_scene
+    from sautereau.trajectory.press import plan_press
 
     marks, found = [], []
 

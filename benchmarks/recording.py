@@ -16,14 +16,14 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.figures import Figure
-from daq.block import Block
-from daq.file.schemas import encode, schema_data
-from daq.file.writer import McapWriter
-from daq.reading import read_recording
-from daq.recording import Recording, SessionInfo
-from daq.streaming import stream
-from rig.load import load_rig
-from rig.schema import Rig
+from sautereau.daq.block import Block
+from sautereau.daq.file.container.writer import McapWriter
+from sautereau.daq.file.reading import read_recording
+from sautereau.daq.file.recording import Recording, SessionInfo
+from sautereau.daq.file.schemas import encode, schema_data
+from sautereau.daq.file.streaming import stream
+from sautereau.rig.load import load_rig
+from sautereau.rig.schema import Rig
 
 INSTANTS = 2_048_000
 BLOCK = 1024
@@ -235,7 +235,7 @@ def _described(folder: Path) -> list[Figure]:
 def _in_a_child(expression: str) -> tuple[float, int]:
     """Return the peak memory [MiB] of a process that evaluates, and its whole number."""
     status = "open('/proc/self/status').read()"
-    code = f"from daq.survey import describe; print({expression}); print({status})"
+    code = f"from sautereau.daq.file.survey import describe; print({expression}); print({status})"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     number, _, told = done.stdout.partition("\n")
     return memory("VmHWM", told), int(number)

@@ -9,12 +9,12 @@ import time
 from pathlib import Path
 
 from benchmarks.figures import Figure
-from rig.load import load_rig
-from robot.galil.driver import GalilController
-from robot.session import run_session
-from sim_backend.bench import StandIn
-from sim_backend.scene import load_scene
-from trajectory.press import plan_press
+from sautereau.rig.load import load_rig
+from sautereau.robot.drivers.galil.driver import GalilController
+from sautereau.robot.experiment.session import run_session
+from sautereau.sim_backend.bench import StandIn
+from sautereau.sim_backend.scene import load_scene
+from sautereau.trajectory.press import plan_press
 
 PRESSES = 20
 RUNS = 5

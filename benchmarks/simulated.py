@@ -6,22 +6,22 @@ from pathlib import Path
 import numpy as np
 from numpy.random import Generator
 
-from analysis.errors import ModelError
-from analysis.press import Press, press_of
-from daq.recorded import Recorded
-from daq.session_info import SessionInfo
-from rig.load import load_rig, with_values
-from rig.schema import Rig
-from sim_backend.errors import SceneError
-from sim_backend.faults.tables import Faults
-from sim_backend.parts import Push, Sensors
-from sim_backend.physics.drive import LEAD, PressDrive
-from sim_backend.physics.observation import Observation, drive_of, observe
-from sim_backend.physics.world import new_world
-from sim_backend.runs import SampledRun
-from sim_backend.scene import Scene, load_scene
-from sim_backend.truth import Truth, truths
-from sim_backend.turns import Turns
+from sautereau.analysis.errors import ModelError
+from sautereau.analysis.press.load import Press, press_of
+from sautereau.daq.file.recorded import Recorded
+from sautereau.daq.file.session_info import SessionInfo
+from sautereau.rig.load import load_rig, with_values
+from sautereau.rig.schema import Rig
+from sautereau.sim_backend.devices.daqmx.runs import SampledRun
+from sautereau.sim_backend.errors import SceneError
+from sautereau.sim_backend.fair_lock import Turns
+from sautereau.sim_backend.faults.tables import Faults
+from sautereau.sim_backend.parts import Push, Sensors
+from sautereau.sim_backend.physics.drive import LEAD, PressDrive
+from sautereau.sim_backend.physics.observation import Observation, drive_of, observe
+from sautereau.sim_backend.physics.world import new_world
+from sautereau.sim_backend.scene import Scene, load_scene
+from sautereau.sim_backend.truth import Truth, truths
 
 SCENES = ("ideal", "paper", "return", "two-choirs", "pluck", "free-key")
 """Packaged scenes that `random_case` draws from."""

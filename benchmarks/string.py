@@ -5,11 +5,11 @@ import time
 
 import numpy as np
 
-from analysis.model.modal import ModalPluck, modal_pluck
-from analysis.model.predict import rig_pluck
 from benchmarks.figures import Figure
-from rig.load import load_rig
-from rig.schema import Rig
+from sautereau.analysis.model.predict import rig_pluck
+from sautereau.analysis.model.string.modal import ModalPluck, modal_pluck
+from sautereau.rig.load import load_rig
+from sautereau.rig.schema import Rig
 
 SPEEDS = (0.02, 0.05, 0.072, 0.1, 0.15, 0.2, 0.3, 0.5, 0.7, 1.0)
 """m/s, of the jack."""

@@ -6,14 +6,14 @@ import time
 import numpy as np
 
 from benchmarks.figures import RUNS, Figure, median_time
-from rig.load import load_rig
-from rig.schema import Rig
-from sim_backend.physics.observation import drive_of, errors, observe
-from sim_backend.physics.sweep import Ending, sweep
-from sim_backend.reference.observe import reference
-from sim_backend.scene import Scene, load_scene
-from sim_backend.trade.choose import settle
-from sim_backend.trade.stopwatch import timed
+from sautereau.rig.load import load_rig
+from sautereau.rig.schema import Rig
+from sautereau.sim_backend.physics.observation import drive_of, errors, observe
+from sautereau.sim_backend.physics.reduced.sweep import Ending, sweep
+from sautereau.sim_backend.physics.reference.observe import reference
+from sautereau.sim_backend.scene import Scene, load_scene
+from sautereau.sim_backend.trade.choose import settle
+from sautereau.sim_backend.trade.stopwatch import timed
 
 STEPS = 10
 """Of the rigid engine in a controller sample: 98 us each."""

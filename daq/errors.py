@@ -1,6 +1,6 @@
 """What goes wrong between the terminal block and the file."""
 
-from rig.errors import SautereauError
+from sautereau.rig.errors import SautereauError
 
 
 class DaqError(SautereauError):

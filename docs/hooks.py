@@ -12,9 +12,9 @@ from mkdocs.exceptions import PluginError
 from mkdocs.structure.files import File, Files
 from mkdocs.structure.pages import Page
 
-from rig.describe import Entry, Table, describe
-from rig.load import load_rig
-from rig.packaged import named_text
+from sautereau.rig.describe import Entry, Table, describe
+from sautereau.rig.load import load_rig
+from sautereau.rig.packaged import named_text
 
 ROOT = Path(__file__).parents[1]
 ROOMS = ("rig", "trajectory", "daq", "analysis", "sim_backend", "robot")
@@ -118,7 +118,7 @@ def modules(room: str) -> dict[str, str]:
     """Return the modules of a room by dotted name, each with the first line of its docstring."""
     found = {}
     for path in sorted((ROOT / room).rglob("*.py")):
-        parts = path.relative_to(ROOT).with_suffix("").parts
+        parts = ("sautereau", *path.relative_to(ROOT).with_suffix("").parts)
         if path.name != "__init__.py" and not any(part.startswith("_") for part in parts):
             docstring = ast.get_docstring(ast.parse(path.read_text(encoding="utf-8"))) or ""
             found[".".join(parts)] = docstring.partition("\n")[0]
@@ -135,13 +135,13 @@ def room_page(room: str) -> str:
 
 
 def _page(module: str) -> str:
-    room, _, rest = module.partition(".")
+    room, _, rest = module.removeprefix("sautereau.").partition(".")
     return f"api/{room}/{rest or 'index'}.md"
 
 
 def commands_page() -> str:
     """Return what `--help` tells of every command."""
-    from sautereau import app
+    from sautereau.commands.app import app
 
     text = app.generate_docs(output_format="markdown", flatten_commands=True)
     title, _, rest = text.partition("## Table of Contents")

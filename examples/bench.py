@@ -6,10 +6,10 @@ python -m examples.bench picture.png
 import sys
 from pathlib import Path
 
-from analysis.figures.bench import plot_bench
-from rig.load import load_rig
-from rig.schema import Rig
-from trajectory.press import plan_press
+from sautereau.analysis.figures.bench import plot_bench
+from sautereau.rig.load import load_rig
+from sautereau.rig.schema import Rig
+from sautereau.trajectory.press import plan_press
 
 
 def plot(path: str | Path, rig: Rig) -> None:

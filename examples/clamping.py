@@ -7,10 +7,10 @@ import math
 import sys
 from pathlib import Path
 
-from analysis.figures.mount import plot_mount
-from rig.load import load_rig
-from rig.schema import Rig
-from trajectory.mount import Mount, find_mount, mount_map
+from sautereau.analysis.figures.mount import plot_mount
+from sautereau.rig.load import load_rig
+from sautereau.rig.schema import Rig
+from sautereau.trajectory.mount.find import Mount, find_mount, mount_map
 
 
 def study(rig: Rig) -> Mount:

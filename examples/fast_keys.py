@@ -11,10 +11,10 @@ from pathlib import Path
 
 import numpy as np
 
-from analysis.model.modal import modal_pluck
-from analysis.model.predict import rig_pluck
-from rig.load import load_rig
-from rig.schema import Rig
+from sautereau.analysis.model.predict import rig_pluck
+from sautereau.analysis.model.string.modal import modal_pluck
+from sautereau.rig.load import load_rig
+from sautereau.rig.schema import Rig
 
 SPEEDS = (0.02, 0.03, 0.05, 0.072, 0.1, 0.15, 0.2, 0.25, 0.3, 0.35, 0.4, 0.5, 0.6, 0.7, 0.85, 1.0)
 """m/s, of the jack."""

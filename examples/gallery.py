@@ -18,7 +18,7 @@ from examples import (
     string_waves,
     voicing,
 )
-from rig.load import load_rig
+from sautereau.rig.load import load_rig
 
 
 def pictures() -> dict[str, Callable[[Path], None]]:

@@ -11,14 +11,14 @@ import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
-from analysis.press import Press, load_press
-from rig.load import load_rig
-from robot.factory import motion_controller
-from robot.learning import Lesson
-from robot.session import make_presses
-from sim_backend.bench import StandIn
-from sim_backend.scene import load_scene
-from trajectory.timing import press_law
+from sautereau.analysis.press.load import Press, load_press
+from sautereau.rig.load import load_rig
+from sautereau.robot.drivers.registry import motion_controller
+from sautereau.robot.experiment.learning import Lesson
+from sautereau.robot.experiment.session import make_presses
+from sautereau.sim_backend.bench import StandIn
+from sautereau.sim_backend.scene import load_scene
+from sautereau.trajectory.timing import press_law
 
 
 @dataclass(frozen=True)

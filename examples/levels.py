@@ -6,10 +6,10 @@ python -m examples.levels [picture.png]
 import sys
 from pathlib import Path
 
-from analysis.figures.pluck import plot_pluck
-from analysis.model.predict import LEVELS, predict
-from rig.load import load_rig
-from rig.schema import Rig
+from sautereau.analysis.figures.pluck import plot_pluck
+from sautereau.analysis.model.predict import LEVELS, predict
+from sautereau.rig.load import load_rig
+from sautereau.rig.schema import Rig
 
 
 def study(rig: Rig) -> dict[str, float]:

@@ -11,11 +11,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from analysis.errors import ModelError
-from analysis.model.release_fit import fit_release, overlap_for_duration
-from analysis.model.string import first_mode_release_speed, release_speed
-from rig.load import load_rig
-from rig.schema import Rig
+from sautereau.analysis.errors import ModelError
+from sautereau.analysis.model.release_fit import fit_release, overlap_for_duration
+from sautereau.analysis.model.string.string import first_mode_release_speed, release_speed
+from sautereau.rig.load import load_rig
+from sautereau.rig.schema import Rig
 
 CONTACT, RELEASE, V_OSC = 27e-3, 47e-3, 0.46
 """s, s and m/s, as printed."""

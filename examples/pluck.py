@@ -7,17 +7,17 @@ import sys
 import tempfile
 from pathlib import Path
 
-from analysis.figures.movie import animate, frame_times
-from analysis.phases import find_phases
-from analysis.press import press_of
-from analysis.reenactment import Reenactment, reenact
-from daq.reading import read_recording
-from rig.load import load_rig
-from robot.factory import motion_controller
-from robot.session import run_session
-from sim_backend.bench import StandIn
-from sim_backend.scene import load_scene
-from trajectory.press import plan_press
+from sautereau.analysis.figures.movie import animate, frame_times
+from sautereau.analysis.phases import find_phases
+from sautereau.analysis.press.load import press_of
+from sautereau.analysis.press.reenactment import Reenactment, reenact
+from sautereau.daq.file.reading import read_recording
+from sautereau.rig.load import load_rig
+from sautereau.robot.drivers.registry import motion_controller
+from sautereau.robot.experiment.session import run_session
+from sautereau.sim_backend.bench import StandIn
+from sautereau.sim_backend.scene import load_scene
+from sautereau.trajectory.press import plan_press
 
 SLOWER = 100.0
 """Times slower than it was."""

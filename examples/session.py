@@ -10,17 +10,17 @@ import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
-from analysis.compare import Comparison, compare
-from analysis.figures.comparison import plot_comparison
-from analysis.model.predict import Prediction, predict
-from analysis.phases import Phases, find_phases
-from analysis.press import Press, load_press
-from rig.load import load_rig
-from robot.factory import motion_controller
-from robot.session import run_session
-from sim_backend.bench import StandIn
-from sim_backend.scene import load_scene
-from trajectory.press import plan_press
+from sautereau.analysis.figures.comparison import plot_comparison
+from sautereau.analysis.model.predict import Prediction, predict
+from sautereau.analysis.phases import Phases, find_phases
+from sautereau.analysis.press.load import Press, load_press
+from sautereau.analysis.session.compare import Comparison, compare
+from sautereau.rig.load import load_rig
+from sautereau.robot.drivers.registry import motion_controller
+from sautereau.robot.experiment.session import run_session
+from sautereau.sim_backend.bench import StandIn
+from sautereau.sim_backend.scene import load_scene
+from sautereau.trajectory.press import plan_press
 
 
 @dataclass(frozen=True)

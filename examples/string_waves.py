@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.model.modal import ModalPluck, modal_pluck
-from rig.load import load_rig
-from rig.schema import Rig
+from sautereau.analysis.model.string.modal import ModalPluck, modal_pluck
+from sautereau.rig.load import load_rig
+from sautereau.rig.schema import Rig
 
 PLACES, INSTANTS, PERIODS = 201, 400, 2.0
 

@@ -11,15 +11,15 @@ from pathlib import Path
 
 import numpy as np
 
-from analysis.model.release_fit import (
+from sautereau.analysis.model.release_fit import (
     Release,
     fit_release,
     overlap_for_duration,
     overlap_for_speed,
 )
-from analysis.model.string import first_mode_release_speed
-from rig.load import load_rig
-from rig.schema import Rig
+from sautereau.analysis.model.string.string import first_mode_release_speed
+from sautereau.rig.load import load_rig
+from sautereau.rig.schema import Rig
 
 PAGE = Path(__file__).parents[1] / "docs" / "table-1.md"
 DURATION, V_OSC = 20e-3, 0.46
@@ -63,8 +63,8 @@ mode's speed alone, {v_osc:.2g} m/s would be a lift of {first_lift:.3g} mm, the 
 Ask the software for any other pair:
 
 ```python
-from analysis.model.release_fit import fit_release
-from rig.load import load_rig
+from sautereau.analysis.model.release_fit import fit_release
+from sautereau.rig.load import load_rig
 
 found = fit_release(load_rig(), duration=20e-3, v_osc=0.46)
 print(found.bending_stiffness, found.overlap)

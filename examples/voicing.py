@@ -15,11 +15,11 @@ import sys
 from dataclasses import dataclass
 from pathlib import Path
 
-from analysis.model.pluck import Pluck
-from analysis.model.predict import rig_pluck
-from analysis.model.string import release_speed
-from rig.load import load_rig
-from rig.schema import Rig
+from sautereau.analysis.model.pluck.pluck import Pluck
+from sautereau.analysis.model.predict import rig_pluck
+from sautereau.analysis.model.string.string import release_speed
+from sautereau.rig.load import load_rig
+from sautereau.rig.schema import Rig
 
 MEDIUM = 0.2
 """1, by which the largest force may differ from the reference's and still be `medium`."""

@@ -1,4 +1,4 @@
-"""The acquisition in numbers: card, channels and their sensors; part of `rig.schema`."""
+"""The acquisition in numbers: card, channels and their sensors; part of `sautereau.rig.schema`."""
 
 import math
 from datetime import date
@@ -6,13 +6,13 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from rig.section import (
+from sautereau.rig.section import (
     Frequency,
     Section,
     Time,
     Voltage,
 )
-from rig.units import Unit
+from sautereau.rig.units import Unit
 
 
 class _Channel(Section):

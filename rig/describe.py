@@ -16,9 +16,9 @@ from typing import Annotated, Any, Literal, Union, cast, get_args, get_origin
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
-from rig.faults import unit_of
-from rig.schema import Rig
-from rig.units import format_quantity
+from sautereau.rig.faults import unit_of
+from sautereau.rig.schema import Rig
+from sautereau.rig.units import format_quantity
 
 _KINDS = {str: "text", int: "whole number", bool: "true or false", date: "date", float: "number"}
 _SIGNS = (("gt", "> "), ("ge", ">= "), ("lt", "< "), ("le", "<= "))

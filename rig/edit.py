@@ -6,11 +6,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from rig.disk import write_through
-from rig.errors import RigError
-from rig.faults import fault_list, model_keys, near_miss
-from rig.load import parse_rig
-from rig.schema import Rig
+from sautereau.rig.disk import write_through
+from sautereau.rig.errors import RigError
+from sautereau.rig.faults import fault_list, model_keys, near_miss
+from sautereau.rig.load import parse_rig
+from sautereau.rig.schema import Rig
 
 
 @dataclass(frozen=True)

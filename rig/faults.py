@@ -7,7 +7,7 @@ from typing import Any
 
 from pydantic import BaseModel, ValidationError
 
-from rig.units import Unit, shown
+from sautereau.rig.units import Unit, shown
 
 
 def fault_list(origin: str, faults: list[str]) -> str:

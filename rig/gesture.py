@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
-from rig.tables import read_table
-from rig.units import parse_quantity
+from sautereau.rig.tables import read_table
+from sautereau.rig.units import parse_quantity
 
 _SI = {"time": "s", "rise": "m"}
 

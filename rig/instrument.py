@@ -1,12 +1,12 @@
-"""The instrument in numbers: key, jack, plectrum, string; part of `rig.schema`."""
+"""The instrument in numbers: key, jack, plectrum, string; part of `sautereau.rig.schema`."""
 
 from itertools import pairwise
 from typing import Annotated
 
 from pydantic import Field, model_validator
 
-from rig.section import Force, Frequency, Inertia, Length, Mass, Moment, Section
-from rig.units import Unit
+from sautereau.rig.section import Force, Frequency, Inertia, Length, Mass, Moment, Section
+from sautereau.rig.units import Unit
 
 
 class Key(Section):

@@ -10,8 +10,8 @@ from typing import Any
 
 from pydantic import BaseModel, ValidationError
 
-from rig.errors import RigError
-from rig.faults import (
+from sautereau.rig.errors import RigError
+from sautereau.rig.faults import (
     at_line,
     fault_list,
     line_of,
@@ -20,10 +20,10 @@ from rig.faults import (
     unit_of,
     validation_faults,
 )
-from rig.gesture import read_gesture
-from rig.packaged import named_text, packaged_names
-from rig.schema import Rig
-from rig.units import format_quantity, parse_quantity, shown
+from sautereau.rig.gesture import read_gesture
+from sautereau.rig.packaged import named_text, packaged_names
+from sautereau.rig.schema import Rig
+from sautereau.rig.units import format_quantity, parse_quantity, shown
 
 _ORIGIN = ("assumed", "source")
 _ORIGINS = {"assumed", "sources"}
@@ -155,7 +155,7 @@ def _read_files(values: dict[str, Any], folder: Path) -> list[tuple[str, str]]:
         plectrum = holder.get("plectrum")
         outline = plectrum.get("outline") if isinstance(plectrum, dict) else None
         if isinstance(plectrum, dict) and isinstance(outline, dict) and "file" in outline:
-            from rig.outline import read_outline  # which brings numpy; few rigs need it
+            from sautereau.rig.outline import read_outline  # which brings numpy; few rigs need it
 
             try:
                 plectrum["outline"] = read_outline(outline, folder)

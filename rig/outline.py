@@ -15,9 +15,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.errors import RigError
-from rig.tables import read_table
-from rig.units import parse_quantity, shown
+from sautereau.rig.errors import RigError
+from sautereau.rig.tables import read_table
+from sautereau.rig.units import parse_quantity, shown
 
 Floats = NDArray[np.float64]
 

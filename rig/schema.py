@@ -13,9 +13,9 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from rig.acquisition import Daq
-from rig.instrument import Choir, Jack, Key, Plectrum, String
-from rig.section import (
+from sautereau.rig.acquisition import Daq
+from sautereau.rig.instrument import Choir, Jack, Key, Plectrum, String
+from sautereau.rig.section import (
     GRAVITY,
     Angle,
     Length,
@@ -25,7 +25,7 @@ from rig.section import (
     Time,
     Voltage,
 )
-from rig.units import Unit
+from sautereau.rig.units import Unit
 
 RotorInertia = Annotated[float, Unit("kg*m**2", "1e-6 kg m^2"), Field(ge=0)]
 GearRatio = Annotated[float, Field(gt=0)]
@@ -198,7 +198,7 @@ class Controller(Section):
 
 
 class Rig(Section):
-    """The whole bench. Load one with `rig.load.load_rig`."""
+    """The whole bench. Load one with `sautereau.rig.load.load_rig`."""
 
     name: str = Field(min_length=1)
     """Of the bench, for titles."""

@@ -4,7 +4,7 @@ from typing import Annotated
 
 from pydantic import BaseModel, ConfigDict
 
-from rig.units import Unit
+from sautereau.rig.units import Unit
 
 GRAVITY = 9.80665
 """m/s^2, standard acceleration of gravity."""

@@ -4,9 +4,9 @@ import textwrap
 from collections.abc import Iterator
 from typing import Any
 
-from rig.describe import Entry, Table, describe
-from rig.errors import RigError
-from rig.packaged import named_text
+from sautereau.rig.describe import Entry, Table, describe
+from sautereau.rig.errors import RigError
+from sautereau.rig.packaged import named_text
 
 _WIDTH = 88
 _ALIKE = "more_choirs"

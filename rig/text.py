@@ -2,10 +2,10 @@
 
 from typing import TYPE_CHECKING, Any
 
-from rig.faults import unit_of
-from rig.load import rig_document
-from rig.schema import Rig
-from rig.units import format_quantity
+from sautereau.rig.faults import unit_of
+from sautereau.rig.load import rig_document
+from sautereau.rig.schema import Rig
+from sautereau.rig.units import format_quantity
 
 if TYPE_CHECKING:
     from tomlkit.items import InlineTable, Table

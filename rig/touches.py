@@ -4,9 +4,9 @@ import math
 from pathlib import Path
 from typing import NamedTuple
 
-from rig.schema import Arm
-from rig.tables import read_table
-from rig.units import parse_quantity
+from sautereau.rig.schema import Arm
+from sautereau.rig.tables import read_table
+from sautereau.rig.units import parse_quantity
 
 _SI = {"point": "m", "joint1": "rad", "joint2": "rad"}
 _EXAMPLE = "point [mm], joint1 [counts], joint2 [counts]"

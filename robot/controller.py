@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING, Protocol, Self
 
 import numpy as np
 
-from trajectory.motion import Floats
-from trajectory.segments import Counts, Segments
+from sautereau.trajectory.motion import Floats
+from sautereau.trajectory.segments import Counts, Segments
 
 if TYPE_CHECKING:
-    from robot.feedforward import TorqueTable
+    from sautereau.robot.experiment.feedforward import TorqueTable
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,7 @@
 
 # ruff: noqa: N818 - the names say what happened
 
-from rig.errors import SautereauError
+from sautereau.rig.errors import SautereauError
 
 
 class RobotError(SautereauError):

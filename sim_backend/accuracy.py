@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from rig.units import parse_quantity
+from sautereau.rig.units import parse_quantity
 
 
 @dataclass(frozen=True)

@@ -6,23 +6,23 @@ import threading
 import time
 from typing import TypeVar
 
-from rig.load import with_values
-from rig.schema import Rig
-from sim_backend.around_run import AroundSampledRun
-from sim_backend.clock import Clock
-from sim_backend.daqmx.server import DaqmxError, DaqmxServer, TaskSetup, serve
-from sim_backend.faults.line import bad_line
-from sim_backend.faults.strikes import Strikes
-from sim_backend.firmware import new_firmware
-from sim_backend.odrive.firmware import OdriveFirmware
-from sim_backend.physics.world import new_world
-from sim_backend.plant import ArmPlant
-from sim_backend.prepare import prepared
-from sim_backend.runs import SampledRun
-from sim_backend.scene import Scene
-from sim_backend.serial_port import PortGone, PtyPort, SocketPort
-from sim_backend.truth import Truth, truths
-from sim_backend.turns import Turns
+from sautereau.rig.load import with_values
+from sautereau.rig.schema import Rig
+from sautereau.sim_backend.clock import Clock
+from sautereau.sim_backend.devices.daqmx.around_run import AroundSampledRun
+from sautereau.sim_backend.devices.daqmx.runs import SampledRun
+from sautereau.sim_backend.devices.daqmx.server import DaqmxError, DaqmxServer, TaskSetup, serve
+from sautereau.sim_backend.devices.firmware import new_firmware
+from sautereau.sim_backend.devices.odrive.firmware import OdriveFirmware
+from sautereau.sim_backend.devices.plant import ArmPlant
+from sautereau.sim_backend.devices.serial_port import PortGone, PtyPort, SocketPort
+from sautereau.sim_backend.fair_lock import Turns
+from sautereau.sim_backend.faults.line import bad_line
+from sautereau.sim_backend.faults.strikes import Strikes
+from sautereau.sim_backend.physics.world import new_world
+from sautereau.sim_backend.prepare import prepared
+from sautereau.sim_backend.scene import Scene
+from sautereau.sim_backend.truth import Truth, truths
 
 SETTLING = 2.0
 """s, for which time goes on after a motion so that the arm comes to rest."""

@@ -5,7 +5,7 @@ import time
 from collections.abc import Callable
 from typing import Protocol
 
-from sim_backend.turns import Turns
+from sautereau.sim_backend.fair_lock import Turns
 
 SLICE = 2e-3
 """s on the wall's clock, after which the others get a word in, whatever is going on."""

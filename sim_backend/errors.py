@@ -1,6 +1,6 @@
 """Faults of scenes and of the stand-in."""
 
-from rig.errors import SautereauError
+from sautereau.rig.errors import SautereauError
 
 
 class SceneError(SautereauError):

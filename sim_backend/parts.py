@@ -4,8 +4,8 @@ from typing import Annotated
 
 from pydantic import Field
 
-from rig.section import Force, Frequency, Section, Time
-from rig.units import Unit
+from sautereau.rig.section import Force, Frequency, Section, Time
+from sautereau.rig.units import Unit
 
 JointStiffness = Annotated[float, Unit("N*m/rad", "27 N m/rad")]
 JointDamping = Annotated[float, Unit("N*m*s/rad", "0.4 N m s/rad")]

@@ -1,8 +1,8 @@
 """Make a scene ready for a controller and a card, or say why it is not."""
 
-from rig.schema import Rig
-from sim_backend.errors import SceneError
-from sim_backend.scene import Scene
+from sautereau.rig.schema import Rig
+from sautereau.sim_backend.errors import SceneError
+from sautereau.sim_backend.scene import Scene
 
 
 def prepared(rig: Rig, scene: Scene) -> tuple[Scene, str]:
@@ -19,7 +19,7 @@ def prepared(rig: Rig, scene: Scene) -> tuple[Scene, str]:
     _check(rig, scene)
     if scene.accuracy is None:  # "auto" needs one
         return scene, ""
-    from sim_backend.trade.choose import settle
+    from sautereau.sim_backend.trade.choose import settle
 
     settled = settle(rig, scene)
     return settled.scene, str(settled)

@@ -5,16 +5,16 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, Field, ValidationError, model_validator
 
-from rig.faults import fault_list, validation_faults
-from rig.instrument import Choir
-from rig.load import read_toml, with_values
-from rig.packaged import named_text, packaged_names
-from rig.schema import Rig
-from rig.section import Angle, Section, Time
-from sim_backend.accuracy import Accuracy
-from sim_backend.errors import SceneError
-from sim_backend.faults.tables import Faults
-from sim_backend.parts import Push, Sensors, Servo
+from sautereau.rig.faults import fault_list, validation_faults
+from sautereau.rig.instrument import Choir
+from sautereau.rig.load import read_toml, with_values
+from sautereau.rig.packaged import named_text, packaged_names
+from sautereau.rig.schema import Rig
+from sautereau.rig.section import Angle, Section, Time
+from sautereau.sim_backend.accuracy import Accuracy
+from sautereau.sim_backend.errors import SceneError
+from sautereau.sim_backend.faults.tables import Faults
+from sautereau.sim_backend.parts import Push, Sensors, Servo
 
 
 def _accuracy(text: str) -> str:
@@ -153,13 +153,13 @@ def load_scene(name: str | Path = "paper") -> Scene:
     Raises:
         SceneError: Lists every fault of the file.
     """
-    text, origin, _ = named_text(name, "sim_backend.scenes", "scene", SceneError)
+    text, origin, _ = named_text(name, "sautereau.sim_backend.scenes", "scene", SceneError)
     return parse_scene(text, origin)
 
 
 def packaged_scenes() -> list[str]:
     """Return the names of the scenes that come with sautereau."""
-    return packaged_names("sim_backend.scenes")
+    return packaged_names("sautereau.sim_backend.scenes")
 
 
 def parse_scene(text: str, origin: str = "scene") -> Scene:

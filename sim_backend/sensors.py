@@ -6,10 +6,10 @@ import numpy as np
 from numpy.random import Generator
 from scipy import signal
 
-from rig.acquisition import ForceChannel, VelocityChannel
-from sim_backend.faults.sensing import Disturbance
-from sim_backend.parts import Sensors
-from trajectory.motion import Floats
+from sautereau.rig.acquisition import ForceChannel, VelocityChannel
+from sautereau.sim_backend.faults.sensing import Disturbance
+from sautereau.sim_backend.parts import Sensors
+from sautereau.trajectory.motion import Floats
 
 ADC_RANGE = 10.0
 """V, the converter's full scale either way."""

@@ -4,7 +4,7 @@ from bisect import bisect_left
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
-from sim_backend.physics.events import PluckEvents, StringEvent
+from sautereau.sim_backend.physics.events import PluckEvents, StringEvent
 
 
 @dataclass(frozen=True)

@@ -6,17 +6,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from daq.block import Block
-from daq.reading import read_recording
-from daq.recorded import Recorded
-from daq.recording import Recording
-from rig.load import load_rig
-from rig.schema import Rig
-from robot.galil.driver import GalilController
-from robot.session import run_session
-from sim_backend.bench import StandIn
-from sim_backend.scene import load_scene
-from trajectory.press import plan_press
+from sautereau.daq.block import Block
+from sautereau.daq.file.reading import read_recording
+from sautereau.daq.file.recorded import Recorded
+from sautereau.daq.file.recording import Recording
+from sautereau.rig.load import load_rig
+from sautereau.rig.schema import Rig
+from sautereau.robot.drivers.galil.driver import GalilController
+from sautereau.robot.experiment.session import run_session
+from sautereau.sim_backend.bench import StandIn
+from sautereau.sim_backend.scene import load_scene
+from sautereau.trajectory.press import plan_press
 
 
 @dataclass(frozen=True)

@@ -3,6 +3,7 @@
 import ast
 import json
 import re
+import shutil
 import subprocess
 import sys
 import tarfile
@@ -14,8 +15,15 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[1]
-ROOMS = ("rig", "trajectory", "daq", "analysis", "sim_backend", "robot", "commands")
+ROOMS = ("rig", "trajectory", "daq", "analysis", "sim_backend", "robot")
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+
+
+BUILD = """
+import sys
+from setuptools import build_meta
+getattr(build_meta, f"build_{sys.argv[1]}")(sys.argv[2])
+"""
 
 
 def run(*words: object, cwd: Path, **options) -> str:
@@ -29,8 +37,22 @@ def run(*words: object, cwd: Path, **options) -> str:
 
 
 def build(source: Path, out: Path) -> tuple[Path, Path]:
-    """Return wheel and sdist of a source tree."""
-    run(sys.executable, "-m", "hatchling", "build", "-d", out, cwd=source)
+    """Return wheel and sdist of a source tree; a copy is built, for setuptools writes into it."""
+    left_out = (
+        ".git",
+        ".venv",
+        "build",
+        "out",
+        "site",
+        "*.egg-info",
+        "__pycache__",
+        "node_modules",
+    )
+    left_out += ("__pycache__", ".*_cache")
+    copy = out / "source"
+    shutil.copytree(source, copy, ignore=shutil.ignore_patterns(*left_out))
+    for kind in ("sdist", "wheel"):
+        run(sys.executable, "-c", BUILD, kind, out, cwd=copy)
     (wheel,), (sdist,) = out.glob("*.whl"), out.glob("*.tar.gz")
     return wheel, sdist
 
@@ -45,15 +67,17 @@ def contents(wheel: Path) -> dict[str, bytes]:
         return {name: archive.read(name) for name in archive.namelist()}
 
 
+def files(folder: Path, root: Path) -> set[str]:
+    found = (path for path in folder.rglob("*") if path.is_file())
+    return {str(p.relative_to(root)) for p in found if "__pycache__" not in p.parts}
+
+
 def test_the_wheel_holds_the_rooms_and_nothing_else(built):
     held = {name for name in contents(built[0]) if ".dist-info/" not in name}
-    wanted = {"sautereau.py"}
-    for room in ROOMS:
-        files = (path for path in (ROOT / room).rglob("*") if path.is_file())
-        wanted |= {str(p.relative_to(ROOT)) for p in files if "__pycache__" not in p.parts}
+    wanted = {str(Path("sautereau", p)) for room in ROOMS for p in files(ROOT / room, ROOT)}
+    wanted |= files(ROOT / "sautereau", ROOT)
     assert held == wanted
-    assert {f"{room}/py.typed" for room in ROOMS} <= held
-    assert {"rig/paper.toml", "sim_backend/scenes/paper.toml"} <= held
+    assert {"sautereau/rig/paper.toml", "sautereau/sim_backend/scenes/paper.toml"} <= held
 
 
 def test_the_sdist_is_complete_and_small(built, tmp_path):
@@ -72,13 +96,13 @@ def test_the_sdist_is_complete_and_small(built, tmp_path):
 
 
 def test_the_wheel_tells_what_it_is(built):
-    files = contents(built[0])
-    (metadata,) = (text for name, text in files.items() if name.endswith("/METADATA"))
+    held = contents(built[0])
+    (metadata,) = (text for name, text in held.items() if name.endswith("/METADATA"))
     told = Parser().parsestr(metadata.decode())
     assert (told["Name"], told["Version"]) == ("sautereau", PROJECT["version"])
     assert set(told.get_all("Provides-Extra", [])) == set(PROJECT["optional-dependencies"])
-    (entries,) = (text for name, text in files.items() if name.endswith("/entry_points.txt"))
-    assert "sautereau = sautereau:main" in entries.decode()
+    (entries,) = (text for name, text in held.items() if name.endswith("/entry_points.txt"))
+    assert "sautereau = sautereau.commands.app:main" in entries.decode()
 
 
 def imported(path: Path) -> set[str]:
@@ -102,8 +126,7 @@ def test_what_is_imported_is_required():
     extras = PROJECT["optional-dependencies"].values()
     texts = [*PROJECT["dependencies"], *(text for extra in extras for text in extra)]
     required = {re.split(r"[^\w-]", text)[0].lower() for text in texts}
-    files = [ROOT / "sautereau.py", *(p for room in ROOMS for p in (ROOT / room).rglob("*.py"))]
-    for path in files:
+    for path in (p for room in (*ROOMS, "sautereau") for p in (ROOT / room).rglob("*.py")):
         needed = {brought_by.get(name, name).lower() for name in imported(path)}
         assert needed <= required, path
 
@@ -114,17 +137,17 @@ def test_what_is_imported_is_required():
         (
             "fast",
             "numba",
-            "from analysis.model.compiled import compiled_solve as use\nuse()",
+            "from sautereau.analysis.model.pluck.compiled import compiled_solve as use\nuse()",
         ),
         (
             "live",
             "foxglove",
-            "from commands.live.foxglove import FoxgloveView\nFoxgloveView('press')",
+            "from sautereau.commands.live.foxglove import FoxgloveView\nFoxgloveView('press')",
         ),
         (
             "cluster",
             "distributed",
-            "from analysis.campaign.workers import run_over\n"
+            "from sautereau.analysis.campaign.workers import run_over\n"
             "list(run_over(abs, [1], 'tcp://127.0.0.1:1'))",
         ),
     ],
@@ -132,7 +155,7 @@ def test_what_is_imported_is_required():
 def test_a_missing_extra_is_told_with_its_command(extra, module, use):
     program = (
         f"import sys\nsys.modules[{module!r}] = None\n"
-        "from rig.errors import SautereauError\n"
+        "from sautereau.rig.errors import SautereauError\n"
         "try:\n" + "".join(f"    {line}\n" for line in use.split("\n"))
         + "except SautereauError as error:\n    print(error)\n"
     )  # fmt: skip
@@ -152,7 +175,7 @@ def test_an_empty_environment_presses_from_another_folder(built, tmp_path):
     run(python, "-m", "pip", "install", "--quiet", built[0], cwd=elsewhere)
     run(python, "-m", "pip", "check", cwd=elsewhere)
     assert run(tool, "--version", cwd=elsewhere).strip() == PROJECT["version"]
-    where = run(python, "-c", "import rig; print(rig.__file__)", cwd=elsewhere)
+    where = run(python, "-c", "import sautereau.rig; print(rig.__file__)", cwd=elsewhere)
     assert Path(where.strip()).is_relative_to(home)
     pressed = run(
         tool, "press", "--scene", "ideal", "-n", "1", "--out", "s", "--json", cwd=elsewhere

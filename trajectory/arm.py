@@ -7,11 +7,11 @@ material point under the fingertip, `normal` keeps link 2 along the key's normal
 
 import numpy as np
 
-from rig.instrument import Key
-from rig.schema import Arm
-from trajectory.errors import TrajectoryError
-from trajectory.key import surface_axes
-from trajectory.motion import Floats, Motion, cross
+from sautereau.rig.instrument import Key
+from sautereau.rig.schema import Arm
+from sautereau.trajectory.errors import TrajectoryError
+from sautereau.trajectory.key import surface_axes
+from sautereau.trajectory.motion import Floats, Motion, cross
 
 
 def base(arm: Arm) -> Floats:

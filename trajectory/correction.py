@@ -5,10 +5,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from trajectory.errors import TrajectoryError
-from trajectory.jerk import JerkLaw
-from trajectory.motion import Floats
-from trajectory.timing import PressLaw
+from sautereau.trajectory.errors import TrajectoryError
+from sautereau.trajectory.jerk import JerkLaw
+from sautereau.trajectory.motion import Floats
+from sautereau.trajectory.timing import PressLaw
 
 
 @dataclass(frozen=True)

@@ -5,8 +5,8 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike
 
-from trajectory.motion import Floats
-from trajectory.segments import Counts
+from sautereau.trajectory.motion import Floats
+from sautereau.trajectory.segments import Counts
 
 
 def to_counts(angles: ArrayLike, counts_per_revolution: int) -> Counts:

@@ -4,8 +4,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from trajectory.motion import Floats, Motion
-from trajectory.segments import Segments
+from sautereau.trajectory.motion import Floats, Motion
+from sautereau.trajectory.segments import Segments
 
 
 class Cubics(NamedTuple):

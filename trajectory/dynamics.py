@@ -8,10 +8,10 @@ ratio, and so as large as the armature where joint 2 has no gear.
 
 import numpy as np
 
-from rig.schema import Arm
-from rig.section import GRAVITY
-from trajectory.arm import link_vectors
-from trajectory.motion import Floats, Motion, dot
+from sautereau.rig.schema import Arm
+from sautereau.rig.section import GRAVITY
+from sautereau.trajectory.arm import link_vectors
+from sautereau.trajectory.motion import Floats, Motion, dot
 
 
 def armature(arm: Arm) -> tuple[float, float]:

@@ -1,6 +1,6 @@
 """Faults of a plan."""
 
-from rig.errors import SautereauError
+from sautereau.rig.errors import SautereauError
 
 
 class TrajectoryError(SautereauError):

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from trajectory.motion import Floats
+from sautereau.trajectory.motion import Floats
 
 
 @dataclass(frozen=True)

@@ -4,10 +4,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rig.schema import Rig
-from trajectory.arm import fingertip_motion, joints_holding_normal, joints_holding_point
-from trajectory.key import key_motion, point_on_key
-from trajectory.motion import Floats, Motion
+from sautereau.rig.schema import Rig
+from sautereau.trajectory.arm import fingertip_motion, joints_holding_normal, joints_holding_point
+from sautereau.trajectory.key import key_motion, point_on_key
+from sautereau.trajectory.motion import Floats, Motion
 
 
 class Path(NamedTuple):

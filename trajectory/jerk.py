@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from trajectory.motion import Floats, Motion
+from sautereau.trajectory.motion import Floats, Motion
 
 Phase = tuple[float, float]
 """Duration [s] and constant jerk [m/s^3]."""

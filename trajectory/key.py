@@ -7,9 +7,9 @@ angle a turns the key's surface tangent to (cos a, sin a) and its normal to (-si
 import numpy as np
 from numpy.typing import ArrayLike
 
-from rig.instrument import Key
-from trajectory.errors import TrajectoryError
-from trajectory.motion import Floats, Motion, dot
+from sautereau.rig.instrument import Key
+from sautereau.trajectory.errors import TrajectoryError
+from sautereau.trajectory.motion import Floats, Motion, dot
 
 
 def rise_of_angle(key: Key, angle: ArrayLike) -> Floats:

@@ -13,10 +13,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from trajectory.correction import Correction
-from trajectory.errors import TrajectoryError
-from trajectory.motion import Floats
-from trajectory.timing import PressLaw
+from sautereau.trajectory.correction import Correction
+from sautereau.trajectory.errors import TrajectoryError
+from sautereau.trajectory.motion import Floats
+from sautereau.trajectory.timing import PressLaw
 
 CUTOFF = 200.0
 """Hz, of Q."""

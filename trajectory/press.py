@@ -4,23 +4,23 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rig.schema import Rig
-from trajectory.arm import fingertip_motion, tilt
-from trajectory.checks import Check
-from trajectory.correction import Correction
-from trajectory.counts import to_counts
-from trajectory.cubic import Cubics, evaluate, segment_cubics
-from trajectory.dynamics import joint_torques
-from trajectory.errors import TrajectoryError
-from trajectory.expected import Expectation
-from trajectory.follow import Path, follow_down, follow_key
-from trajectory.jerk import JerkLaw
-from trajectory.key import jack_motion, key_under_fingertip, surface_axes
-from trajectory.motion import Floats, Motion
-from trajectory.quantise import quantise, sample_times
-from trajectory.segments import Counts, Segments
-from trajectory.timing import PressLaw, approach_law, press_law
-from trajectory.verify import Motions, verify
+from sautereau.rig.schema import Rig
+from sautereau.trajectory.arm import fingertip_motion, tilt
+from sautereau.trajectory.checks import Check
+from sautereau.trajectory.correction import Correction
+from sautereau.trajectory.counts import to_counts
+from sautereau.trajectory.cubic import Cubics, evaluate, segment_cubics
+from sautereau.trajectory.dynamics import joint_torques
+from sautereau.trajectory.errors import TrajectoryError
+from sautereau.trajectory.expected import Expectation
+from sautereau.trajectory.follow import Path, follow_down, follow_key
+from sautereau.trajectory.jerk import JerkLaw
+from sautereau.trajectory.key import jack_motion, key_under_fingertip, surface_axes
+from sautereau.trajectory.motion import Floats, Motion
+from sautereau.trajectory.quantise import quantise, sample_times
+from sautereau.trajectory.segments import Counts, Segments
+from sautereau.trajectory.timing import PressLaw, approach_law, press_law
+from sautereau.trajectory.verify import Motions, verify
 
 FINE = np.linspace(0.0, 1.0, 65)
 """Places in each segment of the cruise at which its speed is evaluated."""

@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from trajectory.errors import TrajectoryError
-from trajectory.jerk import JerkLaw
-from trajectory.motion import Floats, Motion
-from trajectory.segments import Counts, Segments
+from sautereau.trajectory.errors import TrajectoryError
+from sautereau.trajectory.jerk import JerkLaw
+from sautereau.trajectory.motion import Floats, Motion
+from sautereau.trajectory.segments import Counts, Segments
 
 GRAIN = 2
 """Controller samples that every segment lasts a multiple of, as PVT mode wants it."""

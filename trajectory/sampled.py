@@ -4,15 +4,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rig.schema import Rig
-from trajectory.arm import fingertip_place
-from trajectory.checks import Check, at_least, at_most
-from trajectory.cubic import Cubics, evaluate
-from trajectory.dynamics import joint_torques
-from trajectory.expected import Expectation
-from trajectory.key import rise_of_angle, surface_axes
-from trajectory.motion import Floats, Motion, dot
-from trajectory.remedies import MOVE_BASE, SOFTER
+from sautereau.rig.schema import Rig
+from sautereau.trajectory.arm import fingertip_place
+from sautereau.trajectory.checks import Check, at_least, at_most
+from sautereau.trajectory.cubic import Cubics, evaluate
+from sautereau.trajectory.dynamics import joint_torques
+from sautereau.trajectory.expected import Expectation
+from sautereau.trajectory.key import rise_of_angle, surface_axes
+from sautereau.trajectory.motion import Floats, Motion, dot
+from sautereau.trajectory.remedies import MOVE_BASE, SOFTER
 
 INSIDE = np.linspace(0.0, 1.0, 5)
 """Places in each segment at which it is looked at."""

@@ -4,9 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rig.schema import Gesture, Press
-from trajectory.errors import TrajectoryError
-from trajectory.jerk import (
+from sautereau.rig.schema import Gesture, Press
+from sautereau.trajectory.errors import TrajectoryError
+from sautereau.trajectory.jerk import (
     JerkLaw,
     chained,
     falling,

@@ -4,14 +4,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rig.schema import Rig
-from trajectory.arm import elbow_sign
-from trajectory.checks import Check, at_least, at_most
-from trajectory.cubic import Cubics, Extremes, extremes, segment_cubics
-from trajectory.expected import Expectation
-from trajectory.remedies import MOVE_BASE, SOFTER
-from trajectory.sampled import depth_and_stops, loads, places, sample
-from trajectory.segments import Segments
+from sautereau.rig.schema import Rig
+from sautereau.trajectory.arm import elbow_sign
+from sautereau.trajectory.checks import Check, at_least, at_most
+from sautereau.trajectory.cubic import Cubics, Extremes, extremes, segment_cubics
+from sautereau.trajectory.expected import Expectation
+from sautereau.trajectory.remedies import MOVE_BASE, SOFTER
+from sautereau.trajectory.sampled import depth_and_stops, loads, places, sample
+from sautereau.trajectory.segments import Segments
 
 SINGULARITY_MARGIN = np.radians(5.0)
 """rad, that joint 2 must stay from straight or folded."""

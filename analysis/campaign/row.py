@@ -5,14 +5,14 @@ import re
 from dataclasses import dataclass
 from pathlib import Path
 
-from analysis.errors import AnalysisError
-from analysis.features import UNITS as FEATURE_UNITS
-from analysis.features import Value, features
-from analysis.phases import find_phases
-from analysis.press import press_of
-from daq.reading import read_recording
-from rig.errors import SautereauError
-from rig.schema import Rig
+from sautereau.analysis.errors import AnalysisError
+from sautereau.analysis.phases import find_phases
+from sautereau.analysis.press.features import UNITS as FEATURE_UNITS
+from sautereau.analysis.press.features import Value, features
+from sautereau.analysis.press.load import press_of
+from sautereau.daq.file.reading import read_recording
+from sautereau.rig.errors import SautereauError
+from sautereau.rig.schema import Rig
 
 Row = dict[str, Value]
 """One press; columns of `UNITS`, without those that it has no value for."""
@@ -44,7 +44,7 @@ UNITS = {
 }
 """Of the columns, in their order; empty for text and truths. `mtime` is since 1970, when the file
 was last changed; `jack_speed` is the planned one, as all that the rig says; the features are
-those of `analysis.features`."""
+those of `sautereau.analysis.press.features`."""
 _LATER = re.compile(r"_\d+$")
 """What the columns of a second pluck and of later ones end in."""
 

@@ -5,10 +5,10 @@ from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
 
-from analysis.campaign.row import Batch, Fault, Row, Source, read_batch
-from analysis.campaign.table import Campaign, empty_campaign, read_campaign
-from analysis.campaign.workers import Where, run_over
-from analysis.errors import AnalysisError
+from sautereau.analysis.campaign.row import Batch, Fault, Row, Source, read_batch
+from sautereau.analysis.campaign.table import Campaign, empty_campaign, read_campaign
+from sautereau.analysis.campaign.workers import Where, run_over
+from sautereau.analysis.errors import AnalysisError
 
 BATCH = 8
 """Recordings that a process reads before it answers, some 0.2 s of work."""

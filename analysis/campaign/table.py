@@ -12,9 +12,9 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from analysis.campaign.row import Fault, Row, Source, place_of, unit_of
-from analysis.errors import AnalysisError
-from rig.disk import sync_folder
+from sautereau.analysis.campaign.row import Fault, Row, Source, place_of, unit_of
+from sautereau.analysis.errors import AnalysisError
+from sautereau.rig.disk import sync_folder
 
 if TYPE_CHECKING:
     import pandas as pd

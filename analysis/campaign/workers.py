@@ -8,7 +8,7 @@ from collections.abc import Callable, Generator, Iterator, Sequence
 from itertools import islice
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from analysis.errors import AnalysisError
+from sautereau.analysis.errors import AnalysisError
 
 if TYPE_CHECKING:
     from concurrent.futures import Future

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from analysis.figures.jack import JackView
-from analysis.figures.made import how_made, stamp
-from analysis.figures.side import ARM, PRESSED, BenchPose, draw_surroundings
-from analysis.reenactment import ChoirMotion, Reenactment
+from sautereau.analysis.figures.jack import JackView
+from sautereau.analysis.figures.made import how_made, stamp
+from sautereau.analysis.figures.side import ARM, PRESSED, BenchPose, draw_surroundings
+from sautereau.analysis.press.reenactment import ChoirMotion, Reenactment
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist

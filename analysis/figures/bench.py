@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from analysis.figures.jack import JackView
-from analysis.figures.side import (
+from sautereau.analysis.figures.jack import JackView
+from sautereau.analysis.figures.side import (
     ARM,
     FELT,
     GRAIN,
@@ -18,10 +18,10 @@ from analysis.figures.side import (
     draw_surroundings,
     string_height,
 )
-from analysis.model.choirs import choirs
-from rig.schema import Rig
-from trajectory.arm import base
-from trajectory.press import Trajectory
+from sautereau.analysis.model.choirs import choirs
+from sautereau.rig.schema import Rig
+from sautereau.trajectory.arm import base
+from sautereau.trajectory.press import Trajectory
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from analysis.errors import AnalysisError
-from analysis.figures.made import how_made, stamp
-from analysis.model.predict import Prediction
-from analysis.phases import Phases
-from analysis.press import Press
+from sautereau.analysis.errors import AnalysisError
+from sautereau.analysis.figures.made import how_made, stamp
+from sautereau.analysis.model.predict import Prediction
+from sautereau.analysis.phases import Phases
+from sautereau.analysis.press.load import Press
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

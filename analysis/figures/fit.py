@@ -5,10 +5,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from analysis.figures.comparison import MEASURED, PREDICTED
-from analysis.figures.made import how_made, stamp
-from analysis.identify.fit import Fit
-from analysis.identify.identified import Identified
+from sautereau.analysis.figures.comparison import MEASURED, PREDICTED
+from sautereau.analysis.figures.made import how_made, stamp
+from sautereau.analysis.identify.fit import Fit
+from sautereau.analysis.identify.identified import Identified
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from analysis.model.plectrum.shape import straight
-from rig.instrument import Choir
-from trajectory.motion import Floats
+from sautereau.analysis.model.plectrum.shape import straight
+from sautereau.rig.instrument import Choir
+from sautereau.trajectory.motion import Floats
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist

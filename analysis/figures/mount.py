@@ -5,12 +5,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rig.schema import Rig
-from trajectory.arm import joints_holding_normal, joints_holding_point, link_vectors
-from trajectory.bases import key_angles
-from trajectory.key import point_on_key, surface_axes
-from trajectory.motion import Floats, Motion
-from trajectory.mount import Mount, MountMap, mount_map
+from sautereau.rig.schema import Rig
+from sautereau.trajectory.arm import joints_holding_normal, joints_holding_point, link_vectors
+from sautereau.trajectory.key import point_on_key, surface_axes
+from sautereau.trajectory.motion import Floats, Motion
+from sautereau.trajectory.mount.bases import key_angles
+from sautereau.trajectory.mount.find import Mount, MountMap, mount_map
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

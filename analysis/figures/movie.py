@@ -10,10 +10,10 @@ from typing import IO, TYPE_CHECKING, cast
 
 import numpy as np
 
-from analysis.errors import AnalysisError
-from analysis.figures.animation import animation_figure
-from analysis.reenactment import Reenactment
-from trajectory.motion import Floats
+from sautereau.analysis.errors import AnalysisError
+from sautereau.analysis.figures.animation import animation_figure
+from sautereau.analysis.press.reenactment import Reenactment
+from sautereau.trajectory.motion import Floats
 
 if TYPE_CHECKING:
     from PIL.Image import Image

@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from analysis.errors import AnalysisError
-from analysis.figures.made import how_made
-from analysis.phases import HeldString, Phases
-from analysis.press import Press
-from trajectory.motion import Floats
+from sautereau.analysis.errors import AnalysisError
+from sautereau.analysis.figures.made import how_made
+from sautereau.analysis.phases import HeldString, Phases
+from sautereau.analysis.press.load import Press
+from sautereau.trajectory.motion import Floats
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

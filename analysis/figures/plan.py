@@ -5,11 +5,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rig.schema import Rig
-from trajectory.expected import Expectation
-from trajectory.key import surface_axes
-from trajectory.motion import Floats
-from trajectory.press import Trajectory
+from sautereau.rig.schema import Rig
+from sautereau.trajectory.expected import Expectation
+from sautereau.trajectory.key import surface_axes
+from sautereau.trajectory.motion import Floats
+from sautereau.trajectory.press import Trajectory
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

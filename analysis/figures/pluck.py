@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from analysis.errors import ModelError
-from analysis.model.pluck import Pluck
-from analysis.model.predict import LEVELS, rig_pluck
-from rig.schema import Rig
+from sautereau.analysis.errors import ModelError
+from sautereau.analysis.model.pluck.pluck import Pluck
+from sautereau.analysis.model.predict import LEVELS, rig_pluck
+from sautereau.rig.schema import Rig
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from analysis.model.choirs import choirs, key_of
-from rig.instrument import Choir
-from rig.schema import Rig
-from trajectory.arm import base, fingertip_place, link_vectors
-from trajectory.key import rise_of_angle, surface_axes
-from trajectory.motion import Floats
+from sautereau.analysis.model.choirs import choirs, key_of
+from sautereau.rig.instrument import Choir
+from sautereau.rig.schema import Rig
+from sautereau.trajectory.arm import base, fingertip_place, link_vectors
+from sautereau.trajectory.key import rise_of_angle, surface_axes
+from sautereau.trajectory.motion import Floats
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist

@@ -3,8 +3,8 @@
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from analysis.repeatability import Spread
-from analysis.touch import Felt, Touch
+from sautereau.analysis.campaign.touch import Felt, Touch
+from sautereau.analysis.session.repeatability import Spread
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -30,7 +30,7 @@ def touch_figure(found: Touch) -> "Figure":
     """Return a figure: each felt quantity over the tip's stiffness, and all spreads.
 
     Args:
-        found: Of `analysis.touch.find_touch`.
+        found: Of `sautereau.analysis.campaign.touch.find_touch`.
     """
     from matplotlib.figure import Figure
 

@@ -5,10 +5,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from analysis.errors import AnalysisError
-from analysis.identify.noise import Whitening, autocovariance, whitening
-from analysis.identify.observed import observed
-from analysis.identify.parameters import (
+from sautereau.analysis.errors import AnalysisError
+from sautereau.analysis.identify.noise import Whitening, autocovariance, whitening
+from sautereau.analysis.identify.observed import observed
+from sautereau.analysis.identify.parameters import (
     CLEARANCE,
     GAIN,
     TIME,
@@ -17,12 +17,12 @@ from analysis.identify.parameters import (
     Prior,
     parameters,
 )
-from analysis.identify.problem import Problem, descend
-from analysis.identify.residuals import Balance, check_alike
-from analysis.phases import Phases
-from analysis.press import Press
-from rig.schema import Rig
-from trajectory.motion import Floats
+from sautereau.analysis.identify.problem import Problem, descend
+from sautereau.analysis.identify.residuals import Balance, check_alike
+from sautereau.analysis.phases import Phases
+from sautereau.analysis.press.load import Press
+from sautereau.rig.schema import Rig
+from sautereau.trajectory.motion import Floats
 
 RISE_STD = 2e-6
 """m, by which all rises may be wrong alike: what is left of the vibrometer's drift."""

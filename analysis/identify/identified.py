@@ -6,15 +6,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.identify.fit import Fit, balance_of, fit, rms
-from analysis.identify.parameters import FORCE, Parameter, Prior, with_parameters
-from analysis.identify.problem import AT_BOUND, Problem
-from analysis.identify.residuals import Balance
-from analysis.identify.told import TOLD, Combination, combinations
-from analysis.phases import Phases
-from analysis.press import Press
-from rig.schema import Rig
-from trajectory.motion import Floats
+from sautereau.analysis.identify.fit import Fit, balance_of, fit, rms
+from sautereau.analysis.identify.parameters import FORCE, Parameter, Prior, with_parameters
+from sautereau.analysis.identify.problem import AT_BOUND, Problem
+from sautereau.analysis.identify.residuals import Balance
+from sautereau.analysis.identify.told import TOLD, Combination, combinations
+from sautereau.analysis.phases import Phases
+from sautereau.analysis.press.load import Press
+from sautereau.rig.schema import Rig
+from sautereau.trajectory.motion import Floats
 
 INTERVAL = 1.96
 """1, standard uncertainties from a value to the ends of its 95 % interval."""

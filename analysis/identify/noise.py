@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from trajectory.motion import Floats
+from sautereau.trajectory.motion import Floats
 
 REACH = 50e-3
 """s, over which residuals may hold together: two and a half periods of the mains."""

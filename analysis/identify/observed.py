@@ -10,12 +10,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.errors import AnalysisError
-from analysis.phases import Phases
-from analysis.press import Press
-from rig.schema import Rig
-from trajectory.key import rise_of_angle
-from trajectory.motion import Floats, Motion
+from sautereau.analysis.errors import AnalysisError
+from sautereau.analysis.phases import Phases
+from sautereau.analysis.press.load import Press
+from sautereau.rig.schema import Rig
+from sautereau.trajectory.key import rise_of_angle
+from sautereau.trajectory.motion import Floats, Motion
 
 WINDOW = 2e-3
 """s, of the smoothing."""

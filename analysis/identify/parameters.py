@@ -5,10 +5,10 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from analysis.errors import AnalysisError
-from rig.faults import fault_list, unit_of
-from rig.schema import Rig
-from rig.units import format_quantity, parse_quantity
+from sautereau.analysis.errors import AnalysisError
+from sautereau.rig.faults import fault_list, unit_of
+from sautereau.rig.schema import Rig
+from sautereau.rig.units import format_quantity, parse_quantity
 
 STIFFNESS, MODULUS = "plectrum.bending_stiffness", "plectrum.youngs_modulus"
 TIME, FORCE = "offset.time", "offset.force"

@@ -5,11 +5,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from analysis.errors import ModelError
-from analysis.identify.noise import Whitening
-from analysis.identify.parameters import Parameter
-from analysis.identify.residuals import Balance
-from trajectory.motion import Floats
+from sautereau.analysis.errors import ModelError
+from sautereau.analysis.identify.noise import Whitening
+from sautereau.analysis.identify.parameters import Parameter
+from sautereau.analysis.identify.residuals import Balance
+from sautereau.trajectory.motion import Floats
 
 DIFFERENCE = 1e-3
 """1, of a parameter's scale, by which it is changed for a derivative."""

@@ -9,11 +9,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from analysis.errors import AnalysisError
-from analysis.identify.fit import Fit
-from analysis.identify.identified import Identified
-from analysis.identify.problem import descend
-from trajectory.motion import Floats
+from sautereau.analysis.errors import AnalysisError
+from sautereau.analysis.identify.fit import Fit
+from sautereau.analysis.identify.identified import Identified
+from sautereau.analysis.identify.problem import descend
+from sautereau.trajectory.motion import Floats
 
 CRITICAL = 3.841
 """1, 95 % point of chi squared of one degree of freedom."""

@@ -4,16 +4,16 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from analysis.errors import AnalysisError
-from analysis.identify.observed import Observed
-from analysis.identify.parameters import GAIN, TIME, Parameter, with_parameters
-from analysis.model.choirs import choir_pluck, choirs, key_of
-from analysis.model.key import finger_force
-from analysis.model.pluck import Pluck
-from rig.instrument import Choir
-from rig.schema import Rig
-from trajectory.key import angle_of_rise, rise_of_angle
-from trajectory.motion import Floats
+from sautereau.analysis.errors import AnalysisError
+from sautereau.analysis.identify.observed import Observed
+from sautereau.analysis.identify.parameters import GAIN, TIME, Parameter, with_parameters
+from sautereau.analysis.model.choirs import choir_pluck, choirs, key_of
+from sautereau.analysis.model.key import finger_force
+from sautereau.analysis.model.pluck.pluck import Pluck
+from sautereau.rig.instrument import Choir
+from sautereau.rig.schema import Rig
+from sautereau.trajectory.key import angle_of_rise, rise_of_angle
+from sautereau.trajectory.motion import Floats
 
 
 class Balance:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from trajectory.motion import Floats
+from sautereau.trajectory.motion import Floats
 
 TOLD = 0.015
 """1, standard uncertainty over the parameter's scale below which data tell it: the 95 % interval

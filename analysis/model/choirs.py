@@ -2,16 +2,16 @@
 
 from dataclasses import dataclass
 
-from analysis.errors import ModelError
-from analysis.model.plectrum.base import Floats, PlectrumMap
-from analysis.model.plectrum.elastica import Elastica
-from analysis.model.plectrum.levels import plectrum_map
-from analysis.model.pluck import Pluck, solve_pluck
-from analysis.model.string import release_speed
-from analysis.model.table import TabledElastica
-from rig.instrument import Choir, Key
-from rig.schema import Rig
-from trajectory.key import angle_of_rise, rise_of_angle, rise_slope
+from sautereau.analysis.errors import ModelError
+from sautereau.analysis.model.plectrum.base import Floats, PlectrumMap
+from sautereau.analysis.model.plectrum.elastica import Elastica
+from sautereau.analysis.model.plectrum.levels import plectrum_map
+from sautereau.analysis.model.pluck.pluck import Pluck, solve_pluck
+from sautereau.analysis.model.pluck.table import TabledElastica
+from sautereau.analysis.model.string.string import release_speed
+from sautereau.rig.instrument import Choir, Key
+from sautereau.rig.schema import Rig
+from sautereau.trajectory.key import angle_of_rise, rise_of_angle, rise_slope
 
 
 @dataclass(frozen=True)

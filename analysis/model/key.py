@@ -2,13 +2,13 @@
 
 import numpy as np
 
-from analysis.model.choirs import choirs, key_of
-from analysis.model.plectrum.base import Floats
-from rig.instrument import Jack
-from rig.schema import Rig
-from rig.section import GRAVITY
-from trajectory.key import rise_curvature, rise_slope
-from trajectory.motion import Motion
+from sautereau.analysis.model.choirs import choirs, key_of
+from sautereau.analysis.model.plectrum.base import Floats
+from sautereau.rig.instrument import Jack
+from sautereau.rig.schema import Rig
+from sautereau.rig.section import GRAVITY
+from sautereau.trajectory.key import rise_curvature, rise_slope
+from sautereau.trajectory.motion import Motion
 
 
 def jack_load(jack: Jack, velocity: Floats, acceleration: Floats, string_force: Floats) -> Floats:

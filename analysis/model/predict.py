@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from analysis.model.choirs import (
+from sautereau.analysis.model.choirs import (
     ChoirPluck,
     Held,
     StringState,
@@ -14,15 +14,15 @@ from analysis.model.choirs import (
     key_of,
     plucked,
 )
-from analysis.model.key import finger_force
-from analysis.model.plectrum.base import Floats, PlectrumMap
-from analysis.model.plectrum.levels import LEVELS as LEVELS
-from analysis.model.plectrum.levels import plectrum_map as map_of_level
-from analysis.model.pluck import Pluck
-from rig.schema import Rig
-from trajectory.expected import Expectation
-from trajectory.key import angle_of_rise, key_motion, rise_of_angle
-from trajectory.motion import Motion
+from sautereau.analysis.model.key import finger_force
+from sautereau.analysis.model.plectrum.base import Floats, PlectrumMap
+from sautereau.analysis.model.plectrum.levels import LEVELS as LEVELS
+from sautereau.analysis.model.plectrum.levels import plectrum_map as map_of_level
+from sautereau.analysis.model.pluck.pluck import Pluck
+from sautereau.rig.schema import Rig
+from sautereau.trajectory.expected import Expectation
+from sautereau.trajectory.key import angle_of_rise, key_motion, rise_of_angle
+from sautereau.trajectory.motion import Motion
 
 STEPS = 2000
 """Instants of a prediction."""

@@ -11,12 +11,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from analysis.errors import ModelError
-from analysis.model.plectrum.base import PlectrumMap
-from analysis.model.pluck import Pluck
-from analysis.model.predict import plectrum_map, rig_pluck
-from analysis.model.string import release_speed
-from rig.schema import Rig
+from sautereau.analysis.errors import ModelError
+from sautereau.analysis.model.plectrum.base import PlectrumMap
+from sautereau.analysis.model.pluck.pluck import Pluck
+from sautereau.analysis.model.predict import plectrum_map, rig_pluck
+from sautereau.analysis.model.string.string import release_speed
+from sautereau.rig.schema import Rig
 
 SAME = 1e-6
 """1, of a height, within which a release is the one asked for."""

@@ -1,6 +1,6 @@
 """The phases of a press: free, string held, released, once for every string."""
 
-from analysis.phases.find import find_phases
-from analysis.phases.found import HeldString, Phases
+from sautereau.analysis.phases.find import find_phases
+from sautereau.analysis.phases.found import HeldString, Phases
 
 __all__ = ["HeldString", "Phases", "find_phases"]

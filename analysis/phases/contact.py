@@ -9,11 +9,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from analysis.phases.fit import KeyAndString, Misfits
-from analysis.phases.release import Release
-from analysis.phases.stroke import Rows
-from rig.schema import Rig
-from trajectory.motion import Floats
+from sautereau.analysis.phases.fit import KeyAndString, Misfits
+from sautereau.analysis.phases.release import Release
+from sautereau.analysis.phases.stroke import Rows
+from sautereau.rig.schema import Rig
+from sautereau.trajectory.motion import Floats
 
 ZOOMS, CLOSER = 3, 1.2
 """Times that the search closes in at most, and spacings of a grid beside its best instant."""

@@ -4,9 +4,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from analysis.phases.found import HeldString
-from analysis.phases.signals import Signals
-from daq.marks import Mark
+from sautereau.analysis.phases.found import HeldString
+from sautereau.analysis.phases.signals import Signals
+from sautereau.daq.signals.quality_flags import Mark
 
 WEAK = 0.5e-3
 """s, uncertainty from which on a contact or a release is weak."""

@@ -3,16 +3,16 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.phases.contact import Contact, find_contact
-from analysis.phases.doubts import doubts_of, ending
-from analysis.phases.found import HeldString, Phases
-from analysis.phases.measure import line_through, measured
-from analysis.phases.release import LEAST_FALL, Release, find_falls, refine, robust_std
-from analysis.phases.signals import LEFT, Signals, signals_of, way_down
-from analysis.phases.stroke import Rows, rows_of
-from analysis.press import Press
-from rig.schema import Rig
-from trajectory.motion import Floats
+from sautereau.analysis.phases.contact import Contact, find_contact
+from sautereau.analysis.phases.doubts import doubts_of, ending
+from sautereau.analysis.phases.found import HeldString, Phases
+from sautereau.analysis.phases.measure import line_through, measured
+from sautereau.analysis.phases.release import LEAST_FALL, Release, find_falls, refine, robust_std
+from sautereau.analysis.phases.signals import LEFT, Signals, signals_of, way_down
+from sautereau.analysis.phases.stroke import Rows, rows_of
+from sautereau.analysis.press.load import Press
+from sautereau.rig.schema import Rig
+from sautereau.trajectory.motion import Floats
 
 FULL_SPEED = 0.95
 """1, share of the median speed above which the jack counts as neither starting nor ending."""

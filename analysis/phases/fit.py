@@ -11,10 +11,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from analysis.phases.release import Release
-from analysis.phases.stroke import Rows
-from rig.schema import Rig
-from trajectory.motion import Floats
+from sautereau.analysis.phases.release import Release
+from sautereau.analysis.phases.stroke import Rows
+from sautereau.rig.schema import Rig
+from sautereau.trajectory.motion import Floats
 
 INERTIA_STD = 0.25
 """1, standard deviation of key and jack's inertia about the rig's."""

@@ -2,11 +2,11 @@
 
 import numpy as np
 
-from analysis.phases.contact import Contact
-from analysis.phases.found import HeldString
-from analysis.phases.release import Release
-from analysis.phases.signals import Signals
-from trajectory.motion import Floats
+from sautereau.analysis.phases.contact import Contact
+from sautereau.analysis.phases.found import HeldString
+from sautereau.analysis.phases.release import Release
+from sautereau.analysis.phases.signals import Signals
+from sautereau.trajectory.motion import Floats
 
 SIDE = 1e-3
 """s, of the lines on either side of a release, and of the mean before contact."""

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from analysis.phases.signals import Signals
-from analysis.phases.stroke import BRIDGED, Rows, rows_of
-from trajectory.motion import Floats
+from sautereau.analysis.phases.signals import Signals
+from sautereau.analysis.phases.stroke import BRIDGED, Rows, rows_of
+from sautereau.trajectory.motion import Floats
 
 WINDOW = 20
 """Rows of the lines that are fitted on either side of a fall."""

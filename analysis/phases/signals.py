@@ -6,11 +6,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.errors import AnalysisError
-from analysis.press import Press, columns_of
-from daq.sensors import white_noise
-from rig.schema import Rig
-from trajectory.motion import Floats
+from sautereau.analysis.errors import AnalysisError
+from sautereau.analysis.press.load import Press, columns_of
+from sautereau.daq.signals.sensors import white_noise
+from sautereau.rig.schema import Rig
+from sautereau.trajectory.motion import Floats
 
 LEFT = 0.005
 """1, share of the full rise at which the jack has left its rest."""

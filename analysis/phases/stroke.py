@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import get_lapack_funcs
 
-from analysis.phases.signals import Signals
-from trajectory.motion import Floats
+from sautereau.analysis.phases.signals import Signals
+from sautereau.trajectory.motion import Floats
 
 ROWS = 800
 """Of a way down, at most."""

@@ -7,19 +7,19 @@ from functools import cache
 from importlib import resources
 from typing import TYPE_CHECKING
 
-from analysis.report import captions, facts
-from analysis.report.contents import Contents
-from analysis.report.fits import Fit
-from analysis.report.moving import Moving, moving
-from analysis.report.tables import (
+from sautereau.analysis.report import captions, facts
+from sautereau.analysis.report.contents import Contents
+from sautereau.analysis.report.fits import Fit
+from sautereau.analysis.report.moving import Moving, moving
+from sautereau.analysis.report.tables import (
     compared_rows,
     comparison_rows,
     course,
     feature_table,
     repeatability_rows,
 )
-from analysis.report.text import shown
-from rig.text import rig_text
+from sautereau.analysis.report.text import shown
+from sautereau.rig.text import rig_text
 
 if TYPE_CHECKING:
     from jinja2 import Template
@@ -128,7 +128,7 @@ def build_report(contents: Contents, about: About) -> str:
 
 
 def _data(contents: Contents, shown: Moving | None) -> dict[str, "Markup"]:
-    from analysis.report.figures import force_on_deflection, over_session, over_time
+    from sautereau.analysis.report.figures import force_on_deflection, over_session, over_time
 
     drawn = {
         "over-time": over_time(contents),
@@ -164,7 +164,7 @@ def _template() -> "Template":
 
 
 def _part(name: str) -> str:
-    return resources.files("analysis.report").joinpath(name).read_text(encoding="utf-8")
+    return resources.files("sautereau.analysis.report").joinpath(name).read_text(encoding="utf-8")
 
 
 def _policy(*scripts: str) -> "Markup":

@@ -4,7 +4,7 @@ import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from analysis.report.contents import Contents
+from sautereau.analysis.report.contents import Contents
 
 
 @dataclass(frozen=True)

@@ -8,24 +8,24 @@ from typing import Any
 
 import numpy as np
 
-from analysis.compare import Comparison, compare
-from analysis.compare_features import ComparedFeature, compare_features
-from analysis.errors import AnalysisError
-from analysis.features import Features, features
-from analysis.model.predict import Prediction, predict
-from analysis.phases import Phases, find_phases
-from analysis.press import Press, press_of
-from analysis.repeatability import LEAST, Repeatability, repeatability
-from analysis.report.differences import values_of
-from analysis.report.envelope import envelope
-from analysis.report.slow_motion import SlowMotion, slow_motion
-from daq.reading import read_recording
-from daq.recorded import Event, Recorded
-from daq.session_info import SessionInfo
-from rig.errors import SautereauError
-from rig.schema import Rig
-from trajectory.motion import Floats
-from trajectory.timing import press_law
+from sautereau.analysis.errors import AnalysisError
+from sautereau.analysis.model.predict import Prediction, predict
+from sautereau.analysis.phases import Phases, find_phases
+from sautereau.analysis.press.features import Features, features
+from sautereau.analysis.press.load import Press, press_of
+from sautereau.analysis.report.differences import values_of
+from sautereau.analysis.report.envelope import envelope
+from sautereau.analysis.report.slow_motion import SlowMotion, slow_motion
+from sautereau.analysis.session.compare import Comparison, compare
+from sautereau.analysis.session.compare_features import ComparedFeature, compare_features
+from sautereau.analysis.session.repeatability import LEAST, Repeatability, repeatability
+from sautereau.daq.file.reading import read_recording
+from sautereau.daq.file.recorded import Event, Recorded
+from sautereau.daq.file.session_info import SessionInfo
+from sautereau.rig.errors import SautereauError
+from sautereau.rig.schema import Rig
+from sautereau.trajectory.motion import Floats
+from sautereau.trajectory.timing import press_law
 
 POINTS = 50_000
 """Of all traces together: half a megabyte of the page."""

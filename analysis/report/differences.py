@@ -3,8 +3,8 @@
 from collections.abc import Mapping
 from typing import Any
 
-from rig.load import rig_document
-from rig.schema import Rig
+from sautereau.rig.load import rig_document
+from sautereau.rig.schema import Rig
 
 _ADDRESSES = (("controller", "port"), ("daq", "address"))
 """Where devices are plugged in: no condition of a press."""

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from trajectory.motion import Floats
+from sautereau.trajectory.motion import Floats
 
 Frames = tuple[str, ...]
 """A value of an attribute in every frame."""

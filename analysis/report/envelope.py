@@ -4,7 +4,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from trajectory.motion import Floats
+from sautereau.trajectory.motion import Floats
 
 
 def envelope(signal: Floats, points: int) -> np.ndarray:

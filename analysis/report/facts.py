@@ -4,11 +4,11 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from analysis.report.contents import Contents, PressRecord
-from daq.file.provenance import software as software_here
-from rig.load import rig_document
-from rig.schema import Rig
-from rig.units import readable_quantity
+from sautereau.analysis.report.contents import Contents, PressRecord
+from sautereau.daq.file.provenance import software as software_here
+from sautereau.rig.load import rig_document
+from sautereau.rig.schema import Rig
+from sautereau.rig.units import readable_quantity
 
 MOST_LISTED = 40
 """Entries of one list that the page shows."""

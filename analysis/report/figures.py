@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from analysis.report.contents import Condition, Contents, PressRecord, Trace
+from sautereau.analysis.report.contents import Condition, Contents, PressRecord, Trace
 
 if TYPE_CHECKING:
     from plotly.graph_objects import Figure

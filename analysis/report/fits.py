@@ -5,7 +5,7 @@ from pathlib import Path
 
 from pydantic import BaseModel, ConfigDict, FiniteFloat, ValidationError
 
-from analysis.errors import AnalysisError
+from sautereau.analysis.errors import AnalysisError
 
 PATTERN = "fit*.json"
 """Names under which a session's folder keeps them."""

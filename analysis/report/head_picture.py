@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from analysis.figures.jack import AXLE, BODY, FELT_HEIGHT, PIVOT
-from analysis.reenactment import ChoirMotion
-from analysis.report.drawing import (
+from sautereau.analysis.figures.jack import AXLE, BODY, FELT_HEIGHT, PIVOT
+from sautereau.analysis.press.reenactment import ChoirMotion
+from sautereau.analysis.report.drawing import (
     Frames,
     Picture,
     Shape,

@@ -4,10 +4,10 @@ import json
 from dataclasses import dataclass
 from itertools import chain
 
-from analysis.report.drawing import Picture
-from analysis.report.head_picture import head_picture
-from analysis.report.scene_pictures import force_picture, key_picture, string_picture
-from analysis.report.slow_motion import Reading, SlowMotion, about, readings
+from sautereau.analysis.report.drawing import Picture
+from sautereau.analysis.report.head_picture import head_picture
+from sautereau.analysis.report.scene_pictures import force_picture, key_picture, string_picture
+from sautereau.analysis.report.slow_motion import Reading, SlowMotion, about, readings
 
 SLIDER, READING = "frame", "reading"
 """Id of what chooses the frame, and the beginning of those of the readings."""

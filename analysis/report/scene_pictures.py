@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from analysis.figures.side import BODY, HEAD, JACK, UNDER, key_outline, string_height
-from analysis.model.choirs import choirs, key_of
-from analysis.reenactment import ChoirMotion, Reenactment
-from analysis.report.drawing import (
+from sautereau.analysis.figures.side import BODY, HEAD, JACK, UNDER, key_outline, string_height
+from sautereau.analysis.model.choirs import choirs, key_of
+from sautereau.analysis.press.reenactment import ChoirMotion, Reenactment
+from sautereau.analysis.report.drawing import (
     Picture,
     Shape,
     box,
@@ -16,9 +16,9 @@ from analysis.report.drawing import (
     shifted,
     whole,
 )
-from analysis.report.envelope import envelope
-from trajectory.key import rise_of_angle
-from trajectory.motion import Floats
+from sautereau.analysis.report.envelope import envelope
+from sautereau.trajectory.key import rise_of_angle
+from sautereau.trajectory.motion import Floats
 
 WIDE, LOW = 2000, 600
 """Units of the pictures of string and force, of about a third of a pixel."""

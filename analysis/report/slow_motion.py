@@ -4,12 +4,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from analysis.errors import AnalysisError
-from analysis.figures.made import how_made
-from analysis.model.choirs import choirs
-from analysis.phases import Phases
-from analysis.press import Press
-from analysis.reenactment import Reenactment, reenact
+from sautereau.analysis.errors import AnalysisError
+from sautereau.analysis.figures.made import how_made
+from sautereau.analysis.model.choirs import choirs
+from sautereau.analysis.phases import Phases
+from sautereau.analysis.press.load import Press
+from sautereau.analysis.press.reenactment import Reenactment, reenact
 
 FRAMES = 101
 OF_ALL_CHOIRS = 202

@@ -5,10 +5,10 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
-from analysis.compare import Comparison, Departure
-from analysis.compare_features import ComparedFeature
-from analysis.repeatability import Repeatability
-from analysis.report.contents import PressRecord
+from sautereau.analysis.report.contents import PressRecord
+from sautereau.analysis.session.compare import Comparison, Departure
+from sautereau.analysis.session.compare_features import ComparedFeature
+from sautereau.analysis.session.repeatability import Repeatability
 
 NONE = "–"
 

@@ -3,8 +3,8 @@
 from collections.abc import Sequence
 from typing import Any
 
-from analysis.compare import Comparison, Departure
-from analysis.compare_features import ComparedFeature
+from sautereau.analysis.session.compare import Comparison, Departure
+from sautereau.analysis.session.compare_features import ComparedFeature
 
 INTERVALS = {"student": "Student's t", "bootstrap": "presses resampled, BCa"}
 READABLE = {"s": (1e3, "ms"), "m": (1e3, "mm"), "N": (1.0, "N"), "J": (1e6, "uJ")}

@@ -3,9 +3,9 @@
 from collections.abc import Sequence
 from typing import Any
 
-from analysis.identify.identified import Estimate, Identified
-from analysis.identify.profile import Profile
-from analysis.identify.told import TOLD
+from sautereau.analysis.identify.identified import Estimate, Identified
+from sautereau.analysis.identify.profile import Profile
+from sautereau.analysis.identify.told import TOLD
 
 
 def fit_summary(found: Identified, profiles: Sequence[Profile] = ()) -> dict[str, Any]:

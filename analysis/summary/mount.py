@@ -4,9 +4,9 @@ import math
 from dataclasses import asdict
 from typing import Any
 
-from rig.schema import Rig
-from trajectory.locate import Located
-from trajectory.mount import Mount
+from sautereau.rig.schema import Rig
+from sautereau.trajectory.mount.find import Mount
+from sautereau.trajectory.mount.locate import Located
 
 
 def mount_summary(found: Mount) -> dict[str, Any]:

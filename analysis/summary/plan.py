@@ -5,8 +5,8 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from typing import Any
 
-from rig.schema import Rig
-from trajectory.press import Trajectory
+from sautereau.rig.schema import Rig
+from sautereau.trajectory.press import Trajectory
 
 
 def plan_summary(draft: Trajectory, warnings: Sequence[str]) -> dict[str, Any]:

@@ -3,10 +3,10 @@
 import math
 from typing import Any
 
-from analysis.model.choirs import ChoirPluck
-from analysis.model.predict import Prediction
-from analysis.model.string import first_mode_release_speed
-from rig.schema import Rig
+from sautereau.analysis.model.choirs import ChoirPluck
+from sautereau.analysis.model.predict import Prediction
+from sautereau.analysis.model.string.string import first_mode_release_speed
+from sautereau.rig.schema import Rig
 
 
 def prediction_summary(rig: Rig, found: Prediction) -> dict[str, Any]:

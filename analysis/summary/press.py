@@ -2,8 +2,8 @@
 
 from typing import Any
 
-from analysis.phases import Phases
-from analysis.press import Press
+from sautereau.analysis.phases import Phases
+from sautereau.analysis.press.load import Press
 
 HEADER = (
     f"{'press':<25} {'jack m/s':>9} {'contact ms':>10} {'release ms':>10}"

@@ -3,7 +3,7 @@
 from dataclasses import fields
 from typing import Any
 
-from analysis.repeatability import Repeatability, Spread, Trend
+from sautereau.analysis.session.repeatability import Repeatability, Spread, Trend
 
 
 def repeatability_summary(found: Repeatability) -> dict[str, Any]:

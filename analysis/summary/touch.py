@@ -3,9 +3,9 @@
 from dataclasses import asdict
 from typing import Any
 
-from analysis.repeatability import Spread
-from analysis.summary.simulated import SOME_SIMULATED
-from analysis.touch import UNITS, Felt, Touch
+from sautereau.analysis.campaign.touch import UNITS, Felt, Touch
+from sautereau.analysis.session.repeatability import Spread
+from sautereau.analysis.summary.simulated import SOME_SIMULATED
 
 SHORT = {"threshold": "N", "slope": "N/mm", "drop": "N"}
 """Units of the table."""

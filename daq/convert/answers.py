@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 
-from daq.errors import RecordingError
+from sautereau.daq.errors import RecordingError
 
 
 @dataclass(frozen=True)

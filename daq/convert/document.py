@@ -9,13 +9,13 @@ from typing import Any
 
 import numpy as np
 
-from daq.errors import RecordingError
-from daq.marks import find_marks
-from daq.recorded import Event, Joints, Plan, Recorded, Signal
-from daq.session_info import SessionInfo, session_from_metadata
-from rig.errors import RigError
-from rig.load import rig_from_json, rig_json
-from rig.schema import Rig
+from sautereau.daq.errors import RecordingError
+from sautereau.daq.file.recorded import Event, Joints, Plan, Recorded, Signal
+from sautereau.daq.file.session_info import SessionInfo, session_from_metadata
+from sautereau.daq.signals.quality_flags import find_marks
+from sautereau.rig.errors import RigError
+from sautereau.rig.load import rig_from_json, rig_json
+from sautereau.rig.schema import Rig
 
 FORMAT = "sautereau export 1"
 """Of the document; another number is another format."""

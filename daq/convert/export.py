@@ -5,15 +5,15 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from daq.convert.document import document_text
-from daq.convert.source import SIMULATED
-from daq.delays import undelayed
-from daq.errors import RecordingError
-from daq.file.durable import DurableFile
-from daq.reading import read_recording
-from daq.recorded import Recorded
-from daq.sensors import correct
-from rig.faults import fault_list
+from sautereau.daq.convert.document import document_text
+from sautereau.daq.convert.source import SIMULATED
+from sautereau.daq.errors import RecordingError
+from sautereau.daq.file.container.durable import DurableFile
+from sautereau.daq.file.reading import read_recording
+from sautereau.daq.file.recorded import Recorded
+from sautereau.daq.signals.delays import undelayed
+from sautereau.daq.signals.sensors import correct
+from sautereau.rig.faults import fault_list
 
 if TYPE_CHECKING:
     import pyarrow as pa

@@ -4,9 +4,9 @@ import csv as csv_dialects
 from dataclasses import dataclass
 from pathlib import Path
 
-from daq.convert.document import Document, read_document
-from daq.convert.source import Columns, Source
-from daq.errors import RecordingError
+from sautereau.daq.convert.document import Document, read_document
+from sautereau.daq.convert.source import Columns, Source
+from sautereau.daq.errors import RecordingError
 
 DELIMITERS = ";\t,"
 """That a line is split by; the first one in it. A comma may be a decimal one elsewhere."""

@@ -4,10 +4,10 @@ from pathlib import Path
 
 import numpy as np
 
-from daq.convert.document import read_document
-from daq.convert.export import METADATA_KEY
-from daq.convert.source import Columns, Source
-from daq.errors import RecordingError
+from sautereau.daq.convert.document import read_document
+from sautereau.daq.convert.export import METADATA_KEY
+from sautereau.daq.convert.source import Columns, Source
+from sautereau.daq.errors import RecordingError
 
 
 def open_parquet(path: Path) -> Source:

@@ -4,8 +4,8 @@ from pathlib import Path
 
 import numpy as np
 
-from daq.convert.source import Columns, Source
-from daq.errors import RecordingError
+from sautereau.daq.convert.source import Columns, Source
+from sautereau.daq.errors import RecordingError
 
 UNIT_PROPERTIES = ("unit_string", "NI_UnitDescription")
 

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from daq.convert.source import Columns, Source
-from daq.errors import RecordingError
+from sautereau.daq.convert.source import Columns, Source
+from sautereau.daq.errors import RecordingError
 
 
 def open_wav(path: Path) -> Source:

@@ -5,17 +5,17 @@ from pathlib import Path
 
 import numpy as np
 
-from daq.block import Block
-from daq.convert.answers import Answers, refuse_answers
-from daq.convert.document import Document, digest, sha256
-from daq.convert.settle import Asked, Settled, settle
-from daq.convert.source import Source, open_source
-from daq.errors import RecordingError
-from daq.recorded import Event, Signal
-from daq.recording import Recording
-from daq.sensors import to_volts
-from daq.session_info import SessionInfo
-from rig.schema import Rig
+from sautereau.daq.block import Block
+from sautereau.daq.convert.answers import Answers, refuse_answers
+from sautereau.daq.convert.document import Document, digest, sha256
+from sautereau.daq.convert.settle import Asked, Settled, settle
+from sautereau.daq.convert.source import Source, open_source
+from sautereau.daq.errors import RecordingError
+from sautereau.daq.file.recorded import Event, Signal
+from sautereau.daq.file.recording import Recording
+from sautereau.daq.file.session_info import SessionInfo
+from sautereau.daq.signals.sensors import to_volts
+from sautereau.rig.schema import Rig
 
 EVEN = 0.1
 """Steps by which a column of times may miss an even grid, for its decimals are rounded."""

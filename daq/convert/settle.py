@@ -3,13 +3,13 @@
 from dataclasses import dataclass
 from datetime import UTC, datetime
 
-from daq.convert.answers import Answers
-from daq.convert.source import SIMULATED, Source
-from daq.errors import RecordingError
-from rig.acquisition import Channel
-from rig.faults import fault_list
-from rig.schema import Rig
-from rig.units import parse_quantity
+from sautereau.daq.convert.answers import Answers
+from sautereau.daq.convert.source import SIMULATED, Source
+from sautereau.daq.errors import RecordingError
+from sautereau.rig.acquisition import Channel
+from sautereau.rig.faults import fault_list
+from sautereau.rig.schema import Rig
+from sautereau.rig.units import parse_quantity
 
 
 @dataclass(frozen=True)

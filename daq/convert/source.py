@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from daq.convert.document import Document
-from daq.errors import RecordingError
+from sautereau.daq.convert.document import Document
+from sautereau.daq.errors import RecordingError
 
 SIMULATED = "simulated"
 """Column that an export of a simulated recording has, so that the table alone tells."""
@@ -50,13 +50,13 @@ def open_source(path: Path) -> Source:
         raise RecordingError("there is no such file; see its name and folder")
     suffix = path.suffix.lower()
     if suffix == ".parquet":
-        from daq.convert.from_parquet import open_parquet as opener
+        from sautereau.daq.convert.from_parquet import open_parquet as opener
     elif suffix == ".csv":
-        from daq.convert.from_csv import open_csv as opener
+        from sautereau.daq.convert.from_csv import open_csv as opener
     elif suffix == ".tdms":
-        from daq.convert.from_tdms import open_tdms as opener
+        from sautereau.daq.convert.from_tdms import open_tdms as opener
     elif suffix == ".wav":
-        from daq.convert.from_wav import open_wav as opener
+        from sautereau.daq.convert.from_wav import open_wav as opener
     else:
         raise RecordingError(
             f"files that end in {suffix!r} are not read; give a .tdms, .csv, .wav or .parquet file"

@@ -10,8 +10,8 @@ from google.protobuf.message import DecodeError
 from mcap.exceptions import McapError
 from mcap.records import Metadata
 
-from daq.errors import RecordingError
-from daq.file.records import (
+from sautereau.daq.errors import RecordingError
+from sautereau.daq.file.container.records import (
     CHANNEL,
     LARGEST_CHUNK,
     LARGEST_DEFINITIONS,
@@ -23,13 +23,13 @@ from daq.file.records import (
     texts_within,
     unsealed,
 )
-from daq.file.schemas import FIELDS, decode, doubles
-from daq.file.unpacking import unpacked
-from daq.recorded import Event, Joints, Plan
-from daq.session_info import SessionInfo, session_from_metadata
-from rig.errors import RigError
-from rig.load import rig_from_json
-from rig.schema import Rig
+from sautereau.daq.file.container.unpacking import unpacked
+from sautereau.daq.file.recorded import Event, Joints, Plan
+from sautereau.daq.file.schemas import FIELDS, decode, doubles
+from sautereau.daq.file.session_info import SessionInfo, session_from_metadata
+from sautereau.rig.errors import RigError
+from sautereau.rig.load import rig_from_json
+from sautereau.rig.schema import Rig
 
 MOST_EVENTS = 100_000
 """Of a recording."""

@@ -2,10 +2,10 @@
 
 from pathlib import Path
 
-from daq.errors import RecordingError
-from daq.file.integrity import opened, records, size_of
-from daq.file.records import MAGIC, Opcode, unsealed
-from daq.session_info import SessionInfo, session_from_metadata
+from sautereau.daq.errors import RecordingError
+from sautereau.daq.file.container.records import MAGIC, Opcode, unsealed
+from sautereau.daq.file.integrity import opened, records, size_of
+from sautereau.daq.file.session_info import SessionInfo, session_from_metadata
 
 
 def read_session(path: str | Path) -> SessionInfo:

@@ -8,9 +8,16 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import BinaryIO, NamedTuple
 
-from daq.errors import RecordingError
-from daq.file.provenance import PROFILE
-from daq.file.records import LARGEST_CHUNK, MAGIC, PREFIX, DamageError, Opcode, Record
+from sautereau.daq.errors import RecordingError
+from sautereau.daq.file.container.records import (
+    LARGEST_CHUNK,
+    MAGIC,
+    PREFIX,
+    DamageError,
+    Opcode,
+    Record,
+)
+from sautereau.daq.file.provenance import PROFILE
 
 _FOOTER = struct.Struct("<BQQQI")  # prefix, summary start, summary offset start, CRC
 _DATA_END = struct.Struct("<BQI")  # prefix, CRC of all before

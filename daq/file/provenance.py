@@ -8,12 +8,12 @@ from importlib.metadata import PackageNotFoundError, version
 
 from mcap.records import Channel, Schema
 
-from daq.file.preview import ATTENUATION, PASS_BAND, Decimator
-from daq.file.schemas import FIELDS, PACKAGE, schema_data
-from daq.file.writer import McapWriter
-from daq.session_info import SessionInfo
-from rig.load import rig_document, rig_json
-from rig.schema import Rig
+from sautereau.daq.file.container.writer import McapWriter
+from sautereau.daq.file.preview import ATTENUATION, PASS_BAND, Decimator
+from sautereau.daq.file.schemas import FIELDS, PACKAGE, schema_data
+from sautereau.daq.file.session_info import SessionInfo
+from sautereau.rig.load import rig_document, rig_json
+from sautereau.rig.schema import Rig
 
 PROFILE = "sautereau"
 """Profile in the header of our MCAP files."""

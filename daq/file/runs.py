@@ -6,9 +6,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from daq.errors import RecordingError
-from daq.file.contents import FOREIGN
-from daq.recorded import Gap, Signal, Stretch
+from sautereau.daq.errors import RecordingError
+from sautereau.daq.file.contents import FOREIGN
+from sautereau.daq.file.recorded import Gap, Signal, Stretch
 
 MOST_RUNS = 10_000
 """Of a channel."""

@@ -5,8 +5,8 @@ from collections.abc import Callable
 import numpy as np
 from numpy.random import Generator
 
-from sim_backend.faults.tables import CableOut, Faults, LineFault
-from sim_backend.serial_port import PortGone
+from sautereau.sim_backend.devices.serial_port import PortGone
+from sautereau.sim_backend.faults.tables import CableOut, Faults, LineFault
 
 Past = Callable[[int, float], bool]
 """Whether so many seconds have passed since the trigger edge of a press, from 1."""

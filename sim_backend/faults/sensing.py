@@ -6,8 +6,8 @@ from typing import Protocol
 import numpy as np
 from numpy.random import Generator
 
-from sim_backend.faults.tables import Drift, Faults, Overload, Speckle
-from trajectory.motion import Floats
+from sautereau.sim_backend.faults.tables import Drift, Faults, Overload, Speckle
+from sautereau.trajectory.motion import Floats
 
 
 class Disturbance(Protocol):

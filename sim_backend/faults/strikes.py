@@ -3,9 +3,9 @@
 from collections.abc import Callable
 from typing import Protocol
 
-from sim_backend.daqmx.card import DaqmxError, ServerGone
-from sim_backend.faults.tables import Faults
-from sim_backend.runs import RunFault
+from sautereau.sim_backend.devices.daqmx.card import DaqmxError, ServerGone
+from sautereau.sim_backend.devices.daqmx.runs import RunFault
+from sautereau.sim_backend.faults.tables import Faults
 
 
 class Joints(Protocol):

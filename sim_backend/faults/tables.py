@@ -10,8 +10,8 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from rig.section import Force, Frequency, Section, Time
-from rig.units import Unit
+from sautereau.rig.section import Force, Frequency, Section, Time
+from sautereau.rig.units import Unit
 
 Share = Annotated[float, Field(ge=0, le=1)]
 

@@ -6,12 +6,12 @@ from typing import Protocol
 
 import numpy as np
 
-from rig.schema import Rig
-from sim_backend.parts import Push
-from sim_backend.physics.finger import Reference
-from trajectory.cubic import Cubics, motion_at, segment_cubics
-from trajectory.motion import Floats, Motion
-from trajectory.segments import Segments
+from sautereau.rig.schema import Rig
+from sautereau.sim_backend.parts import Push
+from sautereau.sim_backend.physics.finger import Reference
+from sautereau.trajectory.cubic import Cubics, motion_at, segment_cubics
+from sautereau.trajectory.motion import Floats, Motion
+from sautereau.trajectory.segments import Segments
 
 LEAD = 20
 """Controller samples for which the arm stands before a press, so that all is at rest."""

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, field
 
-from trajectory.motion import Floats
+from sautereau.trajectory.motion import Floats
 
 
 @dataclass(frozen=True)

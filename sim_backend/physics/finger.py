@@ -4,8 +4,8 @@ import math
 from collections.abc import Callable
 from typing import Protocol
 
-from sim_backend.parts import Push
-from trajectory.motion import Floats
+from sautereau.sim_backend.parts import Push
+from sautereau.trajectory.motion import Floats
 
 Reference = Callable[[Floats], tuple[Floats, Floats]]
 """Fractions of the sample to counts and counts a sample, each (n, 2)."""

@@ -5,13 +5,13 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from rig.schema import Rig
-from sim_backend.errors import SceneError
-from sim_backend.physics.drive import Drive, PressDrive, PushDrive
-from sim_backend.physics.events import Motions, PluckEvents, StringEvent
-from sim_backend.scene import Scene
-from trajectory.errors import TrajectoryError
-from trajectory.press import plan_press
+from sautereau.rig.schema import Rig
+from sautereau.sim_backend.errors import SceneError
+from sautereau.sim_backend.physics.drive import Drive, PressDrive, PushDrive
+from sautereau.sim_backend.physics.events import Motions, PluckEvents, StringEvent
+from sautereau.sim_backend.scene import Scene
+from sautereau.trajectory.errors import TrajectoryError
+from sautereau.trajectory.press import plan_press
 
 
 @dataclass(frozen=True)
@@ -58,7 +58,7 @@ def observe(rig: Rig, scene: Scene, drive: Drive | None = None) -> Observation:
     Raises:
         SceneError: The scene cannot be simulated.
     """
-    from sim_backend.physics.world import new_world
+    from sautereau.sim_backend.physics.world import new_world
 
     drive = drive or drive_of(rig, scene)
     world = new_world(rig, scene, start=drive.start)

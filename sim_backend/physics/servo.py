@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from rig.schema import Arm
-from sim_backend.parts import Servo
-from trajectory.dynamics import gravity_torque
+from sautereau.rig.schema import Arm
+from sautereau.sim_backend.parts import Servo
+from sautereau.trajectory.dynamics import gravity_torque
 
 
 class PositionLoops:

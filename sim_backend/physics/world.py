@@ -2,11 +2,11 @@
 
 from typing import Protocol
 
-from rig.schema import Rig
-from sim_backend.errors import SceneError
-from sim_backend.physics.events import Motions, PluckEvents
-from sim_backend.physics.finger import Finger, Reference
-from sim_backend.scene import Scene
+from sautereau.rig.schema import Rig
+from sautereau.sim_backend.errors import SceneError
+from sautereau.sim_backend.physics.events import Motions, PluckEvents
+from sautereau.sim_backend.physics.finger import Finger, Reference
+from sautereau.sim_backend.scene import Scene
 
 
 class World(Protocol):
@@ -63,12 +63,12 @@ def new_world(rig: Rig, scene: Scene, start: tuple[float, float] | None = None) 
     if auto:
         raise SceneError(
             f"scene: {', '.join(auto)} is left to the accuracy of {scene.accuracy}; choose it first"
-            " with `sim_backend.trade.choose.settle`"
+            " with `sautereau.sim_backend.trade.choose.settle`"
         )
     if scene.engine == "reduced":
-        from sim_backend.physics.reduced import ReducedWorld
+        from sautereau.sim_backend.physics.reduced.engine import ReducedWorld
 
         return ReducedWorld(rig, scene, start)
-    from sim_backend.physics.rigid import RigidWorld
+    from sautereau.sim_backend.physics.rigid.engine import RigidWorld
 
     return RigidWorld(rig, scene, start)

@@ -10,10 +10,10 @@ from dataclasses import asdict, replace
 from importlib.metadata import version
 from pathlib import Path
 
-from rig.load import rig_json
-from rig.schema import Rig
-from sim_backend.scene import Scene
-from sim_backend.trade.points import Point, Trade
+from sautereau.rig.load import rig_json
+from sautereau.rig.schema import Rig
+from sautereau.sim_backend.scene import Scene
+from sautereau.sim_backend.trade.points import Point, Trade
 
 
 def machine() -> str:

@@ -6,9 +6,9 @@ from typing import Any, Literal
 
 import numpy as np
 
-from rig.schema import Rig
-from rig.section import GRAVITY
-from sim_backend.scene import Scene
+from sautereau.rig.schema import Rig
+from sautereau.rig.section import GRAVITY
+from sautereau.sim_backend.scene import Scene
 
 Engine = Literal["rigid", "reduced"]
 ENGINES: tuple[Engine, ...] = ("rigid", "reduced")

@@ -2,17 +2,17 @@
 
 import math
 
-from rig.instrument import Plectrum
-from rig.schema import Rig
-from sim_backend.accuracy import Accuracy
-from sim_backend.errors import SceneError
-from sim_backend.physics.drive import Drive
-from sim_backend.physics.observation import Errors, drive_of, errors, observe
-from sim_backend.reference.observe import reference
-from sim_backend.scene import Scene
-from sim_backend.trade.cost import cost
-from sim_backend.trade.settled import Settled, meets, micro, reached, share
-from sim_backend.trade.trial import Observe, Trial, fewest
+from sautereau.rig.instrument import Plectrum
+from sautereau.rig.schema import Rig
+from sautereau.sim_backend.accuracy import Accuracy
+from sautereau.sim_backend.errors import SceneError
+from sautereau.sim_backend.physics.drive import Drive
+from sautereau.sim_backend.physics.observation import Errors, drive_of, errors, observe
+from sautereau.sim_backend.physics.reference.observe import reference
+from sautereau.sim_backend.scene import Scene
+from sautereau.sim_backend.trade.cost import cost
+from sautereau.sim_backend.trade.settled import Settled, meets, micro, reached, share
+from sautereau.sim_backend.trade.trial import Observe, Trial, fewest
 
 NONE = Errors(0.0, 0.0)
 STRING_STEP = 50e-6

@@ -1,7 +1,7 @@
 """What a scene costs by a fixed rule, so that a choice never depends on how fast a machine is."""
 
-from rig.schema import Rig
-from sim_backend.scene import Scene
+from sautereau.rig.schema import Rig
+from sautereau.sim_backend.scene import Scene
 
 STEP = {"rigid": 10e-6, "reduced": 1e-6}
 """s, of one step of an engine with one choir; measured on one machine, once."""

@@ -3,8 +3,8 @@
 import math
 from collections.abc import Callable
 
-from sim_backend.errors import SceneError
-from sim_backend.physics.observation import Errors, Observation, errors
+from sautereau.sim_backend.errors import SceneError
+from sautereau.sim_backend.physics.observation import Errors, Observation, errors
 
 FINER = 3
 """Rungs above one that tell its error."""

@@ -4,18 +4,18 @@ import math
 from collections.abc import Callable
 from dataclasses import replace
 
-from analysis.errors import ModelError
-from rig.schema import Rig
-from sim_backend.accuracy import Accuracy
-from sim_backend.errors import SceneError
-from sim_backend.physics.drive import Drive
-from sim_backend.physics.observation import Observation, drive_of, errors
-from sim_backend.scene import Scene
-from sim_backend.trade.cache import machine, store_trade, stored_trade
-from sim_backend.trade.choose import told
-from sim_backend.trade.pareto import pareto
-from sim_backend.trade.points import Point, Trade
-from sim_backend.trade.stopwatch import timed
+from sautereau.analysis.errors import ModelError
+from sautereau.rig.schema import Rig
+from sautereau.sim_backend.accuracy import Accuracy
+from sautereau.sim_backend.errors import SceneError
+from sautereau.sim_backend.physics.drive import Drive
+from sautereau.sim_backend.physics.observation import Observation, drive_of, errors
+from sautereau.sim_backend.scene import Scene
+from sautereau.sim_backend.trade.cache import machine, store_trade, stored_trade
+from sautereau.sim_backend.trade.choose import told
+from sautereau.sim_backend.trade.pareto import pareto
+from sautereau.sim_backend.trade.points import Point, Trade
+from sautereau.sim_backend.trade.stopwatch import timed
 
 STEPS = {"rigid": (1, 2, 4, 8, 16, 32, 64), "reduced": (1, 2, 4, 8, 16)}
 """Steps a controller sample that are tried with an engine."""
@@ -63,7 +63,7 @@ def recommended(points: list[Point], wanted: float) -> int | None:
 
 
 def _measured(rig: Rig, scene: Scene, progress: Callable[[float], None]) -> Trade:
-    from sim_backend.reference.observe import reference
+    from sautereau.sim_backend.physics.reference.observe import reference
 
     true = scene.true_rig(rig)
     drive = drive_of(rig, scene)

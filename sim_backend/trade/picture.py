@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from sim_backend.trade.points import Point, Trade
+from sautereau.sim_backend.trade.points import Point, Trade
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -3,10 +3,10 @@
 import math
 from dataclasses import dataclass
 
-from sim_backend.accuracy import Accuracy
-from sim_backend.physics.observation import Errors
-from sim_backend.scene import Scene
-from sim_backend.trade.ladder import LOST
+from sautereau.sim_backend.accuracy import Accuracy
+from sautereau.sim_backend.physics.observation import Errors
+from sautereau.sim_backend.scene import Scene
+from sautereau.sim_backend.trade.ladder import LOST
 
 
 @dataclass(frozen=True)

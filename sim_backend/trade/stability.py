@@ -7,14 +7,14 @@ from typing import Any, Literal
 
 import numpy as np
 
-from rig.errors import SautereauError
-from rig.load import with_values
-from rig.schema import Rig
-from sim_backend.physics.observation import Errors, Observation, drive_of, errors, observe
-from sim_backend.scene import Scene
-from sim_backend.trade.cases import Case, grid, random_cases
-from sim_backend.trade.choose import settle
-from sim_backend.trade.settled import reached
+from sautereau.rig.errors import SautereauError
+from sautereau.rig.load import with_values
+from sautereau.rig.schema import Rig
+from sautereau.sim_backend.physics.observation import Errors, Observation, drive_of, errors, observe
+from sautereau.sim_backend.scene import Scene
+from sautereau.sim_backend.trade.cases import Case, grid, random_cases
+from sautereau.sim_backend.trade.choose import settle
+from sautereau.sim_backend.trade.settled import reached
 
 RANDOM = 40
 """Random cases of the whole map."""
@@ -115,7 +115,7 @@ def stability_text(found: Map) -> list[str]:
 
 
 def _truth(bench: Rig, scene: Scene) -> Observation:
-    from sim_backend.reference.observe import reference
+    from sautereau.sim_backend.physics.reference.observe import reference
 
     return reference(bench, scene, drive_of(bench, scene))
 

@@ -3,11 +3,11 @@
 import statistics
 import time
 
-from rig.schema import Rig
-from sim_backend.physics.drive import Drive
-from sim_backend.physics.finger import Reference
-from sim_backend.physics.observation import Observation, observe
-from sim_backend.scene import Scene
+from sautereau.rig.schema import Rig
+from sautereau.sim_backend.physics.drive import Drive
+from sautereau.sim_backend.physics.finger import Reference
+from sautereau.sim_backend.physics.observation import Observation, observe
+from sautereau.sim_backend.scene import Scene
 
 RUNS = (3, 99)
 """Runs of which the median counts, at least and at most."""

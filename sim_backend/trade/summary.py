@@ -3,7 +3,7 @@
 from dataclasses import asdict
 from typing import Any
 
-from sim_backend.trade.points import Point, Trade
+from sautereau.sim_backend.trade.points import Point, Trade
 
 HEADER = "  engine   plectrum  string  iterations        step       error  force error  x real time"
 

@@ -3,15 +3,15 @@
 import math
 from collections.abc import Callable, Iterator
 
-from rig.schema import Rig
-from sim_backend.accuracy import Accuracy
-from sim_backend.errors import SceneError
-from sim_backend.physics.drive import Drive
-from sim_backend.physics.observation import Errors, Observation, errors
-from sim_backend.scene import Scene
-from sim_backend.trade.cost import cost
-from sim_backend.trade.ladder import LOST, ROUNDING, Ladder, total
-from sim_backend.trade.settled import Settled, meets, share
+from sautereau.rig.schema import Rig
+from sautereau.sim_backend.accuracy import Accuracy
+from sautereau.sim_backend.errors import SceneError
+from sautereau.sim_backend.physics.drive import Drive
+from sautereau.sim_backend.physics.observation import Errors, Observation, errors
+from sautereau.sim_backend.scene import Scene
+from sautereau.sim_backend.trade.cost import cost
+from sautereau.sim_backend.trade.ladder import LOST, ROUNDING, Ladder, total
+from sautereau.sim_backend.trade.settled import Settled, meets, share
 
 Observe = Callable[[Rig, Scene, Drive | None], Observation]
 

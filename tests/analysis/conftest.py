@@ -7,10 +7,10 @@ import pandas as pd
 import pytest
 from scipy.integrate import cumulative_trapezoid
 
-from analysis.press import Press
-from rig.load import load_rig
-from trajectory.key import key_motion, rise_of_angle, rise_slope
-from trajectory.motion import Motion
+from sautereau.analysis.press.load import Press
+from sautereau.rig.load import load_rig
+from sautereau.trajectory.key import key_motion, rise_of_angle, rise_slope
+from sautereau.trajectory.motion import Motion
 
 RUN_UP, RUN_DOWN = 10e-3, 20e-3
 

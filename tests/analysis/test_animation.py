@@ -10,15 +10,15 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from analysis.errors import AnalysisError
-from analysis.figures.animation import animation_figure
-from analysis.figures.movie import FRAME_RATE, animate, frame_times, pictures
-from analysis.phases import find_phases
-from analysis.reenactment import reenact
-from daq.recorded import Plan
-from rig.load import load_rig
-from sim_backend.scene import load_scene
-from trajectory.press import draft_press
+from sautereau.analysis.errors import AnalysisError
+from sautereau.analysis.figures.animation import animation_figure
+from sautereau.analysis.figures.movie import FRAME_RATE, animate, frame_times, pictures
+from sautereau.analysis.phases import find_phases
+from sautereau.analysis.press.reenactment import reenact
+from sautereau.daq.file.recorded import Plan
+from sautereau.rig.load import load_rig
+from sautereau.sim_backend.scene import load_scene
+from sautereau.trajectory.press import draft_press
 
 
 def staged(press, time, arm=None):

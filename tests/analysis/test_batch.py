@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from analysis.errors import ModelError
-from analysis.model.batch import DERIVED, VARIABLES, Status, predict_many
-from analysis.model.predict import predict
-from rig.instrument import Choir
+from sautereau.analysis.errors import ModelError
+from sautereau.analysis.model.pluck.batch import DERIVED, VARIABLES, Status, predict_many
+from sautereau.analysis.model.predict import predict
+from sautereau.rig.instrument import Choir
 
 SCALARS = (
     "contact_duration",

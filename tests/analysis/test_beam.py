@@ -5,12 +5,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from analysis.errors import ModelError
-from analysis.model.plectrum.beam import Beam
-from analysis.model.plectrum.elastica import Elastica
-from analysis.model.plectrum.two_beam import TwoBeam
-from analysis.model.pluck import solve_pluck
-from rig.load import load_rig
+from sautereau.analysis.errors import ModelError
+from sautereau.analysis.model.plectrum.beam import Beam
+from sautereau.analysis.model.plectrum.elastica import Elastica
+from sautereau.analysis.model.plectrum.two_beam import TwoBeam
+from sautereau.analysis.model.pluck.pluck import solve_pluck
+from sautereau.rig.load import load_rig
 
 RIG = load_rig("paper")
 PLECTRUM = RIG.plectrum

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 from matplotlib.patches import Circle
 
-from analysis.figures.bench import bench_figure, plot_bench
-from analysis.figures.side import BenchPose, jack_foot, string_height
-from analysis.model.choirs import choirs
-from rig.load import load_rig, with_values
-from sim_backend.scene import load_scene
-from trajectory.key import angle_of_rise, rise_of_angle
-from trajectory.press import draft_press
+from sautereau.analysis.figures.bench import bench_figure, plot_bench
+from sautereau.analysis.figures.side import BenchPose, jack_foot, string_height
+from sautereau.analysis.model.choirs import choirs
+from sautereau.rig.load import load_rig, with_values
+from sautereau.sim_backend.scene import load_scene
+from sautereau.trajectory.key import angle_of_rise, rise_of_angle
+from sautereau.trajectory.press import draft_press
 
 RIG = load_rig()
 PLAN = draft_press(RIG)

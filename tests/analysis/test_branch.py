@@ -5,12 +5,12 @@ import math
 import numpy as np
 import pytest
 
-from analysis.errors import ModelError
-from analysis.model.branch import Equations
-from analysis.model.plectrum.elastica import Elastica
-from analysis.model.pluck import solve_pluck
-from analysis.model.table import TabledElastica
-from rig.load import load_rig
+from sautereau.analysis.errors import ModelError
+from sautereau.analysis.model.plectrum.elastica import Elastica
+from sautereau.analysis.model.pluck.branch import Equations
+from sautereau.analysis.model.pluck.pluck import solve_pluck
+from sautereau.analysis.model.pluck.table import TabledElastica
+from sautereau.rig.load import load_rig
 
 RIG = load_rig("paper")
 PLECTRUM, STIFFNESS = RIG.plectrum, RIG.string.static_stiffness

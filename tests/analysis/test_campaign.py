@@ -12,16 +12,16 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from analysis.campaign import run as campaign_run
-from analysis.campaign.row import UNITS, plectrum_id, unit_of
-from analysis.campaign.run import run_campaign
-from analysis.campaign.table import PART, empty_campaign, read_campaign
-from analysis.errors import AnalysisError
-from analysis.features import features
-from analysis.phases import find_phases
-from analysis.press import load_press
 from benchmarks.campaign import write_presses
-from rig.load import load_rig, with_values
+from sautereau.analysis.campaign import run as campaign_run
+from sautereau.analysis.campaign.row import UNITS, plectrum_id, unit_of
+from sautereau.analysis.campaign.run import run_campaign
+from sautereau.analysis.campaign.table import PART, empty_campaign, read_campaign
+from sautereau.analysis.errors import AnalysisError
+from sautereau.analysis.phases import find_phases
+from sautereau.analysis.press.features import features
+from sautereau.analysis.press.load import load_press
+from sautereau.rig.load import load_rig, with_values
 
 ROOT = Path(__file__).parents[2]
 GOOD = 8
@@ -160,7 +160,7 @@ def test_an_interrupted_campaign_goes_on(recordings, whole, tmp_path, monkeypatc
 
 KILLED = """
 import os, signal, sys
-from analysis.campaign import run
+from sautereau.analysis.campaign import run
 
 run.BATCH = run.UNWRITTEN = 1
 

@@ -4,9 +4,9 @@ import json
 
 import pytest
 
-from analysis.errors import AnalysisError
 from benchmarks.campaign import write_presses
-from sautereau import app
+from sautereau.analysis.errors import AnalysisError
+from sautereau.commands.app import app
 
 
 def run(*words):

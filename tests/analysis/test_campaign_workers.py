@@ -8,17 +8,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analysis.campaign import run as campaign_run
-from analysis.campaign import workers
-from analysis.campaign.row import Batch, Source, read_batch
-from analysis.campaign.run import run_campaign
-from analysis.campaign.workers import run_over
-from analysis.errors import AnalysisError
-from analysis.model.batch import predict_many
 from benchmarks.campaign import cluster, write_presses
-from rig.load import load_rig
-from sim_backend.physics.sweep import sweep
-from sim_backend.scene import load_scene
+from sautereau.analysis.campaign import run as campaign_run
+from sautereau.analysis.campaign import workers
+from sautereau.analysis.campaign.row import Batch, Source, read_batch
+from sautereau.analysis.campaign.run import run_campaign
+from sautereau.analysis.campaign.workers import run_over
+from sautereau.analysis.errors import AnalysisError
+from sautereau.analysis.model.pluck.batch import predict_many
+from sautereau.rig.load import load_rig
+from sautereau.sim_backend.physics.reduced.sweep import sweep
+from sautereau.sim_backend.scene import load_scene
 
 OVERLAPS = np.linspace(0.2e-3, 0.32e-3, 24)
 PIECES = [{"plectrum.overlap": piece} for piece in np.array_split(OVERLAPS, 6)]

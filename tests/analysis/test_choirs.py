@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 from scipy.integrate import trapezoid
 
-from analysis.errors import ModelError
-from analysis.model.key import finger_force
-from analysis.model.predict import expectation, predict
-from rig.instrument import Choir
-from rig.section import GRAVITY
-from trajectory.key import angle_of_rise, key_motion, rise_of_angle, rise_slope
-from trajectory.motion import Motion
+from sautereau.analysis.errors import ModelError
+from sautereau.analysis.model.key import finger_force
+from sautereau.analysis.model.predict import expectation, predict
+from sautereau.rig.instrument import Choir
+from sautereau.rig.section import GRAVITY
+from sautereau.trajectory.key import angle_of_rise, key_motion, rise_of_angle, rise_slope
+from sautereau.trajectory.motion import Motion
 
 
 def choir(paper, *, arm=0.0, stagger=2e-3, **plectrum):

@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis.compare import _departure, compare, predicted_features
-from analysis.compare_features import COMPARED, compare_features, pluck_features
-from analysis.errors import AnalysisError
-from analysis.features import Features, PluckFeatures
-from analysis.model.predict import predict
-from analysis.phases import HeldString, Phases
+from sautereau.analysis.errors import AnalysisError
+from sautereau.analysis.model.predict import predict
+from sautereau.analysis.phases import HeldString, Phases
+from sautereau.analysis.press.features import Features, PluckFeatures
+from sautereau.analysis.session.compare import _departure, compare, predicted_features
+from sautereau.analysis.session.compare_features import COMPARED, compare_features, pluck_features
 
 
 @pytest.fixture(scope="module")

@@ -5,11 +5,11 @@ import sys
 import numpy as np
 import pytest
 
-from analysis.errors import ModelError
-from analysis.model import compiled
-from analysis.model.plectrum.elastica import Elastica
-from analysis.model.pluck import solve_pluck
-from analysis.model.table import TabledElastica, table
+from sautereau.analysis.errors import ModelError
+from sautereau.analysis.model.plectrum.elastica import Elastica
+from sautereau.analysis.model.pluck import compiled
+from sautereau.analysis.model.pluck.pluck import solve_pluck
+from sautereau.analysis.model.pluck.table import TabledElastica, table
 
 
 @pytest.mark.parametrize("friction", [0.0, 0.1, 0.5])

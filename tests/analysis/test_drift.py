@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 from scipy.integrate import cumulative_trapezoid
 
-from analysis.drift import find_rests, force_at_rest, without_drift
-from daq.delays import undelayed
-from daq.sensors import correct, undo_high_pass
-from rig.load import load_rig
-from sim_backend.scene import load_scene
-from sim_backend.sensors import SensorChain
+from sautereau.analysis.press.drift import find_rests, force_at_rest, without_drift
+from sautereau.daq.signals.delays import undelayed
+from sautereau.daq.signals.sensors import correct, undo_high_pass
+from sautereau.rig.load import load_rig
+from sautereau.sim_backend.scene import load_scene
+from sautereau.sim_backend.sensors import SensorChain
 
 RATE = 51_200.0
 VELOCITY, FORCE = load_rig("paper").daq.channels

@@ -8,8 +8,8 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import root
 from scipy.special import beta
 
-from analysis.model.plectrum.elastica import Q_MAX, Elastica, _table
-from rig.load import load_rig
+from sautereau.analysis.model.plectrum.elastica import Q_MAX, Elastica, _table
+from sautereau.rig.load import load_rig
 
 PLECTRUM = load_rig("paper").plectrum
 EI = PLECTRUM.bending_stiffness

@@ -7,10 +7,10 @@ import threading
 import numpy as np
 import pytest
 
-from analysis.model.plectrum.fe import cache
-from analysis.model.plectrum.fe.level import FE
-from analysis.model.plectrum.fe.table import Table
-from rig.load import load_rig
+from sautereau.analysis.model.plectrum.fe import cache
+from sautereau.analysis.model.plectrum.fe.level import FE
+from sautereau.analysis.model.plectrum.fe.table import Table
+from sautereau.rig.load import load_rig
 
 PLECTRUM = load_rig("paper").plectrum
 MADE = Table(np.random.default_rng(4).standard_normal((3, 9, 10)), 0.85, 1e-4, 2.0)
@@ -28,7 +28,7 @@ def folder(tmp_path, monkeypatch):
 def uniform(folder, monkeypatch):
     """Return a level whose map has just been made and stored."""
     with monkeypatch.context() as patched:
-        patched.setattr("analysis.model.plectrum.fe.build.build", lambda *_: MADE)
+        patched.setattr("sautereau.analysis.model.plectrum.fe.build.build", lambda *_: MADE)
         return FE(PLECTRUM)
 
 
@@ -36,7 +36,7 @@ def test_a_stored_map_comes_back_exactly(uniform, folder, monkeypatch):
     def never(*_):
         raise AssertionError
 
-    monkeypatch.setattr("analysis.model.plectrum.fe.build.build", never)
+    monkeypatch.setattr("sautereau.analysis.model.plectrum.fe.build.build", never)
     again = FE(PLECTRUM)
     for found, expected in zip(again.bend(4.3e-3, 0.4), uniform.bend(4.3e-3, 0.4), strict=True):
         assert found == expected
@@ -47,9 +47,9 @@ def test_a_stored_map_comes_back_without_the_elements_library(uniform, folder):
     """Importing it takes longer than all the rest; benchmarks/calculix.py has the times."""
     lines = (
         "import sys, pathlib",
-        "from analysis.model.plectrum.fe import cache",
-        "from analysis.model.plectrum.levels import plectrum_map",
-        "from rig.load import load_rig",
+        "from sautereau.analysis.model.plectrum.fe import cache",
+        "from sautereau.analysis.model.plectrum.levels import plectrum_map",
+        "from sautereau.rig.load import load_rig",
         f"cache.cache_folder = lambda: pathlib.Path({str(folder)!r})",
         "plectrum_map(load_rig().plectrum, 'fe')",
         "assert 'skfem' not in sys.modules",
@@ -58,7 +58,7 @@ def test_a_stored_map_comes_back_without_the_elements_library(uniform, folder):
 
 
 def test_modulus_and_width_need_no_other_map(uniform, monkeypatch):
-    monkeypatch.delattr("analysis.model.plectrum.fe.build.build")
+    monkeypatch.delattr("sautereau.analysis.model.plectrum.fe.build.build")
     other = FE(PLECTRUM.model_copy(update={"youngs_modulus": 5.8e9, "width": 1.5e-3}))
     assert other.bend(4.3e-3, 2.0).z == pytest.approx(float(uniform.bend(4.3e-3, 0.5).z))
 
@@ -67,7 +67,7 @@ def test_modulus_and_width_need_no_other_map(uniform, monkeypatch):
     "change", [{"poisson_ratio": 0.3}, {"thickness": 0.4e-3}, {"friction": 0.1}, {"overlap": 2e-3}]
 )
 def test_whatever_shapes_the_map_is_in_its_name(uniform, change, monkeypatch):
-    monkeypatch.delattr("analysis.model.plectrum.fe.build.build")
+    monkeypatch.delattr("sautereau.analysis.model.plectrum.fe.build.build")
     with pytest.raises(ImportError):
         FE(PLECTRUM.model_copy(update=change))
 
@@ -95,7 +95,7 @@ def test_a_damaged_file_is_made_anew(uniform, tmp_path, damage, monkeypatch):
         made.append(True)
         return uniform._table
 
-    monkeypatch.setattr("analysis.model.plectrum.fe.build.build", build)
+    monkeypatch.setattr("sautereau.analysis.model.plectrum.fe.build.build", build)
     (path,) = tmp_path.iterdir()
     good = path.read_bytes()
     bad = damage(good)
@@ -142,5 +142,7 @@ def test_many_writers_of_one_map_leave_a_whole_file(uniform, folder):
 def test_without_a_cache_it_still_works(uniform, tmp_path, monkeypatch):
     (tmp_path / "file").write_text("in the way", encoding="utf-8")
     monkeypatch.setattr(cache, "cache_folder", lambda: tmp_path / "file" / "below")
-    monkeypatch.setattr("analysis.model.plectrum.fe.build.build", lambda *_: uniform._table)
+    monkeypatch.setattr(
+        "sautereau.analysis.model.plectrum.fe.build.build", lambda *_: uniform._table
+    )
     assert FE(PLECTRUM).bend(4.3e-3, 0.4) == uniform.bend(4.3e-3, 0.4)

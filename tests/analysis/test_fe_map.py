@@ -3,16 +3,16 @@
 import numpy as np
 import pytest
 
-from analysis.errors import ModelError
-from analysis.model.plectrum.elastica import Elastica
-from analysis.model.plectrum.fe import cache
-from analysis.model.plectrum.fe.build import Solver
-from analysis.model.plectrum.fe.figure import plot_mesh
-from analysis.model.plectrum.fe.level import FE
-from analysis.model.plectrum.fe.profile import outline_from, profile_of
-from analysis.model.pluck import solve_pluck
-from rig.instrument import Outline
-from rig.load import load_rig
+from sautereau.analysis.errors import ModelError
+from sautereau.analysis.model.plectrum.elastica import Elastica
+from sautereau.analysis.model.plectrum.fe import cache
+from sautereau.analysis.model.plectrum.fe.build import Solver
+from sautereau.analysis.model.plectrum.fe.figure import plot_mesh
+from sautereau.analysis.model.plectrum.fe.level import FE
+from sautereau.analysis.model.plectrum.fe.profile import outline_from, profile_of
+from sautereau.analysis.model.pluck.pluck import solve_pluck
+from sautereau.rig.instrument import Outline
+from sautereau.rig.load import load_rig
 
 RIG = load_rig("paper")
 PLECTRUM = RIG.plectrum

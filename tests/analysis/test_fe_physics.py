@@ -5,15 +5,15 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
-from analysis.errors import ModelError
-from analysis.model.plectrum.elastica import Elastica
-from analysis.model.plectrum.fe.body import Body
-from analysis.model.plectrum.fe.build import Solver
-from analysis.model.plectrum.fe.load import patch_at, section_at
-from analysis.model.plectrum.fe.mesh import plectrum_grid
-from analysis.model.plectrum.fe.profile import outline_from, profile_of
-from analysis.model.plectrum.fe.solve import solve_loads
-from rig.load import load_rig
+from sautereau.analysis.errors import ModelError
+from sautereau.analysis.model.plectrum.elastica import Elastica
+from sautereau.analysis.model.plectrum.fe.body import Body
+from sautereau.analysis.model.plectrum.fe.build import Solver
+from sautereau.analysis.model.plectrum.fe.load import patch_at, section_at
+from sautereau.analysis.model.plectrum.fe.mesh import plectrum_grid
+from sautereau.analysis.model.plectrum.fe.profile import outline_from, profile_of
+from sautereau.analysis.model.plectrum.fe.solve import solve_loads
+from sautereau.rig.load import load_rig
 
 PLECTRUM = load_rig("paper").plectrum
 SCALE = PLECTRUM.youngs_modulus * PLECTRUM.width * PLECTRUM.length

@@ -5,8 +5,8 @@ from dataclasses import replace
 
 import pytest
 
-from analysis.features import UNITS, features
-from analysis.phases import find_phases
+from sautereau.analysis.phases import find_phases
+from sautereau.analysis.press.features import UNITS, features
 
 
 @pytest.fixture(scope="module")

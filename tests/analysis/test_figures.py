@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from analysis.errors import AnalysisError
-from analysis.figures.comparison import comparison_figure, plot_comparison
-from analysis.model.predict import predict
-from analysis.phases import find_phases
+from sautereau.analysis.errors import AnalysisError
+from sautereau.analysis.figures.comparison import comparison_figure, plot_comparison
+from sautereau.analysis.model.predict import predict
+from sautereau.analysis.phases import find_phases
 
 
 @pytest.fixture(scope="module")

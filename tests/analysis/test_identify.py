@@ -5,21 +5,21 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis.compare import compare
-from analysis.errors import AnalysisError
-from analysis.figures.fit import fit_figure
-from analysis.identify.fit import balance_of, fit
-from analysis.identify.identified import identify, told
-from analysis.identify.parameters import Prior, rig_values, value_of, with_parameters
-from analysis.identify.profile import profile
-from analysis.model.predict import predict
-from analysis.phases import find_phases
-from analysis.summary.fit import fit_lines, fit_summary
 from benchmarks.identify import FREE, coverage
 from benchmarks.simulated import sensed
-from rig.load import load_rig
-from sim_backend.physics.observation import observe
-from sim_backend.scene import load_scene
+from sautereau.analysis.errors import AnalysisError
+from sautereau.analysis.figures.fit import fit_figure
+from sautereau.analysis.identify.fit import balance_of, fit
+from sautereau.analysis.identify.identified import identify, told
+from sautereau.analysis.identify.parameters import Prior, rig_values, value_of, with_parameters
+from sautereau.analysis.identify.profile import profile
+from sautereau.analysis.model.predict import predict
+from sautereau.analysis.phases import find_phases
+from sautereau.analysis.session.compare import compare
+from sautereau.analysis.summary.fit import fit_lines, fit_summary
+from sautereau.rig.load import load_rig
+from sautereau.sim_backend.physics.observation import observe
+from sautereau.sim_backend.scene import load_scene
 
 TRUTH = {
     "plectrum.youngs_modulus": "2.2 GPa",

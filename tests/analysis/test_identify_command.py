@@ -5,13 +5,13 @@ from importlib import resources
 
 import pytest
 
-import sautereau
-from rig.load import load_rig
-from robot.galil.driver import GalilController
-from robot.session import run_session
-from sim_backend.bench import StandIn
-from sim_backend.scene import load_scene
-from trajectory.press import plan_press
+from sautereau.commands.app import app
+from sautereau.rig.load import load_rig
+from sautereau.robot.drivers.galil.driver import GalilController
+from sautereau.robot.experiment.session import run_session
+from sautereau.sim_backend.bench import StandIn
+from sautereau.sim_backend.scene import load_scene
+from sautereau.trajectory.press import plan_press
 
 
 @pytest.fixture(scope="module")
@@ -26,7 +26,7 @@ def recordings(tmp_path_factory):
 
 
 def run(capsys, *words):
-    status = sautereau.app([*map(str, words)], exit_on_error=False, print_error=False)
+    status = app([*map(str, words)], exit_on_error=False, print_error=False)
     return status, capsys.readouterr().out
 
 
@@ -63,7 +63,8 @@ def test_identify_writes_a_rig_that_compare_agrees_with(recordings, tmp_path, ca
 
 def test_a_rig_file_of_ones_own_keeps_its_comments(recordings, tmp_path, capsys):
     rig = tmp_path / "mine.toml"
-    rig.write_text("# of my own\n" + resources.files("rig").joinpath("paper.toml").read_text())
+    paper = resources.files("sautereau.rig").joinpath("paper.toml").read_text()
+    rig.write_text("# of my own\n" + paper)
     free = "plectrum.overlap,key.inertia"
     _, out = run(capsys, "identify", recordings[0], "--free", free, "--out", rig, "--starts", 1)
     assert f"rig:     {rig}, with plectrum.overlap, key.inertia" in out

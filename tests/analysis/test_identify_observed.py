@@ -5,14 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis.errors import AnalysisError
-from analysis.identify.observed import LEAST, observed
-from analysis.identify.parameters import parameters
-from analysis.identify.residuals import Balance
-from analysis.model.key import finger_force
-from analysis.phases import find_phases
-from daq.marks import Mark
-from trajectory.motion import Motion
+from sautereau.analysis.errors import AnalysisError
+from sautereau.analysis.identify.observed import LEAST, observed
+from sautereau.analysis.identify.parameters import parameters
+from sautereau.analysis.identify.residuals import Balance
+from sautereau.analysis.model.key import finger_force
+from sautereau.analysis.phases import find_phases
+from sautereau.daq.signals.quality_flags import Mark
+from sautereau.trajectory.motion import Motion
 
 
 @pytest.fixture(scope="module")

@@ -2,8 +2,8 @@
 
 import pytest
 
-from analysis.errors import AnalysisError
-from analysis.identify.parameters import (
+from sautereau.analysis.errors import AnalysisError
+from sautereau.analysis.identify.parameters import (
     NAMES,
     Prior,
     parameters,
@@ -12,10 +12,10 @@ from analysis.identify.parameters import (
     value_of,
     with_parameters,
 )
-from analysis.model.choirs import choirs
-from rig.instrument import Outline
-from rig.load import parse_rig, with_values
-from rig.text import rig_text
+from sautereau.analysis.model.choirs import choirs
+from sautereau.rig.instrument import Outline
+from sautereau.rig.load import parse_rig, with_values
+from sautereau.rig.text import rig_text
 
 
 def test_bounds_are_the_assumed_ranges_else_a_decade_either_way(paper):

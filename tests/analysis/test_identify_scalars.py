@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from analysis.model.release_fit import fit_release
 from examples.paper_scalars import CONTACT, RELEASE, V_OSC, explain, lines, overlap_at
+from sautereau.analysis.model.release_fit import fit_release
 
 
 @pytest.mark.parametrize(("first_mode", "share"), [(False, 0.24), (True, 0.47)])

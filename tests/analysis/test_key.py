@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from scipy.integrate import trapezoid
 
-from analysis.model.key import finger_force, jack_load
-from rig.load import with_values
-from rig.section import GRAVITY
-from trajectory.key import jack_motion, key_motion, rise_of_angle
-from trajectory.motion import Motion
+from sautereau.analysis.model.key import finger_force, jack_load
+from sautereau.rig.load import with_values
+from sautereau.rig.section import GRAVITY
+from sautereau.trajectory.key import jack_motion, key_motion, rise_of_angle
+from sautereau.trajectory.motion import Motion
 
 
 @pytest.fixture

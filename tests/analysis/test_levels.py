@@ -8,12 +8,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from analysis.errors import ModelError
-from analysis.model.plectrum.base import Bend
-from analysis.model.plectrum.beam import Beam
-from analysis.model.plectrum.levels import LEVELS, plectrum_map
-from analysis.model.pluck import solve_pluck
-from rig.load import load_rig
+from sautereau.analysis.errors import ModelError
+from sautereau.analysis.model.plectrum.base import Bend
+from sautereau.analysis.model.plectrum.beam import Beam
+from sautereau.analysis.model.plectrum.levels import LEVELS, plectrum_map
+from sautereau.analysis.model.pluck.pluck import solve_pluck
+from sautereau.rig.load import load_rig
 
 RIG = load_rig("paper")
 PLECTRUM = RIG.plectrum
@@ -185,8 +185,9 @@ def test_levels_have_names_and_no_others_do():
 
 def test_a_level_is_imported_when_it_is_asked_for():
     code = (
-        "import sys; import analysis.model.plectrum.levels;"
-        "print([m for m in sys.modules if m.startswith(('analysis.model.plectrum.', 'scipy'))])"
+        "import sys; import sautereau.analysis.model.plectrum.levels;"
+        "levels = 'sautereau.analysis.model.plectrum.';"
+        "print([m for m in sys.modules if m.startswith((levels, 'scipy'))])"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert "plectrum.base" in done.stdout

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from scipy.integrate import cumulative_trapezoid, solve_ivp
 
-from analysis.errors import ModelError
-from analysis.model.modal import modal_pluck
-from analysis.model.predict import plectrum_map, rig_pluck
-from analysis.model.string import held_speed_ratio, release_speed
-from rig.load import load_rig
+from sautereau.analysis.errors import ModelError
+from sautereau.analysis.model.predict import plectrum_map, rig_pluck
+from sautereau.analysis.model.string.modal import modal_pluck
+from sautereau.analysis.model.string.string import held_speed_ratio, release_speed
+from sautereau.rig.load import load_rig
 
 RIG = load_rig()
 

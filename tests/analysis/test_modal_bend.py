@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from analysis.model.modal_bend import point_bend
-from analysis.model.plectrum.levels import LEVELS, plectrum_map
-from rig.load import load_rig
+from sautereau.analysis.model.plectrum.levels import LEVELS, plectrum_map
+from sautereau.analysis.model.string.bend import point_bend
+from sautereau.rig.load import load_rig
 
 PLECTRUM = load_rig().plectrum
 

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from analysis.model.modal import modal_pluck
-from analysis.model.predict import plectrum_map, rig_pluck
-from rig.load import load_rig
+from sautereau.analysis.model.predict import plectrum_map, rig_pluck
+from sautereau.analysis.model.string.modal import modal_pluck
+from sautereau.rig.load import load_rig
 
 RIG = load_rig()
 

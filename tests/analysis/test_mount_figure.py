@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from analysis.figures.mount import mount_figure, plot_mount
-from rig.load import with_values
-from trajectory.mount import MountMap, find_mount, mount_map
+from sautereau.analysis.figures.mount import mount_figure, plot_mount
+from sautereau.rig.load import with_values
+from sautereau.trajectory.mount.find import MountMap, find_mount, mount_map
 
 
 def texts(figure):

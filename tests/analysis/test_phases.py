@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from analysis.errors import AnalysisError
-from analysis.phases import find_phases
-from analysis.press import Press
+from sautereau.analysis.errors import AnalysisError
+from sautereau.analysis.phases import find_phases
+from sautereau.analysis.press.load import Press
 
 CONTACT, RELEASE = 0.052, 0.072
 LAG = 1 / (2 * np.pi * 22e3)

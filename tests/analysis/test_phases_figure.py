@@ -2,9 +2,9 @@
 
 import pytest
 
-from analysis.errors import AnalysisError
-from analysis.figures.phases import phases_figure, plot_phases
-from analysis.phases import find_phases
+from sautereau.analysis.errors import AnalysisError
+from sautereau.analysis.figures.phases import phases_figure, plot_phases
+from sautereau.analysis.phases import find_phases
 
 
 def test_a_boundary_is_told_with_its_uncertainty(make_press):

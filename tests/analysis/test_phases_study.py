@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from analysis.phases import find_phases
 from benchmarks.phases import covered, study
 from benchmarks.simulated import random_case, sensed, simulated_press
-from rig.load import load_rig, with_values
-from sim_backend.physics.observation import observe
-from sim_backend.scene import load_scene
+from sautereau.analysis.phases import find_phases
+from sautereau.rig.load import load_rig, with_values
+from sautereau.sim_backend.physics.observation import observe
+from sautereau.sim_backend.scene import load_scene
 
 
 def simulated(scene, speed=0.072, *, mute=False, seed=0, rate=51.2):

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from analysis.figures.plan import plan_figure, plot_plan
-from analysis.model.predict import expectation, predict
-from rig.load import load_rig, with_values
-from trajectory.press import draft_press
+from sautereau.analysis.figures.plan import plan_figure, plot_plan
+from sautereau.analysis.model.predict import expectation, predict
+from sautereau.rig.load import load_rig, with_values
+from sautereau.trajectory.press import draft_press
 
 
 def texts(figure):

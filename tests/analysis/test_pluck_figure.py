@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from analysis.errors import ModelError
-from analysis.figures.pluck import plot_pluck, pluck_figure
-from analysis.model.predict import rig_pluck
-from rig.load import load_rig
+from sautereau.analysis.errors import ModelError
+from sautereau.analysis.figures.pluck import plot_pluck, pluck_figure
+from sautereau.analysis.model.predict import rig_pluck
+from sautereau.rig.load import load_rig
 
 RIG = load_rig()
 LEVELS = ["elastica", "rods", "beam", "two-beam"]

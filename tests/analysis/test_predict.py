@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from scipy.integrate import trapezoid
 
-from analysis.errors import ModelError
-from analysis.model.predict import plectrum_map, predict, rig_pluck
-from analysis.model.string import release_speed
-from rig.load import with_values
-from rig.section import GRAVITY
+from sautereau.analysis.errors import ModelError
+from sautereau.analysis.model.predict import plectrum_map, predict, rig_pluck
+from sautereau.analysis.model.string.string import release_speed
+from sautereau.rig.load import with_values
+from sautereau.rig.section import GRAVITY
 
 
 @pytest.fixture(scope="module")

@@ -5,15 +5,15 @@ from datetime import date
 import numpy as np
 import pytest
 
-from analysis.errors import AnalysisError
-from analysis.press import UNITS, load_press
-from daq.block import Block
-from daq.errors import RecordingError
-from daq.recording import Recording
-from daq.session_info import SessionInfo
-from rig.load import with_values
-from sim_backend.scene import load_scene
-from sim_backend.sensors import SensorChain
+from sautereau.analysis.errors import AnalysisError
+from sautereau.analysis.press.load import UNITS, load_press
+from sautereau.daq.block import Block
+from sautereau.daq.errors import RecordingError
+from sautereau.daq.file.recording import Recording
+from sautereau.daq.file.session_info import SessionInfo
+from sautereau.rig.load import with_values
+from sautereau.sim_backend.scene import load_scene
+from sautereau.sim_backend.sensors import SensorChain
 
 RATE = 51_200.0
 

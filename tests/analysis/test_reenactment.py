@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis.errors import AnalysisError
-from analysis.phases import find_phases
-from analysis.reenactment import EXPOSURES, reenact, shown_stretch
-from daq.recorded import Joints
-from rig.load import load_rig, with_values
-from sim_backend.scene import load_scene
+from sautereau.analysis.errors import AnalysisError
+from sautereau.analysis.phases import find_phases
+from sautereau.analysis.press.reenactment import EXPOSURES, reenact, shown_stretch
+from sautereau.daq.file.recorded import Joints
+from sautereau.rig.load import load_rig, with_values
+from sautereau.sim_backend.scene import load_scene
 
 
 @pytest.fixture(scope="module")

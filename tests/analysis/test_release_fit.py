@@ -4,16 +4,16 @@ import re
 
 import pytest
 
-from analysis.errors import ModelError
-from analysis.model.predict import plectrum_map
-from analysis.model.release_fit import (
+from examples.table_1 import PAGE, page
+from sautereau.analysis.errors import ModelError
+from sautereau.analysis.model.predict import plectrum_map
+from sautereau.analysis.model.release_fit import (
     fit_release,
     overlap_for_duration,
     overlap_for_speed,
     release_as_is,
 )
-from examples.table_1 import PAGE, page
-from rig.load import load_rig
+from sautereau.rig.load import load_rig
 
 RIG = load_rig()
 EI = RIG.plectrum.bending_stiffness

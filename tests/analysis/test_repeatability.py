@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from analysis.errors import AnalysisError
-from analysis.press import Press
-from analysis.repeatability import repeatability
-from trajectory.timing import press_law
+from sautereau.analysis.errors import AnalysisError
+from sautereau.analysis.press.load import Press
+from sautereau.analysis.session.repeatability import repeatability
+from sautereau.trajectory.timing import press_law
 
 
 @pytest.fixture(scope="module")

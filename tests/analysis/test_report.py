@@ -11,15 +11,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from analysis.errors import AnalysisError
-from analysis.press import load_press
-from analysis.report import contents
-from analysis.report.build import About, Again, build_report
-from analysis.report.contents import gather
-from analysis.report.envelope import envelope
-from analysis.report.fits import Fit, read_fit
-from analysis.report.text import MOST, shown
-from rig.load import parse_rig, with_values
+from sautereau.analysis.errors import AnalysisError
+from sautereau.analysis.press.load import load_press
+from sautereau.analysis.report import contents
+from sautereau.analysis.report.build import About, Again, build_report
+from sautereau.analysis.report.contents import gather
+from sautereau.analysis.report.envelope import envelope
+from sautereau.analysis.report.fits import Fit, read_fit
+from sautereau.analysis.report.text import MOST, shown
+from sautereau.rig.load import parse_rig, with_values
 
 ABOUT = About("a session", "0.1.0", commands=("sautereau report x",))
 LARGEST = 6_000_000
@@ -295,7 +295,7 @@ def told(write_session, folder, monkeypatch, simulated, texts, long):
     rig = with_values(write_session.one.rig, {"name": next(left), **channels})
     said = ("controller", "daq", "scene", "session", "started")
     software = {next(left): next(left) for _ in range(20)}
-    monkeypatch.setattr("daq.file.provenance.software", lambda: software)
+    monkeypatch.setattr("sautereau.daq.file.provenance.software", lambda: software)
     notes = [next(left), long, next(left)]
     paths = []
     for number in (1, 2, 3):

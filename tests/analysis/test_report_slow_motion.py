@@ -9,15 +9,15 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
-from analysis.phases import find_phases
-from analysis.press import load_press
-from analysis.reenactment import reenact
-from analysis.report.build import About, build_report
-from analysis.report.contents import gather
-from analysis.report.slow_motion import FRAMES, LEAST_BESIDE, about, readings, slow_motion
-from rig.errors import SautereauError
-from rig.load import with_values
-from sim_backend.scene import load_scene
+from sautereau.analysis.phases import find_phases
+from sautereau.analysis.press.load import load_press
+from sautereau.analysis.press.reenactment import reenact
+from sautereau.analysis.report.build import About, build_report
+from sautereau.analysis.report.contents import gather
+from sautereau.analysis.report.slow_motion import FRAMES, LEAST_BESIDE, about, readings, slow_motion
+from sautereau.rig.errors import SautereauError
+from sautereau.rig.load import with_values
+from sautereau.sim_backend.scene import load_scene
 
 MOST_DATA = 150_000
 """Bytes of the page for one choir, pictures and numbers."""

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 from scipy.optimize import root
 
-from analysis.errors import ModelError
-from analysis.model.plectrum.base import Bend
-from analysis.model.plectrum.beam import Beam
-from analysis.model.plectrum.elastica import Elastica
-from analysis.model.plectrum.rods import RODS, Rods, march
-from rig.load import load_rig
+from sautereau.analysis.errors import ModelError
+from sautereau.analysis.model.plectrum.base import Bend
+from sautereau.analysis.model.plectrum.beam import Beam
+from sautereau.analysis.model.plectrum.elastica import Elastica
+from sautereau.analysis.model.plectrum.rods import RODS, Rods, march
+from sautereau.rig.load import load_rig
 
 PLECTRUM = load_rig("paper").plectrum
 RUBBED = PLECTRUM.model_copy(update={"friction": 0.3})

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from analysis.model.plectrum.elastica import Elastica
-from analysis.model.plectrum.shape import POINTS, mid_line, straight
-from rig.load import load_rig
+from sautereau.analysis.model.plectrum.elastica import Elastica
+from sautereau.analysis.model.plectrum.shape import POINTS, mid_line, straight
+from sautereau.rig.load import load_rig
 
 PLECTRUM = load_rig().plectrum
 

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from scipy.io import wavfile
 
-from analysis.errors import AnalysisError, ModelError
-from analysis.sound import LEVEL, SAMPLE_RATE, sound_of, write_sound
-from rig.load import load_rig
-from sim_backend.scene import load_scene
+from sautereau.analysis.errors import AnalysisError, ModelError
+from sautereau.analysis.press.sound import LEVEL, SAMPLE_RATE, sound_of, write_sound
+from sautereau.rig.load import load_rig
+from sautereau.sim_backend.scene import load_scene
 
 RIG = load_rig()
 

@@ -5,12 +5,12 @@ import math
 import numpy as np
 import pytest
 
-from analysis.errors import ModelError
-from analysis.model.modal import modal_pluck
-from analysis.model.predict import predict
-from analysis.sounding import QUALITY, soundings, stilled, string_decay
-from rig.load import load_rig
-from sim_backend.scene import load_scene
+from sautereau.analysis.errors import ModelError
+from sautereau.analysis.model.predict import predict
+from sautereau.analysis.model.string.modal import modal_pluck
+from sautereau.analysis.press.sounding import QUALITY, soundings, stilled, string_decay
+from sautereau.rig.load import load_rig
+from sautereau.sim_backend.scene import load_scene
 
 RIG = load_rig()
 PLACE = np.array([RIG.string.plucking_point])

@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from analysis.errors import ModelError
-from analysis.model.string import (
+from sautereau.analysis.errors import ModelError
+from sautereau.analysis.model.string.string import (
     ModalString,
     StringState,
     first_mode_release_speed,
     release_speed,
 )
-from rig.load import load_rig
+from sautereau.rig.load import load_rig
 
 STRING = load_rig().string
 B = STRING.plucking_point / STRING.length

@@ -6,11 +6,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analysis.campaign.table import empty_campaign
-from analysis.errors import AnalysisError
-from analysis.figures.touch import plot_touch, touch_figure
-from analysis.summary.touch import touch_lines, touch_summary
-from analysis.touch import FELT, find_touch
+from sautereau.analysis.campaign.table import empty_campaign
+from sautereau.analysis.campaign.touch import FELT, find_touch
+from sautereau.analysis.errors import AnalysisError
+from sautereau.analysis.figures.touch import plot_touch, touch_figure
+from sautereau.analysis.summary.touch import touch_lines, touch_summary
 
 EXPONENTS = {"threshold": (1.5, 0.0), "slope": (2.0, 0.0), "drop": (1.5, 0.7)}
 """Of thickness and overlap."""

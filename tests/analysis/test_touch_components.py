@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 
-from analysis.errors import AnalysisError
-from analysis.variance import Nested, fit_nested
+from sautereau.analysis.campaign.variance import Nested, fit_nested
+from sautereau.analysis.errors import AnalysisError
 
 
 def nested(random, groups=8, subgroups=3, values=10, stds=(0.01, 0.03, 0.2), columns=None):

@@ -5,7 +5,7 @@ import pytest
 from scipy.integrate import trapezoid
 
 from examples.voicing import LENGTH, THICKNESS, TIP_THICKNESS, main, plot, study
-from rig.load import load_rig
+from sautereau.rig.load import load_rig
 
 RIG = load_rig()
 

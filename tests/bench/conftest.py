@@ -9,12 +9,12 @@ from pathlib import Path
 
 import pytest
 
-from rig.load import load_rig
-from robot.galil.driver import GalilController
-from robot.session import run_session
-from sim_backend.bench import StandIn
-from sim_backend.scene import load_scene
-from trajectory.press import plan_press
+from sautereau.rig.load import load_rig
+from sautereau.robot.drivers.galil.driver import GalilController
+from sautereau.robot.experiment.session import run_session
+from sautereau.sim_backend.bench import StandIn
+from sautereau.sim_backend.scene import load_scene
+from sautereau.trajectory.press import plan_press
 
 
 def run_on_stand_in(scene: str, out: Path, n: int = 1, seed: int = 0, rig=None):
@@ -43,7 +43,7 @@ def rig_file(tmp_path):
     """Write the paper's rig with lines replaced: rig_file(port='...', terminal='...')."""
 
     def write(**changes: str) -> Path:
-        text = resources.files("rig").joinpath("paper.toml").read_text(encoding="utf-8")
+        text = resources.files("sautereau.rig").joinpath("paper.toml").read_text(encoding="utf-8")
         for key, value in changes.items():
             text, n = re.subn(
                 rf"(?m)^{key} = .*$", lambda _, k=key, v=value: f"{k} = {v}", text, count=1

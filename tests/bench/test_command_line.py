@@ -15,11 +15,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rig.load import load_rig
-from sim_backend.bench import StandIn
-from sim_backend.scene import load_scene
-from trajectory.arm import joints_holding_point
-from trajectory.motion import Motion
+from sautereau.rig.load import load_rig
+from sautereau.sim_backend.bench import StandIn
+from sautereau.sim_backend.scene import load_scene
+from sautereau.trajectory.arm import joints_holding_point
+from sautereau.trajectory.motion import Motion
 
 
 def refused(done: subprocess.CompletedProcess, *words: str) -> None:
@@ -33,8 +33,8 @@ def refused(done: subprocess.CompletedProcess, *words: str) -> None:
 
 def test_help_imports_nothing_heavy(tmp_path):
     probe = (
-        "import sys, sautereau\n"
-        "try: sautereau.app(['--help'])\n"
+        "import sys\nfrom sautereau.commands.app import app\n"
+        "try: app(['--help'])\n"
         "finally: print(*[m for m in ('pandas', 'matplotlib', 'pymunk', 'nidaqmx', 'numpy',"
         " 'scipy', 'pint', 'pydantic') if m in sys.modules], file=sys.stderr)"
     )

@@ -13,15 +13,15 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 from rich.console import Console
 
-from commands.live.process import LiveError, ViewProcess
-from commands.live.terminal import TerminalView
-from commands.live.trace import thinned, trace_lines
-from commands.live.watching import watching
-from daq.block import Block
-from daq.file.schemas import declared_class
-from daq.survey import LAYOUT
-from rig.load import load_rig
-from robot.live import Fault, Feed, Made, Samples, Stage
+from sautereau.commands.live.process import LiveError, ViewProcess
+from sautereau.commands.live.terminal import TerminalView
+from sautereau.commands.live.trace import thinned, trace_lines
+from sautereau.commands.live.watching import watching
+from sautereau.daq.block import Block
+from sautereau.daq.file.schemas import declared_class
+from sautereau.daq.file.survey import LAYOUT
+from sautereau.rig.load import load_rig
+from sautereau.robot.experiment.monitor import Fault, Feed, Made, Samples, Stage
 
 RIG = load_rig()
 RATE = 51_200.0
@@ -100,7 +100,7 @@ def test_a_new_press_begins_a_new_trace():
 @pytest.fixture
 def foxglove():
     pytest.importorskip("foxglove")
-    from commands.live.foxglove import FoxgloveView
+    from sautereau.commands.live.foxglove import FoxgloveView
 
     return FoxgloveView
 
@@ -216,7 +216,7 @@ def test_views_that_are_killed_stop_nothing():
 
 def test_views_that_cannot_begin_refuse_the_session(monkeypatch):
     """A process that ends at once, before any press is made."""
-    monkeypatch.setattr("commands.live.process._run", int)
+    monkeypatch.setattr("sautereau.commands.live.process._run", int)
     with (
         pytest.raises(LiveError, match="has ended at once; press without"),
         watching("rig", in_terminal=True, to_foxglove=False),

@@ -7,9 +7,9 @@ from cyclopts import CycloptsError
 from PIL import Image
 from scipy.io import wavfile
 
-from analysis.errors import AnalysisError, ModelError
-from analysis.sounding import QUALITY
-from sautereau import app
+from sautereau.analysis.errors import AnalysisError, ModelError
+from sautereau.analysis.press.sounding import QUALITY
+from sautereau.commands.app import app
 
 STRETCH = ("--since", "60 ms", "--until", "80 ms")
 

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from analysis.model.predict import predict
-from analysis.phases import find_phases
-from analysis.press import load_press
-from daq.reading import read_recording
-from rig.load import load_rig, with_values
-from trajectory.press import plan_press
+from sautereau.analysis.model.predict import predict
+from sautereau.analysis.phases import find_phases
+from sautereau.analysis.press.load import load_press
+from sautereau.daq.file.reading import read_recording
+from sautereau.rig.load import load_rig, with_values
+from sautereau.trajectory.press import plan_press
 
 
 def test_ideal_jack_cruises_at_the_speed_asked_for(ideal):
@@ -89,10 +89,10 @@ def test_paper_jack_slows_down_while_the_string_is_held(bench, tmp_path):
 
 
 def test_truth_apart_from_the_rig_is_seen_in_the_recording(tmp_path):
-    from robot.galil.driver import GalilController
-    from robot.session import run_session
-    from sim_backend.bench import StandIn
-    from sim_backend.scene import load_scene
+    from sautereau.robot.drivers.galil.driver import GalilController
+    from sautereau.robot.experiment.session import run_session
+    from sautereau.sim_backend.bench import StandIn
+    from sautereau.sim_backend.scene import load_scene
 
     truth = {"plectrum.overlap": "0.35 mm", "jack.string_clearance": "2.5 mm"}
     scene = load_scene("ideal").model_copy(update={"truth": truth})

@@ -7,13 +7,13 @@ from itertools import pairwise
 
 import pytest
 
-from analysis.report.build import About, build_report
-from analysis.report.contents import gather
-from commands.reporting import report
-from rig.load import with_values
-from robot.plan import Plan
-from robot.plan_table import Row
-from robot.session_folder import SessionFolder
+from sautereau.analysis.report.build import About, build_report
+from sautereau.analysis.report.contents import gather
+from sautereau.commands.report import report
+from sautereau.rig.load import with_values
+from sautereau.robot.experiment.plan import Plan
+from sautereau.robot.experiment.plan_table import Row
+from sautereau.robot.experiment.session_folder import SessionFolder
 
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "chrome"))), None)
 PRESSES = 20

@@ -8,15 +8,15 @@ from pathlib import Path
 
 import pytest
 
-from analysis.errors import AnalysisError
-from commands.reporting import report
-from daq.reading import read_recording
-from robot.errors import RobotError
-from robot.manifest import MANIFEST
-from robot.plan import Plan
-from robot.plan_table import Row
-from robot.session_folder import SessionFolder
-from sim_backend.scene import load_scene
+from sautereau.analysis.errors import AnalysisError
+from sautereau.commands.report import report
+from sautereau.daq.file.reading import read_recording
+from sautereau.robot.errors import RobotError
+from sautereau.robot.experiment.manifest import MANIFEST
+from sautereau.robot.experiment.plan import Plan
+from sautereau.robot.experiment.plan_table import Row
+from sautereau.robot.experiment.session_folder import SessionFolder
+from sautereau.sim_backend.scene import load_scene
 
 
 @pytest.fixture

@@ -12,17 +12,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analysis.press import load_press
-from analysis.repeatability import repeatability
-from daq.file.head import read_session
-from daq.reading import read_recording
-from rig.load import load_rig, with_values
-from robot.galil.driver import GalilController
-from robot.session import Item, make_presses
-from sim_backend.bench import StandIn
-from sim_backend.scene import load_scene, parse_scene
-from trajectory.press import plan_press
-from trajectory.timing import press_law
+from sautereau.analysis.press.load import load_press
+from sautereau.analysis.session.repeatability import repeatability
+from sautereau.daq.file.head import read_session
+from sautereau.daq.file.reading import read_recording
+from sautereau.rig.load import load_rig, with_values
+from sautereau.robot.drivers.galil.driver import GalilController
+from sautereau.robot.experiment.session import Item, make_presses
+from sautereau.sim_backend.bench import StandIn
+from sautereau.sim_backend.scene import load_scene, parse_scene
+from sautereau.trajectory.press import plan_press
+from sautereau.trajectory.timing import press_law
 
 BARE = """
 description = "a key without strings: quick"

@@ -10,8 +10,8 @@ import sys
 import pytest
 
 from examples import session
-from rig.load import load_rig
-from sautereau import app
+from sautereau.commands.app import app
+from sautereau.rig.load import load_rig
 
 ESCAPE = "\x1b["
 COLOUR = re.compile(r"\x1b\[[0-9;]*\b(?:3[0-79]|9[0-7]|38|48)[0-9;]*m")

@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from daq.recording import Block, Recording, SessionInfo
-from rig.load import load_rig, with_values
-from sim_backend.daqmx.server import DaqmxError, TaskSetup, serve
+from sautereau.daq.file.recording import Block, Recording, SessionInfo
+from sautereau.rig.load import load_rig, with_values
+from sautereau.sim_backend.devices.daqmx.server import DaqmxError, TaskSetup, serve
 
 
 class NoiseRun:

@@ -15,11 +15,11 @@ from pathlib import Path
 
 import numpy as np
 
-from daq.block import Block
-from daq.reading import read_recording
-from daq.recording import Recording, SessionInfo
-from daq.recovery import recover
-from rig.load import load_rig
+from sautereau.daq.block import Block
+from sautereau.daq.file.reading import read_recording
+from sautereau.daq.file.recording import Recording, SessionInfo
+from sautereau.daq.file.recovery import recover
+from sautereau.rig.load import load_rig
 
 RATE = 51_200.0
 LONGEST = 0.6
@@ -85,7 +85,7 @@ def main() -> None:
 
 def try_recover(part: Path):
     """Recover a recording so young that nothing of it need have been flushed."""
-    from daq.errors import RecordingError
+    from sautereau.daq.errors import RecordingError
 
     try:
         return recover(part)

@@ -18,11 +18,11 @@ from pathlib import Path
 import numpy as np
 import zstandard
 
-from daq.errors import RecordingError
-from daq.file.records import MAGIC, Opcode
-from daq.reading import read_parts, read_recording
-from daq.recovery import recover
-from daq.survey import describe
+from sautereau.daq.errors import RecordingError
+from sautereau.daq.file.container.records import MAGIC, Opcode
+from sautereau.daq.file.reading import read_parts, read_recording
+from sautereau.daq.file.recovery import recover
+from sautereau.daq.file.survey import describe
 
 PATIENCE = 20
 """s, for one file."""

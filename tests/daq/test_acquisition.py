@@ -8,8 +8,8 @@ import sys
 import numpy as np
 import pytest
 
-from daq.acquisition import Acquisition
-from daq.errors import DaqError
+from sautereau.daq.errors import DaqError
+from sautereau.daq.source.acquisition import Acquisition
 
 
 def acquire(daq, after_block=lambda: None):
@@ -186,7 +186,7 @@ def test_a_hung_server_is_a_fault(bench, noise_card, monkeypatch):
             run.wait_for = lambda n, timeout: run.stopped.wait() and 0
             return run
 
-    monkeypatch.setattr("daq.card.connection.ANSWER_DEADLINE", 0.2)
+    monkeypatch.setattr("sautereau.daq.source.connection.ANSWER_DEADLINE", 0.2)
     _, _, rig = bench(Hung())
     assert "no answer while reading" in str(fault_of(rig.daq))
 
@@ -208,7 +208,8 @@ def test_use_outside_the_context(paper):
 
 def test_the_driver_is_imported_only_when_used():
     code = (
-        "import sys, daq.recording, daq.reading, daq.acquisition;"
+        "import sys, sautereau.daq.file.recording, sautereau.daq.file.reading;"
+        "import sautereau.daq.source.acquisition;"
         "sys.exit(bool({'nidaqmx', 'grpc', 'pandas', 'matplotlib'} & set(sys.modules)))"
     )
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

@@ -10,11 +10,11 @@ from pathlib import Path
 
 import pytest
 
-from commands.acquiring import acquire
-from commands.common import Simulation
-from daq.continuous import record
-from daq.errors import DaqError
-from daq.reading import read_recording
+from sautereau.commands.acquire import acquire
+from sautereau.commands.common import Simulation
+from sautereau.daq.errors import DaqError
+from sautereau.daq.file.reading import read_recording
+from sautereau.daq.source.continuous import record
 
 
 def command(*words):

@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 from mcap.reader import make_reader
 
-from daq.acquisition import Acquisition
-from daq.errors import DaqError, RecordingError
-from daq.reading import read_recording
-from daq.recording import Recording
-from rig.load import load_rig, with_values
-from sim_backend.bench import StandIn
-from sim_backend.faults.tables import Faults
-from sim_backend.scene import load_scene
+from sautereau.daq.errors import DaqError, RecordingError
+from sautereau.daq.file.reading import read_recording
+from sautereau.daq.file.recording import Recording
+from sautereau.daq.source.acquisition import Acquisition
+from sautereau.rig.load import load_rig, with_values
+from sautereau.sim_backend.bench import StandIn
+from sautereau.sim_backend.faults.tables import Faults
+from sautereau.sim_backend.scene import load_scene
 
 AT = 3000
 WHOLE = 2048

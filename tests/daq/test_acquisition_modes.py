@@ -5,12 +5,12 @@ import threading
 import numpy as np
 import pytest
 
-from daq.acquisition import Acquisition
-from daq.errors import DaqError
-from daq.reading import read_recording
-from daq.recording import Recording
-from sim_backend.daqmx.card import ENDLESS
-from sim_backend.daqmx.server import serve
+from sautereau.daq.errors import DaqError
+from sautereau.daq.file.reading import read_recording
+from sautereau.daq.file.recording import Recording
+from sautereau.daq.source.acquisition import Acquisition
+from sautereau.sim_backend.devices.daqmx.card import ENDLESS
+from sautereau.sim_backend.devices.daqmx.server import serve
 
 
 def ramp(first, n, channels=2):

@@ -8,12 +8,12 @@ import grpc
 import pytest
 from nidaqmx._stubs import nidaqmx_pb2_grpc
 
-from daq.acquisition import Acquisition
-from daq.errors import DaqError
-from rig.acquisition import Tls
-from rig.errors import RigError
-from rig.load import load_rig
-from sim_backend.daqmx.calls import Servicer
+from sautereau.daq.errors import DaqError
+from sautereau.daq.source.acquisition import Acquisition
+from sautereau.rig.acquisition import Tls
+from sautereau.rig.errors import RigError
+from sautereau.rig.load import load_rig
+from sautereau.sim_backend.devices.daqmx.calls import Servicer
 
 NEW_KEY = "-newkey ec -pkeyopt ec_paramgen_curve:prime256v1 -nodes -keyout"
 

@@ -5,9 +5,9 @@ import json
 import numpy as np
 import pytest
 
-from daq.errors import RecordingError
-from daq.reading import read_recording
-from sautereau import app
+from sautereau.commands.app import app
+from sautereau.daq.errors import RecordingError
+from sautereau.daq.file.reading import read_recording
 
 
 def run(*words):

@@ -7,10 +7,10 @@ import pandas as pd
 import pyarrow.parquet as pq
 import pytest
 
-from daq.convert.export import export, targets
-from daq.errors import RecordingError
-from daq.reading import read_recording
-from daq.sensors import correct
+from sautereau.daq.convert.export import export, targets
+from sautereau.daq.errors import RecordingError
+from sautereau.daq.file.reading import read_recording
+from sautereau.daq.signals.sensors import correct
 
 
 @pytest.fixture
@@ -78,8 +78,8 @@ def test_csv_is_a_plain_table_with_its_metadata_beside_it(tmp_path, recording):
 def test_what_was_measured_has_no_column_simulated(tmp_path, paper, session, volts):
     from dataclasses import replace
 
-    from daq.block import Block
-    from daq.recording import Recording
+    from sautereau.daq.block import Block
+    from sautereau.daq.file.recording import Recording
 
     path = tmp_path / "press.mcap"
     with Recording(path, paper, session=replace(session, simulated=False)) as recording:

@@ -12,15 +12,15 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 from nptdms import ChannelObject, RootObject, TdmsWriter
 
-from daq.block import Block
-from daq.convert.answers import Answers
-from daq.convert.export import export
-from daq.convert.importing import import_file
-from daq.errors import RecordingError
-from daq.reading import read_recording
-from daq.recorded import Joints
-from daq.recording import Recording
-from rig.load import load_rig, with_values
+from sautereau.daq.block import Block
+from sautereau.daq.convert.answers import Answers
+from sautereau.daq.convert.export import export
+from sautereau.daq.convert.importing import import_file
+from sautereau.daq.errors import RecordingError
+from sautereau.daq.file.reading import read_recording
+from sautereau.daq.file.recorded import Joints
+from sautereau.daq.file.recording import Recording
+from sautereau.rig.load import load_rig, with_values
 
 T0 = 1_700_000_000_000_000_000
 STARTED = "2026-02-03T04:05:06+01:00"
@@ -97,7 +97,7 @@ def test_any_number_comes_back_from_any_table(tmp_path_factory, values):
 
 
 def read_session():
-    from daq.session_info import SessionInfo
+    from sautereau.daq.file.session_info import SessionInfo
 
     return SessionInfo(1, STARTED, False, "DMC", "card")
 
@@ -458,7 +458,7 @@ def test_a_file_that_begins_after_the_trigger(tmp_path, paper):
 
 
 def test_what_has_lost_its_end_does_not_pass_for_whole(tmp_path, record):
-    from daq.recovery import recover
+    from sautereau.daq.file.recovery import recover
 
     noise = np.random.default_rng(0).standard_normal((2, 60_000))
     data = record(tmp_path / "press.mcap", noise).read_bytes()

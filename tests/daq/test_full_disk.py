@@ -8,18 +8,18 @@ import sys
 import numpy as np
 import pytest
 
-from daq.errors import RecordingError
-from daq.file.durable import DurableFile
-from daq.reading import read_recording
-from daq.recovery import recover
+from sautereau.daq.errors import RecordingError
+from sautereau.daq.file.container.durable import DurableFile
+from sautereau.daq.file.reading import read_recording
+from sautereau.daq.file.recovery import recover
 
 # Runs under a limit of the file's size: the write at the limit is refused with EFBIG.
 SCRIPT = """
 import resource, sys
 import numpy as np
-from daq.errors import RecordingError
-from daq.recording import Block, Recording, SessionInfo
-from rig.load import load_rig
+from sautereau.daq.errors import RecordingError
+from sautereau.daq.file.recording import Block, Recording, SessionInfo
+from sautereau.rig.load import load_rig
 
 path, limit, blocks = sys.argv[1], int(sys.argv[2]), int(sys.argv[3])
 if limit:

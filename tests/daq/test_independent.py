@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from mcap.reader import make_reader
 
-from daq.recovery import recover
+from sautereau.daq.file.recovery import recover
 
 FOLDER = Path(__file__).with_name("mcap_core")
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from daq.marks import Mark, find_marks, mark_warnings
+from sautereau.daq.signals.quality_flags import Mark, find_marks, mark_warnings
 
 RATE = 51_200.0
 NOISE = {"velocity": 0.002, "force": 0.005}

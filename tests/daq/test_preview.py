@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from daq.file.preview import ATTENUATION, PASS_BAND, Decimator, low_pass
-from daq.file.schemas import FIELDS
-from daq.survey import LAYOUT, describe
+from sautereau.daq.file.preview import ATTENUATION, PASS_BAND, Decimator, low_pass
+from sautereau.daq.file.schemas import FIELDS
+from sautereau.daq.file.survey import LAYOUT, describe
 
 HALF = 326
 """Samples, half the filter at 51.2 kHz."""

@@ -8,13 +8,13 @@ from mcap.records import Chunk, DataEnd, Footer, Metadata
 from mcap.stream_reader import StreamReader
 from mcap.writer import Writer
 
-from daq.errors import RecordingError
-from daq.file.provenance import PROFILE
-from daq.file.schemas import encode, schema_data
-from daq.reading import read_recording
-from daq.recording import Block, Recording
-from daq.survey import describe
-from rig.load import rig_json
+from sautereau.daq.errors import RecordingError
+from sautereau.daq.file.provenance import PROFILE
+from sautereau.daq.file.reading import read_recording
+from sautereau.daq.file.recording import Block, Recording
+from sautereau.daq.file.schemas import encode, schema_data
+from sautereau.daq.file.survey import describe
+from sautereau.rig.load import rig_json
 
 
 @pytest.fixture
@@ -147,7 +147,7 @@ def test_a_hole_is_named_and_never_filled(tmp_path, paper, session):
     )
     message = refused(path)
     assert "samples 512 to 1023 of velocity are missing, 10 ms to 20 ms" in message
-    assert "daq.reading.read_parts" in message
+    assert "daq.file.reading.read_parts" in message
     assert (512, 1024) in [(m["first_sample"], m["stop_sample"]) for m in told_by(path, "missing")]
 
 

@@ -15,14 +15,14 @@ from mcap.reader import make_reader
 from mcap.records import Channel, Chunk, Header, Message, Metadata
 from mcap.stream_reader import StreamReader
 
-from daq.errors import RecordingError
-from daq.file.durable import DurableFile
-from daq.file.schemas import declared_class
-from daq.reading import read_recording
-from daq.recorded import Joints
-from daq.recording import Block, Recording, SessionInfo
-from daq.survey import describe
-from rig.load import load_rig
+from sautereau.daq.errors import RecordingError
+from sautereau.daq.file.container.durable import DurableFile
+from sautereau.daq.file.reading import read_recording
+from sautereau.daq.file.recorded import Joints
+from sautereau.daq.file.recording import Block, Recording, SessionInfo
+from sautereau.daq.file.schemas import declared_class
+from sautereau.daq.file.survey import describe
+from sautereau.rig.load import load_rig
 
 T0 = 1_700_000_000_000_000_000
 PAPER = load_rig("paper")

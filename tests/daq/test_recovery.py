@@ -7,12 +7,12 @@ import pytest
 from mcap.reader import make_reader
 from mcap.stream_reader import StreamReader
 
-from commands import recordings
-from daq.errors import RecordingError
-from daq.reading import read_parts, read_recording
-from daq.recording import Block, Recording
-from daq.recovery import recover
-from daq.survey import describe
+from sautereau.commands import recordings
+from sautereau.daq.errors import RecordingError
+from sautereau.daq.file.reading import read_parts, read_recording
+from sautereau.daq.file.recording import Block, Recording
+from sautereau.daq.file.recovery import recover
+from sautereau.daq.file.survey import describe
 
 RATE = 51_200.0
 N = 60_000

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from daq.file.schemas import (
+from sautereau.daq.file.schemas import (
     FIELDS,
     declared_class,
     decode,

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy import signal
 
-from daq.sensors import (
+from sautereau.daq.signals.sensors import (
     calibration_warning,
     correct,
     to_si,
@@ -15,8 +15,8 @@ from daq.sensors import (
     undo_high_pass,
     white_noise,
 )
-from rig.errors import RigError
-from rig.load import with_values
+from sautereau.rig.errors import RigError
+from sautereau.rig.load import with_values
 
 RATE = 51_200.0
 

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from mcap.reader import make_reader
 
-from daq.errors import RecordingError
-from daq.reading import read_recording
-from daq.recording import Block, Recording
-from daq.recovery import recover
-from daq.streaming import read_window, stream
+from sautereau.daq.errors import RecordingError
+from sautereau.daq.file.reading import read_recording
+from sautereau.daq.file.recording import Block, Recording
+from sautereau.daq.file.recovery import recover
+from sautereau.daq.file.streaming import read_window, stream
 
 RATE = 51_200.0
 N = 70_000

@@ -26,11 +26,11 @@ def serve(path: str) -> None:
     """Fork for every client until killed."""
     import importlib
 
-    import sautereau  # noqa: F401 (it says how many threads BLAS may have, before BLAS is there)
+    import sautereau.commands.app  # noqa: F401 (limits the threads of BLAS before it is loaded)
 
     for name in SLOW:
         importlib.import_module(name)
-    from rig.load import load_rig
+    from sautereau.rig.load import load_rig
 
     load_rig()
     listener = socket.socket(socket.AF_UNIX)
@@ -49,7 +49,7 @@ def serve(path: str) -> None:
 
 def _command(client: socket.socket) -> None:
     """Be the command of a client, and end."""
-    import sautereau
+    from sautereau.commands.app import main
 
     request, streams, *_ = socket.recv_fds(client, 1 << 20, 3)
     for number, stream in enumerate(streams):
@@ -61,7 +61,7 @@ def _command(client: socket.socket) -> None:
     sys.argv = ["sautereau", *asked["words"]]
     status = 1
     try:
-        sautereau.main()
+        main()
     except SystemExit as end:
         status = end.code if isinstance(end.code, int) else int(end.code is not None)
     except BaseException:  # noqa: BLE001 (as Python itself ends with any exception)

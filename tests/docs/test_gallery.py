@@ -17,7 +17,7 @@ from examples import (
     session,
     string_waves,
 )
-from rig.load import load_rig
+from sautereau.rig.load import load_rig
 
 ROOT = Path(__file__).parents[2]
 LARGEST = 200e3

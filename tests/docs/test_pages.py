@@ -24,7 +24,7 @@ import pytest
 import yaml
 from cyclopts import CycloptsError
 
-import sautereau
+from sautereau.commands.app import app
 
 ROOT = Path(__file__).parents[2]
 BIN = Path(sys.executable).parent
@@ -131,13 +131,13 @@ def test_commands_parse(page):
         if not words or words in (["--help"], ["--version"]) or "-h" in words:
             continue
         try:
-            sautereau.app.parse_args(words, print_error=False, exit_on_error=False)
+            app.parse_args(words, print_error=False, exit_on_error=False)
         except (CycloptsError, SystemExit) as error:
             pytest.fail(f"{page.path.name}: {line}\n{error}")
 
 
 def test_commands_in_the_text_exist(page):
-    known = {name for name in sautereau.app if not name.startswith("-")}
+    known = {name for name in app if not name.startswith("-")}
     for name in re.findall(r"`sautereau ([\w-]+)", page.prose):
         assert name in known or name.startswith("-"), f"{page.path.name}: sautereau {name}"
 

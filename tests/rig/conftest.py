@@ -4,7 +4,7 @@ from importlib import resources
 
 import pytest
 
-from rig.load import load_rig, parse_rig
+from sautereau.rig.load import load_rig, parse_rig
 
 
 @pytest.fixture(scope="session")
@@ -14,7 +14,7 @@ def paper():
 
 @pytest.fixture(scope="session")
 def paper_text():
-    return resources.files("rig").joinpath("paper.toml").read_text(encoding="utf-8")
+    return resources.files("sautereau.rig").joinpath("paper.toml").read_text(encoding="utf-8")
 
 
 @pytest.fixture(scope="session")

@@ -6,12 +6,12 @@ from importlib import resources
 
 import pytest
 
-from rig.describe import describe
-from rig.errors import RigError
-from rig.faults import model_keys
-from rig.load import load_rig, parse_rig
-from rig.schema import Rig
-from rig.template import commented_rig
+from sautereau.rig.describe import describe
+from sautereau.rig.errors import RigError
+from sautereau.rig.faults import model_keys
+from sautereau.rig.load import load_rig, parse_rig
+from sautereau.rig.schema import Rig
+from sautereau.rig.template import commented_rig
 
 TABLES = {table.name: table for table in describe()}
 
@@ -70,7 +70,7 @@ def test_the_file_to_start_from_is_the_packaged_rig():
 
 
 def test_the_file_to_start_from_keeps_what_the_packaged_one_writes():
-    text = resources.files("rig").joinpath("paper.toml").read_text(encoding="utf-8")
+    text = resources.files("sautereau.rig").joinpath("paper.toml").read_text(encoding="utf-8")
     assert tomllib.loads(commented_rig()) == tomllib.loads(text)
 
 

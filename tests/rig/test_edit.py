@@ -4,11 +4,11 @@ from importlib import resources
 
 import pytest
 
-from rig.edit import edit_rig
-from rig.errors import RigError
-from rig.load import load_rig
+from sautereau.rig.edit import edit_rig
+from sautereau.rig.errors import RigError
+from sautereau.rig.load import load_rig
 
-TEXT = resources.files("rig").joinpath("paper.toml").read_text(encoding="utf-8")
+TEXT = resources.files("sautereau.rig").joinpath("paper.toml").read_text(encoding="utf-8")
 
 
 @pytest.fixture

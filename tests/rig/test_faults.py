@@ -7,11 +7,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rig.errors import RigError
-from rig.load import load_rig, parse_rig
-from rig.schema import Rig
+from sautereau.rig.errors import RigError
+from sautereau.rig.load import load_rig, parse_rig
+from sautereau.rig.schema import Rig
 
-PAPER = resources.files("rig").joinpath("paper.toml").read_text(encoding="utf-8")
+PAPER = resources.files("sautereau.rig").joinpath("paper.toml").read_text(encoding="utf-8")
 
 
 def line_with(start):

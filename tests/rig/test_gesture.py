@@ -4,10 +4,10 @@ import math
 
 import pytest
 
-from rig.errors import RigError
-from rig.gesture import read_gesture
-from rig.load import load_rig, rig_from_json, rig_json, with_values
-from rig.touches import read_touches
+from sautereau.rig.errors import RigError
+from sautereau.rig.gesture import read_gesture
+from sautereau.rig.load import load_rig, rig_from_json, rig_json, with_values
+from sautereau.rig.touches import read_touches
 
 GOOD = "time [s], rise [mm]\n0, 0\n0.01, 0.5\n0.02, 2\n"
 

@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rig.errors import RigError
-from rig.load import load_rig, rig_from_json, rig_json
-from rig.outline import LEAST_TIP, THINNED_PLACES, split
+from sautereau.rig.errors import RigError
+from sautereau.rig.load import load_rig, rig_from_json, rig_json
+from sautereau.rig.outline import LEAST_TIP, THINNED_PLACES, split
 
 WEDGE = [(0, -0.24), (2, -0.2), (4.5, -0.15), (4.5, 0.15), (2, 0.2), (0, 0.24)]
 """mm, thickness 0.48 at the clamp, 0.4 at 2 mm, 0.3 at the tip."""

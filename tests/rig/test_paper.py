@@ -4,8 +4,8 @@ import math
 
 import pytest
 
-from rig.load import load_rig, packaged_rigs
-from rig.section import GRAVITY
+from sautereau.rig.load import load_rig, packaged_rigs
+from sautereau.rig.section import GRAVITY
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rig.units import format_quantity, parse_quantity, readable_quantity
+from sautereau.rig.units import format_quantity, parse_quantity, readable_quantity
 
 UNITS = [
     "m", "kg", "N", "rad", "s", "Hz", "V", "Pa", "N*m", "kg*m**2", "N*m*s/rad", "N/m", "N*s/m",

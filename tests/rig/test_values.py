@@ -7,8 +7,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
-from rig.errors import RigError, SautereauError
-from rig.load import load_rig, rig_document, rig_from_json, rig_json, with_values
+from sautereau.rig.errors import RigError, SautereauError
+from sautereau.rig.load import load_rig, rig_document, rig_from_json, rig_json, with_values
 
 
 def test_replaces_values_and_leaves_the_rest(paper):

@@ -9,10 +9,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from rig.load import load_rig, with_values
-from robot.galil.driver import GalilController
-from robot.galil.program import controller_program
-from trajectory.segments import Segments
+from sautereau.rig.load import load_rig, with_values
+from sautereau.robot.drivers.galil.driver import GalilController
+from sautereau.robot.drivers.galil.program import controller_program
+from sautereau.trajectory.segments import Segments
 
 REVISION = "DMC4020 Rev 1.3c-SIM"
 STATE = "MG 4711,_MOA,_MOB,_BGA,_BGB,_OFA,_OFB"

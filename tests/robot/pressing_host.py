@@ -6,9 +6,9 @@ Run as `python -m tests.robot.pressing_host PORT`; the tests kill it.
 import sys
 import time
 
-from rig.load import load_rig, with_values
-from robot.galil.driver import GalilController
-from trajectory.press import plan_press
+from sautereau.rig.load import load_rig, with_values
+from sautereau.robot.drivers.galil.driver import GalilController
+from sautereau.trajectory.press import plan_press
 
 
 def main(port: str) -> None:

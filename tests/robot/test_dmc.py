@@ -7,11 +7,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robot.errors import UnsafeRequest
-from robot.galil.dmc import segment_commands, segments_from
-from robot.galil.program import SETTLE, controller_program, plan_capture
-from trajectory.counts import to_angles, to_counts
-from trajectory.segments import Segments
+from sautereau.robot.drivers.galil.dmc import segment_commands, segments_from
+from sautereau.robot.drivers.galil.program import SETTLE, controller_program, plan_capture
+from sautereau.robot.errors import UnsafeRequest
+from sautereau.trajectory.counts import to_angles, to_counts
+from sautereau.trajectory.segments import Segments
 
 row = st.tuples(
     *[st.integers(-(2**31), 2**31)] * 4,

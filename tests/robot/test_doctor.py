@@ -6,10 +6,11 @@ import time
 
 import pytest
 
-from rig.load import load_rig, with_values
-from robot import doctor, machine
-from robot.doctor import examine
-from robot.machine import clock, disk_room, disk_speed
+from sautereau.doctor import checks as doctor
+from sautereau.doctor import machine
+from sautereau.doctor.checks import examine
+from sautereau.doctor.machine import clock, disk_room, disk_speed
+from sautereau.rig.load import load_rig, with_values
 
 RIG = load_rig()
 

@@ -7,13 +7,13 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from analysis.phases import HeldString, Phases
-from analysis.press import Press
-from rig.load import load_rig, with_values
-from robot.errors import RobotError
-from robot.feedforward import measured_force, torque_table
-from trajectory.expected import Expectation
-from trajectory.press import plan_press
+from sautereau.analysis.phases import HeldString, Phases
+from sautereau.analysis.press.load import Press
+from sautereau.rig.load import load_rig, with_values
+from sautereau.robot.errors import RobotError
+from sautereau.robot.experiment.feedforward import measured_force, torque_table
+from sautereau.trajectory.expected import Expectation
+from sautereau.trajectory.press import plan_press
 
 RIG = load_rig("paper")
 PLAN = plan_press(RIG)

@@ -5,10 +5,10 @@ import contextlib
 import numpy as np
 import pytest
 
-from robot.errors import RobotError
-from robot.galil.driver import GalilController
-from robot.galil.line import Line
-from sim_backend.galil.firmware import GalilFirmware
+from sautereau.robot.drivers.galil.driver import GalilController
+from sautereau.robot.drivers.galil.line import Line
+from sautereau.robot.errors import RobotError
+from sautereau.sim_backend.devices.galil.firmware import GalilFirmware
 
 MEGABYTE = 1 << 20
 WORDS = [

@@ -5,19 +5,19 @@ import json
 import numpy as np
 import pytest
 
-from daq.reading import read_recording
-from rig.load import load_rig, with_values
-from robot.errors import RobotError
-from robot.feedforward import force_of
-from robot.galil.driver import GalilController
-from robot.learning import HALVINGS, Learned, Lesson, read_learned
-from robot.session import Item, make_presses
-from sim_backend.bench import StandIn
-from sim_backend.scene import load_scene
-from trajectory.correction import Correction
-from trajectory.errors import TrajectoryError
-from trajectory.press import plan_press
-from trajectory.timing import press_law
+from sautereau.daq.file.reading import read_recording
+from sautereau.rig.load import load_rig, with_values
+from sautereau.robot.drivers.galil.driver import GalilController
+from sautereau.robot.errors import RobotError
+from sautereau.robot.experiment.feedforward import force_of
+from sautereau.robot.experiment.learning import HALVINGS, Learned, Lesson, read_learned
+from sautereau.robot.experiment.session import Item, make_presses
+from sautereau.sim_backend.bench import StandIn
+from sautereau.sim_backend.scene import load_scene
+from sautereau.trajectory.correction import Correction
+from sautereau.trajectory.errors import TrajectoryError
+from sautereau.trajectory.press import plan_press
+from sautereau.trajectory.timing import press_law
 
 # The stand-in answers when its motion is over, however busy the machine is meanwhile.
 RIG = with_values(load_rig("paper"), {"controller.timeout": "20 s"})

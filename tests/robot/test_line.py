@@ -4,14 +4,14 @@ import pickle
 
 import pytest
 
-from robot.errors import (
+from sautereau.robot.drivers.galil.line import LONGEST_LINE, pack
+from sautereau.robot.errors import (
     CommandRefused,
     GarbledAnswer,
     LineLost,
     SettingNotTaken,
     SilentController,
 )
-from robot.galil.line import LONGEST_LINE, pack
 
 
 @pytest.fixture

@@ -6,16 +6,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from daq.reading import read_recording
-from rig.load import load_rig
-from robot import live
-from robot.errors import RobotError
-from robot.galil.driver import GalilController
-from robot.live import Fault, Feed, Made, Samples, Stage
-from robot.session import Item, make_presses
-from sim_backend.bench import StandIn
-from sim_backend.scene import load_scene
-from trajectory.press import plan_press
+from sautereau.daq.file.reading import read_recording
+from sautereau.rig.load import load_rig
+from sautereau.robot.drivers.galil.driver import GalilController
+from sautereau.robot.errors import RobotError
+from sautereau.robot.experiment import monitor as live
+from sautereau.robot.experiment.monitor import Fault, Feed, Made, Samples, Stage
+from sautereau.robot.experiment.session import Item, make_presses
+from sautereau.sim_backend.bench import StandIn
+from sautereau.sim_backend.scene import load_scene
+from sautereau.trajectory.press import plan_press
 
 MUTE = {"plectrum": "none", "string": "none", "step": 1e-3}
 

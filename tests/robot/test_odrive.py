@@ -6,9 +6,14 @@ import threading
 import numpy as np
 import pytest
 
-from rig.load import load_rig, with_values
-from robot.controller import MotionController
-from robot.errors import (
+from sautereau.rig.load import load_rig, with_values
+from sautereau.robot.controller import MotionController
+from sautereau.robot.drivers.galil.driver import GalilController
+from sautereau.robot.drivers.odrive.driver import OdriveController
+from sautereau.robot.drivers.odrive.line import checksum, framed
+from sautereau.robot.drivers.odrive.setpoints import INTERVAL
+from sautereau.robot.drivers.registry import motion_controller
+from sautereau.robot.errors import (
     LineLost,
     MotionFault,
     NotReady,
@@ -16,14 +21,9 @@ from robot.errors import (
     SettingNotTaken,
     UnsafeRequest,
 )
-from robot.factory import motion_controller
-from robot.feedforward import TorqueTable
-from robot.galil.driver import GalilController
-from robot.odrive.driver import OdriveController
-from robot.odrive.line import checksum, framed
-from robot.odrive.setpoints import INTERVAL
-from sim_backend.odrive.firmware import OdriveFirmware
-from trajectory.segments import Segments
+from sautereau.robot.experiment.feedforward import TorqueTable
+from sautereau.sim_backend.devices.odrive.firmware import OdriveFirmware
+from sautereau.trajectory.segments import Segments
 
 GRBL = "".join(map(framed, ("Grbl 1.1h", "x", "y"))).encode()
 OFF = "its motors are off: the controller confirms it"

@@ -11,17 +11,17 @@ from importlib import resources
 import numpy as np
 import pytest
 
-from analysis.phases import find_phases
-from analysis.press import load_press
-from daq.reading import read_recording
-from rig.load import load_rig, rig_document, with_values
-from robot.errors import LineLost, PortUnavailable, SilentController
-from robot.odrive.driver import OdriveController
-from robot.session import run_session
-from sim_backend.bench import StandIn
-from sim_backend.faults.tables import Faults
-from sim_backend.scene import load_scene
-from trajectory.press import plan_press
+from sautereau.analysis.phases import find_phases
+from sautereau.analysis.press.load import load_press
+from sautereau.daq.file.reading import read_recording
+from sautereau.rig.load import load_rig, rig_document, with_values
+from sautereau.robot.drivers.odrive.driver import OdriveController
+from sautereau.robot.errors import LineLost, PortUnavailable, SilentController
+from sautereau.robot.experiment.session import run_session
+from sautereau.sim_backend.bench import StandIn
+from sautereau.sim_backend.faults.tables import Faults
+from sautereau.sim_backend.scene import load_scene
+from sautereau.trajectory.press import plan_press
 
 KIND = {"controller.kind": "odrive", "controller.baud_rate": 921600}
 MUTE = {"plectrum": "none", "string": "none", "step": 1e-3}
@@ -87,8 +87,8 @@ def test_a_cable_pulled_in_mid_motion(rig, tmp_path, port_closes):
 
 HOST = """
 import sys, time
-from rig.load import load_rig, with_values
-from robot.odrive.driver import OdriveController
+from sautereau.rig.load import load_rig, with_values
+from sautereau.robot.drivers.odrive.driver import OdriveController
 
 rig = with_values(load_rig(), {{"controller.kind": "odrive", "controller.baud_rate": 921600,
     "controller.watchdog_period": "0.2 s", "controller.port": {port!r}}})
@@ -124,7 +124,7 @@ def test_a_host_that_is_killed_leaves_the_motors_off(rig):
 
 
 def test_the_command_line_presses_and_says_so(rig, tmp_path):
-    text = resources.files("rig").joinpath("paper.toml").read_text(encoding="utf-8")
+    text = resources.files("sautereau.rig").joinpath("paper.toml").read_text(encoding="utf-8")
     text = text.replace("baud_rate = 115200", 'kind = "odrive"\nbaud_rate = 921600')
     (tmp_path / "rig.toml").write_text(text, encoding="utf-8")
     assert rig_document(load_rig(str(tmp_path / "rig.toml")))["controller"]["kind"] == "odrive"

@@ -5,13 +5,13 @@ import io
 import numpy as np
 import pytest
 
-from robot.errors import (
+from sautereau.robot.drivers.odrive.errors import error_names
+from sautereau.robot.drivers.odrive.line import OdriveLine, framed
+from sautereau.robot.errors import (
     GarbledAnswer,
     RobotError,
     SilentController,
 )
-from robot.odrive.errors import error_names
-from robot.odrive.line import OdriveLine, framed
 
 
 class Fed:

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from rig.load import load_rig, with_values
-from robot.odrive.setpoints import INTERVAL, Setpoints, bandwidth
-from sim_backend.odrive.setpoint import Setpoint, filtered
-from trajectory.cubic import controller_motion
-from trajectory.press import plan_press
+from sautereau.rig.load import load_rig, with_values
+from sautereau.robot.drivers.odrive.setpoints import INTERVAL, Setpoints, bandwidth
+from sautereau.sim_backend.devices.odrive.setpoint import Setpoint, filtered
+from sautereau.trajectory.cubic import controller_motion
+from sautereau.trajectory.press import plan_press
 
 
 @pytest.fixture(scope="module")

@@ -6,10 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rig.load import with_values
-from robot.errors import NotReady, RobotError, SettingNotTaken, UnsafeRequest
-from robot.galil.driver import GalilController
-from robot.states import State
+from sautereau.rig.load import with_values
+from sautereau.robot.drivers.galil.driver import GalilController
+from sautereau.robot.drivers.states import State
+from sautereau.robot.errors import NotReady, RobotError, SettingNotTaken, UnsafeRequest
 
 
 def test_nothing_works_unconnected(bench, segments):

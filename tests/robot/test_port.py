@@ -3,10 +3,10 @@
 import pytest
 import serial
 
-from rig.load import with_values
-from robot.errors import GarbledAnswer, LineLost, PortUnavailable, SilentController
-from robot.galil.driver import GalilController
-from robot.port import open_port
+from sautereau.rig.load import with_values
+from sautereau.robot.drivers.galil.driver import GalilController
+from sautereau.robot.drivers.serial_port import open_port
+from sautereau.robot.errors import GarbledAnswer, LineLost, PortUnavailable, SilentController
 
 
 @pytest.mark.parametrize("name", ["/dev/no_such_port", "odd://thing", "socket://127.0.0.1:1"])

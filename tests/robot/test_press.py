@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from robot.controller import MotionController
+from sautereau.robot.controller import MotionController
 
 
 def press(controller: MotionController, segments):

@@ -6,17 +6,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rig.load import load_rig, with_values
-from robot.errors import MotionFault, SettingNotTaken, UnsafeRequest
-from robot.feedforward import TorqueTable
-from robot.galil.driver import GalilController
-from robot.galil.push import LEAST_INTERVAL, MOST_ROWS, plan_push
-from robot.states import State
-from sim_backend.bench import StandIn
-from sim_backend.faults.tables import Faults
-from sim_backend.scene import load_scene
-from trajectory.press import plan_press
-from trajectory.segments import Segments
+from sautereau.rig.load import load_rig, with_values
+from sautereau.robot.drivers.galil.driver import GalilController
+from sautereau.robot.drivers.galil.push import LEAST_INTERVAL, MOST_ROWS, plan_push
+from sautereau.robot.drivers.states import State
+from sautereau.robot.errors import MotionFault, SettingNotTaken, UnsafeRequest
+from sautereau.robot.experiment.feedforward import TorqueTable
+from sautereau.sim_backend.bench import StandIn
+from sautereau.sim_backend.faults.tables import Faults
+from sautereau.sim_backend.scene import load_scene
+from sautereau.trajectory.press import plan_press
+from sautereau.trajectory.segments import Segments
 
 PUSHED = 0.4  # N m
 

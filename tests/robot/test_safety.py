@@ -2,7 +2,7 @@
 
 import pytest
 
-from robot.errors import (
+from sautereau.robot.errors import (
     CommandRefused,
     LineLost,
     MotionFault,

@@ -5,15 +5,21 @@ from datetime import UTC, datetime
 
 import pytest
 
-from daq.block import Block
-from daq.file.head import read_session
-from daq.recording import Recording, SessionInfo
-from rig.load import load_rig, with_values
-from robot.errors import RobotError
-from robot.manifest import MANIFEST, Manifest, check_same, read_manifest, write_manifest
-from robot.plan import Plan, to_set
-from robot.plan_table import Row, read_plan_table
-from robot.session_folder import SessionFolder
+from sautereau.daq.block import Block
+from sautereau.daq.file.head import read_session
+from sautereau.daq.file.recording import Recording, SessionInfo
+from sautereau.rig.load import load_rig, with_values
+from sautereau.robot.errors import RobotError
+from sautereau.robot.experiment.manifest import (
+    MANIFEST,
+    Manifest,
+    check_same,
+    read_manifest,
+    write_manifest,
+)
+from sautereau.robot.experiment.plan import Plan, to_set
+from sautereau.robot.experiment.plan_table import Row, read_plan_table
+from sautereau.robot.experiment.session_folder import SessionFolder
 
 RIG = load_rig("paper")
 

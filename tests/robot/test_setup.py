@@ -6,18 +6,18 @@ import os
 import numpy as np
 import pytest
 
-from rig.load import load_rig, with_values
-from robot.errors import MotionFault, PortUnavailable, RobotError
-from robot.setup.contact import Creep, find_contact
-from robot.setup.dry_run import play_in_air, raised
-from robot.setup.joints import TURN, check_encoders, find_home
-from robot.setup.port import find_port, identify
-from robot.setup.step import Declined
-from robot.setup.steps import STEPS, make_steps
-from robot.setup.touch import locate_by_touch
-from sim_backend.bench import StandIn
-from sim_backend.scene import load_scene
-from trajectory.arm import fingertip_place
+from sautereau.rig.load import load_rig, with_values
+from sautereau.robot.errors import MotionFault, PortUnavailable, RobotError
+from sautereau.robot.experiment.setup.contact import Creep, find_contact
+from sautereau.robot.experiment.setup.dry_run import play_in_air, raised
+from sautereau.robot.experiment.setup.joints import TURN, check_encoders, find_home
+from sautereau.robot.experiment.setup.port import find_port, identify
+from sautereau.robot.experiment.setup.step import Declined
+from sautereau.robot.experiment.setup.steps import STEPS, make_steps
+from sautereau.robot.experiment.setup.touch import locate_by_touch
+from sautereau.sim_backend.bench import StandIn
+from sautereau.sim_backend.scene import load_scene
+from sautereau.trajectory.arm import fingertip_place
 
 SHORT = Creep(above=0.3e-3, below=0.6e-3)
 

@@ -6,13 +6,13 @@ from importlib import resources
 
 import pytest
 
-from commands.common import Simulation
-from commands.setting_up import setup
-from rig.load import load_rig
-from robot.errors import RobotError
-from robot.setup.step import Declined
+from sautereau.commands.common import Simulation
+from sautereau.commands.setup import setup
+from sautereau.rig.load import load_rig
+from sautereau.robot.errors import RobotError
+from sautereau.robot.experiment.setup.step import Declined
 
-TEXT = resources.files("rig").joinpath("paper.toml").read_text(encoding="utf-8")
+TEXT = resources.files("sautereau.rig").joinpath("paper.toml").read_text(encoding="utf-8")
 BARE = """
 description = "a key without strings that lies 0.3 mm lower than the rig has it"
 finger = "ideal"

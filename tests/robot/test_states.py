@@ -5,8 +5,8 @@ from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, precondition, rule
 
-from robot.errors import NotReady
-from robot.states import WAYS_OUT, State, States
+from sautereau.robot.drivers.states import WAYS_OUT, State, States
+from sautereau.robot.errors import NotReady
 
 CALLS = ("powered", "home", "check_home", "move_to", "load", "arm", "start", "wait", "stop")
 ALLOWED = {

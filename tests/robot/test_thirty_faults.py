@@ -17,22 +17,22 @@ from pathlib import Path
 
 import pytest
 
-import sim_backend.galil.firmware as firmware_module
-from daq.reading import read_recording
-from daq.recovery import recover
-from rig.errors import SautereauError
-from rig.load import load_rig, rig_from_json, rig_json, with_values
-from robot.galil.driver import GalilController
-from robot.plan import Plan
-from robot.plan_table import Row
-from robot.session import run_session
-from robot.session_folder import SessionFolder
-from sim_backend.bench import StandIn
-from sim_backend.faults.tables import Faults
-from sim_backend.galil.faults import CommandError
-from sim_backend.galil.motion import StopCode
-from sim_backend.scene import load_scene
-from trajectory.press import plan_press
+import sautereau.sim_backend.devices.galil.firmware as firmware_module
+from sautereau.daq.file.reading import read_recording
+from sautereau.daq.file.recovery import recover
+from sautereau.rig.errors import SautereauError
+from sautereau.rig.load import load_rig, rig_from_json, rig_json, with_values
+from sautereau.robot.drivers.galil.driver import GalilController
+from sautereau.robot.experiment.plan import Plan
+from sautereau.robot.experiment.plan_table import Row
+from sautereau.robot.experiment.session import run_session
+from sautereau.robot.experiment.session_folder import SessionFolder
+from sautereau.sim_backend.bench import StandIn
+from sautereau.sim_backend.devices.galil.faults import CommandError
+from sautereau.sim_backend.devices.galil.motion import StopCode
+from sautereau.sim_backend.faults.tables import Faults
+from sautereau.sim_backend.scene import load_scene
+from sautereau.trajectory.press import plan_press
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="signals, pseudo-terminals")
 
@@ -50,10 +50,10 @@ HOLD = {"press.bottom_hold": "1 s"}
 CHILD = """
 import sys
 from pathlib import Path
-from rig.load import rig_from_json
-from robot.galil.driver import GalilController
-from robot.session import run_session
-from trajectory.press import plan_press
+from sautereau.rig.load import rig_from_json
+from sautereau.robot.drivers.galil.driver import GalilController
+from sautereau.robot.experiment.session import run_session
+from sautereau.trajectory.press import plan_press
 rig = rig_from_json(Path(sys.argv[1]).read_text())
 run_session(rig, plan_press(rig), GalilController(rig), Path(sys.argv[2]), 1)
 """

@@ -10,15 +10,15 @@ import threading
 
 import pytest
 
-from rig.load import load_rig, with_values
-from robot.errors import LineLost, MotionFault
-from robot.galil.axes import Axes
-from robot.galil.driver import GalilController
-from robot.galil.line import Line
-from robot.port import open_port
-from robot.watchdog import Renewing
-from sim_backend.bench import StandIn
-from sim_backend.scene import load_scene
+from sautereau.rig.load import load_rig, with_values
+from sautereau.robot.drivers.galil.axes import Axes
+from sautereau.robot.drivers.galil.driver import GalilController
+from sautereau.robot.drivers.galil.line import Line
+from sautereau.robot.drivers.keep_alive import Renewing
+from sautereau.robot.drivers.serial_port import open_port
+from sautereau.robot.errors import LineLost, MotionFault
+from sautereau.sim_backend.bench import StandIn
+from sautereau.sim_backend.scene import load_scene
 
 POSIX = pytest.mark.skipif(sys.platform == "win32", reason="no pseudo-terminals, no SIGKILL")
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from sim_backend.galil.firmware import GalilFirmware
+from sautereau.sim_backend.devices.galil.firmware import GalilFirmware
 
 
 class BareBench:

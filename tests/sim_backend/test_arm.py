@@ -5,19 +5,19 @@ import math
 import numpy as np
 import pytest
 
-from analysis.model.key import finger_force
-from analysis.model.predict import rig_pluck
-from rig.load import load_rig
-from sim_backend.physics.drive import LEAD, PressDrive
-from sim_backend.physics.observation import observe
-from sim_backend.physics.servo import weight_torque
-from sim_backend.physics.world import new_world
-from sim_backend.reference.observe import reference
-from sim_backend.scene import load_scene
-from trajectory.arm import fingertip_motion
-from trajectory.key import key_under_fingertip, rise_slope
-from trajectory.motion import Motion
-from trajectory.press import plan_press
+from sautereau.analysis.model.key import finger_force
+from sautereau.analysis.model.predict import rig_pluck
+from sautereau.rig.load import load_rig
+from sautereau.sim_backend.physics.drive import LEAD, PressDrive
+from sautereau.sim_backend.physics.observation import observe
+from sautereau.sim_backend.physics.reference.observe import reference
+from sautereau.sim_backend.physics.servo import weight_torque
+from sautereau.sim_backend.physics.world import new_world
+from sautereau.sim_backend.scene import load_scene
+from sautereau.trajectory.arm import fingertip_motion
+from sautereau.trajectory.key import key_under_fingertip, rise_slope
+from sautereau.trajectory.motion import Motion
+from sautereau.trajectory.press import plan_press
 
 RIG = load_rig("paper")
 PERIOD = RIG.controller.sample_period

@@ -5,14 +5,14 @@ import time
 import numpy as np
 import pytest
 
-from daq.acquisition import Acquisition
-from daq.reading import read_recording
-from rig.load import load_rig
-from robot.galil.driver import GalilController
-from robot.session import run_session
-from sim_backend.bench import StandIn
-from sim_backend.scene import load_scene
-from trajectory.press import plan_press
+from sautereau.daq.file.reading import read_recording
+from sautereau.daq.source.acquisition import Acquisition
+from sautereau.rig.load import load_rig
+from sautereau.robot.drivers.galil.driver import GalilController
+from sautereau.robot.experiment.session import run_session
+from sautereau.sim_backend.bench import StandIn
+from sautereau.sim_backend.scene import load_scene
+from sautereau.trajectory.press import plan_press
 
 
 def changed(rig, **values):

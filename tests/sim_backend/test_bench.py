@@ -5,12 +5,12 @@ from types import SimpleNamespace
 
 import pytest
 
-from rig.load import load_rig
-from sim_backend.bench import Bench
-from sim_backend.daqmx.card import TaskSetup
-from sim_backend.physics.events import PluckEvents, StringEvent
-from sim_backend.scene import load_scene
-from sim_backend.truth import truths
+from sautereau.rig.load import load_rig
+from sautereau.sim_backend.bench import Bench
+from sautereau.sim_backend.devices.daqmx.card import TaskSetup
+from sautereau.sim_backend.physics.events import PluckEvents, StringEvent
+from sautereau.sim_backend.scene import load_scene
+from sautereau.sim_backend.truth import truths
 
 MUTE = {"plectrum": "none", "string": "none", "step": 1e-3}
 
@@ -58,7 +58,7 @@ def test_an_event_on_the_edge_belongs_to_the_press_that_it_begins():
 
 def test_an_accuracy_is_settled_and_told(monkeypatch):
     """What is built is the scene that the choice has made."""
-    from sim_backend.trade import choose
+    from sautereau.sim_backend.trade import choose
 
     class Settled(SimpleNamespace):
         def __str__(self):

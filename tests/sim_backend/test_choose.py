@@ -1,13 +1,13 @@
 import numpy as np
 import pytest
 
-from rig.load import load_rig
-from sim_backend.errors import SceneError
-from sim_backend.physics.events import Motions, PluckEvents, StringEvent
-from sim_backend.physics.observation import Observation
-from sim_backend.scene import parse_scene
-from sim_backend.trade.choose import best_level, settle
-from sim_backend.trade.ladder import LOST, Ladder
+from sautereau.rig.load import load_rig
+from sautereau.sim_backend.errors import SceneError
+from sautereau.sim_backend.physics.events import Motions, PluckEvents, StringEvent
+from sautereau.sim_backend.physics.observation import Observation
+from sautereau.sim_backend.scene import parse_scene
+from sautereau.sim_backend.trade.choose import best_level, settle
+from sautereau.sim_backend.trade.ladder import LOST, Ladder
 
 PERIOD = load_rig().controller.sample_period
 PUSH = '[push]\nforce = "1.2 N"\nduration = "40 ms"\n'

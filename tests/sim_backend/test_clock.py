@@ -4,8 +4,8 @@ import threading
 
 import pytest
 
-from sim_backend.clock import Clock
-from sim_backend.turns import Turns
+from sautereau.sim_backend.clock import Clock
+from sautereau.sim_backend.fair_lock import Turns
 
 
 class Count:

@@ -11,7 +11,7 @@ from nidaqmx.errors import DaqReadError, RpcError
 from nidaqmx.stream_readers import AnalogMultiChannelReader
 from nidaqmx.system import Device, System
 
-from sim_backend.daqmx.server import DaqmxError, TaskSetup, serve
+from sautereau.sim_backend.devices.daqmx.server import DaqmxError, TaskSetup, serve
 
 
 class NoiseRun:

@@ -9,7 +9,7 @@ from nidaqmx import DaqError, GrpcSessionOptions, Task
 from nidaqmx.constants import READ_ALL_AVAILABLE, AcquisitionType, Edge, ReadRelativeTo
 from nidaqmx.error_codes import DAQmxErrors
 
-from sim_backend.daqmx.server import serve
+from sautereau.sim_backend.devices.daqmx.server import serve
 
 
 class CountingRun:

@@ -3,15 +3,15 @@
 import numpy as np
 import pytest
 
-from rig.load import load_rig
-from sim_backend.bench import Bench
-from sim_backend.errors import SceneError
-from sim_backend.faults.line import BadLine, bad_line, disturbed
-from sim_backend.faults.sensing import Drifting, DropOuts, Overloading
-from sim_backend.faults.tables import Drift, Faults, Overload, Speckle
-from sim_backend.scene import Scene, load_scene, parse_scene
-from sim_backend.sensors import SensorChain
-from sim_backend.serial_port import PortGone
+from sautereau.rig.load import load_rig
+from sautereau.sim_backend.bench import Bench
+from sautereau.sim_backend.devices.serial_port import PortGone
+from sautereau.sim_backend.errors import SceneError
+from sautereau.sim_backend.faults.line import BadLine, bad_line, disturbed
+from sautereau.sim_backend.faults.sensing import Drifting, DropOuts, Overloading
+from sautereau.sim_backend.faults.tables import Drift, Faults, Overload, Speckle
+from sautereau.sim_backend.scene import Scene, load_scene, parse_scene
+from sautereau.sim_backend.sensors import SensorChain
 
 IDEAL = """
 finger = "ideal"

@@ -10,10 +10,11 @@ from nidaqmx import GrpcSessionOptions
 from nidaqmx.errors import RpcError
 from nidaqmx.system import Device
 
-from daq.errors import DaqError
-from daq.reading import read_recording
-from rig.load import load_rig, with_values
-from robot.errors import (
+from sautereau.daq.errors import DaqError
+from sautereau.daq.file.reading import read_recording
+from sautereau.rig.load import load_rig, with_values
+from sautereau.robot.drivers.galil.driver import GalilController
+from sautereau.robot.errors import (
     CommandRefused,
     GarbledAnswer,
     LineLost,
@@ -21,13 +22,12 @@ from robot.errors import (
     SettingNotTaken,
     SilentController,
 )
-from robot.galil.driver import GalilController
-from robot.session import run_session
-from sim_backend.bench import Bench, StandIn
-from sim_backend.errors import SceneError
-from sim_backend.faults.tables import Faults
-from sim_backend.scene import load_scene
-from trajectory.press import plan_press
+from sautereau.robot.experiment.session import run_session
+from sautereau.sim_backend.bench import Bench, StandIn
+from sautereau.sim_backend.errors import SceneError
+from sautereau.sim_backend.faults.tables import Faults
+from sautereau.sim_backend.scene import load_scene
+from sautereau.trajectory.press import plan_press
 
 PATIENT = {"controller.timeout": "10 s"}
 """However slow the machine, an answer that is on its way comes."""

@@ -4,8 +4,8 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from sim_backend.galil.commands import COMMANDS
-from sim_backend.galil.firmware import GalilFirmware
+from sautereau.sim_backend.devices.galil.commands import COMMANDS
+from sautereau.sim_backend.devices.galil.firmware import GalilFirmware
 
 REVISION = "DMC4020 Rev 1.3a-SIM sautereau stand-in"
 

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from sim_backend.galil.program import LINE_TIME
+from sautereau.sim_backend.devices.galil.program import LINE_TIME
 
 
 def download(bench, *lines, end="\\\r"):

@@ -4,18 +4,18 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from analysis.model.key import finger_force
-from analysis.model.predict import rig_pluck
-from rig.load import load_rig, with_values
-from rig.section import GRAVITY
-from sim_backend.physics.drive import LEAD, PressDrive
-from sim_backend.physics.observation import observe
-from sim_backend.physics.world import new_world
-from sim_backend.scene import load_scene
-from trajectory.arm import fingertip_motion, joints_holding_point
-from trajectory.key import jack_motion, key_under_fingertip, rise_of_angle, rise_slope
-from trajectory.motion import Motion
-from trajectory.press import plan_press
+from sautereau.analysis.model.key import finger_force
+from sautereau.analysis.model.predict import rig_pluck
+from sautereau.rig.load import load_rig, with_values
+from sautereau.rig.section import GRAVITY
+from sautereau.sim_backend.physics.drive import LEAD, PressDrive
+from sautereau.sim_backend.physics.observation import observe
+from sautereau.sim_backend.physics.world import new_world
+from sautereau.sim_backend.scene import load_scene
+from sautereau.trajectory.arm import fingertip_motion, joints_holding_point
+from sautereau.trajectory.key import jack_motion, key_under_fingertip, rise_of_angle, rise_slope
+from sautereau.trajectory.motion import Motion
+from sautereau.trajectory.press import plan_press
 
 RIG = load_rig("paper")
 KEY, JACK = RIG.key, RIG.jack

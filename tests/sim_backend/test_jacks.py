@@ -5,15 +5,15 @@ import math
 import numpy as np
 import pytest
 
-from rig.load import load_rig
-from rig.section import GRAVITY
-from sim_backend.parts import Push
-from sim_backend.physics.division import RESOLVED
-from sim_backend.physics.observation import drive_of, errors, observe
-from sim_backend.physics.world import new_world
-from sim_backend.reference.observe import reference
-from sim_backend.scene import load_scene, packaged_scenes
-from trajectory.key import rise_of_angle, rise_slope
+from sautereau.rig.load import load_rig
+from sautereau.rig.section import GRAVITY
+from sautereau.sim_backend.parts import Push
+from sautereau.sim_backend.physics.observation import drive_of, errors, observe
+from sautereau.sim_backend.physics.reference.observe import reference
+from sautereau.sim_backend.physics.rigid.division import RESOLVED
+from sautereau.sim_backend.physics.world import new_world
+from sautereau.sim_backend.scene import load_scene, packaged_scenes
+from sautereau.trajectory.key import rise_of_angle, rise_slope
 
 RIG = load_rig("paper")
 KEY, JACK = RIG.key, RIG.jack

@@ -7,14 +7,14 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
-from analysis.model.choirs import choirs
-from analysis.model.plectrum.elastica import Elastica
-from analysis.model.predict import rig_pluck
-from rig.load import load_rig, with_values
-from sim_backend.errors import SceneError
-from sim_backend.physics.events import PluckEvents
-from sim_backend.physics.modal import ModalPlucking
-from sim_backend.scene import Scene
+from sautereau.analysis.model.choirs import choirs
+from sautereau.analysis.model.plectrum.elastica import Elastica
+from sautereau.analysis.model.predict import rig_pluck
+from sautereau.rig.load import load_rig, with_values
+from sautereau.sim_backend.errors import SceneError
+from sautereau.sim_backend.physics.events import PluckEvents
+from sautereau.sim_backend.physics.rigid.modal import ModalPlucking
+from sautereau.sim_backend.scene import Scene
 
 RIG = load_rig()
 CLEARANCE = RIG.jack.string_clearance * 1e3

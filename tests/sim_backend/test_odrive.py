@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from sim_backend.odrive.firmware import OdriveFirmware
-from sim_backend.odrive.setpoint import Setpoint, Trapezoid, filtered
+from sautereau.sim_backend.devices.odrive.firmware import OdriveFirmware
+from sautereau.sim_backend.devices.odrive.setpoint import Setpoint, Trapezoid, filtered
 
 PERIOD = 1e-3
 TURN = 10_000.0

@@ -3,16 +3,16 @@
 import numpy as np
 import pytest
 
-from rig.errors import RigError
-from rig.faults import unit_of
-from rig.instrument import Choir
-from rig.load import load_rig, with_values
-from rig.schema import Rig
-from sim_backend.errors import SceneError
-from sim_backend.physics.observation import drive_of, errors, observe
-from sim_backend.reference.observe import reference
-from sim_backend.scene import Scene
-from sim_backend.trade.choose import settle
+from sautereau.rig.errors import RigError
+from sautereau.rig.faults import unit_of
+from sautereau.rig.instrument import Choir
+from sautereau.rig.load import load_rig, with_values
+from sautereau.rig.schema import Rig
+from sautereau.sim_backend.errors import SceneError
+from sautereau.sim_backend.physics.observation import drive_of, errors, observe
+from sautereau.sim_backend.physics.reference.observe import reference
+from sautereau.sim_backend.scene import Scene
+from sautereau.sim_backend.trade.choose import settle
 
 DRAWN = ("key.", "jack.", "plectrum.")
 """Tables of the rig whose assumed ranges are drawn from."""

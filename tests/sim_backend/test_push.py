@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from analysis.model.predict import rig_pluck
-from rig.load import load_rig
-from rig.section import GRAVITY
-from sim_backend.parts import Push
-from sim_backend.physics.observation import observe
-from sim_backend.physics.world import new_world
-from sim_backend.scene import load_scene
+from sautereau.analysis.model.predict import rig_pluck
+from sautereau.rig.load import load_rig
+from sautereau.rig.section import GRAVITY
+from sautereau.sim_backend.parts import Push
+from sautereau.sim_backend.physics.observation import observe
+from sautereau.sim_backend.physics.world import new_world
+from sautereau.sim_backend.scene import load_scene
 
 RIG = load_rig("paper")
 KEY, JACK = RIG.key, RIG.jack

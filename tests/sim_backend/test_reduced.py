@@ -10,20 +10,20 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from analysis.model.key import finger_force
-from analysis.model.predict import rig_pluck
-from rig.instrument import Choir
-from rig.load import load_rig, with_values
-from rig.section import GRAVITY
-from sim_backend.errors import SceneError
-from sim_backend.physics.drive import PushDrive
-from sim_backend.physics.events import Motions
-from sim_backend.physics.observation import Observation, drive_of, errors
-from sim_backend.physics.reduced import ReducedWorld
-from sim_backend.reference.observe import reference
-from sim_backend.scene import Scene
-from trajectory.arm import fingertip_motion
-from trajectory.key import (
+from sautereau.analysis.model.key import finger_force
+from sautereau.analysis.model.predict import rig_pluck
+from sautereau.rig.instrument import Choir
+from sautereau.rig.load import load_rig, with_values
+from sautereau.rig.section import GRAVITY
+from sautereau.sim_backend.errors import SceneError
+from sautereau.sim_backend.physics.drive import PushDrive
+from sautereau.sim_backend.physics.events import Motions
+from sautereau.sim_backend.physics.observation import Observation, drive_of, errors
+from sautereau.sim_backend.physics.reduced.engine import ReducedWorld
+from sautereau.sim_backend.physics.reference.observe import reference
+from sautereau.sim_backend.scene import Scene
+from sautereau.trajectory.arm import fingertip_motion
+from sautereau.trajectory.key import (
     key_under_fingertip,
     rise_curvature,
     rise_of_angle,
@@ -397,10 +397,10 @@ SCRIPT = """
 import sys
 if sys.argv[1] == "without": sys.modules["numba"] = None
 from dataclasses import fields
-from rig.load import load_rig
-from sim_backend.physics.reduced import ReducedWorld
-from sim_backend.physics.drive import PushDrive
-from sim_backend.scene import Scene
+from sautereau.rig.load import load_rig
+from sautereau.sim_backend.physics.reduced.engine import ReducedWorld
+from sautereau.sim_backend.physics.drive import PushDrive
+from sautereau.sim_backend.scene import Scene
 told = Scene.model_validate({"finger": "push", "plectrum": "elastica", "string": "spring",
     "friction": True, "felt": True, "tongue": True, "damper": True, "engine": "reduced",
     "step": "1 ms", "push": {"force": "1.2 N", "duration": "30 ms", "rest": "10 ms"}})

@@ -7,27 +7,27 @@ import pytest
 from scipy.integrate import LSODA, quad, simpson
 from scipy.optimize import brentq, lsq_linear
 
-from analysis.model.choirs import choir_pluck, choirs
-from analysis.model.key import finger_force
-from rig.load import load_rig, with_values
-from rig.section import GRAVITY
-from sim_backend.errors import SceneError
-from sim_backend.physics.drive import LEAD, PressDrive
-from sim_backend.physics.observation import drive_of
-from sim_backend.physics.servo import PositionLoops
-from sim_backend.reference.jack import JackLaw, PluckLaw, StringState
-from sim_backend.reference.legs import Leg
-from sim_backend.reference.linkage import Linkage
-from sim_backend.reference.mode import Felt, JackMode, Meeting
-from sim_backend.reference.observe import reference, solve
-from sim_backend.reference.switch import begin, strike
-from sim_backend.reference.system import System
-from sim_backend.scene import load_scene, parse_scene
-from trajectory.arm import fingertip_motion
-from trajectory.dynamics import energy, joint_torques, mass_matrix
-from trajectory.key import angle_of_rise, key_under_fingertip, rise_of_angle, rise_slope
-from trajectory.motion import Motion
-from trajectory.press import plan_press
+from sautereau.analysis.model.choirs import choir_pluck, choirs
+from sautereau.analysis.model.key import finger_force
+from sautereau.rig.load import load_rig, with_values
+from sautereau.rig.section import GRAVITY
+from sautereau.sim_backend.errors import SceneError
+from sautereau.sim_backend.physics.drive import LEAD, PressDrive
+from sautereau.sim_backend.physics.observation import drive_of
+from sautereau.sim_backend.physics.reference.jack import JackLaw, PluckLaw, StringState
+from sautereau.sim_backend.physics.reference.legs import Leg
+from sautereau.sim_backend.physics.reference.linkage import Linkage
+from sautereau.sim_backend.physics.reference.mode import Felt, JackMode, Meeting
+from sautereau.sim_backend.physics.reference.observe import reference, solve
+from sautereau.sim_backend.physics.reference.switch import begin, strike
+from sautereau.sim_backend.physics.reference.system import System
+from sautereau.sim_backend.physics.servo import PositionLoops
+from sautereau.sim_backend.scene import load_scene, parse_scene
+from sautereau.trajectory.arm import fingertip_motion
+from sautereau.trajectory.dynamics import energy, joint_torques, mass_matrix
+from sautereau.trajectory.key import angle_of_rise, key_under_fingertip, rise_of_angle, rise_slope
+from sautereau.trajectory.motion import Motion
+from sautereau.trajectory.press import plan_press
 
 RIG = load_rig("paper")
 PERIOD = RIG.controller.sample_period
@@ -531,7 +531,7 @@ def test_an_arm_that_reaches_the_pin_is_refused():
 
 
 def test_what_is_too_stiff_is_refused(monkeypatch):
-    monkeypatch.setattr("sim_backend.reference.integrate.STEPS", 500)
+    monkeypatch.setattr("sautereau.sim_backend.physics.reference.integrate.STEPS", 500)
     with pytest.raises(SceneError, match=r"after 501 steps of 500 at most.*lower the stiffness"):
         reference(RIG, pushed(truth={"key.pivot_viscous_friction": "1e4 N m s/rad"}))
 

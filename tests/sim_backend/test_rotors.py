@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from rig.load import load_rig, with_values
-from sim_backend.errors import SceneError
-from sim_backend.parts import Servo
-from sim_backend.physics.world import new_world
-from sim_backend.scene import load_scene
-from trajectory.dynamics import joint_torques, mass_matrix
-from trajectory.motion import Motion
+from sautereau.rig.load import load_rig, with_values
+from sautereau.sim_backend.errors import SceneError
+from sautereau.sim_backend.parts import Servo
+from sautereau.sim_backend.physics.world import new_world
+from sautereau.sim_backend.scene import load_scene
+from sautereau.trajectory.dynamics import joint_torques, mass_matrix
+from sautereau.trajectory.motion import Motion
 
 RIG = load_rig("paper")
 START = (0.3, -1.6)

@@ -7,12 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rig.load import load_rig
-from sim_backend.faults.tables import Drift, Faults
-from sim_backend.physics.events import Motions
-from sim_backend.runs import RunFault, SampledRun
-from sim_backend.scene import load_scene
-from sim_backend.turns import Turns
+from sautereau.rig.load import load_rig
+from sautereau.sim_backend.devices.daqmx.runs import RunFault, SampledRun
+from sautereau.sim_backend.fair_lock import Turns
+from sautereau.sim_backend.faults.tables import Drift, Faults
+from sautereau.sim_backend.physics.events import Motions
+from sautereau.sim_backend.scene import load_scene
 
 PERIOD, STEPS = 976.5625e-6, 10
 SENSORS = load_scene("paper").sensors

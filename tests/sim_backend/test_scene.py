@@ -2,11 +2,11 @@
 
 import pytest
 
-from rig.errors import RigError
-from rig.load import load_rig, parse_rig
-from rig.text import rig_text
-from sim_backend.errors import SceneError
-from sim_backend.scene import load_scene, packaged_scenes, parse_scene
+from sautereau.rig.errors import RigError
+from sautereau.rig.load import load_rig, parse_rig
+from sautereau.rig.text import rig_text
+from sautereau.sim_backend.errors import SceneError
+from sautereau.sim_backend.scene import load_scene, packaged_scenes, parse_scene
 
 MUTE = """
 finger = "ideal"

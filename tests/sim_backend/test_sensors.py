@@ -5,10 +5,10 @@ import math
 import numpy as np
 import pytest
 
-from daq.sensors import correct
-from rig.load import load_rig
-from sim_backend.scene import load_scene
-from sim_backend.sensors import ADC_RANGE, SensorChain, Signal
+from sautereau.daq.signals.sensors import correct
+from sautereau.rig.load import load_rig
+from sautereau.sim_backend.scene import load_scene
+from sautereau.sim_backend.sensors import ADC_RANGE, SensorChain, Signal
 
 RATE = 51_200.0
 SILENT = load_scene("paper").sensors.model_copy(

@@ -6,8 +6,8 @@ import threading
 import pytest
 import serial
 
-from sim_backend.galil.firmware import GalilFirmware
-from sim_backend.serial_port import PtyPort, SocketPort
+from sautereau.sim_backend.devices.galil.firmware import GalilFirmware
+from sautereau.sim_backend.devices.serial_port import PtyPort, SocketPort
 
 PORTS = [
     pytest.param(

@@ -5,10 +5,10 @@ import math
 import numpy as np
 import pytest
 
-from rig.load import load_rig
-from rig.section import GRAVITY
-from sim_backend.physics.servo import PositionLoops, weight_torque
-from sim_backend.scene import load_scene
+from sautereau.rig.load import load_rig
+from sautereau.rig.section import GRAVITY
+from sautereau.sim_backend.physics.servo import PositionLoops, weight_torque
+from sautereau.sim_backend.scene import load_scene
 
 PERIOD = 976.5625e-6
 

@@ -1,14 +1,14 @@
 import numpy as np
 import pytest
 
-from analysis.model.predict import rig_pluck
-from rig.load import load_rig
-from rig.section import GRAVITY
-from sim_backend.physics.observation import observe
-from sim_backend.scene import load_scene
-from sim_backend.trade import stability
-from sim_backend.trade.cases import Case, grid, random_cases
-from sim_backend.trade.stability import (
+from sautereau.analysis.model.predict import rig_pluck
+from sautereau.rig.load import load_rig
+from sautereau.rig.section import GRAVITY
+from sautereau.sim_backend.physics.observation import observe
+from sautereau.sim_backend.scene import load_scene
+from sautereau.sim_backend.trade import stability
+from sautereau.sim_backend.trade.cases import Case, grid, random_cases
+from sautereau.sim_backend.trade.stability import (
     judge,
     run_stability,
     stability_document,

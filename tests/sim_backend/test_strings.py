@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from analysis.model.choirs import choirs
-from analysis.model.predict import rig_pluck
-from rig.load import load_rig, with_values
-from sim_backend.errors import SceneError
-from sim_backend.physics.events import PluckEvents
-from sim_backend.physics.pluck import Plucking
-from sim_backend.scene import load_scene
+from sautereau.analysis.model.choirs import choirs
+from sautereau.analysis.model.predict import rig_pluck
+from sautereau.rig.load import load_rig, with_values
+from sautereau.sim_backend.errors import SceneError
+from sautereau.sim_backend.physics.events import PluckEvents
+from sautereau.sim_backend.physics.rigid.pluck import Plucking
+from sautereau.sim_backend.scene import load_scene
 
 RIG = load_rig("paper")
 CLEARANCE = RIG.jack.string_clearance * 1e3

@@ -3,15 +3,15 @@
 import numpy as np
 import pytest
 
-from analysis.model.choirs import choir_pluck, choirs
-from rig.instrument import Choir
-from rig.load import load_rig, with_values
-from sim_backend.errors import SceneError
-from sim_backend.physics.observation import drive_of
-from sim_backend.physics.reduced import ReducedWorld
-from sim_backend.physics.reduced_laws import elastica_laws, laws_of
-from sim_backend.physics.sweep import Ending, sweep
-from sim_backend.scene import Scene
+from sautereau.analysis.model.choirs import choir_pluck, choirs
+from sautereau.rig.instrument import Choir
+from sautereau.rig.load import load_rig, with_values
+from sautereau.sim_backend.errors import SceneError
+from sautereau.sim_backend.physics.observation import drive_of
+from sautereau.sim_backend.physics.reduced.engine import ReducedWorld
+from sautereau.sim_backend.physics.reduced.laws import elastica_laws, laws_of
+from sautereau.sim_backend.physics.reduced.sweep import Ending, sweep
+from sautereau.sim_backend.scene import Scene
 
 RIG = load_rig("paper")
 UNITS = {

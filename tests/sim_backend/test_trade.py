@@ -6,15 +6,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rig.load import load_rig
-from sim_backend.errors import SceneError
-from sim_backend.scene import load_scene
-from sim_backend.trade import cache, measure, stopwatch
-from sim_backend.trade.measure import recommended, run_trade
-from sim_backend.trade.pareto import pareto
-from sim_backend.trade.picture import plot_trade, trade_figure
-from sim_backend.trade.points import Point, Trade
-from sim_backend.trade.summary import trade_document, trade_text
+from sautereau.rig.load import load_rig
+from sautereau.sim_backend.errors import SceneError
+from sautereau.sim_backend.scene import load_scene
+from sautereau.sim_backend.trade import cache, measure, stopwatch
+from sautereau.sim_backend.trade.measure import recommended, run_trade
+from sautereau.sim_backend.trade.pareto import pareto
+from sautereau.sim_backend.trade.picture import plot_trade, trade_figure
+from sautereau.sim_backend.trade.points import Point, Trade
+from sautereau.sim_backend.trade.summary import trade_document, trade_text
 
 POINT = Point("a push", 1e-4, "rigid", "elastica", "spring", 4, 1e-6, 1e-4, 10.0)
 FAILED = replace(POINT, error=None, force_error=None, real_time_factor=None, failed="it blew up")

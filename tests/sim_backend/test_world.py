@@ -7,11 +7,11 @@ import sys
 import numpy as np
 import pytest
 
-from rig.load import load_rig
-from sim_backend.errors import SceneError
-from sim_backend.physics.observation import observe
-from sim_backend.physics.world import new_world
-from sim_backend.scene import load_scene, packaged_scenes
+from sautereau.rig.load import load_rig
+from sautereau.sim_backend.errors import SceneError
+from sautereau.sim_backend.physics.observation import observe
+from sautereau.sim_backend.physics.world import new_world
+from sautereau.sim_backend.scene import load_scene, packaged_scenes
 
 RIG = load_rig("paper")
 MUTE = {"plectrum": "none", "string": "none"}
@@ -72,9 +72,9 @@ def digest(name):
 def test_another_process_gives_the_same_bits(name):
     code = f"""
 import hashlib, numpy as np
-from rig.load import load_rig
-from sim_backend.physics.observation import observe
-from sim_backend.scene import load_scene
+from sautereau.rig.load import load_rig
+from sautereau.sim_backend.physics.observation import observe
+from sautereau.sim_backend.scene import load_scene
 seen = observe(load_rig("paper"), load_scene({name!r}))
 data = b"".join(np.ascontiguousarray(array).tobytes() for array in vars(seen.motions).values())
 print(hashlib.sha256(data + repr(seen.events).encode()).hexdigest())

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicHermiteSpline, CubicSpline
 
-from rig.load import load_rig, with_values
-from rig.section import GRAVITY
+from sautereau.rig.load import load_rig, with_values
+from sautereau.rig.section import GRAVITY
 
 # Coefficients of the central difference of eighth order, for offsets 1 to 4.
 FIRST = (4 / 5, -1 / 5, 4 / 105, -1 / 280)

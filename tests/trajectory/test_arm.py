@@ -5,8 +5,8 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from rig.load import load_rig
-from trajectory.arm import (
+from sautereau.rig.load import load_rig
+from sautereau.trajectory.arm import (
     base,
     elbow_sign,
     fingertip_motion,
@@ -16,9 +16,9 @@ from trajectory.arm import (
     reach_margins,
     tilt,
 )
-from trajectory.errors import TrajectoryError
-from trajectory.key import key_under_fingertip, point_on_key, surface_axes
-from trajectory.motion import Motion, dot
+from sautereau.trajectory.errors import TrajectoryError
+from sautereau.trajectory.key import key_under_fingertip, point_on_key, surface_axes
+from sautereau.trajectory.motion import Motion, dot
 
 PAPER = load_rig()
 KEY = PAPER.key

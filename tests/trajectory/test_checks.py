@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from trajectory.checks import at_least, at_most
+from sautereau.trajectory.checks import at_least, at_most
 
 
 def test_a_check_says_its_side_value_limit_and_margin():

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from rig.load import load_rig
-from trajectory.correction import Correction
-from trajectory.errors import TrajectoryError
-from trajectory.press import draft_press, plan_press
-from trajectory.timing import press_law
+from sautereau.rig.load import load_rig
+from sautereau.trajectory.correction import Correction
+from sautereau.trajectory.errors import TrajectoryError
+from sautereau.trajectory.press import draft_press, plan_press
+from sautereau.trajectory.timing import press_law
 
 RIG = load_rig("paper")
 LAW = press_law(RIG.press)

@@ -5,9 +5,9 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from trajectory.cubic import Cubics, controller_motion, evaluate, extremes, segment_cubics
-from trajectory.press import plan_press
-from trajectory.segments import Segments
+from sautereau.trajectory.cubic import Cubics, controller_motion, evaluate, extremes, segment_cubics
+from sautereau.trajectory.press import plan_press
+from sautereau.trajectory.segments import Segments
 
 PERIOD = 1e-3
 

@@ -5,11 +5,17 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rig.load import load_rig
-from rig.section import GRAVITY
-from trajectory.arm import fingertip_motion
-from trajectory.dynamics import armature, energy, gravity_torque, joint_torques, mass_matrix
-from trajectory.motion import Motion, dot
+from sautereau.rig.load import load_rig
+from sautereau.rig.section import GRAVITY
+from sautereau.trajectory.arm import fingertip_motion
+from sautereau.trajectory.dynamics import (
+    armature,
+    energy,
+    gravity_torque,
+    joint_torques,
+    mass_matrix,
+)
+from sautereau.trajectory.motion import Motion, dot
 
 PAPER = load_rig().arm
 ROD = (0.5 - np.sqrt(1 / 12), 0.5 + np.sqrt(1 / 12))

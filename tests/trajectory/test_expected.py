@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from trajectory.expected import Expectation
+from sautereau.trajectory.expected import Expectation
 
 CURVE = Expectation(
     np.array([0.001, 0.002, 0.0021, 0.005]), np.array([0.5, 3.0, -1.0, 2.0]), 0.001, 0.002

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from trajectory.arm import fingertip_motion
-from trajectory.errors import TrajectoryError
-from trajectory.follow import follow_down, follow_key
-from trajectory.key import key_under_fingertip
-from trajectory.motion import Motion
-from trajectory.press import plan_press
+from sautereau.trajectory.arm import fingertip_motion
+from sautereau.trajectory.errors import TrajectoryError
+from sautereau.trajectory.follow import follow_down, follow_key
+from sautereau.trajectory.key import key_under_fingertip
+from sautereau.trajectory.motion import Motion
+from sautereau.trajectory.press import plan_press
 
 
 def cosine_rise(t):

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 
-from rig.schema import Gesture
-from trajectory.errors import TrajectoryError
-from trajectory.press import draft_press, plan_press
-from trajectory.timing import press_law
+from sautereau.rig.schema import Gesture
+from sautereau.trajectory.errors import TrajectoryError
+from sautereau.trajectory.press import draft_press, plan_press
+from sautereau.trajectory.timing import press_law
 
 TIME = np.linspace(0, 0.3, 31)
 

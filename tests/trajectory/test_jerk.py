@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from trajectory.jerk import (
+from sautereau.trajectory.jerk import (
     chained,
     falling,
     jerk_law,

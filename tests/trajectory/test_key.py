@@ -5,9 +5,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rig.load import load_rig
-from trajectory.errors import TrajectoryError
-from trajectory.key import (
+from sautereau.rig.load import load_rig
+from sautereau.trajectory.errors import TrajectoryError
+from sautereau.trajectory.key import (
     angle_of_rise,
     jack_motion,
     key_motion,
@@ -18,7 +18,7 @@ from trajectory.key import (
     rise_slope,
     surface_axes,
 )
-from trajectory.motion import Motion, cross, dot
+from sautereau.trajectory.motion import Motion, cross, dot
 
 PAPER = load_rig().key
 ANGLES = np.radians(np.linspace(-30, 30, 241))

@@ -6,10 +6,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.signal import butter, sosfilt
 
-from rig.load import load_rig
-from trajectory.errors import TrajectoryError
-from trajectory.learning import Learner, corrected, speed_error
-from trajectory.timing import press_law
+from sautereau.rig.load import load_rig
+from sautereau.trajectory.errors import TrajectoryError
+from sautereau.trajectory.learning import Learner, corrected, speed_error
+from sautereau.trajectory.timing import press_law
 
 RIG = load_rig("paper")
 LAW = press_law(RIG.press)

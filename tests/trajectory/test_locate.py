@@ -5,11 +5,11 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from rig.load import load_rig
-from trajectory.arm import joints_holding_point
-from trajectory.errors import TrajectoryError
-from trajectory.locate import UNKNOWNS, locate_base
-from trajectory.motion import Motion
+from sautereau.rig.load import load_rig
+from sautereau.trajectory.arm import joints_holding_point
+from sautereau.trajectory.errors import TrajectoryError
+from sautereau.trajectory.motion import Motion
+from sautereau.trajectory.mount.locate import UNKNOWNS, locate_base
 
 PAPER = load_rig()
 POINTS = np.linspace(-0.183, -0.130, 6)

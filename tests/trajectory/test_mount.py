@@ -5,16 +5,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rig.load import load_rig
-from trajectory.arm import fingertip_motion
-from trajectory.bases import ELBOWS, LIMITS, key_angles, stances
-from trajectory.errors import TrajectoryError
-from trajectory.follow import follow_key
-from trajectory.key import angle_of_rise, key_under_fingertip, rise_of_angle
-from trajectory.motion import Motion
-from trajectory.mount import FINGER_FORCE, assess_mount, find_mount, mount_map
-from trajectory.press import plan_press
-from trajectory.timing import press_law
+from sautereau.rig.load import load_rig
+from sautereau.trajectory.arm import fingertip_motion
+from sautereau.trajectory.errors import TrajectoryError
+from sautereau.trajectory.follow import follow_key
+from sautereau.trajectory.key import angle_of_rise, key_under_fingertip, rise_of_angle
+from sautereau.trajectory.motion import Motion
+from sautereau.trajectory.mount.bases import ELBOWS, LIMITS, key_angles, stances
+from sautereau.trajectory.mount.find import FINGER_FORCE, assess_mount, find_mount, mount_map
+from sautereau.trajectory.press import plan_press
+from sautereau.trajectory.timing import press_law
 
 PAPER = load_rig()
 

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from rig.errors import SautereauError
-from rig.load import load_rig, with_values
-from trajectory.errors import TrajectoryError
-from trajectory.expected import Expectation
-from trajectory.press import draft_press, plan_press
+from sautereau.rig.errors import SautereauError
+from sautereau.rig.load import load_rig, with_values
+from sautereau.trajectory.errors import TrajectoryError
+from sautereau.trajectory.expected import Expectation
+from sautereau.trajectory.press import draft_press, plan_press
 
 PAPER = load_rig()
 

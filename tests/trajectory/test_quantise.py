@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from rig.load import load_rig, with_values
-from trajectory.errors import TrajectoryError
-from trajectory.press import draft_press, plan_press
-from trajectory.quantise import GRAIN, LONGEST_SEGMENT, sample_times
-from trajectory.timing import press_law
+from sautereau.rig.load import load_rig, with_values
+from sautereau.trajectory.errors import TrajectoryError
+from sautereau.trajectory.press import draft_press, plan_press
+from sautereau.trajectory.quantise import GRAIN, LONGEST_SEGMENT, sample_times
+from sautereau.trajectory.timing import press_law
 
 PAPER = load_rig()
 

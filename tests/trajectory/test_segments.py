@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from trajectory.press import plan_press
-from trajectory.segments import Segments, segments_document
+from sautereau.trajectory.press import plan_press
+from sautereau.trajectory.segments import Segments, segments_document
 
 
 @st.composite

@@ -5,9 +5,9 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from rig.load import load_rig
-from trajectory.errors import TrajectoryError
-from trajectory.timing import approach_law, press_law
+from sautereau.rig.load import load_rig
+from sautereau.trajectory.errors import TrajectoryError
+from sautereau.trajectory.timing import approach_law, press_law
 
 PAPER = load_rig().press
 

@@ -5,11 +5,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rig.load import load_rig, with_values
-from rig.schema import Gesture
-from trajectory.errors import TrajectoryError
-from trajectory.expected import Expectation
-from trajectory.press import draft_press, plan_press
+from sautereau.rig.load import load_rig, with_values
+from sautereau.rig.schema import Gesture
+from sautereau.trajectory.errors import TrajectoryError
+from sautereau.trajectory.expected import Expectation
+from sautereau.trajectory.press import draft_press, plan_press
 
 PAPER = load_rig()
 

@@ -8,8 +8,8 @@ rotation is small: it does not bend it at first order, and mu changes nothing he
 
 import numpy as np
 
-from analysis.model.plectrum.base import Bend, Floats
-from analysis.model.plectrum.cantilever import Cantilever
+from sautereau.analysis.model.plectrum.base import Bend, Floats
+from sautereau.analysis.model.plectrum.cantilever import Cantilever
 
 
 class Beam(Cantilever):

@@ -5,9 +5,9 @@ from abc import ABC, abstractmethod
 import numpy as np
 from numpy.typing import ArrayLike
 
-from analysis.errors import ModelError
-from analysis.model.plectrum.base import Bend, Floats
-from rig.instrument import Plectrum
+from sautereau.analysis.errors import ModelError
+from sautereau.analysis.model.plectrum.base import Bend, Floats
+from sautereau.rig.instrument import Plectrum
 
 FRICTION_MAX = 0.5
 """1, largest coefficient of friction that a level answers for."""

@@ -17,9 +17,9 @@ import numpy as np
 from numpy.polynomial import Chebyshev
 from numpy.polynomial.chebyshev import chebval
 
-from analysis.model.plectrum.base import Bend, Floats
-from analysis.model.plectrum.cantilever import Cantilever, similar
-from rig.instrument import Plectrum
+from sautereau.analysis.model.plectrum.base import Bend, Floats
+from sautereau.analysis.model.plectrum.cantilever import Cantilever, similar
+from sautereau.rig.instrument import Plectrum
 
 Q_MAX = 3.43
 """1, largest load q that is tabulated without friction: the tangent has turned by 90 degrees

@@ -2,9 +2,9 @@
 
 from collections.abc import Callable
 
-from analysis.errors import ModelError
-from analysis.model.plectrum.base import PlectrumMap
-from rig.instrument import Plectrum
+from sautereau.analysis.errors import ModelError
+from sautereau.analysis.model.plectrum.base import PlectrumMap
+from sautereau.rig.instrument import Plectrum
 
 
 def plectrum_map(plectrum: Plectrum, level: str) -> PlectrumMap:
@@ -23,31 +23,31 @@ def plectrum_map(plectrum: Plectrum, level: str) -> PlectrumMap:
 
 
 def _elastica(plectrum: Plectrum) -> PlectrumMap:
-    from analysis.model.plectrum.elastica import Elastica
+    from sautereau.analysis.model.plectrum.elastica import Elastica
 
     return Elastica(plectrum)
 
 
 def _rods(plectrum: Plectrum) -> PlectrumMap:
-    from analysis.model.plectrum.rods import Rods
+    from sautereau.analysis.model.plectrum.rods import Rods
 
     return Rods(plectrum)
 
 
 def _beam(plectrum: Plectrum) -> PlectrumMap:
-    from analysis.model.plectrum.beam import Beam
+    from sautereau.analysis.model.plectrum.beam import Beam
 
     return Beam(plectrum)
 
 
 def _two_beam(plectrum: Plectrum) -> PlectrumMap:
-    from analysis.model.plectrum.two_beam import TwoBeam
+    from sautereau.analysis.model.plectrum.two_beam import TwoBeam
 
     return TwoBeam(plectrum)
 
 
 def _fe(plectrum: Plectrum) -> PlectrumMap:
-    from analysis.model.plectrum.fe.level import FE
+    from sautereau.analysis.model.plectrum.fe.level import FE
 
     return FE(plectrum)
 

@@ -18,10 +18,10 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import ArrayLike
 
-from analysis.errors import ModelError
-from analysis.model.plectrum.base import Bend, Floats
-from analysis.model.plectrum.cantilever import Cantilever, similar
-from rig.instrument import Plectrum
+from sautereau.analysis.errors import ModelError
+from sautereau.analysis.model.plectrum.base import Bend, Floats
+from sautereau.analysis.model.plectrum.cantilever import Cantilever, similar
+from sautereau.rig.instrument import Plectrum
 
 RODS = 20
 """Rods by default: deflections 0.125 % too large under small loads."""

@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from analysis.model.plectrum.base import Floats
-from analysis.model.plectrum.elastica import Elastica
-from rig.instrument import Plectrum
+from sautereau.analysis.model.plectrum.base import Floats
+from sautereau.analysis.model.plectrum.elastica import Elastica
+from sautereau.rig.instrument import Plectrum
 
 POINTS = 24
 """Points of a mid-line from the clamp to the string."""

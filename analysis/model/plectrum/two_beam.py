@@ -8,10 +8,10 @@ plectrum does not shorten, so it releases late, and friction does not bend it at
 
 import numpy as np
 
-from analysis.errors import ModelError
-from analysis.model.plectrum.base import Bend, Floats
-from analysis.model.plectrum.cantilever import Cantilever
-from rig.instrument import Plectrum
+from sautereau.analysis.errors import ModelError
+from sautereau.analysis.model.plectrum.base import Bend, Floats
+from sautereau.analysis.model.plectrum.cantilever import Cantilever
+from sautereau.rig.instrument import Plectrum
 
 
 class TwoBeam(Cantilever):

@@ -8,8 +8,8 @@ Of 60 x 4 elements the same forms take scikit-fem's assembler 62 ms, and these 4
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.model.plectrum.base import Floats
-from analysis.model.plectrum.fe.mesh import Grid
+from sautereau.analysis.model.plectrum.base import Floats
+from sautereau.analysis.model.plectrum.fe.mesh import Grid
 
 
 class Body:

@@ -2,14 +2,14 @@
 
 import numpy as np
 
-from analysis.errors import ModelError
-from analysis.model.plectrum.base import Floats
-from analysis.model.plectrum.fe.body import Body
-from analysis.model.plectrum.fe.load import patch_at, section_at
-from analysis.model.plectrum.fe.mesh import plectrum_grid
-from analysis.model.plectrum.fe.profile import Profile
-from analysis.model.plectrum.fe.solve import rate, solve_loads
-from analysis.model.plectrum.fe.table import LOAD_LIMIT, MARGIN, STRAIN_LIMIT, Table
+from sautereau.analysis.errors import ModelError
+from sautereau.analysis.model.plectrum.base import Floats
+from sautereau.analysis.model.plectrum.fe.body import Body
+from sautereau.analysis.model.plectrum.fe.load import patch_at, section_at
+from sautereau.analysis.model.plectrum.fe.mesh import plectrum_grid
+from sautereau.analysis.model.plectrum.fe.profile import Profile
+from sautereau.analysis.model.plectrum.fe.solve import rate, solve_loads
+from sautereau.analysis.model.plectrum.fe.table import LOAD_LIMIT, MARGIN, STRAIN_LIMIT, Table
 
 ACCURACY = 2e-4
 """1, of rotation, displacement and shortening: largest error of the series between their

@@ -12,8 +12,8 @@ from pathlib import Path
 
 import numpy as np
 
-from analysis.model.plectrum.base import Floats
-from analysis.model.plectrum.fe.table import LOAD_LIMIT, MARGIN, STRAIN_LIMIT, Table
+from sautereau.analysis.model.plectrum.base import Floats
+from sautereau.analysis.model.plectrum.fe.table import LOAD_LIMIT, MARGIN, STRAIN_LIMIT, Table
 
 VERSION = 1
 """Of what is stored; raise it with any change of mesh, element, load or series."""

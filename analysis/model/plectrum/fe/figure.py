@@ -5,11 +5,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from analysis.errors import ModelError
-from analysis.model.plectrum.base import Floats
-from analysis.model.plectrum.fe.mesh import Grid
-from analysis.model.plectrum.fe.profile import profile_of
-from rig.instrument import Plectrum
+from sautereau.analysis.errors import ModelError
+from sautereau.analysis.model.plectrum.base import Floats
+from sautereau.analysis.model.plectrum.fe.mesh import Grid
+from sautereau.analysis.model.plectrum.fe.profile import profile_of
+from sautereau.rig.instrument import Plectrum
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -37,10 +37,10 @@ def mesh_figure(plectrum: Plectrum, force: float, s: float) -> "Figure":
     """Return that drawing."""
     from matplotlib.figure import Figure
 
-    from analysis.model.plectrum.fe.body import Body
-    from analysis.model.plectrum.fe.load import patch_at, section_at
-    from analysis.model.plectrum.fe.mesh import plectrum_grid
-    from analysis.model.plectrum.fe.solve import solve_loads
+    from sautereau.analysis.model.plectrum.fe.body import Body
+    from sautereau.analysis.model.plectrum.fe.load import patch_at, section_at
+    from sautereau.analysis.model.plectrum.fe.mesh import plectrum_grid
+    from sautereau.analysis.model.plectrum.fe.solve import solve_loads
 
     length = plectrum.length
     if not (0 < s <= length and 0 < force < np.inf):

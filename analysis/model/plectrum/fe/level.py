@@ -3,12 +3,12 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
-from analysis.errors import ModelError
-from analysis.model.plectrum.base import Bend, Floats
-from analysis.model.plectrum.fe.cache import stored
-from analysis.model.plectrum.fe.profile import profile_of
-from analysis.model.plectrum.fe.table import MARGIN, Table
-from rig.instrument import Plectrum
+from sautereau.analysis.errors import ModelError
+from sautereau.analysis.model.plectrum.base import Bend, Floats
+from sautereau.analysis.model.plectrum.fe.cache import stored
+from sautereau.analysis.model.plectrum.fe.profile import profile_of
+from sautereau.analysis.model.plectrum.fe.table import MARGIN, Table
+from sautereau.rig.instrument import Plectrum
 
 REACHES = ((0.1, 0.85), (0.2, 0.7), (0.4, 0.5), (0.7, 0.2))
 """1, of the length: largest overlap, and the nearest s that is then tabulated."""
@@ -95,7 +95,7 @@ def _table_of(plectrum: Plectrum) -> Table:
 
     def make() -> Table:
         # Imported here because it brings scikit-fem, which a stored map does not need.
-        from analysis.model.plectrum.fe.build import build
+        from sautereau.analysis.model.plectrum.fe.build import build
 
         return build(profile, plectrum.poisson_ratio, plectrum.friction, nearest)
 

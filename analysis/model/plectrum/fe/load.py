@@ -11,9 +11,9 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.model.plectrum.base import Floats
-from analysis.model.plectrum.fe.mesh import Grid
-from analysis.model.plectrum.fe.profile import bump
+from sautereau.analysis.model.plectrum.base import Floats
+from sautereau.analysis.model.plectrum.fe.mesh import Grid
+from sautereau.analysis.model.plectrum.fe.profile import bump
 
 
 def _shapes(xi: Floats) -> tuple[Floats, Floats]:

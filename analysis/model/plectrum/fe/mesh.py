@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.model.plectrum.base import Floats
-from analysis.model.plectrum.fe.profile import Profile, columns
+from sautereau.analysis.model.plectrum.base import Floats
+from sautereau.analysis.model.plectrum.fe.profile import Profile, columns
 
 COLUMNS, LAYERS = 60, 4
 """Elements from clamp to tip, and through the thickness."""

@@ -7,9 +7,9 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import ArrayLike
 
-from analysis.errors import ModelError
-from analysis.model.plectrum.base import Floats
-from rig.instrument import Outline, Plectrum
+from sautereau.analysis.errors import ModelError
+from sautereau.analysis.model.plectrum.base import Floats
+from sautereau.rig.instrument import Outline, Plectrum
 
 SAME_LENGTH = 1e-3
 """1, by which an outline may be longer or shorter than its plectrum."""

@@ -4,10 +4,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from analysis.errors import ModelError
-from analysis.model.plectrum.base import Floats
-from analysis.model.plectrum.fe.body import Body
-from analysis.model.plectrum.fe.load import Patch
+from sautereau.analysis.errors import ModelError
+from sautereau.analysis.model.plectrum.base import Floats
+from sautereau.analysis.model.plectrum.fe.body import Body
+from sautereau.analysis.model.plectrum.fe.load import Patch
 
 ITERATIONS = 12
 """Most of one load step."""

@@ -5,7 +5,7 @@ from functools import cached_property
 
 import numpy as np
 
-from analysis.model.plectrum.base import Floats
+from sautereau.analysis.model.plectrum.base import Floats
 
 LOAD_LIMIT = 2.0
 """1, largest load f = F L^2 / EI that is answered for, EI being what the plectrum's rotation

@@ -1,0 +1,233 @@
+"""A moving string on a plectrum that has no mass, one time step after the other.
+
+At each step the contact's place s and force F solve two equations at the step's end,
+
+    X(s, F) = rest + ux + A F nx    and    h + Z(s, F) = uz + A F nz,
+
+where (ux, uz) is where the step would lead without a force at its end, h the jack's height,
+(nx, nz) = (-sin(theta), cos(theta)) without friction, and A how far one newton at the step's
+end moves the string within the step: that of the modes, carried exactly under a linear force,
+and that of the left-out modes, which answer at once. With friction the string is taken to
+slide towards the tip from the start.
+"""
+
+import math
+from collections.abc import Callable
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+
+from sautereau.analysis.errors import ModelError
+from sautereau.analysis.model.plectrum.base import Floats, PlectrumMap
+from sautereau.analysis.model.string.bend import point_bend
+from sautereau.analysis.model.string.string import ModalString, StringState
+
+SHARE, LARGEST_SHARE = 0.3, 0.35
+"""1, a step over the shortest mode's period, by default and at most. From 0.4 on the moving
+modes' answer within a step outweighs the left-out modes', and force and modes of a stiff
+plectrum stir each other up from step to step."""
+NEWTON_STEPS = 40
+"""Of one time step at most; 2 are usual."""
+CLOSE = 1e-9
+"""1, of the plectrum's length: the last Newton step, of whose square the error is."""
+TIP_CLOSE = 1e-12
+"""1, of the plectrum's length: what is left when a contact at the tip is solved."""
+
+
+class Carry(NamedTuple):
+    """A step of the string laid out to be taken in few multiplications, see `Propagator`."""
+
+    own: Floats
+    """q by q and v by v, shape (2, modes)."""
+    other: Floats
+    """q by v and v by q, shape (2, modes)."""
+    pushed: Floats
+    """All q and v by the force at the start, and by the one at the end, (2, 2 modes)."""
+    seen: Floats
+    """The end's displacement at the plucking point by all q and v, shape (2 modes,)."""
+    give_before: float
+    """m/N, the same by the force at the start."""
+    give: float
+    """m/N, the same by the force at the end, left-out modes included: A."""
+
+
+class Found(NamedTuple):
+    """Where the string is on the plectrum."""
+
+    s: float
+    """m, from the clamp."""
+    force: float
+    """N, normal to the plectrum's surface."""
+    out: float
+    """N, of the plectrum on the string along x."""
+    up: float
+    """N, along z; the string pushes the jack down as much."""
+
+
+class Contact:
+    """A string that moves and a plectrum that may carry it, until the string slides off.
+
+    Args:
+        plectrum: The plectrum's map.
+        overlap: m, from the string at rest to the tip.
+        string: The string, at rest; another one of the same modes may take its place between
+            two steps, as when a damper comes down.
+    """
+
+    def __init__(self, plectrum: PlectrumMap, overlap: float, string: ModalString):
+        self.bend, self.length = point_bend(plectrum), plectrum.length
+        self.string = string
+        self.rest = self.length - overlap
+        self.newton_steps = 0
+        self.found = self._last = Found(self.rest, 0.0, 0.0, 0.0)
+        """At the last step's end; without force where the string is off the plectrum."""
+        self._modes = np.zeros((2, 2, len(string.order)))
+        self._lean = math.atan(plectrum.friction)
+        self._carry: Callable[[ModalString, float], Carry] = lru_cache(maxsize=32)(_carry)
+
+    @property
+    def state(self) -> StringState:
+        """The moving modes."""
+        return StringState(self._modes[:, 0], self._modes[:, 1])
+
+    @property
+    def theta(self) -> float:
+        """rad, of the plectrum's tangent under the string."""
+        _, _, out, up = self.found
+        return math.atan2(-out, up) - self._lean if up else 0.0
+
+    @property
+    def lift(self) -> float:
+        """m, of the string at the plucking point."""
+        left_out = self.string.residual * self.found.up
+        return float(self._modes[1, 0] @ self.string.shape) + left_out
+
+    @property
+    def reach(self) -> float:
+        """m, from its rest, beyond which the string cannot swing up or down by itself."""
+        q, v = self._modes[1]
+        string = self.string
+        damped = np.sqrt(string.omega**2 - string.decay**2)
+        amplitudes = np.hypot(q, (v + string.decay * q) / damped)
+        return float(np.abs(string.shape) @ amplitudes)
+
+    def leave(self) -> None:
+        """Take the plectrum away: the string swings on from where it is."""
+        self.found = self._last = Found(self.rest, 0.0, 0.0, 0.0)
+
+    def swing(self, time: float) -> None:
+        """Let the string swing for a time [s] without the plectrum."""
+        self.leave()
+        free = self.string.free(self.state, time)
+        self._modes = np.stack([free.q[:, 0], free.v[:, 0]], axis=1)
+
+    def advance(self, step: float, before: float, after: float) -> float:
+        """Carry the string over a step, and return how long [s] it took to slide off.
+
+        That is the whole step where it does not; else the contact is at the tip, as it is
+        just before release.
+
+        Args:
+            step: s.
+            before: m, height of the jack above first contact, at the step's start.
+            after: m, at its end; in between it is linear.
+
+        Raises:
+            ModelError: No place on the plectrum balances the string, or the height is no number.
+        """
+        if not math.isfinite(after):
+            raise ModelError(
+                f"the jack's height is {after} m, which is no number; take a shorter step, or look"
+                " for what lost it"
+            )
+        carry, taken = self._carry(self.string, step), step
+        found = self._meet(carry, after)
+        if not found.s < self.length:
+            taken = self._slid_off(step, before, after)
+            carry = _carry(self.string, taken)
+            _, found = self._tip(carry, before + (after - before) * (taken / step))
+        pushes = np.array(((self.found.out, found.out), (self.found.up, found.up)))
+        modes = self._modes
+        self._modes = carry.own * modes + carry.other * modes[:, ::-1]
+        self._modes += (pushes @ carry.pushed).reshape(modes.shape)
+        self._last, self.found = self.found, found
+        return taken
+
+    def _meet(self, carry: Carry, height: float) -> Found:
+        """Return the contact at a step's end; NaN if there is none."""
+        x, z = self._without_force(carry, height)
+        if z >= 0:  # the string is off the plectrum
+            return Found(self.rest, 0.0, 0.0, 0.0)
+        give, bend, (s, f, _, _), last = carry.give, self.bend, self.found, self._last
+        s, f = 2 * s - last.s, 2 * f - last.force
+        for _ in range(NEWTON_STEPS):
+            self.newton_steps += 1
+            s = min(max(s, 0.5 * self.rest), 1.01 * self.length)
+            f = min(max(f, 0.0), bend.limit(s))
+            bx, bz, out, up, bx_s, bz_s, out_s, up_s, bx_f, bz_f, out_f, up_f = bend.at(s, f)
+            across, along = bx - x - give * f * out, z + give * f * up - bz
+            x_s, x_f = bx_s - give * f * out_s, bx_f - give * (out + f * out_f)
+            z_s, z_f = give * f * up_s - bz_s, give * (up + f * up_f) - bz_f
+            det = x_s * z_f - x_f * z_s
+            ds, df = (across * z_f - along * x_f) / det, (along * x_s - across * z_s) / det
+            s, f = s - ds, f - df
+            if abs(ds) + abs(df * z_f) <= CLOSE * self.length and f >= 0:
+                out, up = out - out_s * ds - out_f * df, up - up_s * ds - up_f * df
+                return Found(s, f, f * out, f * up)
+        return Found(math.nan, 0.0, 0.0, 0.0)
+
+    def _tip(self, carry: Carry, height: float) -> tuple[float, Found]:
+        """Return how far [m] beyond the tip the string would be, held there, and the contact."""
+        x, z = self._without_force(carry, height)
+        give, bend, f = carry.give, self.bend, self.found.force
+        for _ in range(NEWTON_STEPS):
+            f = min(max(f, 0.0), bend.limit(self.length))
+            bx, bz, out, up, _, _, _, _, _, bz_f, _, up_f = bend.at(self.length, f)
+            slope = give * (up + f * up_f) - bz_f
+            df = (z + give * f * up - bz) / slope
+            if abs(df * slope) <= TIP_CLOSE * self.length:
+                return x + give * f * out - bx, Found(self.length, f, f * out, f * up)
+            f -= df
+        raise self._lost(height)
+
+    def _without_force(self, carry: Carry, height: float) -> tuple[float, float]:
+        """Return where a step leads that ends without force: x from the clamp, z from h [m]."""
+        x, z = (self._modes.reshape(2, -1) @ carry.seen).tolist()
+        before, (_, _, out, up) = carry.give_before, self.found
+        return self.rest + x + before * out, z + before * up - height
+
+    def _slid_off(self, step: float, before: float, after: float) -> float:
+        """Return the part [s] of a step after which the string is at the tip."""
+        from scipy.optimize import root_scalar
+
+        def beyond(part: float) -> float:
+            height = before + (after - before) * (part / step)
+            return self._tip(_carry(self.string, part), height)[0]
+
+        least = 1e-6 * step
+        if beyond(least) >= 0:
+            return least
+        if beyond(step) < 0:
+            raise self._lost(after)
+        return root_scalar(beyond, bracket=(least, step), xtol=1e-9 * step, rtol=1e-14).root
+
+    def _lost(self, height: float) -> ModelError:
+        return ModelError(
+            "the string's contact with the plectrum was lost at a jack height of"
+            f" {height * 1e3:.4g} mm: no place on it balances the string within this level's"
+            " range; lower plectrum.overlap or the jack's speed, or take a shorter step"
+        )
+
+
+def _carry(string: ModalString, step: float) -> Carry:
+    p = string.propagator(step)
+    at_end = string.shape @ np.stack([p.q_from, p.q_to], axis=1)
+    return Carry(
+        own=np.stack([p.qq, p.vv]),
+        other=np.stack([p.qv, p.vq]),
+        pushed=np.stack([np.concatenate([p.q_from, p.v_from]), np.concatenate([p.q_to, p.v_to])]),
+        seen=np.concatenate([string.shape * p.qq, string.shape * p.qv]),
+        give_before=float(at_end[0]),
+        give=float(at_end[1]) + string.residual,
+    )

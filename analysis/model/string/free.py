@@ -1,0 +1,50 @@
+"""A string that swings freely: where it is and how it pulls at the bridge, at any later time."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from sautereau.analysis.model.plectrum.base import Floats
+from sautereau.analysis.model.string.string import ModalString, StringState
+
+PART = 10_000
+"""Instants at a time, to spare memory."""
+
+
+@dataclass(frozen=True)
+class FreeString:
+    """A string left to itself; times in s from then on."""
+
+    string: ModalString
+    state: StringState
+    """Of the moving modes at time 0."""
+
+    def motion(self, time: ArrayLike, place: float | None = None) -> tuple[Floats, Floats]:
+        """Return displacement [m] and velocity [m/s] along x and z, shapes (n, 2).
+
+        Args:
+            time: s, shape (n,).
+            place: m, from the nut; None for the plucking point.
+        """
+        heard = [
+            [self.string.displacement(coordinates, place).T for coordinates in part]
+            for part in self._parts(time)
+        ]
+        q, v = zip(*heard, strict=True)
+        return np.concatenate(q), np.concatenate(v)
+
+    def bridge_force(self, time: ArrayLike) -> Floats:
+        """Return the string's force [N] on the bridge along x and z, shape (n, 2).
+
+        Args:
+            time: s, shape (n,).
+        """
+        return np.concatenate([self.string.bridge_force(p.q).T for p in self._parts(time)])
+
+    def _parts(self, time: ArrayLike) -> Iterator[StringState]:
+        """Yield the coordinates, some instants at a time."""
+        time = np.atleast_1d(np.asarray(time, float))
+        for part in np.split(time, range(PART, len(time), PART)):
+            yield self.string.free(self.state, part)

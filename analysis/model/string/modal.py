@@ -1,0 +1,169 @@
+"""The pluck of a string that moves: modes for the string, the quasi-static map for the plectrum.
+
+The jack rises at a constant speed, the plectrum answers as if it had no mass, and the string
+moves by its lowest modes. The higher ones answer as a spring, so that a slow pluck is that of
+the spring string; `modal_contact` tells how a step is solved.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from sautereau.analysis.errors import ModelError
+from sautereau.analysis.model.plectrum.base import Floats
+from sautereau.analysis.model.predict import plectrum_map, rig_pluck
+from sautereau.analysis.model.string.contact import LARGEST_SHARE, SHARE, Contact
+from sautereau.analysis.model.string.free import FreeString
+from sautereau.analysis.model.string.string import ModalString, StringState, release_speed
+from sautereau.rig.schema import Rig
+
+MODES = 30
+"""Modes that move."""
+STEPS = 1000
+"""Steps of a pluck by default."""
+MOST_STEPS = 1_000_000
+"""Steps of a pluck at most."""
+PATIENCE = 4.0
+"""1, multiple of the static pluck's duration after which no release is expected."""
+
+
+@dataclass(frozen=True)
+class ModalPluck:
+    """A pluck in time, from first contact to release; arrays of shape (n,), or (n, 2) for x, z."""
+
+    string: ModalString
+    time: Floats
+    """s, from first contact."""
+    height: Floats
+    """m, of the jack above first contact."""
+    force: Floats
+    """N, normal to the plectrum's surface."""
+    position: Floats
+    """m, of the string along the plectrum, from the clamp."""
+    angle: Floats
+    """rad, by which the plectrum is bent down under the string."""
+    displacement: Floats
+    """m, of the string at the plucking point."""
+    velocity: Floats
+    """m/s, of the string at the plucking point."""
+    state: StringState
+    """Of the moving modes at release."""
+    newton_steps: float
+    """1, mean number of Newton steps a time step."""
+
+    @property
+    def release(self) -> float:
+        """Time at which the string leaves [s], which is how long it was held."""
+        return float(self.time[-1])
+
+    @property
+    def release_force(self) -> float:
+        """Force at release [N]."""
+        return float(self.force[-1])
+
+    @property
+    def speed_ratio(self) -> float:
+        """Largest speed of the held string over Vosc of its release: quasi-static far below 1."""
+        lift = float(np.hypot(*self.displacement[-1]))
+        return float(np.hypot(*self.velocity.T).max()) / release_speed(self.string.string, lift)
+
+    def motion(self, time: ArrayLike, place: float | None = None) -> tuple[Floats, Floats]:
+        """Return displacement [m] and velocity [m/s] after release, shapes (n, 2).
+
+        Args:
+            time: s, from release, shape (n,).
+            place: m, from the nut; None for the plucking point.
+        """
+        return self._free.motion(time, place)
+
+    def bridge_force(self, time: ArrayLike) -> Floats:
+        """Return the string's force [N] on the bridge along x and z, shape (n, 2).
+
+        Args:
+            time: s, from release, shape (n,).
+        """
+        return self._free.bridge_force(time)
+
+    @property
+    def _free(self) -> FreeString:
+        return FreeString(self.string, self.state)
+
+
+def modal_pluck(
+    rig: Rig,
+    level: str = "elastica",
+    *,
+    step: float | None = None,
+    modes: int = MODES,
+    decay: ArrayLike = 0.0,
+) -> ModalPluck:
+    """Push the plectrum up at the press's jack speed against a string at rest until it leaves.
+
+    Args:
+        rig: The bench.
+        level: Of the plectrum.
+        step: s; None for a thousandth of the spring string's pluck, or 0.3 of the shortest
+            mode's period if that is less.
+        modes: Number of modes that move.
+        decay: 1/s, of the modes' amplitudes.
+
+    Raises:
+        ModelError: The level has no pluck for this rig, the step is too long, or the contact
+            has no solution or no end.
+    """
+    plectrum, static = plectrum_map(rig, level), rig_pluck(rig, level)
+    duration = static.release_height / rig.press.jack_speed
+    string = ModalString(rig.string, modes, decay)
+    shortest = 1 / (rig.string.frequency * modes)
+    if step is None:
+        step = min(duration / STEPS, SHARE * shortest)
+    least, most = duration / MOST_STEPS, min(duration / 2, LARGEST_SHARE * shortest)
+    if not least <= step <= most:
+        raise ModelError(
+            f"step: {step * 1e6:.4g} us must lie between {least * 1e6:.4g} and {most * 1e6:.4g} us,"
+            f" {LARGEST_SHARE} of the shortest mode's period; change it, or take fewer modes"
+        )
+    contact = Contact(plectrum, rig.plectrum.overlap, string)
+    rows = _rows(contact, rig.press.jack_speed, step, PATIENCE * duration)
+    time, position, force, theta = rows[:, :4].T
+    return ModalPluck(
+        string=string,
+        time=time,
+        height=rig.press.jack_speed * time,
+        force=force,
+        position=position,
+        angle=-theta,
+        displacement=rows[:, 4:6],
+        velocity=rows[:, 6:8],
+        state=contact.state,
+        newton_steps=contact.newton_steps / (len(time) - 1),
+    )
+
+
+def _rows(contact: Contact, speed: float, step: float, end: float) -> Floats:
+    """Pluck at a jack speed [m/s] until the string leaves.
+
+    Returns:
+        Rows of time [s], s [m], F [N], theta [rad], displacement along x and z [m] and
+        velocity along x and z [m/s].
+
+    Raises:
+        ModelError: The contact is lost, or the string is still held at the end [s].
+    """
+    string, push = contact.string, np.zeros(2)
+    time, taken = 0.0, step
+    rows = [np.array([time, contact.rest, *np.zeros(6)])]
+    while time < end and taken == step:
+        taken = contact.advance(step, speed * time, speed * (time + step))
+        time += taken
+        before, push = push, np.array(contact.found[2:])
+        place = string.displacement(contact.state.q) + string.residual * push
+        rate = string.displacement(contact.state.v) + string.residual * (push - before) / taken
+        rows.append(np.array([time, *contact.found[:2], contact.theta, *place, *rate]))
+    if taken == step:
+        raise ModelError(
+            f"the string has not left the plectrum in {end * 1e3:.4g} ms;"
+            " lower plectrum.overlap or press.jack_speed"
+        )
+    return np.array(rows)

@@ -1,0 +1,201 @@
+"""The string between nut and bridge: as a spring, and as modes that are carried exactly in time.
+
+The ideal string on two fixed points has the modes sin(n pi x / L) with omega_n = 2 pi n f and
+the modal mass m = mu L / 2. A force F at the plucking point b L drives mode n by F sin(n pi b).
+The modes that are left out are kept as the flexibility that all modes together lack to
+1 / K, so that what is slow meets exactly the spring of the paper's equation 2.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from sautereau.analysis.errors import ModelError
+from sautereau.analysis.model.plectrum.base import Floats
+from sautereau.rig.instrument import String
+
+if TYPE_CHECKING:
+    from sautereau.analysis.model.pluck.pluck import Pluck
+
+
+def release_speed(string: String, lift: float) -> float:
+    """Return the speed [m/s] with which an ideal string leaves a static displacement.
+
+    Vosc = c h / (2 L b (1 - b)) with c = 2 L f: the paper's section 2.4 with all modes.
+
+    Args:
+        string: The string.
+        lift: m, displacement at the plucking point when it is released.
+    """
+    b = string.plucking_point / string.length
+    wave_speed = 2 * string.length * string.frequency
+    return wave_speed * lift / (2 * string.length * b * (1 - b))
+
+
+def first_mode_release_speed(string: String, lift: float) -> float:
+    """Return the first mode's part [m/s] of `release_speed`, at the plucking point.
+
+    The triangle of height h has the modal amplitudes 2 h sin(n pi b) / (pi^2 b (1 - b) n^2);
+    the first one's speed where it is plucked is omega_1 sin(pi b) times that, which is
+    (4 / pi) sin^2(pi b) of all modes' speed.
+    """
+    b = string.plucking_point / string.length
+    return 4 / math.pi * math.sin(math.pi * b) ** 2 * release_speed(string, lift)
+
+
+def held_speed_ratio(string: String, pluck: "Pluck", jack_speed: float) -> float:
+    """Return the largest speed of the held spring string over Vosc of its release.
+
+    The pluck is quasi-static where this is far below 1 (paper, 2.4).
+
+    Args:
+        string: The string.
+        pluck: Quasi-static, from contact to release.
+        jack_speed: m/s.
+    """
+    slopes = [np.gradient(moved, pluck.height) for moved in (pluck.shift, pluck.lift)]
+    fastest = float(np.hypot(*slopes).max()) * jack_speed
+    return fastest / release_speed(string, math.hypot(pluck.shift[-1], pluck.lift[-1]))
+
+
+class StringState(NamedTuple):
+    """Modal coordinates; axis 0 is the polarisation, x and z, axis 1 the mode."""
+
+    q: Floats
+    """m, shape (2, modes)."""
+    v: Floats
+    """m/s, shape (2, modes)."""
+
+
+@dataclass(frozen=True)
+class Propagator:
+    """The exact change of every mode over one step, with the force linear over it.
+
+    q1 = qq q + qv v + q_from f0 + q_to f1 and v1 = vq q + vv v + v_from f0 + v_to f1; all
+    arrays have the shape (modes,).
+    """
+
+    qq: Floats
+    qv: Floats
+    vq: Floats
+    vv: Floats
+    q_from: Floats
+    """m/N, from the force at the step's start."""
+    q_to: Floats
+    """m/N, from the force at its end."""
+    v_from: Floats
+    """m/s/N, from the force at the step's start."""
+    v_to: Floats
+    """m/s/N, from the force at its end."""
+
+    def advance(self, state: StringState, before: Floats, after: Floats) -> StringState:
+        """Return the state after the step.
+
+        Args:
+            state: Before the step.
+            before: N, force along x and z at the step's start, shape (2,).
+            after: N, at its end, shape (2,).
+        """
+        q, v = state
+        before, after = before[:, None], after[:, None]
+        return StringState(
+            self.qq * q + self.qv * v + self.q_from * before + self.q_to * after,
+            self.vq * q + self.vv * v + self.v_from * before + self.v_to * after,
+        )
+
+
+class ModalString:
+    """A string on two fixed points, by its lowest modes in two polarisations."""
+
+    def __init__(self, string: String, modes: int = 30, decay: ArrayLike = 0.0):
+        """Lay the modes out.
+
+        Args:
+            string: The string.
+            modes: Number of modes that move; the higher ones answer as a spring.
+            decay: 1/s, at which the amplitudes fall; one for all modes, or shape (modes,).
+
+        Raises:
+            ModelError: There is no mode, or one is damped so much that it does not swing.
+        """
+        if modes < 1:
+            raise ModelError(f"string: {modes} modes are none; take at least 1")
+        n = np.arange(1, modes + 1)
+        self.string = string
+        self.order = n
+        self.omega = 2 * np.pi * string.frequency * n
+        self.decay = np.broadcast_to(np.asarray(decay, float), n.shape)
+        if not np.all((self.decay >= 0) & (self.decay < self.omega)):
+            raise ModelError(
+                f"string: a decay of {np.max(self.decay):.4g} 1/s must lie between 0 and 2 pi"
+                f" times the mode's frequency, {self.omega[0]:.4g} 1/s for the first; lower it"
+            )
+        self.mass = string.linear_density * string.length / 2
+        self.shape = np.sin(n * np.pi * string.plucking_point / string.length)
+        """1, of the modes at the plucking point, shape (modes,)."""
+        moving = np.sum(self.shape**2 / (self.mass * self.omega**2))
+        self.residual = 1 / string.static_stiffness - float(moving)
+        """m/N, flexibility of the modes that are left out, at the plucking point."""
+
+    def at_rest(self) -> StringState:
+        """Return the state of the string at rest."""
+        return StringState(np.zeros((2, len(self.order))), np.zeros((2, len(self.order))))
+
+    def propagator(self, step: float) -> Propagator:
+        """Return the transition over a step [s]."""
+        damped = np.sqrt(self.omega**2 - self.decay**2)
+        fall = np.exp(-self.decay * step)
+        cosine, sine = fall * np.cos(damped * step), fall * np.sin(damped * step) / damped
+        qq, qv = cosine + self.decay * sine, sine
+        vq, vv = -(self.omega**2) * sine, cosine - self.decay * sine
+        # Under f = t / step the steady part of q is offset + slope t.
+        slope = self.shape / (step * self.mass * self.omega**2)
+        offset = -2 * self.decay * slope / self.omega**2
+        q_to = offset + slope * step - qq * offset - qv * slope
+        v_to = slope - vq * offset - vv * slope
+        # A force that stays is the sum of one that comes and one that goes.
+        held = self.shape / (self.mass * self.omega**2)
+        return Propagator(
+            qq, qv, vq, vv, held * (1 - qq) - q_to, q_to, -held * vq - v_to, v_to
+        )  # fmt: skip
+
+    def free(self, state: StringState, time: ArrayLike) -> StringState:
+        """Return the coordinates after free times [s], each of shape (2, n, modes)."""
+        time = np.atleast_1d(np.asarray(time, float))[:, None]
+        damped = np.sqrt(self.omega**2 - self.decay**2)
+        fall = np.exp(-self.decay * time)
+        cosine, sine = fall * np.cos(damped * time), fall * np.sin(damped * time) / damped
+        q, v = state.q[:, None], state.v[:, None]
+        return StringState(
+            (cosine + self.decay * sine) * q + sine * v,
+            -(self.omega**2) * sine * q + (cosine - self.decay * sine) * v,
+        )
+
+    def displacement(self, q: Floats, place: float | None = None) -> Floats:
+        """Return the displacement [m] of coordinates (..., modes), or their speed.
+
+        Args:
+            q: m, or m/s, of the modes.
+            place: m, from the nut; None for the plucking point.
+        """
+        if place is None:
+            return q @ self.shape
+        return q @ np.sin(self.order * np.pi * place / self.string.length)
+
+    def bridge_force(self, q: Floats) -> Floats:
+        """Return the force [N] with which coordinates (..., modes) pull at the bridge.
+
+        It is -T du/dx at x = L, counted along the displacement; divided by the tension it
+        is the slope.
+        """
+        length = self.string.length
+        slope = self.order * np.pi / length * np.cos(self.order * np.pi)
+        return -self.string.tension * (q @ slope)
+
+    def energy(self, state: StringState) -> Floats:
+        """Return the energy [J] of the moving modes, of a state with axes (2, ..., modes)."""
+        kinetic, strain = state.v**2, (self.omega * state.q) ** 2
+        return self.mass / 2 * (kinetic + strain).sum(axis=(0, -1))

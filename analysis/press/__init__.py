@@ -1,0 +1,1 @@
+"""One recorded press: loading, drift, features, animation and sound."""

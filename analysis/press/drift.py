@@ -1,0 +1,234 @@
+"""Hold the integral of a velocity, and an AC-coupled force, to the press's own rests.
+
+Before a press the key is at rest, and after it again in the same place. There a vibrometer's
+velocity is zero; what it shows instead is an offset. Through the undone AC coupling an offset o
+becomes o (1 + w t), and what the coupling remembers of earlier motion becomes a constant, so a
+straight line a + b t holds both.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from sautereau.daq.signals.sensors import white_noise
+from sautereau.trajectory.motion import Floats
+
+BLOCK = 1e-3
+"""s, of the means by which rest is told from motion."""
+LEAST_REST = 5e-3
+"""s, of a rest that is one."""
+MARGIN = 2
+"""Blocks beside the motion that count as motion."""
+MOVES = 3e-3
+"""1, share of the largest speed at which the key moves."""
+LARGEST_OFFSET = 0.02
+"""1, share of the largest speed beyond which a steady speed is motion, and no offset."""
+LEAST_STD = 1e-5
+"""m/s, to which a key at rest is at rest."""
+RETURN_STD = 5e-6
+"""m, standard deviation of the place to which a key returns."""
+RETURNED = 0.05
+"""1, share of the largest deflection within which a key counts as back."""
+CONSISTENT = 4.0
+"""Standard deviations within which the two rests and the return must agree."""
+
+
+@dataclass(frozen=True)
+class Drift:
+    """What was taken off the signals of a press, and why."""
+
+    before: tuple[float, float] | None
+    """s, the rest before the press; None where there is none."""
+    after: tuple[float, float] | None
+    """s, the rest after it."""
+    velocity: float = 0.0
+    """m/s, largest taken off the velocity."""
+    deflection: float = 0.0
+    """m, largest by which that has changed the deflection."""
+    closure: float | None = None
+    """m, deflection left in the rest after the press; None where the key does not return."""
+    force: float = 0.0
+    """N, taken off the force as it was measured; its zero is that of the rest before."""
+
+
+NO_DRIFT = Drift(None, None)
+"""Nothing was taken off."""
+
+
+@dataclass(frozen=True)
+class Rests:
+    """Rows of a press at which the key is at rest; empty where it is not."""
+
+    before: slice
+    after: slice
+
+
+def find_rests(velocity: Floats, rate: float) -> Rests:
+    """Find the rests at both ends of a record, from the velocity alone.
+
+    A rest is a steady speed near zero, of `LEAST_REST` at least, that ends in motion.
+
+    Args:
+        velocity: m/s, shape (n,), AC coupling undone.
+        rate: Hz.
+    """
+    size = max(1, round(BLOCK * rate))
+    n_blocks = len(velocity) // size
+    nothing = Rests(slice(0, 0), slice(len(velocity), len(velocity)))
+    if n_blocks < 3 * LEAST_REST / BLOCK:
+        return nothing
+    share = np.full(size, 1 / size)
+    forwards = velocity[: n_blocks * size].reshape(-1, size) @ share
+    backwards = (velocity[len(velocity) - n_blocks * size :].reshape(-1, size) @ share)[::-1]
+    fastest = float(np.abs(forwards).max())
+    threshold = max(MOVES * fastest, 6 * white_noise(velocity) / math.sqrt(size))
+    lengths = [_steady(means, threshold, fastest) * size for means in (forwards, backwards)]
+    if sum(lengths) >= len(velocity):  # it never moved
+        return nothing
+    first, last = (n if n >= LEAST_REST * rate else 0 for n in lengths)
+    return Rests(slice(0, first), slice(len(velocity) - last, len(velocity)))
+
+
+def without_drift(
+    velocity: Floats, rests: Rests, rate: float, start: float, corner: float, returns: bool
+) -> tuple[Floats, Drift, list[str]]:
+    """Take off what a velocity cannot have been, so that its integral drifts by micrometres.
+
+    Where the two rests and the return to the same place agree on a line, it is taken off.
+    Where they do not, the velocity in a rest was no offset of the sensor, and only a constant
+    is taken off that brings the key back. A key that does not return is not brought back.
+
+    Args:
+        velocity: m/s, shape (n,), AC coupling undone.
+        rests: Of `find_rests`.
+        rate: Hz.
+        start: s from the trigger, of the first row.
+        corner: Hz, of the AC coupling; 0 for none.
+        returns: Whether the key was meant to come back to where it was.
+
+    Returns:
+        The velocity, what was taken off, and warnings.
+    """
+    n = len(velocity)
+    before = _span(rests.before, rate, start)
+    after = _span(rests.after, rate, start)
+    omega = 2 * math.pi * corner
+    if before is None:
+        text = (
+            "no rest before the press: offset and drift of the sensors stay in the signals;"
+            " record from before the motion on"
+        )
+        return velocity, Drift(None, after), [text]
+    level, std = _level(velocity[rests.before])
+    middle = _middle(rests.before, rate)
+    if after is None:
+        first = level / (1 + omega * middle)
+        line = first, first * omega
+        taken = _taken(line, n, rate)
+        text = (
+            f"no rest after the press: {abs(level) * 1e6:.3g} um/s, the velocity's mean at rest, is"
+            " taken off as an offset, and nothing checks the end; record for longer"
+        )
+        return _without(velocity, line, rate), Drift(before, None, *taken), [text]
+    late, late_std = _level(velocity[rests.after])
+    middles = middle, _middle(rests.after, rate)
+    between = slice(*(int(t * rate) for t in middles))
+    moved = velocity[between]
+    size = max(1, round(BLOCK * rate))
+    deflection = np.cumsum(np.add.reduceat(moved, np.arange(0, len(moved), size)))
+    end = float(deflection[-1] - (moved[0] + moved[-1]) / 2) / rate  # by trapezia
+    largest = max(float(deflection.max()), -float(deflection.min())) / rate
+    duration = middles[1] - middles[0]
+    rows = [[1.0, middles[0]], [1.0, middles[1]]]
+    seen, stds = [level, late], [std, late_std]
+    back = returns and abs(end) <= RETURNED * largest
+    warnings = []
+    if back:
+        rows.append([duration, (middles[1] ** 2 - middles[0] ** 2) / 2])
+        seen, stds = [*seen, end], [*stds, RETURN_STD]
+    elif returns:
+        warnings.append(
+            f"the key did not come back: {end * 1e3:.3g} mm under the laser are left of"
+            f" {largest * 1e3:.3g} mm; look whether the jack hangs, and at the sensor's corner"
+        )
+    matrix, values = np.array(rows), np.array(seen)
+    weights = 1 / np.array(stds)
+    fitted = np.linalg.lstsq(matrix * weights[:, None], values * weights, rcond=None)[0]
+    line = float(fitted[0]), float(fitted[1])
+    if np.abs((matrix @ fitted - values) * weights).max() > CONSISTENT:
+        line = end / duration, 0.0
+        warnings.append(
+            f"the rests show {level * 1e6:.3g} and {late * 1e6:.3g} um/s, but the deflection comes"
+            f" back to {end * 1e6:.3g} um: no offset of the sensor makes both; look at its corner"
+            " and its delay, and whether the key is really at rest"
+        )
+    closure = None
+    if back:
+        rows = between.stop - between.start
+        closure = end - (line[0] + line[1] * _middle(between, rate)) * rows / rate
+    found = Drift(before, after, *_taken(line, n, rate), closure)
+    return _without(velocity, line, rate), found, warnings
+
+
+def force_at_rest(measured: Floats, noise: float, rate: float, corner: float) -> tuple[float, bool]:
+    """Return the level of an AC-coupled force at rest, and whether it is an offset.
+
+    An offset stays; what is left of an earlier force decays by w times itself a second. The
+    slope tells which; where it cannot, it is an offset.
+
+    Args:
+        measured: N, shape (n,), in the rest before, the coupling not undone.
+        noise: N, its white noise.
+        rate: Hz.
+        corner: Hz, of the coupling.
+    """
+    n, level = len(measured), float(measured.mean())
+    time = (np.arange(n) - (n - 1) / 2) / rate
+    slope = float(time @ measured / (time @ time))
+    std = noise * math.sqrt(12 / n) / (n - 1) * rate
+    decay = -2 * math.pi * corner * level
+    remembered = abs(decay) > CONSISTENT * std and abs(slope - decay) < abs(slope)
+    return level, not remembered
+
+
+def _steady(means: Floats, threshold: float, fastest: float) -> int:
+    """Return how many blocks from the first on are at rest."""
+    level = float(np.median(means[: int(LEAST_REST / BLOCK)]))
+    if abs(level) > LARGEST_OFFSET * fastest:
+        return 0
+    moving = np.abs(means - level) > threshold
+    return max(0, int(np.argmax(moving)) - MARGIN) if moving.any() else len(means)
+
+
+def _span(rows: slice, rate: float, start: float) -> tuple[float, float] | None:
+    if rows.stop == rows.start:
+        return None
+    return start + rows.start / rate, start + rows.stop / rate
+
+
+def _level(signal: Floats) -> tuple[float, float]:
+    return float(signal.mean()), max(LEAST_STD, white_noise(signal) / math.sqrt(len(signal)))
+
+
+def _middle(rows: slice, rate: float) -> float:
+    """Return the mean time of rows [s], the record's first having 0."""
+    return (rows.start + rows.stop - 1) / 2 / rate
+
+
+def _without(velocity: Floats, line: tuple[float, float], rate: float) -> Floats:
+    """Return a velocity less a line [m/s, m/s^2]."""
+    off = np.arange(len(velocity), dtype=float)
+    off *= -line[1] / rate
+    off -= line[0]
+    off += velocity
+    return off
+
+
+def _taken(line: tuple[float, float], n: int, rate: float) -> tuple[float, float]:
+    """Return the largest of a line over n rows [m/s], and of its integral [m]."""
+    level, slope = line
+    last = (n - 1) / rate
+    turn = -level / slope if slope and 0 < -level / slope < last else last
+    moved = max(abs(t * (level + slope * t / 2)) for t in (turn, last))
+    return max(abs(level), abs(level + slope * last)), moved

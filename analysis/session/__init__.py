@@ -1,0 +1,1 @@
+"""The presses of one session: comparison with the model, and repeatability."""

@@ -1,0 +1,154 @@
+"""How alike the presses of a session are, in the words of ISO 9283.
+
+The path is the jack's rise over time from the trigger, one-dimensional; its velocity is the
+jack's. Deviations are those of the attained presses from their own mean (repeatability) or from
+the plan (accuracy), and three standard deviations stand for the spread as the norm wants it.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from sautereau.analysis.errors import AnalysisError
+from sautereau.analysis.press.load import Press
+from sautereau.trajectory.motion import Floats
+from sautereau.trajectory.timing import PressLaw
+
+INSTANTS = 200
+"""Places of the cruise at which presses are compared."""
+LEAST = 3
+"""Presses that a spread is told of."""
+COVERAGE = 0.95
+"""1, of the intervals."""
+
+
+@dataclass(frozen=True)
+class Spread:
+    """A figure of repeatability with its interval, for presses spread as a normal law."""
+
+    value: float
+    low: float
+    """Lower end of the 95 % interval."""
+    high: float
+    """Upper end of the 95 % interval."""
+
+
+@dataclass(frozen=True)
+class Trend:
+    """How a figure changes from press to press, by a straight line through all of them."""
+
+    per_press: float
+    low: float
+    """Lower end of the 95 % interval."""
+    high: float
+    """Upper end of the 95 % interval."""
+
+    @property
+    def told(self) -> bool:
+        """Whether the interval leaves out no drift at all."""
+        return self.low > 0 or self.high < 0
+
+
+@dataclass(frozen=True)
+class Repeatability:
+    """Presses of one plan against each other, over the cruise."""
+
+    presses: int
+    path_repeatability: float
+    """m, RT_p: largest over the path of mean distance from the mean path plus 3 s."""
+    path_accuracy: float
+    """m, AT_p: largest distance of the mean path from the planned one."""
+    velocity_accuracy: float
+    """1, AV: mean speed over the planned one, less 1."""
+    velocity_repeatability: Spread
+    """1, RV: three standard deviations of the presses' mean speeds, over the planned one."""
+    velocity_fluctuation: float
+    """1, FV: largest range of speed within one press, over the planned one."""
+    rise_drift: Trend
+    """m a press, of the mean rise."""
+    speed_drift: Trend
+    """1 a press, of the mean speed over the planned one."""
+
+
+def repeatability(presses: Sequence[Press], law: PressLaw) -> Repeatability:
+    """Compare presses of one plan with each other.
+
+    Args:
+        presses: In the order in which they were made, without warm-up.
+        law: What each was planned to do.
+
+    Raises:
+        AnalysisError: There are fewer than 3, or one does not cover the cruise.
+    """
+    if len(presses) < LEAST:
+        raise AnalysisError(
+            f"repeatability of {len(presses)} presses: a spread needs {LEAST} or more; press again"
+        )
+    time = np.linspace(law.cruise_start, law.cruise_end, INSTANTS)
+    _check(presses, time)
+    rise = np.array([_at(p, "jack_rise", time) for p in presses])
+    speed = np.array([_smooth_speed(p, time) for p in presses])
+    planned = law.law.at(time)
+    fast = float(np.abs(planned.velocity).max())
+    mean = rise.mean(axis=0)
+    distance = np.abs(rise - mean)
+    # ISO 9283, 7.10: RT_p = max of (mean distance + 3 standard deviations of the distance).
+    path = (distance.mean(axis=0) + 3 * distance.std(axis=0, ddof=1)).max()
+    speeds = speed.mean(axis=1) / fast
+    return Repeatability(
+        presses=len(presses),
+        path_repeatability=float(path),
+        path_accuracy=float(np.abs(mean - planned.position).max()),
+        velocity_accuracy=float(speeds.mean() - planned.velocity.mean() / fast),
+        velocity_repeatability=_spread(speeds),
+        velocity_fluctuation=float(np.ptp(speed, axis=1).max() / fast),
+        rise_drift=_trend(rise.mean(axis=1)),
+        speed_drift=_trend(speeds),
+    )
+
+
+def _check(presses: Sequence[Press], time: Floats) -> None:
+    short = [
+        f"{p.path} ends at {p.data.index[-1]:.4g} s"
+        for p in presses
+        if p.data.index[0] > time[0] or p.data.index[-1] < time[-1]
+    ]
+    if short:
+        raise AnalysisError(
+            f"the cruise goes from {time[0]:.4g} to {time[-1]:.4g} s, and {', '.join(short)};"
+            " leave these presses out, or record for longer"
+        )
+
+
+def _at(press: Press, column: str, time: Floats) -> Floats:
+    return np.interp(time, press.data.index.to_numpy(), press.data[column].to_numpy())
+
+
+def _smooth_speed(press: Press, time: Floats) -> Floats:
+    """Return the mean speed between the middles of the instants: noise averages out."""
+    edges = np.concatenate([time[:1], (time[1:] + time[:-1]) / 2, time[-1:]])
+    return np.diff(_at(press, "jack_rise", edges)) / np.diff(edges)
+
+
+def _spread(values: Floats) -> Spread:
+    """Return three standard deviations, with the chi-square interval of a normal law."""
+    from scipy.stats import chi2
+
+    free = len(values) - 1
+    sigma = float(values.std(ddof=1))
+    tail = (1 - COVERAGE) / 2
+    low, high = (np.sqrt(free / chi2.ppf(p, free)) for p in (1 - tail, tail))
+    return Spread(3 * sigma, float(3 * sigma * low), float(3 * sigma * high))
+
+
+def _trend(values: Floats) -> Trend:
+    """Return the slope over the press's number, with Student's interval."""
+    from scipy.stats import t
+
+    number = np.arange(len(values)) - (len(values) - 1) / 2
+    slope = float(number @ values / (number @ number))
+    left = values - values.mean() - slope * number
+    error = np.sqrt(left @ left / (len(values) - 2) / (number @ number))
+    reach = float(t.ppf((1 + COVERAGE) / 2, len(values) - 2) * error)
+    return Trend(slope, slope - reach, slope + reach)

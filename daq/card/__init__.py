@@ -1,1 +1,0 @@
-"""The DAQ card: the way to its driver, its task, its faults."""

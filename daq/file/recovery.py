@@ -1,0 +1,125 @@
+"""Make a whole recording of what a damaged one has left; the damaged one stays as it is."""
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import BinaryIO
+
+from mcap.records import Chunk
+
+from sautereau.daq.errors import RecordingError
+from sautereau.daq.file.container.durable import PART, DurableFile
+from sautereau.daq.file.container.records import Opcode, stream_of, unpack_chunk
+from sautereau.daq.file.container.salvage import find_whole
+from sautereau.daq.file.container.writer import McapWriter
+from sautereau.daq.file.integrity import opened, verified
+from sautereau.daq.file.provenance import start_head
+from sautereau.daq.file.recorded import Gap
+from sautereau.daq.file.survey import Survey, missing_samples, survey
+
+BESIDE = ".recovering.part"
+"""Follows the name of a recovered recording until it is whole."""
+HEAD = ("channels", "rig", "software", "session", "schemas")
+"""Metadata records that a recording begins with."""
+
+
+@dataclass(frozen=True)
+class Recovery:
+    """What was recovered."""
+
+    source: Path
+    """The damaged file."""
+    path: Path
+    """The whole one."""
+    damage: str
+    """What was wrong."""
+    samples: dict[str, int]
+    """Of each channel, that are in the whole file."""
+    rate: float
+    """Hz."""
+    gaps: tuple[Gap, ...]
+    """What is missing."""
+
+
+def recover(path: str | Path, out: str | Path | None = None) -> Recovery:
+    """Write every chunk of a recording whose checksum holds into a new, whole recording.
+
+    Args:
+        path: Of the damaged file; it is only read.
+        out: Of the new one, which must not exist. Default: without its `.part`, or
+            `name-recovered.mcap`.
+
+    Raises:
+        RecordingError: There is nothing to recover, or nothing that can be.
+    """
+    path = Path(path)
+    out = _named(path) if out is None else Path(out)
+    with opened(path, damaged=True) as file:
+        if not file.read(1):
+            raise RecordingError("it is empty: nothing was recorded; delete it and press again")
+        found = survey(file)
+        if found.damage is None and path.suffix != PART:
+            raise RecordingError("it is whole and needs no recovery; read it as it is")
+        clock = found.runs.clock
+        if clock is None:
+            raise RecordingError("no sample of it is left; press again")
+        damage = found.damage or "it is whole, as an aborted press leaves it"
+        target = DurableFile(out, beside=BESIDE)
+        try:
+            with target.writing():
+                _write(target.stream, out.parent, file, found, path.name, damage)
+            target.close()
+            target.publish()
+        except BaseException:
+            target.abandon()
+            target.part_path.unlink(missing_ok=True)
+            raise
+    return Recovery(
+        source=path,
+        path=out,
+        damage=damage,
+        samples={name: found.runs.count(name) for name in found.names},
+        rate=clock.rate,
+        gaps=found.gaps,
+    )
+
+
+def _named(path: Path) -> Path:
+    if path.suffix == PART:
+        return path.with_suffix("")
+    return path.with_name(f"{path.stem}-recovered.mcap")
+
+
+def _write(
+    stream: BinaryIO, folder: Path, file: BinaryIO, found: Survey, name: str, damage: str
+) -> None:
+    metadata = found.contents.metadata
+    lost = [key for key in HEAD if key not in metadata]
+    if lost:
+        raise RecordingError(f"its metadata {', '.join(lost)} are lost, in both copies")
+    writer = McapWriter(stream, folder)
+    try:
+        _fill(writer, file, found, name, damage)
+    finally:
+        writer.close()
+
+
+def _fill(writer: McapWriter, file: BinaryIO, found: Survey, name: str, damage: str) -> None:
+    metadata = found.contents.metadata
+    try:
+        start_head(writer, {key: metadata[key] for key in HEAD})
+    except (KeyError, ValueError, TypeError) as error:
+        raise RecordingError(
+            f"its definitions make no sense: {type(error).__name__}: {error}; take it from its copy"
+        ) from error
+    for record in find_whole(file) if found.damage else verified(file):
+        if record.opcode == Opcode.CHUNK:
+            writer.copy_chunk(Chunk.read(stream_of(record.body)), unpack_chunk(record.body))
+    end = found.contents.end()
+    if end is None and found.damage is None:
+        end = found.runs.last()
+    if end is not None:
+        writer.add_metadata("end", {"stop_sample": str(end)})
+    missing = json.dumps([missing_samples(gap) for gap in found.gaps])
+    writer.add_metadata("recovered", {"from": name, "damage": damage, "missing": missing})
+    writer.finish()

@@ -1,0 +1,1 @@
+"""Sensor signals: calibration, delays, quality flags."""

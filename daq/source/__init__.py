@@ -1,0 +1,1 @@
+"""What measures: acquisition with NI-DAQmx."""

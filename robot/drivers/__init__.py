@@ -1,0 +1,1 @@
+"""Drivers of motion controllers, one folder each, and what they share."""

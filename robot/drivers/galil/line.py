@@ -1,0 +1,228 @@
+"""The request/answer line of a Galil controller: commands out, `:` or `?` back.
+
+With its echo on the controller says what it has heard, and every command is held to that:
+a byte that changed on its way is never taken for what was sent.
+"""
+
+import contextlib
+import re
+from collections.abc import Callable, Iterable, Iterator
+
+from sautereau.robot.drivers.galil.fair_lock import Turns
+from sautereau.robot.drivers.serial_port import Port
+from sautereau.robot.drivers.wire import Wire
+from sautereau.robot.errors import CommandRefused, GarbledAnswer, LineLost, SettingNotTaken
+
+LONGEST_LINE = 79
+"""Characters of one command line, without its carriage return."""
+_LONGEST_ANSWER = 1 << 18
+_MARK = "4711"
+_MARKED = re.compile(rf"{_MARK}(?:\.0*)?((?: +-?[0-9.]+)*)\s*:$")
+
+
+class Line(Wire):
+    """Ask one thing at a time and read exactly its answer; threads take turns.
+
+    Arguments as for `Wire`.
+    """
+
+    def __init__(self, port: Port, name: str, timeout: float):
+        super().__init__(port, name, timeout)
+        self.echo = False
+        """Whether the controller repeats what it hears, and is held to it."""
+        self._turns = Turns()
+
+    def ask(self, *commands: str, patient: Callable[[], bool] | None = None) -> str:
+        """Send commands on one line and return the text that they answer.
+
+        Args:
+            commands: What to send.
+            patient: Asked after each timeout whether to go on waiting for the answer, which
+                ends when another thread has wanted the line for as long.
+
+        Raises:
+            CommandRefused: With the code and text of `TC1`.
+            SilentController: No byte came within the timeout.
+            GarbledAnswer: Bytes that no controller sends, or that nobody asked for, or the
+                controller heard something else than was sent.
+            LineLost: The port has gone away.
+        """
+        with self._turns.urgent() if patient is None else self._turns.patient():
+            with self._reaching("listen"):
+                said = self._waiting()
+            if said:
+                self.resynchronise()
+                raise GarbledAnswer(
+                    f"controller on {self.name} said {said!r} before it was asked"
+                    f" {';'.join(commands)!r}: its program failed, or another program shares the"
+                    " line; look the message up, then connect() again"
+                )
+            self._send(";".join(commands))
+            return self._answer(commands, patient)
+
+    def numbers(self, command: str, count: int | None = None) -> list[float]:
+        """Ask a query and return the numbers that it answers; ``count`` is how many to demand."""
+        text = self.ask(command)
+        try:
+            values = [float(word) for word in text.replace(",", " ").split()]
+        except ValueError:
+            values = []
+        if not values or (count is not None and len(values) != count):
+            wanted = "numbers" if count is None else f"{count} numbers"
+            raise GarbledAnswer(
+                f"controller on {self.name} answered {command!r} with {_short(text)}, where"
+                f" {wanted} were due; check the baud rate and the firmware's revision"
+            )
+        return values
+
+    def read(self, *operands: str) -> list[float]:
+        """Return the values of operands such as `_TPA`."""
+        return self.numbers(f"MG {','.join(operands)}", len(operands))
+
+    def ask_packed(self, commands: Iterable[str]) -> None:
+        """Send commands that answer nothing, as many on a line as it holds."""
+        for line in pack(commands):
+            self.ask(*line)
+
+    def shout(self, *commands: str) -> None:
+        """Send commands, a line each, and expect neither an answer nor that they arrive."""
+        with self._turns.lock, contextlib.suppress(LineLost):
+            for command in commands:
+                self._send(command)
+
+    def insist(self, commands: Iterable[str], *operands: str) -> list[float]:
+        """Send commands, a line each, whatever is said to them; return operands read behind them.
+
+        For when the line cannot be trusted and there is no time for one answer after another.
+        """
+        with self._turns.at_any_price():
+            self.resynchronise()
+            for command in commands:
+                self._send(command)
+            return self._after_mark(operands)[0]
+
+    def _after_mark(self, operands: tuple[str, ...]) -> tuple[list[float], str]:
+        """Ask for a number of our own and operands; return them, and all that was said."""
+        self._send(f"MG {','.join((_MARK, *operands))}")
+        received = ""
+        while True:
+            received += self._more(_MARK, received)
+            if (found := _MARKED.search(received)) and len(found[1].split()) == len(operands):
+                return [float(word) for word in found[1].split()], received
+
+    def download(self, program: Iterable[str]) -> None:
+        """Replace the controller's program.
+
+        How many `:` a download answers differs between firmwares, so a number of our own
+        is asked for afterwards and everything before it belongs to the download. Then the
+        program is listed and compared.
+
+        Raises:
+            SettingNotTaken: The controller holds another program.
+        """
+        program = list(program)
+        with self._turns.urgent():
+            for text in ("DL", *program, "\\"):
+                self._send(text)
+            _, said = self._after_mark(())
+            if "?" in said:
+                self._refuse("DL")
+            held = [line.partition(" ")[2] for line in self.ask("LS").split("\r\n")]
+        if held != program:
+            raise SettingNotTaken(
+                f"controller on {self.name} holds another program than was sent:"
+                f" {_short(str(held))}; connect() again, and check the cable's shield"
+            )
+
+    def resynchronise(self) -> None:
+        """Forget whatever the controller has said so far."""
+        with self._reaching("reset"):
+            self._port.reset_input_buffer()
+
+    def _send(self, text: str) -> None:
+        with self._reaching(text):
+            self._port.write(f"{text}\r".encode("ascii"))
+
+    def _answer(self, commands: tuple[str, ...], patient: Callable[[], bool] | None = None) -> str:
+        sent, received = ";".join(commands), ""
+        while received.count(":") < len(commands):
+            received += self._more(sent, received, patient)
+            if "?" in received:
+                done = self._heard_of(sent, received.partition("?")[0]).count(":")
+                if done < len(commands):
+                    self._refuse(commands[done])
+                break
+        told = self._heard_of(sent, received)
+        if not told.endswith(":") or told.count(":") != len(commands):
+            raise GarbledAnswer(
+                f"controller on {self.name} answered {sent!r} with"
+                f" {_short(received)}, more than was asked; check that no other program shares"
+                " the line, then connect() again"
+            )
+        return told.replace(":", "").strip()
+
+    def _heard_of(self, sent: str, received: str) -> str:
+        """Return what follows the echo of what was sent."""
+        if not self.echo:
+            return received
+        heard, told = received[: len(sent)], received[len(sent) :]
+        if heard != sent or not told.startswith("\r"):
+            self.resynchronise()
+            raise GarbledAnswer(
+                f"controller on {self.name} was sent {_short(sent)} and heard"
+                f" {_short(received.partition(chr(13))[0])}; check the cable's shield and"
+                " controller.baud_rate"
+            )
+        return told
+
+    def _more(self, asked: str, received: str, patient: Callable[[], bool] | None = None) -> str:
+        """Return at least one character more of an answer."""
+        while True:
+            wanted = self._turns.wanted
+            with self._reaching(asked):
+                data = self._read()
+            if data or wanted or patient is None or not patient():
+                break
+        if not data:
+            raise self._silence(asked, _short(received) if received else "")
+        if any(byte > 126 or (byte < 32 and byte not in b"\t\n\r") for byte in data):
+            self.resynchronise()
+            raise GarbledAnswer(
+                f"controller on {self.name} answered {asked!r} with {data[:40]!r}, which is no"
+                " text; check controller.baud_rate and that controller.port is the controller"
+            )
+        if len(received) + len(data) > _LONGEST_ANSWER:
+            raise GarbledAnswer(
+                f"controller on {self.name} answers {asked!r} without end, more than"
+                f" {_LONGEST_ANSWER} characters; check that controller.port is the controller"
+            )
+        return data.decode("ascii")
+
+    def _refuse(self, command: str) -> None:
+        answer = "?"
+        if command != "TC1":
+            self._send("TC1")
+            answer = self._answer(("TC1",)).removeprefix("TC1").strip()  # the echo may be on
+        code, _, text = answer.partition(" ")
+        if not code.isdigit():
+            raise GarbledAnswer(
+                f"controller on {self.name} refused {command!r} and gave {_short(answer)}, not the"
+                " code and text of TC1; check the firmware's revision"
+            )
+        raise CommandRefused(self.name, command, int(code), text.strip())
+
+
+def pack(commands: Iterable[str]) -> Iterator[tuple[str, ...]]:
+    """Group commands so that each group, joined by `;`, fits on one line."""
+    line: list[str] = []
+    for command in commands:
+        if line and len(";".join([*line, command])) > LONGEST_LINE:
+            yield tuple(line)
+            line = []
+        line.append(command)
+    if line:
+        yield tuple(line)
+
+
+def _short(text: str) -> str:
+    return repr(text if len(text) <= 60 else f"{text[:57]}...")

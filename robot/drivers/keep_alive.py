@@ -1,0 +1,51 @@
+"""The host's sign of life, which the controller's watchdog waits for."""
+
+import threading
+from collections.abc import Callable
+from types import TracebackType
+from typing import Self
+
+from sautereau.robot.errors import RobotError
+
+TICKS = 10
+"""Parts of the watchdog's period, each of which the controller counts down."""
+_RENEWALS = 4
+"""Signs of life in a period, so that one may be lost."""
+
+
+class Renewing:
+    """A context manager that gives signs of life as long as the thread that entered it lives.
+
+    A busy host goes on giving them, from a thread of its own; a dead process, a dead thread
+    or a stopped one does not.
+
+    Args:
+        renew: Gives one sign of life; told how to learn whether to go on waiting for its answer.
+        period: s, of the watchdog.
+    """
+
+    def __init__(self, renew: Callable[[Callable[[], bool]], None], period: float):
+        self._renew, self._interval = renew, period / _RENEWALS
+        self._over = threading.Event()
+
+    def __enter__(self) -> Self:
+        self._owner = threading.current_thread()
+        self._thread = threading.Thread(target=self._run, name="watchdog renewal", daemon=True)
+        self._thread.start()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._over.set()
+        self._thread.join()
+
+    def _run(self) -> None:
+        while not self._over.wait(self._interval) and self._owner.is_alive():
+            try:
+                self._renew(lambda: not self._over.is_set())
+            except RobotError:  # the next may come through; if none does, the controller acts
+                continue

@@ -1,0 +1,175 @@
+"""The line to an ODrive: ASCII lines out, each with its checksum; answers only to questions.
+
+A line whose checksum is wrong is ignored by the controller, so a spoilt one moves nothing.
+A line that asks nothing is answered only where it is refused.
+"""
+
+import math
+import threading
+
+from sautereau.robot.drivers.serial_port import Port
+from sautereau.robot.drivers.wire import Wire
+from sautereau.robot.errors import GarbledAnswer, RobotError, SettingNotTaken
+
+_REFUSALS = (
+    "invalid command format",
+    "invalid motor",
+    "invalid property",
+    "not implemented",
+    "unknown command",
+)
+_HEARD = "r vbus_voltage"
+"""Any question will do."""
+_LONGEST_ANSWER = 64
+"""Characters that the firmware cuts an answer to."""
+
+
+class LineRefused(RobotError):  # noqa: N818 - the name says what happened
+    """The controller knows a command, a property or an axis not, or takes no such value."""
+
+
+class OdriveLine(Wire):
+    """Say and ask whole lines; several threads may, and each answer goes to who asked.
+
+    Arguments as for `Wire`.
+    """
+
+    def __init__(self, port: Port, name: str, timeout: float):
+        super().__init__(port, name, timeout)
+        self._lock = threading.RLock()
+        self._heard = b""
+
+    def say(self, *commands: str) -> None:
+        """Send commands that answer nothing.
+
+        Raises:
+            LineLost: The port has gone away.
+        """
+        self.exchange(commands, 0)
+
+    def tell(self, *commands: str) -> None:
+        """Send commands that answer nothing, and make sure that they were heard.
+
+        Raises:
+            RobotError: See `exchange`.
+        """
+        self.exchange((*commands, _HEARD), 1)
+
+    def ask(self, command: str, answers: int = 1) -> list[str]:
+        """Send a question and return the lines that it answers; see `exchange`."""
+        return self.exchange((command,), answers)
+
+    def exchange(self, commands: tuple[str, ...], answers: int) -> list[str]:
+        """Send commands at once and return so many lines of answers.
+
+        Raises:
+            LineRefused: The firmware refuses a command.
+            SilentController: No byte came within the timeout.
+            GarbledAnswer: Bytes that no ODrive sends, or that nobody asked for.
+            LineLost: The port has gone away.
+        """
+        asked = "; ".join(commands)
+        with self._lock, self._reaching(asked):
+            try:
+                if answers:
+                    self._refuse_unasked(asked)
+                self._port.write("".join(map(framed, commands)).encode("ascii"))
+                return [self._answer(asked) for _ in range(answers)]
+            except (GarbledAnswer, LineRefused):
+                self._forget()  # what follows belongs to this exchange
+                raise
+
+    def read(self, name: str) -> float:
+        """Return the value of a property such as `axis0.error`."""
+        return self.numbers(f"r {name}", 1)[0]
+
+    def numbers(self, command: str, count: int) -> list[float]:
+        """Ask a question and return the ``count`` numbers that it answers."""
+        (text,) = self.ask(command)
+        return self.parsed(command, text, count)
+
+    def parsed(self, command: str, text: str, count: int) -> list[float]:
+        """Return the numbers of an answer; refuse another number of them."""
+        try:
+            values = [float(word) for word in text.split()]
+        except ValueError:
+            values = []
+        if len(values) != count or any(map(math.isnan, values)):
+            raise self._garbled(command, text, f"{count} numbers were due")
+        return values
+
+    def set(self, settings: dict[str, float]) -> None:
+        """Write properties, read each back, and refuse with all that were not taken."""
+        faults = []
+        for name, value in settings.items():
+            (text,) = self.exchange((f"w {name} {value:.9g}", f"r {name}"), 1)
+            (taken,) = self.parsed(f"r {name}", text, 1)
+            # An answer is cut to nine characters, of which six are decimals.
+            if not math.isclose(taken, value, rel_tol=1e-5, abs_tol=2e-6):
+                faults.append(f"{name} is {taken:g} and should be {value:g}")
+        self.refuse(faults)
+
+    def refuse(self, faults: list[str]) -> None:
+        """Refuse a controller whose settings have faults, if there are any."""
+        if faults:
+            raise SettingNotTaken(
+                f"controller on {self.name} did not take its settings: {', '.join(faults)};"
+                " compare the rig file with the controller's configuration in odrivetool"
+            )
+
+    def resynchronise(self) -> None:
+        """End a broken-off line, and forget whatever the controller has said so far."""
+        with self._lock, self._reaching("a line's end"):
+            self._port.write(b"\n")
+            self._forget()
+
+    def _forget(self) -> None:
+        self._heard = b""
+        self._port.reset_input_buffer()
+
+    def _refuse_unasked(self, asked: str) -> None:
+        said = self._heard + self._waiting()
+        self._heard = b""
+        if said:
+            raise GarbledAnswer(
+                f"controller on {self.name} said {said[:60]!r} before it was asked {asked!r}: it"
+                " refused an earlier line, or another program shares the port; end that program,"
+                " check the firmware's version, then connect() again"
+            )
+
+    def _answer(self, asked: str) -> str:
+        while b"\n" not in self._heard:
+            if not (data := self._read()):
+                raise self._silence(asked, repr(self._heard) if self._heard else "")
+            self._heard += data
+            if len(self._heard) > _LONGEST_ANSWER and b"\n" not in self._heard:
+                raise self._garbled(asked, self._heard, "no answer is so long")
+        received, _, self._heard = self._heard.partition(b"\n")
+        text, star, told = received.decode("latin-1").strip().rpartition("*")
+        if not star or told != str(checksum(text)):
+            raise self._garbled(asked, received, "its checksum is missing or wrong")
+        if text.startswith(_REFUSALS):
+            raise LineRefused(
+                f"controller on {self.name} refused {asked!r}: {text}; this driver speaks with"
+                " the firmwares 0.5.x: update the controller's, or correct the rig file"
+            )
+        return text
+
+    def _garbled(self, asked: str, text: str | bytes, why: str) -> GarbledAnswer:
+        return GarbledAnswer(
+            f"controller on {self.name} answered {asked!r} with {text[:60]!r}: {why}; check"
+            " controller.baud_rate and that controller.port is the ODrive"
+        )
+
+
+def checksum(text: str) -> int:
+    """Return the exclusive or of a line's bytes."""
+    found = 0
+    for byte in text.encode("latin-1"):
+        found ^= byte
+    return found
+
+
+def framed(command: str) -> str:
+    """Return a command as it stands on the wire."""
+    return f"{command}*{checksum(command)}\n"

@@ -1,0 +1,1 @@
+"""From a planned press to a recorded session: plan, session, learning, setup."""

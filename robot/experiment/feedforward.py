@@ -1,0 +1,112 @@
+"""Push against the force that an earlier press has measured, before the loops notice it.
+
+Force is measured against depression once. The arm's Jacobian turns it into joint torques,
+-J^T F, that a later press adds to those of its position loops; from release on they are held.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from sautereau.analysis.phases import Phases, find_phases
+from sautereau.analysis.press.load import Press, load_press
+from sautereau.rig.schema import Rig
+from sautereau.robot.errors import RobotError
+from sautereau.trajectory.dynamics import joint_torques
+from sautereau.trajectory.expected import Expectation
+from sautereau.trajectory.key import surface_axes
+from sautereau.trajectory.motion import Floats
+from sautereau.trajectory.press import Trajectory
+
+BIN = 25e-6
+"""m, of the jack's rise, over which the force is averaged."""
+SETTLED = 1e-3
+"""s after release, when the finger's swing is over."""
+
+
+@dataclass(frozen=True)
+class TorqueTable:
+    """Torques that are added to those of the position loops."""
+
+    time: Floats
+    """s from the start of motion, increasing; shape (n,)."""
+    torques: Floats
+    """N m, of both joints; shape (n, 2)."""
+
+
+def force_of(recording: Path) -> Expectation:
+    """Return the force against depression of a recorded press; see `measured_force`."""
+    press = load_press(recording)
+    return measured_force(press, find_phases(press))
+
+
+def measured_force(press: Press, phases: Phases) -> Expectation:
+    """Return the force against depression that a press has measured on its way down.
+
+    Beyond release it is the mean force from there to the deepest point.
+
+    Raises:
+        RobotError: The press has no pluck.
+    """
+    rise, force = (press.data[name].to_numpy() for name in ("jack_rise", "force"))
+    time = press.data.index.to_numpy()
+    if not phases.plucks:
+        raise RobotError(
+            f"feed-forward from {press.path}: it has no pluck to push against; give the recording"
+            " of a press with one"
+        )
+    pluck = phases.plucks[0]
+    first, bottom = int(np.argmax(rise > BIN)), int(np.argmax(rise))
+    release = int(np.searchsorted(time, pluck.release))
+    after = int(np.searchsorted(time, pluck.release + SETTLED))
+    at_rest = float(force[: first // 2 + 1].mean())  # before the run-up bends it
+    contact_rise, release_rise = np.interp([pluck.contact, pluck.release], time, rise)
+    places = np.floor(rise[first:release] / BIN).astype(int)
+    kept = (places >= 0) & (places < int(release_rise / BIN))
+    places, pushed = places[kept], force[first:release][kept] - at_rest
+    number = np.bincount(places)
+    middles = (np.flatnonzero(number) + 0.5) * BIN
+    means = np.bincount(places, pushed)[number > 0] / number[number > 0]
+    held = float(force[after : max(bottom, after + 1)].mean()) - at_rest
+    return Expectation(
+        rise=np.concatenate([[0.0], middles, [release_rise, release_rise + BIN]]),
+        force=np.concatenate([[0.0], means, [means[-1], held]]),
+        contact=float(contact_rise),
+        release=float(release_rise),
+    )
+
+
+def torque_table(rig: Rig, trajectory: Trajectory, measured: Expectation) -> TorqueTable:
+    """Return the torques that push against a measured force, nothing at either end.
+
+    They follow the depression that is planned up to its deepest, are held there, and fall with
+    the rise on the way back, where key and jacks push by themselves.
+
+    Args:
+        rig: The bench.
+        trajectory: The press in which they are to be added.
+        measured: As `measured_force` returns it.
+
+    Raises:
+        RobotError: With them a joint's torque would exceed its limit.
+    """
+    rise = trajectory.rise.position
+    force = measured.force_at(rise)
+    back = trajectory.time > trajectory.law.return_start
+    if rise.max() > 0:
+        force = np.where(back, measured.force_at(rise.max()) * rise / rise.max(), force)
+    _, normal = surface_axes(trajectory.angle.position)
+    bare = joint_torques(rig.arm, trajectory.joints)
+    loaded = joint_torques(rig.arm, trajectory.joints, force[:, None] * normal)
+    peaks = np.abs(loaded).max(axis=0)
+    faults = [
+        f"joint {j} would take {peak:.4g} N m of at most {rig.arm.torque_limit:.4g} N m"
+        for j, peak in enumerate(peaks, 1)
+        if peak > rig.arm.torque_limit
+    ]
+    if faults:
+        raise RobotError(
+            f"feed-forward: {' and '.join(faults)}; give a recording of this key, or press without"
+        )
+    return TorqueTable(trajectory.time, loaded - bare)

@@ -1,0 +1,200 @@
+"""Presses that learn: each is planned with the correction that the one before it taught."""
+
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from sautereau.analysis.press.load import load_press
+from sautereau.rig.load import rig_document
+from sautereau.rig.schema import Rig
+from sautereau.robot.errors import RobotError
+from sautereau.robot.experiment.feedforward import torque_table
+from sautereau.robot.experiment.manifest import differences
+from sautereau.robot.experiment.session import Item
+from sautereau.trajectory.correction import Correction
+from sautereau.trajectory.errors import TrajectoryError
+from sautereau.trajectory.expected import Expectation
+from sautereau.trajectory.learning import Learner
+from sautereau.trajectory.press import Trajectory, plan_press
+from sautereau.trajectory.timing import press_law
+
+HALVINGS = 4
+"""Times that what a correction adds to the last one is halved, where it cannot be pressed."""
+_SECTIONS = ("press", "arm", "controller")
+_ADDRESS = "port"
+
+
+class Lesson:
+    """Presses of one plan, of which each learns from those before it.
+
+    `on` yields the presses; tell the recording of each to `saw` before the next one is asked for.
+    """
+
+    def __init__(
+        self,
+        rig: Rig,
+        expected: Expectation | None,
+        presses: int,
+        *,
+        measured: Expectation | None = None,
+        notes: str = "",
+    ):
+        """Plan the first press.
+
+        Args:
+            rig: The bench.
+            expected: What the finger is expected to meet; None for an empty key.
+            presses: At most.
+            measured: Force to push against, as `measured_force` returns it; None for none.
+            notes: The operator's.
+
+        Raises:
+            TrajectoryError: The press cannot be made even without a correction.
+            RobotError: No presses are asked for.
+        """
+        if presses < 1:
+            raise RobotError(f"learning: {presses} presses were asked for; ask for 1 or more")
+        self._rig, self._expected, self._presses, self._notes = rig, expected, presses, notes
+        self._measured = measured
+        self._used: Correction | None = None
+        self._trajectory: Trajectory | None = plan_press(rig, expected)
+        self._warnings = self._trajectory.warnings
+        self._learner = Learner(press_law(rig.press), rig.controller.sample_period)
+        self._stopped = ""
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Of the plan."""
+        return self._warnings
+
+    @property
+    def errors(self) -> list[float]:
+        """1, rms of the jack's speed error over the cruise, of every press so far."""
+        return self._learner.errors
+
+    @property
+    def stopped(self) -> str:
+        """Why learning has ended before all presses were made; empty else."""
+        return self._stopped or self._learner.stopped
+
+    @property
+    def best(self) -> Correction | None:
+        """With which the error was least; None for the plan itself."""
+        return self._learner.best
+
+    def on(self, rig: Rig) -> Iterator[Item]:
+        """Yield the presses, on the bench with the addresses to use."""
+        for number in range(1, self._presses + 1):
+            if self._trajectory is None:
+                return
+            torques = None
+            if self._measured is not None:
+                torques = torque_table(self._rig, self._trajectory, self._measured)
+            yield Item(rig, self._trajectory, number, notes=self._notes, torques=torques)
+
+    def saw(self, item: Item, path: Path) -> None:
+        """Learn from a press's recording.
+
+        Raises:
+            SautereauError: The recording tells no speed over the whole press.
+        """
+        press = load_press(path)
+        time = press.data.index.to_numpy(dtype=float)
+        speed = press.data["jack_speed"].to_numpy(dtype=float)
+        correction = self._learner.learn(self._used, time, speed)
+        self._trajectory = None
+        if correction is not None:
+            self.plan(correction)
+
+    def plan(self, correction: Correction) -> None:
+        """Plan the next press; a correction beyond a limit goes half the way back to the last."""
+        self._trajectory, reason = None, ""
+        last = np.zeros_like(correction.rise)
+        if self._used is not None:
+            last = np.interp(correction.time, self._used.time, self._used.rise)
+        for _ in range(HALVINGS + 1):
+            try:
+                self._trajectory = plan_press(self._rig, self._expected, correction)
+            except TrajectoryError as error:
+                reason = str(error)
+                correction = Correction(correction.time, (correction.rise + last) / 2)
+            else:
+                self._used = correction
+                return
+        self._stopped = f"what was learned cannot be pressed, not even halved {HALVINGS} times: "
+        self._stopped += reason
+
+
+@dataclass(frozen=True)
+class Learned:
+    """A correction, and what it was learned for."""
+
+    correction: Correction
+    errors: tuple[float, ...]
+    """1, rms of the jack's speed error over the cruise, of every press that taught it."""
+    feed_forward: str = ""
+    """SHA-256 of the recording whose force the presses pushed against; empty for none."""
+
+    def write(self, path: Path, rig: Rig) -> None:
+        """Write it into a new file, with the press, arm and controller it was learned for.
+
+        Raises:
+            RobotError: The file exists, or cannot be written.
+        """
+        document = {
+            "time": self.correction.time.tolist(),
+            "rise": self.correction.rise.tolist(),
+            "rms_speed_error": list(self.errors),
+            "learned_for": _learned_for(rig, self.feed_forward),
+        }
+        try:
+            with path.open("x", encoding="utf-8") as file:
+                file.write(json.dumps(document, indent=1, allow_nan=False) + "\n")
+        except OSError as error:
+            raise RobotError(
+                f"learned correction {path}: cannot be written: {error.strerror}; give another"
+                " folder"
+            ) from error
+
+
+def read_learned(path: Path, rig: Rig, feed_forward: str = "") -> Correction:
+    """Read a correction that was learned for a rig's press.
+
+    Args:
+        path: Of the file.
+        rig: The bench.
+        feed_forward: SHA-256 of the recording whose force is pushed against; empty for none.
+
+    Raises:
+        RobotError: The file cannot be read, or it was learned for another press, arm or
+            controller.
+        TrajectoryError: What it holds is no correction.
+    """
+    try:
+        found = json.loads(path.read_text(encoding="utf-8"))
+        time, rise = (np.array(found[name], dtype=float) for name in ("time", "rise"))
+        changes = list(differences(found["learned_for"], _learned_for(rig, feed_forward)))
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise RobotError(
+            f"learned correction {path}: cannot be read: {type(error).__name__}: {error}; give the"
+            " file that `sautereau learn` wrote"
+        ) from error
+    if changes:
+        raise RobotError(
+            f"learned correction {path}: it was learned for another press:\n  "
+            + "\n  ".join(changes)
+            + "\nlearn anew, or press as it was learned"
+        )
+    return Correction(time, rise)
+
+
+def _learned_for(rig: Rig, feed_forward: str) -> dict[str, Any]:
+    """Return what a correction depends on, as TOML would hold it."""
+    document = rig_document(rig)
+    found = {section: document[section] for section in _SECTIONS}
+    del found["controller"][_ADDRESS]
+    return found | {"feed_forward": feed_forward}

@@ -1,0 +1,113 @@
+"""What a session is to make, written into its folder before anything is made."""
+
+import json
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from sautereau.rig.disk import sync_folder, write_through
+from sautereau.robot.errors import RobotError
+
+MANIFEST = "session.json"
+"""Name of the file in the session's folder."""
+VERSION = 1
+"""Of the file."""
+MOST_TOLD = 8
+"""Differences that one message names."""
+_ABSENT = "nothing"
+
+
+@dataclass(frozen=True)
+class Manifest:
+    """One session: who it is, what it makes, and for what the instrument is set up."""
+
+    session: str
+    """Identity, which every recording of the session carries."""
+    started: str
+    """ISO 8601 with the time zone."""
+    seed: int | None
+    """Of the stand-in's random numbers; None on the hardware."""
+    plan: Mapping[str, Any]
+    """What the session makes, as JSON holds it."""
+    set_up: Mapping[str, Any]
+    """What the operator was last told to set on the instrument, by the rig's dotted key."""
+
+
+def read_manifest(folder: Path) -> Manifest | None:
+    """Read a folder's manifest; None where it has none.
+
+    Raises:
+        RobotError: It cannot be read, or another version has written it.
+    """
+    path = folder / MANIFEST
+    try:
+        found = json.loads(path.read_text(encoding="utf-8"))
+        if found["version"] != VERSION:
+            raise RobotError(
+                f"session {path}: it is of version {found['version']!r}, not {VERSION}; go on with"
+                " the version of sautereau that began it, or give another folder"
+            )
+        return Manifest(**{name: found[name] for name in Manifest.__dataclass_fields__})
+    except FileNotFoundError:
+        return None
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise RobotError(
+            f"session {path}: cannot be read: {type(error).__name__}: {error}; put it back from a"
+            " copy, or give another folder"
+        ) from error
+
+
+def write_manifest(folder: Path, manifest: Manifest) -> None:
+    """Write a folder's manifest: the old one or the new one is there, never a part of it.
+
+    Raises:
+        RobotError: It cannot be written.
+    """
+    path = folder / MANIFEST
+    beside = path.with_name(f"{MANIFEST}.new")
+    text = json.dumps({"version": VERSION} | vars(manifest), indent=1, allow_nan=False)
+    try:
+        write_through(beside, text + "\n", new=False)
+        beside.replace(path)
+        sync_folder(folder)
+    except OSError as error:
+        raise RobotError(
+            f"session {path}: cannot be written: {error.strerror}; give a folder that can be"
+            " written, with room on its disk"
+        ) from error
+
+
+def check_same(folder: Path, begun: Mapping[str, Any], asked: Mapping[str, Any]) -> None:
+    """Refuse another plan than that with which a session began.
+
+    Raises:
+        RobotError: Names the differences, and the way out.
+    """
+    found = list(differences(begun, asked))
+    if not found:
+        return
+    more = f"\n  and {len(found) - MOST_TOLD} more" if len(found) > MOST_TOLD else ""
+    raise RobotError(
+        f"session folder {folder}: the session in it was begun with another plan\n  "
+        + "\n  ".join(found[:MOST_TOLD])
+        + more
+        + "\ngive the command as it was to go on with that session, or another --out for this one"
+    )
+
+
+def differences(begun: Any, asked: Any, at: str = "") -> Iterator[str]:
+    """Yield where two plain documents differ, by dotted key, then and now."""
+    if isinstance(begun, list) and isinstance(asked, list):
+        begun, asked = (dict(enumerate(values, 1)) for values in (begun, asked))
+    if isinstance(begun, Mapping) and isinstance(asked, Mapping):
+        for key in dict.fromkeys([*begun, *asked]):
+            place = f"{at}.{key}" if at else str(key)
+            yield from differences(begun.get(key, _ABSENT), asked.get(key, _ABSENT), place)
+    elif begun != asked:
+        yield f"{at}: {_said(begun)} then, {_said(asked)} now"
+
+
+def _said(value: Any) -> str:
+    text = value if value is _ABSENT else json.dumps(value)
+    return text if len(text) <= 60 else f"{text[:57]}..."

@@ -1,0 +1,137 @@
+"""A session's plan as a table: each row a press with some of the rig's values changed."""
+
+import csv
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from sautereau.rig.errors import RigError
+from sautereau.rig.faults import fault_list, model_keys, near_miss, unit_of
+from sautereau.rig.load import with_values
+from sautereau.rig.schema import Rig
+from sautereau.robot.errors import RobotError
+
+EXAMPLE = "press.jack_speed,plectrum.overlap,repeats,notes"
+MOST_PRESSES = 100_000
+"""Of one row."""
+
+
+@dataclass(frozen=True)
+class Row:
+    """Equal presses."""
+
+    rig: Rig
+    """The bench as the row wants it."""
+    repeats: int = 1
+    """Presses, beside those for warming up."""
+    values: Mapping[str, str | int | float] = field(default_factory=dict)
+    """What differs from the rig file, as with_values takes it, by dotted key."""
+    notes: str = ""
+    """The operator's."""
+    line: int | None = None
+    """Of the table; None without one."""
+
+    @property
+    def set_up(self) -> dict[str, str | int | float]:
+        """What of `values` the operator has to set on the instrument."""
+        return {key: value for key, value in self.values.items() if not _is_press(key)}
+
+    def on(self, rig: Rig) -> Rig:
+        """Return another bench, as that of a stand-in, with this row's way to press."""
+        return with_values(rig, {k: v for k, v in self.values.items() if _is_press(k)})
+
+
+def read_plan_table(path: Path, rig: Rig, repeats: int, notes: str = "") -> tuple[Row, ...]:
+    """Read a CSV file whose columns are dotted keys of the rig, `repeats` and `notes`.
+
+    An empty cell leaves a value as the rig has it.
+
+    Args:
+        path: The file, UTF-8; the first row names the columns, and cells hold their units.
+        rig: The bench that the rows change.
+        repeats: Presses of a row whose `repeats` is empty.
+        notes: The operator's, for all rows; a row's own follow them.
+
+    Raises:
+        RobotError: Lists every fault of the table, with its line.
+    """
+    origin = f"plan table {path}"
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+        lines = list(csv.reader(text.splitlines(), strict=True, skipinitialspace=True))
+    except (OSError, ValueError, csv.Error) as error:
+        raise RobotError(
+            f"{origin}: cannot be read: {error}; give the path of a CSV file in UTF-8"
+        ) from error
+    columns = [cell.strip() for cell in lines[0]] if lines else []
+    faults = list(_column_faults(columns))
+    rows = []
+    for line, cells in enumerate(lines[1:], 2):
+        texts = [cell.strip() for cell in cells]
+        if not any(texts):
+            continue
+        if len(texts) > len(columns):
+            faults.append(
+                f"line {line}: {len(texts)} cells under {len(columns)} columns; quote a cell that"
+                " holds a comma"
+            )
+            continue
+        given = {name: text for name, text in zip(columns, texts, strict=False) if text}
+        count = given.pop("repeats", str(repeats))
+        if not (count.isdecimal() and 1 <= int(count) <= MOST_PRESSES):
+            faults.append(
+                f"line {line}: repeats: {count!r} is refused: give a whole number from 1 to"
+                f" {MOST_PRESSES}"
+            )
+        said = "; ".join(filter(None, (notes, given.pop("notes", ""))))
+        values = {key: _value(key, text) for key, text in given.items()}
+        known = {key: value for key, value in values.items() if key in set(model_keys(Rig))}
+        try:
+            changed = with_values(rig, known)
+        except RigError as error:
+            faults += [f"line {line}: {fault}" for fault in _single(str(error), rig)]
+            continue
+        if not faults:
+            rows.append(Row(changed, int(count), values, said, line))
+    if not rows and not faults:
+        faults.append("it has no row; add one for each kind of press")
+    if faults:
+        raise RobotError(fault_list(origin, faults))
+    return tuple(rows)
+
+
+def _column_faults(columns: list[str]) -> Iterator[str]:
+    """Say what is wrong with the first row."""
+    if not any(columns):
+        yield f'line 1: no columns; begin the file as in "{EXAMPLE}"'
+        return
+    known = set(model_keys(Rig))
+    for place, name in enumerate(columns, 1):
+        if not name:
+            yield f"line 1: column {place} has no name; give it one, or take it out"
+        elif columns.index(name) < place - 1:
+            yield f"line 1: column {name} is there twice; take one out"
+        elif name not in known | {"repeats", "notes"}:
+            yield f"line 1: {name}: no such quantity in a rig{near_miss(name, sorted(known))}"
+
+
+def _value(key: str, text: str) -> Any:
+    """Return a cell as TOML would hold it: a quantity is a text, a bare number is none."""
+    if unit_of(Rig, key.split(".")) is None:
+        for kind in (int, float):
+            try:
+                return kind(text)
+            except ValueError:
+                continue
+    return text
+
+
+def _single(message: str, rig: Rig) -> list[str]:
+    """Return the faults of a list of them one by one."""
+    head, *more = message.split("\n")
+    return [line.strip() for line in more] or [head.removeprefix(f"rig {rig.name}: ")]
+
+
+def _is_press(key: str) -> bool:
+    return key.startswith("press.")

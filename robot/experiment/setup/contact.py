@@ -1,0 +1,257 @@
+"""Bring the finger down on the key little by little, and stop at the first touch."""
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from sautereau.rig.schema import Rig
+from sautereau.robot.controller import Capture, MotionController
+from sautereau.robot.errors import MotionFault, RobotError
+from sautereau.robot.experiment.setup.step import (
+    Ask,
+    Found,
+    approach_speed,
+    ask_first,
+    counts_per_radian,
+    homed,
+)
+from sautereau.trajectory.arm import joints_holding_point, link_vectors
+from sautereau.trajectory.dynamics import gravity_torque
+from sautereau.trajectory.motion import Floats, Motion
+from sautereau.trajectory.segments import Counts, Segments
+
+_REST = 0.04
+"""s, that the finger stands before and after each step; the mean of half of it is taken,
+which is a period of the mains."""
+FINER = 4
+"""By which the steps are smaller the second time."""
+
+
+@dataclass(frozen=True)
+class Creep:
+    """How the finger goes down."""
+
+    above: float = 4e-3
+    """m, over the surface as the rig has it, where it begins."""
+    below: float = 2e-3
+    """m, under that surface, where it gives up."""
+    step: float = 0.2e-3
+    """m, between two looks at the force; the second time a quarter of it."""
+    speed: float = 5e-3
+    """m/s, mean in a step."""
+    sense: float = 0.02
+    """N, rise of the force in a step that is a touch."""
+    limit: float = 0.5
+    """N, that must not be passed: beyond it the motors are switched off."""
+
+    def __post_init__(self) -> None:
+        faults = [
+            f"{name} is {value:g} {unit}; give more than 0"
+            for name, value, unit in (
+                ("above", self.above, "m"),
+                ("below", self.below, "m"),
+                ("step", self.step, "m"),
+                ("speed", self.speed, "m/s"),
+                ("sense", self.sense, "N"),
+            )
+            if not (math.isfinite(value) and value > 0)
+        ]
+        if not self.limit > self.sense:
+            faults.append(
+                f"limit is {self.limit:g} N, not above the touch's {self.sense:g} N; raise it"
+            )
+        if faults:
+            raise RobotError(f"setup contact: {'; '.join(faults)}")
+
+
+GENTLY = Creep()
+"""How it goes down unless something else is said."""
+
+
+@dataclass(frozen=True)
+class Touch:
+    """A first touch."""
+
+    along: float
+    """m, in front of the balance pin, as the rig has it."""
+    height: float
+    """m, of the key's surface over where the rig has it."""
+    joints: tuple[float, float]
+    """rad, as the encoders have them."""
+    force: float
+    """N, at the end."""
+    uncertainty: float
+    """m, standard, of the height: the touch is somewhere in the last step."""
+    by: str
+    """What told: the force channel, or the motors' torques."""
+
+
+def find_contact(rig: Rig, ask: Ask, creep: Creep = GENTLY) -> Found:
+    """Touch the key where it is pressed, and take the finger up again.
+
+    Raises:
+        RobotError: There is no key within reach of the creep, or it pushes back with more than
+            the limit; the motors are off.
+    """
+    ask_first(ask, "contact", _warning(creep, "the key"))
+    with homed(rig) as controller:
+        touch = touch_at(rig, controller, rig.key.press_arm, creep)
+    away = f"{touch.height * 1e3:+.2f} mm from"
+    lines = (
+        f"contact: {away} where the rig has the surface, +-{touch.uncertainty * 1e3:.2f} mm,"
+        f" at {touch.force * 1e3:.0f} mN, by {touch.by}",
+    )
+    figures = {"height": touch.height, "uncertainty": touch.uncertainty, "force": touch.force}
+    near = abs(touch.height) <= max(3 * touch.uncertainty, creep.step)
+    doubt = "the rig has the surface elsewhere: do the step touch, which finds where the base is"
+    return Found(lines, figures=figures, warnings=() if near else (doubt,))
+
+
+def touch_at(rig: Rig, controller: MotionController, along: float, creep: Creep) -> Touch:
+    """Creep down on a point of the key, once more in finer steps, and take the finger up again.
+
+    Args:
+        rig: The bench.
+        controller: At home, motors on.
+        along: m, of the point in front of the balance pin.
+        creep: How.
+
+    Raises:
+        RobotError: There is no touch within the creep, or more than its limit.
+    """
+    hover = over_key(rig, along, np.array([rig.press.hover]))[0]
+    controller.move_to(hover, approach_speed(rig))
+    touch = _creep_down(rig, controller, along, creep.above, -creep.below, creep)
+    if touch is None:
+        controller.move_to(hover, approach_speed(rig))
+        raise MotionFault(
+            f"setup contact: no touch down to {creep.below * 1e3:g} mm under where the rig has the"
+            f" surface, {along * 1e3:.4g} mm in front of the pin; look where the finger is, correct"
+            " arm.base_x and arm.base_z by hand, or creep further down"
+        )
+    fine = replace(creep, step=creep.step / FINER)
+    first, last = touch.height + 1.5 * creep.step, touch.height - creep.step
+    touch = _creep_down(rig, controller, along, first, last, fine) or touch
+    controller.move_to(hover, approach_speed(rig))
+    return touch
+
+
+def _creep_down(
+    rig: Rig, controller: MotionController, along: float, first: float, last: float, creep: Creep
+) -> Touch | None:
+    """Creep from one height [m] to another; return the touch, with the finger still there."""
+    n = math.ceil((first - last) / creep.step)
+    heights = first - creep.step * np.arange(n + 1, dtype=np.float64)
+    counts = over_key(rig, along, heights)
+    controller.move_to(counts[0], approach_speed(rig))
+    torque_before: Floats | None = None
+    for i in range(n):
+        segments = _one_step(rig, counts[i], counts[i + 1], creep)
+        capture, measured = play_measured(rig, controller, segments)
+        angles = np.stack([counts[i], counts[i + 1]]) / counts_per_radian(rig)
+        by_motors, torque_before = _by_motors(rig, angles[1], capture, torque_before)
+        by_sensor = None if measured is None else abs(_rise(measured, rig.daq.sample_rate))
+        force = by_motors if by_sensor is None else by_sensor
+        if (largest := max(force, by_motors)) > creep.limit:
+            raise MotionFault(
+                f"setup contact: {largest:.3g} N at {heights[i + 1] * 1e3:.2f} mm over the surface,"
+                f" and the limit is {creep.limit:g} N; see what is in the way, or take a smaller"
+                " step"
+            )
+        if force >= creep.sense:
+            joint1, joint2 = angles.mean(axis=0)
+            return Touch(
+                along,
+                float(heights[i : i + 2].mean()),
+                (float(joint1), float(joint2)),
+                float(force),
+                creep.step / math.sqrt(12),
+                "the motors' torques" if by_sensor is None else "the force channel",
+            )
+    return None
+
+
+def over_key(rig: Rig, along: float, heights: Floats) -> Counts:
+    """Return the joints [counts, (n, 2)] with the fingertip over the key at rest.
+
+    Args:
+        rig: The bench.
+        along: m, in front of the balance pin.
+        heights: m, of the fingertip over the surface; shape (n,).
+    """
+    z = rig.key.surface_height + rig.arm.fingertip_radius + heights
+    centre = np.stack([np.full_like(z, -along), z], -1)
+    still = np.zeros_like(centre)
+    joints = joints_holding_point(rig.arm, Motion(centre, still, still), "the way down to the key")
+    return np.rint(joints.position * counts_per_radian(rig)).astype(np.int64)
+
+
+def play_measured(
+    rig: Rig, controller: MotionController, segments: Segments
+) -> tuple[Capture, Floats | None]:
+    """Play a motion from where the arm stands; return what the controller recorded of it.
+
+    The second is the force [N] from the motion's start to its end, shape (n,); None where the
+    rig has no force channel.
+    """
+    from sautereau.daq.source.acquisition import Acquisition
+
+    controller.load(segments)
+    controller.arm()
+    channel = rig.daq.channel("force")
+    if channel is None:
+        controller.start()
+        controller.wait()
+        return controller.capture(), None
+    duration = segments.total_samples * rig.controller.sample_period
+    row = rig.daq.channels.index(channel)
+    with Acquisition(rig.daq, duration) as acquisition:
+        acquisition.start()
+        controller.start()
+        blocks = [block.volts[row, max(0, -block.first_sample) :] for block in acquisition.blocks()]
+        controller.wait()
+    return controller.capture(), np.concatenate(blocks) * channel.scale
+
+
+def _one_step(rig: Rig, start: Counts, end: Counts, creep: Creep) -> Segments:
+    """Return a step down between two rests."""
+    period = rig.controller.sample_period
+    rest = math.ceil(_REST / period)
+    still, step = np.zeros(2, np.int64), end - start
+    return Segments(
+        start=start,
+        steps=np.stack([still, step, still]),
+        velocities=np.zeros((3, 2), np.int64),
+        samples=np.array([rest, max(1, math.ceil(creep.step / creep.speed / period)), rest]),
+    )
+
+
+def _rise(force: Floats, rate: float) -> float:
+    """Return by how much the force [N] is more in the last rest than in the first."""
+    half = round(_REST / 2 * rate)
+    return float(force[-half:].mean() - force[half : 2 * half].mean())
+
+
+def _by_motors(
+    rig: Rig, joints: Floats, capture: Capture, before: Floats | None
+) -> tuple[float, Floats | None]:
+    """Return how much more [N] the motors bear up than in the first step, and what that was."""
+    if capture.torques is None:
+        return 0.0, None
+    late = capture.times >= capture.times[-1] - _REST / 2
+    missing = gravity_torque(rig.arm, joints[None])[0] - capture.torques[late].mean(axis=0)
+    if before is None:
+        return 0.0, missing
+    _, upper = link_vectors(rig.arm.upper_length, joints[:1])
+    _, lower = link_vectors(rig.arm.lower_length, joints.sum(keepdims=True))
+    jacobian = np.stack([(upper + lower)[0], lower[0]])
+    return abs(float(np.linalg.solve(jacobian, missing - before)[1])), before
+
+
+def _warning(creep: Creep, what: str) -> str:
+    return (
+        f"The arm homes, goes over {what} and creeps down on it in steps of"
+        f" {creep.step * 1e3:g} mm, until it feels {creep.sense * 1e3:g} mN; at more than"
+        f" {creep.limit:g} N the motors go off. Is its way free?"
+    )

@@ -1,0 +1,139 @@
+"""Record what the sensors show, without the robot."""
+
+import signal
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+from sautereau.commands.common import (
+    Flag,
+    Json,
+    RigName,
+    Simulation,
+    answer,
+    fail,
+    hardware,
+    load_rig,
+    on_signals,
+    say,
+    share_bar,
+)
+
+if TYPE_CHECKING:
+    from sautereau.daq.source.task import TaskSettings
+    from sautereau.rig.schema import Rig
+
+
+def acquire(
+    rig: RigName = "paper",
+    *,
+    out: Path | None = None,
+    duration: str | None = None,
+    triggered: Annotated[bool, Flag] = False,
+    dry_run: Annotated[bool, Flag] = False,
+    notes: str = "",
+    simulation: Simulation = Simulation(),
+    json: Json = False,
+) -> int:
+    """Record all channels continuously, without the robot; Ctrl-C ends the recording well.
+
+    Parameters
+    ----------
+    out
+        File of the recording, which must not exist yet.
+    duration
+        How long, as "60 s"; without it until Ctrl-C.
+    triggered
+        Begin with the trigger's edge, and not at once.
+    dry_run
+        Tell what the device would do, and start nothing.
+    notes
+        Operator's notes, kept in the recording.
+    """
+    from sautereau.daq.errors import DaqError
+    from sautereau.daq.source.continuous import record
+    from sautereau.rig.units import parse_quantity
+
+    try:
+        seconds = None if duration is None else parse_quantity(duration, "s")
+    except ValueError as error:
+        return fail(f"--duration: {error}; write it like --duration '60 s'", status=2)
+    if out is None and not dry_run:
+        return fail("--out: there is no file to record into; give one, or --dry-run", status=2)
+    if out is not None and not dry_run and out.exists():
+        raise DaqError(f"--out: {out} exists already; give another file")
+    nominal = load_rig(rig)
+    with _asked_to_stop() as asked, hardware(nominal, simulation) as bench:
+        if dry_run or out is None:
+            settings = _settings(bench.rig, triggered)
+            answer(json, asdict(settings), _lines(settings))
+            return 0
+        say(not json, f"rig {nominal.name} on {bench.where}; Ctrl-C ends the recording")
+        with share_bar() as show:
+            rate = bench.rig.daq.sample_rate
+            n = record(
+                bench.rig,
+                out,
+                seconds,
+                triggered=triggered,
+                scene=bench.scene,
+                seed=bench.seed,
+                notes=notes,
+                wanted=lambda: not asked(),
+                on_block=lambda there: show(there / rate / seconds) if seconds else None,
+            )
+    result: dict[str, Any] = {
+        "recording": str(out),
+        "n_samples": n,
+        "channels": [channel.name for channel in bench.rig.daq.channels],
+        "stopped": asked(),
+        "simulated": bool(bench.scene),
+        "seed": bench.seed,
+    }
+    count = len(bench.rig.daq.channels)
+    answer(json, result, [f"recording:  {out}, {n} samples of each of {count} channels"])
+    return 0
+
+
+def _settings(rig: "Rig", triggered: bool) -> "TaskSettings":
+    from sautereau.daq.source.acquisition import Acquisition
+
+    with Acquisition(rig.daq, None, triggered=triggered) as acquisition:
+        return acquisition.settings()
+
+
+def _lines(settings: "TaskSettings") -> list[str]:
+    simulated = ", SIMULATED" if settings.simulated else ""
+    return [
+        f"device:     {settings.device}{simulated}",
+        *(
+            f"channel:    {c.name} on {c.terminal}, +-{c.range:g} V within the device's"
+            f" {c.device_low:g} to {c.device_high:g} V, {c.sensor}"
+            for c in settings.channels
+        ),
+        f"rate:       {settings.rate:.9g} Hz, of every channel",
+        f"buffer:     {settings.buffer} samples of each channel,"
+        f" {settings.buffer / settings.rate:.3g} s",
+        f"reads:      {settings.block} samples, {settings.rate / settings.block:.3g} a second",
+        f"trigger:    {settings.trigger or 'none: it begins at once'}",
+        "nothing was started",
+    ]
+
+
+@contextmanager
+def _asked_to_stop() -> Iterator[Callable[[], bool]]:
+    """Yield whether Ctrl-C, SIGTERM or a closed terminal has asked for the end.
+
+    The first only asks, so that no block is cut; one more interrupts at once.
+    """
+    asked: list[int] = []
+
+    def ask(number: int, _frame: object) -> None:
+        asked.append(number)
+        if len(asked) > 1:
+            raise KeyboardInterrupt(signal.Signals(number).name)
+
+    with on_signals(("SIGINT", "SIGTERM", "SIGHUP"), ask):
+        yield lambda: bool(asked)

@@ -1,0 +1,135 @@
+"""A press to look at, and to listen to."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter, Token
+
+from sautereau.commands.common import Json, Level, RigName, answer, load_rig, share_bar
+
+
+def _seconds(_: object, tokens: Sequence[Token]) -> float:
+    from sautereau.rig.units import parse_quantity
+
+    return parse_quantity(tokens[0].value, "s")
+
+
+Time = Annotated[float, Parameter(converter=_seconds)]
+
+
+def animate(
+    recording: Path,
+    /,
+    *,
+    out: Path,
+    slow: float = 20.0,
+    since: Time | None = None,
+    until: Time | None = None,
+    json: Json = False,
+) -> int:
+    """Show a recorded press in slow motion: arm, key, jack, plectrum and string.
+
+    Parameters
+    ----------
+    recording
+        Of one press.
+    out
+        File to write: .gif, or .mp4 where ffmpeg is.
+    slow
+        How many times slower it is shown.
+    since
+        When it begins, from the trigger: "70 ms". Default: just before the jack rises.
+    until
+        When it ends. Default: with the recording.
+    """
+    from sautereau.analysis.figures.movie import FRAME_RATE, frame_times
+    from sautereau.analysis.figures.movie import animate as write_animation
+    from sautereau.analysis.phases import find_phases
+    from sautereau.analysis.press.load import press_of
+    from sautereau.analysis.press.reenactment import reenact, shown_stretch
+    from sautereau.daq.file.reading import read_recording
+
+    recorded = read_recording(recording)
+    press = press_of(recorded)
+    phases = find_phases(press)
+    start, stop = shown_stretch(press, phases, since, until)
+    scene = reenact(press, phases, frame_times(start, stop, slow), recorded.joints or recorded.plan)
+    with share_bar() as show:
+        write_animation(out, scene, show)
+    plucked = sum(motion.plucks for motion in scene.choirs)
+    result = {
+        "path": str(out),
+        "simulated": press.simulated,
+        "frames": len(scene.time),
+        "frame_rate": FRAME_RATE,
+        "start": start,
+        "stop": stop,
+        "plucks": plucked,
+        "arm": scene.joints is not None,
+        "warnings": [*press.warnings, *phases.warnings],
+    }
+    lines = [
+        f"{'SIMULATED' if press.simulated else 'measured'}: {out}",
+        f"{start * 1e3:.4g} to {stop * 1e3:.4g} ms from the trigger in {len(scene.time)} frames,"
+        f" {slow:g} times slower",
+        f"{plucked} of {len(scene.choirs)} strings were plucked; plectra and strings move by the"
+        " model, set to the measured contact and release",
+        *result["warnings"],
+    ]
+    answer(json, result, lines)
+    return 0
+
+
+def listen(
+    rig: RigName = "paper",
+    *,
+    out: Path,
+    level: Level = "elastica",
+    duration: Time = 4.0,
+    held: Time | None = None,
+    quality: float = 1500.0,
+    json: Json = False,
+) -> int:
+    """Write what the bridge hears of a press by the model, as a WAV file.
+
+    Parameters
+    ----------
+    out
+        WAV file.
+    duration
+        Of the sound, which begins 20 ms before the first contact: "4 s".
+    held
+        From the last release until the dampers fall on the strings: "1.5 s". Default: they
+        do not.
+    quality
+        Quality factor of the strings, for all losses but the air's.
+    """
+    from sautereau.analysis.press.sound import LEVEL, SAMPLE_RATE, sound_of, write_sound
+
+    bench = load_rig(rig)
+    sound = sound_of(bench, level, duration=duration, held=held, quality=quality)
+    write_sound(out, sound)
+    result = {
+        "path": str(out),
+        "sample_rate": SAMPLE_RATE,
+        "duration": sound.duration,
+        "full_scale": sound.full_scale,
+        "level": LEVEL,
+        "releases": sound.releases,
+        "decay_times": sound.decay_times,
+        "modes": sound.modes,
+    }
+    heard = zip(sound.releases, sound.modes, sound.decay_times, strict=True)
+    lines = [
+        f"computed by the model, not recorded: {out}",
+        f"{sound.duration:.4g} s at {SAMPLE_RATE / 1e3:g} kHz; full scale is"
+        f" {sound.full_scale:.4g} N on the bridge, the loudest sample lies at {LEVEL:g} dB",
+        *(
+            f"choir {i}: let go at {release * 1e3:.4g} ms, {modes} modes, of which the lowest falls"
+            f" by 60 dB in {decay:.3g} s"
+            for i, (release, modes, decay) in enumerate(heard, 1)
+        ),
+    ]
+    answer(json, result, lines)
+    return 0

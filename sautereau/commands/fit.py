@@ -1,0 +1,153 @@
+"""Recordings against the model: compare them, and fit the model to them."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+from cyclopts import Parameter
+
+from sautereau.analysis.summary.simulated import SOME_SIMULATED
+from sautereau.commands.common import (
+    Flag,
+    Json,
+    Level,
+    Picture,
+    answer,
+    draw,
+    load,
+    load_rig,
+    write,
+)
+
+if TYPE_CHECKING:
+    from sautereau.analysis.identify.identified import Identified
+    from sautereau.rig.schema import Rig
+
+
+def compare(
+    files: list[Path],
+    /,
+    *,
+    rig: str | None = None,
+    level: Level = "elastica",
+    plot: Picture = None,
+    json: Json = False,
+) -> int:
+    """Compare recorded presses with the model.
+
+    Parameters
+    ----------
+    files
+        Recordings of one rig.
+    rig
+        Path of the rig file to predict with, such as one that identify wrote. Default: the rig
+        that the first recording carries.
+    """
+    from sautereau.analysis.model.predict import predict as predict_press
+    from sautereau.analysis.press.features import features
+    from sautereau.analysis.session.compare import compare as compare_presses
+    from sautereau.analysis.session.compare_features import compare_features
+    from sautereau.analysis.summary.comparison import comparison_lines, comparison_summary
+
+    both = load(files)
+    pressed, found = [p for p, _ in both], [f for _, f in both]
+    bench = load_rig(rig) if rig else pressed[0].rig
+    prediction = predict_press(bench, level)
+    comparison = compare_presses(found, prediction)
+    every = compare_features([features(p, f) for p, f in both], bench, prediction)
+    simulated = any(p.simulated for p in pressed)
+    lines = [*([SOME_SIMULATED] * simulated), *comparison_lines(comparison, level, every)]
+    result = comparison_summary(comparison, every) | {"simulated": simulated}
+    if plot:
+        draw(plot, pressed, found, prediction)
+        lines.append(f"picture: {plot}")
+        result["picture"] = str(plot)
+    answer(json, result, lines)
+    return 0
+
+
+def identify(
+    files: list[Path],
+    /,
+    *,
+    free: str,
+    prior: Annotated[list[str] | None, Parameter(negative=())] = None,
+    level: Level = "elastica",
+    starts: int = 3,
+    robust: Annotated[bool, Flag] = False,
+    profile: Annotated[bool, Flag] = False,
+    out: Path | None = None,
+    plot: Picture = None,
+    json: Json = False,
+) -> int:
+    """Fit unknown numbers of the rig to recorded presses, and say which of them these tell.
+
+    Parameters
+    ----------
+    files
+        Recordings of one instrument.
+    free
+        What is fitted, with commas between: plectrum.overlap,key.inertia.
+    prior
+        What is known of one of them beforehand, "key.inertia=7e-4 kg m^2 +- 1e-4 kg m^2", or
+        its bounds, "plectrum.overlap=0.1 mm to 0.5 mm"; may be given again. Default bounds are
+        the ranges assumed in the rig.
+    starts
+        Points to set out from: the rig's values, and others between the bounds.
+    robust
+        Let large misfits count in proportion and not by their squares.
+    profile
+        Find the 95 % intervals by profile likelihood as well, which takes longer.
+    out
+        Rig file for the values that were told. What is in it otherwise stays; a new one is made
+        of the recordings' rig.
+    """
+    from sautereau.analysis.identify.fit import balance_of, fit
+    from sautereau.analysis.identify.identified import told
+    from sautereau.analysis.identify.parameters import FORCE, read_prior
+    from sautereau.analysis.identify.profile import profile as profile_of
+    from sautereau.analysis.summary.fit import fit_lines, fit_summary
+
+    names = [name.strip() for name in free.split(",") if name.strip()]
+    priors = dict(read_prior(text) for text in prior or [])
+    both = load(files)
+    pressed, phases = [p for p, _ in both], [f for _, f in both]
+    balance = balance_of(pressed, phases, names, priors, level)
+    made = fit(balance, starts, robust, levelled=FORCE in names)
+    found = told(made)
+    profiles = [profile_of(made, found, e.name) for e in found.estimates] if profile else []
+    simulated = any(p.simulated for p in pressed)
+    result = fit_summary(found, profiles) | {"simulated": simulated}
+    lines = [*([SOME_SIMULATED] * simulated), *fit_lines(found, profiles)]
+    if plot:
+        from sautereau.analysis.figures.fit import plot_fit
+
+        plot_fit(plot, made, found, simulated)
+        result["picture"] = str(plot)
+        lines.append(f"picture: {plot}")
+    if out:
+        result["rig"] = str(out)
+        result["written"] = _write_rig(out, pressed[0].rig, found, simulated)
+        lines.append(f"rig:     {out}, with {', '.join(result['written']) or 'nothing new'}")
+    answer(json, result, lines)
+    return 0
+
+
+def _write_rig(out: Path, nominal: "Rig", found: "Identified", simulated: bool) -> dict[str, Any]:
+    """Write the values that were told into a rig file, and return them by their keys."""
+    from datetime import date
+
+    from sautereau.analysis.identify.parameters import rig_values
+    from sautereau.rig.edit import edit_rig
+    from sautereau.rig.text import rig_text
+
+    values = rig_values(nominal, {e.name: e.value for e in found.estimates if e.told})
+    first, count = found.presses[0], len(found.presses)
+    source = (
+        f"identified from {'SIMULATED ' * simulated}{first}"
+        f"{f' and {count - 1} more' * (count > 1)} on {date.today().isoformat()}"
+    )
+    if not out.exists():
+        write(out, rig_text(nominal).rstrip())
+    if values:
+        edit_rig(out, values, source).save()
+    return values

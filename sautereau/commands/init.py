@@ -1,0 +1,34 @@
+"""Start: a rig file of one's own."""
+
+from pathlib import Path
+
+from sautereau.commands.common import Json, answer
+
+
+def init(file: Path = Path("my-rig.toml"), /, *, json: Json = False) -> int:
+    """Write a rig file to start from: every key with its meaning, unit and limits.
+
+    Parameters
+    ----------
+    file
+        The new file, which must not exist.
+    """
+    from sautereau.rig.errors import RigError
+    from sautereau.rig.template import commented_rig
+
+    try:
+        with file.open("x", encoding="utf-8") as new:
+            new.write(commented_rig())
+    except FileExistsError as error:
+        raise RigError(f"rig file {file}: it is there and is not overwritten; name another") from (
+            error
+        )
+    answer(
+        json,
+        {"path": str(file)},
+        [
+            f"rig file: {file}, with the numbers of the packaged rig `paper`",
+            f"check it with: sautereau plan {file}",
+        ],
+    )
+    return 0

@@ -1,0 +1,99 @@
+"""Learn to keep the jack's speed, press after press."""
+
+import uuid
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from sautereau.commands.common import (
+    Json,
+    RigName,
+    Simulation,
+    answer,
+    bar,
+    expected_of,
+    hardware,
+    load_rig,
+    say,
+    signals_stop,
+)
+
+LEARNED = "learned.json"
+"""Name of the correction in the folder."""
+
+
+def learn(
+    rig: RigName = "paper",
+    *,
+    n: Annotated[int, Parameter(name=["-n", "--number"])] = 6,
+    feed_forward: Path | None = None,
+    out: Path,
+    notes: str = "",
+    simulation: Simulation = Simulation(),
+    json: Json = False,
+) -> int:
+    """Press up to n times, and learn from each press how to keep the jack's speed in the next.
+
+    Parameters
+    ----------
+    n
+        Presses at most; learning stops by itself where nothing improves.
+    feed_forward
+        Recording of an earlier press, whose force the motors push against.
+    out
+        Folder for the recordings and for learned.json, which `press --learned` takes.
+    notes
+        Operator's notes, kept in every recording.
+    """
+    from sautereau.daq.file.head import read_session
+    from sautereau.robot.drivers.registry import motion_controller
+    from sautereau.robot.errors import RobotError
+    from sautereau.robot.experiment.feedforward import force_of
+    from sautereau.robot.experiment.learning import Learned, Lesson
+    from sautereau.robot.experiment.plan import digest
+    from sautereau.robot.experiment.session import Item, Origin, make_presses
+
+    nominal = load_rig(rig)
+    expected, doubts = expected_of(nominal)
+    file = out / LEARNED
+    if file.exists():
+        raise RobotError(f"learning: {file} is there and is not overwritten; give another --out")
+    pushed = digest(feed_forward) if feed_forward else ""
+    measured = force_of(feed_forward) if feed_forward else None
+    lesson = Lesson(nominal, expected, n, measured=measured, notes=notes)
+    for warning in (*doubts, *lesson.warnings):
+        say(not json, f"warning: {warning}")
+    with signals_stop(), hardware(nominal, simulation) as bench, bar(n) as step:
+        say(not json, f"rig {nominal.name} on {bench.where}\n{'press':<18} rms error of speed")
+
+        def done(item: Item, path: Path) -> None:
+            bench.keep_truth(path)
+            lesson.saw(item, path)
+            say(not json, f"{path.name:<18} {lesson.errors[-1]:>8.2%}")
+            step()
+
+        recordings = make_presses(
+            motion_controller(bench.rig),
+            out,
+            lesson.on(bench.rig),
+            Origin(uuid.uuid4().hex, bench.scene, bench.seed),
+            on_press=done,
+        )
+    best = lesson.best
+    lines = [f"learning stopped: {lesson.stopped}"] if lesson.stopped else []
+    if best is None:
+        lines.append("no correction was better than none")
+    else:
+        Learned(best, tuple(lesson.errors), pushed).write(file, nominal)
+        lines.append(f"learned:    {file}; press with it by --learned")
+    result = {
+        "rms_speed_error": lesson.errors,
+        "stopped": lesson.stopped,
+        "learned": str(file) if best is not None else None,
+        "recordings": [str(path) for path in recordings],
+        "simulated": any(read_session(path).simulated for path in recordings),
+        "seed": bench.seed,
+    }
+    answer(json, result, [*lines, *(f"recording:  {path}" for path in recordings)])
+    return 0

@@ -1,0 +1,136 @@
+"""A session while it goes on, for Foxglove on the same machine."""
+
+import time
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+from sautereau.commands.live.process import LiveError
+
+if TYPE_CHECKING:
+    from sautereau.robot.experiment.monitor import Samples, Seen
+
+LOOPBACK = "127.0.0.1"
+PORT = 8765
+"""Where Foxglove looks by itself; another free one where it is taken."""
+
+
+class FoxgloveView:
+    """Serves previews and events over Foxglove's websocket, bound to the loopback.
+
+    Topics and messages are those of a recording, so that one layout shows both. Use it as
+    a context manager.
+
+    Raises:
+        LiveError: The package is not installed, or no port could be had.
+    """
+
+    def __init__(self, title: str, port: int = PORT):
+        try:
+            import foxglove
+        except ModuleNotFoundError as error:
+            raise LiveError(
+                "--live: the package foxglove-sdk is not installed; install it with"
+                " `python -m pip install 'sautereau[live]'`, or press without --live"
+            ) from error
+        self._foxglove: Any = foxglove
+        self._title, self._port = title, port
+        self._context = foxglove.Context()
+        self._server: Any = None
+        self._channels: dict[str, Any] = {}
+        self._press, self._dropped = 0, 0
+        self._t0, self._first = 0, 0
+        self._decimator: Any = None
+
+    @property
+    def port(self) -> int:
+        """On which it is served."""
+        return self._server.port
+
+    @property
+    def told(self) -> str:
+        """How to look."""
+        from sautereau.daq.file.survey import LAYOUT
+
+        return (
+            f"live: open a connection to ws://{LOOPBACK}:{self.port} in Foxglove, and there the"
+            f" layout {LAYOUT}"
+        )
+
+    def __enter__(self) -> "FoxgloveView":
+        for port in (self._port, 0):
+            try:
+                self._server = self._foxglove.start_server(
+                    name=self._title, host=LOOPBACK, port=port, context=self._context
+                )
+                return self
+            except RuntimeError as error:
+                if port == 0:
+                    raise LiveError(
+                        f"--live: no port of {LOOPBACK} could be had: {error}; press without --live"
+                    ) from error
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self._server.stop()
+
+    def show(self, seen: "Sequence[Seen]", dropped: int) -> None:
+        """Send what has come since the last call to whoever looks."""
+        from sautereau.robot.experiment.monitor import Made, Samples, Stage
+
+        for one in seen:
+            match one:
+                case Samples():
+                    self._send(one)
+                case Stage():
+                    self._event("state", f"arm {one.arm}, acquisition {one.daq}")
+                case Made():
+                    self._event("recorded", one.path.name)
+                case _:
+                    self._event("fault", one.text)
+        if dropped != self._dropped:
+            self._dropped = dropped
+            self._event("dropped", f"{dropped} things that happened are not shown")
+
+    def _send(self, samples: "Samples") -> None:
+        from sautereau.daq.file.preview import Decimator
+        from sautereau.daq.file.schemas import encode
+
+        block, channels = samples.block, samples.channels
+        if samples.press != self._press or self._decimator is None:
+            self._press = samples.press
+            last = block.first_sample + block.volts.shape[1]
+            self._t0 = time.time_ns() - round(last / samples.rate * 1e9)
+            self._first = block.first_sample
+            self._decimator = Decimator(samples.rate, len(channels))
+        self._decimator.feed(block.volts)
+        places, values = self._decimator.rest()
+        for channel, row in zip(channels, values, strict=True):
+            topic = self._topic(f"/preview/{channel.name}", "Scalar", unit=channel.unit)
+            for place, value in zip(places, row * channel.scale, strict=True):
+                at = self._t0 + round((self._first + place) / samples.rate * 1e9)
+                topic.log(encode("Scalar", value=value), log_time=at)
+
+    def _event(self, kind: str, text: str) -> None:
+        from sautereau.daq.file.schemas import encode
+
+        now = time.time_ns()
+        told = encode(
+            "Event", time=(now - self._t0) / 1e9 if self._t0 else 0.0, kind=kind, text=text
+        )
+        self._topic("/events", "Event").log(told, log_time=now)
+
+    def _topic(self, name: str, message: str, **metadata: str) -> Any:
+        from sautereau.daq.file.schemas import PACKAGE, schema_data
+
+        if name not in self._channels:
+            schema = self._foxglove.Schema(
+                name=f"{PACKAGE}.{message}", encoding="protobuf", data=schema_data()
+            )
+            self._channels[name] = self._foxglove.Channel(
+                name,
+                schema=schema,
+                message_encoding="protobuf",
+                context=self._context,
+                metadata=metadata,
+            )
+        return self._channels[name]

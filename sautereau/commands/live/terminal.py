@@ -1,0 +1,98 @@
+"""A session in the terminal, while it goes on."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from rich.console import Console, Group, RenderableType
+from rich.live import Live
+from rich.panel import Panel
+from rich.text import Text
+
+from sautereau.commands.live.trace import thinned, trace_lines
+from sautereau.robot.experiment.monitor import Made, Samples, Seen, Stage
+
+HEIGHT = 5
+"""Lines of a trace."""
+STRETCH = 32
+"""Samples of which the least and the largest are kept for drawing."""
+
+
+class TerminalView:
+    """Shows arm, acquisition, faults, and the traces of the last press.
+
+    Use it as a context manager.
+    """
+
+    def __init__(self, title: str, console: Console | None = None):
+        self._console = console or Console(stderr=True)
+        self._title = title
+        self._live: Live | None = None
+        self._arm, self._daq, self._press, self._made = "", "", 0, 0
+        self._traces: dict[str, list[NDArray[np.float64]]] = {}
+        self._dropped, self._fault = 0, ""
+
+    def __enter__(self) -> "TerminalView":
+        self._live = Live(self._drawn(), console=self._console, auto_refresh=False)
+        self._live.__enter__()
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        live, self._live = self._live, None
+        if live is not None:
+            live.stop()
+
+    def show(self, seen: Sequence[Seen], dropped: int) -> None:
+        """Show what has come since the last call."""
+        for one in seen:
+            self._take(one)
+        changed = bool(seen) or dropped != self._dropped
+        self._dropped = dropped
+        if self._live is not None and changed:
+            self._live.update(self._drawn(), refresh=True)
+
+    def _take(self, one: Seen) -> None:
+        match one:
+            case Stage():
+                self._arm, self._daq = one.arm, one.daq
+                if one.press is not None and one.press != self._press:
+                    self._press = one.press
+                    self._traces = {}
+            case Samples():
+                self._add(one)
+            case Made():
+                self._made += 1
+            case _:
+                self._arm, self._daq = "see below", "ended"
+                # What a device has answered must not steer the terminal.
+                self._fault = "".join(c if c.isprintable() or c == "\n" else "?" for c in one.text)
+
+    def _add(self, samples: Samples) -> None:
+        channels = samples.channels
+        for channel, volts in zip(channels, samples.block.volts, strict=True):
+            label = f"{channel.name} ({channel.unit})"
+            self._traces.setdefault(label, []).append(thinned(volts, STRETCH) * channel.scale)
+
+    def _drawn(self) -> RenderableType:
+        state = Text.assemble(
+            ("arm ", "dim"), f"{self._arm or 'not connected':<18} ",
+            ("acquisition ", "dim"), f"{self._daq or '-':<9} ",
+            ("press ", "dim"), f"{self._press or '-':<5} ",
+            ("made ", "dim"), f"{self._made}",
+        )  # fmt: skip
+        lines = [state]
+        if self._dropped:
+            lines.append(Text(f"{self._dropped} things that happened are not shown", "yellow"))
+        if self._fault:
+            lines.append(Text(self._fault, "bold red"))
+        width = max(10, self._console.width - 6)
+        for label, parts in self._traces.items():
+            values = np.concatenate(parts)
+            ends = "nothing" if np.isnan(values).all() else _reach(values)
+            lines.append(Text(f"{label}: {ends}", "dim"))
+            lines += [Text(line) for line in trace_lines(values, width, HEIGHT)]
+        return Panel(Group(*lines), title=Text(self._title), title_align="left")
+
+
+def _reach(values: NDArray[np.float64]) -> str:
+    return f"{np.nanmin(values):.4g} to {np.nanmax(values):.4g}"

@@ -1,0 +1,142 @@
+"""Plan a press, place the robot, predict what the model says."""
+
+from pathlib import Path
+from typing import Annotated, Any
+
+from sautereau.commands.common import (
+    Flag,
+    Json,
+    Level,
+    Picture,
+    RigName,
+    answer,
+    expected_of,
+    fail,
+    json_text,
+    load_rig,
+    write,
+)
+
+
+def plan(
+    rig: RigName = "paper",
+    *,
+    out: Path | None = None,
+    plot: Picture = None,
+    bench: Picture = None,
+    json: Json = False,
+) -> int:
+    """Plan one press and check it.
+
+    Parameters
+    ----------
+    out
+        File for the controller's segments, as JSON; written only if every check holds.
+    bench
+        File for a picture of the bench to scale; its suffix tells how.
+    """
+    from sautereau.analysis.summary.plan import plan_lines, plan_summary
+    from sautereau.trajectory.press import draft_press
+    from sautereau.trajectory.segments import segments_document
+
+    nominal = load_rig(rig)
+    expected, doubts = expected_of(nominal)
+    draft = draft_press(nominal, expected)
+    failed = [check for check in draft.checks if not check.holds]
+    warnings = [*doubts, *draft.warnings]
+    result, lines = plan_summary(draft, warnings), plan_lines(nominal, draft, warnings)
+    if out and not failed:
+        period = nominal.controller.sample_period
+        document = segments_document(draft.segments, period, draft.home, draft.hover)
+        write(out, json_text(document))
+        lines.append(f"segments: {out}")
+    if plot:
+        from sautereau.analysis.figures.plan import plot_plan
+
+        plot_plan(plot, nominal, draft, expected)
+        lines.append(f"picture: {plot}")
+    if bench:
+        from sautereau.analysis.figures.bench import plot_bench
+
+        plot_bench(bench, nominal, draft)
+        lines.append(f"bench: {bench}")
+    answer(json, result, lines)
+    if failed:
+        return fail(
+            "\n  ".join(["the press cannot be made:", *(f"{c}; {c.remedy}" for c in failed)])
+        )
+    return 0
+
+
+def mount(
+    rig: RigName = "paper",
+    *,
+    plot: Picture = None,
+    touches: Path | None = None,
+    trust_homing: Annotated[bool, Flag] = False,
+    json: Json = False,
+) -> int:
+    """Find where to clamp the robot, and from touches where it is clamped.
+
+    Parameters
+    ----------
+    touches
+        CSV file of points that the jogged fingertip touched on the key at rest, with the
+        columns point [mm] (from the balance pin, negative in front), joint1 [counts] and
+        joint2 [counts], or [deg].
+    trust_homing
+        Take the zeros of the joints as exact, and estimate the base alone.
+    """
+    import numpy as np
+
+    from sautereau.analysis.summary.mount import (
+        located_lines,
+        located_summary,
+        mount_lines,
+        mount_summary,
+    )
+    from sautereau.rig.touches import read_touches
+    from sautereau.trajectory.mount.find import find_mount, mount_map
+    from sautereau.trajectory.mount.locate import locate_base
+
+    bench = load_rig(rig)
+    result: dict[str, Any] = {}
+    lines = []
+    if touches:
+        read = read_touches(touches, bench.arm)
+        offsets = 0 if trust_homing else None
+        located = locate_base(bench, np.array(read.joints), np.array(read.points), offsets=offsets)
+        result["located"] = located_summary(located)
+        lines += located_lines(located)
+    found = find_mount(bench)
+    result |= mount_summary(found)
+    lines += mount_lines(bench, found)
+    if plot:
+        from sautereau.analysis.figures.mount import plot_mount
+
+        plot_mount(plot, bench, mount_map(bench), found)
+        result["picture"] = str(plot)
+        lines.append(f"picture: {plot}")
+    answer(json, result, lines)
+    return 0
+
+
+def predict(
+    rig: RigName = "paper", *, level: Level = "elastica", plot: Picture = None, json: Json = False
+) -> int:
+    """Predict a press by the model alone; the picture shows all levels."""
+    from sautereau.analysis.model.predict import LEVELS
+    from sautereau.analysis.model.predict import predict as predict_press
+    from sautereau.analysis.summary.prediction import prediction_lines, prediction_summary
+
+    bench = load_rig(rig)
+    found = predict_press(bench, level)
+    result, lines = prediction_summary(bench, found), prediction_lines(bench, found)
+    if plot:
+        from sautereau.analysis.figures.pluck import plot_pluck
+
+        plot_pluck(plot, bench, list(LEVELS))
+        result["picture"] = str(plot)
+        lines.append(f"picture: {plot}")
+    answer(json, result, lines)
+    return 0

@@ -1,0 +1,191 @@
+"""A session as one page."""
+
+from importlib.util import find_spec
+from pathlib import Path
+from shlex import quote
+from typing import TYPE_CHECKING
+
+from sautereau.analysis.summary.simulated import SOME_SIMULATED
+from sautereau.commands.common import Json, Level, answer, bar
+
+if TYPE_CHECKING:
+    from sautereau.analysis.report.build import About, Again
+    from sautereau.analysis.report.contents import PressRecord
+    from sautereau.robot.experiment.manifest import Manifest
+
+PAGE = "report.html"
+"""Name of the page in the session's folder."""
+PACKAGES = ("jinja2", "plotly")
+"""That only a report needs; a checkout that was updated may lack them."""
+
+
+def report(
+    session: Path, /, *, out: Path | None = None, level: Level = "elastica", json: Json = False
+) -> int:
+    """Write one HTML page on a session, which opens anywhere without a network.
+
+    Parameters
+    ----------
+    session
+        Folder of recordings, as `sautereau press --out` made it. Files fit*.json in it are
+        fits, as `sautereau identify --json` wrote them.
+    out
+        File of the page, which is written anew. Default: report.html in the folder.
+    """
+    from sautereau.analysis.errors import AnalysisError
+
+    missing = [name for name in PACKAGES if find_spec(name) is None]
+    if missing:
+        raise AnalysisError(
+            f"report: not installed: {', '.join(missing)}; install what it needs with"
+            f" `python -m pip install {' '.join(missing)}`"
+        )
+    from sautereau.analysis.report.build import build_report
+    from sautereau.analysis.report.contents import gather
+    from sautereau.robot.experiment.manifest import read_manifest
+
+    manifest = read_manifest(session)
+    recordings, warnings = _recordings(session, manifest)
+    if not recordings:
+        raise AnalysisError(
+            f"report: no recording of a press is in {session}; give the folder that"
+            " `sautereau press --out` has made"
+        )
+    with bar(len(recordings)) as step:
+        contents = gather(recordings, level, step)
+    page = build_report(contents, _about(session, manifest, contents.presses, warnings))
+    out = out or session / PAGE
+    out.parent.mkdir(parents=True, exist_ok=True)
+    out.write_text(page, encoding="utf-8")
+    simulated = any(record.press.simulated for record in contents.presses)
+    lines = [f"report:     {out}"]
+    if simulated:
+        lines.insert(0, SOME_SIMULATED)
+    lines += [f"left out:   {path}: {why}" for path, why in contents.unread.items()]
+    result = {
+        "path": str(out),
+        "presses": len(contents.presses),
+        "simulated": simulated,
+        "left_out": {str(path): why for path, why in contents.unread.items()},
+    }
+    answer(json, result, lines)
+    return 0
+
+
+def _recordings(session: Path, manifest: "Manifest | None") -> tuple[list[Path], list[str]]:
+    """Return the recordings of the session, and what is to be warned of the folder."""
+    from sautereau.daq.errors import RecordingError
+    from sautereau.daq.file.container.durable import PART
+    from sautereau.daq.file.head import read_session
+
+    found = sorted(session.glob("*.mcap"))
+    warnings = [
+        f"{path.name} is of a press that was cut short; `sautereau recover` saves what it holds"
+        for path in sorted(session.glob(f"*.mcap{PART}"))
+    ]
+    own = []
+    for path in found:
+        try:
+            if manifest is not None and read_session(path).session != manifest.session:
+                continue
+        except RecordingError:
+            pass  # it stays in the list: the page says why it cannot be read
+        own.append(path)
+    if len(own) < len(found):
+        warnings.append(f"{len(found) - len(own)} recordings in the folder are of other sessions")
+    return own, warnings
+
+
+def _about(
+    session: Path,
+    manifest: "Manifest | None",
+    presses: "tuple[PressRecord, ...]",
+    warnings: list[str],
+) -> "About":
+    """Return what the manifest and the command line know of the session."""
+    from importlib.metadata import version
+
+    from sautereau.analysis.errors import AnalysisError
+    from sautereau.analysis.report.build import About
+    from sautereau.analysis.report.fits import PATTERN, read_fit
+    from sautereau.robot.experiment.manifest import MANIFEST
+
+    name = session.resolve().name
+    fits = []
+    for path in sorted(session.glob(PATTERN)):
+        try:
+            fits.append(read_fit(path))
+        except AnalysisError as error:
+            warnings.append(str(error))
+    warnings += [f"{fit.name}: {warning}" for fit in fits for warning in fit.warnings]
+    again = None
+    if manifest is not None:
+        try:
+            left, again = _left(manifest, presses), _again(manifest, presses)
+            warnings += left
+        except (KeyError, TypeError, ValueError) as error:
+            warnings.append(
+                f"{MANIFEST}: its plan cannot be read ({type(error).__name__}: {error}), so that"
+                " this page does not tell how to press again"
+            )
+    return About(
+        name=name,
+        version=version("sautereau"),
+        commands=(
+            f"sautereau report {quote(name)}",
+            f"sautereau phases {quote(name)}/*.mcap",
+            f"sautereau compare {quote(name)}/*.mcap",
+        ),
+        warnings=tuple(warnings),
+        again=again,
+        scene=presses[0].session.scene,
+        fits=tuple(fits),
+    )
+
+
+def _left(manifest: "Manifest", presses: "tuple[PressRecord, ...]") -> list[str]:
+    """Return what is to be said of presses that were planned and are not there."""
+    wanted = sum(int(row["repeats"]) for row in manifest.plan["presses"])
+    counted = sum(not record.session.warm_up for record in presses)
+    if counted >= wanted:
+        return []
+    return [
+        f"{counted} of {wanted} planned presses are on this page; give the same"
+        " `sautereau press` again to go on with the session"
+    ]
+
+
+def _again(manifest: "Manifest", presses: "tuple[PressRecord, ...]") -> "Again":
+    """Return the command that makes such a session, with the rig file of this page."""
+    from sautereau.analysis.report.build import Again
+
+    rows = manifest.plan["presses"]
+    words = ["sautereau press rig.toml"]
+    words.append(f"-n {rows[0]['repeats']}" if len(rows) == 1 else "--table table.csv")
+    if manifest.plan["warm_up"]:
+        words.append(f"--warm-up {manifest.plan['warm_up']}")
+    if manifest.plan["rest"]:
+        words.append(f"--rest '{manifest.plan['rest']} s'")
+    needs = ["the rig below as rig.toml"]
+    if len(rows) > 1:
+        needs.append("the conditions above as table.csv")
+    needs += [f"the file of {kind} whose SHA-256 is {sum_}" for kind, sum_ in _files(manifest)]
+    words += [f"--{kind.replace('_', '-')} FILE" for kind, _ in _files(manifest)]
+    scene = presses[0].session.scene
+    if scene:
+        name = _packaged(scene)
+        words.append(f"--scene {name or 'scene.toml'} --seed {manifest.seed}")
+        if not name:
+            needs.append("the scene below as scene.toml, every number with its SI unit")
+    return Again(f"To press so again, with {', '.join(needs)}:", " ".join([*words, "--out AGAIN"]))
+
+
+def _files(manifest: "Manifest") -> list[tuple[str, str]]:
+    return [(str(kind), str(found)) for kind, found in manifest.plan.get("files", {}).items()]
+
+
+def _packaged(scene: str) -> str:
+    """Return the name of the packaged scene that a text is of; empty for none."""
+    from sautereau.sim_backend.scene import load_scene, packaged_scenes
+
+    return next((n for n in packaged_scenes() if load_scene(n).model_dump_json() == scene), "")

@@ -1,0 +1,182 @@
+"""What a session says while it goes on, and at its end."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from sautereau.commands.common import answer, bar, draw, say
+
+if TYPE_CHECKING:
+    from sautereau.analysis.phases import Phases
+    from sautereau.analysis.press.load import Press
+    from sautereau.commands.common import Bench
+    from sautereau.robot.experiment.session_folder import SessionFolder
+
+PICTURED = 8
+"""Presses of a row that its picture shows, the first ones."""
+BESIDE = 1e-3
+"""s, on either side of the cruise, that is kept of the others."""
+
+
+class SessionReport:
+    """Every press of a session, told as it is made and summed up at the end."""
+
+    def __init__(self, folder: "SessionFolder", as_json: bool):
+        self._folder = folder
+        self._json = as_json
+        self._found: dict[int, tuple[Press, Phases]] = {}
+        self._places = {p.number: p for places in folder.plan.set_ups for p in places}
+        self._pictured = {
+            place.number
+            for row in range(len(folder.plan.rows))
+            for place in [p for p in self._places.values() if p.row == row and not p.warm_up][
+                :PICTURED
+            ]
+        }
+        self._reached = ""
+        self._headed = False
+
+    def begin(self) -> None:
+        """Say what was found in the folder."""
+        folder = self._folder
+        if folder.resumed:
+            self._say(
+                f"session {folder.session}: {len(folder.done)} of {len(self._places)} presses are"
+                f" in {folder.path}"
+            )
+        for path in folder.left_behind:
+            self._say(f"left as it is: {path}, of a press that was cut short")
+        if folder.others:
+            self._say(f"left as they are: {folder.others} recordings of other sessions")
+
+    def on(self, bench: "Bench") -> None:
+        """Say on what the presses are made."""
+        from sautereau.analysis.summary.press import HEADER
+
+        self._reached = bench.reached
+        if not self._headed:
+            self._say(f"rig {bench.rig.name} on {bench.where}")
+            if bench.reached:
+                self._say(bench.reached)
+            self._say(HEADER)
+            self._headed = True
+
+    def pressed(self, number: int, path: Path) -> None:
+        """Take in a press of the plan, and tell it."""
+        from sautereau.analysis.summary.press import press_line
+
+        self._folder.done[number] = path
+        both = self._take(number, path)
+        self._say(press_line(*both) + "  warm-up" * self._places[number].warm_up)
+
+    def end(self, to_set: dict[str, Any]) -> None:
+        """Sum up all presses of the session, those of earlier runs as well.
+
+        Args:
+            to_set: What the operator has to set before the session can go on.
+        """
+        from sautereau.analysis.summary.press import press_summary
+
+        folder = self._folder
+        earlier = [number for number in folder.done if number not in self._found]
+        with bar(len(earlier)) as step:
+            for number in earlier:
+                self._take(number, folder.done[number])
+                step()
+        order = sorted(self._found)
+        recordings = [str(folder.done[number]) for number in order]
+        left = len(self._places) - len(order)
+        result: dict[str, Any] = {
+            "session": folder.session,
+            "recordings": recordings,
+            "presses": [
+                press_summary(*self._found[number])
+                | {"item": number, "warm_up": self._places[number].warm_up}
+                for number in order
+            ],
+            "simulated": any(self._found[number][0].simulated for number in order),
+            "seed": folder.seed,
+            "reached": self._reached,
+            "left": left,
+            "left_behind": [str(path) for path in folder.left_behind],
+            "to_set": to_set,
+        }
+        lines = [warning for number in order for warning in self._found[number][1].warnings]
+        summaries = []
+        for index in range(len(folder.plan.rows)):
+            summary, told = self._row(index)
+            if summary:
+                summaries.append(summary)
+                lines += told
+        if len(folder.plan.rows) == 1 and summaries:
+            result |= {key: value for key, value in summaries[0].items() if key != "recordings"}
+        else:
+            result["rows"] = summaries
+        lines += [f"recording:  {path}" for path in recordings]
+        if to_set:
+            wanted = ", ".join(f"{key} = {value}" for key, value in to_set.items())
+            lines.append(
+                f"{left} presses are left: set {wanted} on the instrument, then give the same"
+                " command again"
+            )
+        answer(self._json, result, lines)
+
+    def _row(self, index: int) -> tuple[dict[str, Any], list[str]]:
+        """Return what the presses of one row say together."""
+        from sautereau.analysis.model.predict import predict
+        from sautereau.analysis.session.compare import compare
+        from sautereau.analysis.session.repeatability import LEAST, repeatability
+        from sautereau.analysis.summary.comparison import comparison_lines, comparison_summary
+        from sautereau.analysis.summary.session import repeatability_lines, repeatability_summary
+        from sautereau.trajectory.timing import press_law
+
+        row = self._folder.plan.rows[index]
+        numbers = [
+            number
+            for number in sorted(self._found)
+            if self._places[number].row == index and not self._places[number].warm_up
+        ]
+        if not numbers:
+            return {}, []
+        both = [self._found[number] for number in numbers]
+        pressed, found = [p for p, _ in both], [f for _, f in both]
+        paths = [press.path for press in pressed]
+        result: dict[str, Any] = {"recordings": [str(path) for path in paths]}
+        lines = []
+        if len(self._folder.plan.rows) > 1:
+            result |= {"values": dict(row.values), "notes": row.notes}
+            lines.append(", ".join(f"{key} = {value}" for key, value in row.values.items()) + ":")
+        if any(f.plucks for f in found):
+            prediction = predict(row.rig)
+            comparison = compare(found, prediction)
+            drawn = len(self._pictured.intersection(numbers))
+            names = dict.fromkeys((paths[0].stem, paths[drawn - 1].stem))
+            picture = self._folder.path / f"{'-to-'.join(names)}.png"
+            draw(picture, pressed[:drawn], found[:drawn], prediction)
+            result |= comparison_summary(comparison) | {"picture": str(picture)}
+            lines += [*comparison_lines(comparison, prediction.level), f"picture:    {picture}"]
+        else:
+            lines.append("no press has a pluck: there is nothing to compare with the model")
+        if len(numbers) >= LEAST and row.rig.press.gesture is None:
+            spread = repeatability(pressed, press_law(row.rig.press))
+            result["repeatability"] = repeatability_summary(spread)
+            lines += repeatability_lines(spread)
+        return result, lines
+
+    def _take(self, number: int, path: Path) -> "tuple[Press, Phases]":
+        """Analyse a press; of later ones only what a session's figures need is kept."""
+        from sautereau.analysis.phases import find_phases
+        from sautereau.analysis.press.load import load_press
+        from sautereau.trajectory.timing import press_law
+
+        press = load_press(path)
+        phases = find_phases(press)
+        if number not in self._pictured:
+            law = press_law(press.rig.press)
+            cruise = slice(law.cruise_start - BESIDE, law.cruise_end + BESIDE)
+            press = replace(press, data=press.data.loc[cruise, ["jack_rise"]].copy())
+        self._found[number] = press, phases
+        return press, phases
+
+    def _say(self, line: str) -> None:
+        say(not self._json, line)

@@ -1,0 +1,107 @@
+"""The stand-in."""
+
+import sys
+from contextlib import suppress
+from typing import Annotated
+
+from sautereau.commands.common import (
+    Flag,
+    Json,
+    Picture,
+    RigName,
+    Seed,
+    answer,
+    fail,
+    load_rig,
+    share_bar,
+    signals_stop,
+)
+
+
+def stand_in(
+    scene: str = "paper",
+    /,
+    *,
+    rig: RigName = "paper",
+    seed: Seed = 0,
+    fast: Annotated[bool, Flag] = False,
+    json: Json = False,
+) -> int:
+    """Serve the simulated bench to any client until it is interrupted.
+
+    Parameters
+    ----------
+    scene
+        Path of a scene file, or name of a packaged one.
+    seed
+        Of every random number.
+    fast
+        Let simulated time go as fast as it can, and not with the clock on the wall.
+    """
+    from sautereau.sim_backend.bench import StandIn
+    from sautereau.sim_backend.scene import load_scene
+
+    bench = load_rig(rig)
+    with (
+        signals_stop(),
+        StandIn(bench, load_scene(scene), seed or 0, paced=not fast) as served,
+        suppress(KeyboardInterrupt),
+    ):
+        result = {"serial_port": served.serial_port, "daq_address": served.daq_address}
+        lines = [
+            f"scene {scene} of rig {bench.name}, SIMULATED; Ctrl-C ends it",
+            *([str(served.bench.reached)] if served.bench.reached else []),
+            f"serial port:  {served.serial_port}",
+            f"DAQ address:  {served.daq_address}",
+        ]
+        answer(json, result, lines)
+        sys.stdout.flush()
+        served.serve_forever()
+    return 0
+
+
+def trade(
+    rig: RigName = "paper",
+    *,
+    scene: str = "pluck",
+    fresh: Annotated[bool, Flag] = False,
+    stability: Annotated[bool, Flag] = False,
+    plot: Picture = None,
+    json: Json = False,
+) -> int:
+    """Measure the stand-in's speed against its accuracy on this machine.
+
+    Parameters
+    ----------
+    scene
+        Path of a scene file, or name of a packaged one.
+    fresh
+        Measure again, whatever was measured before on this machine.
+    stability
+        Map where the engines stand and where they refuse, in place of the trade.
+    """
+    from sautereau.sim_backend.scene import load_scene
+    from sautereau.sim_backend.trade.measure import run_trade
+    from sautereau.sim_backend.trade.picture import plot_trade
+    from sautereau.sim_backend.trade.stability import (
+        run_stability,
+        stability_document,
+        stability_text,
+    )
+    from sautereau.sim_backend.trade.summary import trade_document, trade_text
+
+    bench = load_rig(rig)
+    if stability:
+        with signals_stop(), share_bar() as progress:
+            found = run_stability(bench, progress=progress)
+        answer(json, stability_document(found), stability_text(found))
+        return 0 if not found.silent_failures else fail("the engines failed silently; see above")
+    with signals_stop(), share_bar() as progress:
+        measured = run_trade(bench, load_scene(scene), fresh=fresh, progress=progress)
+    result, lines = trade_document(measured), trade_text(measured)
+    if plot:
+        plot_trade(measured, plot)
+        result["picture"] = str(plot)
+        lines.append(f"picture: {plot}")
+    answer(json, result, lines)
+    return 0

@@ -1,0 +1,1 @@
+"""The simulated devices: motor controllers and DAQ card, by their own protocols."""

@@ -1,0 +1,29 @@
+"""The reference between two samples of a controller: a cubic for each axis."""
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from sautereau.trajectory.motion import Floats
+
+Cubic = tuple[float, float, float, float]
+"""Coefficients a0 + a1 f + a2 f^2 + a3 f^3 over a sample's fraction f, in counts."""
+
+
+def along(cubics: Iterable[Cubic], fractions: Floats) -> tuple[Floats, Floats]:
+    """Return positions and velocities of two axes within a sample.
+
+    Args:
+        cubics: Of both axes.
+        fractions (array): shape (k,), of the sample, 0 to 1; past 1 the cubics go on.
+
+    Returns:
+        Positions [counts] and velocities [counts a sample], shapes (k, 2).
+    """
+    # In plain floats: for the few fractions of a sample, numpy takes four times as long.
+    (a0, a1, a2, a3), (b0, b1, b2, b3) = cubics
+    positions, velocities = [], []
+    for f in fractions.tolist():
+        positions.append((a0 + f * (a1 + f * (a2 + f * a3)), b0 + f * (b1 + f * (b2 + f * b3))))
+        velocities.append((a1 + f * (2 * a2 + 3 * f * a3), b1 + f * (2 * b2 + 3 * f * b3)))
+    return np.array(positions), np.array(velocities)

@@ -1,0 +1,63 @@
+"""An acquisition on the simulated card that keeps what was before its trigger's edge."""
+
+import math
+
+from sautereau.sim_backend.devices.daqmx.card import ENDLESS
+from sautereau.sim_backend.devices.daqmx.runs import RunFault, SampledRun
+from sautereau.trajectory.motion import Floats
+
+
+class AroundSampledRun(SampledRun):
+    """Samples of the bench from its start on, of which those around an edge are shown.
+
+    Make one as a `SampledRun`, then `begin` it.
+    """
+
+    def begin(self, time: float, before: int) -> None:
+        """Sample from a moment [s] of the world's clock on; keep so many before the edge."""
+        self._before = before
+        self._first: int | None = None
+        super().trigger(time)
+        self._end = before
+
+    @property
+    def acquired(self) -> int:
+        """Samples of each channel since `begin`."""
+        return self._done
+
+    @property
+    def waiting_for_trigger(self) -> bool:
+        """Whether an edge on the trigger's terminal would be heard."""
+        return self._first is None and not self.stopped and not self.unwired
+
+    @property
+    def over(self) -> bool:
+        """Whether no sample will come any more."""
+        return self.stopped or (self._first is not None and self._done >= self._end)
+
+    def trigger(self, time: float, fault: RunFault | None = None) -> None:
+        """Hear the edge [s of the world's clock], if there are enough samples before it."""
+        if self._first is not None or self.stopped or self.trigger_time is None:
+            return
+        edge = math.ceil((time - self.trigger_time) * self.rate * (1 - 1e-12))
+        if edge < self._before:
+            return
+        self._first = edge - self._before
+        self._fault = fault
+        kept = self.n_samples if fault is None else min(fault.sample, self.n_samples)
+        self._end = self._first + kept
+
+    @property
+    def _shown(self) -> int:
+        """All samples when they are there, and none before."""
+        whole = self._first is not None and self._done >= self._end
+        return self._end - (self._first or 0) if whole else 0
+
+    @property
+    def _last(self) -> int:
+        """Samples after which no more are taken."""
+        return ENDLESS if self._first is None else self._end
+
+    def read(self, first: int, n: int) -> Floats:
+        """Return samples [V], counted from the first that is kept, shape (n_channels, n)."""
+        return super().read(first + (self._first or 0), n)

@@ -1,0 +1,125 @@
+"""The controller's arrays, and the capture that fills them sample by sample."""
+
+import re
+from collections.abc import Callable
+
+from sautereau.sim_backend.devices.galil.faults import CommandError
+
+ELEMENTS = 16_000
+"""Elements that all arrays together may have."""
+ARRAYS = 30
+"""Arrays that may be defined."""
+
+_NAME = re.compile(r"[A-Za-z][A-Za-z0-9]{0,7}")
+
+
+class Arrays:
+    """Named arrays in a memory of fixed size."""
+
+    def __init__(self) -> None:
+        self._values: dict[str, list[float]] = {}
+
+    @property
+    def free(self) -> int:
+        """Elements not yet given to an array."""
+        return ELEMENTS - sum(map(len, self._values.values()))
+
+    def define(self, sizes: dict[str, int]) -> None:
+        """Define arrays of zeros, all of them or none.
+
+        Raises:
+            CommandError: A name is bad or taken, or there is no room.
+        """
+        for name, size in sizes.items():
+            if not _NAME.fullmatch(name) or name in self._values:
+                raise CommandError(57)
+            if not 1 <= size <= ELEMENTS:
+                raise CommandError(84)
+        if len(self._values) + len(sizes) > ARRAYS:
+            raise CommandError(67)
+        if sum(sizes.values()) > self.free:
+            raise CommandError(66)
+        self._values.update({name: [0.0] * size for name, size in sizes.items()})
+
+    def remove(self, name: str) -> None:
+        """Give an array's memory back; ``*`` means all of them."""
+        if name == "*":
+            self._values.clear()
+        else:
+            del self._values[self._known(name)]
+
+    def values(self, name: str) -> list[float]:
+        """Return an array itself, which a capture writes into."""
+        return self._values[self._known(name)]
+
+    def element(self, name: str, index: float) -> float:
+        """Return one element; index -1 is the array's length."""
+        values = self.values(name)
+        if index == -1:
+            return float(len(values))
+        if not 0 <= index < len(values):
+            raise CommandError(56)
+        return values[int(index)]
+
+    def set_element(self, name: str, index: float, value: float) -> None:
+        """Set one element."""
+        self.element(name, index)
+        if index < 0:
+            raise CommandError(56)
+        self.values(name)[int(index)] = value
+
+    def _known(self, name: str) -> str:
+        if name not in self._values:
+            raise CommandError(82)
+        return name
+
+
+class Capture:
+    """RA, RD and RC: every 2^n samples, one number a source into one array a source."""
+
+    def __init__(self) -> None:
+        self.arrays: list[list[float]] = []
+        self.sources: list[Callable[[], float]] = []
+        self.index = 0
+        """Element that is written next."""
+        self.running = False
+        self._period = self._countdown = self._length = 0
+        self._circular = False
+
+    def start(self, exponent: int, count: int = 0) -> None:
+        """Start with the next sample.
+
+        Args:
+            exponent: 1 to 8; one record every 2^exponent samples.
+            count: Records to take; 0 fills the arrays, a negative number goes round and round.
+
+        Raises:
+            CommandError: A capture runs, has no arrays or sources, or the arrays are too short.
+        """
+        if self.running:
+            raise CommandError(80)
+        if not self.arrays or len(self.arrays) != len(self.sources):
+            raise CommandError(81)
+        room = min(map(len, self.arrays))
+        if abs(count) > room:
+            raise CommandError(84)
+        self._length, self._circular = abs(count) or room, count < 0
+        self._period, self._countdown = 2**exponent, 0
+        self.index, self.running = 0, True
+
+    def stop(self) -> None:
+        """Stop; what has been recorded stays."""
+        self.running = False
+
+    def sample(self) -> None:
+        """Record, if it is time to: the first sample after the start is the first record."""
+        if self._countdown > 0:
+            self._countdown -= 1
+            return
+        self._countdown = self._period - 1
+        for values, source in zip(self.arrays, self.sources, strict=True):
+            values[self.index] = source()
+        self.index += 1
+        if self.index == self._length:
+            self.index = 0 if self._circular else self.index
+            self.running = self._circular

@@ -1,0 +1,231 @@
+"""The controller's grammar: numbers, expressions, per-axis lists, and how it writes numbers."""
+
+import re
+from typing import Protocol
+
+from sautereau.sim_backend.devices.galil.faults import CommandError
+
+AXES = "AB"
+LARGEST_NUMBER = 2.0**31
+"""Magnitude that no number of the controller exceeds."""
+QUERY = "?"
+
+_TOKEN = re.compile(
+    r"(?P<number>[0-9]+\.?[0-9]*|\.[0-9]+)|(?P<hex>\$[0-9A-F]+)|(?P<operand>_[A-Z]{2}[A-Z0-9]?)"
+    r"|(?P<name>@?[A-Za-z][A-Za-z0-9]*)|(?P<sign>[-+*/%&|()\[\]])",
+    re.ASCII,
+)
+
+
+_OPERATOR = re.compile(r"<=|>=|<>|[-+*/%&|<>=]")
+_ASSIGNMENT = re.compile(
+    r"(?P<name>[A-Za-z][A-Za-z0-9]{0,7}) *(?:\[(?P<index>[^=]*)\])? *=(?P<value>[^=].*)", re.ASCII
+)
+
+
+class Names(Protocol):
+    """What an expression can refer to. A refusal is a `CommandError`."""
+
+    def operand(self, name: str) -> float:
+        """Return the value of ``_TPA`` and its like."""
+        ...
+
+    def function(self, name: str, argument: float) -> float:
+        """Return the value of ``@OUT[n]`` and its like."""
+        ...
+
+    def element(self, name: str, index: float) -> float:
+        """Return an element of an array."""
+        ...
+
+    def variable(self, name: str) -> float:
+        """Return the value of a variable or keyword."""
+        ...
+
+
+class _Expression:
+    """A text being evaluated from left to right; no operator goes before another.
+
+    A comparison is 1 where it holds, and 0 where it does not.
+    """
+
+    def __init__(self, text: str, names: Names) -> None:
+        self._text, self._names = text.replace(" ", ""), names
+        self._at = 0
+
+    def value(self) -> float:
+        result = self._sum()
+        if self._at < len(self._text):
+            raise CommandError(59 if self._text[self._at] in "])" else 83)
+        return result
+
+    def _sum(self) -> float:
+        result = self._term()
+        while sign := _OPERATOR.match(self._text, self._at):
+            self._at = sign.end()
+            result = _bounded(_apply(sign[0], result, self._term()))
+        return result
+
+    def _term(self) -> float:
+        token = _TOKEN.match(self._text, self._at)
+        if token is None:
+            raise CommandError(83)
+        self._at = token.end()
+        text = token[0]
+        if token["number"]:
+            return _bounded(float(text))
+        if token["hex"]:
+            return _bounded(float(int(text[1:], 16)))
+        if token["operand"]:
+            return self._names.operand(text[1:])
+        if text == "-":
+            return -self._term()
+        if text == "+":
+            return self._term()
+        if text == "(":
+            return self._closed(")", 59)
+        if not token["name"]:
+            raise CommandError(83)
+        if self._peek() != "[":
+            if text.startswith("@"):
+                raise CommandError(55)
+            return self._names.variable(text)
+        self._at += 1
+        index = self._closed("]", 55)
+        if text.startswith("@"):
+            return _bounded(self._names.function(text, index))
+        return self._names.element(text, index)
+
+    def _closed(self, bracket: str, code: int) -> float:
+        result = self._sum()
+        if self._peek() != bracket:
+            raise CommandError(code)
+        self._at += 1
+        return result
+
+    def _peek(self) -> str:
+        return self._text[self._at : self._at + 1]
+
+
+def _apply(sign: str, left: float, right: float) -> float:
+    if sign in "/%" and right == 0:
+        raise CommandError(6)
+    match sign:
+        case "+":
+            return left + right
+        case "-":
+            return left - right
+        case "*":
+            return left * right
+        case "/":
+            return left / right
+        case "%":
+            return left % right
+        case "&":
+            return float(int(left) & int(right))
+        case "|":
+            return float(int(left) | int(right))
+        case "<":
+            return float(left < right)
+        case ">":
+            return float(left > right)
+        case "=":
+            return float(left == right)
+        case "<>":
+            return float(left != right)
+        case "<=":
+            return float(left <= right)
+        case _:
+            return float(left >= right)
+
+
+def _bounded(value: float) -> float:
+    if not abs(value) <= LARGEST_NUMBER:
+        raise CommandError(6)
+    return value
+
+
+def evaluate(text: str, names: Names) -> float:
+    """Return the value of an expression.
+
+    Raises:
+        CommandError: It is none, or its value exceeds the controller's numbers.
+    """
+    if not text.strip(" "):
+        raise CommandError(50)
+    return _Expression(text, names).value()
+
+
+def parse_assignment(text: str) -> tuple[str, str | None, str] | None:
+    """Return name, index (None for a variable) and value of ``x=1`` or ``x[0]=1``, or None."""
+    found = _ASSIGNMENT.fullmatch(text)
+    return (found["name"], found["index"], found["value"]) if found else None
+
+
+def whole(value: float, low: float, high: float) -> int:
+    """Return ``value`` as an integer between ``low`` and ``high``; else refuse with code 6."""
+    if value != int(value) or not low <= value <= high:
+        raise CommandError(6)
+    return int(value)
+
+
+def parse_axes(args: str) -> list[int]:
+    """Return the axes that letters name, 0 for A; none given means all."""
+    letters = args.replace(" ", "").replace("X", "A").replace("Y", "B")
+    if letters in ("", "*"):
+        return list(range(len(AXES)))
+    if any(letter not in AXES for letter in letters):
+        raise CommandError(90)
+    return sorted({AXES.index(letter) for letter in letters})
+
+
+def parse_list(args: str, names: Names) -> dict[int, float | None]:
+    """Return the values of ``1,2``, ``,2``, ``A=1`` or ``*=1`` by axis; None where it asks ``?``.
+
+    Raises:
+        CommandError: An axis or a value is bad, or there is none.
+    """
+    named = re.match(r" *([A-Z*]+) *=", args)
+    if named:
+        axes = parse_axes(named[1])
+        texts = [args[named.end() :]] * len(axes)
+    else:
+        texts = args.replace(" ", "").split(",")
+        axes = list(range(len(texts)))
+        if len(axes) > len(AXES):
+            raise CommandError(90)
+        if not any(texts):
+            raise CommandError(50)
+    values: dict[int, float | None] = {}
+    for axis, text in zip(axes, texts, strict=True):
+        if text.strip(" ") == QUERY:
+            values[axis] = None
+        elif text or named:
+            values[axis] = evaluate(text, names)
+    return values
+
+
+def split_arguments(args: str) -> list[str]:
+    """Split at the commas outside strings and brackets; blanks around an argument go."""
+    parts, depth, quoted = [""], 0, False
+    for character in args:
+        quoted ^= character == '"'
+        depth += 0 if quoted else (character in "[(") - (character in "])")
+        if character == "," and depth <= 0 and not quoted:
+            parts.append("")
+        else:
+            parts[-1] += character
+    if quoted:
+        raise CommandError(52)
+    return [part.strip(" ") for part in parts]
+
+
+def write_number(value: float, decimals: int = 4) -> str:
+    """Write a number as the controller does: a blank for the plus sign."""
+    text = f"{value: .{decimals}f}"
+    return text if float(text) or not text.startswith("-") else " " + text[1:]
+
+
+def write_list(values: list[float], decimals: int = 0) -> str:
+    """Write the answer of a command that tells one number an axis."""
+    return ",".join(write_number(value, decimals) for value in values)

@@ -1,0 +1,213 @@
+"""The controller's state, and what it does with it in every sample."""
+
+from collections.abc import Callable
+from typing import Protocol
+
+from sautereau.sim_backend.devices.galil.arrays import Arrays, Capture
+from sautereau.sim_backend.devices.galil.axis import Axis
+from sautereau.sim_backend.devices.galil.faults import CommandError
+from sautereau.sim_backend.devices.galil.motion import StopCode
+from sautereau.sim_backend.devices.galil.program import LINE_TIME, THREADS, Program, Thread
+
+OUTPUTS = 8
+"""Digital outputs, numbered from 1."""
+INPUTS = 8
+"""Digital inputs, numbered from 1."""
+VARIABLES = 510
+"""Variables that there may be."""
+
+
+class Plant(Protocol):
+    """What the amplifiers and encoders are wired to; axes A and B."""
+
+    def encoder_counts(self) -> tuple[int, int]:
+        """Return the raw encoder counts since power-up."""
+        ...
+
+    def home_counts(self) -> tuple[int, int]:
+        """Return the raw encoder counts at the home switches."""
+        ...
+
+    def torque_volts(self) -> tuple[float, float]:
+        """Return the commands to the amplifiers, in volts."""
+        ...
+
+    def drive(self, offsets: tuple[float, float], limits: tuple[float, float]) -> None:
+        """Add offsets [V] to the loops' commands from now on, and limit [V] what goes out."""
+        ...
+
+
+class Machine:
+    """Everything that the firmware remembers from one sample to the next.
+
+    Args:
+        plant: The motors and encoders.
+        revision: Answer to ^R^V.
+        on_output: Called with number and level when a digital output changes.
+        execute: Carries out one command of a program's thread.
+        host_waits: Whether the host only speaks when nothing moves, however long that takes:
+            then resident threads, which wait for it, stand still.
+    """
+
+    def __init__(
+        self,
+        plant: Plant,
+        revision: str,
+        on_output: Callable[[int, bool], None],
+        execute: Callable[["Machine", str, Thread], None],
+        host_waits: bool,
+    ) -> None:
+        self.plant = plant
+        self.revision = revision
+        self.burned = Program()
+        """What is left of programs at power-up."""
+        self.inputs = [True] * INPUTS
+        self.outputs = [False] * OUTPUTS
+        self.samples = 0
+        """Samples since it was made."""
+        self._on_output = on_output
+        self._execute = execute
+        self.host_waits = host_waits
+        self.power_up()
+
+    def power_up(self) -> None:
+        """Begin anew: motors and outputs off, only the program that was burned is remembered."""
+        self.axes = [Axis(counts) for counts in self.plant.encoder_counts()]
+        self.sample_time = 1000
+        """TM; microseconds of 1/1024 s a thousand."""
+        self.error_code = 0
+        """Of the last refused command, for TC."""
+        self.echo = True
+        self.download: str | None = None
+        """Text of the program that is coming in; None outside DL."""
+        self.program = self.burned
+        self.threads: dict[int, Thread] = {}
+        self.variables: dict[str, float] = {}
+        self.arrays = Arrays()
+        self.capture = Capture()
+        self.unsolicited = ""
+        """What programs have said and no host has read yet."""
+        self._lines, self._served = 0.0, -1
+        for number in range(1, OUTPUTS + 1):
+            self.set_output(number, False)
+        self.drive()
+        if "#AUTO" in self.program.labels:
+            self.threads[0] = Thread(self.program, self.program.labels["#AUTO"], hosted=True)
+
+    @property
+    def in_motion(self) -> bool:
+        """Whether an axis moves."""
+        first, second = self.axes
+        return first.profile is not None or second.profile is not None
+
+    def position(self, axis: int) -> int:
+        """Return the counts that TP tells."""
+        return self.plant.encoder_counts()[axis] + self.axes[axis].offset
+
+    def reference(self, axis: int) -> int:
+        """Return the counts that RP tells; with the motor off that is the position."""
+        if not self.axes[axis].motor_on:
+            return self.position(axis)
+        return self.axes[axis].reported
+
+    def error(self, axis: int) -> int:
+        """Return the following error that TE tells, in counts."""
+        return self.reference(axis) - self.position(axis)
+
+    def set_variable(self, name: str, value: float) -> None:
+        """Set a variable; the first time makes it.
+
+        Raises:
+            CommandError: There are too many.
+        """
+        if name not in self.variables and len(self.variables) == VARIABLES:
+            raise CommandError(67)
+        self.variables[name] = value
+
+    def drive(self) -> None:
+        """Tell the amplifiers OF and TL."""
+        offsets, limits = ([axis.settings[name] for axis in self.axes] for name in ("OF", "TL"))
+        self.plant.drive((offsets[0], offsets[1]), (limits[0], limits[1]))
+
+    def set_output(self, number: int, level: bool) -> None:
+        """Set a digital output, and tell if that changes it."""
+        if self.outputs[number - 1] != level:
+            self.outputs[number - 1] = level
+            self._on_output(number, level)
+
+    def motor_off(self, axis: Axis, code: StopCode) -> None:
+        """Switch an axis off, and say why."""
+        axis.halt(code)
+        axis.stop_code = code
+        axis.motor_on = False
+
+    def abort(self, *, programs: bool) -> None:
+        """Stop both axes dead; where OE is 1 the motor goes off as well."""
+        for axis in self.axes:
+            axis.halt(StopCode.ABORTED)
+            if axis.settings["OE"]:
+                axis.motor_on = False
+        if programs:
+            self.halt_threads(range(THREADS))
+
+    def halt_threads(self, numbers: range | list[int]) -> None:
+        """End threads; those that do not run are no matter."""
+        for number in numbers:
+            if number in self.threads:
+                self.threads.pop(number).running = False
+
+    def tick(self) -> None:
+        """Do one sample: programs, safety, capture, and then the profilers.
+
+        The first three see the instant at which the sample begins.
+        """
+        counts = self.plant.encoder_counts()
+        for axis, raw in zip(self.axes, counts, strict=True):
+            if not axis.motor_on:
+                axis.follow(raw)
+        if self.threads:
+            self._run_threads()
+        for axis, raw in zip(self.axes, counts, strict=True):
+            if axis.motor_on and axis.exceeds_error_limit(raw):
+                if 0 in self.threads:
+                    self.threads[0].interrupt("#POSERR")
+                if axis.settings["OE"]:
+                    self.motor_off(axis, StopCode.OFF_ON_ERROR)
+                    axis.follow(raw)
+        if self.capture.running:
+            self.capture.sample()
+        for axis in self.axes:
+            axis.step()
+        self.samples += 1
+
+    def _run_threads(self) -> None:
+        """Let the threads take turns, a line each, as many lines as a sample has time for."""
+        self._lines = self._lines % 1 + self.sample_time * 1e-3 / 1024 / LINE_TIME
+        held = {number for number, thread in self.threads.items() if not self._may_run(thread)}
+        for number, thread in sorted(self.threads.items()):
+            if number not in held and thread.wait is not None and not thread.waiting:
+                self._run_line(number, thread)  # the rest of a line whose time was taken before
+        while self._lines >= 1:
+            ready = [n for n, each in self.threads.items() if n not in held and not each.waiting]
+            if not ready:
+                return
+            later = [number for number in ready if number > self._served]
+            self._served = min(later or ready)
+            self._lines -= 1
+            self._run_line(self._served, self.threads[self._served])
+
+    def _may_run(self, thread: Thread) -> bool:
+        """Whether a thread has time: a resident one has the host's, if that stands still."""
+        return not (self.host_waits and thread.resident)
+
+    def _run_line(self, number: int, thread: Thread) -> None:
+        if not thread.running:
+            return
+        try:
+            thread.run_line(lambda command, thread: self._execute(self, command, thread))
+        except CommandError as error:
+            self.error_code = error.code
+            self.unsolicited += f"?{thread.line} {thread.command}\r\n"
+            thread.running = False
+        if not thread.running and self.threads.get(number) is thread:
+            del self.threads[number]

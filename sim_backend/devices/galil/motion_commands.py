@@ -1,0 +1,214 @@
+"""Commands that move: motors, references, profiles, PVT, stops."""
+
+import re
+
+from sautereau.sim_backend.devices.galil.axis import LARGEST, SETTINGS
+from sautereau.sim_backend.devices.galil.faults import CommandError
+from sautereau.sim_backend.devices.galil.grammar import (
+    evaluate,
+    parse_axes,
+    parse_list,
+    split_arguments,
+    whole,
+    write_list,
+)
+from sautereau.sim_backend.devices.galil.machine import Machine
+from sautereau.sim_backend.devices.galil.motion import Segment, StopCode
+from sautereau.sim_backend.devices.galil.operands import AXIS_OPERANDS, Operands
+from sautereau.sim_backend.devices.galil.program import THREADS, Thread
+
+SEGMENT_DISTANCE = 44_000_000
+"""Counts, the longest PVT segment."""
+SEGMENT_VELOCITY = 22_000_000
+"""Counts a second, the largest velocity at a PVT segment's end."""
+SEGMENT_SAMPLES = 2048
+"""Samples, the longest duration of a PVT segment."""
+
+
+def setting(machine: Machine, name: str, args: str) -> str | None:
+    """Set or tell a number that every axis keeps."""
+    limits = SETTINGS[name]
+    values = parse_list(args, Operands(machine))
+    for value in values.values():
+        if value is not None and not limits.low <= value <= limits.high:
+            raise CommandError(6)
+    answers = []
+    for index, value in values.items():
+        settings = machine.axes[index].settings
+        if value is None:
+            answers.append(settings[name])
+        else:
+            settings[name] = value // limits.step * limits.step if limits.step else value
+    if name in ("TL", "OF"):
+        machine.drive()
+    return write_list(answers, 0 if limits.step else 4) if answers else None
+
+
+def tell(machine: Machine, name: str, args: str) -> str:
+    """Tell one number of each axis."""
+    value = AXIS_OPERANDS[name]
+    return write_list(
+        [value(machine, index) for index in parse_axes(args)], 4 if name == "TT" else 0
+    )
+
+
+def motor_off(machine: Machine, args: str, thread: Thread | None) -> None:
+    """MO: switch motors off; why the axes stand is told as before."""
+    for axis in _resting(machine, args):
+        axis.motor_on = False
+
+
+def servo_here(machine: Machine, args: str, thread: Thread | None) -> None:
+    """SH: switch motors on, with the reference where the encoder is."""
+    counts = machine.plant.encoder_counts()
+    for index in parse_axes(args):
+        axis = machine.axes[index]
+        if axis.profile is not None:
+            raise CommandError(7)
+        axis.follow(counts[index])
+        axis.motor_on = True
+        axis.stop_code = StopCode.AT_TARGET
+
+
+def define_position(machine: Machine, args: str, thread: Thread | None) -> str | None:
+    """DP: say what the reference's position is called from now on; nothing moves."""
+    values = parse_list(args, Operands(machine))
+    new = {i: whole(v, -LARGEST - 1, LARGEST) for i, v in values.items() if v is not None}
+    if any(machine.axes[index].profile is not None for index in new):
+        raise CommandError(7)
+    for index, value in new.items():
+        machine.axes[index].offset += value - machine.reference(index)
+    asked = [machine.position(index) for index, value in values.items() if value is None]
+    return write_list(list(asked)) if asked else None
+
+
+def define_auxiliary(machine: Machine, args: str, thread: Thread | None) -> str | None:
+    """DE: the same for the auxiliary encoder."""
+    values = parse_list(args, Operands(machine))
+    new = {i: whole(v, -LARGEST - 1, LARGEST) for i, v in values.items() if v is not None}
+    for index, value in new.items():
+        machine.axes[index].auxiliary = value
+    asked = [machine.axes[i].auxiliary for i, value in values.items() if value is None]
+    return write_list(list(asked)) if asked else None
+
+
+def aim(machine: Machine, mode: str, args: str) -> str | None:
+    """PA, PR and JG: choose the next motion and its target."""
+    values = parse_list(args, Operands(machine))
+    limit = SEGMENT_VELOCITY if mode == "JG" else LARGEST
+    new = {index: whole(v, -limit - 1, limit) for index, v in values.items() if v is not None}
+    for index in new:
+        axis = machine.axes[index]
+        if axis.profile is not None and not (mode == "JG" and axis.jogging):
+            raise CommandError(13 if mode == "JG" else 7)
+    for index, value in new.items():
+        axis = machine.axes[index]
+        axis.mode, axis.target = mode, value
+        if axis.jogging:
+            axis.begin_jog()
+    asked = [machine.axes[index].target for index, value in values.items() if value is None]
+    return write_list(list(asked)) if asked else None
+
+
+def home(machine: Machine, args: str, thread: Thread | None) -> None:
+    """HM: let the next BG go to the home switch, which then is position 0."""
+    for axis in _resting(machine, args):
+        axis.mode = "HM"
+
+
+def begin(machine: Machine, args: str, thread: Thread | None) -> None:
+    """BG: begin what PA, PR, JG or HM has chosen, on all the axes in the same sample."""
+    indices = parse_axes(args)
+    moves = {index: _destination(machine, index) for index in indices}
+    for index, distance in moves.items():
+        _check_begin(machine, index, distance)
+    for index, distance in moves.items():
+        axis = machine.axes[index]
+        if axis.mode == "JG":
+            axis.begin_jog()
+        elif axis.mode == "HM":
+            axis.begin_move(float(machine.plant.home_counts()[index]), home=True)
+        else:
+            axis.begin_move(float(machine.reference(index) + distance - axis.offset))
+
+
+def _destination(machine: Machine, index: int) -> int:
+    """Return the counts that the axis would go, or any number of the right sign."""
+    axis = machine.axes[index]
+    if axis.mode == "PA":
+        return axis.target - machine.reference(index)
+    if axis.mode == "HM":
+        return machine.plant.home_counts()[index] - round(axis.position)
+    return axis.target
+
+
+def _check_begin(machine: Machine, index: int, distance: float) -> None:
+    axis = machine.axes[index]
+    if not axis.motor_on:
+        raise CommandError(20)
+    if axis.profile is not None:
+        raise CommandError(7)
+    beyond = (axis.reported > axis.settings["FL"]) - (axis.reported < axis.settings["BL"])
+    if beyond * distance > 0:
+        raise CommandError(22)
+
+
+def segment(machine: Machine, args: str, thread: Thread | None) -> None:
+    """PV: put a segment into an axis's buffer; ``0,0,0`` ends the sequence, ``0,0,-1`` empties it.
+
+    Both axes read their buffers independently.
+    """
+    named = re.fullmatch(r" *([A-Z]) *=(.*)", args)
+    if not named:
+        raise CommandError(4)
+    (index,) = parse_axes(named[1])
+    axis = machine.axes[index]
+    parts = split_arguments(named[2])
+    if len(parts) != 3:
+        raise CommandError(50 if len(parts) < 3 else 4)
+    names = Operands(machine)
+    distance = whole(evaluate(parts[0], names), -SEGMENT_DISTANCE, SEGMENT_DISTANCE)
+    velocity = whole(evaluate(parts[1], names), -SEGMENT_VELOCITY, SEGMENT_VELOCITY)
+    samples = whole(evaluate(parts[2], names), -1, SEGMENT_SAMPLES)
+    if samples <= 0 and (distance or velocity):
+        raise CommandError(6)
+    if samples < 0:
+        axis.fifo.clear()
+    elif axis.free == 0:
+        raise CommandError(32)
+    else:
+        axis.fifo.append(Segment(distance, velocity, samples))
+
+
+def begin_pvt(machine: Machine, args: str, thread: Thread | None) -> None:
+    """BT: begin the PVT sequences of all the axes in the same sample."""
+    indices = parse_axes(args)
+    for index in indices:
+        fifo = machine.axes[index].fifo
+        _check_begin(machine, index, fifo[0].distance if fifo else 0)
+        if not fifo:
+            raise CommandError(24)
+    for index in indices:
+        machine.axes[index].begin_pvt()
+
+
+def stop(machine: Machine, args: str, thread: Thread | None) -> None:
+    """ST: brake; from the host and without axes it ends the programs as well."""
+    for index in parse_axes(args):
+        machine.axes[index].stop(StopCode.STOPPED)
+    if not args and thread is None:
+        machine.halt_threads(range(THREADS))
+
+
+def abort(machine: Machine, args: str, thread: Thread | None) -> None:
+    """AB: stop dead and end the programs; AB1 leaves the programs alone."""
+    if args not in ("", "0", "1"):
+        raise CommandError(4)
+    machine.abort(programs=args != "1")
+
+
+def _resting(machine: Machine, args: str):
+    axes = [machine.axes[index] for index in parse_axes(args)]
+    if any(axis.profile is not None for axis in axes):
+        raise CommandError(7)
+    return axes

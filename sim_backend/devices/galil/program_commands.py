@@ -1,0 +1,162 @@
+"""Commands about programs: download, run, jump, branch, wait."""
+
+from sautereau.sim_backend.devices.galil.faults import CommandError
+from sautereau.sim_backend.devices.galil.grammar import (
+    LARGEST_NUMBER,
+    evaluate,
+    parse_assignment,
+    parse_axes,
+    split_arguments,
+    whole,
+)
+from sautereau.sim_backend.devices.galil.machine import INPUTS, Machine
+from sautereau.sim_backend.devices.galil.operands import Operands, integers
+from sautereau.sim_backend.devices.galil.program import THREADS, Program, Thread
+
+
+def assign(machine: Machine, text: str) -> bool:
+    """Carry out ``name=value`` or ``name[index]=value``; return whether it is one."""
+    parts = parse_assignment(text)
+    if parts is None:
+        return False
+    name, index, value = parts
+    names = Operands(machine)
+    result = evaluate(value, names)
+    if index is None:
+        machine.set_variable(name, result)
+    else:
+        machine.arrays.set_element(name, evaluate(index, names), result)
+    return True
+
+
+def download(machine: Machine, args: str, thread: Thread | None) -> None:
+    """DL: take the lines that follow as the program."""
+    if args:
+        raise CommandError(4)
+    if machine.threads:
+        raise CommandError(17)
+    machine.download = ""
+
+
+def list_program(machine: Machine, args: str, thread: Thread | None) -> str:
+    """LS: tell the program with its line numbers."""
+    return "\r\n".join(f"{number} {line}" for number, line in enumerate(machine.program.lines))
+
+
+def burn(machine: Machine, args: str, thread: Thread | None) -> None:
+    """BP: keep the program when the power goes."""
+    if machine.threads:
+        raise CommandError(17)
+    machine.burned = machine.program
+
+
+def reset(machine: Machine, args: str, thread: Thread | None) -> None:
+    """RS: do what switching off and on does; ``#AUTO`` of the program that was kept runs."""
+    machine.power_up()
+
+
+def run(machine: Machine, args: str, thread: Thread | None) -> None:
+    """XQ: run the program from a label on, in a thread."""
+    place, *rest = split_arguments(args)
+    (number,) = integers(machine, ",".join(rest), (0, THREADS - 1)) if rest else (0,)
+    if number in machine.threads:
+        raise CommandError(19)
+    program: Program = machine.program
+    machine.threads[number] = Thread(program, program.line_of(place), hosted=thread is None)
+
+
+def halt(machine: Machine, args: str, thread: Thread | None) -> None:
+    """HX: end a thread, or all of them."""
+    numbers = integers(machine, args, (0, THREADS - 1)) if args else range(THREADS)
+    machine.halt_threads(numbers)
+
+
+def end(machine: Machine, args: str, thread: Thread | None) -> None:
+    """EN: return from a subroutine, or end the thread."""
+    if thread is not None:
+        thread.end()
+
+
+def end_of_error(machine: Machine, args: str, thread: Thread | None) -> None:
+    """RE: return from #POSERR; with 1 the trip point that it interrupted goes on."""
+    (keep,) = integers(machine, args or "0", (0, 1))
+    if thread is not None:
+        thread.end_interrupt(keep_trip_point=bool(keep))
+
+
+def jump(machine: Machine, args: str, thread: Thread | None) -> None:
+    """JP: go on at a label, where the condition holds."""
+    place, holds = _conditional(machine, args)
+    if thread is not None and holds:
+        thread.jump(place)
+
+
+def call(machine: Machine, args: str, thread: Thread | None) -> None:
+    """JS: run a subroutine, where the condition holds."""
+    place, holds = _conditional(machine, args)
+    if thread is not None and holds:
+        thread.call(place)
+
+
+def branch(machine: Machine, args: str, thread: Thread | None) -> None:
+    """IF: go on, or behind ELSE or ENDIF where the condition does not hold."""
+    if not evaluate(args, Operands(machine)) and thread is not None:
+        thread.skip("ELSE", "ENDIF")
+
+
+def otherwise(machine: Machine, args: str, thread: Thread | None) -> None:
+    """ELSE: the branch before it was taken; go on behind ENDIF."""
+    if thread is not None:
+        thread.skip("ENDIF")
+
+
+def end_branch(machine: Machine, args: str, thread: Thread | None) -> None:
+    """ENDIF: go on."""
+
+
+def after_motion(machine: Machine, args: str, thread: Thread | None) -> None:
+    """AM: wait until the axes' profiles are over."""
+    axes = [machine.axes[index] for index in parse_axes(args)]
+    if thread is not None:
+        thread.wait = lambda: all(axis.profile is None for axis in axes)
+
+
+def wait(machine: Machine, args: str, thread: Thread | None) -> None:
+    """WT n: wait n samples; at TM 1000 those are the milliseconds of 1/1024 s of the manual."""
+    until = machine.samples + integers(machine, args, (0, LARGEST_NUMBER - 1), (0, 1))[0]
+    if thread is not None:
+        thread.wait = lambda: machine.samples >= until
+
+
+def at_time(machine: Machine, args: str, thread: Thread | None) -> None:
+    """AT n: wait until n samples after the reference; 0 sets it, -n moves it on by n."""
+    limits = (1 - LARGEST_NUMBER, LARGEST_NUMBER - 1), (0, 1)
+    after = integers(machine, args, *limits)[0]
+    if thread is None:
+        return
+    if after == 0:
+        thread.reference = machine.samples
+        return
+    until = thread.reference + abs(after)
+    if after < 0:
+        thread.reference = until
+    thread.wait = lambda: machine.samples >= until
+
+
+def after_input(machine: Machine, args: str, thread: Thread | None) -> None:
+    """AI n: wait for input n to be high, or low for -n."""
+    (number,) = integers(machine, args, (-INPUTS, INPUTS))
+    if number == 0:
+        raise CommandError(6)
+    if thread is not None:
+        thread.wait = lambda: machine.inputs[abs(number) - 1] == (number > 0)
+
+
+def _conditional(machine: Machine, args: str) -> tuple[str, bool]:
+    place, *condition = split_arguments(args)
+    if len(condition) > 1:
+        raise CommandError(4)
+    names = Operands(machine)
+    if place.startswith(("(", "_")) or (place and place[0].isdigit()):
+        place = str(whole(evaluate(place, names), 0, 9999))
+    return place, not condition or bool(evaluate(condition[0], names))

@@ -1,0 +1,143 @@
+"""The ASCII protocol of the emulated ODrive, byte by byte.
+
+Lines end with a line feed, a carriage return or `!`; what follows a `;` is a comment. A line
+with a checksum (`*` and the exclusive or of the bytes before it) is answered with one, and
+ignored where it is wrong. Only questions and refused lines are answered.
+
+Two properties are the stand-in's own, for no stock firmware has them: `gpio1.state` to
+`gpio8.state` set a digital output, and `stand_in.wait` lets simulated time go on
+(docs/decisions/0006).
+"""
+
+from collections.abc import Callable
+
+from sautereau.sim_backend.devices.odrive.machine import Machine
+from sautereau.sim_backend.devices.odrive.properties import value_of, write
+from sautereau.sim_backend.devices.odrive.words import checksum, number, numbers
+
+_LINE = 256
+"""Bytes of a line that the firmware takes; a longer one is lost to its end."""
+_ANSWER = 63
+_VALUE = 9
+"""Characters of a property's value."""
+
+
+class OdriveFirmware(Machine):
+    """A controller that is spoken to over its serial line.
+
+    It is not safe for threads; see `GalilFirmware`.
+    """
+
+    def __post_init__(self):
+        super().__post_init__()
+        self._line = bytearray()
+        self._commands: dict[str, Callable[[str], list[str]]] = {
+            "p": self._position,
+            "t": self._trajectory,
+            "f": self._feedback,
+            "i": self._information,
+            "r": self._read,
+            "w": self._write,
+            "u": self._update,
+            "s": self._system,
+        }
+
+    def receive(self, data: bytes) -> bytes:
+        """Take bytes from the host; return what the controller sends back."""
+        answer = bytearray()
+        for byte in data:
+            if byte in b"\r\n!":
+                if len(self._line) <= _LINE:
+                    answer += self._answer(self._line.decode("latin-1"))
+                self._line.clear()
+            elif len(self._line) <= _LINE:
+                self._line.append(byte)
+        return bytes(answer)
+
+    def _answer(self, line: str) -> bytes:
+        text, star, told = line.partition(";")[0].partition("*")
+        if star and not (told.strip().isdecimal() and int(told) == checksum(text)):
+            return b""
+        if not text:
+            return b""
+        command = self._commands.get(text[0])
+        answers = command(text) if command else ["unknown command"]
+        answer = ""
+        for each in answers:
+            each = each[:_ANSWER]
+            answer += f"{each}*{checksum(each)}\r\n" if star else f"{each}\r\n"
+        return answer.encode("latin-1")
+
+    def _position(self, text: str) -> list[str]:
+        found = _axis_and_numbers(text, 2)
+        if isinstance(found, str):
+            return [found]
+        index, position, *rest = found
+        self.axes[int(index)].follow(position, rest[0] if rest else None)
+        return []
+
+    def _trajectory(self, text: str) -> list[str]:
+        found = _axis_and_numbers(text, 2)
+        if isinstance(found, str):
+            return [found]
+        self.axes[int(found[0])].move(found[1])
+        return []
+
+    def _feedback(self, text: str) -> list[str]:
+        found = _axis_and_numbers(text, 1)
+        if isinstance(found, str):
+            return [found]
+        axis = self.seen(int(found[0]))
+        return [f"{axis.position:.6f} {axis.velocity:.6f}"]
+
+    def _update(self, text: str) -> list[str]:
+        found = _axis_and_numbers(text, 1)
+        if isinstance(found, str):
+            return [found]
+        self.axes[int(found[0])].feed()
+        return []
+
+    def _information(self, text: str) -> list[str]:
+        pace = "stepped" if self.stepped else "paced"
+        return [
+            "Hardware version: 3.6-56V",
+            "Firmware version: 0.5.6",
+            f"Serial number: SIM sautereau stand-in, {pace}",
+        ]
+
+    def _system(self, text: str) -> list[str]:
+        if text[1:2] == "c":
+            for axis in self.axes:
+                axis.error = 0
+        return []
+
+    def _read(self, text: str) -> list[str]:
+        words = text.split()
+        if len(words) < 2:
+            return ["invalid command format"]
+        value = value_of(self, words[1])
+        return ["invalid property" if value is None else value[:_VALUE]]
+
+    def _write(self, text: str) -> list[str]:
+        words = text.split()
+        if len(words) < 2:
+            return ["invalid command format"]
+        name, word = words[1], words[2] if len(words) > 2 else None
+        if name == "stand_in.wait":
+            return self._wait(None if word is None else number(word))
+        return write(self, name, word)
+
+    def _wait(self, seconds: float | None) -> list[str]:
+        """Let time go on; answered, so that the host says nothing before it has gone."""
+        if seconds is None or not self.stepped or not 0 <= seconds <= 60:
+            return ["not implemented"]
+        self.grant(seconds)
+        return [f"waiting {seconds:.6f}"]
+
+
+def _axis_and_numbers(text: str, least: int) -> list[float] | str:
+    """Return a command's numbers, the first of them an axis, or what the firmware says instead."""
+    found = numbers(text)
+    if len(found) < least:
+        return "invalid command format"
+    return found if found[0] in (0, 1) else f"invalid motor {int(found[0])}"

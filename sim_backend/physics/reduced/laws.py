@@ -1,0 +1,141 @@
+"""S(h) of many plucks in the reduced engine's cells: piecewise cubics, each stretch smooth."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline, PchipInterpolator
+
+from sautereau.analysis.model.pluck.many import Branch, Cases, Status
+from sautereau.analysis.model.pluck.pluck import Pluck
+from sautereau.analysis.model.pluck.table import table
+from sautereau.trajectory.motion import Floats
+
+POINTS = 97
+"""Of a stretch of many plucks at once."""
+MOST = 3
+"""Stretches of a law: the string sticks, slides and rolls."""
+
+
+@dataclass(frozen=True)
+class Laws:
+    """Laws of strings."""
+
+    cells: Floats
+    """Height [m] where a cell begins, and the cubic of the force [N] from there; (cells, 5)."""
+    places: Floats
+    """What a jack's row in a bench holds of each, from `STRETCHES` on; (laws, 9)."""
+
+
+def mute_law() -> Laws:
+    """Return a law for strings that nothing plucks."""
+    return Laws(np.zeros((1, 5)), np.array([[1.0, 0, 1, 1, 1, 0, 1, 1, 1]]))
+
+
+def laws_of(plucks: Sequence[Pluck]) -> Laws:
+    """Return the laws of plucks, the very cubics of their `force_on_jack`."""
+    return joined([_law(pluck) for pluck in plucks])
+
+
+def joined(laws: Sequence[Laws]) -> Laws:
+    """Return laws one after the other as one."""
+    starts = np.cumsum([0, *(len(law.cells) for law in laws)])
+    places = [law.places.copy() for law in laws]
+    for place, start in zip(places, starts, strict=False):
+        place[:, 1:5] += start
+    return Laws(np.concatenate([law.cells for law in laws]), np.concatenate(places))
+
+
+def _law(pluck: Pluck) -> Laws:
+    knots = pluck.height
+    places = np.array([1, 3, 5, 7]) / 8
+    steps = np.diff(knots)[:, None]
+    values = pluck.force_on_jack(knots[:-1, None] + steps * places)
+    cubics = np.linalg.solve(np.vander(places, 4, increasing=True), values.T).T
+    cells = np.column_stack([knots[:-1], cubics / steps ** np.arange(4)])
+    first = [*pluck.stretches, *[len(knots) - 1] * (MOST + 1 - len(pluck.stretches))]
+    return Laws(cells, np.array([[len(pluck.stretches), *first, *knots[first]]]))
+
+
+def elastica_laws(
+    stiffness: Floats, overlap: Floats, bending: Floats, length: Floats, friction: float
+) -> tuple[Laws, NDArray[np.bool_]]:
+    """Solve many plucks of the elastica at once.
+
+    Args:
+        stiffness: N/m, of the strings; shape (laws,), as what follows.
+        overlap: m.
+        bending: N m^2, of the plectra.
+        length: m, of the plectra.
+        friction: 1, of all.
+
+    Returns:
+        The laws, and which of them are plucks; the others must not be used.
+    """
+    cases = Cases(table(friction), bending / (stiffness * length**3), overlap / length)
+    with np.errstate(all="ignore"):
+        slide, stick, status = cases.solve()
+        parts = [cases.slide(_ramp(slide))]
+        if stick is not None:
+            parts.insert(0, cases.stick(_ramp(stick)))
+        for part in parts:  # rounding apart, a pluck begins at 0
+            start, end = part.height[:, 0], part.height[:, -1]
+            start[np.abs(start) <= 1e-12 * np.abs(end)] = 0.0
+        folded = status == Status.GIVES_WAY
+        cells = np.stack([_cells(part, folded) for part in parts], axis=1)
+        cells[..., 0] *= length[:, None, None]
+        powers = (stiffness * length)[:, None] / length[:, None] ** np.arange(4)
+        cells[..., 1:] *= powers[:, None, None, :]
+    ends = np.array([part.height[:, [0, -1]] * length[:, None] for part in parts])
+    places = _places(ends)
+    good = (status <= Status.GIVES_WAY) & (places[:, 0] > 0)
+    for part, (start, end) in zip(np.moveaxis(cells, 1, 0), np.moveaxis(ends, 2, 1), strict=True):
+        good &= np.isfinite(part).all(axis=(1, 2)) | ~_lasts(start, end)
+    return Laws(cells.reshape(-1, 5), places), good
+
+
+def _ramp(branch: Branch) -> Floats:
+    share = np.linspace(0.0, 1.0, POINTS)
+    return branch.q[:, :1] * (1 - share) + branch.q[:, -1:] * share
+
+
+def _cells(part: Branch, folded: NDArray[np.bool_]) -> Floats:
+    """Return starts of cells and cubics, over the length and K L; shape (laws, cells, 5)."""
+    height, force = part.height, part.lift
+    share = np.arange(POINTS)
+    step = np.diff(height, axis=1)
+    # Both are smooth over the load, in which the points are even.
+    with np.errstate(all="ignore"):
+        by_share = [CubicSpline(share, np.nan_to_num(a), axis=1)(share, 1) for a in (force, height)]
+        slope = by_share[0] / by_share[1]
+    for row in np.flatnonzero(folded & (step > 0).all(axis=1)):
+        # At a fold the force falls with no end to its slope, where no spline is smooth.
+        slope[row] = PchipInterpolator(height[row], force[row])(height[row], 1)
+    rise = np.diff(force, axis=1) / step
+    left, right = slope[:, :-1], slope[:, 1:]
+    second, third = (3 * rise - 2 * left - right) / step, (left + right - 2 * rise) / step**2
+    return np.stack([height[:, :-1], force[:, :-1], left, second, third], axis=-1)
+
+
+def _lasts(start: Floats, end: Floats) -> NDArray[np.bool_]:
+    """Return whether stretches have a length: a string may never stick, or never slide."""
+    return end - start > 1e-12 * np.abs(end)
+
+
+def _places(ends: Floats) -> Floats:
+    """Return the places of laws whose stretches go from height to height.
+
+    Args:
+        ends: m; shape (stretches, laws, 2).
+    """
+    n, cells = ends.shape[1], POINTS - 1
+    places = np.zeros((n, 3 + 2 * MOST))
+    for j, (start, end) in enumerate(np.moveaxis(ends, 2, 1)):
+        rows = np.flatnonzero(_lasts(start, end))
+        at = places[rows, 0].astype(int)
+        places[rows, 0] += 1
+        for k, height in ((0, start), (1, end)):
+            places[rows, 1 + at + k] = (rows * len(ends) + j + k) * cells
+            places[rows, 2 + MOST + at + k] = height[rows]
+    return places

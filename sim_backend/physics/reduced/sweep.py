@@ -1,0 +1,173 @@
+"""Many presses of a scene at once by the reduced engine, where some values vary."""
+
+import os
+from collections.abc import Mapping
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from sautereau.rig.schema import Rig
+from sautereau.sim_backend.errors import SceneError
+from sautereau.sim_backend.physics.drive import Drive
+from sautereau.sim_backend.physics.observation import drive_of
+from sautereau.sim_backend.physics.reduced.bench import Numbers, benches, new_leg
+from sautereau.sim_backend.physics.reduced.engine import ENDS, check_scene, joint_cubics, steps_of
+from sautereau.sim_backend.physics.reduced.play import play_presses
+from sautereau.sim_backend.physics.reduced.state import Ints, new_state
+from sautereau.sim_backend.physics.reduced.values import sound, variables, varied_laws
+from sautereau.sim_backend.scene import Scene
+from sautereau.trajectory.motion import Floats
+
+CHUNK = 64
+"""Presses that a thread takes at a time."""
+
+
+class Ending(IntEnum):
+    """How a press ended; events that it did not come to are infinite."""
+
+    PLAYED = 0
+    """To its end, plucked or not."""
+    TURNED_OVER = 1
+    """The key has turned by 1.2 rad, where it is no key any more."""
+    CHATTERS = 2
+    """The motion changed without end within one step."""
+    LOST = 3
+    """The motion lost its numbers."""
+    JUMPED = 4
+    """An ideal fingertip was suddenly within the key."""
+    AT_PIN = 5
+    """An ideal fingertip came so near the pin that it touches the key at no angle."""
+    NO_PLUCK = 6
+    """Plectrum and string have no quasi-static pluck; `predict_many` tells why. Not played."""
+    OUT_OF_RANGE = 7
+    """A value is not within the limits of the rig or the scene. Not played."""
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """What the strings met first in many presses; times in s from the start of the drive.
+
+    Arrays of the shape to which the values broadcast, those of strings with an axis of choirs
+    before. Where something never happens its numbers are infinite; none is ever NaN.
+    """
+
+    contact: Floats
+    """s, first contact; shape (choirs, ...)."""
+    release: Floats
+    """s, first release; shape (choirs, ...)."""
+    release_force: Floats
+    """N, of the string on the jack, downwards, just before it; shape (choirs, ...)."""
+    release_speed: Floats
+    """m/s, of the jack just before it; shape (choirs, ...)."""
+    status: NDArray[np.int8]
+    """An `Ending` each; shape (...)."""
+
+    @property
+    def plucked(self) -> NDArray[np.bool_]:
+        """Whether each string was released; shape (choirs, ...)."""
+        return np.isfinite(self.release)
+
+    def endings(self) -> dict[Ending, int]:
+        """Return how many presses ended in which way."""
+        values, counts = np.unique(self.status, return_counts=True)
+        return {Ending(v): int(n) for v, n in zip(values, counts, strict=True)}
+
+
+def sweep(
+    rig: Rig, scene: Scene, values: Mapping[str, ArrayLike], *, threads: int | None = None
+) -> Sweep:
+    """Play presses of a scene that differ in some values of the rig, or of the push.
+
+    Every press is what a `ReducedWorld` of its own would do, to the last bit where plectrum and
+    string do not vary. Those that do vary are solved together, which is faster.
+
+    Args:
+        rig: The nominal bench; the scene's `truth` counts, the values replace it.
+        scene: With a push or an ideal finger, which plays the rig's planned press, and its
+            step and level settled.
+        values: SI, by their dotted names as in `sautereau.rig.load.with_values`, of those that
+            `reduced_values.variables` lists; broadcast together.
+        threads: That play at once; None for one for each processor. Without numba they
+            gain nothing.
+
+    Raises:
+        SceneError: A name cannot be varied, the shapes do not fit, or the scene is none for
+            this engine. What is wrong with one press is said by its status alone.
+    """
+    rig = scene.true_rig(rig)
+    check_scene(scene)
+    given, shape = _given(rig, scene, values)
+    presses = int(np.prod(shape))
+    choirs = 1 + len(rig.more_choirs)
+    of = Numbers(rig, scene, given)
+    status = np.where(sound(of, presses), Ending.PLAYED, Ending.OUT_OF_RANGE).astype(np.int64)
+    cells, places, plucks = varied_laws(of, status == Ending.PLAYED)
+    status[(status == Ending.PLAYED) & ~plucks] = Ending.NO_PLUCK
+    with np.errstate(all="ignore"):  # of presses that are not played
+        numbers = benches(of, places)
+    found = np.full((presses, choirs, 4), np.inf)
+    samples, cubics = _drive(of, presses)
+    leg = new_leg(rig, scene)
+    timing = rig.controller.sample_period, steps_of(rig, scene)
+
+    def play(first: int) -> None:
+        last = min(first + CHUNK, presses)
+        play_presses(
+            numbers, cells, first, last, *new_state(choirs), leg.copy(), cubics, samples, timing,
+            found, status,
+        )  # fmt: skip
+
+    with ThreadPoolExecutor(threads or os.cpu_count() or 1) as pool:
+        list(pool.map(play, range(0, presses, CHUNK)))
+    parts = np.moveaxis(found, -1, 0)
+    contact, release, force, speed = (
+        np.ascontiguousarray(part.T).reshape(choirs, *shape) for part in parts
+    )
+    return Sweep(contact, release, force, speed, status.astype(np.int8).reshape(shape))
+
+
+def _given(
+    rig: Rig, scene: Scene, values: Mapping[str, ArrayLike]
+) -> tuple[dict[str, Floats], tuple[int, ...]]:
+    """Return the values flat, those that vary with shape (presses,), and their common shape."""
+    known = variables(rig, scene)
+    unknown = sorted(set(values) - set(known))
+    if unknown:
+        raise SceneError(
+            f"values: {', '.join(unknown)} cannot be varied in this scene; take some of"
+            f" {', '.join(known)}"
+        )
+    arrays = {name: np.asarray(value, float) for name, value in values.items()}
+    try:
+        shape = np.broadcast_shapes(*(v.shape for v in arrays.values()))
+    except ValueError:
+        shapes = ", ".join(f"{name} {v.shape}" for name, v in arrays.items())
+        raise SceneError(
+            f"values: shapes do not fit together: {shapes}; give shapes that broadcast"
+        ) from None
+    flat = {n: np.broadcast_to(v, shape).ravel() if v.ndim else v for n, v in arrays.items()}
+    return flat, shape
+
+
+def _drive(of: Numbers, presses: int) -> tuple[Ints, Floats]:
+    """Return the controller samples of each press, and the joints' cubics of an ideal finger."""
+    rig, push = of.rig, of.scene.push
+    period = rig.controller.sample_period
+    if push:
+        seconds = of("push.duration") + push.rest
+        within = np.where((seconds >= 0) & (seconds < np.inf), seconds, 0.0)
+        samples = np.ceil(within / period - 1e-9).astype(np.int64)
+        return np.array(np.broadcast_to(samples, (presses,))), np.zeros((1, 8))
+    drive = drive_of(rig, of.scene)
+    return np.full(presses, drive.samples, np.int64), _cubics(rig, drive)
+
+
+def _cubics(rig: Rig, drive: Drive) -> Floats:
+    """Return the joints' cubics [rad] over all samples, shape (samples, 8)."""
+    radians = rig.arm.radians_per_count
+    ends = [drive.reference(i)(ENDS) for i in range(drive.samples)]
+    places = np.array([counts for counts, _ in ends]) * radians
+    return joint_cubics(drive.start, places, np.array([speeds for _, speeds in ends]) * radians)

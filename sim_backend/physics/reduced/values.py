@@ -1,0 +1,198 @@
+"""Which values of a scene may vary from press to press, their limits, and the strings' laws."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sautereau.analysis.errors import ModelError
+from sautereau.analysis.model.choirs import choir_pluck, choirs
+from sautereau.analysis.model.pluck.pluck import OVERLAP_MAX, STIFFNESS_RANGE
+from sautereau.rig.instrument import Choir, Damper, Jack, Key, Plectrum, String, Tongue
+from sautereau.rig.schema import Rig
+from sautereau.rig.section import GRAVITY, Section
+from sautereau.sim_backend.errors import SceneError
+from sautereau.sim_backend.parts import Push
+from sautereau.sim_backend.physics.reduced.bench import (
+    Numbers,
+    bending_stiffness,
+    choir_prefixes,
+    static_stiffness,
+)
+from sautereau.sim_backend.physics.reduced.laws import (
+    Laws,
+    elastica_laws,
+    joined,
+    laws_of,
+    mute_law,
+)
+from sautereau.sim_backend.physics.reduced.state import Ints
+from sautereau.sim_backend.scene import Scene
+from sautereau.trajectory.motion import Floats
+
+CHUNK = 192
+"""Plucks that are solved together, few enough for the processor's cache."""
+_LEVER = ("press_arm", "jack_arm", "jack_surface_height", "inertia", "front_heaviness")
+_PLECTRUM = ("youngs_modulus", "width", "thickness", "length", "overlap", "friction")
+_STRING = ("tension", "length", "plucking_point")
+_LIMITS = {"gt": np.greater, "ge": np.greater_equal, "lt": np.less, "le": np.less_equal}
+_DERIVED = ("plectrum.bending_stiffness", "string.static_stiffness")
+
+
+def variables(rig: Rig, scene: Scene) -> dict[str, tuple[type[Section], str] | None]:
+    """Return the keys that may vary in a scene, each with its model and field.
+
+    Those that follow from others, `plectrum.bending_stiffness` and `string.static_stiffness`
+    of the elastica, have none: they may be given in place of what they follow from.
+    """
+    found: dict[str, tuple[type[Section], str] | None] = {}
+
+    def add(prefix: str, model: type[Section], *names: str) -> None:
+        found.update({f"{prefix}.{name}": (model, name) for name in names})
+
+    add("key", Key, *_LEVER)
+    if scene.friction:
+        add("key", Key, "pivot_coulomb_friction", "pivot_viscous_friction")
+    if scene.felt:
+        add("key", Key, "dip", "felt_stiffness", "felt_damping")
+    if scene.push:
+        add("push", Push, "force", "duration")
+    for at in choir_prefixes(rig):
+        if at:
+            add(at[:-1], Choir, "jack_arm")
+        add(f"{at}jack", Jack, "mass", *(("register_friction",) if scene.friction else ()))
+        if scene.damper:
+            add(f"{at}jack.damper", Damper, "lift", "stiffness")
+        if scene.tongue:
+            add(f"{at}jack.tongue", Tongue, "pivot", "bristle_moment", "bristle_stiffness")
+        if scene.plectrum != "none":
+            add(f"{at}jack", Jack, "string_clearance")
+            add(f"{at}plectrum", Plectrum, *_PLECTRUM)
+            add(f"{at}string", String, *_STRING)
+        if scene.plectrum == "elastica":
+            found.update({f"{at}{name}": None for name in _DERIVED})
+    return found
+
+
+def sound(of: Numbers, presses: int) -> NDArray[np.bool_]:
+    """Return which presses have only values within their limits; shape (presses,)."""
+    good = np.ones(presses, bool)
+    known = variables(of.rig, of.scene)
+    for name, value in of.given.items():
+        good &= np.isfinite(value)
+        place = known[name]
+        if not place:
+            good &= value > 0
+            continue
+        model, field = place
+        for limit in model.model_fields[field].metadata:
+            for bound, holds in _LIMITS.items():
+                if hasattr(limit, bound):
+                    good &= holds(value, getattr(limit, bound))
+    for at in choir_prefixes(of.rig):
+        good &= of(f"{at}string.plucking_point") < of(f"{at}string.length")
+        good &= of(f"{at}plectrum.overlap") < of(f"{at}plectrum.length")
+    back = of("jack.mass") * GRAVITY * of("key.jack_arm")
+    return good & (of("key.front_heaviness") < back)
+
+
+def varied_laws(of: Numbers, played: NDArray[np.bool_]) -> tuple[Floats, Floats, NDArray[np.bool_]]:
+    """Return the laws of all strings, and which presses have a pluck.
+
+    Args:
+        of: Values of the keys.
+        played: Which presses have sound values; shape (presses,).
+
+    Returns:
+        Cells of the laws, their places of shape (presses, choirs, 9), and the last of shape
+        (presses,).
+
+    Raises:
+        SceneError: A pluck that does not vary is none.
+    """
+    presses = len(played)
+    plucks = np.ones(presses, bool)
+    prefixes = choir_prefixes(of.rig)
+    rows = np.zeros((presses, len(prefixes)), np.int64)
+    if of.scene.plectrum == "none":
+        law = mute_law()
+        return law.cells, law.places[rows], plucks
+    found: list[Laws] = []
+    count = 0
+    for k, (at, choir) in enumerate(zip(prefixes, choirs(of.rig), strict=True)):
+        names = [f"{at}plectrum.{n}" for n in _PLECTRUM] + [f"{at}string.{n}" for n in _STRING]
+        names += [f"{at}{name}" for name in _DERIVED]
+        if not of.varies(names):
+            try:
+                laws = [laws_of([choir_pluck(choir, of.scene.plectrum)])]
+            except ModelError as error:
+                raise SceneError(f"rig {of.rig.name}: {at}{error}") from error
+            which, good = np.zeros(presses, np.int64), np.ones(1, bool)
+        elif of.scene.plectrum == "elastica":
+            laws, which, good = _elastica(of, at, played)
+        else:
+            laws, which, good = _one_by_one(of, at, choir, played)
+        rows[:, k] = count + which
+        plucks &= good[which]
+        found += laws
+        count += len(good)
+    laws = joined(found)
+    return laws.cells, laws.places[rows], plucks
+
+
+def _elastica(
+    of: Numbers, at: str, played: NDArray[np.bool_]
+) -> tuple[list[Laws], Ints, NDArray[np.bool_]]:
+    with np.errstate(all="ignore"):  # of presses that are not played
+        stiffness, bending = static_stiffness(of, at), bending_stiffness(of, at)
+    overlap, length = of(f"{at}plectrum.overlap"), of(f"{at}plectrum.length")
+    friction = of(f"{at}plectrum.friction")
+    different, which = _different((friction, stiffness, overlap, bending, length), played)
+    friction, stiffness, overlap, bending, length = different
+    low, high = STIFFNESS_RANGE
+    good = (stiffness >= low) & (stiffness <= high) & (overlap <= OVERLAP_MAX * length)
+    stiffness, overlap = np.where(good, (stiffness, overlap), ([[1.0], [0.1]] * length))
+    ends = np.flatnonzero(np.diff(friction)) + 1
+    laws = []
+    for start, stop in zip([0, *ends], [*ends, len(friction)], strict=True):
+        for first in range(start, stop, CHUNK):
+            part = slice(first, min(first + CHUNK, stop))
+            solved, sure = elastica_laws(
+                stiffness[part], overlap[part], bending[part], length[part], float(friction[start])
+            )
+            good[part] &= sure
+            laws.append(solved)
+    return laws, which, good
+
+
+def _one_by_one(
+    of: Numbers, at: str, choir: Choir, played: NDArray[np.bool_]
+) -> tuple[list[Laws], Ints, NDArray[np.bool_]]:
+    keys = [("plectrum", name) for name in _PLECTRUM] + [("string", name) for name in _STRING]
+    different, which = _different([of(f"{at}{part}.{name}") for part, name in keys], played)
+    good = np.ones(different.shape[1], bool)
+    laws = []
+    for row, values in enumerate(different.T.tolist()):
+        parts: dict[str, dict[str, float]] = {"plectrum": {}, "string": {}}
+        for (part, name), value in zip(keys, values, strict=True):
+            parts[part][name] = value
+        changed = {p: getattr(choir, p).model_copy(update=new) for p, new in parts.items()}
+        try:
+            pluck = choir_pluck(choir.model_copy(update=changed), of.scene.plectrum)
+            laws.append(laws_of([pluck]))
+        except ModelError:
+            good[row] = False
+            laws.append(mute_law())
+    return laws, which, good
+
+
+def _different(values: Sequence[Floats], played: NDArray[np.bool_]) -> tuple[Floats, Ints]:
+    """Return the columns that differ among the presses that are played, and each press's own.
+
+    Columns are in order of their first row. A press that is not played has the first one.
+    """
+    table = np.stack([np.broadcast_to(value, played.shape) for value in values])
+    different, inverse = np.unique(table[:, played], axis=1, return_inverse=True)
+    which = np.zeros(len(played), np.int64)
+    which[played] = inverse
+    return different, which

@@ -1,0 +1,1 @@
+"""The rigid-body engine: pymunk bodies, leap-frog steps."""

@@ -1,0 +1,226 @@
+"""The two links of the arm under the controller's position loops."""
+
+import math
+
+import numpy as np
+import pymunk
+
+from sautereau.rig.schema import Rig
+from sautereau.sim_backend.errors import SceneError
+from sautereau.sim_backend.parts import Servo
+from sautereau.sim_backend.physics.finger import Reference
+from sautereau.sim_backend.physics.rigid.bodies import (
+    FAR,
+    INERTIA,
+    MM,
+    REACH,
+    add_arm,
+    add_fingertip,
+    brakes,
+    set_torque,
+)
+from sautereau.sim_backend.physics.rigid.ideal import touching_angle
+from sautereau.sim_backend.physics.servo import PositionLoops
+from sautereau.trajectory.dynamics import armature
+
+SETTLED = 10
+"""Counts of following error at which a standing arm has settled."""
+
+_ENDS = np.array([0.0, 1.0])
+
+
+class ServoFinger:
+    """Two links, their motors under the controller's position loops.
+
+    Link 1 turns as joint 1 does, and carries its armature. That of joint 2 resists the
+    turning of one link against the other, which no rigid body does.
+
+    Args:
+        space: The world.
+        lever: The key's body.
+        rig: The bench.
+        start: rad, joints when power comes on.
+        servo: The loops.
+
+    Raises:
+        SceneError: The motor of joint 2 has a rotor.
+    """
+
+    moment = 0.0
+    stops = math.inf
+
+    def __init__(
+        self,
+        space: pymunk.Space,
+        lever: pymunk.Body,
+        rig: Rig,
+        start: tuple[float, float],
+        servo: Servo,
+    ):
+        first, second = armature(rig.arm)
+        if second > 0:
+            raise SceneError(
+                f"arm.rotor_inertias: joint 2's rotor adds {second:.4g} kg m^2 to its joint, and a"
+                f' servo scene models the rotor of joint 1 alone; set it to "0 kg m^2" in the'
+                ' scene\'s table [truth] or in the rig, or take finger = "ideal"'
+            )
+        self._rig, arm = rig, rig.arm
+        self._space = space
+        self._radians = arm.radians_per_count
+        self._period = rig.controller.sample_period
+        self._loops = PositionLoops(servo, arm, self._period)
+        self._base = arm.base_x * MM, arm.base_z * MM
+        self._lengths = arm.upper_length * MM, arm.lower_length * MM
+        self._height = (rig.key.surface_height + arm.fingertip_radius) * MM
+        self.upper, self.lower = add_arm(space, arm, start)
+        self.upper.moment += first * INERTIA
+        self._tip = add_fingertip(space, lever, self.lower, rig.key, arm)
+        self._brakes = brakes(space, self.upper, self.lower)
+        space.add(*self._brakes)
+        self._start = start
+        self._powered = False
+        self._apart = False
+        self._error = (0.0, 0.0)
+        self._torque = (0.0, 0.0)
+        self._late = (0.0, 0.0)
+        self._bound: list[tuple[pymunk.Body, pymunk.Vec2d, tuple[float, float], float, float]] = []
+        self._spins = (0.0, 0.0)
+        self._growth = (0.0, 0.0)
+
+    def joints(self) -> tuple[float, float]:
+        """Return the joint angles [rad]."""
+        first = self.upper.angle
+        return first, self.lower.angle - first
+
+    def torques(self) -> tuple[float, float]:
+        """Return the motors' torques [N m]."""
+        return self._torque[0] / MM, self._torque[1] / MM
+
+    def drive(self, offsets: tuple[float, float], limits: tuple[float, float]) -> None:
+        """Add torques [N m] to the loops' from now on, and limit [N m] what the motors get."""
+        self._loops.offsets, self._loops.limits = offsets, limits
+
+    @property
+    def settled(self) -> bool:
+        """Whether both loops are within `SETTLED` counts, or the motors are off."""
+        return not self._powered or max(map(abs, self._error)) <= SETTLED
+
+    def begin(self, reference: Reference, powered: bool, time: float) -> bool:
+        """Read the encoders and set the torques for a controller sample; see `Driven`."""
+        jumped = powered != self._powered
+        if jumped:
+            self._powered = powered
+            if powered:
+                self._space.remove(*self._brakes)
+                self._loops.engage(self.joints())
+            else:
+                self._space.add(*self._brakes)
+        before = self._torque
+        self._torque = self._set(reference) if powered else (0.0, 0.0)
+        if not jumped:  # half of the last kick was for this sample, with the torque before
+            (first, second), (a, b) = self._torque, before
+            self._late = (first - a) / 2, (second - b) / 2
+        return jumped
+
+    def act(self, elapsed: float, angle: float, ahead: float, step: float, share: float) -> None:
+        """Apply the motors' torques; see `Driven`."""
+        (first, second), (a, b) = self._torque, self._late
+        first, second = first * share + a, second * share + b
+        set_torque(self.upper, first - second)
+        set_torque(self.lower, second)
+
+    def push(self, weight: float) -> float:
+        """Return the force [N] on the key; see `Driven`."""
+        self._late = (0.0, 0.0)
+        first, second = self._spins
+        self._spins = a, b = self.upper.angular_velocity, self.lower.angular_velocity
+        self._growth = (a - first) / weight, (b - second) / weight
+        if self._apart:
+            return 0.0
+        force = self._tip.impulse / weight
+        if not force > 0:
+            self._apart = True
+            self._tip.max = 2 * FAR
+        return force
+
+    def closes(self, angle: float, step: float) -> bool:
+        """Return whether a finger that is apart meets the key within a step; see `Driven`."""
+        if not self._apart:
+            return False
+        a, b = self._spins
+        gap = self._above(self.upper.angle + a * step, self.lower.angle + b * step, angle)
+        return gap < 0
+
+    def gap(self, angle: float, time: float, ahead: float) -> float:
+        """Return the gap [mm] to the key some time ahead; see `Driven`."""
+        if not self._apart:
+            return math.inf
+        (a, b), (growth_a, growth_b) = self._spins, self._growth
+        forward = (time - ahead) / 2
+        a, b = a + growth_a * forward, b + growth_b * forward
+        return self._above(self.upper.angle + a * time, self.lower.angle + b * time, angle)
+
+    def land(self, time: float) -> None:
+        """Touch the key from now on; see `Driven`."""
+        self._apart = False
+        self._tip.max = FAR - REACH
+
+    def glide(self, back: float, drift: float) -> None:
+        """Take back what the last kick gave too much, and find where a drift leads."""
+        (a, b), (growth_a, growth_b) = self._spins, self._growth
+        self._spins = a, b = a - growth_a * back, b - growth_b * back
+        first, second = self.upper.angle, self.lower.angle
+        l1, l2 = self._lengths
+        x, z = -l1 * math.sin(first) * a, l1 * math.cos(first) * a
+        end_x, end_z = -l2 / 2 * math.sin(second) * b, l2 / 2 * math.cos(second) * b
+        self._bound = [
+            (body, position + drift * pymunk.Vec2d(*speed), speed, angle + spin * drift, spin)
+            for body, position, speed, angle, spin in (
+                (self.upper, self.upper.position, (x / 2, z / 2), first, a),
+                (self.lower, self.lower.position, (x + end_x, z + end_z), second, b),
+            )
+        ]
+
+    def place(self, step: float) -> None:
+        """Put the links so that a step leads to where they shall be; see `Driven`."""
+        for body, place, speed, angle, spin in self._bound:
+            body.position = place - step * pymunk.Vec2d(*speed)
+            body.velocity = speed
+            body.angle, body.angular_velocity = angle - spin * step, spin
+
+    def rest(self, angle: float) -> tuple[float, float]:
+        """End a controller sample; see `Driven`."""
+        l1, l2 = self._lengths
+        first, second = self.upper.angle, self.lower.angle
+        up_x, up_z = l1 / 2 * math.cos(first), l1 / 2 * math.sin(first)
+        out_x, out_z = l2 / 2 * math.cos(second), l2 / 2 * math.sin(second)
+        (x, z), (lower_x, lower_z) = self.upper.position, self.lower.position
+        shoulder = math.hypot(x - up_x - self._base[0], z - up_z - self._base[1])
+        hinge = math.hypot(x + up_x - lower_x + out_x, z + up_z - lower_z + out_z)
+        tip_x, tip_z = lower_x + out_x, lower_z + out_z
+        gap = tip_z * math.cos(angle) - tip_x * math.sin(angle) - self._height
+        if gap < 0 or (not self._apart and gap < REACH):
+            angle = touching_angle(self._rig, tip_x / MM, tip_z / MM)
+        return angle, max(shoulder, hinge, -gap)
+
+    def _set(self, reference: Reference) -> tuple[float, float]:
+        """Return the motors' torques [N mm] for the sample that begins."""
+        counts, speeds = reference(_ENDS)
+        (wanted, _), (now, then) = counts.tolist(), speeds.tolist()
+        joints, radians = self.joints(), self._radians
+        start = self._start
+        self._error = error = (
+            wanted[0] - round((joints[0] - start[0]) / radians),
+            wanted[1] - round((joints[1] - start[1]) / radians),
+        )
+        per_sample = radians / self._period**2
+        growth = (then[0] - now[0]) * per_sample, (then[1] - now[1]) * per_sample
+        first, second = self._loops.torque(error, growth)
+        return first * MM, second * MM
+
+    def _above(self, first: float, second: float, angle: float) -> float:
+        """Return the gap [mm] of the fingertip to a key at an angle [rad]; links' angles."""
+        l1, l2 = self._lengths
+        x = self._base[0] + l1 * math.cos(first) + l2 * math.cos(second)
+        z = self._base[1] + l1 * math.sin(first) + l2 * math.sin(second)
+        return z * math.cos(angle) - x * math.sin(angle) - self._height

@@ -1,0 +1,172 @@
+"""The bench as rigid bodies in pymunk, in millimetres, grams and milliseconds.
+
+In these units force is in newtons and speed in metres a second, and the engine's
+tolerances, made for worlds of order one, are small against the bench.
+
+What touches is held apart by one-sided joints and not by shapes that collide: they cost a
+third, tell their force for the asking, and have no overlap to play with. A plane is a joint
+to a point so far behind it (`FAR`) that the sphere about that point is flat on the bench.
+"""
+
+import math
+from collections.abc import Callable, Sequence
+from typing import cast
+
+import pymunk
+from pymunk.constraints import (
+    Constraint,
+    GrooveJoint,
+    PinJoint,
+    PivotJoint,
+    RotaryLimitJoint,
+    SimpleMotor,
+    SlideJoint,
+)
+
+from sautereau.rig.instrument import Jack, Key
+from sautereau.rig.schema import Arm
+from sautereau.rig.section import GRAVITY
+
+MM = 1e3
+"""Millimetres a metre; also N mm a N m, grams a kilogram, milliseconds a second."""
+INERTIA = 1e9
+"""g mm^2 a kg m^2."""
+WEIGHT = (0.0, -GRAVITY / MM)
+"""mm/ms^2, of gravity."""
+FAR = 1e6
+"""mm, from a plane to the point that stands for it; over 1 mm the sphere falls by 5e-7 mm."""
+REACH = 1e-3
+"""mm, by which surfaces that touch may drift apart and are still held to each other."""
+RAIL_REACH = 1e-9
+"""rad, of the key above its back rail at which they touch."""
+
+# A body's properties by their setters: through the property each takes twice as long.
+set_torque = cast(Callable[[pymunk.Body, float], None], pymunk.Body.torque.fset)
+set_force = cast(Callable[[pymunk.Body, tuple[float, float]], None], pymunk.Body.force.fset)
+set_angle = cast(Callable[[pymunk.Body, float], None], pymunk.Body.angle.fset)
+set_position = cast(Callable[[pymunk.Body, tuple[float, float]], None], pymunk.Body.position.fset)
+
+_HEAVY = 1e9
+"""g, of the key: its pin takes all of it, and it is the moment of inertia that turns."""
+_STILL = 1e-300
+"""Speed at which a one-sided joint would mend an overlap: none, for that would be a bounce."""
+
+
+def new_space(iterations: int) -> pymunk.Space:
+    """Return an empty world with gravity."""
+    space = pymunk.Space()
+    space.gravity = WEIGHT
+    space.iterations = iterations
+    return space
+
+
+def add_key(space: pymunk.Space, key: Key, angle: float) -> pymunk.Body:
+    """Add the key on its pin and its back rail, at an angle [rad].
+
+    The centre of mass is at the pin: weight acts as the moment that the world applies.
+    """
+    body = pymunk.Body(_HEAVY, key.inertia * INERTIA)
+    body.angle = angle
+    pin = PivotJoint(space.static_body, body, (0, 0), (0, 0))
+    rail = RotaryLimitJoint(space.static_body, body, RAIL_REACH, 2 * math.pi)
+    space.add(body, _hard(pin), _one_sided(rail))
+    return body
+
+
+def add_pivot_friction(space: pymunk.Space, body: pymunk.Body, moment: float) -> Constraint:
+    """Add the dry friction [N mm] at the pin."""
+    dry = SimpleMotor(space.static_body, body, 0)
+    dry.max_force = moment
+    space.add(dry)
+    return dry
+
+
+def add_jack(
+    space: pymunk.Space, lever: pymunk.Body, key: Key, jack: Jack, rise: float
+) -> tuple[pymunk.Body, Constraint]:
+    """Add a jack, upright in its register, at a rise [mm]; returns it and its foot on the key.
+
+    Args:
+        space: The world.
+        lever: The key's body.
+        key: The key as the lever under this jack.
+        jack: The jack.
+        rise: mm, above its rest.
+    """
+    x, z = key.jack_arm * MM, key.jack_surface_height * MM
+    body = pymunk.Body(jack.mass * MM, math.inf)
+    body.position = (x, z + rise)
+    register = GrooveJoint(space.static_body, body, (x, z - FAR), (x, z + FAR), (0, 0))
+    foot = SlideJoint(lever, body, (x, z - FAR), (0, 0), FAR + REACH, 2 * FAR)
+    _one_sided(foot)
+    space.add(body, _hard(register), foot)
+    return body, foot
+
+
+def add_register_friction(space: pymunk.Space, body: pymunk.Body, force: float) -> Constraint:
+    """Add the dry friction [N] of a jack in its register."""
+    x, z = body.position
+    dry = PinJoint(space.static_body, body, (x, z + FAR), (0, 0))
+    dry.max_bias = 0
+    dry.max_force = force
+    space.add(dry)
+    return dry
+
+
+def add_driver(space: pymunk.Space, lever: pymunk.Body) -> tuple[pymunk.Body, Constraint]:
+    """Add a body whose turning the key may outrun and not lag; returns it and its contact."""
+    body = pymunk.Body(body_type=pymunk.Body.KINEMATIC)
+    contact = RotaryLimitJoint(body, lever, math.inf, math.inf)
+    space.add(body, _one_sided(contact))
+    return body, contact
+
+
+def add_arm(
+    space: pymunk.Space, arm: Arm, joints: Sequence[float]
+) -> tuple[pymunk.Body, pymunk.Body]:
+    """Add the two links at joint angles [rad], as slender rods; returns upper and lower."""
+    l1, l2 = arm.upper_length * MM, arm.lower_length * MM
+    base = pymunk.Vec2d(arm.base_x * MM, arm.base_z * MM)
+    first, total = joints[0], joints[0] + joints[1]
+    upper = pymunk.Body(arm.upper_mass * MM, arm.upper_mass * MM * l1**2 / 12)
+    lower = pymunk.Body(arm.lower_mass * MM, arm.lower_mass * MM * l2**2 / 12)
+    upper.angle, lower.angle = first, total
+    elbow = base + pymunk.Vec2d(l1, 0).rotated(first)
+    upper.position = base + pymunk.Vec2d(l1 / 2, 0).rotated(first)
+    lower.position = elbow + pymunk.Vec2d(l2 / 2, 0).rotated(total)
+    shoulder = PivotJoint(space.static_body, upper, base, (-l1 / 2, 0))
+    hinge = PivotJoint(upper, lower, (l1 / 2, 0), (-l2 / 2, 0))
+    space.add(upper, lower, _hard(shoulder), _hard(hinge))
+    return upper, lower
+
+
+def add_fingertip(
+    space: pymunk.Space, lever: pymunk.Body, lower: pymunk.Body, key: Key, arm: Arm
+) -> Constraint:
+    """Add the contact of the fingertip, at the end of the lower link, with the key."""
+    height = (key.surface_height + arm.fingertip_radius) * MM
+    behind = (-key.press_arm * MM, height + FAR)
+    end = (arm.lower_length * MM / 2, 0)
+    tip = SlideJoint(lever, lower, behind, end, 0, FAR - REACH)
+    _one_sided(tip)
+    space.add(tip)
+    return tip
+
+
+def brakes(
+    space: pymunk.Space, upper: pymunk.Body, lower: pymunk.Body
+) -> tuple[SimpleMotor, SimpleMotor]:
+    """Return the brakes that hold both joints while they are added to the space."""
+    return SimpleMotor(space.static_body, upper, 0), SimpleMotor(upper, lower, 0)
+
+
+def _hard(joint: Constraint) -> Constraint:
+    """Let a joint take back all of its drift in one step."""
+    joint.error_bias = 0.0
+    return joint
+
+
+def _one_sided(joint: Constraint) -> Constraint:
+    """Let a joint hold speeds and not places: where it begins is found inside the step."""
+    joint.max_bias = _STILL
+    return joint

@@ -1,0 +1,125 @@
+"""A fingertip exactly where the reference is, whatever meets it."""
+
+import math
+
+import numpy as np
+import pymunk
+
+from sautereau.rig.schema import Rig
+from sautereau.sim_backend.errors import SceneError
+from sautereau.sim_backend.physics.finger import PlacelessFinger, Reference
+from sautereau.sim_backend.physics.rigid.bodies import MM, add_driver
+from sautereau.trajectory.arm import fingertip_place
+
+
+def touching_angle(rig: Rig, x: float, z: float) -> float:
+    """Return the angle [rad] at which the key touches a fingertip centred at (x, z) [m].
+
+    Raises:
+        SceneError: The fingertip is too near the balance pin to touch the key.
+    """
+    height = rig.key.surface_height + rig.arm.fingertip_radius
+    squared = x * x + z * z - height * height
+    if not squared > 0:
+        raise _too_near(height)
+    return math.atan2(-x, z) - math.atan2(math.sqrt(squared), height)
+
+
+class IdealFinger(PlacelessFinger):
+    """A fingertip that no force moves.
+
+    The key may never be below the angle at which it touches the fingertip. So it may not turn
+    slower than leads to that angle, step by step: a kinematic body turns with that spin, and
+    a one-sided joint keeps the key from lagging it.
+
+    Args:
+        space: The world.
+        lever: The key's body.
+        rig: The bench.
+        start: rad, joints when power comes on.
+        steps: Longest steps in a controller sample.
+        cells: Shortest steps in one.
+    """
+
+    def __init__(
+        self,
+        space: pymunk.Space,
+        lever: pymunk.Body,
+        rig: Rig,
+        start: tuple[float, float],
+        steps: int,
+        cells: int,
+    ):
+        super().__init__(start)
+        self._arm = rig.arm
+        self._height = rig.key.surface_height + rig.arm.fingertip_radius
+        self._radians = rig.arm.radians_per_count
+        self._start = np.array(start)
+        self._body, self._contact = add_driver(space, lever)
+        cells = max(cells, 4)
+        self._per_ms = cells / (rig.controller.sample_period * MM)
+        self._fractions = np.arange(cells + math.ceil(cells / steps) + 1) / cells
+        self._end = cells
+        self._angles: list[float] = []
+        self._reaches: list[float] = []
+        self._reach = 1.0
+
+    def begin(self, reference: Reference, powered: bool, time: float) -> bool:
+        """Work out the key's least angle over a controller sample; see `Driven`."""
+        counts, _ = reference(self._fractions)
+        joints = self._start + counts * self._radians
+        place = fingertip_place(self._arm, joints)
+        x, z = place[:, 0], place[:, 1]
+        squared = x * x + z * z - self._height**2
+        if not squared.min() > 0:
+            raise _too_near(self._height)
+        reach = np.sqrt(squared)
+        self._angles = (np.arctan2(-x, z) - np.arctan2(reach, self._height)).tolist()
+        self._reaches = (reach * MM).tolist()
+        first, second = joints[self._end].tolist()
+        self._joints = (first, second)
+        return False
+
+    def act(self, elapsed: float, angle: float, ahead: float, step: float, share: float) -> None:
+        """Turn as fast as the key has to; see `Driven`."""
+        if ahead < step / 4:  # the key takes its error back in no less time
+            now = self._least(elapsed)
+            spin = (self._least(elapsed + ahead) - now) / ahead + (now - angle) / (step / 4)
+        else:
+            spin = (self._least(elapsed + ahead) - angle) / ahead
+        self._body.angular_velocity = spin
+        cell = min(int(elapsed * self._per_ms + 0.5), len(self._reaches) - 1)
+        self._reach = self._reaches[cell]
+
+    def push(self, weight: float) -> float:
+        """Return the force [N] on the key; see `Driven`."""
+        return self._contact.impulse / (weight * self._reach)
+
+    def rest(self, angle: float) -> tuple[float, float]:
+        """Return the angle, and by how much [mm] the key is in the fingertip."""
+        return angle, max(0.0, (self._angles[self._end] - angle) * self._reaches[self._end])
+
+    def _least(self, elapsed: float) -> float:
+        """Return the least angle [rad] of the key at a time [ms], by cubics between cells."""
+        place = elapsed * self._per_ms
+        cell = int(place + 0.5)
+        u = place - cell
+        angles = self._angles
+        if abs(u) < 1e-9:
+            return angles[cell]
+        first = min(max(int(place) - 1, 0), len(angles) - 4)
+        a, b, c, d = angles[first : first + 4]
+        u = place - first
+        return (
+            a * (u - 1) * (u - 2) * (u - 3) / -6
+            + b * u * (u - 2) * (u - 3) / 2
+            - c * u * (u - 1) * (u - 3) / 2
+            + d * u * (u - 1) * (u - 2) / 6
+        )
+
+
+def _too_near(height: float) -> SceneError:
+    return SceneError(
+        f"contact: the fingertip comes within {height * 1e3:.4g} mm of the balance pin, where it"
+        " touches the key at no angle; start elsewhere, or move arm.base_x"
+    )

@@ -1,0 +1,224 @@
+"""A string that moves by its modes under its plectrum, and swings on when it is let go.
+
+Where the plectrum may touch the string, both are solved together in steps that the modes can
+follow; elsewhere the string is carried in one jump when it is asked for. A string that still
+swings meets a rising plectrum below its rest and chatters on it; contacts are counted where
+the jack passes that rest all the same. A plectrum that falls back passes the string there,
+wherever the string has swung to, and the tongue's force does not move the string.
+"""
+
+import math
+from dataclasses import dataclass
+
+from sautereau.analysis.errors import ModelError
+from sautereau.analysis.model.plectrum.levels import plectrum_map
+from sautereau.analysis.model.string.contact import SHARE, Contact
+from sautereau.analysis.model.string.free import FreeString
+from sautereau.analysis.model.string.modal import MODES
+from sautereau.analysis.model.string.string import ModalString
+from sautereau.rig.instrument import Choir
+from sautereau.sim_backend.errors import SceneError
+from sautereau.sim_backend.physics.events import PluckEvents, StringEvent
+from sautereau.sim_backend.physics.rigid.pluck import MM, Plucking
+from sautereau.sim_backend.scene import Scene
+
+
+@dataclass
+class Swing:
+    """A stretch in which no plectrum is in the string's way and its decay stays the same."""
+
+    start: float
+    """s on the world's clock, time 0 of `string`."""
+    string: FreeString
+    end: float = math.inf
+    """s on the world's clock; infinite while it lasts."""
+
+
+class ModalPlucking:
+    """The moving string of one choir, which finds its release by itself.
+
+    Its states are those of the spring string; only what it is held by differs.
+
+    Args:
+        choir: String, plectrum and jack.
+        scene: Its level, and whether there are tongue and damper.
+        number: Of the choir, 0 for the first.
+        events: To which contacts, releases and returns are added.
+        modes: Number of modes that move.
+
+    Raises:
+        SceneError: The level has no pluck for this choir, or its damper is too strong.
+    """
+
+    def __init__(
+        self, choir: Choir, scene: Scene, number: int, events: PluckEvents, modes: int = MODES
+    ):
+        self._passed = PluckEvents()
+        self._states = Plucking(choir, scene, number, self._passed)
+        self.number, self.events = number, events
+        damper = choir.jack.damper if scene.damper else None
+        self._at = f"more_choirs[{number - 1}]." if number else ""
+        self._clearance = choir.jack.string_clearance * MM
+        self._lift = damper.lift * MM if damper else -math.inf
+        self._felt = damper is not None
+        try:
+            self._free = ModalString(choir.string, modes)
+            self._damped = ModalString(choir.string, modes, damper.decay if damper else 0.0)
+            plectrum = plectrum_map(choir.plectrum, scene.plectrum)
+        except ModelError as error:
+            raise SceneError(f"{self._at}{error}") from error
+        string = self._damped if self._felt else self._free
+        self._contact = contact = Contact(plectrum, choir.plectrum.overlap, string)
+        self._longest = SHARE / (choir.string.frequency * modes)
+        self._stiff = -1 / contact.bend.at(contact.rest, 0.0)[9] / MM
+        self._pull = 0.0
+        self._reach = 0.0  # m, below its rest
+        self._over = True  # the plectrum, or on it
+        self._swung: float | None = 0.0  # s, up to when; None where it may be touched
+        self.swings: list[Swing] = []
+        """Where the string has been, in order of time."""
+        self.stiffest = max(self._states.stiffest, self._stiff)
+        self._enter(holding=False, carries=True)
+
+    def force(self, rise: float, previous: float, time: float, step: float) -> float:
+        """Return the force [N] on the jack at the end of a step, downwards; see `Plucked`.
+
+        Where the string is let go or struck within the step, it is the force that gives a
+        leap-frog scheme the momentum of what truly acted. Without a step it is the present one.
+
+        Raises:
+            SceneError: No place on the plectrum balances the string.
+        """
+        down = rise < self._lift
+        if not self._carries and (down == self._felt or step == 0):
+            return self._states.force(rise, previous, time, step)
+        if step == 0:
+            return self._pull
+        before, momentum, begun, left = self._pull, 0.0, previous, step
+        if down != self._felt:
+            if down != (previous < self._lift):
+                begun, left = self._lift, step * (rise - self._lift) / (rise - previous)
+                momentum = self._go(begun, previous, time, step - left)
+            time += step - left
+            self._put_felt(down, time)
+        momentum += self._go(rise, begun, time, left)
+        if not self._carries and momentum == 0.0:
+            return self._states.force(rise, previous, time, step)
+        return momentum / step + (self._pull - before) / 2
+
+    def cross(self, upwards: bool, time: float) -> None:
+        """Go to the next state; see `Plucked`."""
+        returns = len(self._passed.returns)
+        self._states.cross(upwards, time)
+        if len(self._passed.returns) > returns:
+            self.events.returns.append(self._passed.returns[-1])
+            self._over = False  # unless it turns out to be
+            self._enter(holding=False, carries=True)
+        elif self._carries and upwards:
+            self._meet(time)
+        else:
+            self._enter(holding=False, carries=self._carries)
+
+    def _enter(self, *, holding: bool, carries: bool) -> None:
+        """Take over the bounds of a state: held, below where it may carry too, or another."""
+        self._holding, self._carries = holding, carries
+        self.low, self.high = self._states.low, self._states.high
+        self.stiffness = self._states.stiffness
+        if holding:
+            self.high, self.stiffness = math.inf, self._stiff
+
+    def _meet(self, time: float) -> None:
+        if self._over:
+            self.events.contacts.append(StringEvent(time, self.number, self._pull))
+            self._enter(holding=True, carries=True)
+        else:  # it has slid off before, and not swung over the plectrum since
+            self._rise_above(time)
+
+    def _rise_above(self, time: float) -> None:
+        self._states.cross(True, time)
+        if self._swung is None:
+            self._begin_swing(time)
+        self._enter(holding=False, carries=False)
+
+    def _go(self, rise: float, previous: float, time: float, step: float) -> float:
+        """Carry the string through a step, and return the momentum [N s] that the jack lost."""
+        self._pull = 0.0
+        if step <= 0 or self._out_of_reach((max(rise, previous) - self._clearance) / MM, time):
+            return 0.0
+        if self._swung is not None:
+            self._end_swing(time)
+            self._swung = None
+        contact = self._contact
+        count = max(1, math.ceil(step / self._longest - 1e-9))
+        part, growth = step / count, (rise - previous) / MM / count
+        height, momentum = (previous - self._clearance) / MM, 0.0
+        for i in range(count):
+            begin, end = height + growth * i, height + growth * (i + 1)
+            if not self._over:
+                contact.swing(part)
+                self._over = contact.lift >= end
+                continue
+            before = contact.found.up
+            try:
+                taken = contact.advance(part, begin, end)
+            except ModelError as error:
+                raise SceneError(f"{self._at}{error}") from error
+            momentum += taken * (before + contact.found.up) / 2
+            if taken < part:
+                self._slip(time + i * part + taken)
+                if not self._carries:
+                    return momentum
+                contact.swing(part - taken)
+        self._pull = contact.found.up
+        return momentum
+
+    def _out_of_reach(self, height: float, time: float) -> bool:
+        """Return whether the plectrum will not touch the string up to a height [m]."""
+        if self._holding:
+            return False
+        if self._carries:
+            if height > -self._reach:
+                self._swing_to(time)
+                self._reach = self._contact.reach
+            if height > -self._reach:
+                return False
+            self._over = True
+        if self._swung is None:
+            self._begin_swing(time)
+        return True
+
+    def _slip(self, time: float) -> None:
+        """Let the string slide off the tip, released if it was held."""
+        force = self._contact.found.up
+        self._over = False
+        self._contact.leave()
+        if self._holding:
+            self.events.releases.append(StringEvent(time, self.number, force))
+            self._rise_above(time)
+
+    def _put_felt(self, down: bool, time: float) -> None:
+        """Let the damper's felt down on the string, or lift it."""
+        if self._swung is not None:
+            self._end_swing(time)
+        self._felt = down
+        self._contact.string = self._damped if down else self._free
+        if self._swung is not None:
+            self._begin_swing(time)
+
+    def _begin_swing(self, time: float) -> None:
+        contact = self._contact
+        contact.leave()
+        self._swung, self._reach = time, contact.reach
+        if self._reach > 0:
+            self.swings.append(Swing(time, FreeString(contact.string, contact.state)))
+
+    def _end_swing(self, time: float) -> None:
+        self._swing_to(time)
+        if self._reach > 0:
+            self.swings[-1].end = time
+
+    def _swing_to(self, time: float) -> None:
+        if self._swung is not None and time > self._swung:
+            if self._reach > 0:
+                self._contact.swing(time - self._swung)
+            self._swung = time

@@ -1,0 +1,172 @@
+"""A spring string under its plectrum: the four states of docs/stand-in.md, in mm and N."""
+
+import math
+from collections.abc import Callable
+from typing import Protocol
+
+import numpy as np
+
+from sautereau.analysis.errors import ModelError
+from sautereau.analysis.model.choirs import choir_pluck
+from sautereau.rig.instrument import Choir
+from sautereau.sim_backend.errors import SceneError
+from sautereau.sim_backend.physics.events import PluckEvents, StringEvent
+from sautereau.sim_backend.scene import Scene
+
+TABLE = 2048
+"""Cells of the table of the force over the height."""
+MM = 1e3
+
+
+class Plucked(Protocol):
+    """A string and its plectrum, as a jack meets them."""
+
+    low: float
+    """mm, rise of the jack below which the present state ends; -inf where it finds it itself."""
+    high: float
+    """mm, rise of the jack above which the present state ends; inf where it finds it itself."""
+    stiffness: float
+    """N/mm, largest with which it holds the jack in its present state."""
+    stiffest: float
+    """N/mm, largest in any state."""
+
+    def force(self, rise: float, previous: float, time: float, step: float) -> float:
+        """Return the force [N] on the jack at the end of a step, downwards.
+
+        Called once for every step of the world, in order; the steps need not be even.
+
+        Args:
+            rise: mm, of the jack at the end of the step.
+            previous: mm, at its start.
+            time: s on the world's clock, of its start.
+            step: s.
+        """
+        ...
+
+    def cross(self, upwards: bool, time: float) -> None:
+        """Go to the next state: the jack has come to `high`, or else to `low`.
+
+        Args:
+            upwards: Which of the two.
+            time: s on the world's clock.
+        """
+        ...
+
+
+class Plucking:
+    """The quasi-static string of one choir; the engine finds when the jack leaves a state.
+
+    Args:
+        choir: String, plectrum and jack.
+        scene: Its level, and whether there is a tongue.
+        number: Of the choir, 0 for the first.
+        events: To which contacts, releases and returns are added.
+
+    Raises:
+        SceneError: The level has no pluck for this choir.
+    """
+
+    def __init__(self, choir: Choir, scene: Scene, number: int, events: PluckEvents):
+        try:
+            pluck = choir_pluck(choir, scene.plectrum)
+        except ModelError as error:
+            at = f"more_choirs[{number - 1}]." if number else ""
+            raise SceneError(f"{at}{error}") from error
+        self.number = number
+        self.events = events
+        self.clearance = choir.jack.string_clearance * MM
+        self.release_height = pluck.release_height * MM
+        heights = np.linspace(0, pluck.release_height, TABLE + 1)
+        force = pluck.force_on_jack(heights)
+        self._force = [*force.tolist(), float(force[-1])]
+        self._growth = [*np.diff(force).tolist(), 0.0]
+        self._per_mm = TABLE / self.release_height
+        self._steepest = float(np.abs(np.diff(force)).max()) * self._per_mm
+        self._travel, self._moment, self._turning, self._lever = _tongue(choir, scene)
+        self._yielding = self._turning / self._lever**2 if self._travel else 0.0
+        self.stiffest = max(self._steepest, self._yielding)
+        self._go_below()
+
+    def force(self, rise: float, previous: float, time: float, step: float) -> float:
+        """Return the force [N] on the jack, downwards; see `Plucked`."""
+        return self._law(rise)
+
+    def cross(self, upwards: bool, time: float) -> None:
+        """Go to the next state; see `Plucked`."""
+        self._upwards[upwards](time)
+
+    def _go_below(self) -> None:
+        self._enter(_nothing, -math.inf, self.clearance, 0.0, self._never, self._contact)
+
+    def _go_above(self) -> None:
+        self._enter(_nothing, self.clearance, math.inf, 0.0, self._reach_from_above, self._never)
+
+    def _contact(self, time: float) -> None:
+        self.events.contacts.append(StringEvent(time, self.number, self._force[0]))
+        top = self.clearance + self.release_height
+        self._enter(self._held, self.clearance, top, self._steepest, self._let_down, self._release)
+
+    def _release(self, time: float) -> None:
+        self.events.releases.append(StringEvent(time, self.number, self._force[TABLE]))
+        self._go_above()
+
+    def _let_down(self, time: float) -> None:
+        self._go_below()
+
+    def _reach_from_above(self, time: float) -> None:
+        if self._travel == 0:
+            self._return(time)
+            return
+        low, high = self.clearance - self._travel, self.clearance
+        self._enter(self._passing, low, high, self._yielding, self._return, self._lift_again)
+
+    def _lift_again(self, time: float) -> None:
+        self._go_above()
+
+    def _return(self, time: float) -> None:
+        force = self._passing(self.clearance - self._travel)
+        self.events.returns.append(StringEvent(time, self.number, force))
+        self._go_below()
+
+    def _never(self, time: float) -> None:
+        raise SceneError(
+            f"choir {self.number}: the jack left a state of its string that has no such end, at"
+            f" {time:.6g} s; lower the scene's step"
+        )
+
+    def _enter(
+        self,
+        law: Callable[[float], float],
+        low: float,
+        high: float,
+        stiffness: float,
+        at_low: Callable[[float], None],
+        at_high: Callable[[float], None],
+    ) -> None:
+        self._law, self.low, self.high, self.stiffness = law, low, high, stiffness
+        self._upwards = (at_low, at_high)
+
+    def _held(self, rise: float) -> float:
+        cell = (rise - self.clearance) * self._per_mm
+        low = min(max(int(cell), 0), TABLE)
+        return self._force[low] + (cell - low) * self._growth[low]
+
+    def _passing(self, rise: float) -> float:
+        if self._travel == 0:
+            return 0.0
+        drop = self.clearance - rise
+        return -(self._moment + self._turning * drop / self._lever) / self._lever
+
+
+def _tongue(choir: Choir, scene: Scene) -> tuple[float, float, float, float]:
+    """Return travel [mm], bristle moment [N mm] and stiffness [N mm/rad], and lever [mm]."""
+    tongue, plectrum = choir.jack.tongue, choir.plectrum
+    if not scene.tongue or tongue is None:
+        return 0.0, 0.0, 0.0, 0.0
+    lever = (plectrum.length - plectrum.overlap) * MM
+    travel = lever * plectrum.overlap / tongue.pivot
+    return travel, tongue.bristle_moment * MM, tongue.bristle_stiffness * MM, lever
+
+
+def _nothing(rise: float) -> float:
+    return 0.0

@@ -1,0 +1,1 @@
+"""Where to clamp the robot, and where it is clamped."""

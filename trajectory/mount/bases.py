@@ -1,0 +1,161 @@
+"""One press at many bases at once: the residual of the hold, and the margin of each limit.
+
+Where a base cannot reach the key, the arm is taken as stretched or folded towards it, so
+that every number stays finite and says by how much a limit is missed.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from sautereau.rig.schema import Arm, Rig
+from sautereau.trajectory.arm import link_vectors
+from sautereau.trajectory.dynamics import gravity_torque
+from sautereau.trajectory.key import angle_of_rise, surface_axes
+from sautereau.trajectory.motion import Floats, dot
+from sautereau.trajectory.verify import SINGULARITY_MARGIN
+
+ELBOWS = ("up", "down")
+LIMITS = {
+    "reach": "widen arm.mount_x and arm.mount_z towards the key, or lengthen the links",
+    "singularity": "the elbow would be straight, folded or on its other side: widen arm.mount_x"
+    " and arm.mount_z, or change the links' lengths",
+    "contact on the key": 'widen arm.mount_x, or set press.hold = "point"',
+    "joint 1 limits": "widen arm.lower_limits and arm.upper_limits",
+    "joint 2 limits": "widen arm.lower_limits and arm.upper_limits",
+    "elbow clearance": "the elbow would come below key.neighbour_height: raise arm.mount_z",
+    "torque": "raise arm.torque_limit, or lighten the links",
+}
+"""What may exclude a base, each with what would mend it."""
+
+
+class Stance(NamedTuple):
+    """What n bases give with one elbow."""
+
+    residual: Floats
+    """Tilt [rad] or slide [m], as the hold leaves over, at each angle; shape (n, k)."""
+    margins: Floats
+    """1, smallest margin of each of `LIMITS` in parts of a scale; shape (7, n)."""
+
+    @property
+    def worst(self) -> Floats:
+        """Largest magnitude of the residual, shape (n,)."""
+        return np.abs(self.residual).max(-1)
+
+    @property
+    def miss(self) -> Floats:
+        """1, by how much the worst limit is missed; not positive where all hold; shape (n,)."""
+        return -self.margins.min(0)
+
+    @property
+    def merit(self) -> Floats:
+        """The worst residual where all limits hold, and far more where one is missed; (n,)."""
+        return np.where(self.miss > 0, 1e6 + self.miss, self.worst)
+
+    def only(self, index: int) -> "Stance":
+        """Return the stance of one of the bases."""
+        return Stance(self.residual[index : index + 1], self.margins[:, index : index + 1])
+
+
+def key_angles(rig: Rig, n: int) -> Floats:
+    """Return n key angles [rad] from rest to the rig's full rise, close together at the ends."""
+    gesture = rig.press.gesture
+    low, high = (0.0, rig.press.jack_rise) if gesture is None else _ends(gesture.rise)
+    rises = low + (high - low) * (1 - np.cos(np.linspace(0, np.pi, n))) / 2
+    return angle_of_rise(rig.key, rises)
+
+
+def stances(
+    rig: Rig, elbow: str, bases: Floats, angles: Floats, finger_force: float = 0.0
+) -> Stance:
+    """Return residual and margins of bases.
+
+    Args:
+        rig: The bench; its own base and elbow are not looked at.
+        elbow: `up` or `down`.
+        bases: m, positions of joint 1, shape (n, 2).
+        angles: rad, of the key, shape (k,).
+        finger_force: N, along the key's inward normal.
+    """
+    arm, key = rig.arm, rig.key
+    sign = -1.0 if elbow == "up" else 1.0
+    height = key.surface_height + arm.fingertip_radius
+    tangent, normal = surface_axes(angles)
+    if rig.press.hold == "normal":
+        first, second, reach, residual = _normal(rig, bases, angles)
+        slide = residual
+    else:
+        centre = height * normal - key.press_arm * tangent
+        first, second, reach = _point(arm, sign, bases, centre)
+        raw = first + second - (angles - np.pi / 2)
+        residual = raw - 2 * np.pi * np.round(raw / (2 * np.pi))
+        slide = np.zeros_like(residual)
+    above = np.array([[-key.press_arm, height + rig.press.hover]])
+    hover1, hover2, hover_reach = _point(arm, sign, bases, above)
+    middle = (arm.lower_limits[0] + arm.upper_limits[0]) / 2
+    start = _within_half_a_turn(first[:, :1], middle)
+    first = _within_half_a_turn(first, start)
+    hover1 = _within_half_a_turn(hover1, start)
+    scale = arm.upper_length + arm.lower_length
+    bend = sign * second
+    from_pin = key.press_arm - slide
+    margins = [
+        np.minimum(reach, hover_reach) / scale,
+        (np.minimum(bend, np.pi - bend) - SINGULARITY_MARGIN).min(-1) / np.pi,
+        np.minimum(from_pin, key.front_arm - from_pin).min(-1) / scale,
+    ]
+    for j, path in enumerate((np.hstack([first, hover1]), np.hstack([second, hover2]))):
+        low, high = path.min(-1), path.max(-1)
+        margins.append(np.minimum(low - arm.lower_limits[j], arm.upper_limits[j] - high) / np.pi)
+    lowest = np.sin(np.hstack([first, hover1])).min(-1) * arm.upper_length + bases[:, 1]
+    margins.append((lowest - key.neighbour_height) / scale)
+    torque = _torque(arm, np.stack([first, second], -1), finger_force * normal)
+    margins.append(1 - torque / arm.torque_limit)
+    return Stance(residual, np.array(margins))
+
+
+def _point(arm: Arm, sign: float, bases: Floats, centre: Floats) -> tuple[Floats, Floats, Floats]:
+    """Return both joints [rad], (n, k), and the reach's margin [m], (n,), as `arm.py` does."""
+    l1, l2 = arm.upper_length, arm.lower_length
+    offset = centre - bases[:, None]
+    squared = dot(offset, offset)
+    distance = np.sqrt(squared)
+    reach = np.minimum(l1 + l2 - distance, distance - abs(l1 - l2)).min(-1)
+    cosine = np.clip((squared - l1**2 - l2**2) / (2 * l1 * l2), -1, 1)
+    sine = sign * np.sqrt(1 - cosine**2)
+    towards = np.arctan2(offset[..., 1], offset[..., 0])
+    first = towards - np.arctan2(l2 * sine, l1 + l2 * cosine)
+    return first, np.arctan2(sine, cosine), reach
+
+
+def _normal(rig: Rig, bases: Floats, angles: Floats) -> tuple[Floats, Floats, Floats, Floats]:
+    """Return both joints [rad], the reach's margin [m] and the slide [m], as `arm.py` does."""
+    arm, key = rig.arm, rig.key
+    tangent, normal = surface_axes(angles)
+    height = key.surface_height + arm.fingertip_radius + arm.lower_length
+    base_along, above = bases @ tangent.T, height - bases @ normal.T
+    side = np.where(np.mean(-key.press_arm - base_along, -1, keepdims=True) >= 0, 1.0, -1.0)
+    across = side * np.sqrt(np.maximum(arm.upper_length**2 - above**2, 0))
+    first = np.arctan2(above, across) + angles
+    second = angles - np.pi / 2 - first
+    second = second - 2 * np.pi * np.round(second.mean(-1, keepdims=True) / (2 * np.pi))
+    reach = (arm.upper_length - np.abs(above)).min(-1)
+    return first, second, reach, base_along + across + key.press_arm
+
+
+def _within_half_a_turn(angle: Floats, reference: Floats | float) -> Floats:
+    """Return angles [rad] by whole turns nearest to a reference."""
+    return angle - 2 * np.pi * np.round((angle - reference) / (2 * np.pi))
+
+
+def _torque(arm: Arm, joints: Floats, push: Floats) -> Floats:
+    """Return the largest torque [N m] at rest, with and without a push on the key; (n,)."""
+    weight = gravity_torque(arm, joints)
+    _, upper = link_vectors(arm.upper_length, joints[..., 0])
+    _, lower = link_vectors(arm.lower_length, joints.sum(-1))
+    carried = weight - np.stack([dot(upper + lower, push), dot(lower, push)], -1)
+    return np.maximum(np.abs(weight), np.abs(carried)).max((-2, -1))
+
+
+def _ends(values: tuple[float, ...]) -> tuple[float, float]:
+    return min(0.0, *values), max(values)
