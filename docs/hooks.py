@@ -179,7 +179,7 @@ def _rig_lines() -> Iterator[str]:
     )
     import tomllib
 
-    document = tomllib.loads(named_text("paper", "rig", "rig", ValueError)[0])
+    document = tomllib.loads(named_text("paper", "sautereau.rig", "rig", ValueError)[0])
     sources = load_rig().sources
     for table in describe():
         if table.name.startswith("more_choirs."):

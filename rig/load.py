@@ -35,12 +35,12 @@ def load_rig(name: str | Path = "paper") -> Rig:
     Raises:
         RigError: Lists every fault of the file with its line, value, what is allowed.
     """
-    return parse_rig(*named_text(name, "rig", "rig", RigError))
+    return parse_rig(*named_text(name, "sautereau.rig", "rig", RigError))
 
 
 def packaged_rigs() -> list[str]:
     """Return the names of the rigs that come with sautereau."""
-    return packaged_names("rig")
+    return packaged_names("sautereau.rig")
 
 
 def parse_rig(text: str, origin: str = "rig", folder: Path | None = None) -> Rig:

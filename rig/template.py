@@ -21,7 +21,7 @@ def commented_rig() -> str:
     """
     import tomlkit
 
-    document = tomlkit.parse(named_text("paper", "rig", "rig", RigError)[0])
+    document = tomlkit.parse(named_text("paper", "sautereau.rig", "rig", RigError)[0])
     lines = [
         *_comment(
             "A rig file: every number of a bench. Lengths on the key are measured from the balance"
