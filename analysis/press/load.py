@@ -73,6 +73,18 @@ class Press:
         place, columns = self.data.columns.get_loc, self.data.to_numpy().T
         return tuple(np.ascontiguousarray(columns[place(name)]) for name in names)
 
+    def from_contact(self, contact: float, start: float, stop: float) -> tuple[Floats, Floats]:
+        """Return the key deflection since contact [m] and the finger force [N], shape (rows,).
+
+        Args:
+            contact: s after the trigger, at which the deflection counts as 0.
+            start: s after the trigger, of the first row.
+            stop: s after the trigger, of the last row.
+        """
+        at_contact = np.interp(contact, self.data.index, self.data["deflection"])
+        rows = self.data.loc[start:stop]
+        return rows["deflection"].to_numpy() - at_contact, rows["force"].to_numpy()
+
 
 def load_press(path: str | Path) -> Press:
     """Load a recording: volts to SI, droop undone, every sensor's lag and drift taken back.

@@ -247,7 +247,7 @@ def test_a_fit_is_read_as_identify_wrote_it(tmp_path):
     fit = read_fit(path)
     assert fit.rows == (
         ("key.inertia", "0.00071 kg·m²", "1e-06", "0.0007 to 0.00072"),
-        ("string.tension, NOT TOLD by these data", "66 N", "nothing bounds it", "none"),
+        ("string.tension, not identifiable from these recordings", "66 N", "undetermined", "none"),
     )
     assert fit.warnings == ("told by few",)
 
