@@ -204,7 +204,7 @@ def test_a_key_that_stood_still(write_session, tmp_path):
     """Without a stroke there is nothing to compare, and the page says so."""
     found = gather(write_session(tmp_path, 1, scale=0.0), "elastica")
     page = Page(build_report(found, ABOUT)).text
-    assert "the key did not go down" in page
+    assert "the key did not move down" in page
     assert "no comparison with the model" in page
 
 
