@@ -26,12 +26,12 @@ def test_balanced_values_give_what_the_analysis_of_variance_gives():
     subgroup = 10 * y.mean(2).var(axis=1, ddof=1).mean()
     group = 30 * y.mean((1, 2)).var(ddof=1)
     found = fit_nested(data, subgroups=True, groups=True)
-    assert found.rest.value**2 == pytest.approx(rest, rel=5e-3)
+    assert found.residual.value**2 == pytest.approx(rest, rel=5e-3)
     assert found.subgroup is not None
     assert found.group is not None
     assert found.subgroup.value**2 == pytest.approx((subgroup - rest) / 10, rel=5e-3)
     assert found.group.value**2 == pytest.approx((group - subgroup) / 30, rel=5e-3)
-    assert found.mean[0] == pytest.approx(y.mean(), rel=1e-9)
+    assert found.coefficients[0] == pytest.approx(y.mean(), rel=1e-9)
     assert found.covariance[0, 0] == pytest.approx(group / 240, rel=5e-3)
 
 
@@ -62,7 +62,7 @@ def test_what_is_not_there_is_found_to_be_nothing():
     random = np.random.default_rng(2)
     for stds in ((0.01, 0.0, 0.0), (0.01, 0.03, 0.0), (0.01, 0.0, 0.2)):
         found = fit_nested(nested(random, stds=stds), subgroups=True, groups=True)
-        for spread, true in zip((found.rest, found.subgroup, found.group), stds, strict=True):
+        for spread, true in zip((found.residual, found.subgroup, found.group), stds, strict=True):
             assert spread is not None
             assert spread.low <= true < spread.high
             assert np.isfinite([spread.value, spread.low, spread.high]).all()
@@ -73,7 +73,7 @@ def test_few_values_give_wide_intervals_and_no_fault(shape):
     groups, subgroups, values = shape
     data = nested(np.random.default_rng(3), *shape)
     found = fit_nested(data, subgroups=subgroups > 1 and values > 1, groups=groups > 1)
-    assert 0 < found.rest.low < found.rest.value < found.rest.high < np.inf
+    assert 0 < found.residual.low < found.residual.value < found.residual.high < np.inf
     assert (found.group is None) == (groups == 1)
 
 
@@ -83,7 +83,7 @@ def test_the_unit_does_not_matter():
     for scale in (1e-9, 1e9):
         scaled = Nested(data.values * scale, data.columns, data.groups, data.subgroups)
         found = fit_nested(scaled, subgroups=True, groups=True)
-        for part in ("rest", "subgroup", "group"):
+        for part in ("residual", "subgroup", "group"):
             ours, theirs = getattr(found, part), getattr(plain, part)
             assert ours.low / scale == pytest.approx(theirs.low, rel=1e-2)
             assert ours.high / scale == pytest.approx(theirs.high, rel=1e-2)
@@ -104,7 +104,7 @@ def coverage(cases, shape, stds):
         found = fit_nested(
             nested(np.random.default_rng(seed), *shape, stds), subgroups=True, groups=True
         )
-        spreads = (found.rest, found.subgroup, found.group)
+        spreads = (found.residual, found.subgroup, found.group)
         held += [s.low <= true <= s.high for s, true in zip(spreads, stds, strict=True) if s]
     return held / cases
 
