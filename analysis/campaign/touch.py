@@ -177,7 +177,8 @@ def _selected(campaign: Campaign) -> "tuple[pd.DataFrame, list[str]]":
             (~warm_up & ~plucked, "presses without a pluck"),
             (
                 ~warm_up & plucked & ~positive,
-                f"presses whose {' or '.join(FELT)} is not above 0; look at their recordings",
+                "presses whose release force, force slope or force drop is not above 0;"
+                " look at their recordings",
             ),
         )
         if which.any()

@@ -42,7 +42,7 @@ def fit_figure(made: Fit, found: Identified, simulated: bool) -> "Figure":
     count = len(found.presses)
     figure.suptitle(
         f"Rig {found.rig.name}: fit to {count} press{'es' * (count > 1)}, {kind}; misses"
-        f" {found.rms * 1e3:.3g} mN rms, before {found.rms_before * 1e3:.3g} mN"
+        f" {found.residual * 1e3:.3g} mN rms, before {found.residual_before * 1e3:.3g} mN"
     )
     stamp(figure, simulated)
     return figure
@@ -50,11 +50,11 @@ def fit_figure(made: Fit, found: Identified, simulated: bool) -> "Figure":
 
 def _forces(top, below, made: Fit) -> None:
     """Draw the first press's force and its models, and what the fit misses of every press."""
-    balance, noise = made.problem.balance, made.problem.whitenings
-    start = np.array([p.start for p in balance.free])
-    before, _ = balance.residuals(start)
-    after, _ = balance.residuals(made.values)
-    press = balance.presses[0]
+    dynamics, noise = made.problem.dynamics, made.problem.whitenings
+    start = np.array([p.start for p in dynamics.free])
+    before, _ = dynamics.residuals(start)
+    after, _ = dynamics.residuals(made.values)
+    press = dynamics.presses[0]
     time = press.time * 1e3
     force = np.full(len(time), np.nan)
     force[press.used] = press.force()[press.used]
@@ -68,7 +68,7 @@ def _forces(top, below, made: Fit) -> None:
         top.plot(time, model, color=colour, lw=1.0, ls="--", label=name)
     top.set_ylabel("finger force (N)")
     top.legend(loc="upper right")
-    for each, missed, white in zip(balance.presses, after, noise, strict=True):
+    for each, missed, white in zip(dynamics.presses, after, noise, strict=True):
         left = np.full(len(each.time), np.nan)
         left[each.used] = missed - white.trend(missed)
         below.plot(each.time * 1e3, left * 1e3, lw=0.6, alpha=0.7)
@@ -90,7 +90,7 @@ def _combinations(axes, found: Identified) -> None:
     """Draw how well each combination is told, the worst at the bottom."""
     from matplotlib.ticker import NullFormatter
 
-    known = [(str(c), c.std, c.told) for c in found.combinations if c.std is not None]
+    known = [(str(c), c.std, c.identifiable) for c in found.combinations if c.std is not None]
     for place, (_, std, told) in enumerate(known):
         axes.plot(std, -place, "o", color=MEASURED if told else PREDICTED)
     axes.set_yticks([-place for place in range(len(known))], [name for name, *_ in known])

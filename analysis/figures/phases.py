@@ -112,7 +112,7 @@ def _close(axes: "Axes", press: Press, found: Phases) -> None:
 
 def _from_contact(press: Press, held: HeldString) -> tuple[Floats, Floats]:
     """Return force [N] and deflection [m] a little beyond contact and release."""
-    margin = 0.25 * held.duration
+    margin = 0.25 * held.pluck_duration
     data = press.data.loc[held.contact - margin : held.release + margin]
     before = press.data["deflection"].loc[: held.contact]
     zero = float(before.iloc[-1]) if len(before) else 0.0

@@ -50,7 +50,7 @@ class Prediction:
     """s."""
     release: float
     """s."""
-    release_force: float
+    plectrum_force: float
     """N, between plectrum and string."""
     release_lift: float
     """m, of the string."""
@@ -62,14 +62,19 @@ class Prediction:
     """Of every choir, the first one first."""
 
     @property
-    def contact_duration(self) -> float:
+    def pluck_duration(self) -> float:
         """Time the string is held [s]."""
         return self.release - self.contact
 
     @property
-    def finger_force_peak(self) -> float:
+    def peak_force(self) -> float:
         """Largest force of the finger [N]."""
         return float(self.finger_force.max())
+
+    @property
+    def release_force(self) -> float:
+        """Finger force just before the first choir's string is released [N]."""
+        return float(self.finger_force[np.flatnonzero(self.string_force > 0)[-1]])
 
     @property
     def work(self) -> float:
@@ -141,7 +146,7 @@ def predict(rig: Rig, level: str = "elastica", *, rollover: bool = False) -> Pre
         finger_force=finger_force(rig, angle, forces),
         contact=first.contact,
         release=first.release,
-        release_force=first.release_force,
+        plectrum_force=first.plectrum_force,
         release_lift=first.release_lift,
         release_angle=first.release_angle,
         v_osc=first.v_osc,

@@ -23,6 +23,7 @@ from sautereau.daq.signals.quality_flags import Mark, find_marks, mark_warnings
 from sautereau.daq.signals.sensors import calibration_warning, correct, to_si, white_noise
 from sautereau.rig.acquisition import Channel
 from sautereau.rig.instrument import Key
+from sautereau.rig.quantities import SECTIONS
 from sautereau.rig.schema import Rig
 from sautereau.trajectory.key import rise_of_angle, rise_slope
 from sautereau.trajectory.motion import Floats
@@ -32,14 +33,7 @@ if TYPE_CHECKING:
 
     from sautereau.daq.file.recorded import Recorded
 
-UNITS = {
-    "velocity": "m/s",
-    "force": "N",
-    "angle": "rad",
-    "deflection": "m",
-    "jack_rise": "m",
-    "jack_speed": "m/s",
-}
+UNITS = {name: quantity.unit for name, quantity in SECTIONS["Samples of a press"].items()}
 """Of the columns of a press."""
 LEAST_ROWS = 16
 """Rows that a press has at the least."""

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-from pydantic import BaseModel, ConfigDict, FiniteFloat, ValidationError
+from pydantic import AliasChoices, BaseModel, ConfigDict, Field, FiniteFloat, ValidationError
 
 from sautereau.analysis.errors import AnalysisError
 
@@ -27,8 +27,10 @@ class _Identified(BaseModel):
     parameters: dict[str, _Estimate]
     presses: tuple[str, ...]
     level: str
-    rms: FiniteFloat
-    rms_before: FiniteFloat
+    residual: FiniteFloat = Field(validation_alias=AliasChoices("residual", "rms"))
+    residual_before: FiniteFloat = Field(
+        validation_alias=AliasChoices("residual_before", "rms_before")
+    )
     warnings: tuple[str, ...] = ()
 
 
@@ -64,8 +66,8 @@ def read_fit(path: Path) -> Fit:
     return Fit(
         path.name,
         f"fitted to {len(found.presses)} presses, plectrum as {found.level}; the model missed"
-        f" {found.rms_before * 1e3:.3g} mN rms of the force before and misses"
-        f" {found.rms * 1e3:.3g} mN",
+        f" {found.residual_before * 1e3:.3g} mN rms of the force before and misses"
+        f" {found.residual * 1e3:.3g} mN",
         tuple(_row(name, estimate) for name, estimate in found.parameters.items()),
         found.warnings,
     )

@@ -14,9 +14,9 @@ import pyarrow.parquet as pq
 import pytest
 
 from sautereau.analysis.campaign import run as campaign_run
+from sautereau.analysis.campaign import table as table_module
 from sautereau.analysis.campaign.row import UNITS, plectrum_id, unit_of
 from sautereau.analysis.campaign.run import run_campaign
-from sautereau.analysis.campaign import table as table_module
 from sautereau.analysis.campaign.table import PART, SCHEMA, empty_campaign, read_campaign
 from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.phases import find_phases
@@ -66,7 +66,7 @@ def test_the_file_holds_units_and_the_returned_table(complete):
     again = read_campaign(complete.path)
     assert again.table.equals(complete.table)
     assert again.schema == SCHEMA
-    field = pq.read_schema(complete.path).field("contact_force")
+    field = pq.read_schema(complete.path).field("release_force")
     assert field.metadata == {b"unit": b"N"}
     assert complete.units["contact_std"] == "s"
     assert unit_of("contact_2") == "s"

@@ -1,4 +1,4 @@
-"""Components of a spread: against the analysis of variance, brute force and known truths."""
+"""Variance components: against the analysis of variance, brute force and known truths."""
 
 import numpy as np
 import pytest
@@ -9,7 +9,7 @@ from sautereau.analysis.errors import AnalysisError
 
 
 def nested(random, groups=8, subgroups=3, values=10, stds=(0.01, 0.03, 0.2), columns=None):
-    """Return balanced values whose rest, subgroups and groups have these deviations."""
+    """Return balanced values with these residual, subgroup and group deviations."""
     group = np.repeat(np.arange(groups), subgroups * values)
     subgroup = np.repeat(np.arange(groups * subgroups), values)
     rest, between, among = stds
@@ -19,7 +19,7 @@ def nested(random, groups=8, subgroups=3, values=10, stds=(0.01, 0.03, 0.2), col
     return Nested(y, np.ones((len(y), 1)) if columns is None else columns, group, subgroup)
 
 
-def test_balanced_values_give_what_the_analysis_of_variance_gives():
+def test_balanced_values_give_the_analysis_of_variance():
     data = nested(np.random.default_rng(0))
     y = data.values.reshape(8, 3, 10)
     rest = y.var(axis=2, ddof=1).mean()
@@ -35,7 +35,7 @@ def test_balanced_values_give_what_the_analysis_of_variance_gives():
     assert found.covariance[0, 0] == pytest.approx(group / 240, rel=5e-3)
 
 
-def test_the_likelihood_is_that_of_the_whole_covariance():
+def test_the_likelihood_is_that_of_the_complete_covariance():
     random = np.random.default_rng(1)
     group = np.sort(random.integers(0, 4, 30))
     subgroup = np.unique(3 * group + random.integers(0, 3, 30), return_inverse=True)[1]
@@ -58,7 +58,7 @@ def test_the_likelihood_is_that_of_the_whole_covariance():
         np.testing.assert_allclose(np.linalg.solve(matrix[:2, :2], matrix[:2, 2]), mean, rtol=1e-7)
 
 
-def test_what_is_not_there_is_found_to_be_nothing():
+def test_a_component_of_0_is_within_its_interval():
     random = np.random.default_rng(2)
     for stds in ((0.01, 0.0, 0.0), (0.01, 0.03, 0.0), (0.01, 0.0, 0.2)):
         found = fit_nested(nested(random, stds=stds), subgroups=True, groups=True)
@@ -69,7 +69,7 @@ def test_what_is_not_there_is_found_to_be_nothing():
 
 
 @pytest.mark.parametrize("shape", [(1, 1, 2), (2, 1, 2), (1, 3, 2), (2, 2, 2), (3, 2, 1)])
-def test_few_values_give_wide_intervals_and_no_fault(shape):
+def test_few_values_give_wide_finite_intervals(shape):
     groups, subgroups, values = shape
     data = nested(np.random.default_rng(3), *shape)
     found = fit_nested(data, subgroups=subgroups > 1 and values > 1, groups=groups > 1)
@@ -93,12 +93,12 @@ def test_values_without_a_spread_are_refused():
     random = np.random.default_rng(5)
     with pytest.raises(AnalysisError, match="no spread beyond"):
         fit_nested(nested(random, stds=(0, 0, 0)), subgroups=True, groups=True)
-    with pytest.raises(AnalysisError, match="leave no spread"):
+    with pytest.raises(AnalysisError, match="no degree of freedom"):
         fit_nested(nested(random, 1, 1, 1), subgroups=False, groups=False)
 
 
 def coverage(cases, shape, stds):
-    """Return the share of the cases whose intervals hold the truth, of each component."""
+    """Return the fraction of cases whose intervals hold the truth, for each component."""
     held = np.zeros(3)
     for seed in range(cases):
         found = fit_nested(
@@ -109,7 +109,7 @@ def coverage(cases, shape, stds):
     return held / cases
 
 
-def test_intervals_hold_the_truth_in_a_few():
+def test_intervals_hold_the_truth_in_a_few_cases():
     assert (coverage(10, (6, 2, 5), (0.01, 0.03, 0.2)) >= 0.7).all()
 
 
