@@ -10,7 +10,7 @@ from pathlib import Path
 from sautereau.analysis.figures.movie import animate, frame_times
 from sautereau.analysis.phases import find_phases
 from sautereau.analysis.press.load import press_of
-from sautereau.analysis.press.reenactment import Reenactment, reenact
+from sautereau.analysis.press.replay import Replay, replay
 from sautereau.daq.file.reading import read_recording
 from sautereau.rig.load import load_rig
 from sautereau.robot.drivers.registry import motion_controller
@@ -25,7 +25,7 @@ BEFORE, AFTER = 12e-3, 6e-3
 """s, shown before and after the release."""
 
 
-def study(scene: str = "return", seed: int = 1) -> Reenactment:
+def study(scene: str = "return", seed: int = 1) -> Replay:
     """Press once on the stand-in, and put the pluck together at the frames' instants."""
     rig = load_rig()
     with tempfile.TemporaryDirectory() as out, StandIn(rig, load_scene(scene), seed) as served:
@@ -36,10 +36,10 @@ def study(scene: str = "return", seed: int = 1) -> Reenactment:
     phases = find_phases(press)
     release = phases.plucks[0].release
     times = frame_times(release - BEFORE, release + AFTER, SLOWER)
-    return reenact(press, phases, times, recorded.joints)
+    return replay(press, phases, times, recorded.joints)
 
 
-def plot(path: str | Path, studied: Reenactment) -> None:
+def plot(path: str | Path, studied: Replay) -> None:
     """Draw the pluck into a GIF or MP4 file."""
     animate(path, studied)
 

@@ -10,7 +10,7 @@ import numpy as np
 from sautereau.analysis.figures.jack import JackView
 from sautereau.analysis.figures.made import how_made, stamp
 from sautereau.analysis.figures.side import ARM, PRESSED, BenchPose, draw_surroundings
-from sautereau.analysis.press.reenactment import ChoirMotion, Reenactment
+from sautereau.analysis.press.replay import ChoirMotion, Replay
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
@@ -33,7 +33,7 @@ class Part:
     """Moves them to a frame."""
 
 
-def animation_figure(scene: Reenactment, slow: float) -> "tuple[Figure, list[Part]]":
+def animation_figure(scene: Replay, slow: float) -> "tuple[Figure, list[Part]]":
     """Return the figure and what moves in it, at the first frame.
 
     Args:
@@ -79,7 +79,7 @@ def animation_figure(scene: Reenactment, slow: float) -> "tuple[Figure, list[Par
     return figure, parts
 
 
-def _bench(axes, scene: Reenactment) -> Part:
+def _bench(axes, scene: Replay) -> Part:
     rig = scene.press.rig
     draw_surroundings(axes, rig)
     pose = BenchPose(axes, rig)
@@ -111,7 +111,7 @@ def _bench(axes, scene: Reenactment) -> Part:
     return Part(axes, [*pose.artists, clock, phase], show)
 
 
-def _phase(scene: Reenactment, time: float) -> str:
+def _phase(scene: Replay, time: float) -> str:
     """Return what the press is at at a time [s]."""
     plucks = scene.phases.plucks
     if any(held.contact <= time < held.release for held in plucks):
@@ -139,7 +139,7 @@ def _head(axes, motion: ChoirMotion, name: str) -> Part:
     return Part(axes, [*view.artists, title], show)
 
 
-def _strings(axes, scene: Reenactment) -> Part:
+def _strings(axes, scene: Replay) -> Part:
     """Draw every string from nut to bridge: where it is, and where it has been in the frame."""
     from matplotlib.patches import Polygon
 
@@ -167,7 +167,7 @@ def _strings(axes, scene: Reenactment) -> Part:
     return Part(axes, [artist for _, *both in shown for artist in both], show)
 
 
-def _trace(axes, scene: Reenactment, column: str, scale: float, label: str) -> Part:
+def _trace(axes, scene: Replay, column: str, scale: float, label: str) -> Part:
     """Draw a measured column over the frames' time, with the present marked."""
     data = scene.press.data.loc[scene.time[0] : scene.time[-1]]
     time, values = data.index.to_numpy() * 1e3, data[column].to_numpy() * scale

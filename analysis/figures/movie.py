@@ -12,7 +12,7 @@ import numpy as np
 
 from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.figures.animation import animation_figure
-from sautereau.analysis.press.reenactment import Reenactment
+from sautereau.analysis.press.replay import Replay
 from sautereau.trajectory.motion import Floats
 
 if TYPE_CHECKING:
@@ -53,7 +53,7 @@ def frame_times(start: float, stop: float, slow: float) -> Floats:
 
 def animate(
     path: str | Path,
-    scene: Reenactment,
+    scene: Replay,
     done: Done = lambda share: None,
 ) -> None:
     """Write a press as an animation.
@@ -72,7 +72,7 @@ def animate(
     write(path, scene, done)
 
 
-def pictures(scene: Reenactment, frames: Iterable[int]) -> "Iterator[Image]":
+def pictures(scene: Replay, frames: Iterable[int]) -> "Iterator[Image]":
     """Yield some frames, of which only what moves is drawn anew."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from PIL import Image
@@ -92,12 +92,12 @@ def pictures(scene: Reenactment, frames: Iterable[int]) -> "Iterator[Image]":
         yield Image.fromarray(np.asarray(canvas.buffer_rgba())[..., :3].copy())
 
 
-def _slowness(scene: Reenactment) -> float:
+def _slowness(scene: Replay) -> float:
     """Return how many times slower than the press its frames are shown."""
     return float(1 / (FRAME_RATE * (scene.time[1] - scene.time[0])))
 
 
-def _counted(scene: Reenactment, done: Done) -> "Iterator[Image]":
+def _counted(scene: Replay, done: Done) -> "Iterator[Image]":
     """Yield all frames, and tell after each what share of them is done."""
     n = len(scene.time)
     for frame, picture in enumerate(pictures(scene, range(n))):
@@ -105,7 +105,7 @@ def _counted(scene: Reenactment, done: Done) -> "Iterator[Image]":
         done((frame + 1) / n)
 
 
-def _writer(path: Path) -> Callable[[Path, Reenactment, Done], None]:
+def _writer(path: Path) -> Callable[[Path, Replay, Done], None]:
     """Return what writes a file of this kind."""
     suffix = path.suffix.lower()
     if suffix == ".gif":
@@ -120,7 +120,7 @@ def _writer(path: Path) -> Callable[[Path, Reenactment, Done], None]:
     return _write_mp4
 
 
-def _write_gif(path: Path, scene: Reenactment, done: Done) -> None:
+def _write_gif(path: Path, scene: Replay, done: Done) -> None:
     from PIL import Image
 
     # One palette for all frames, so that what stands still is stored once.
@@ -135,7 +135,7 @@ def _write_gif(path: Path, scene: Reenactment, done: Done) -> None:
     )
 
 
-def _write_mp4(path: Path, scene: Reenactment, done: Done) -> None:
+def _write_mp4(path: Path, scene: Replay, done: Done) -> None:
     frames = _counted(scene, done)
     first = next(frames)
     source = f"-f rawvideo -pix_fmt rgb24 -s {first.width}x{first.height} -r {FRAME_RATE} -i -"

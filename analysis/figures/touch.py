@@ -68,7 +68,10 @@ def _felt_over_stiffness(axes: "Axes", found: Touch, name: str, felt: Felt) -> N
         f"{column.removeprefix('plectrum_')}^{e.value:.2f} ({e.low:.2f} to {e.high:.2f})"
         for column, e in felt.exponents.items()
     )
-    axes.set_title(QUANTITIES[name].label + (f", proportional to {exponents}" if exponents else ""), fontsize=10)
+    axes.set_title(
+        QUANTITIES[name].label + (f", proportional to {exponents}" if exponents else ""),
+        fontsize=10,
+    )
 
 
 def _sources(axes: "Axes", found: Touch) -> None:

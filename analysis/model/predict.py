@@ -86,6 +86,16 @@ class Prediction:
         """Displacement and velocity of the string just before release."""
         return self.choirs[0].released_string
 
+    def from_contact(self, beside: float) -> tuple[Floats, Floats]:
+        """Return the key deflection since contact [m] and the finger force [N], shape (steps,).
+
+        Args:
+            beside: s, before contact and after release, that is returned as well.
+        """
+        near = (self.time > self.contact - beside) & (self.time < self.release + beside)
+        at_contact = np.interp(self.contact, self.time, self.deflection)
+        return self.deflection[near] - at_contact, self.finger_force[near]
+
 
 def expectation(prediction: Prediction) -> Expectation:
     """Return what a planner needs to know of a predicted press, over all its plucks."""

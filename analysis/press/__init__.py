@@ -1,1 +1,1 @@
-"""One recorded press: loading, drift, features, animation and sound."""
+"""One recorded press: its signals in SI units, its features, its replay and its sound."""

@@ -1,9 +1,9 @@
-"""Hold the integral of a velocity, and an AC-coupled force, to the press's own rests.
+"""Remove offset and drift from a velocity and from an AC-coupled force.
 
-Before a press the key is at rest, and after it again in the same place. There a vibrometer's
-velocity is zero; what it shows instead is an offset. Through the undone AC coupling an offset o
-becomes o (1 + w t), and what the coupling remembers of earlier motion becomes a constant, so a
-straight line a + b t holds both.
+Before a press the key is at rest, and afterwards again at the same place. At rest the velocity of
+the vibrometer is zero; any other value is an offset. Inverting the AC coupling turns an offset o
+into o (1 + w t), and the coupling's memory of earlier motion into a constant, so that a straight
+line a + b t describes both.
 """
 
 import math
@@ -15,62 +15,62 @@ from sautereau.daq.signals.sensors import white_noise
 from sautereau.trajectory.motion import Floats
 
 BLOCK = 1e-3
-"""s, of the means by which rest is told from motion."""
+"""s, of the block means by which rest and motion are distinguished."""
 LEAST_REST = 5e-3
-"""s, of a rest that is one."""
+"""s, shortest rest."""
 MARGIN = 2
-"""Blocks beside the motion that count as motion."""
+"""Blocks before and after the motion that count as motion."""
 MOVES = 3e-3
-"""1, share of the largest speed at which the key moves."""
+"""Dimensionless, fraction of the largest speed from which on the key moves."""
 LARGEST_OFFSET = 0.02
-"""1, share of the largest speed beyond which a steady speed is motion, and no offset."""
+"""Dimensionless, fraction of the largest speed above which a steady speed is motion, not offset."""
 LEAST_STD = 1e-5
-"""m/s, to which a key at rest is at rest."""
+"""m/s, smallest standard deviation of the mean velocity at rest."""
 RETURN_STD = 5e-6
-"""m, standard deviation of the place to which a key returns."""
+"""m, standard deviation of the place to which the key returns."""
 RETURNED = 0.05
-"""1, share of the largest deflection within which a key counts as back."""
+"""Dimensionless, fraction of the largest deflection within which the key has returned."""
 CONSISTENT = 4.0
 """Standard deviations within which the two rests and the return must agree."""
 
 
 @dataclass(frozen=True)
 class Drift:
-    """What was taken off the signals of a press, and why."""
+    """The corrections subtracted from the signals of a press, and the rests they rest on."""
 
     before: tuple[float, float] | None
     """s, the rest before the press; None where there is none."""
     after: tuple[float, float] | None
     """s, the rest after it."""
     velocity: float = 0.0
-    """m/s, largest taken off the velocity."""
+    """m/s, largest correction of the velocity."""
     deflection: float = 0.0
-    """m, largest by which that has changed the deflection."""
+    """m, largest resulting correction of the deflection."""
     closure: float | None = None
-    """m, deflection left in the rest after the press; None where the key does not return."""
+    """m, remaining deflection in the rest after the press; None where the key does not return."""
     force: float = 0.0
-    """N, taken off the force as it was measured; its zero is that of the rest before."""
+    """N, correction of the measured force, so that it is zero in the rest before the press."""
 
 
 NO_DRIFT = Drift(None, None)
-"""Nothing was taken off."""
+"""No correction."""
 
 
 @dataclass(frozen=True)
 class Rests:
-    """Rows of a press at which the key is at rest; empty where it is not."""
+    """Rows of the rests before and after a press; empty slices where there is none."""
 
     before: slice
     after: slice
 
 
 def find_rests(velocity: Floats, rate: float) -> Rests:
-    """Find the rests at both ends of a record, from the velocity alone.
+    """Find the rests at both ends of a recording, from the velocity alone.
 
-    A rest is a steady speed near zero, of `LEAST_REST` at least, that ends in motion.
+    A rest is a steady velocity near zero that lasts for `LEAST_REST` or longer and ends in motion.
 
     Args:
-        velocity: m/s, shape (n,), AC coupling undone.
+        velocity: m/s, shape (n,), AC coupling inverted.
         rate: Hz.
     """
     size = max(1, round(BLOCK * rate))
@@ -78,13 +78,13 @@ def find_rests(velocity: Floats, rate: float) -> Rests:
     nothing = Rests(slice(0, 0), slice(len(velocity), len(velocity)))
     if n_blocks < 3 * LEAST_REST / BLOCK:
         return nothing
-    share = np.full(size, 1 / size)
-    forwards = velocity[: n_blocks * size].reshape(-1, size) @ share
-    backwards = (velocity[len(velocity) - n_blocks * size :].reshape(-1, size) @ share)[::-1]
+    weights = np.full(size, 1 / size)
+    forwards = velocity[: n_blocks * size].reshape(-1, size) @ weights
+    backwards = (velocity[len(velocity) - n_blocks * size :].reshape(-1, size) @ weights)[::-1]
     fastest = float(np.abs(forwards).max())
     threshold = max(MOVES * fastest, 6 * white_noise(velocity) / math.sqrt(size))
     lengths = [_steady(means, threshold, fastest) * size for means in (forwards, backwards)]
-    if sum(lengths) >= len(velocity):  # it never moved
+    if sum(lengths) >= len(velocity):  # it did not move
         return nothing
     first, last = (n if n >= LEAST_REST * rate else 0 for n in lengths)
     return Rests(slice(0, first), slice(len(velocity) - last, len(velocity)))
@@ -93,22 +93,22 @@ def find_rests(velocity: Floats, rate: float) -> Rests:
 def without_drift(
     velocity: Floats, rests: Rests, rate: float, start: float, corner: float, returns: bool
 ) -> tuple[Floats, Drift, list[str]]:
-    """Take off what a velocity cannot have been, so that its integral drifts by micrometres.
+    """Subtract the drift of a velocity, so that its integral drifts by micrometres only.
 
-    Where the two rests and the return to the same place agree on a line, it is taken off.
-    Where they do not, the velocity in a rest was no offset of the sensor, and only a constant
-    is taken off that brings the key back. A key that does not return is not brought back.
+    If the two rests and the return to the same place agree on a straight line, it is subtracted.
+    If not, the velocity at rest was no offset of the sensor, and only the constant is subtracted
+    that brings the key back. Without a return, the line follows from the rests alone.
 
     Args:
-        velocity: m/s, shape (n,), AC coupling undone.
+        velocity: m/s, shape (n,), AC coupling inverted.
         rests: Of `find_rests`.
         rate: Hz.
-        start: s from the trigger, of the first row.
+        start: s after the trigger, of the first row.
         corner: Hz, of the AC coupling; 0 for none.
-        returns: Whether the key was meant to come back to where it was.
+        returns: Whether the planned motion ends where it starts.
 
     Returns:
-        The velocity, what was taken off, and warnings.
+        The corrected velocity, the corrections, and warnings.
     """
     n = len(velocity)
     before = _span(rests.before, rate, start)
@@ -116,8 +116,8 @@ def without_drift(
     omega = 2 * math.pi * corner
     if before is None:
         text = (
-            "no rest before the press: offset and drift of the sensors stay in the signals;"
-            " record from before the motion on"
+            "no rest before the press: offset and drift of the sensors remain in the signals;"
+            " start recording before the motion"
         )
         return velocity, Drift(None, after), [text]
     level, std = _level(velocity[rests.before])
@@ -127,8 +127,8 @@ def without_drift(
         line = first, first * omega
         taken = _taken(line, n, rate)
         text = (
-            f"no rest after the press: {abs(level) * 1e6:.3g} um/s, the velocity's mean at rest, is"
-            " taken off as an offset, and nothing checks the end; record for longer"
+            f"no rest after the press: the mean velocity at rest, {abs(level) * 1e6:.3g} um/s, is"
+            " subtracted as an offset without a check at the end; record for longer"
         )
         return _without(velocity, line, rate), Drift(before, None, *taken), [text]
     late, late_std = _level(velocity[rests.after])
@@ -149,8 +149,8 @@ def without_drift(
         seen, stds = [*seen, end], [*stds, RETURN_STD]
     elif returns:
         warnings.append(
-            f"the key did not come back: {end * 1e3:.3g} mm under the laser are left of"
-            f" {largest * 1e3:.3g} mm; look whether the jack hangs, and at the sensor's corner"
+            f"the key did not return: {end * 1e3:.3g} mm of {largest * 1e3:.3g} mm at the laser"
+            " remain; check whether the jack hangs, and the sensor's corner frequency"
         )
     matrix, values = np.array(rows), np.array(seen)
     weights = 1 / np.array(stds)
@@ -159,9 +159,9 @@ def without_drift(
     if np.abs((matrix @ fitted - values) * weights).max() > CONSISTENT:
         line = end / duration, 0.0
         warnings.append(
-            f"the rests show {level * 1e6:.3g} and {late * 1e6:.3g} um/s, but the deflection comes"
-            f" back to {end * 1e6:.3g} um: no offset of the sensor makes both; look at its corner"
-            " and its delay, and whether the key is really at rest"
+            f"the velocity at rest is {level * 1e6:.3g} and {late * 1e6:.3g} um/s, but the"
+            f" deflection returns to {end * 1e6:.3g} um: no offset of the sensor explains both; check its"
+            " corner frequency, its delay, and whether the key is really at rest"
         )
     closure = None
     if back:
@@ -174,11 +174,11 @@ def without_drift(
 def force_at_rest(measured: Floats, noise: float, rate: float, corner: float) -> tuple[float, bool]:
     """Return the level of an AC-coupled force at rest, and whether it is an offset.
 
-    An offset stays; what is left of an earlier force decays by w times itself a second. The
-    slope tells which; where it cannot, it is an offset.
+    An offset is constant; the rest of an earlier force decays at the rate w. The slope decides;
+    where it is not significant, the level counts as an offset.
 
     Args:
-        measured: N, shape (n,), in the rest before, the coupling not undone.
+        measured: N, shape (n,), in the rest before the press, coupling not inverted.
         noise: N, its white noise.
         rate: Hz.
         corner: Hz, of the coupling.
@@ -193,7 +193,7 @@ def force_at_rest(measured: Floats, noise: float, rate: float, corner: float) ->
 
 
 def _steady(means: Floats, threshold: float, fastest: float) -> int:
-    """Return how many blocks from the first on are at rest."""
+    """Return the number of blocks at rest, counted from the first."""
     level = float(np.median(means[: int(LEAST_REST / BLOCK)]))
     if abs(level) > LARGEST_OFFSET * fastest:
         return 0
@@ -212,12 +212,12 @@ def _level(signal: Floats) -> tuple[float, float]:
 
 
 def _middle(rows: slice, rate: float) -> float:
-    """Return the mean time of rows [s], the record's first having 0."""
+    """Return the mean time of rows [s] after the first row of the recording."""
     return (rows.start + rows.stop - 1) / 2 / rate
 
 
 def _without(velocity: Floats, line: tuple[float, float], rate: float) -> Floats:
-    """Return a velocity less a line [m/s, m/s^2]."""
+    """Return a velocity minus a line [m/s, m/s^2]."""
     off = np.arange(len(velocity), dtype=float)
     off *= -line[1] / rate
     off -= line[0]
@@ -226,7 +226,7 @@ def _without(velocity: Floats, line: tuple[float, float], rate: float) -> Floats
 
 
 def _taken(line: tuple[float, float], n: int, rate: float) -> tuple[float, float]:
-    """Return the largest of a line over n rows [m/s], and of its integral [m]."""
+    """Return the largest value of a line over n rows [m/s], and of its integral [m]."""
     level, slope = line
     last = (n - 1) / rate
     turn = -level / slope if slope and 0 < -level / slope < last else last

@@ -1,6 +1,6 @@
-"""The numbers of one press: a flat row for tables of many presses, all in SI units.
+"""The features of one press: a flat row in SI units, for tables of many presses.
 
-Work and travel are counted from contact on, where the paper aligns its presses.
+The work on a string and the deflection start at contact, where the paper aligns its presses.
 """
 
 from dataclasses import dataclass, fields

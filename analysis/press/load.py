@@ -34,15 +34,15 @@ if TYPE_CHECKING:
     from sautereau.daq.file.recorded import Recorded
 
 UNITS = {name: quantity.unit for name, quantity in SECTIONS["Samples of a press"].items()}
-"""Of the columns of a press."""
+"""Unit of each column of a press."""
 LEAST_ROWS = 16
-"""Rows that a press has at the least."""
+"""Fewest rows of a press."""
 STRETCH = 4096
-"""Rows worked out at a time: arrays of all are asked of the system and given back each time."""
+"""Rows computed at a time: large arrays are allocated and freed by every operation."""
 FORCE_DRIFT = 2e-3
-"""1, share of the largest force by which a doubtful offset may bend it unsaid."""
+"""Dimensionless, fraction of the largest force up to which a doubtful offset gives no warning."""
 FORCE_MEAN = 1e-3
-"""s, of the mean whose noise may hide such a bend as well."""
+"""s, of a mean whose noise hides such an error as well."""
 
 
 @dataclass(frozen=True)
@@ -52,35 +52,48 @@ class Press:
     path: Path
     rig: Rig
     simulated: bool
-    """Whether a stand-in made it; whatever is made from it has to say so."""
+    """Whether the stand-in made it; everything derived from it states so."""
     data: "pd.DataFrame"
-    """Columns of `UNITS`, index `time` in s from the trigger; `attrs` holds the units.
+    """Columns of `UNITS`, index `time` in s after the trigger; `attrs` holds the units.
 
-    `velocity` is the key's under the laser and `deflection` its integral, downwards;
-    `force` is the finger's; `jack_rise` and `jack_speed` follow from the key's angle.
+    `velocity` is that of the key at the laser, positive downwards, and `deflection` its
+    integral; `force` is that of the finger; `jack_rise` and `jack_speed` follow from the angle
+    of the key.
     """
     rate: float
     """Hz, of the rows."""
     marks: tuple[Mark, ...] = ()
-    """Where a signal is not to be believed; the rows there are as they were recorded."""
+    """Quality flags; the flagged rows are as they were recorded."""
     drift: Drift = NO_DRIFT
-    """What was taken off at the press's own rests."""
+    """Corrections from the rests before and after the press."""
     warnings: tuple[str, ...] = ()
-    """Of what is lost, the calibrations, the marks and the drift."""
+    """About lost samples, calibrations, quality flags and drift."""
 
     def columns(self, *names: str) -> tuple[Floats, ...]:
-        """Return columns of the data, shape (rows,), which pandas would copy `attrs` for."""
+        """Return columns of the data, shape (rows,); pandas would copy `attrs` for each."""
         place, columns = self.data.columns.get_loc, self.data.to_numpy().T
         return tuple(np.ascontiguousarray(columns[place(name)]) for name in names)
 
+    def from_contact(self, contact: float, start: float, stop: float) -> tuple[Floats, Floats]:
+        """Return the key deflection since contact [m] and the finger force [N], shape (rows,).
+
+        Args:
+            contact: s after the trigger, at which the deflection counts as 0.
+            start: s after the trigger, of the first row.
+            stop: s after the trigger, of the last row.
+        """
+        at_contact = np.interp(contact, self.data.index, self.data["deflection"])
+        rows = self.data.loc[start:stop]
+        return rows["deflection"].to_numpy() - at_contact, rows["force"].to_numpy()
+
 
 def load_press(path: str | Path) -> Press:
-    """Load a recording: volts to SI, droop undone, every sensor's lag and drift taken back.
+    """Load a recording: volts to SI, AC coupling inverted, delays and drift corrected.
 
-    Only instants that every sensor has seen are rows; nothing is filled in.
+    The rows are the instants at which every sensor has a sample; no sample is filled in.
 
     Raises:
-        daq.errors.RecordingError: The file is not a whole recording.
+        daq.errors.RecordingError: The file is not a complete recording.
         AnalysisError: It has no velocity or no force channel, or is too short.
     """
     from sautereau.daq.file.reading import read_recording
@@ -89,7 +102,7 @@ def load_press(path: str | Path) -> Press:
 
 
 def press_of(recorded: "Recorded") -> Press:
-    """Return the press of what was recorded, wherever it came from; as `load_press`.
+    """Return the press of a recording that was already read or imported; see `load_press`.
 
     Raises:
         AnalysisError: It has no velocity or no force channel, or is too short.
@@ -143,7 +156,7 @@ def press_of(recorded: "Recorded") -> Press:
 
 @cache
 def _names() -> "pd.Index":
-    """Return the names of the columns, for which pandas takes longer than for their samples."""
+    """Return the names of the columns; building them takes pandas longer than the samples."""
     import pandas as pd
 
     return pd.Index(UNITS)
@@ -154,7 +167,7 @@ def columns_of(key: Key, velocity: Floats, force: Floats, rate: float) -> Floats
 
     Args:
         key: The key.
-        velocity: m/s, of the key under the laser, from rest on; shape (rows,).
+        velocity: m/s, of the key at the laser, starting at rest; shape (rows,).
         force: N, of the finger; shape (rows,).
         rate: Hz.
     """
@@ -177,7 +190,7 @@ def _channel(recorded: "Recorded", quantity: str) -> Channel:
     channel = recorded.rig.daq.channel(quantity)
     if channel is None:
         raise AnalysisError(
-            f"recording {recorded.path}: it has no {quantity} channel, and phases need both;"
+            f"recording {recorded.path}: it has no {quantity} channel, and the analysis needs force and velocity;"
             f" add a channel with quantity = {quantity!r} to the rig's [[daq.channels]]"
         )
     return channel
@@ -187,26 +200,27 @@ def _rows(recorded: "Recorded", longest: float) -> int:
     rows = recorded.n_samples - ceil(longest * recorded.rate - 1e-9)
     if rows < LEAST_ROWS:
         raise AnalysisError(
-            f"recording {recorded.path}: {max(rows, 0)} samples are left once the delay of"
-            f" {longest * 1e3:.4g} ms is taken back, too few for a press; record for longer"
+            f"recording {recorded.path}: only {max(rows, 0)} samples remain after the correction"
+            f" of the delay of {longest * 1e3:.4g} ms, at least {LEAST_ROWS} are needed; record for"
+            " longer"
         )
     return rows
 
 
 def _calibrations(recorded: "Recorded", *channels: Channel) -> list[str]:
-    """Return what is to be said of old calibrations; a stand-in has none."""
+    """Return warnings about old calibrations; the stand-in has none."""
     if recorded.simulated:
         return []
     try:
         day = date.fromisoformat(recorded.session.started[:10])
     except ValueError:
-        return ["its session has no date, so nobody knows the age of the calibrations then"]
+        return ["its session has no date, so the age of the calibrations is unknown"]
     found = (calibration_warning(channel, day) for channel in channels)
     return [text for text in found if text]
 
 
 def _returns(recorded: "Recorded") -> bool:
-    """Return whether the plan brings the key back to where it was; without one it may."""
+    """Return whether the planned motion ends where it starts; assumed without a plan."""
     if recorded.plan is None:
         return True
     rise = recorded.plan.jack_rise
@@ -216,13 +230,13 @@ def _returns(recorded: "Recorded") -> bool:
 def _from_rest(
     force: Floats, at_rest: Floats, corner: float, rate: float
 ) -> tuple[Floats, float, list[str]]:
-    """Return the force above that at rest, what was taken off, and what is doubtful about it.
+    """Return the force relative to that at rest, the correction, and warnings about it.
 
-    A force without AC coupling is left alone: what it shows at rest may be there.
+    A force without AC coupling is not corrected: a force at rest may be real.
 
     Args:
-        force: N, shape (n,), AC coupling undone.
-        at_rest: N, in the rest before, as the sensor showed it; empty without a rest.
+        force: N, shape (n,), AC coupling inverted.
+        at_rest: N, as measured in the rest before the press; empty without a rest.
         corner: Hz, of the AC coupling.
         rate: Hz.
     """
@@ -243,8 +257,8 @@ def _from_rest(
         return force, level, []
     meant = "an offset of the sensor" if is_offset else "the rest of an earlier force"
     text = (
-        f"force: {level * 1e3:.3g} mN at rest before the press are taken for {meant}; if they are"
-        f" not, it is wrong by {doubt * 1e3:.3g} mN at the end; record for longer before the"
+        f"force: {level * 1e3:.3g} mN at rest before the press count as {meant}; if that is wrong,"
+        f" the force at the end is wrong by {doubt * 1e3:.3g} mN; record for longer before the"
         " motion, or zero the amplifier"
     )
     return force, level, [text]

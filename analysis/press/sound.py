@@ -1,7 +1,7 @@
-"""What a bridge would hear of a pluck, as a WAV file.
+"""The force of plucked strings on the bridge, as sound in a WAV file.
 
-The sound is the force of the model's strings on the bridge across the soundboard, the part
-that drives it. The soundboard itself is not in the model: this is how the string is plucked,
+The sound is the model strings' force on the bridge perpendicular to the soundboard, the component
+that drives it. The soundboard itself is not modelled: the file shows how the string is plucked,
 not how the instrument sounds.
 """
 
@@ -13,33 +13,33 @@ import numpy as np
 
 from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.model.plectrum.base import Floats
-from sautereau.analysis.press.sounding import QUALITY, Sounding, soundings, stilled
+from sautereau.analysis.press.strings import QUALITY, VibratingString, stilled, vibrating_strings
 from sautereau.rig.schema import Rig
 
 SAMPLE_RATE = 48_000
 """Hz, of the file."""
 HIGHEST = 20e3
-"""Hz, up to which modes are heard."""
+"""Hz, of the highest modes in the sound."""
 LEVEL = -1.0
-"""dB, of the largest sample below the file's full scale."""
+"""dB, of the largest sample relative to the full scale of the file."""
 LEAD = 20e-3
 """s, of silence before the first contact."""
 MOST = 60.0
-"""s, of a sound at most."""
+"""s, longest sound."""
 
 
 @dataclass(frozen=True)
 class Sound:
-    """A press heard at the bridge."""
+    """The force on the bridge during and after a press."""
 
     force: Floats
-    """N, across the soundboard, at `SAMPLE_RATE`; shape (n,)."""
+    """N, perpendicular to the soundboard, at `SAMPLE_RATE`; shape (n,)."""
     releases: tuple[float, ...]
-    """s from the sound's begin, of each choir."""
+    """s after the start of the sound, of each choir."""
     decay_times: tuple[float, ...]
-    """s, in which each choir's lowest mode falls by 60 dB."""
+    """s, in which the lowest mode of each choir decays by 60 dB."""
     modes: tuple[int, ...]
-    """Heard of each choir."""
+    """Number of modes of each choir."""
 
     @property
     def duration(self) -> float:
@@ -48,7 +48,7 @@ class Sound:
 
     @property
     def full_scale(self) -> float:
-        """Force [N] that a file's full scale stands for."""
+        """Force [N] at the full scale of the file."""
         return float(np.abs(self.force).max()) / 10 ** (LEVEL / 20)
 
 
@@ -60,14 +60,14 @@ def sound_of(
     held: float | None = None,
     quality: float = QUALITY,
 ) -> Sound:
-    """Return what the bridge hears of a press by the model, all choirs together.
+    """Return the force of all choirs on the bridge in a press of the model.
 
     Args:
-        rig: The bench, with the jack at its constant speed.
+        rig: The bench; its jack has a constant speed.
         level: Of the plectra.
-        duration: s, of the sound, which begins 20 ms before the first contact.
-        held: s, from the last release until the dampers fall on the strings; None for never.
-        quality: 1, quality factor of the strings, see `sautereau.analysis.press.sounding`.
+        duration: s, of the sound, which starts 20 ms before the first contact.
+        held: s, from the last release until the dampers touch the strings; None for never.
+        quality: Dimensionless quality factor of the strings, see `sautereau.analysis.press.strings`.
 
     Raises:
         AnalysisError: The duration is out of range, or too short for the pluck.
@@ -75,16 +75,16 @@ def sound_of(
     """
     if not 0 < duration <= MOST:
         raise AnalysisError(
-            f"duration: {duration:.4g} s must lie between 0 and {MOST:g} s; change it"
+            f"duration: {duration:.4g} s must be between 0 and {MOST:g} s; change it"
         )
-    strings = soundings(rig, level, quality=quality, highest=HIGHEST)
+    strings = vibrating_strings(rig, level, quality=quality, highest=HIGHEST)
     begin = min(string.contact for string in strings) - LEAD
     strings = tuple(_shifted(string, -begin) for string in strings)
     last = max(string.release for string in strings)
     if not duration > last:
         raise AnalysisError(
-            f"duration: the sound of {duration * 1e3:.4g} ms ends before the last string is let go"
-            f" at {last * 1e3:.4g} ms; lengthen it"
+            f"duration: the sound of {duration * 1e3:.4g} ms ends before the last release at"
+            f" {last * 1e3:.4g} ms; lengthen it"
         )
     if held is not None:
         strings = tuple(stilled(string, last + held) for string in strings)
@@ -101,17 +101,17 @@ def write_sound(path: str | Path, sound: Sound) -> None:
     """Write a sound as a WAV file of 16 bits, its largest sample 1 dB below full scale.
 
     Raises:
-        AnalysisError: The name does not end in .wav.
+        AnalysisError: The file extension is not .wav.
     """
     from scipy.io import wavfile
 
     path = Path(path)
     if path.suffix.lower() != ".wav":
-        raise AnalysisError(f"{path}: a sound is written as WAV; let its name end in .wav")
+        raise AnalysisError(f"{path}: sounds are written as WAV only; use the file extension .wav")
     path.parent.mkdir(parents=True, exist_ok=True)
     samples = np.round(sound.force / sound.full_scale * np.iinfo(np.int16).max)
     wavfile.write(path, SAMPLE_RATE, samples.astype(np.int16))
 
 
-def _shifted(sounding: Sounding, by: float) -> Sounding:
-    return replace(sounding, contact=sounding.contact + by, release=sounding.release + by)
+def _shifted(string: VibratingString, by: float) -> VibratingString:
+    return replace(string, contact=string.contact + by, release=string.release + by)

@@ -7,6 +7,7 @@ from pydantic import AliasChoices, BaseModel, ConfigDict, Field, FiniteFloat, Va
 
 from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.summary.text import counted
+from sautereau.rig.quantities import QUANTITIES
 
 PATTERN = "fit*.json"
 """Names of their files in the session's folder."""
@@ -66,8 +67,8 @@ def read_fit(path: Path) -> Fit:
         ) from error
     return Fit(
         path.name,
-        f"fitted to {counted(len(found.presses), 'press')}, plectrum model {found.level}; RMS force"
-        f" residual: {found.residual_before * 1e3:.3g} mN before the fit,"
+        f"fitted to {counted(len(found.presses), 'press')}, plectrum model {found.level};"
+        f" {QUANTITIES['residual'].label}: {found.residual_before * 1e3:.3g} mN before the fit,"
         f" {found.residual * 1e3:.3g} mN after",
         tuple(_row(name, estimate) for name, estimate in found.parameters.items()),
         found.warnings,
@@ -79,7 +80,7 @@ def _row(name: str, found: _Estimate) -> tuple[str, str, str, str]:
     return (
         f"{name}{note}",
         f"{found.value:.6g} {_readable(found.unit)}",
-        "unbounded" if found.std is None else f"{found.std:.2g}",
+        "undetermined" if found.std is None else f"{found.std:.2g}",
         "none" if found.ci95 is None else f"{found.ci95[0]:.6g} to {found.ci95[1]:.6g}",
     )
 

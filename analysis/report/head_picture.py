@@ -3,7 +3,7 @@
 import numpy as np
 
 from sautereau.analysis.figures.jack import AXLE, BODY, FELT_HEIGHT, PIVOT
-from sautereau.analysis.press.reenactment import ChoirMotion
+from sautereau.analysis.press.replay import ChoirMotion
 from sautereau.analysis.report.drawing import (
     Frames,
     Picture,

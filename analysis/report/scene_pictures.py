@@ -4,7 +4,7 @@ import numpy as np
 
 from sautereau.analysis.figures.side import BODY, HEAD, JACK, UNDER, key_outline, string_height
 from sautereau.analysis.model.choirs import choirs, key_of
-from sautereau.analysis.press.reenactment import ChoirMotion, Reenactment
+from sautereau.analysis.press.replay import ChoirMotion, Replay
 from sautereau.analysis.report.drawing import (
     Picture,
     Shape,
@@ -77,7 +77,7 @@ def _path(x: Floats, z: Floats) -> Floats:
     return np.stack([np.broadcast_to(x, z.shape), z], -1)
 
 
-def force_picture(scene: Reenactment) -> Picture:
+def force_picture(scene: Replay) -> Picture:
     """Draw the finger force over time, with a mark at the frame."""
     start, stop = float(scene.time[0]), float(scene.time[-1])
     force = scene.press.data["force"].loc[start:stop]
@@ -116,7 +116,7 @@ def force_picture(scene: Reenactment) -> Picture:
     return Picture("force", about, 0, -top, WIDE, top - bottom, LETTERS, shapes)
 
 
-def key_picture(scene: Reenactment) -> Picture:
+def key_picture(scene: Replay) -> Picture:
     """Draw the key and its jacks from the side."""
     rig = scene.press.rig
     key, all_choirs = rig.key, choirs(rig)

@@ -11,7 +11,7 @@ from sautereau.analysis.figures.made import how_made
 from sautereau.analysis.model.choirs import choirs
 from sautereau.analysis.phases import Phases
 from sautereau.analysis.press.load import Press
-from sautereau.analysis.press.reenactment import Reenactment, reenact
+from sautereau.analysis.press.replay import Replay, replay
 from sautereau.analysis.report.drawing import Picture
 from sautereau.analysis.report.head_picture import head_picture
 from sautereau.analysis.report.scene_pictures import force_picture, key_picture, string_picture
@@ -33,7 +33,7 @@ class SlowMotion:
 
     number: int
     """Number of the press on the page."""
-    scene: Reenactment
+    scene: Replay
 
     @property
     def at_release(self) -> int:
@@ -75,7 +75,7 @@ def slow_motion(number: int, press: Press, phases: Phases) -> SlowMotion:
     start = max(first, contact - margin)
     stop = min(last, release + max(margin, LEAST_BESIDE))
     frames = min(FRAMES, max(2, OF_ALL_CHOIRS // len(choirs(press.rig))))
-    return SlowMotion(number, reenact(press, phases, np.linspace(start, stop, frames)))
+    return SlowMotion(number, replay(press, phases, np.linspace(start, stop, frames)))
 
 
 def readings(shown: SlowMotion) -> tuple[Reading, ...]:
@@ -114,7 +114,7 @@ def about(shown: SlowMotion) -> str:
     )
 
 
-def _phase(scene: Reenactment, time: float) -> str:
+def _phase(scene: Replay, time: float) -> str:
     plucks = scene.phases.plucks
     held = [n for n, one in enumerate(plucks, 1) if one.contact <= time < one.release]
     if held:

@@ -47,14 +47,14 @@ def animate(
     from sautereau.analysis.figures.movie import animate as write_animation
     from sautereau.analysis.phases import find_phases
     from sautereau.analysis.press.load import press_of
-    from sautereau.analysis.press.reenactment import reenact, shown_stretch
+    from sautereau.analysis.press.replay import replay, shown_stretch
     from sautereau.daq.file.reading import read_recording
 
     recorded = read_recording(recording)
     press = press_of(recorded)
     phases = find_phases(press)
     start, stop = shown_stretch(press, phases, since, until)
-    scene = reenact(press, phases, frame_times(start, stop, slow), recorded.joints or recorded.plan)
+    scene = replay(press, phases, frame_times(start, stop, slow), recorded.joints or recorded.plan)
     with share_bar() as show:
         write_animation(out, scene, show)
     plucked = sum(motion.plucks for motion in scene.choirs)

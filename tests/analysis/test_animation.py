@@ -14,7 +14,7 @@ from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.figures.animation import animation_figure
 from sautereau.analysis.figures.movie import FRAME_RATE, animate, frame_times, pictures
 from sautereau.analysis.phases import find_phases
-from sautereau.analysis.press.reenactment import reenact
+from sautereau.analysis.press.replay import replay
 from sautereau.daq.file.recorded import Plan
 from sautereau.rig.load import load_rig
 from sautereau.sim_backend.scene import load_scene
@@ -22,7 +22,7 @@ from sautereau.trajectory.press import draft_press
 
 
 def staged(press, time, arm=None):
-    return reenact(press, find_phases(press), time, arm)
+    return replay(press, find_phases(press), time, arm)
 
 
 @pytest.fixture(scope="module")

@@ -100,7 +100,9 @@ def test_a_skewed_feature_has_a_skewed_interval():
 def features_of(predicted, share=0.0):
     """Return the features of a press that departs from a prediction by a share of each."""
     pluck = PluckFeatures(**{name: value / (1 + share) for name, value in predicted.items()})
-    return Features("press.mcap", True, 0, 0.2, None, None, 0.07, 0.07, 0.07, 0.8, 1e-3, 0, (pluck,))
+    return Features(
+        "press.mcap", True, 0, 0.2, None, None, 0.07, 0.07, 0.07, 0.8, 1e-3, 0, (pluck,)
+    )
 
 
 def test_every_feature_stands_beside_the_models(paper, prediction):

@@ -100,7 +100,9 @@ def test_nothing_is_filled_in(paper, record):
 @pytest.mark.parametrize(("n", "left"), [(70, 13), (57, 0), (56, 0), (20, 0), (1, 0)])
 def test_too_short_for_its_delay(paper, record, n, left):
     """1.1 ms are 56.3 samples."""
-    with pytest.raises(AnalysisError, match=rf"0001\.mcap: {left} samples are left once the delay"):
+    with pytest.raises(
+        AnalysisError, match=rf"0001\.mcap: only {left} samples remain after the correction"
+    ):
         load_press(record(paper, np.ones((2, n))))
 
 
@@ -208,7 +210,7 @@ def test_an_offset_does_not_become_a_ramp(paper, record):
     assert abs(press.data["deflection"].iloc[-1]) < 5e-6
     assert press.drift.after is not None
     assert len(press.warnings) == 1
-    assert "are taken for an offset of the sensor" in press.warnings[0]
+    assert "count as an offset of the sensor" in press.warnings[0]
 
 
 def test_a_clean_press_has_no_marks_and_no_warnings(paper, record):

@@ -246,7 +246,7 @@ def test_a_fit_of_identify_is_read(tmp_path):
     fit = read_fit(path)
     assert fit.rows == (
         ("key.inertia", "0.00071 kg·m²", "1e-06", "0.0007 to 0.00072"),
-        ("string.tension, not identifiable from these recordings", "66 N", "unbounded", "none"),
+        ("string.tension, not identifiable from these recordings", "66 N", "undetermined", "none"),
     )
     assert fit.warnings == ("few presses",)
 

@@ -11,7 +11,7 @@ import pytest
 
 from sautereau.analysis.phases import find_phases
 from sautereau.analysis.press.load import load_press
-from sautereau.analysis.press.reenactment import reenact
+from sautereau.analysis.press.replay import replay
 from sautereau.analysis.report.build import About, build_report
 from sautereau.analysis.report.contents import gather
 from sautereau.analysis.report.slow_motion import FRAMES, LEAST_BESIDE, about, readings, slow_motion
@@ -207,8 +207,8 @@ def test_a_pluck_without_a_string_is_reported(make_press):
     assert readings(shown)[1].values[-1] == "2 of 2 strings released"
 
 
-def test_the_frames_are_the_reenactments(two):
+def test_the_frames_are_the_replays(two):
     page, paths = two
     press = load_press(paths[0])
-    again = reenact(press, find_phases(press), page.shown.scene.time)
+    again = replay(press, find_phases(press), page.shown.scene.time)
     np.testing.assert_array_equal(again.choirs[0].line, page.shown.scene.choirs[0].line)

@@ -8,7 +8,7 @@ from PIL import Image
 from scipy.io import wavfile
 
 from sautereau.analysis.errors import AnalysisError, ModelError
-from sautereau.analysis.press.sounding import QUALITY
+from sautereau.analysis.press.strings import QUALITY
 from sautereau.commands.app import app
 
 STRETCH = ("--since", "60 ms", "--until", "80 ms")

@@ -1,9 +1,8 @@
-"""A recorded press put together again, instant by instant, for an animation.
+"""The motion of a recorded press at the instants of an animation's frames.
 
-Key, jacks and arm are where vibrometer and encoders saw them. Plectra and strings nobody sees:
-they move by the model, which is set to the contact and the release that were measured. While a
-string is held, the share of the way from contact to release that its jack has gone is taken as
-the model's too.
+Key, jacks and arm move as the vibrometer and the encoders measured. Plectra and strings were not
+measured: they move as in the model, aligned with the measured contact and release. While a string
+is held, the model is at the same fraction of the way from contact to release as the jack.
 """
 
 from dataclasses import dataclass
@@ -17,7 +16,7 @@ from sautereau.analysis.model.plectrum.elastica import Elastica
 from sautereau.analysis.model.plectrum.shape import mid_line, straight
 from sautereau.analysis.phases import HeldString, Phases
 from sautereau.analysis.press.load import Press
-from sautereau.analysis.press.sounding import Sounding, soundings, stilled
+from sautereau.analysis.press.strings import VibratingString, stilled, vibrating_strings
 from sautereau.daq.file.recorded import Joints, Plan
 from sautereau.rig.instrument import Choir
 from sautereau.rig.schema import Rig
@@ -26,96 +25,93 @@ from sautereau.trajectory.motion import Floats
 
 Flags = NDArray[np.bool_]
 EXPOSURES = 12
-"""Instants of a frame in which a string is seen."""
+"""Positions of a string that one frame shows."""
 PLACES = 161
-"""Of a string, from nut to bridge."""
+"""Points of a string, from nut to bridge."""
 BEFORE = 10e-3
-"""s, that is shown before the jack rises."""
+"""s, shown before the jack rises."""
 
 
 @dataclass(frozen=True)
 class ChoirMotion:
-    """What one choir does; arrays with the frames first."""
+    """The motion of one choir; the first axis of each array is the frame."""
 
     choir: Choir
     plucks: bool
-    """Whether a pluck of it was found; without one its string stays at rest."""
+    """Whether its pluck was found; otherwise its string stays at rest."""
     height: Floats
     """m, of the jack above first contact; shape (n,)."""
     line: Floats
-    """m, mid-line of the plectrum from its clamp; shape (n, POINTS + 1, 2)."""
+    """m, centre line of the plectrum from its clamp; shape (n, POINTS + 1, 2)."""
     tongue: Floats
-    """rad, by which the tongue has swung back; shape (n,)."""
+    """rad, rotation of the tongue; shape (n,)."""
     wire: Floats
-    """m, places of the string at the plectrum during each frame; shape (n, EXPOSURES, 2)."""
+    """m, positions of the string at the plectrum during each frame; shape (n, EXPOSURES, 2)."""
     places: Floats
     """m, from the nut; shape (PLACES,)."""
     deflection: Floats
-    """m, of the string upwards during each frame; shape (n, EXPOSURES, PLACES)."""
+    """m, of the string, upwards, during each frame; shape (n, EXPOSURES, PLACES)."""
 
 
 @dataclass(frozen=True)
-class Reenactment:
+class Replay:
     """A press at the instants of an animation's frames; arrays of shape (n, ...)."""
 
     press: Press
     phases: Phases
     time: Floats
-    """s, from the trigger."""
+    """s after the trigger."""
     angle: Floats
     """rad, of the key."""
     joints: Floats | None
-    """rad, of the arm, shape (n, 2); None where nothing recorded an arm."""
+    """rad, of the arm, shape (n, 2); None without a recorded arm."""
     choirs: tuple[ChoirMotion, ...]
 
 
 def shown_stretch(
     press: Press, phases: Phases, since: float | None, until: float | None
 ) -> tuple[float, float]:
-    """Return from when to when [s] a press is shown.
+    """Return the start and the end [s] of the part of a press that is shown.
 
     Args:
         press: The press.
         phases: Its phases.
-        since: s, from the trigger; None for a little before the jack rises.
-        until: s; None for the end of the recording.
+        since: s after the trigger; None for `BEFORE` before the jack rises.
+        until: s after the trigger; None for the end of the recording.
 
     Raises:
-        AnalysisError: The stretch is not within the recording.
+        AnalysisError: The interval is not within the recording.
     """
     first, last = float(press.data.index[0]), float(press.data.index[-1])
     start = max(first, phases.start - BEFORE) if since is None else since
     stop = last if until is None else until
     if not first <= start < stop <= last:
         raise AnalysisError(
-            f"press {press.path}: {start * 1e3:.5g} to {stop * 1e3:.5g} ms is no stretch of the"
-            f" recording, which goes from {first * 1e3:.5g} to {last * 1e3:.5g} ms; change --since"
-            " or --until"
+            f"press {press.path}: {start * 1e3:.5g} to {stop * 1e3:.5g} ms is not within the"
+            f" recording, {first * 1e3:.5g} to {last * 1e3:.5g} ms after the trigger; change"
+            " --since or --until"
         )
     return start, stop
 
 
-def reenact(
-    press: Press, phases: Phases, time: Floats, arm: Joints | Plan | None = None
-) -> Reenactment:
-    """Put a press together at instants.
+def replay(press: Press, phases: Phases, time: Floats, arm: Joints | Plan | None = None) -> Replay:
+    """Return the motion of a press at given instants.
 
     Args:
         press: The press.
-        phases: Its phases; the plucks in them are those of the choirs, in the order in which
-            the model meets them.
-        time: s, within the press and evenly spaced; shape (n,), n at least 2.
-        arm: What the encoders saw of the arm, or else its plan; None for no arm.
+        phases: Its phases; the plucks belong to the choirs in the order of the model's contacts.
+        time: s after the trigger, within the press and evenly spaced; shape (n,), n at least 2.
+        arm: The arm as recorded by the encoders, or else as planned; None for no arm.
 
     Raises:
-        ModelError: The model has no pluck for the rig, so that no plectrum can be shown.
+        ModelError: The model has no pluck for the rig.
     """
     seen = press.data.index.to_numpy()
     turned = press.data["angle"].to_numpy()
-    strings = soundings(press.rig)
+    strings = vibrating_strings(press.rig)
     in_turn = sorted(range(len(strings)), key=lambda number: strings[number].contact)
     found = dict(zip(in_turn, phases.plucks, strict=False))
-    return Reenactment(
+    return Replay(
         press=press,
         phases=phases,
         time=time,
@@ -136,30 +132,30 @@ def _joints(arm: Joints | Plan | None, time: Floats) -> Floats | None:
 
 def _choir(
     rig: Rig,
-    sounding: Sounding,
+    string: VibratingString,
     held: HeldString | None,
     seen: Floats,
     turned: Floats,
     time: Floats,
 ) -> ChoirMotion:
-    choir = sounding.choir
+    choir = string.choir
     rise = rise_of_angle(key_of(rig, choir), turned)
     places = np.linspace(0, choir.string.length, PLACES)
     first, last = np.interp([held.contact, held.release], seen, rise) if held else (0.0, 0.0)
     if held is None or not last > first:
         height = np.interp(time, seen, rise) - choir.jack.string_clearance
         return _at_rest(choir, height, places)
-    pluck = sounding.pluck
+    pluck = string.pluck
     way = float(pluck.height[-1])
-    # The jack's height as the model has it: at 0 the string is met, at `way` it is let go.
+    # Height of the jack in the model: 0 at contact, `way` at release.
     known = np.interp(rise, [first, last], [0.0, way])
     known += np.minimum(rise - first, 0) + np.maximum(rise - last, 0)
     after = seen > held.release
-    sounding = _with_damper(sounding, rise, after, seen - held.release)
+    string = _with_damper(string, rise, after, seen - held.release)
     exposed = np.linspace(0, time[1] - time[0], EXPOSURES, endpoint=False)
-    clock = _model_clock(sounding, held, seen, known, (time[:, None] + exposed).ravel())
-    shape = sounding.displacement(clock, places)[1].reshape(len(time), EXPOSURES, PLACES)
-    wire = sounding.displacement(clock, np.array([choir.string.plucking_point]))[:, :, 0]
+    clock = _model_clock(string, held, seen, known, (time[:, None] + exposed).ravel())
+    shape = string.displacement(clock, places)[1].reshape(len(time), EXPOSURES, PLACES)
+    wire = string.displacement(clock, np.array([choir.string.plucking_point]))[:, :, 0]
     height = np.interp(time, seen, known)
     holding = (time >= held.contact) & (time < held.release)
     line = np.repeat(straight(choir.plectrum)[None], len(time), 0)
@@ -181,7 +177,7 @@ def _choir(
 
 
 def _at_rest(choir: Choir, height: Floats, places: Floats) -> ChoirMotion:
-    """Return a choir whose string nothing plucks."""
+    """Return a choir whose string is not plucked."""
     n = len(height)
     return ChoirMotion(
         choir=choir,
@@ -196,32 +192,34 @@ def _at_rest(choir: Choir, height: Floats, places: Floats) -> ChoirMotion:
 
 
 def _model_clock(
-    sounding: Sounding, held: HeldString, seen: Floats, known: Floats, time: Floats
+    string: VibratingString, held: HeldString, seen: Floats, known: Floats, time: Floats
 ) -> Floats:
-    """Return what the time [s] is on the model's clock: as much after its own release."""
-    share = np.interp(time, seen, known) / sounding.pluck.height[-1]
-    during = sounding.contact + np.clip(share, 0, 1) * sounding.pluck.release
-    early = sounding.contact - (held.contact - time)
-    late = sounding.release + (time - held.release)
+    """Return the time of the model [s] at measured times: aligned at contact and at release."""
+    fraction = np.interp(time, seen, known) / string.pluck.height[-1]
+    during = string.contact + np.clip(fraction, 0, 1) * string.pluck.release
+    early = string.contact - (held.contact - time)
+    late = string.release + (time - held.release)
     clock = np.where(time < held.contact, early, np.where(time < held.release, during, late))
     return np.maximum.accumulate(clock)
 
 
-def _with_damper(sounding: Sounding, rise: Floats, after: Flags, since_release: Floats) -> Sounding:
-    """Let the damper come down when the jack has fallen to where its felt meets the string."""
-    damper = sounding.choir.jack.damper
+def _with_damper(
+    string: VibratingString, rise: Floats, after: Flags, since_release: Floats
+) -> VibratingString:
+    """Stop the string when the jack has fallen so far that the damper touches it."""
+    damper = string.choir.jack.damper
     if damper is None:
-        return sounding
+        return string
     down = np.flatnonzero(after & (rise < damper.lift))
     if len(down) == 0:
-        return sounding
-    return stilled(sounding, sounding.release + float(since_release[down[0]]))
+        return string
+    return stilled(string, string.release + float(since_release[down[0]]))
 
 
 def _tongue(choir: Choir, height: Floats, after: Flags) -> Floats:
-    """Return by how much the tongue has swung back [rad] as the plectrum falls past the string.
+    """Return the rotation of the tongue [rad] while the plectrum falls past the string.
 
-    It swings as far as keeps the drawn plectrum off the drawn wire.
+    It is just large enough that the drawn plectrum does not cross the drawn string.
     """
     swung = np.zeros_like(height)
     tongue, plectrum = choir.jack.tongue, choir.plectrum

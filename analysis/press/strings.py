@@ -1,9 +1,10 @@
-"""The strings of a press as they sound: held by their plectra, swinging, stilled by their dampers.
+"""The vibration of the strings in a press: held by their plectra, free, stopped by their dampers.
 
-What a mode loses a second is not in a rig. It is taken from the air and one quality factor:
-sigma_n = R_n / (2 mu) + pi f_n / Q, with the drag R = 2 pi eta + 2 pi d sqrt(pi eta rho f) of a
-wire of diameter d (C. Valette, "The mechanics of vibrating strings", in Mechanics of Musical
-Instruments, Springer 1995). Q stands for all that metal, bridge and soundboard take.
+A rig file does not state the decay rates of the modes. They follow from the drag of the air and
+one quality factor: sigma_n = R_n / (2 mu) + pi f_n / Q, with the drag
+R = 2 pi eta + 2 pi d sqrt(pi eta rho f) of a wire of diameter d (C. Valette, "The mechanics of
+vibrating strings", in Mechanics of Musical Instruments, Springer 1995). Q stands for the losses in
+metal, bridge and soundboard.
 """
 
 from dataclasses import dataclass, replace
@@ -25,22 +26,22 @@ from sautereau.rig.schema import Rig
 AIR_VISCOSITY, AIR_DENSITY = 1.8e-5, 1.2
 """Pa s and kg/m^3, at 20 degrees."""
 QUALITY = 1500.0
-"""1, quality factor of what a string loses to all but the air; assumed: with it the string of
-`rig/paper.toml` falls by 60 dB in 6 s."""
+"""Dimensionless quality factor of all losses except those to the air; assumed: with it the
+string of `rig/paper.toml` decays by 60 dB in 6 s."""
 
 
 @dataclass(frozen=True)
-class Sounding:
-    """One choir's string in one press; times in s on the press's own clock."""
+class VibratingString:
+    """The string of one choir in one press; times in s after the jack leaves rest."""
 
     choir: Choir
     pluck: ModalPluck
     contact: float
-    """s, when the plectrum meets the string."""
+    """s, of contact with the plectrum."""
     release: float
-    """s, when the string is let go."""
+    """s, of release."""
     stilled: float = np.inf
-    """s, when the damper comes down on it; infinite where it does not."""
+    """s, at which the damper touches the string; infinite without a damper."""
 
     @property
     def string(self) -> ModalString:
@@ -48,9 +49,10 @@ class Sounding:
         return self.pluck.string
 
     def displacement(self, time: ArrayLike, places: ArrayLike) -> Floats:
-        """Return where the string is along x and z [m], shape (2, n, m); at rest till contact.
+        """Return the displacement of the string along x and z [m], shape (2, n, m).
 
-        The held string is bent as by a steady force at the plucking point.
+        It is zero before contact; while held, the string has the shape of a static force at the
+        plucking point.
 
         Args:
             time: s, increasing, shape (n,).
@@ -73,13 +75,13 @@ class Sounding:
         time = np.atleast_1d(np.asarray(time, float))
         string = self.choir.string
         found = self._held(time) * string.tension / (string.length - string.plucking_point)
-        for swing, begin, end in self._swings:
-            during = (time >= begin) & (time < end)
-            found[during] = swing.bridge_force(time[during] - begin)
+        for free, start, end in self._free:
+            during = (time >= start) & (time < end)
+            found[during] = free.bridge_force(time[during] - start)
         return found
 
     def _held(self, time: Floats) -> Floats:
-        """Return the displacement [m] of the plucking point while it is held, else 0; (n, 2)."""
+        """Return the displacement [m] of the plucking point while held, 0 otherwise; shape (n, 2)."""
         known = self.contact + self.pluck.time * (self.release - self.contact) / self.pluck.release
         return np.stack(
             [
@@ -90,41 +92,41 @@ class Sounding:
         )
 
     def _coordinates(self, time: Floats) -> Floats:
-        """Return the modes' coordinates [m] at times after release, shape (2, n, modes)."""
+        """Return the modal coordinates [m] at times after release, shape (2, n, modes)."""
         parts = [np.zeros((2, 0, len(self.string.order)))]
-        for swing, begin, end in self._swings:
-            during = time[(time >= begin) & (time < end)] - begin
-            parts.append(swing.string.free(swing.state, during).q)
+        for free, start, end in self._free:
+            during = time[(time >= start) & (time < end)] - start
+            parts.append(free.string.free(free.state, during).q)
         return np.concatenate(parts, axis=1)
 
     @cached_property
-    def _swings(self) -> list[tuple[FreeString, float, float]]:
-        """Free strings with the times [s] from and to which each of them swings."""
-        swings = [(FreeString(self.string, self.pluck.state), self.release, self.stilled)]
+    def _free(self) -> list[tuple[FreeString, float, float]]:
+        """Free vibrations, each with the times [s] of its start and its end."""
+        parts = [(FreeString(self.string, self.pluck.state), self.release, self.stilled)]
         damper = self.choir.jack.damper
         if damper is None or not np.isfinite(self.stilled):
-            return swings
+            return parts
         q, v = self.string.free(self.pluck.state, self.stilled - self.release)
         decay = self.string.decay + damper.decay
         damped = ModalString(self.choir.string, len(self.string.order), decay)
         state = type(self.pluck.state)(q[:, 0], v[:, 0])
-        return [*swings, (FreeString(damped, state), self.stilled, np.inf)]
+        return [*parts, (FreeString(damped, state), self.stilled, np.inf)]
 
 
 def string_decay(string: String, modes: int, quality: float = QUALITY) -> Floats:
-    """Return at what rates [1/s] the amplitudes of the lowest modes fall, shape (modes,).
+    """Return the decay rates [1/s] of the amplitudes of the lowest modes, shape (modes,).
 
     Args:
         string: The string.
-        modes: Their number.
-        quality: 1, quality factor of all losses but the air's.
+        modes: Number of modes.
+        quality: Dimensionless quality factor of all losses except those to the air.
 
     Raises:
-        ModelError: The quality factor is not above 1, with which nothing would sound.
+        ModelError: The quality factor is not above 1.
     """
     if not quality > 1:
         raise ModelError(
-            f"quality: {quality:.4g} must be above 1, and is some {QUALITY:g} for a metal string;"
+            f"quality: {quality:.4g} must be above 1, and is about {QUALITY:g} for a metal string;"
             " raise it"
         )
     frequency = string.frequency * np.arange(1, modes + 1)
@@ -133,23 +135,23 @@ def string_decay(string: String, modes: int, quality: float = QUALITY) -> Floats
     return drag / (2 * string.linear_density) + np.pi * frequency / quality
 
 
-def soundings(
+def vibrating_strings(
     rig: Rig,
     level: str = "elastica",
     *,
     quality: float = QUALITY,
     highest: float | None = None,
-) -> tuple[Sounding, ...]:
-    """Pluck every choir of a rig at its own jack's speed, in the order of the choirs.
+) -> tuple[VibratingString, ...]:
+    """Return the vibration of every choir's string after its pluck, in the order of the choirs.
 
     Args:
-        rig: The bench; the press is at its constant speed, with time 0 where the jack rises.
+        rig: The bench; its jack has a constant speed and leaves rest at time 0.
         level: Of the plectra.
-        quality: 1, see `string_decay`.
-        highest: Hz, up to which modes move; None for the lowest 30.
+        quality: Dimensionless, see `string_decay`.
+        highest: Hz, of the highest mode; None for the lowest 30 modes.
 
     Raises:
-        ModelError: A choir has no pluck, or no mode is as low as that.
+        ModelError: A choir has no pluck, or no mode below `highest`.
     """
     found = []
     for choir, plucked in zip(choirs(rig), predict(rig, level).choirs, strict=True):
@@ -161,23 +163,26 @@ def soundings(
         modes = MODES if highest is None else int(highest / choir.string.frequency)
         decay = string_decay(choir.string, modes, quality)
         pluck = modal_pluck(alone, level, modes=modes, decay=decay)
-        found.append(Sounding(choir, pluck, plucked.contact, plucked.contact + pluck.release))
+        found.append(
+            VibratingString(choir, pluck, plucked.contact, plucked.contact + pluck.release)
+        )
     return tuple(found)
 
 
-def stilled(sounding: Sounding, time: float) -> Sounding:
-    """Return the string with its damper coming down on it at a time [s].
+def stilled(string: VibratingString, time: float) -> VibratingString:
+    """Return the string with a damper that touches it at a time [s].
 
     Raises:
-        ModelError: The jack has no damper, or it would come down before the string is let go.
+        ModelError: The jack has no damper, or the damper would touch the string before release.
     """
-    if sounding.choir.jack.damper is None:
+    if string.choir.jack.damper is None:
         raise ModelError(
-            "jack.damper: the rig describes none, so the string swings on; add one, or let it swing"
+            "jack.damper: the rig has no damper, so the string keeps vibrating; add one to the rig, or"
+            " omit the time of the damper"
         )
-    if not time >= sounding.release:
+    if not time >= string.release:
         raise ModelError(
-            f"the damper comes down at {time * 1e3:.4g} ms, before the string is let go at"
-            f" {sounding.release * 1e3:.4g} ms; let it come later"
+            f"the damper would touch the string at {time * 1e3:.4g} ms, before the release at"
+            f" {string.release * 1e3:.4g} ms; choose a later time"
         )
-    return replace(sounding, stilled=time)
+    return replace(string, stilled=time)

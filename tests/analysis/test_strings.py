@@ -8,7 +8,7 @@ import pytest
 from sautereau.analysis.errors import ModelError
 from sautereau.analysis.model.predict import predict
 from sautereau.analysis.model.string.modal import modal_pluck
-from sautereau.analysis.press.sounding import QUALITY, soundings, stilled, string_decay
+from sautereau.analysis.press.strings import QUALITY, stilled, string_decay, vibrating_strings
 from sautereau.rig.load import load_rig
 from sautereau.sim_backend.scene import load_scene
 
@@ -17,8 +17,8 @@ PLACE = np.array([RIG.string.plucking_point])
 
 
 @pytest.fixture(scope="module")
-def sounding():
-    (only,) = soundings(RIG)
+def string():
+    (only,) = vibrating_strings(RIG)
     return only
 
 
@@ -47,23 +47,23 @@ def test_a_string_that_would_not_sound_is_refused(quality):
         string_decay(RIG.string, 30, quality)
 
 
-def test_it_is_the_modal_pluck(sounding):
+def test_it_is_the_modal_pluck(string):
     decay = string_decay(RIG.string, 30)
     pluck = modal_pluck(RIG, decay=decay)
     since = np.linspace(0, 0.05, 400)
-    time = sounding.release + since
-    np.testing.assert_allclose(sounding.bridge_force(time), pluck.bridge_force(since), atol=1e-9)
-    moved = sounding.displacement(time, PLACE)[:, :, 0].T
+    time = string.release + since
+    np.testing.assert_allclose(string.bridge_force(time), pluck.bridge_force(since), atol=1e-9)
+    moved = string.displacement(time, PLACE)[:, :, 0].T
     np.testing.assert_allclose(moved, pluck.motion(since)[0], atol=1e-12)
     prediction = predict(RIG)
-    assert sounding.contact == pytest.approx(prediction.contact)
-    assert sounding.release == pytest.approx(prediction.release, rel=2e-3)
+    assert string.contact == pytest.approx(prediction.contact)
+    assert string.release == pytest.approx(prediction.release, rel=2e-3)
 
 
-def test_before_contact_it_rests_and_held_it_is_a_triangle(sounding):
+def test_before_contact_it_rests_and_held_it_is_a_triangle(string):
     places = np.linspace(0, RIG.string.length, 461)
-    time = np.array([0.0, sounding.contact, (sounding.contact + sounding.release) / 2])
-    moved = sounding.displacement(time, places)
+    time = np.array([0.0, string.contact, (string.contact + string.release) / 2])
+    moved = string.displacement(time, places)
     assert not moved[:, :2].any()
     triangle = moved[1, 2]
     assert triangle.max() == pytest.approx(triangle[108])
@@ -71,43 +71,43 @@ def test_before_contact_it_rests_and_held_it_is_a_triangle(sounding):
     assert np.flatnonzero(bends).tolist() == [107]
     # A steady string pulls at the bridge by tension times slope.
     pull = RIG.string.tension * (triangle[-2] - triangle[-1]) / 1e-3
-    assert sounding.bridge_force(time)[2, 1] == pytest.approx(pull, rel=1e-9)
-    assert not sounding.bridge_force(time)[:2].any()
+    assert string.bridge_force(time)[2, 1] == pytest.approx(pull, rel=1e-9)
+    assert not string.bridge_force(time)[:2].any()
 
 
-def test_it_does_not_jump_when_it_is_let_go(sounding):
-    near = sounding.release + np.array([-1e-7, 1e-7])
-    before, after = sounding.displacement(near, PLACE)[1, :, 0]
+def test_it_does_not_jump_when_it_is_let_go(string):
+    near = string.release + np.array([-1e-7, 1e-7])
+    before, after = string.displacement(near, PLACE)[1, :, 0]
     assert after == pytest.approx(before, rel=0.02)  # 30 modes of a corner
-    before, after = sounding.bridge_force(near)[:, 1]
+    before, after = string.bridge_force(near)[:, 1]
     assert after == pytest.approx(before, rel=0.05)
 
 
-def test_the_damper_takes_over_without_a_jump(sounding):
-    end = sounding.release + 0.1
-    damped = stilled(sounding, end)
-    early = np.linspace(sounding.release, end - 1e-9, 300)
-    np.testing.assert_array_equal(damped.bridge_force(early), sounding.bridge_force(early))
+def test_the_damper_takes_over_without_a_jump(string):
+    end = string.release + 0.1
+    damped = stilled(string, end)
+    early = np.linspace(string.release, end - 1e-9, 300)
+    np.testing.assert_array_equal(damped.bridge_force(early), string.bridge_force(early))
     near = end + np.array([-1e-8, 1e-8])
     before, after = damped.displacement(near, PLACE)[1, :, 0]
     assert after == pytest.approx(before, abs=1e-7)
     # What the felt's 40 1/s take more than the air, put back.
     late = end + 0.5 + np.linspace(0, 5 / 365, 500)
-    loud, soft = (s.bridge_force(late)[:, 1] for s in (sounding, damped))
+    loud, soft = (s.bridge_force(late)[:, 1] for s in (string, damped))
     assert (soft * np.exp(40 * (late - end))).std() == pytest.approx(loud.std(), rel=0.02)
 
 
-def test_a_damper_that_is_not_there_or_too_early_is_refused(sounding):
+def test_a_damper_that_is_not_there_or_too_early_is_refused(string):
     with pytest.raises(ModelError, match="before the string is let go"):
-        stilled(sounding, sounding.release - 1e-3)
+        stilled(string, string.release - 1e-3)
     bare = RIG.model_copy(update={"jack": RIG.jack.model_copy(update={"damper": None})})
     with pytest.raises(ModelError, match=r"jack\.damper"):
-        stilled(soundings(bare)[0], 1.0)
+        stilled(vibrating_strings(bare)[0], 1.0)
 
 
 def test_every_choir_is_plucked_at_its_own_time():
     rig = load_scene("two-choirs").true_rig(RIG)
-    found = soundings(rig)
+    found = vibrating_strings(rig)
     expected = predict(rig).choirs
     assert len(found) == len(expected) == 2
     for string, choir in zip(found, expected, strict=True):
@@ -116,7 +116,7 @@ def test_every_choir_is_plucked_at_its_own_time():
 
 
 def test_modes_go_up_to_what_is_asked_for():
-    (found,) = soundings(RIG, highest=3650.0)
+    (found,) = vibrating_strings(RIG, highest=3650.0)
     assert len(found.string.order) == 10
     with pytest.raises(ModelError, match="0 modes"):
-        soundings(RIG, highest=100.0)
+        vibrating_strings(RIG, highest=100.0)

@@ -7,7 +7,7 @@ import pytest
 
 from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.phases import find_phases
-from sautereau.analysis.press.reenactment import EXPOSURES, reenact, shown_stretch
+from sautereau.analysis.press.replay import EXPOSURES, replay, shown_stretch
 from sautereau.daq.file.recorded import Joints
 from sautereau.rig.load import load_rig, with_values
 from sautereau.sim_backend.scene import load_scene
@@ -25,7 +25,7 @@ def phases(press):
 
 @pytest.fixture(scope="module")
 def scene(press, phases):
-    return reenact(press, phases, np.linspace(0.03, 0.12, 361))
+    return replay(press, phases, np.linspace(0.03, 0.12, 361))
 
 
 def held(scene):
@@ -75,7 +75,7 @@ def test_the_jacks_height_is_0_at_contact_and_rises_all_the_way(scene, press):
 def test_after_release_it_swings_at_the_strings_pitch(press, phases):
     (pluck,) = phases.plucks
     start = pluck.release + 1e-3
-    fine = reenact(press, phases, start + np.arange(2000) / 20_000)
+    fine = replay(press, phases, start + np.arange(2000) / 20_000)
     (motion,) = fine.choirs
     middle = motion.deflection[:, 0, 80]
     size = np.abs(np.fft.rfft(middle * np.hanning(2000), 40_000))
@@ -88,14 +88,14 @@ def test_a_frames_exposures_lead_to_the_next_frame(press, phases):
     (pluck,) = phases.plucks
     coarse = np.linspace(pluck.release + 1e-4, pluck.release + 2e-3, 20)
     fine = np.linspace(coarse[0], coarse[-1], 19 * EXPOSURES + 1)
-    shown = reenact(press, phases, coarse).choirs[0].deflection[:-1]
-    dense = reenact(press, phases, fine).choirs[0].deflection[:-1, 0]
+    shown = replay(press, phases, coarse).choirs[0].deflection[:-1]
+    dense = replay(press, phases, fine).choirs[0].deflection[:-1, 0]
     np.testing.assert_allclose(shown.reshape(dense.shape), dense, atol=1e-9)
 
 
 def test_a_press_without_a_pluck_leaves_the_string_at_rest(make_press):
     mute = make_press(slope=0)
-    scene = reenact(mute, find_phases(mute), np.linspace(0.03, 0.12, 50))
+    scene = replay(mute, find_phases(mute), np.linspace(0.03, 0.12, 50))
     (motion,) = scene.choirs
     assert not motion.plucks
     assert not motion.deflection.any()
@@ -109,7 +109,7 @@ def test_the_arm_is_the_encoders_and_may_be_missing(press, phases, scene):
     assert scene.joints is None
     t = np.array([0.0, 0.2])
     arm = Joints(t, np.array([0.0, 0.2]), np.array([1.0, 0.0]))
-    shown = reenact(press, phases, np.array([0.05, 0.1]), arm).joints
+    shown = replay(press, phases, np.array([0.05, 0.1]), arm).joints
     np.testing.assert_allclose(shown, [[0.05, 0.75], [0.1, 0.5]])
 
 
@@ -122,7 +122,7 @@ def test_on_the_way_back_the_tongue_lets_the_plectrum_pass(make_press):
         np.concatenate([velocity, -velocity[::-1]]), np.concatenate([force, 0 * force]), 51_200.0
     )
     phases = find_phases(back)
-    scene = reenact(back, phases, np.linspace(0.25, 0.49, 600))
+    scene = replay(back, phases, np.linspace(0.25, 0.49, 600))
     (motion,) = scene.choirs
     swung = np.flatnonzero(motion.tongue)
     assert len(swung) > 3
@@ -148,9 +148,9 @@ def test_on_the_way_back_the_tongue_lets_the_plectrum_pass(make_press):
         {"string.frequency": "1500 Hz", "string.length": "120 mm", "string.plucking_point": "9 mm"},
     ],
 )
-def test_any_rig_has_a_reenactment(press, phases, changes):
+def test_any_rig_has_a_replay(press, phases, changes):
     other = replace(press, rig=with_values(press.rig, changes))
-    scene = reenact(other, phases, np.linspace(0.04, 0.1, 40))
+    scene = replay(other, phases, np.linspace(0.04, 0.1, 40))
     (motion,) = scene.choirs
     for array in (motion.height, motion.line, motion.wire, motion.deflection, motion.tongue):
         assert np.isfinite(array).all()
@@ -169,7 +169,7 @@ def test_two_choirs_are_plucked_in_turn(make_press):
     press = make_press()
     double = type(press)(press.path, rig, True, press.data, press.rate)
     phases = find_phases(press)
-    scene = reenact(double, phases, np.linspace(0.03, 0.12, 50))
+    scene = replay(double, phases, np.linspace(0.03, 0.12, 50))
     assert len(scene.choirs) == 2
     assert [motion.plucks for motion in scene.choirs] == [True, False]
 
