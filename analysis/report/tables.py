@@ -51,7 +51,7 @@ class Column:
     def head(self) -> str:
         """Heading of the column, with the unit."""
         quantity = QUANTITIES[self.feature]
-        title = quantity.title(quantity.displayed[1])
+        title = quantity.title(quantity.displayed[1].replace("uJ", "µJ"))
         return title if self.pluck == 1 else f"{title}, pluck {self.pluck}"
 
     def value(self, features: Mapping[str, object]) -> float | None:
@@ -73,7 +73,8 @@ class Column:
         values = [v for p in presses if (v := self.value(p.features.row())) is not None]
         if len(values) < 2 or self.feature == "plucks":
             return NONE, NONE
-        return f"{np.mean(values):.{DIGITS[self.feature]}f}", f"{np.std(values, ddof=1):.2g}"
+        spread = float(f"{np.std(values, ddof=1):.2g}")
+        return f"{np.mean(values):.{DIGITS[self.feature]}f}", f"{spread:g}"
 
     @property
     def _scale(self) -> float:
