@@ -1,11 +1,11 @@
-"""Faults of models and analyses."""
+"""Errors of models and analyses."""
 
 from sautereau.rig.errors import SautereauError
 
 
 class AnalysisError(SautereauError):
-    """A recording or a comparison that gives no answer; says why and what to do."""
+    """A recording or a comparison without a result; the message says why and how to fix it."""
 
 
 class ModelError(SautereauError):
-    """A model outside the range in which it has a solution; says which quantity, and the range."""
+    """A model outside its range of solutions; the message names the quantity and the range."""

@@ -1,1 +1,1 @@
-"""What recorded presses say of the bench's unknown numbers: a model that is fitted."""
+"""Identification of unknown parameters of the bench from recorded presses."""

@@ -1,4 +1,4 @@
-"""Fit unknown numbers of the bench to recorded presses by generalised least squares."""
+"""Fit unknown parameters of the bench to recorded presses by generalised least squares."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -25,34 +25,34 @@ from sautereau.rig.schema import Rig
 from sautereau.trajectory.motion import Floats
 
 RISE_STD = 2e-6
-"""m, by which all rises may be wrong alike: what is left of the vibrometer's drift."""
+"""m, common error of all rises: the remaining drift of the vibrometer."""
 TIME_STD = 20e-6
-"""s, by which force and motion may be apart although their delays are taken back."""
+"""s, remaining delay between force and motion after the correction of their delays."""
 GAIN_STD = 1.2e-3
-"""1, by which all forces may be wrong alike: the finger slides along the key by a fifth of a
-millimetre where the arm gives way, and its moment on the key changes by as much."""
+"""Dimensionless, common relative error of all forces: the finger of a compliant arm slides along
+the key by a fifth of a millimetre, and its moment on the key changes by as much."""
 FAR = 10
-"""1, standard uncertainties by which any of these may be wrong at the most."""
+"""Bounds of these errors, in their standard uncertainties."""
 ROUNDS = 3
-"""Fits one after the other, each whitened by the residuals of the one before."""
+"""Number of fits, each whitened by the residuals of the one before."""
 
 
 @dataclass(frozen=True)
 class Fit:
-    """A fit that has been made."""
+    """A completed fit."""
 
     problem: Problem
     values: Floats
-    """SI, of all parameters, those that are not shown as well."""
+    """SI, of all parameters, including hidden ones."""
     residual_before: float
-    """N, of what the rig's own values miss of the force."""
+    """N, RMS force residual with the values of the rig."""
 
     @property
     def excess(self) -> float:
-        """1, by which the residuals' mean square is more than their covariance says."""
+        """Mean square of the whitened residuals: 1 for a correct covariance; at least 1."""
         residuals = self.problem.data(self.values / self.problem.scales)
         spent = len(self.values) + sum(w.trends.shape[1] for w in self.problem.whitenings)
-        # The noise's covariance is itself estimated: what is left over counts, if it is more.
+        # The covariance of the noise is an estimate, so a larger scatter of the residuals counts.
         return max(1.0, float(residuals @ residuals) / max(1, len(residuals) - spent))
 
 
@@ -63,9 +63,9 @@ def inverse_dynamics(
     priors: Mapping[str, Prior] | None = None,
     level: str = "elastica",
 ) -> InverseDynamics:
-    """Return the dynamics that a fit is about; as `identify`."""
+    """Return the inverse dynamics of presses with its free parameters; arguments as `identify`."""
     if not presses:
-        raise AnalysisError("there is no press to fit to; give at least one recording")
+        raise AnalysisError("there is no press to fit; give at least one recording")
     rig = check_alike({str(press.path): press.rig for press in presses})
     free = parameters(rig, names, priors)
     free += tuple(error for error in _errors(rig) if error.name not in names)
@@ -77,13 +77,13 @@ def inverse_dynamics(
 def fit(
     dynamics: InverseDynamics, starts: int = 3, robust: bool = False, *, levelled: bool = False
 ) -> Fit:
-    """Fit what is free in a dynamics; as `identify`.
+    """Fit the free parameters of inverse dynamics.
 
     Args:
         dynamics: Of the presses.
-        starts: Points to set out from.
-        robust: Let large residuals count in proportion.
-        levelled: Whether the forces' levels are free although they are not AC-coupled.
+        starts: Number of starting points.
+        robust: Weight large residuals linearly instead of quadratically.
+        levelled: Whether the zero of each force is free although the force is not AC-coupled.
     """
     free = dynamics.free
     levelled = levelled or _coupled(dynamics.rig)
@@ -105,9 +105,9 @@ def fit(
 
 
 def _errors(rig: Rig) -> list[Parameter]:
-    """Return the errors of the measurement that a fit has to allow for.
+    """Return the hidden parameters for errors of the measurement.
 
-    A string higher or lower stands for rises that are all wrong alike.
+    The clearance of the string represents a common error of all rises.
     """
     known = (
         (CLEARANCE, "m", rig.jack.string_clearance, RISE_STD),
@@ -121,7 +121,7 @@ def _errors(rig: Rig) -> list[Parameter]:
 
 
 def _coupled(rig: Rig) -> bool:
-    """Return whether the force's level at rest is lost to AC coupling."""
+    """Return whether the force at rest is unknown because of AC coupling."""
     channel = rig.daq.channel("force")
     return channel is not None and channel.high_pass > 0
 
@@ -134,8 +134,8 @@ def _problem(
 
 
 def _white(dynamics: InverseDynamics, forces: Sequence[Floats], levelled: bool) -> list[Whitening]:
-    """Return whitenings as if the residuals were independent."""
-    # Not below rounding, so that presses without any noise can be fitted as well.
+    """Return whitenings for independent residuals."""
+    # Not below rounding errors, so that presses without noise can be fitted as well.
     spread = max(rms([f - f.mean() * levelled for f in forces]), 1e-9)
     return [whitening(p.used, np.array([spread**2]), levelled) for p in dynamics.presses]
 
@@ -143,7 +143,7 @@ def _white(dynamics: InverseDynamics, forces: Sequence[Floats], levelled: bool) 
 def _coloured(
     dynamics: InverseDynamics, forces: Sequence[Floats], noise: Sequence[Whitening], levelled: bool
 ) -> list[Whitening]:
-    """Return whitenings by the autocovariance of residuals."""
+    """Return whitenings for the autocovariance of the residuals."""
     left = [f - w.trend(f) for f, w in zip(forces, noise, strict=True)]
     spent = len(dynamics.free) + 2 * levelled * len(forces)
     covariance = autocovariance(
@@ -153,12 +153,12 @@ def _coloured(
 
 
 def _factor(rises: Floats) -> float:
-    """Return by how much rises at release scatter more than their uncertainties say."""
+    """Return the scatter of the rises at release over their stated uncertainties; at least 1."""
     return max(1.0, float(np.std(rises, ddof=1))) if len(rises) > 2 else 1.0
 
 
 def _starts(free: Sequence[Parameter], count: int) -> list[Floats]:
-    """Return the rig's values, and others spread between the bounds."""
+    """Return the values of the rig, and points spread between the bounds."""
     from scipy.stats import qmc
 
     start = np.array([p.start for p in free])
@@ -170,6 +170,6 @@ def _starts(free: Sequence[Parameter], count: int) -> list[Floats]:
 
 
 def rms(parts: Sequence[Floats]) -> float:
-    """Return the root mean square of all values together; 0 of none."""
+    """Return the root mean square of all values together; 0 for no value."""
     joined = np.concatenate([np.asarray(part, float) for part in parts])
     return float(np.sqrt(np.mean(joined**2))) if len(joined) else 0.0

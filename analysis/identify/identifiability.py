@@ -1,4 +1,8 @@
-"""Can these data tell these numbers apart? The singular values of the scaled Jacobian answer."""
+"""Identifiability: which combinations of parameters the data determine.
+
+The singular values of the scaled Jacobian are the inverse standard uncertainties of its right
+singular vectors.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -8,10 +12,10 @@ import numpy as np
 from sautereau.trajectory.motion import Floats
 
 IDENTIFIABLE = 0.015
-"""1, standard uncertainty over the parameter's scale below which data tell it: the 95 % interval
-reaches no further than 3 % of the scale."""
-SHARE = 0.1
-"""1, least weight with which a parameter is named in a combination."""
+"""Dimensionless, standard uncertainty over the scale of a parameter below which it is identifiable:
+its 95 % interval is at most 3 % of the scale either way."""
+LEAST_WEIGHT = 0.1
+"""Dimensionless, smallest weight of a parameter that a combination lists."""
 
 
 @dataclass(frozen=True)
@@ -19,11 +23,11 @@ class Combination:
     """A direction among the scaled parameters."""
 
     weights: dict[str, float]
-    """1, by parameter, of its change over its scale; the squares sum to 1, small ones left out."""
+    """By parameter, of its change over its scale; squares sum to 1, small ones are omitted."""
     std: float | None
-    """1, standard uncertainty of the combination; None where nothing bounds it."""
+    """Dimensionless standard uncertainty of the combination; None where undetermined."""
     identifiable: bool
-    """Whether that is below `IDENTIFIABLE`."""
+    """Whether the uncertainty is below `IDENTIFIABLE`."""
 
     def __str__(self) -> str:
         parts = [f"{'-' if w < 0 else '+'} {abs(w):.2f} {n}" for n, w in self.weights.items()]
@@ -31,10 +35,10 @@ class Combination:
 
 
 def combinations(jacobian: Floats, names: Sequence[str]) -> list[Combination]:
-    """Return the combinations that data tell apart, the best told first.
+    """Return the combinations of parameters, the best determined first.
 
     Args:
-        jacobian: Of whitened residuals by the scaled parameters [1], shape (n, parameters).
+        jacobian: Of whitened residuals by the scaled parameters, shape (n, parameters).
         names: Of the parameters.
     """
     _, singular, directions = np.linalg.svd(jacobian, full_matrices=False)
@@ -46,7 +50,11 @@ def combinations(jacobian: Floats, names: Sequence[str]) -> list[Combination]:
         std = 1 / float(value) if value > 1e-9 * max(float(singular[0]), 1e-300) else None
         found.append(
             Combination(
-                {names[int(i)]: float(direction[i]) for i in order if abs(direction[i]) >= SHARE},
+                {
+                    names[int(i)]: float(direction[i])
+                    for i in order
+                    if abs(direction[i]) >= LEAST_WEIGHT
+                },
                 std,
                 std is not None and std < IDENTIFIABLE,
             )

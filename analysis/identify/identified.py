@@ -1,4 +1,4 @@
-"""What a fit has found: values, uncertainties, and what the data cannot tell apart."""
+"""The result of a fit: values, uncertainties and identifiability."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -17,9 +17,9 @@ from sautereau.rig.schema import Rig
 from sautereau.trajectory.motion import Floats
 
 INTERVAL = 1.96
-"""1, standard uncertainties from a value to the ends of its 95 % interval."""
-UNSEEN = 1e-7
-"""1, of the largest singular value, below which a combination is not seen at all."""
+"""Standard uncertainties from a value to the ends of its 95 % interval."""
+UNDETERMINED = 1e-7
+"""Fraction of the largest singular value below which a combination is undetermined."""
 
 
 @dataclass(frozen=True)
@@ -30,44 +30,44 @@ class Estimate:
     unit: str
     value: float
     start: float
-    """The rig's, from which the fit set out."""
+    """Value of the rig, where the fit started."""
     std: float | None
-    """Standard uncertainty that data and prior leave; None where nothing bounds it."""
+    """Standard uncertainty from data and prior; None where undetermined."""
     low: float | None
     """Lower end of the 95 % interval."""
     high: float | None
     """Upper end of the 95 % interval."""
     at_bound: bool
-    """Whether a bound stopped it: then the interval is about the bound and not a finding."""
+    """Whether the value is at a bound: then the interval describes the bound, not the data."""
     identifiable: bool
     """Whether the data alone determine it, to `IDENTIFIABLE` of its scale, with the others free."""
 
 
 @dataclass(frozen=True)
 class Identified:
-    """What the presses say of the parameters that were free."""
+    """The identified parameters of presses."""
 
     rig: Rig
     """The bench with the fitted values."""
     estimates: tuple[Estimate, ...]
     correlation: Floats
-    """1, of the estimates, shape (parameters, parameters)."""
+    """Correlation coefficients of the estimates, shape (parameters, parameters)."""
     combinations: tuple[Combination, ...]
-    """The combinations of parameters from the best told to the worst, by the data alone."""
+    """Combinations of parameters, the best determined first, from the data alone."""
     presses: tuple[str, ...]
     """Names of the recordings."""
     releases: int
-    """Releases that were seen."""
+    """Number of releases in the recordings."""
     level: str
-    """Of the plectra."""
+    """Level of the plectrum model."""
     residual: float
-    """N, of what the fitted model misses of the force."""
+    """N, RMS force residual with the fitted values."""
     residual_before: float
-    """N, of what the rig's own values miss of it."""
+    """N, RMS force residual with the values of the rig."""
     rise_residual: float | None
-    """m, rms of what it misses of the rises at release; None without one."""
+    """m, RMS residual of the rises at release; None without a release."""
     force_offsets: tuple[float, ...]
-    """N, of each press; 0 where the level is known."""
+    """N, fitted zero of the force of each press; 0 where it is known."""
     warnings: tuple[str, ...]
 
 
@@ -86,14 +86,14 @@ def identify(
     Args:
         presses: Recordings of one instrument.
         phases: Theirs, in the same order.
-        names: Of the parameters, from `parameters.NAMES`.
-        priors: What is known of them beforehand, by name.
-        level: Of the plectra.
-        starts: Points to set out from: the rig's values, and others between the bounds.
-        robust: Let large residuals count in proportion and not by their squares.
+        names: Of the free parameters, from `parameters.NAMES`.
+        priors: Prior knowledge of the parameters, by name.
+        level: Of the plectrum model.
+        starts: Number of starting points: the values of the rig, and others between the bounds.
+        robust: Weight large residuals linearly instead of quadratically.
 
     Raises:
-        AnalysisError: There is no press, nothing to fit, or the presses are of different rigs.
+        AnalysisError: There is no press, no parameter, or the presses are of different rigs.
         ModelError: The model has no solution for the rig's values.
     """
     dynamics = inverse_dynamics(presses, phases, names, priors, level)
@@ -101,7 +101,7 @@ def identify(
 
 
 def evaluate(made: Fit) -> Identified:
-    """Return what a fit has found, with its uncertainties."""
+    """Return the result of a fit with its uncertainties."""
     found, values, excess = made.problem, made.values, made.excess
     dynamics, point = found.dynamics, values / found.scales
     shown = [k for k, p in enumerate(found.free) if not p.hidden]
@@ -139,7 +139,7 @@ def evaluate(made: Fit) -> Identified:
     )
 
 
-def _estimate(parameter: Parameter, value: float, std: float, told: bool) -> Estimate:
+def _estimate(parameter: Parameter, value: float, std: float, identifiable: bool) -> Estimate:
     room = AT_BOUND * (parameter.high - parameter.low)
     known = np.isfinite(std)
     return Estimate(
@@ -151,21 +151,21 @@ def _estimate(parameter: Parameter, value: float, std: float, told: bool) -> Est
         low=value - INTERVAL * std if known else None,
         high=value + INTERVAL * std if known else None,
         at_bound=min(value - parameter.low, parameter.high - value) <= room,
-        identifiable=told,
+        identifiable=identifiable,
     )
 
 
 def _covariance(jacobian: Floats) -> tuple[Floats, NDArray[np.bool_]]:
-    """Return the covariance of scaled parameters, and which of them are bounded at all."""
+    """Return the covariance of scaled parameters, and which of them are determined at all."""
     _, singular, directions = np.linalg.svd(jacobian, full_matrices=False)
-    seen = singular > UNSEEN * max(float(singular[0]), 1e-300)
+    seen = singular > UNDETERMINED * max(float(singular[0]), 1e-300)
     bounded = np.all(np.abs(directions[~seen]) < 1e-3, axis=0)
     kept = directions[seen] / singular[seen, None]
     return kept.T @ kept, bounded
 
 
 def _apart(data: Floats, found: Problem, shown: Sequence[int]) -> Floats:
-    """Return the data's Jacobian by the shown parameters, what a hidden one explains taken off."""
+    """Return the Jacobian of the data by the shown parameters, orthogonal to the hidden ones."""
     hidden = [k for k in range(data.shape[1]) if k not in shown]
     if not hidden:
         return data
@@ -181,10 +181,10 @@ def _warnings(estimates: Sequence[Estimate], dynamics: InverseDynamics) -> tuple
         if estimate.at_bound:
             p = by_name[estimate.name]
             found.append(
-                f"{p.name}: it came to a bound of {p.low:.4g} to {p.high:.4g} {p.unit} at"
-                f" {estimate.value:.4g} {p.unit}; widen it by a prior, or look for what else is"
-                " wrong in the rig"
+                f"{p.name}: the fit reached a bound at {estimate.value:.4g} {p.unit}, of"
+                f" {p.low:.4g} to {p.high:.4g} {p.unit}; widen the range by a prior, or look for"
+                " other errors in the rig"
             )
     if not any(len(press.releases) for press in dynamics.presses):
-        found.append("no press has a pluck: nothing is told of plectrum, string or clearance")
+        found.append("no press has a pluck: plectrum, string and clearance are not identifiable")
     return tuple(found)

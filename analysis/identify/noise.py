@@ -1,8 +1,8 @@
-"""The residuals' own covariance, so that hum and filters do not pass for information.
+"""The covariance of the residuals, for generalised least squares.
 
-Residuals half a millisecond apart hold together: by the smoothing, by mains hum, by what the
-model does not know. Their autocovariance, taken from a fit that ignores it, whitens the next
-fit (generalised least squares); instants that are left out are simply not in the covariance.
+Residuals half a millisecond apart are correlated: by the smoothing, by mains hum, by errors of
+the model. Their autocovariance, estimated from a fit that ignores it, whitens the next fit.
+Excluded instants are not in the covariance.
 """
 
 from collections.abc import Sequence
@@ -14,26 +14,26 @@ from numpy.typing import NDArray
 from sautereau.trajectory.motion import Floats
 
 REACH = 50e-3
-"""s, over which residuals may hold together: two and a half periods of the mains."""
+"""s, longest lag of the autocovariance: two and a half periods of the mains."""
 FLOOR = 1e-3
-"""1, of the mean of the noise's spectrum, that no part of it falls below."""
+"""Dimensionless, smallest value of the noise spectrum over its mean."""
 QUIET = 1e-18
-"""N^2, least variance of residuals, of presses without any noise."""
+"""N^2, smallest variance of residuals, for presses without noise."""
 
 
 @dataclass(frozen=True)
 class Whitening:
-    """Turn residuals of one press into independent ones of variance 1, unknown trends taken off."""
+    """Maps residuals of one press to independent ones of variance 1, without unknown trends."""
 
     factor: Floats
-    """N, lower Cholesky factor of the covariance, its diagonals as rows: shape (band, n)."""
+    """N, lower Cholesky factor of the covariance, banded, diagonals as rows: shape (band, n)."""
     trends: Floats
-    """1, whitened trends, orthonormal; shape (n, trends)."""
+    """Whitened trends, orthonormal; shape (n, trends)."""
     shapes: Floats
-    """N, the trends themselves, of the same coefficients; shape (n, trends)."""
+    """N, the same trends before whitening; shape (n, trends)."""
 
     def __call__(self, residual: Floats) -> Floats:
-        """Return whitened residuals [1] of residuals [N], shape (n,)."""
+        """Return the whitened residuals [1] of residuals [N], shape (n,)."""
         white = _solved(self.factor, residual)
         return white - self.trends @ (self.trends.T @ white)
 
@@ -46,10 +46,10 @@ def whitening(used: NDArray[np.bool_], covariance: Floats, levelled: bool) -> Wh
     """Return the whitening of one press.
 
     Args:
-        used: Which of its even instants are fitted.
-        covariance: N^2, over lags from 0 in instants; 0 beyond.
-        levelled: Whether the force has an unknown level and an unknown slow ramp, as AC coupling
-            leaves them.
+        used: Which of its equidistant instants are fitted.
+        covariance: N^2, over the lag in instants, from 0; longer lags have covariance 0.
+        levelled: Whether the force has an unknown level and an unknown slow ramp, because of AC
+            coupling.
     """
     from scipy.linalg import cholesky_banded
 
@@ -69,7 +69,7 @@ def whitening(used: NDArray[np.bool_], covariance: Floats, levelled: bool) -> Wh
 
 
 def _solved(factor: Floats, values: Floats) -> Floats:
-    """Return what a banded lower factor makes of values by forward substitution."""
+    """Return the solution for a banded lower factor by forward substitution."""
     from scipy.linalg import get_lapack_funcs
 
     (tbtrs,) = get_lapack_funcs(("tbtrs",), (factor,))
@@ -80,13 +80,13 @@ def _solved(factor: Floats, values: Floats) -> Floats:
 def autocovariance(
     residuals: Sequence[Floats], used: Sequence[NDArray[np.bool_]], step: float, spent: int
 ) -> Floats:
-    """Return the residuals' autocovariance [N^2] over lags in instants, a positive one.
+    """Return a positive definite autocovariance [N^2] of the residuals over the lag in instants.
 
     Args:
         residuals: N, of each press at its used instants.
-        used: Which of each press's even instants those are.
+        used: Which of the equidistant instants of each press those are.
         step: s, between instants.
-        spent: Parameters that the residuals were fitted with.
+        spent: Number of fitted parameters.
     """
     from scipy.signal.windows import parzen
 
@@ -103,7 +103,7 @@ def autocovariance(
     total = sum(len(r) for r in residuals)
     means = np.divide(sums, pairs, out=np.zeros(count), where=pairs > 0.5)
     means *= total / max(total - spent, 1) * parzen(2 * count - 1)[count - 1 :]
-    # A sum over pairs that are not all there need not be a covariance: white noise mends it.
+    # With missing pairs the sum may not be positive definite: add white noise.
     spectrum = np.fft.hfft(means, 16 * count)
     least = FLOOR * float(spectrum.mean())
     means[0] = max(QUIET, float(means[0]) + max(0.0, least - float(spectrum.min())))

@@ -1,8 +1,8 @@
-"""A recorded press as a fit takes it: force and motion smoothed alike, and what is left out.
+"""A recorded press as input of a fit: force and motion, smoothed alike, and excluded instants.
 
-The acceleration is the slope of a line through the velocity in a window. That is, exactly, the
-velocity's derivative seen through a window of parabolic weights; force, angle and spin are seen
-through the same window, so that nothing of it is left in their dynamics.
+The acceleration is the slope of a line through the velocity in a window. That equals the derivative
+of the velocity smoothed by parabolic weights; force, angle and angular velocity are smoothed by the
+same weights, so that the smoothing cancels in the equation of motion.
 """
 
 from dataclasses import dataclass
@@ -18,34 +18,34 @@ from sautereau.trajectory.key import rise_of_angle
 from sautereau.trajectory.motion import Floats, Motion
 
 WINDOW = 2e-3
-"""s, of the smoothing."""
+"""s, of the smoothing window."""
 STEP = 0.5e-3
-"""s, from one instant that is fitted to the next, nearly."""
+"""s, approximate time between fitted instants."""
 PARTS = 4
-"""Instants in a step at which the string's force, which bends, is taken before smoothing."""
+"""Instants per step at which the force of the string is evaluated before smoothing."""
 BESIDE_RELEASE = 1.5e-3
-"""s, on either side of a release, that is left out: filters spread the fall of the force."""
+"""s, excluded on either side of a release, over which filters spread the force drop."""
 BESIDE_TURN = 4e-3
-"""s, on either side of where the key turns or rests, where friction may take any value."""
+"""s, excluded on either side of a reversal or rest of the key, where friction is indeterminate."""
 SLOW = 0.03
-"""1, share of the largest speed below which the key counts as resting."""
+"""Dimensionless, fraction of the largest speed below which the key counts as at rest."""
 BESIDE_DIP = 0.1e-3
-"""m, of the pressing point's travel before the front felt that is left out as well."""
+"""m, path of the pressing point before the front felt that is excluded as well."""
 CAUGHT = 4.0
-"""1, of the planned acceleration of the return, beyond which the finger catches a key that
-had fallen away from it: such an impact is shorter than the smoothing."""
+"""Dimensionless, multiple of the planned acceleration of the return above which the finger catches
+a key that had lost contact with it: such an impact is shorter than the smoothing."""
 BESIDE_STRING = 0.3e-3
-"""m, of the jack above the string that is left out with all below on its way down, where
-tongue and damper act."""
+"""m, height of the jack above the string below which its way down is excluded, as tongue and damper
+act there."""
 RISE_STD = 1e-6
-"""m, uncertainty of a jack's rise beside that of the moment at which it is read."""
+"""m, uncertainty of the rise of a jack, without that of the instant of release."""
 LEAST = 20
-"""Instants that a press has at the least."""
+"""Fewest fitted instants of a press."""
 
 
 @dataclass(frozen=True)
 class Observed:
-    """What a fit takes of a press; arrays of shape (n,), n instants `step` apart."""
+    """Input of a fit from one press; arrays of shape (n,) at n instants, `step` apart."""
 
     name: str
     """Of the recording."""
@@ -54,32 +54,32 @@ class Observed:
     time: Floats
     """s."""
     motion: Motion
-    """Of the key [rad], smoothed."""
+    """Smoothed motion of the key [rad]."""
     used: NDArray[np.bool_]
-    """Which instants are fitted."""
+    """Which instants are fitted, shape (n,)."""
     releases: Floats
-    """s, measured, in order; shape (plucks,)."""
+    """s after the trigger, measured, in order; shape (plucks,)."""
     release_rises: Floats
-    """m, of the first jack then."""
+    """m, rise of the first jack at release; shape (plucks,)."""
     release_stds: Floats
-    """m, their standard uncertainties."""
+    """m, standard uncertainties of these rises; shape (plucks,)."""
     release_speeds: Floats
-    """m/s, of the first jack then."""
+    """m/s, speed of the first jack at release; shape (plucks,)."""
     every_time: Floats
-    """s, of `every_force`; shape (m,)."""
+    """s after the trigger, of `every_force`; shape (m,)."""
     every_force: Floats
-    """N, of the finger, smoothed at the recording's own rate."""
+    """N, smoothed finger force at the rate of the recording; shape (m,)."""
     part_time: Floats
-    """s, `PARTS` times as dense as `time`, reaching beyond it as far as the smoothing does."""
+    """s, `PARTS` times as dense as `time`, extended at both ends by half the smoothing window."""
     part_angle: Floats
-    """rad, of the key then, as it was measured."""
+    """rad, measured angle of the key at `part_time`."""
 
     def force(self, lag: float = 0.0) -> Floats:
-        """Return the force [N] at the instants, where it is `lag` [s] behind the motion."""
+        """Return the force [N] at the instants, for a delay `lag` [s] of the force."""
         return np.interp(self.time + lag, self.every_time, self.every_force)
 
     def smoothed(self, values: Floats) -> Floats:
-        """Return what the window makes of values at `part_time`, at the instants."""
+        """Return values at `part_time` after smoothing, at the instants."""
         reach = (len(values) - 1 - PARTS * (len(self.time) - 1)) // 2
         weights = 1 - (np.arange(-reach, reach + 1) * self.step / PARTS / (WINDOW / 2)) ** 2
         weights = np.maximum(weights, 0.0)
@@ -88,27 +88,27 @@ class Observed:
 
 
 def observed(press: Press, phases: Phases, shift: float = 0.0) -> Observed:
-    """Return what a fit takes of a press.
+    """Return the input of a fit from a press.
 
     Args:
         press: The recording.
         phases: Its phases.
-        shift: s, by which the fit may move force against motion.
+        shift: s, largest delay between force and motion in the fit.
 
     Raises:
-        AnalysisError: The key moves for too short a time, or its samples are no numbers.
+        AnalysisError: The key moves for too short a time, or samples are not numbers.
     """
     data = press.data
     columns = data[["velocity", "force", "angle"]].to_numpy()
     if not np.isfinite(columns).all():
         raise AnalysisError(
-            f"press {press.path}: it holds samples that are not finite numbers; leave it out"
+            f"press {press.path}: some samples are not finite numbers; exclude this recording"
         )
     half = max(1, round(WINDOW / 2 * press.rate))
     time = data.index.to_numpy()[half:-half]
     offsets = np.arange(-half, half + 1)
     slope_weights = offsets / (offsets**2).sum()
-    # Between two samples the velocity's change counts with the sum of the weights beyond.
+    # The change of the velocity between two samples has the sum of the later weights.
     weights = np.cumsum(slope_weights[::-1])[:-1]
     weights = np.convolve(weights, [0.5, 0.5])
 
@@ -133,9 +133,9 @@ def observed(press: Press, phases: Phases, shift: float = 0.0) -> Observed:
     used = _used(press, phases, time[at], motion, shift)
     if used.sum() < LEAST:
         raise AnalysisError(
-            f"press {press.path}: in only {int(used.sum())} instants of {STEP * 1e3:.3g} ms the key"
-            f" moves freely, and {LEAST} are needed; leave it out, or look whether the key was"
-            " pressed"
+            f"press {press.path}: the key moves freely in only {int(used.sum())} steps of"
+            f" {STEP * 1e3:.3g} ms, and {LEAST} are needed; exclude this recording, or check"
+            " whether the key was pressed"
         )
     return Observed(
         name=press.path.name,
@@ -157,7 +157,7 @@ def observed(press: Press, phases: Phases, shift: float = 0.0) -> Observed:
 def _used(
     press: Press, phases: Phases, time: Floats, motion: Motion, shift: float
 ) -> NDArray[np.bool_]:
-    """Return at which instants the model's dynamics is to hold."""
+    """Return the instants at which the equation of motion is fitted."""
     rig, speed, step = press.rig, np.abs(motion.velocity), float(time[1] - time[0])
     edge = WINDOW / 2 + shift
     used = (time - time[0] > shift) & (time[-1] - time > shift)
@@ -172,7 +172,7 @@ def _used(
     for mark in press.marks:
         used &= (time < mark.start - edge) | (time > mark.stop + edge)
         if mark.channel == _force_channel(rig) and mark.kind != "drop-out":
-            # An AC-coupled force stands at another level after what it could not follow.
+            # An AC-coupled force has another level after an overload.
             used &= time < mark.start - edge
     used &= rig.key.press_arm * motion.position < rig.key.dip - BESIDE_DIP
     down = motion.velocity < 0
@@ -186,13 +186,13 @@ def _force_channel(rig: Rig) -> str | None:
 
 
 def _beside(which: NDArray[np.bool_], reach: float) -> NDArray[np.bool_]:
-    """Return the instants that are no further than `reach` instants from one of those given."""
+    """Return the instants at most `reach` instants away from one of the given instants."""
     wide = np.ones(2 * max(1, round(reach)) + 1)
     return np.asarray(np.convolve(which, wide, "same") > 0.5)
 
 
 def _highest_string(rig: Rig) -> float:
-    """Return the first jack's rise [m] below which a falling plectrum may meet its string."""
+    """Return the rise [m] of the first jack below which a falling plectrum may touch its string."""
     clearances = [rig.jack.string_clearance]
     clearances += [c.jack.string_clearance * rig.key.jack_arm / c.jack_arm for c in rig.more_choirs]
     return max(clearances) + BESIDE_STRING

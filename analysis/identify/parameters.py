@@ -1,4 +1,4 @@
-"""What may be fitted: values of the rig by dotted key, with bounds and priors."""
+"""Parameters that can be fitted: values of the rig by dotted key, with bounds and priors."""
 
 import difflib
 import re
@@ -13,17 +13,17 @@ from sautereau.rig.units import format_quantity, parse_quantity
 STIFFNESS, MODULUS = "plectrum.bending_stiffness", "plectrum.youngs_modulus"
 TIME, FORCE = "offset.time", "offset.force"
 GAIN = "offset.gain"
-"""Of the forces, 1 where they are right; never a result."""
+"""Relative gain of the forces, 1 if correct; hidden, never a result."""
 CLEARANCE = "jack.string_clearance"
 TIME_RANGE = 1e-3
-"""s, by which force and motion may be apart."""
+"""s, bound of the delay between force and motion."""
 FACTOR = 10.0
-"""1, from a value to its bounds either way where the rig file gives no range for it."""
+"""Ratio of a bound to the value where the rig file assumes no range."""
 ENDS = {
     "plectrum.friction": (0.0, 0.5),
     TIME: (-TIME_RANGE, TIME_RANGE),
 }
-"""Bounds of what has a natural range, SI."""
+"""Bounds of parameters with a natural range, SI."""
 NAMES = (
     MODULUS,
     STIFFNESS,
@@ -39,80 +39,80 @@ NAMES = (
     TIME,
     FORCE,
 )
-"""Of what may be fitted; `offset.force` has a value for every press, and is always fitted
-where the force is AC-coupled."""
+"""Names of all parameters; `offset.force` has one value for each press, and is always fitted where
+the force is AC-coupled."""
 _SPREAD = re.compile(r"(.+?)\s*(?:\+-|\+/-|±)\s*(.+)")
 _RANGE = re.compile(r"(.+?)\s+to\s+(.+)")
 
 
 @dataclass(frozen=True)
 class Prior:
-    """What is known of a parameter beforehand; SI."""
+    """Prior knowledge of a parameter; SI."""
 
     low: float | None = None
-    """Least value, where there is one."""
+    """Lower bound; None for the default."""
     high: float | None = None
-    """Largest value, where there is one."""
+    """Upper bound; None for the default."""
     mean: float | None = None
-    """Expected value, where there is one."""
+    """Expected value; None without one."""
     std: float | None = None
     """Standard uncertainty of `mean`."""
 
 
 @dataclass(frozen=True)
 class Parameter:
-    """A value that is fitted; SI."""
+    """A fitted parameter; SI."""
 
     name: str
     """Dotted key."""
     unit: str
     """SI, empty for a ratio."""
     start: float
-    """The rig's own."""
+    """Value of the rig."""
     low: float
-    """Least value that is allowed."""
+    """Lower bound."""
     high: float
-    """Largest value that is allowed."""
+    """Upper bound."""
     mean: float | None = None
-    """Expected value where a prior has one."""
+    """Expected value of the prior; None without one."""
     std: float | None = None
     """Its standard uncertainty."""
     hidden: bool = False
-    """Whether it stands for an error of the measurement and is no result."""
+    """Whether it represents an error of the measurement and is not reported."""
 
     def scale(self, value: float) -> float:
-        """Return a change that counts as a large one where the parameter has a value."""
+        """Return the scale of changes of the parameter near a value."""
         return max(abs(value), (self.high - self.low) / FACTOR)
 
 
 def parameters(
     rig: Rig, names: Sequence[str], priors: Mapping[str, Prior] | None = None
 ) -> tuple[Parameter, ...]:
-    """Return what is to be fitted, with the rig's values and bounds.
+    """Return the free parameters with the values of the rig and bounds.
 
     Bounds are those of the prior, else the range assumed in the rig file, else a tenth and ten
     times the rig's value.
 
     Args:
-        rig: The bench as it is supposed to be.
-        names: Of `NAMES`; `offset.force` is left to the fit.
-        priors: What is known beforehand, by name.
+        rig: The nominal bench.
+        names: Of `NAMES`; the fit itself treats `offset.force`.
+        priors: Prior knowledge, by name.
 
     Raises:
-        AnalysisError: A name is unknown or given twice, none is given, a prior is of what is
-            not fitted or contradicts itself; names all of them.
+        AnalysisError: A name is unknown or given twice, none is given, or a prior is contradictory
+            or of a parameter that is not fitted; reports all faults.
     """
     priors = priors or {}
     faults = [
-        f"{name}: nothing of that name is fitted{_near(name, NAMES)}"
+        f"{name}: no parameter has this name{_near(name, NAMES)}"
         for name in dict.fromkeys(names)
         if name not in NAMES
     ]
     faults += [f"{name}: given twice; name it once" for name in set(names) if names.count(name) > 1]
     if {MODULUS, STIFFNESS} <= set(names):
-        faults.append(f"{MODULUS}, {STIFFNESS}: the one follows from the other; fit one of them")
+        faults.append(f"{MODULUS}, {STIFFNESS}: one determines the other; fit one of them")
     faults += [
-        f"prior of {name}: it is not fitted{_near(name, names)}; free it or leave the prior out"
+        f"prior of {name}: it is not fitted{_near(name, names)}; free it or omit the prior"
         for name in priors
         if name not in names or name == FORCE
     ]
@@ -121,7 +121,7 @@ def parameters(
         if name in NAMES and name != FORCE:
             found.append(_parameter(rig, name, priors.get(name, Prior()), faults))
     if not found and not faults:
-        faults.append(f"nothing is free; name at least one of {', '.join(NAMES[:-1])}")
+        faults.append(f"no parameter is free; name at least one of {', '.join(NAMES[:-1])}")
     if faults:
         raise AnalysisError(fault_list("identify", faults))
     return tuple(found)
@@ -131,14 +131,14 @@ def read_prior(text: str) -> tuple[str, Prior]:
     """Read ``key=LOW to HIGH`` or ``key=MEAN +- STD`` with units.
 
     Raises:
-        AnalysisError: It is neither, or its unit is not that of the key.
+        AnalysisError: The text has another form, or the unit does not fit the key.
     """
     name, _, value = (part.strip() for part in text.partition("="))
     spread, ends = _SPREAD.fullmatch(value), _RANGE.fullmatch(value)
     found = spread or ends
     if name not in NAMES or found is None:
         raise AnalysisError(
-            f"prior {text!r}: a key and a range or a spread are needed, such as"
+            f"prior {text!r}: expected a key with a range or a standard uncertainty, such as"
             f" 'plectrum.overlap=0.1 mm to 0.5 mm' or 'key.inertia=7e-4 kg m^2 +- 1e-4 kg m^2'"
             f"{_near(name, NAMES)}"
         )
@@ -153,7 +153,7 @@ def read_prior(text: str) -> tuple[str, Prior]:
 
 
 def value_of(rig: Rig, name: str) -> float:
-    """Return the rig's value [SI] of a parameter; an offset is 0."""
+    """Return the value [SI] of a parameter in the rig; 0 for an offset."""
     section, _, field = name.partition(".")
     return 0.0 if section == "offset" else float(getattr(getattr(rig, section), field))
 
@@ -167,8 +167,8 @@ def unit_of_parameter(name: str) -> str:
 def rig_values(rig: Rig, values: Mapping[str, float]) -> dict[str, str | float]:
     """Return TOML values by the rig file's dotted key for parameters [SI].
 
-    The bending stiffness becomes Young's modulus, and a lag of the force behind the motion
-    that much less delay of the vibrometer, whose delay is the less certain one.
+    The bending stiffness is written as Young's modulus. A delay of the force after the motion is
+    subtracted from the delay of the vibrometer, which is the less certain one.
     """
     found: dict[str, str | float] = {}
     for name, value in values.items():
@@ -186,7 +186,7 @@ def rig_values(rig: Rig, values: Mapping[str, float]) -> dict[str, str | float]:
 
 
 def with_parameters(rig: Rig, values: Mapping[str, float]) -> Rig:
-    """Return the rig with other values of parameters [SI], within bounds already checked."""
+    """Return the rig with other values of parameters [SI], which must be within their bounds."""
     changes: dict[str, dict[str, float]] = {}
     for name, value in values.items():
         section, _, field = name.partition(".")
@@ -203,33 +203,35 @@ def with_parameters(rig: Rig, values: Mapping[str, float]) -> Rig:
 
 
 def _parameter(rig: Rig, name: str, prior: Prior, faults: list[str]) -> Parameter:
-    """Return a parameter with its bounds; what is wrong with them goes to the faults."""
+    """Return a parameter with its bounds; appends to `faults` if they are contradictory."""
     value, unit = value_of(rig, name), unit_of_parameter(name)
     low, high = ENDS.get(name) or rig.assumed.get(name) or _around(rig, name, value)
     low = low if prior.low is None else prior.low
     high = high if prior.high is None else prior.high
     if prior.mean is not None and prior.std is not None:
         if prior.std <= 0:
-            faults.append(f"prior of {name}: its spread {prior.std:.4g} {unit} is not above 0")
+            faults.append(
+                f"prior of {name}: its standard uncertainty {prior.std:.4g} {unit} is not above 0"
+            )
         low = min(low, prior.mean) if prior.low is None else low
         high = max(high, prior.mean) if prior.high is None else high
         value = min(max(prior.mean, low), high)
     if not low < high:
         faults.append(
-            f"{name}: from {low:.4g} to {high:.4g} {unit} there is no room; give the least value"
-            " first, or a range where the rig's value is 0"
+            f"{name}: {low:.4g} to {high:.4g} {unit} is an empty range; give the lower bound first,"
+            " or a prior with a range if the value of the rig is 0"
         )
     if not low <= value <= high:
-        # A range that leaves out the rig's own value is meant: start in its middle.
+        # A range without the value of the rig is deliberate: start in its middle.
         value = (low + high) / 2
     return Parameter(name, unit, value, low, high, prior.mean, prior.std)
 
 
 def _around(rig: Rig, name: str, value: float) -> tuple[float, float]:
     if name == STIFFNESS and MODULUS in rig.assumed:
-        share = _stiffness(rig) / rig.plectrum.youngs_modulus
+        ratio = _stiffness(rig) / rig.plectrum.youngs_modulus
         low, high = rig.assumed[MODULUS]
-        return low * share, high * share
+        return low * ratio, high * ratio
     low, high = sorted((value / FACTOR, value * FACTOR))
     if name == "plectrum.overlap":
         high = min(high, 0.9 * rig.plectrum.length)

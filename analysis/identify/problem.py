@@ -1,4 +1,4 @@
-"""The least squares of a fit: whitened residuals, their derivatives, and the way down."""
+"""The least-squares problem of a fit: whitened residuals, their derivatives, and the solver."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -12,28 +12,28 @@ from sautereau.analysis.identify.residuals import InverseDynamics
 from sautereau.trajectory.motion import Floats
 
 DIFFERENCE = 1e-3
-"""1, of a parameter's scale, by which it is changed for a derivative."""
+"""Step of the numerical derivatives over the scale of the parameter."""
 AT_BOUND = 1e-6
-"""1, of a parameter's range, within which it lies at a bound."""
+"""Fraction of the range of a parameter within which it counts as at a bound."""
 TOLERANCE = 1e-8
-"""1, of a fit."""
+"""Relative tolerance of the solver."""
 UNSOLVED = 1e6
-"""1, residual of every datum where the model has no solution: such a step is refused."""
+"""Residual of every datum where the model has no solution, so that the solver rejects the step."""
 
 
 @dataclass(frozen=True)
 class Problem:
-    """Whitened residuals over points in the parameters' scales, around one noise."""
+    """Whitened residuals as a function of the scaled parameters, for one model of the noise."""
 
     dynamics: InverseDynamics
     scales: Floats
     whitenings: tuple[Whitening, ...]
     rise_factor: float = 1.0
-    """1, by which rises at release scatter more than their uncertainties say."""
+    """Scatter of the rises at release over their stated uncertainties."""
 
     @property
     def free(self) -> tuple[Parameter, ...]:
-        """What is fitted."""
+        """The free parameters."""
         return self.dynamics.free
 
     def data(self, point: Floats) -> Floats:
@@ -48,12 +48,12 @@ class Problem:
 
     @property
     def _expected(self) -> list[int]:
-        """Places of the parameters that have a prior with a mean."""
+        """Indices of the parameters that have a prior with a mean."""
         return [k for k, p in enumerate(self.free) if p.std is not None]
 
     @property
     def nuisances(self) -> list[int]:
-        """Rows of `prior` that belong to parameters that are not shown."""
+        """Rows of `prior` that belong to hidden parameters."""
         return [row for row, k in enumerate(self._expected) if self.free[k].hidden]
 
     def prior(self, point: Floats) -> Floats:
@@ -70,7 +70,7 @@ class Problem:
         return rows
 
     def all(self, point: Floats) -> Floats:
-        """Return the residuals [1] of data and priors; very large ones outside the model."""
+        """Return the residuals [1] of data and priors; `UNSOLVED` where there is no solution."""
         try:
             found = self.data(point)
         except ModelError:
@@ -85,7 +85,7 @@ class Problem:
         return low, np.array([p.high for p in self.free]) / self.scales
 
     def jacobian(self, point: Floats, residuals: Callable[[Floats], Floats]) -> Floats:
-        """Return the derivatives by the scaled parameters, across the point where bounds let it."""
+        """Return the derivatives by the scaled parameters, central except at bounds."""
         low, high = self.bounds
         columns = []
         for k in range(len(point)):
@@ -102,32 +102,32 @@ class Problem:
 def descend(
     found: Problem, values: Floats, robust: bool = False, fixed: int | None = None
 ) -> tuple[float, Floats]:
-    """Return the least cost from a start, and the parameters [SI] there.
+    """Return the minimum of the cost reached from a start, and the parameters [SI] there.
 
     Args:
-        found: What is to be made small.
-        values: SI, the start.
-        robust: Let large residuals count in proportion.
-        fixed: Place of a parameter that keeps its value; None for none.
+        found: The problem.
+        values: SI, the start, shape (parameters,).
+        robust: Weight large residuals linearly instead of quadratically.
+        fixed: Index of a parameter that keeps its value; None for none.
     """
     from scipy.optimize import least_squares
 
     low, high = found.bounds
     moving = np.arange(len(values)) != fixed
-    begun = np.clip(values / found.scales, low, high)
+    start = np.clip(values / found.scales, low, high)
 
-    def whole(part: Floats) -> Floats:
-        point = begun.copy()
+    def complete(part: Floats) -> Floats:
+        point = start.copy()
         point[moving] = part
         return point
 
     if not moving.any():
-        residuals = found.all(begun)
+        residuals = found.all(start)
         return float(residuals @ residuals) / 2, values
     result = least_squares(
-        lambda part: found.all(whole(part)),
-        begun[moving],
-        jac=lambda part: found.jacobian(whole(part), found.all)[:, moving],  # pyright: ignore[reportArgumentType]
+        lambda part: found.all(complete(part)),
+        start[moving],
+        jac=lambda part: found.jacobian(complete(part), found.all)[:, moving],  # pyright: ignore[reportArgumentType]
         bounds=(low[moving], high[moving]),
         loss="soft_l1" if robust else "linear",
         xtol=TOLERANCE,
@@ -135,8 +135,8 @@ def descend(
         gtol=None,  # pyright: ignore[reportArgumentType]
         max_nfev=60,
     )
-    point = whole(result.x)
-    # The solver stays inside its bounds; what is as good as at one is put there.
+    point = complete(result.x)
+    # The solver stays inside the bounds; move parameters that are as good as at a bound onto it.
     for end in (low, high):
         near = np.abs(point - end) <= AT_BOUND * (high - low)
         point = np.where(near, end, point)

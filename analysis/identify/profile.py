@@ -1,8 +1,8 @@
-"""The profile likelihood of a fitted parameter: how well every other value of it would do.
+"""The profile likelihood of a fitted parameter.
 
-Each value is held while all else is fitted again. Where twice the log of the likelihood has
-fallen by 3.84 the value lies at the end of the 95 % interval (Wilks 1938), straight error
-propagation or not: a parameter that a bound stops, or that data hardly tell, shows it here.
+The parameter is fixed at a series of values while all others are fitted again. Where twice the
+log-likelihood is 3.84 below its maximum, the value is an end of the 95 % interval (Wilks 1938).
+This holds for non-linear problems too, and for parameters at a bound or hardly identifiable.
 """
 
 from dataclasses import dataclass
@@ -16,26 +16,26 @@ from sautereau.analysis.identify.problem import descend
 from sautereau.trajectory.motion import Floats
 
 CRITICAL = 3.841
-"""1, 95 % point of chi squared of one degree of freedom."""
+"""95 % quantile of chi squared with one degree of freedom."""
 STEPS = 8
-"""Values that are tried either way at the most."""
+"""Largest number of values on either side."""
 REACH = 4.0
-"""1, standard uncertainties that the last of them is away."""
+"""Standard uncertainties from the estimate to the last of these values."""
 
 
 @dataclass(frozen=True)
 class Profile:
-    """Of one parameter; arrays of shape (n,), by growing value."""
+    """Profile of one parameter; arrays of shape (n,), in ascending order of the value."""
 
     name: str
     values: Floats
     """SI."""
     rises: Floats
-    """1, of twice the negative log likelihood above its least."""
+    """Twice the negative log-likelihood minus its minimum."""
     low: float | None
-    """SI, lower end of the 95 % interval; None where a bound comes before it."""
+    """SI, lower end of the 95 % interval; None where the bound is inside the interval."""
     high: float | None
-    """SI, upper end of the 95 % interval; None where a bound comes before it."""
+    """SI, upper end of the 95 % interval; None where the bound is inside the interval."""
 
 
 def profile(made: Fit, found: Identified, name: str) -> Profile:
@@ -43,17 +43,19 @@ def profile(made: Fit, found: Identified, name: str) -> Profile:
 
     Args:
         made: The fit.
-        found: What it told.
+        found: Its result.
         name: Of the parameter.
 
     Raises:
-        AnalysisError: It was not fitted.
+        AnalysisError: The parameter was not fitted.
     """
     names = [p.name for p in made.problem.free]
     estimate = next((e for e in found.estimates if e.name == name), None)
     if estimate is None:
         fitted = ", ".join(e.name for e in found.estimates)
-        raise AnalysisError(f"{name}: it was not fitted, so it has no profile; there are {fitted}")
+        raise AnalysisError(
+            f"{name}: it was not fitted, so it has no profile; fitted parameters: {fitted}"
+        )
     at = names.index(name)
     parameter = made.problem.free[at]
     residuals = made.problem.all(made.values / made.problem.scales)

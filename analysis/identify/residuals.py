@@ -1,4 +1,4 @@
-"""What the model misses of a press: force at every instant, rise at every release."""
+"""Inverse-dynamics residuals of presses: force at every instant, rise at every release."""
 
 from collections.abc import Mapping, Sequence
 
@@ -17,16 +17,16 @@ from sautereau.trajectory.motion import Floats
 
 
 class InverseDynamics:
-    """The dynamics of forces of recorded presses under values of the parameters.
+    """The inverse dynamics of recorded presses as a function of the parameters.
 
-    Nothing is integrated: the model pushes against the motion that was measured, and the string
-    is held as long as it was.
+    The equation of motion is evaluated for the measured motion, without integrating it; a string
+    is held until its measured release.
 
     Args:
-        rig: The bench; what is not fitted keeps its value.
-        free: What is fitted.
+        rig: The bench; parameters that are not free keep its values.
+        free: The free parameters.
         presses: The recordings.
-        level: Of the plectra.
+        level: Of the plectrum model.
     """
 
     def __init__(
@@ -36,24 +36,24 @@ class InverseDynamics:
         self._solved: dict[tuple[object, ...], Pluck] = {}
 
     def values(self, point: Floats) -> dict[str, float]:
-        """Return the parameters' values [SI] by name at a point."""
+        """Return the values [SI] of the parameters by name."""
         return dict(zip((p.name for p in self.free), point.tolist(), strict=True))
 
     @property
     def rise_stds(self) -> Floats:
-        """m, uncertainty of the rise at each release that the model has; shape (releases,)."""
+        """m, uncertainty of the rise at each release of the model; shape (releases,)."""
         count = len(choirs(self.rig))
         return np.concatenate([press.release_stds[:count] for press in self.presses])
 
     def residuals(self, point: Floats) -> tuple[list[Floats], Floats]:
-        """Return what is measured less what the model says.
+        """Return measured minus modelled values.
 
         Args:
             point: Values of the parameters [SI].
 
         Returns:
-            Forces [N] at the used instants of each press, and the rises at all releases in
-            their standard uncertainties.
+            Forces [N] at the fitted instants of each press, and the rises at all releases in
+            units of their standard uncertainties.
 
         Raises:
             ModelError: The model has no solution there.
@@ -84,16 +84,16 @@ class InverseDynamics:
             rise = rise_of_angle(key_of(rig, choir), press.part_angle)
             height = rise - choir.jack.string_clearance
             held = (press.part_time < release) & (height > 0)
-            # Held longer than the model holds it, it is held as at the model's release: so the
-            # misfit stays smooth, and the release itself tells by the rise.
+            # A string that is held beyond the modelled release keeps its force: so the residual
+            # is smooth in the parameters, and the release enters by its rise.
             force = np.zeros_like(height)
             force[held] = pluck.force_on_jack(np.minimum(height[held], pluck.release_height))
             strings[number] = press.smoothed(force)
-        missed = press.force(lag) - gain * finger_force(rig, press.motion, strings)
-        return missed[press.used]
+        residual = press.force(lag) - gain * finger_force(rig, press.motion, strings)
+        return residual[press.used]
 
     def _pluck(self, choir: Choir) -> Pluck:
-        """Solve a pluck once for each plectrum that is asked for."""
+        """Return the pluck of a choir, solved once for each plectrum and string."""
         plectrum = choir.plectrum
         key = (choir.string, plectrum)
         if key not in self._solved:
@@ -104,13 +104,13 @@ class InverseDynamics:
 
 
 def check_alike(rigs: Mapping[str, Rig]) -> Rig:
-    """Return the rig of several recordings, which may differ in how they press alone.
+    """Return the rig of several recordings of one instrument.
 
     Args:
         rigs: By the recordings' names.
 
     Raises:
-        AnalysisError: Key, jack, plectrum or string are not those of the first one.
+        AnalysisError: Key, jack, plectrum or string differ from those of the first recording.
     """
     (first_name, first), *others = rigs.items()
     faults = []
@@ -124,7 +124,9 @@ def check_alike(rigs: Mapping[str, Rig]) -> Rig:
             faults.append(f"{name}: its {', '.join(differ)} differ from those of {first_name}")
     if faults:
         raise AnalysisError(
-            "\n".join([*faults, "these are different instruments: give the recordings of one"])
+            "\n".join(
+                [*faults, "these are different instruments: give recordings of one instrument"]
+            )
         )
     return first
 
@@ -143,7 +145,7 @@ def _order(rig: Rig, plucks: Sequence[Pluck]) -> list[int]:
 def _rises(
     rig: Rig, plucks: Sequence[Pluck], order: Sequence[int], press: Observed, lag: float
 ) -> Floats:
-    """Return by how many standard uncertainties the rises at the releases are missed."""
+    """Return the residuals of the rises at the releases in standard uncertainties."""
     rises = []
     for number in order[: len(press.releases)]:
         choir = choirs(rig)[number]

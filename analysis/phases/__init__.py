@@ -1,4 +1,4 @@
-"""The phases of a press: free, string held, released, once for every string."""
+"""The phases of a press: free, string held, string released, for every string."""
 
 from sautereau.analysis.phases.find import find_phases
 from sautereau.analysis.phases.found import HeldString, Phases

@@ -1,61 +1,61 @@
-"""The phases of a press: free, held and released once for every string, bottom and return."""
+"""Segmentation of a press: free, string held, string released, bottom and return."""
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sautereau.analysis.phases.contact import Contact, find_contact
-from sautereau.analysis.phases.doubts import doubts_of, ending
 from sautereau.analysis.phases.found import HeldString, Phases
 from sautereau.analysis.phases.measure import line_through, measured
 from sautereau.analysis.phases.release import LEAST_FALL, Release, find_falls, refine, robust_std
 from sautereau.analysis.phases.signals import LEFT, Signals, signals_of, way_down
 from sautereau.analysis.phases.stroke import Rows, rows_of
+from sautereau.analysis.phases.warnings import ending, pluck_warnings
 from sautereau.analysis.press.load import Press
 from sautereau.rig.schema import Rig
 from sautereau.trajectory.motion import Floats
 
 FULL_SPEED = 0.95
-"""1, share of the median speed above which the jack counts as neither starting nor ending."""
+"""Dimensionless, fraction of the median speed above which the jack neither starts nor stops."""
 LEAST_SAMPLES = 16
-"""Of a way down that phases can be found in."""
+"""Fewest samples of a way down."""
 STILL = 3e-4
-"""1, share of the full rise below which the jack is at rest."""
+"""Dimensionless, fraction of the full rise below which the jack is at rest."""
 REST, REST_MARGIN = 40e-3, 2e-3
-"""s, of the rest that hum is looked for in, and between that and the motion."""
+"""s, duration of the rest in which hum is fitted, and its distance from the motion."""
 REST_ROWS, CONTACT_ROWS = 40, 200
-"""Rows of the rest and of a way to a release, at most, that contact is found from."""
+"""Largest number of rows of the rest and of the way to a release for finding contact."""
 LEAST_GAIN, LEAST_FALL_GAIN = 20.0, 9.0
-"""1, by which a string must lessen the misfit of a free key, and a fall that of a bend."""
+"""Least reduction of chi2 by a string over a free key, and by a fall over a bend."""
 LEAST_HELD = 8
-"""Rows for which a string is held, at the least."""
+"""Fewest rows for which a string is held."""
 LIKE_THE_FALL = 0.4, 2.0
-"""1, of the string's force at release to the fall of the load, between which it is a pluck."""
-LEAST_SHARE = 0.1
-"""1, of the largest fall in a press, below which one is no release."""
+"""Range of the ratio of the string's force at release to the fall of the load in a pluck."""
+LEAST_FRACTION = 0.1
+"""Fraction of the largest fall in a press below which a fall is no release."""
 BEFORE = 6
-"""Samples before a release over which taking back the lag has spread most of it."""
+"""Samples before a release over which the correction of the delay spreads most of it."""
 SETTLED = 3
-"""Rows after a release from which the next string may be met."""
+"""Rows from a release to the earliest contact with the next string."""
 FELT, FELT_SIGNIFICANCE = 0.1, 6.0
-"""N, and standard deviations, by which the load rises where the felt is met."""
+"""Least rise of the load at the front felt: in N, and in standard deviations."""
 
 
 def find_phases(press: Press) -> Phases:
     """Find every contact and release in a press; a press without a pluck has none.
 
     Returns:
-        Also what is doubtful: a mute key, a short record and weak evidence are answers.
+        The phases, with warnings; a key without string or a short recording is no error.
 
     Raises:
-        AnalysisError: Force or velocity hold samples that are not numbers.
+        AnalysisError: Samples of force or velocity are not numbers.
     """
     signals = signals_of(press)
     down, peak = way_down(signals), float(signals.force.max(initial=0.0))
     if down is None:
         most = max(0.0, signals.rise.max(initial=0.0)) * 1e3
         warning = (
-            f"the key did not go down: the jack rose by {most:.2g} mm at most;"
-            " look at the aim and the sign of the vibrometer"
+            f"the key did not move down: the jack rose by {most:.2g} mm at most;"
+            " check the aim and the sign of the vibrometer"
         )
         return Phases(0.0, 0.0, (), 0.0, None, None, (warning,), peak_force=peak)
     begin, end = down
@@ -63,7 +63,7 @@ def find_phases(press: Press) -> Phases:
     if end - begin < LEAST_SAMPLES:
         warning = (
             f"the key moved for only {(end - begin) / press.rate * 1e3:.2g} ms of the recording,"
-            " too little to find phases in; record for longer"
+            " too short for finding phases; record for longer"
         )
         mean = float(speed[begin : end + 1].mean())
         return Phases(
@@ -87,7 +87,7 @@ def find_phases(press: Press) -> Phases:
         free_speed=float(speed[settled].mean()),
         held_speed=held_speed,
         released_speed=released_speed,
-        warnings=(*ending(signals, begin), *doubts_of(signals, press.marks, plucks, steady)),
+        warnings=(*ending(signals, begin), *pluck_warnings(signals, press.marks, plucks, steady)),
         bottomed=_bottomed(signals, begin, plucks),
         returned=_returned(signals, end),
         peak_force=peak,
@@ -95,31 +95,31 @@ def find_phases(press: Press) -> Phases:
 
 
 def _plucks(rig: Rig, signals: Signals, rows: Rows, begin: int) -> list[HeldString]:
-    """Return the strings held on the way down, in order of time."""
+    """Return the plucks on the way down, in order of time."""
     falls = [
         release
         for fall in find_falls(rows)
         if (release := refine(signals, float(rows.time[fall]), rows.step)).gain > LEAST_FALL_GAIN
         and release.fall > LEAST_FALL
     ]
-    found = _met(rig, signals, rows.step, begin, falls)
+    found = _contacts(rig, signals, rows.step, begin, falls)
     largest = max((release.fall for _, release in found), default=0.0)
-    large = [release for _, release in found if release.fall > LEAST_SHARE * largest]
-    if len(large) < len(found):  # what lies between two plucks is free
-        found = _met(rig, signals, rows.step, begin, large)
+    large = [release for _, release in found if release.fall > LEAST_FRACTION * largest]
+    if len(large) < len(found):  # between two plucks the key is free
+        found = _contacts(rig, signals, rows.step, begin, large)
     return [measured(signals, contact, release) for contact, release in found]
 
 
-def _met(
+def _contacts(
     rig: Rig, signals: Signals, step: float, begin: int, falls: list[Release]
 ) -> list[tuple[Contact, Release]]:
-    """Return the falls before which a string was met, and when it was.
+    """Return the falls that have a contact before them, with that contact.
 
     Args:
         rig: The bench.
         signals: Of the press.
-        step: s, by which a fall is known before it is refined.
-        begin: Sample at which the jack leaves its rest.
+        step: s, uncertainty of a fall before its refinement.
+        begin: Sample at which the jack leaves rest.
         falls: In order of time.
     """
     first, last = _rest(signals, begin)
@@ -145,7 +145,7 @@ def _met(
 
 
 def _rest(signals: Signals, begin: int) -> tuple[int, int]:
-    """Return the samples of the rest before the jack leaves it."""
+    """Return the first and last sample of the rest before the motion."""
     still = np.flatnonzero(signals.rise[:begin] < STILL * signals.rise.max())
     last = max(0, int(still[-1]) - int(REST_MARGIN * signals.rate)) if len(still) else 0
     return max(0, last - int(REST * signals.rate)), last
@@ -157,7 +157,7 @@ def _place(signals: Signals, sample: int) -> tuple[float, float]:
 
 
 def _bottomed(signals: Signals, begin: int, plucks: list[HeldString]) -> float | None:
-    """Return when the load rises for good after the last release, as felt makes it [s]."""
+    """Return the time [s] from which on the load stays increased by the front felt."""
     rows = rows_of(signals, begin, int(np.argmax(signals.rise)) + 1)
     first = int(np.searchsorted(rows.time, plucks[-1].release)) + SETTLED if plucks else 0
     load = rows.load[first:]
@@ -170,13 +170,13 @@ def _bottomed(signals: Signals, begin: int, plucks: list[HeldString]) -> float |
 
 
 def _returned(signals: Signals, end: int) -> float | None:
-    """Return when the jack is back at the height at which it counted as leaving its rest [s]."""
+    """Return the time [s] at which the jack is back at the height at which it left rest."""
     back = np.flatnonzero(signals.rise[end:] < LEFT * signals.rise.max())
     return float(signals.time[end + back[0]]) if len(back) else None
 
 
 def _at_full_speed(time: Floats, speed: Floats, start: float, end: float) -> NDArray[np.intp]:
-    """Return the samples of the later half between two instants [s] that are at full speed."""
+    """Return the samples at full speed in the second half between two instants [s]."""
     inside = _between(time, (start + end) / 2, end)
     if len(inside) < 8:
         inside = _between(time, start, end)
@@ -190,6 +190,6 @@ def _between(time: Floats, start: float, end: float) -> NDArray[np.intp]:
 
 
 def _mean(signal: Floats, time: Floats, start: float, end: float) -> float | None:
-    """Return the mean from one instant to before another [s]; None where no sample is."""
+    """Return the mean from one instant to before another [s]; None without a sample."""
     inside = signal[slice(*np.searchsorted(time, (start, end)))]
     return float(inside.mean()) if len(inside) else None

@@ -1,9 +1,9 @@
-"""A free key, and a string that it meets at some instant, held against the load on the key.
+"""A linear model of the load on a key, without a string and with contact at some instant.
 
-Free, the load is that of weight and friction: a constant, a little of rise and speed, what the
-rig's inertia is wrong by, the damper while it rests on its string, and mains hum. From contact on
-the string adds a force that depends on the rise above contact alone, a line and its bends, and
-that the fall at release takes away again. All of that is linear but for the instant of contact.
+Without a string the load is that of weight and friction: a constant, small terms in rise and speed,
+the error of the rig's inertia, the damper while it rests on its string, and mains hum. From contact
+on the string adds a force that depends on the rise above contact alone, a line with curvature,
+which ends with the fall at release. The model is linear except for the instant of contact.
 """
 
 import math
@@ -17,61 +17,60 @@ from sautereau.rig.schema import Rig
 from sautereau.trajectory.motion import Floats
 
 INERTIA_STD = 0.25
-"""1, standard deviation of key and jack's inertia about the rig's."""
+"""Dimensionless, standard deviation of the relative error of the rig's inertia."""
 CERTAIN = 1e-3
-"""1, standard deviation of it where it is at the end of that."""
+"""Dimensionless, standard deviation of this error where it is at an end of `INERTIA_RANGE`."""
 INERTIA_RANGE = -0.5, 1.0
-"""1, within which it is in any case."""
+"""Dimensionless bounds of the relative error of the inertia."""
 SMOOTH = 1.2e-3
-"""s, over which the acceleration is averaged, twice, to be a column of the fit."""
+"""s, window of the moving average, applied twice to the acceleration for its column of the fit."""
 DRIFT_STD = 0.03
-"""N, of what the load changes by over the full rise, and at full speed."""
+"""N, standard deviation of the change of the load over the full rise, and at full speed."""
 HUM_STD = 5e-3
-"""N, of mains hum at either frequency, sine and cosine."""
+"""N, standard deviation of mains hum at each frequency, sine and cosine."""
 HUM = (50.0, 60.0)
 """Hz."""
 LEVEL_STD = 10.0
-"""N, of the load's level."""
+"""N, standard deviation of the constant load."""
 BENDS = 3
-"""Columns of the string: of rise, and of its square and cube besides."""
+"""Columns of the string: linear, quadratic and cubic in the rise."""
 BEND_STD = 0.3, 0.15
-"""1, of the string's force in its square and cube, to that at release."""
+"""Standard deviations of the quadratic and cubic terms over the force at release."""
 DAMPER_STD = 2.0
-"""1, of the damper's stiffness, to the rig's."""
+"""Standard deviation of the stiffness of the damper over that of the rig."""
 BLOCKS = 30
-"""Stretches of a fit over which what it leaves is summed: noise that holds together shows."""
+"""Blocks over which residuals are summed in order to detect correlated noise."""
 FALL_STD = 0.03
-"""1, of the fall at release to the string's force just before it."""
+"""Relative standard deviation of the fall at release about the force of the string."""
 RIDGE = 1e-9
-"""1, that keeps a string of nothing solvable."""
+"""Regularisation of the equations for a string without force."""
 INERTIA = 4
-"""Column of the inertia."""
+"""Index of the column of the inertia."""
 
 
 @dataclass(frozen=True)
-class Misfits:
-    """Of a string met at several instants, each with the best of all else; arrays (n,)."""
+class ContactFits:
+    """Best fits for contact at each of several instants; arrays of shape (n,)."""
 
-    misfit: Floats
-    """1, sum of squares in units of the noise."""
+    chi2: Floats
+    """Sum of squared residuals in units of the noise."""
     at_release: Floats
-    """N at the finger, of the string at the end of the rows."""
+    """N at the finger, force of the string at the end of the rows."""
     noise: float
-    """1, variance of what the best of them leaves, to the noise that was supposed."""
+    """Variance of the residuals of the best fit over the assumed noise."""
 
 
 class KeyAndString:
-    """A free key and a string that it meets at an instant, held against the load.
+    """Least-squares fits of a free key, with a string from an instant on, to the load.
 
-    The normal equations of the key's columns are made once; those of the string are added for
-    each instant.
+    The normal equations of the key's columns are set up once; those of the string for each instant.
 
     Args:
         rig: The bench.
         rest: Of the key at rest before the press; may be empty.
         held: Of the way to a release.
         release: The release.
-        before: Time [s] and rise [m] of the jack before which contact cannot be.
+        before: Time [s] and rise [m] of the jack before which contact is impossible.
     """
 
     def __init__(
@@ -90,30 +89,30 @@ class KeyAndString:
             key, load = white(base[:n]), white(rest.load)
             self._gram, self._right = self._gram + key.T @ key, self._right + key.T @ load
             self._square += float(load @ load)
-        # Over the release the string's force is lost, and the wrong inertia's share of a change.
+        # At release the force of the string ends, and the error of the inertia adds its part.
         self._fall_std = math.hypot(release.fall_std, FALL_STD * release.fall)
         self._fall, self._slowed = release.fall / self._fall_std, release.slowed / self._fall_std
         self._bend_std = np.array(BEND_STD) * max(1e-3, float(np.ptp(held.load)))
 
     def free(self, noise: float) -> float:
-        """Return the misfit of a key that meets nothing; the noise as in `at`."""
+        """Return chi2 of a key without a string; the noise as in `at`."""
         gram, right, square = self._known(noise, None, False)
         bound = _beyond(np.linalg.solve(gram, right)[INERTIA])
         if bound is not None:
             gram, right, square = self._known(noise, bound, False)
         return square - float(right @ np.linalg.solve(gram, right))
 
-    def at(self, times: Floats, noise: float) -> Misfits:
-        """Return the misfits of instants of contact [s].
+    def at(self, times: Floats, noise: float) -> ContactFits:
+        """Return the fits for instants of contact [s].
 
         Args:
             times: s, shape (n,).
-            noise: 1, variance of the noise to what the rows tell of it.
+            noise: Variance of the noise over that of the rows.
         """
         string = self._string(times)
-        found, inertia = self._met(string, noise, None)
+        found, inertia = self._fits(string, noise, None)
         bound = _beyond(inertia)
-        return found if bound is None else self._met(string, noise, bound)[0]
+        return found if bound is None else self._fits(string, noise, bound)[0]
 
     def _known(
         self, noise: float, inertia: float | None, falls: bool
@@ -122,11 +121,11 @@ class KeyAndString:
 
         Args:
             noise: As in `at`.
-            inertia: 1, by which it is known to be more than the rig's; None for `INERTIA_STD`.
-            falls: Whether the fall at release is among what they hold.
+            inertia: Known relative error of the rig's inertia; None for `INERTIA_STD`.
+            falls: Whether they contain the fall at release.
         """
         mean, std = (0.0, INERTIA_STD) if inertia is None else (inertia, CERTAIN)
-        # The noise is the unit, so what is known beforehand is weighed in it.
+        # The prior is weighted in units of the noise.
         weights = noise / self._prior**2
         weights[INERTIA] = noise / std**2
         gram, right = self._gram + np.diag(weights), self._right.copy()
@@ -145,7 +144,7 @@ class KeyAndString:
         columns = np.empty((n, BENDS, len(held.time)))
         line, square, cube = columns[:, 0], columns[:, 1], columns[:, 2]
         np.maximum(held.rise - at[:, None], 0.0, out=line)
-        # A row's mean over a bend is above the bend, which is in the two rows beside it.
+        # The mean of a row over the bend is larger than the bend; it affects the two adjacent rows.
         above = np.interp(times, held.time, held.speed) * held.step / 6
         place = (times - held.time[0]) / held.step
         row = np.clip(np.floor(place).astype(int), 0, len(held.time) - 2)
@@ -157,14 +156,16 @@ class KeyAndString:
         white = self._white(columns.reshape(-1, len(held.time)).T)
         return white.T.reshape(columns.shape)
 
-    def _met(self, string: Floats, noise: float, inertia: float | None) -> tuple[Misfits, float]:
-        """Return the misfits, and by how much the best one's inertia is more than the rig's."""
+    def _fits(
+        self, string: Floats, noise: float, inertia: float | None
+    ) -> tuple[ContactFits, float]:
+        """Return the fits, and the relative error of the inertia in the best one."""
         gram, right, square = self._known(noise, inertia, True)
         mixed = string @ self._key  # (instants, BENDS, key)
         own = string @ string.transpose(0, 2, 1)
         load = string @ self._load
         own[:, range(BENDS), range(BENDS)] += [RIDGE, *(noise / self._bend_std**2)]
-        # The row that tells the fall: the string's whole force, and the inertia's share.
+        # The row of the fall at release: the complete force of the string, and the inertia's part.
         own[:, 0, 0] += noise / self._fall_std**2
         mixed[:, 0, INERTIA] += noise * self._slowed / self._fall_std
         load[:, 0] += noise * self._fall / self._fall_std
@@ -174,23 +175,23 @@ class KeyAndString:
         own = own - mixed_by_key @ mixed.transpose(0, 2, 1)
         load = load - mixed @ alone
         factors = np.linalg.solve(own, load[..., None])[..., 0]
-        misfit = square - float(right @ alone) - (factors * load).sum(1)
-        best = int(np.argmin(misfit))
+        chi2 = square - float(right @ alone) - (factors * load).sum(1)
+        best = int(np.argmin(chi2))
         of_key = alone - factors[best] @ mixed_by_key[best]
         left = self._load - self._key @ of_key - factors[best] @ string[best]
         inflation = _inflation(left, len(self._prior) + BENDS)
-        found = Misfits(misfit, np.asarray(factors[:, 0], dtype=float), inflation)
+        found = ContactFits(chi2, np.asarray(factors[:, 0], dtype=float), inflation)
         return found, float(of_key[INERTIA])
 
 
 def _beyond(inertia: float) -> float | None:
-    """Return the end of `INERTIA_RANGE` beyond which an inertia lies, if it does."""
+    """Return the end of `INERTIA_RANGE` that an inertia exceeds, if any."""
     low, high = INERTIA_RANGE
     return low if inertia < low else high if inertia > high else None
 
 
 def _inflation(left: Floats, parameters: int) -> float:
-    """Return the variance of what a fit leaves, by itself or held together, to that of noise."""
+    """Return the variance of residuals, or of block sums if larger, over the assumed noise."""
     white = float(left @ left) / max(1, len(left) - parameters)
     width = len(left) // BLOCKS
     if width < 2:
@@ -200,7 +201,7 @@ def _inflation(left: Floats, parameters: int) -> float:
 
 
 def _base(rig: Rig, rest: Rows, held: Rows) -> tuple[Floats, Floats]:
-    """Return the columns of a key that meets nothing, and the standard deviation of each."""
+    """Return the columns of a key without a string, and the prior standard deviation of each."""
     n_rest, n_held = len(rest.time), len(held.time)
     moving = np.zeros((n_rest + n_held, 6))
     moving[:n_rest, 0] = 1
@@ -221,7 +222,7 @@ def _base(rig: Rig, rest: Rows, held: Rows) -> tuple[Floats, Floats]:
 
 
 def _smooth(signal: Floats, step: float) -> Floats:
-    """Return a column without its noise, which is that of the load and would explain it."""
+    """Return a column without its noise, which would otherwise fit the noise of the load."""
     from scipy.ndimage import uniform_filter1d
 
     width = max(3, round(SMOOTH / step))

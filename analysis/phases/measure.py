@@ -1,4 +1,4 @@
-"""Forces of the finger while a string is held, between a contact and a release that are known."""
+"""Finger forces between a known contact and a known release."""
 
 import numpy as np
 
@@ -9,13 +9,13 @@ from sautereau.analysis.phases.signals import Signals
 from sautereau.trajectory.motion import Floats
 
 SIDE = 1e-3
-"""s, of the lines on either side of a release, and of the mean before contact."""
+"""s, length of the lines on either side of a release, and of the mean before contact."""
 GAP = 3
-"""Samples beside a release over which it is spread."""
+"""Samples on either side of a release over which it is spread."""
 
 
 def line_through(x: Floats, y: Floats) -> tuple[float, float]:
-    """Return slope and value at 0 of the line with the least squares; arrays of shape (n,)."""
+    """Return slope and value at 0 of the least-squares line; arrays of shape (n,)."""
     middle, level = float(x.mean()), float(y.mean())
     away = x - middle
     slope = float(away @ y / (away @ away))
@@ -23,17 +23,17 @@ def line_through(x: Floats, y: Floats) -> tuple[float, float]:
 
 
 def measured(signals: Signals, contact: Contact, release: Release) -> HeldString:
-    """Return a held string with the finger's forces.
+    """Return a pluck with its finger forces.
 
     Args:
         signals: Of the press.
-        contact: Its beginning.
+        contact: Its start.
         release: Its end.
     """
     time, force, rate = signals.time, signals.force, signals.rate
     first, last = np.searchsorted(time, (contact.time, release.time)).tolist()
     m = max(4, min(int(SIDE * rate), (last - first) // 3))
-    # Lines on both sides are carried on to the release.
+    # Lines on both sides are extrapolated to the release.
     sides = slice(max(0, last - GAP - m), last - GAP), slice(last + GAP, last + GAP + m)
     before, after = (
         line_through(time[s] - release.time, force[s])[1]

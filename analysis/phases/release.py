@@ -1,4 +1,4 @@
-"""When a string was let go: a sudden fall of the load on the key."""
+"""Release of a string: a sudden fall of the load on the key."""
 
 import math
 from dataclasses import dataclass
@@ -10,56 +10,56 @@ from sautereau.analysis.phases.stroke import BRIDGED, Rows, rows_of
 from sautereau.trajectory.motion import Floats
 
 WINDOW = 20
-"""Rows of the lines that are fitted on either side of a fall."""
+"""Rows of the lines fitted on either side of a fall."""
 GAP = 2
-"""Rows beside a fall over which it is spread."""
+"""Rows on either side of a fall over which it is spread."""
 SIGNIFICANCE = 8.0
-"""Standard deviations that a fall must exceed."""
+"""Least fall in standard deviations."""
 LEAST_FALL = 0.02
-"""N, below which a fall is no release whatever the noise."""
+"""N, least fall of a release."""
 REACH, ROOM = 3, 40
-"""Rows by which a fall may be off, and on either side of it that its instant is taken from."""
+"""Rows: largest error of a candidate, and range on either side for fitting its instant."""
 SIDE = 60
-"""Samples on either side of the release, at most, from which its instant is taken."""
+"""Largest number of samples on either side of the release for fitting its instant."""
 TRIED, FINEST, ZOOMS = 17, 0.5, 12
-"""Instants that are tried at once, samples between them in the end, and times to close in."""
+"""Instants of a grid, samples between them in the last grid, largest number of refinements."""
 RIDGE, PARAMETERS = 1e-9, 6
-"""1, that keeps a fit of nothing solvable, and parameters of a fit."""
+"""Regularisation of the equations, and number of parameters of a fit."""
 RISES = 1e12
-"""1, added to the misfit of an instant at which the load does not fall."""
+"""Added to chi2 of an instant at which the load does not fall."""
 WRONG_INERTIA = 0.6
-"""1, share by which key and jack's inertia may be more than the rig's."""
+"""Dimensionless, largest relative error of the rig's inertia."""
 
 
 @dataclass(frozen=True)
 class Release:
-    """A string let go."""
+    """The release of a string."""
 
     time: float
-    """s from the trigger."""
+    """s after the trigger."""
     std: float
     """s, standard uncertainty."""
     fall: float
-    """N at the finger, of the load."""
+    """N at the finger, fall of the load."""
     fall_std: float
     """N, standard uncertainty of the fall."""
     slowed: float
-    """N, by which the inertia that was taken off falls there as well."""
+    """N, simultaneous fall of the subtracted inertia."""
     gain: float
-    """1, by which the misfit is less than that of a load which only bends."""
+    """Dimensionless, reduction of chi2 compared with a load that only bends."""
 
 
 def find_falls(rows: Rows) -> list[int]:
-    """Return the rows at which the load may have fallen at once, in order of time.
+    """Return the rows at which the load may have fallen suddenly, in order of time.
 
-    Lines fitted before and after each row are carried on to it; their gap is a fall whatever
-    the slope.
+    Lines fitted before and after each row are extrapolated to it; their difference is the fall,
+    independent of the slope.
     """
     n = len(rows.load)
     m = max(4, min(WINDOW, n // 12))
     if n < 2 * (m + GAP) + 1:
         return []
-    # Of the value at row 0 of the line with the least squares through rows GAP and on.
+    # Weights of the value at row 0 of the least-squares line through the rows from GAP on.
     away = np.arange(m) - (m - 1) / 2
     weights = 1 / m - (GAP + (m - 1) / 2) * away / (away @ away)
     after = np.correlate(rows.load, weights, "valid")
@@ -67,7 +67,7 @@ def find_falls(rows: Rows) -> list[int]:
     # Row r has the lines over r - GAP - m + 1 .. r - GAP and r + GAP .. r + GAP + m - 1.
     count = n - 2 * (m + GAP) + 2
     fall = before[:count] - after[2 * GAP + m - 1 :][:count]
-    # What falls with the key's acceleration may be the rig's wrong inertia.
+    # A fall together with the acceleration of the key may be an error of the rig's inertia.
     slowed = (
         np.correlate(rows.inertia, weights[::-1], "valid")[:count]
         - np.correlate(rows.inertia, weights, "valid")[2 * GAP + m - 1 :][:count]
@@ -85,12 +85,12 @@ def find_falls(rows: Rows) -> list[int]:
 
 
 def refine(signals: Signals, near: float, step: float) -> Release:
-    """Return the instant of a fall, from the samples beside it.
+    """Return the instant of a fall, fitted to the samples around it.
 
     Args:
         signals: Of the press.
-        near: s, about when.
-        step: s, of the rows in which it was found.
+        near: s after the trigger, approximate instant.
+        step: s, of the rows in which the fall was found.
     """
     rate, reach, room = signals.rate, REACH * step, ROOM * step
     middle = signals.sample(near)
@@ -108,13 +108,13 @@ def refine(signals: Signals, near: float, step: float) -> Release:
         if spacing < 1.01 * FINEST:
             break
         around = max(1.5 * spacing, FINEST * (TRIED - 1) / 2)
-        centre = float(instants[np.argmin(found.misfit)])
+        centre = float(instants[np.argmin(found.chi2)])
         instants = np.linspace(max(-high, centre - around), min(high, centre + around), TRIED)
         found = fit.at(instants)
         bent = min(bent, found.bent)
-    best = int(np.argmin(found.misfit))
-    noise = max(1.0, float(found.misfit[best]) / max(1, len(tau) - PARAMETERS))
-    chance = np.exp((found.misfit[best] - found.misfit) / (2 * noise))
+    best = int(np.argmin(found.chi2))
+    noise = max(1.0, float(found.chi2[best]) / max(1, len(tau) - PARAMETERS))
+    chance = np.exp((found.chi2[best] - found.chi2) / (2 * noise))
     mean = float(instants @ chance / chance.sum())
     variance = float((instants - mean) ** 2 @ chance / chance.sum())
     bridged = bool(signals.no_velocity[first:last].any())
@@ -122,35 +122,35 @@ def refine(signals: Signals, near: float, step: float) -> Release:
     before, after = near_by & (tau < mean - GAP), near_by & (tau > mean + GAP)
     return Release(
         time=near + mean / rate,
-        # Where in a sample it fell is not told by a signal that is sampled at a point.
+        # A signal sampled at points does not resolve the instant within a sample.
         std=math.hypot(math.sqrt(variance) / rate, signals.instant_std),
         fall=-float(found.step[best]),
         fall_std=math.hypot(float(found.step_std[best]) * math.sqrt(noise), BRIDGED * bridged),
         slowed=0.0 if bridged else _mean(rows.inertia[before]) - _mean(rows.inertia[after]),
-        gain=(bent - float(found.misfit[best])) / noise,
+        gain=(bent - float(found.chi2[best])) / noise,
     )
 
 
 @dataclass(frozen=True)
 class _Steps:
-    """Of a load that steps at several instants; arrays of shape (n,)."""
+    """Fits of a load with a step at each of several instants; arrays of shape (n,)."""
 
-    misfit: Floats
-    """1, sum of squares in units of the noise; `RISES` more where it steps up."""
+    chi2: Floats
+    """Sum of squared residuals in units of the noise; `RISES` more where the load rises."""
     step: Floats
     """N."""
     step_std: Floats
-    """N, standard uncertainty for noise as it is supposed to be."""
+    """N, standard uncertainty for the assumed noise."""
     bent: float
-    """1, least misfit of a load that only bends at one of them."""
+    """Smallest chi2 of a load that only bends at one of them."""
 
 
 class _Fall:
-    """A load that is a parabola, and from some instant on a step and a bend besides.
+    """Least-squares fit of a parabola with a step and a bend at some instant to the load.
 
     Args:
-        tau: Samples, times of the rows from about the fall on.
-        rows: One a sample.
+        tau: Samples, times of the rows after the approximate fall.
+        rows: One row per sample.
     """
 
     def __init__(self, tau: Floats, rows: Rows):
@@ -164,23 +164,23 @@ class _Fall:
     def at(self, instants: Floats) -> _Steps:
         """Return the fits with a step at each instant [samples]."""
         from_step = self._tau - instants[:, None]
-        # A row is the load over a sample's length: of the one in which it falls, a share.
-        share = np.minimum(np.maximum(from_step + 0.5, 0.0), 1.0)
-        columns = np.concatenate([share, share * from_step / self.span])
+        # A row is the mean load over a sample; in the sample of the fall, the step counts in part.
+        part = np.minimum(np.maximum(from_step + 0.5, 0.0), 1.0)
+        columns = np.concatenate([part, part * from_step / self.span])
         columns = self._white(columns.T).T
         columns = columns - (columns @ self._base) @ self._base.T
         step, bend = columns.reshape(2, len(instants), -1)
         of_step, of_bend = (columns @ self._target).reshape(2, -1)
-        # The normal equations of a step and a bend, solved.
+        # Solution of the normal equations of a step and a bend.
         both = (step * bend).sum(1)
         square_step, square_bend = (step * step).sum(1) + RIDGE, (bend * bend).sum(1) + RIDGE
         determinant = square_step * square_bend - both**2
         fall = (square_bend * of_step - both * of_bend) / determinant
         slope = (square_step * of_bend - both * of_step) / determinant
         free = float(self._target @ self._target)
-        misfit = free - fall * of_step - slope * of_bend + RISES * (fall >= 0)
+        chi2 = free - fall * of_step - slope * of_bend + RISES * (fall >= 0)
         bent = free - float((of_bend**2 / square_bend).max())
-        return _Steps(misfit, fall, np.sqrt(square_bend / determinant), bent)
+        return _Steps(chi2, fall, np.sqrt(square_bend / determinant), bent)
 
 
 def robust_std(signal: Floats) -> float:

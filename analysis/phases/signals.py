@@ -1,4 +1,4 @@
-"""The signals of a press as phases are found in them: what is not to be believed is bridged."""
+"""The signals of a press for finding phases, with flagged samples interpolated."""
 
 import math
 from dataclasses import dataclass
@@ -13,49 +13,49 @@ from sautereau.rig.schema import Rig
 from sautereau.trajectory.motion import Floats
 
 LEFT = 0.005
-"""1, share of the full rise at which the jack has left its rest."""
+"""Dimensionless, fraction of the full rise at which the jack has left rest."""
 TOP = 0.995
-"""1, share of the full rise at which it counts as at its top."""
+"""Dimensionless, fraction of the full rise at which the jack is at its top."""
 SPREAD = 18
-"""Samples on either side of a doubtful stretch that taking back the lag has spread it over."""
+"""Samples on either side of flagged samples over which the correction of the delay spreads them."""
 NOISE_ROWS = 4096
-"""Samples that the noise is taken from."""
+"""Samples from which the noise is estimated."""
 FORCE_FLOOR, VELOCITY_FLOOR = 5e-4, 5e-6
-"""N and m/s, least noise of a sample: what the model of the key leaves out."""
+"""N and m/s, smallest noise of a sample: errors of the model of the key."""
 SPIKE = 12.0
-"""Standard deviations by which a spike stands out."""
+"""Height of a spike in standard deviations."""
 
 
 @dataclass(frozen=True)
 class Signals:
-    """A press's signals with what is not to be believed bridged; arrays of shape (n,)."""
+    """The signals of a press, interpolated over flagged samples; arrays of shape (n,)."""
 
     time: Floats
-    """s from the trigger."""
+    """s after the trigger."""
     rate: float
     """Hz."""
     force: Floats
-    """N, spikes of one or two samples taken out."""
+    """N, of the finger, without spikes of one or two samples."""
     velocity: Floats
-    """m/s, of the key under the laser."""
+    """m/s, of the key at the laser."""
     deflection: Floats
-    """m, of the key under the laser."""
+    """m, of the key at the laser."""
     rise: Floats
     """m, of the jack."""
     speed: Floats
     """m/s, of the jack."""
     inertial: float
-    """kg, of key and jack at the finger for each unit of the laser spot's acceleration."""
+    """kg, finger force of the inertia of key and jack over the acceleration of the laser spot."""
     force_noise: float
     """N, of one sample."""
     velocity_noise: float
     """m/s, of one sample."""
     instant_std: float
-    """s, of any instant: where in a sample it is, and the sensors' lag beside their charts'."""
+    """s, uncertainty of any instant: sampling, and error of the sensors' calibrated delays."""
     no_force: NDArray[np.bool_]
-    """Where the force is not to be believed."""
+    """Where the force is flagged."""
     no_velocity: NDArray[np.bool_]
-    """Where the velocity is not to be believed."""
+    """Where the velocity is flagged."""
 
     def sample(self, instant: float) -> int:
         """Return the sample nearest to an instant [s]."""
@@ -63,10 +63,10 @@ class Signals:
 
 
 def signals_of(press: Press) -> Signals:
-    """Return the signals of a press with drop-outs and spikes bridged.
+    """Return the signals of a press, interpolated over drop-outs and spikes.
 
     Raises:
-        AnalysisError: Force or velocity hold samples that are not numbers.
+        AnalysisError: Samples of force or velocity are not numbers.
     """
     rate, key = press.rate, press.rig.key
     time = press.data.index.to_numpy()
@@ -109,15 +109,15 @@ def _must_be_numbers(press: Press, signals: dict[str, Floats]) -> None:
         if bad:
             raise AnalysisError(
                 f"press {press.path}: {bad} samples of its {name} are not finite numbers;"
-                " look at the recording, and press again"
+                " check the recording, and press again"
             )
 
 
 def _lag_std(rig: Rig) -> float:
-    """Return the standard uncertainty of the force's lag [s].
+    """Return the standard uncertainty of the delay of the force [s].
 
-    A first-order low-pass lags by 1/(2 pi f); a chart that gives no order leaves open whether
-    its delay has that in it, which may be off by it either way.
+    A first-order low-pass delays by 1/(2 pi f). A calibration without the order does not define
+    whether its delay includes that, so the error is at most 1/(2 pi f) either way.
     """
     channel = rig.daq.channel("force")
     if channel is None or not channel.low_pass or channel.low_pass_order:
@@ -126,7 +126,7 @@ def _lag_std(rig: Rig) -> float:
 
 
 def way_down(signals: Signals) -> tuple[int, int] | None:
-    """Return the samples at which the jack leaves its rest and comes to its top, if it does."""
+    """Return the samples at which the jack leaves rest and reaches its top; None if it does not."""
     top = signals.rise.max(initial=0.0)
     if top < 1e-4:
         return None
@@ -135,7 +135,7 @@ def way_down(signals: Signals) -> tuple[int, int] | None:
 
 
 def _without_spikes(force: Floats, noise: float) -> Floats:
-    """Bridge single samples, and two together, that stand out to one side of both neighbours."""
+    """Interpolate single spikes of one or two samples between their neighbours."""
     if len(force) < 7:
         return force
     steps = force[3:] - force[:-3]
@@ -143,7 +143,7 @@ def _without_spikes(force: Floats, noise: float) -> Floats:
     at = np.flatnonzero(high[:-3] & high[3:])
     before, after = steps[at], -steps[at + 3]
     height = np.minimum(np.abs(before), np.abs(after))
-    # A spike comes back to where it was, and the tip of a pluck does not.
+    # A spike returns to the same level; the peak of a pluck does not.
     out = 3 + at[(before * after > 0) & (np.abs(before - after) < 0.3 * height)]
     if not len(out):
         return force

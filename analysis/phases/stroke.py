@@ -1,10 +1,10 @@
-"""The way down of a press, as rows of force with the inertia taken off and known noise.
+"""The load on the key on its way down: finger force minus inertia, in rows with known noise.
 
-The finger's force F at its arm p moves the key's inertia I and bears the load s that the rest
-puts on it: s p = F p - I a''. With the vibrometer's velocity v = l a' that is an integral,
-Q = int F dt - I v / (l p), whose growth is s. Its means over blocks, differenced, are s under a
-triangular weight, without a derivative of the velocity, and with a noise that is known: of the
-force white, of the velocity as the difference of white noise.
+The finger force F at its arm p accelerates the key's inertia I against the load s of all other
+forces: s p = F p - I a''. With the vibrometer's velocity v = l a', s is the derivative of the
+integral Q = int F dt - I v / (l p). Differences of its means over blocks of samples are s with a
+triangular weight. This needs no derivative of the velocity, and the noise is known: white from the
+force, differenced white noise from the velocity.
 """
 
 from dataclasses import dataclass
@@ -17,19 +17,19 @@ from sautereau.analysis.phases.signals import Signals
 from sautereau.trajectory.motion import Floats
 
 ROWS = 800
-"""Of a way down, at most."""
+"""Largest number of rows of a way down."""
 LEAST_ROWS = 8
-"""Of a stretch that tells anything."""
+"""Fewest rows for a fit."""
 LEAST_STEP = 80e-6
-"""s, of a row, below which the noise of the velocity would drown the load."""
+"""s, shortest row; in shorter ones the noise of the velocity exceeds the load."""
 BRIDGE = 0.5e-3
-"""s, on either side of a drop-out, of the means between which the acceleration is bridged."""
+"""s, on either side of a drop-out, of the means between which the acceleration is interpolated."""
 BRIDGED, HIDDEN = 0.03, 10.0
-"""N, noise of a row whose velocity, or whose force, is not to be believed."""
+"""N, noise of a row with flagged velocity, and with flagged force."""
 
 
 FACTOR, SOLVE = get_lapack_funcs(("pbtrf", "tbtrs"))
-"""LAPACK's Cholesky factor of a banded matrix, and the solve with it."""
+"""LAPACK's Cholesky factorisation of a banded matrix, and the triangular solve."""
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ class Rows:
     """The load on the key over time; arrays of shape (n,)."""
 
     time: Floats
-    """s from the trigger."""
+    """s after the trigger."""
     step: float
     """s, from row to row."""
     load: Floats
@@ -47,23 +47,23 @@ class Rows:
     speed: Floats
     """m/s, of the jack."""
     inertia: Floats
-    """N, of the inertia that was taken off."""
+    """N, subtracted inertia."""
     variance: Floats
     """N^2, of each row's load."""
     covariance: Floats
     """N^2, with the next row's; shape (n - 1,)."""
 
     def whitener(self) -> "Whitener":
-        """Return what makes this noise white and of variance 1."""
+        """Return the transformation of this noise to white noise of variance 1."""
         return Whitener(self.variance, self.covariance)
 
 
 NO_ROWS = Rows(*[np.zeros(0), 0.0, *[np.zeros(0)] * 6])
-"""Of no samples."""
+"""Rows without samples."""
 
 
 class Whitener:
-    """Turns columns whose noise has a tridiagonal covariance into ones with white noise."""
+    """Maps columns whose noise has a tridiagonal covariance to columns with white noise."""
 
     def __init__(self, variance: Floats, covariance: Floats):
         band = np.zeros((2, len(variance)))
@@ -79,9 +79,9 @@ class Whitener:
 def rows_of(
     signals: Signals, first: int, last: int, n: int | None = None, *, most: int = ROWS
 ) -> Rows:
-    """Return the load over samples first to last - 1, a row for every n of them.
+    """Return the load over samples first to last - 1, one row for every n samples.
 
-    By default there are at most ``most``, each of `LEAST_STEP` at the least.
+    By default there are at most ``most`` rows, each at least `LEAST_STEP` long.
     """
     rate = signals.rate
     n = max(1, -(-(last - first) // most), round(LEAST_STEP * rate)) if n is None else n
@@ -89,10 +89,10 @@ def rows_of(
     if blocks < LEAST_ROWS:
         return NO_ROWS
     last = first + blocks * n
-    share = np.full(n, 1 / n)
+    weights = np.full(n, 1 / n)
 
     def means(signal: Floats) -> Floats:
-        return signal[first:last].reshape(blocks, n) @ share
+        return signal[first:last].reshape(blocks, n) @ weights
 
     def at_rows(signal: Floats) -> Floats:
         each = means(signal)
@@ -104,7 +104,7 @@ def rows_of(
         for flags in (signals.no_force, signals.no_velocity)
     )
     inertia = signals.inertial * _steps(means(signals.velocity)) / step
-    # The mean of a sum that grows over a block grows by the rest of one and the first of the next.
+    # Difference of block means of a running sum: late samples of a block, early ones of the next.
     late = (np.arange(n) + 0.5) / n
     parts = signals.force[first:last].reshape(blocks, n) @ np.stack([late, 1 - late], 1)
     load = (parts[:-1, 0] + parts[1:, 1]) / n - inertia
@@ -114,7 +114,7 @@ def rows_of(
     shape = np.concatenate([late, 1 - late]) / n
     of_force = signals.force_noise**2
     of_velocity = (signals.inertial * signals.velocity_noise / step) ** 2 / n
-    # Where the velocity is bridged its noise is not in the load, and the bridge's error is.
+    # An interpolated velocity adds the error of the interpolation instead of its noise.
     variance = of_force * (shape @ shape) + np.where(no_velocity, BRIDGED**2, 2 * of_velocity)
     shared = of_force * (shape[n:] @ shape[:-n]) - of_velocity
     alone = no_force | no_velocity
@@ -135,7 +135,7 @@ def _steps(signal: Floats) -> Floats:
 
 
 def _bridged(signal: Floats, good: NDArray[np.bool_], width: int) -> Floats:
-    """Return a signal with lines over what is not good, from means of so many rows beside it."""
+    """Return a signal with lines over bad rows, between means of `width` rows on either side."""
     kernel, place = np.ones(2 * width + 1), np.arange(len(signal))
     weight = np.convolve(good, kernel)[width:-width]
     means = np.convolve(signal * good, kernel)[width:-width] / np.maximum(weight, 1)

@@ -160,8 +160,9 @@ def without_drift(
         line = end / duration, 0.0
         warnings.append(
             f"the velocity at rest is {level * 1e6:.3g} and {late * 1e6:.3g} um/s, but the"
-            f" deflection returns to {end * 1e6:.3g} um: no offset of the sensor explains both; check its"
-            " corner frequency, its delay, and whether the key is really at rest"
+            f" deflection returns to {end * 1e6:.3g} um: no offset of the sensor"
+            " explains both; check its corner frequency, its delay, and whether the key is really"
+            " at rest"
         )
     closure = None
     if back:

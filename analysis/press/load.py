@@ -190,8 +190,9 @@ def _channel(recorded: "Recorded", quantity: str) -> Channel:
     channel = recorded.rig.daq.channel(quantity)
     if channel is None:
         raise AnalysisError(
-            f"recording {recorded.path}: it has no {quantity} channel, and the analysis needs force and velocity;"
-            f" add a channel with quantity = {quantity!r} to the rig's [[daq.channels]]"
+            f"recording {recorded.path}: it has no {quantity} channel, and the analysis needs"
+            f" force and velocity; add a channel with quantity = {quantity!r} to the rig's"
+            " [[daq.channels]]"
         )
     return channel
 

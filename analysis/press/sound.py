@@ -67,7 +67,7 @@ def sound_of(
         level: Of the plectra.
         duration: s, of the sound, which starts 20 ms before the first contact.
         held: s, from the last release until the dampers touch the strings; None for never.
-        quality: Dimensionless quality factor of the strings, see `sautereau.analysis.press.strings`.
+        quality: Dimensionless quality factor, see `sautereau.analysis.press.strings`.
 
     Raises:
         AnalysisError: The duration is out of range, or too short for the pluck.

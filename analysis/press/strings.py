@@ -81,7 +81,7 @@ class VibratingString:
         return found
 
     def _held(self, time: Floats) -> Floats:
-        """Return the displacement [m] of the plucking point while held, 0 otherwise; shape (n, 2)."""
+        """Return the displacement [m] of the plucking point while held, else 0; shape (n, 2)."""
         known = self.contact + self.pluck.time * (self.release - self.contact) / self.pluck.release
         return np.stack(
             [
@@ -177,8 +177,8 @@ def stilled(string: VibratingString, time: float) -> VibratingString:
     """
     if string.choir.jack.damper is None:
         raise ModelError(
-            "jack.damper: the rig has no damper, so the string keeps vibrating; add one to the rig, or"
-            " omit the time of the damper"
+            "jack.damper: the rig has no damper, so the string keeps vibrating; add one to the rig,"
+            " or omit the time of the damper"
         )
     if not time >= string.release:
         raise ModelError(

@@ -1,8 +1,8 @@
-"""How alike the presses of a session are, in the words of ISO 9283.
+"""Repeatability and accuracy of the presses of a session, as defined by ISO 9283.
 
-The path is the jack's rise over time from the trigger, one-dimensional; its velocity is the
-jack's. Deviations are those of the attained presses from their own mean (repeatability) or from
-the plan (accuracy), and three standard deviations stand for the spread as the norm wants it.
+The path is the rise of the jack over the time after the trigger, one-dimensional; its velocity is
+that of the jack. Deviations are those of the measured presses from their mean (repeatability) or
+from the plan (accuracy); as in the standard, the spread is three standard deviations.
 """
 
 from collections.abc import Sequence
@@ -16,16 +16,16 @@ from sautereau.trajectory.motion import Floats
 from sautereau.trajectory.timing import PressLaw
 
 INSTANTS = 200
-"""Places of the cruise at which presses are compared."""
+"""Instants of the cruise at which presses are compared."""
 LEAST = 3
-"""Presses that a spread is told of."""
+"""Fewest presses for a spread."""
 COVERAGE = 0.95
-"""1, of the intervals."""
+"""Dimensionless coverage of the intervals."""
 
 
 @dataclass(frozen=True)
 class Spread:
-    """A figure of repeatability with its interval, for presses spread as a normal law."""
+    """A measure of spread with its interval, for normally distributed presses."""
 
     value: float
     low: float
@@ -36,7 +36,7 @@ class Spread:
 
 @dataclass(frozen=True)
 class Trend:
-    """How a figure changes from press to press, by a straight line through all of them."""
+    """Change of a quantity from press to press, from a straight line through all presses."""
 
     per_press: float
     low: float
@@ -46,7 +46,7 @@ class Trend:
 
     @property
     def significant(self) -> bool:
-        """Whether the interval leaves out no drift at all."""
+        """Whether the interval excludes zero."""
         return self.low > 0 or self.high < 0
 
 
@@ -60,30 +60,30 @@ class Repeatability:
     path_accuracy: float
     """m, AT_p: largest distance of the mean path from the planned one."""
     velocity_accuracy: float
-    """1, AV: mean speed over the planned one, less 1."""
+    """Dimensionless, AV: mean speed over the planned speed, minus 1."""
     velocity_repeatability: Spread
-    """1, RV: three standard deviations of the presses' mean speeds, over the planned one."""
+    """Dimensionless, RV: three standard deviations of the mean speeds, over the planned one."""
     velocity_fluctuation: float
-    """1, FV: largest range of speed within one press, over the planned one."""
+    """Dimensionless, FV: largest range of speed within one press, over the planned one."""
     rise_drift: Trend
-    """m a press, of the mean rise."""
+    """m per press, of the mean rise."""
     speed_drift: Trend
-    """1 a press, of the mean speed over the planned one."""
+    """Dimensionless per press, of the mean speed over the planned one."""
 
 
 def repeatability(presses: Sequence[Press], law: PressLaw) -> Repeatability:
     """Compare presses of one plan with each other.
 
     Args:
-        presses: In the order in which they were made, without warm-up.
-        law: What each was planned to do.
+        presses: In the order of recording, without warm-up.
+        law: The planned motion of each.
 
     Raises:
-        AnalysisError: There are fewer than 3, or one does not cover the cruise.
+        AnalysisError: There are fewer than `LEAST`, or one does not cover the cruise.
     """
     if len(presses) < LEAST:
         raise AnalysisError(
-            f"repeatability of {len(presses)} presses: a spread needs {LEAST} or more; press again"
+            f"repeatability of {len(presses)} presses: at least {LEAST} are needed; record more"
         )
     time = np.linspace(law.cruise_start, law.cruise_end, INSTANTS)
     _check(presses, time)
@@ -116,8 +116,8 @@ def _check(presses: Sequence[Press], time: Floats) -> None:
     ]
     if short:
         raise AnalysisError(
-            f"the cruise goes from {time[0]:.4g} to {time[-1]:.4g} s, and {', '.join(short)};"
-            " leave these presses out, or record for longer"
+            f"the cruise lasts from {time[0]:.4g} to {time[-1]:.4g} s after the trigger, but"
+            f" {', '.join(short)}; exclude these presses, or record for longer"
         )
 
 
@@ -126,13 +126,13 @@ def _at(press: Press, column: str, time: Floats) -> Floats:
 
 
 def _smooth_speed(press: Press, time: Floats) -> Floats:
-    """Return the mean speed between the middles of the instants: noise averages out."""
+    """Return the mean speed between the midpoints of the instants, which averages the noise."""
     edges = np.concatenate([time[:1], (time[1:] + time[:-1]) / 2, time[-1:]])
     return np.diff(_at(press, "jack_rise", edges)) / np.diff(edges)
 
 
 def _spread(values: Floats) -> Spread:
-    """Return three standard deviations, with the chi-square interval of a normal law."""
+    """Return three standard deviations, with the chi-squared interval of normal values."""
     from scipy.stats import chi2
 
     free = len(values) - 1
@@ -143,7 +143,7 @@ def _spread(values: Floats) -> Spread:
 
 
 def _trend(values: Floats) -> Trend:
-    """Return the slope over the press's number, with Student's interval."""
+    """Return the slope over the number of the press, with Student's interval."""
     from scipy.stats import t
 
     number = np.arange(len(values)) - (len(values) - 1) / 2

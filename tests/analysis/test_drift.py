@@ -97,7 +97,7 @@ def test_without_a_rest_before_nothing_is_taken_off():
     assert np.array_equal(velocity, alone)
     assert drift.before is None
     assert drift.velocity == drift.deflection == 0
-    assert "record from before the motion on" in warning
+    assert "start recording before the motion" in warning
 
 
 def test_without_a_rest_after_the_offset_is_that_before():
@@ -105,7 +105,7 @@ def test_without_a_rest_after_the_offset_is_that_before():
     truth = deflection(motion(np.arange(len(velocity)) / RATE))
     assert np.abs(deflection(velocity) - truth).max() < 5e-6
     assert drift.after is None
-    assert "nothing checks the end" in warning
+    assert "without a check at the end" in warning
 
 
 def test_a_key_that_never_moved_has_no_rests():
@@ -138,7 +138,7 @@ def test_what_no_offset_can_be_is_not_taken_for_one():
         motion(time) + creep, find_rests(motion(time), RATE), RATE, 0.0, 0.0, True
     )
     assert drift.velocity < 2e-5
-    assert "no offset of the sensor makes both" in warning
+    assert "no offset of the sensor explains both" in warning
     assert abs(deflection(velocity)[-1]) < 1e-5
 
 

@@ -45,22 +45,16 @@ def true(rig, scene):
 
 
 @pytest.fixture(scope="module")
-def five(rig, scene):
-    """Five noisy presses of one motion, and their phases."""
+def two(rig, scene):
+    """Two noisy presses of one motion, and their phases."""
     seen = observe(rig, scene)
-    pressed = [sensed(rig, scene, seen, seed)[0] for seed in range(5)]
+    pressed = [sensed(rig, scene, seen, seed)[0] for seed in range(2)]
     return pressed, [find_phases(press) for press in pressed]
 
 
 @pytest.fixture(scope="module")
-def two(five):
-    """The first two of them, which are quicker to fit."""
-    return [part[:2] for part in five]
-
-
-@pytest.fixture(scope="module")
-def made(five):
-    return fit(inverse_dynamics(*five, FREE), 2)
+def made(two):
+    return fit(inverse_dynamics(*two, FREE), 2)
 
 
 @pytest.fixture(scope="module")
@@ -79,7 +73,7 @@ def by_name(found):
     return {e.name: e for e in found.estimates}
 
 
-def test_five_noisy_presses_tell_plectrum_inertia_and_friction(found, true):
+def test_plectrum_inertia_and_friction_are_identified_from_two_noisy_presses(found, true):
     assert [e.name for e in found.estimates] == list(FREE)
     for estimate in found.estimates:
         assert estimate.identifiable
@@ -93,15 +87,15 @@ def test_five_noisy_presses_tell_plectrum_inertia_and_friction(found, true):
     assert not found.warnings
 
 
-def test_the_slope_error_falls_from_tens_of_per_cent_to_under_three(five, found, rig):
-    _, phases = five
+def test_the_slope_error_falls_from_tens_of_per_cent_to_under_three(two, found, rig):
+    _, phases = two
     before = compare(phases, predict(rig)).slope_error.value
     after = compare(phases, predict(found.rig)).slope_error.value
     assert before > 0.15
     assert abs(after) < 0.03
 
 
-def test_the_profile_of_a_well_told_parameter_is_a_parabola(made, found):
+def test_the_profile_of_an_identifiable_parameter_is_a_parabola(made, found):
     estimate = by_name(found)["plectrum.overlap"]
     drawn = profile(made, found, "plectrum.overlap")
     assert drawn.low == pytest.approx(estimate.low, abs=0.1 * estimate.std)
@@ -119,16 +113,16 @@ def test_a_picture_shows_every_part(made, found):
     assert {"measured", "model before", "model fitted"} <= labels
 
 
-def test_one_press_is_enough_and_says_less(five, found, true):
-    pressed, phases = five
+def test_one_press_is_enough_and_less_certain(two, found, true):
+    pressed, phases = two
     one = identify(pressed[:1], phases[:1], FREE, starts=1)
     for alone, together in zip(one.estimates, found.estimates, strict=True):
         assert alone.value == pytest.approx(value_of(true, alone.name), rel=0.05)
         assert alone.std > together.std
 
 
-def test_two_frictions_that_push_alike_are_not_told_apart(two):
-    """Dry friction of pivot and register differ by the jack's lever, which hardly changes."""
+def test_two_frictions_with_the_same_effect_are_not_identifiable(two):
+    """Dry friction of pivot and register differ by the lever of the jack, which hardly changes."""
     names = ["key.pivot_coulomb_friction", "jack.register_friction"]
     found = identify(*two, [*names, "plectrum.overlap"], starts=1)
     estimates = by_name(found)
@@ -143,9 +137,10 @@ def test_two_frictions_that_push_alike_are_not_told_apart(two):
     assert "not identifiable from these recordings" in text
 
 
-def test_a_weight_that_only_shifts_the_force_is_not_seen(two):
-    """Of an AC-coupled force the level is unknown, and front heaviness is nothing else."""
-    found = identify(*two, ["key.front_heaviness", *FREE], starts=1)
+def test_a_weight_that_only_shifts_the_force_is_undetermined(two):
+    """The level of an AC-coupled force is unknown, and front heaviness only changes the level."""
+    pressed, phases = two
+    found = identify(pressed[:1], phases[:1], ["key.front_heaviness", *FREE], starts=1)
     unseen = by_name(found)["key.front_heaviness"]
     assert (unseen.std, unseen.low, unseen.high, unseen.identifiable) == (None, None, None, False)
     assert found.combinations[-1].std is None
@@ -155,7 +150,7 @@ def test_a_weight_that_only_shifts_the_force_is_not_seen(two):
     assert summary["identifiable"]["all"] is False
 
 
-def test_a_prior_fills_in_what_data_do_not_tell(two):
+def test_a_prior_determines_what_the_data_do_not(two):
     prior = Prior(mean=6e-3, std=1e-3)
     found = identify(*two, ["key.front_heaviness"], {"key.front_heaviness": prior}, starts=1)
     (estimate,) = found.estimates
@@ -164,31 +159,29 @@ def test_a_prior_fills_in_what_data_do_not_tell(two):
     assert not estimate.identifiable
 
 
-def test_a_bound_that_stops_a_parameter_is_told(two):
+def test_a_parameter_at_a_bound_gives_a_warning(two):
     prior = Prior(low=4e-4, high=7.5e-4)
     found = identify(*two, ["key.inertia"], {"key.inertia": prior}, starts=1)
     (estimate,) = found.estimates
     assert estimate.at_bound
     assert estimate.value == pytest.approx(7.5e-4, rel=1e-6)
-    assert any("key.inertia: it came to a bound" in warning for warning in found.warnings)
+    assert any("key.inertia: the fit reached a bound" in warning for warning in found.warnings)
 
 
-def test_a_lag_of_the_force_is_found(five):
-    pressed, phases = five
-    late = []
-    for press in pressed[:2]:
-        data = press.data.copy()
-        data["force"] = np.interp(data.index - 0.2e-3, data.index, data["force"])
-        late.append(replace(press, data=data))
+def test_a_delay_of_the_force_is_found(two):
+    press, phases = (part[0] for part in two)
+    data = press.data.copy()
+    data["force"] = np.interp(data.index - 0.2e-3, data.index, data["force"])
+    late = replace(press, data=data)
     names = [*FREE, "offset.time"]
-    on_time = by_name(identify(pressed[:2], phases[:2], names, starts=1))["offset.time"].value
-    found = identify(late, [find_phases(press) for press in late], names, starts=1)
+    on_time = by_name(identify([press], [phases], names, starts=1))["offset.time"].value
+    found = identify([late], [find_phases(late)], names, starts=1)
     assert by_name(found)["offset.time"].value - on_time == pytest.approx(0.2e-3, abs=10e-6)
     values = rig_values(found.rig, {"offset.time": 0.2e-3})
     assert values == {"daq.channels.0.delay": f"{1.1e-3 - 0.2e-3!r} s"}
 
 
-def test_without_a_pluck_the_key_is_told_and_the_plectrum_is_not(rig):
+def test_without_a_pluck_the_key_is_identifiable_and_the_plectrum_is_not(rig):
     press, phases = free_key(rig)
     found = identify([press], [phases], ["key.inertia", "plectrum.overlap"], starts=1)
     estimates = by_name(found)
@@ -208,12 +201,12 @@ def test_noise_alone_is_refused(rig):
     for name in ("angle", "deflection", "jack_rise", "jack_speed"):
         data[name] = 0.0
     still = replace(press, data=data)
-    with pytest.raises(AnalysisError, match="the key moves freely, and 20 are needed"):
+    with pytest.raises(AnalysisError, match="the key moves freely in only .*, and 20 are needed"):
         identify([still], [find_phases(still)], ["key.inertia"], starts=1)
 
 
-def test_samples_that_are_no_numbers_are_refused(five):
-    pressed, phases = five
+def test_samples_that_are_not_numbers_are_refused(two):
+    pressed, phases = two
     data = pressed[0].data.copy()
     data.iloc[100, 0] = np.nan
     with pytest.raises(AnalysisError, match="not finite numbers"):
@@ -221,36 +214,29 @@ def test_samples_that_are_no_numbers_are_refused(five):
 
 
 def test_no_press_is_refused():
-    with pytest.raises(AnalysisError, match="there is no press to fit to"):
+    with pytest.raises(AnalysisError, match="there is no press to fit"):
         identify([], [], ["key.inertia"])
 
 
-def test_presses_of_different_instruments_are_refused(five):
-    pressed, phases = five
+def test_presses_of_different_instruments_are_refused(two):
+    pressed, phases = two
     other = with_parameters(pressed[0].rig, {"plectrum.overlap": 0.3e-3})
     mixed = [pressed[0], replace(pressed[1], path=pressed[1].path, rig=other)]
     with pytest.raises(AnalysisError, match=r"its plectrum differ.* from those of"):
-        identify(mixed, phases[:2], ["key.inertia"])
+        identify(mixed, phases, ["key.inertia"])
 
 
-def test_a_robust_fit_bears_a_false_stretch_better(five, true):
-    pressed, phases = five
+def test_a_robust_fit_is_less_affected_by_a_disturbance(two, true):
+    pressed, phases = two
     data = pressed[0].data.copy()
     data.loc[0.300:0.302, "force"] += 0.3
-    broken = [replace(pressed[0], data=data), *pressed[1:3]]
+    broken = [replace(pressed[0], data=data), pressed[1]]
     errors = []
     for robust in (False, True):
-        found = identify(broken, phases[:3], FREE, starts=1, robust=robust)
+        found = identify(broken, phases, FREE, starts=1, robust=robust)
         errors.append([abs(e.value / value_of(true, e.name) - 1) for e in found.estimates])
     assert max(errors[1]) < 0.1
     assert max(errors[1]) < max(errors[0])
-
-
-def test_intervals_hold_the_truth_of_a_few_benches():
-    found = coverage(1, 2)
-    assert found.covered.mean() >= 0.75
-    assert np.abs(found.errors).max() < 0.03
-    assert np.abs(found.slopes[:, 1]).max() < 0.03
 
 
 @pytest.mark.slow

@@ -1,4 +1,4 @@
-"""From recordings on disk to a rig file with the values that they tell."""
+"""From recordings on disk to a rig file with the identified values."""
 
 import json
 from importlib import resources
@@ -61,12 +61,17 @@ def test_identify_writes_a_rig_that_compare_agrees_with(recordings, tmp_path, ca
     assert errors[1] < errors[0]
 
 
-def test_a_rig_file_of_ones_own_keeps_its_comments(recordings, tmp_path, capsys):
+def test_a_rig_file_keeps_its_comments_and_profiles_are_reported(recordings, tmp_path, capsys):
     rig = tmp_path / "mine.toml"
     paper = resources.files("sautereau.rig").joinpath("paper.toml").read_text()
     rig.write_text("# of my own\n" + paper)
     free = "plectrum.overlap,key.inertia"
-    _, out = run(capsys, "identify", recordings[0], "--free", free, "--out", rig, "--starts", 1)
+    status, out = run(
+        capsys, "identify", recordings[0], "--free", free, "--out", rig, "--starts", 1, "--profile"
+    )
+    assert status == 0
+    assert "key.inertia: 95 % by profile likelihood," in out
+    assert "all parameters are identifiable from these recordings" in out
     assert f"rig:     {rig}, with plectrum.overlap, key.inertia" in out
     assert rig.read_text().startswith("# of my own\n# The bench of the paper")
     sources = load_rig(rig).sources
@@ -74,15 +79,7 @@ def test_a_rig_file_of_ones_own_keeps_its_comments(recordings, tmp_path, capsys)
     assert sources["key.inertia"].startswith("identified from SIMULATED press-0001.mcap on ")
 
 
-def test_identify_profiles_where_asked(recordings, capsys):
-    free = "plectrum.overlap,key.inertia"
-    status, out = run(capsys, "identify", recordings[0], "--free", free, "--starts", 1, "--profile")
-    assert status == 0
-    assert "key.inertia: 95 % by profile likelihood," in out
-    assert "all parameters are identifiable from these recordings" in out
-
-
-def test_what_a_wrong_rig_hides_is_not_told(recordings, capsys):
+def test_an_error_elsewhere_in_the_rig_hides_a_parameter(recordings, capsys):
     """With a wrong overlap the residual is so large that the inertia is not identifiable."""
     _, out = run(capsys, "identify", recordings[0], "--free", "key.inertia", "--starts", 1)
     assert "not identifiable from these recordings" in out

@@ -69,9 +69,9 @@ def test_the_balance_of_a_swinging_key_closes(press, rate):
     dynamics = InverseDynamics(
         swinging.rig, parameters(swinging.rig, ["key.inertia"]), [taken], "elastica"
     )
-    (missed,), rises = dynamics.residuals(np.array([swinging.rig.key.inertia]))
+    (residual,), rises = dynamics.residuals(np.array([swinging.rig.key.inertia]))
     assert len(rises) == 0
-    assert np.abs(missed).max() < 1e-4 * np.abs(force).max()
+    assert np.abs(residual).max() < 1e-4 * np.abs(force).max()
 
 
 def test_what_the_model_does_not_hold_for_is_left_out(press, taken):
@@ -105,5 +105,5 @@ def test_a_shift_that_is_asked_for_widens_what_is_left_out(press):
 def test_a_press_of_nothing_is_refused(press):
     data = press.data.copy()
     data.loc[:, :] = 0.0
-    with pytest.raises(AnalysisError, match="look whether the key was pressed"):
+    with pytest.raises(AnalysisError, match="check whether the key was pressed"):
         observed(replace(press, data=data), replace(find_phases(press), plucks=()))

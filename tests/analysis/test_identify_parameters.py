@@ -50,11 +50,11 @@ def test_priors_set_bounds_or_an_expectation(paper):
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("key.inertia", "a range or a spread"),
-        ("key.inertia=5", "a range or a spread"),
+        ("key.inertia", "a range or a standard uncertainty"),
+        ("key.inertia=5", "a range or a standard uncertainty"),
         ("key.inertai=1 mm to 2 mm", "did you mean 'key.inertia'"),
         ("key.inertia=1 mm to 2 mm", "dimension"),
-        ("", "a range or a spread"),
+        ("", "a range or a standard uncertainty"),
     ],
 )
 def test_a_prior_that_cannot_be_read_says_what_one_looks_like(text, words):
@@ -62,7 +62,7 @@ def test_a_prior_that_cannot_be_read_says_what_one_looks_like(text, words):
         read_prior(text)
 
 
-def test_all_faults_are_told_together(paper):
+def test_all_faults_are_reported_together(paper):
     with pytest.raises(AnalysisError) as caught:
         parameters(
             paper,
@@ -71,23 +71,23 @@ def test_all_faults_are_told_together(paper):
         )
     text = str(caught.value)
     for words in (
-        "plectrum.overlp: nothing of that name is fitted; did you mean 'plectrum.overlap'?",
+        "plectrum.overlp: no parameter has this name; did you mean 'plectrum.overlap'?",
         "did you mean 'jack.mass'?",
         "key.inertia: given twice",
         "prior of jack.mass: it is not fitted",
-        "from 2 to 1 kg*m**2 there is no room",
+        "2 to 1 kg*m**2 is an empty range",
     ):
         assert words in text
 
 
 def test_modulus_and_stiffness_together_are_refused(paper):
-    with pytest.raises(AnalysisError, match="the one follows from the other"):
+    with pytest.raises(AnalysisError, match="one determines the other"):
         parameters(paper, ["plectrum.youngs_modulus", "plectrum.bending_stiffness"])
 
 
 @pytest.mark.parametrize("names", [[], ["offset.force"]])
 def test_nothing_free_is_refused(paper, names):
-    with pytest.raises(AnalysisError, match="nothing is free; name at least one of"):
+    with pytest.raises(AnalysisError, match="no parameter is free; name at least one of"):
         parameters(paper, names)
 
 
@@ -95,7 +95,7 @@ def test_a_value_of_zero_without_a_range_needs_one(paper):
     bare = with_parameters(paper, {"key.pivot_viscous_friction": 0.0}).model_copy(
         update={"assumed": {}}
     )
-    with pytest.raises(AnalysisError, match="a range where the rig's value is 0"):
+    with pytest.raises(AnalysisError, match="a prior with a range if the value of the rig is 0"):
         parameters(bare, ["key.pivot_viscous_friction"])
 
 

@@ -158,7 +158,7 @@ def test_nothing_moves(make_press):
     zeros = np.zeros(4000)
     phases = find_phases(make_press.build(zeros, zeros, 51_200.0))
     assert phases.plucks == ()
-    assert "did not go down" in phases.warnings[0]
+    assert "did not move down" in phases.warnings[0]
     assert_finite(phases)
 
 

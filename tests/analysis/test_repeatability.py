@@ -83,7 +83,7 @@ def test_a_significant_drift_is_reported(paper, law):
 
 
 def test_too_few_or_too_short(paper, law):
-    with pytest.raises(AnalysisError, match="3 or more"):
+    with pytest.raises(AnalysisError, match="at least 3"):
         repeatability(presses(paper, law, np.zeros(2), np.ones(2)), law)
     made = presses(paper, law, np.zeros(3), np.ones(3))
     short = Press(made[0].path, paper, True, made[0].data.iloc[:300], 1e4)

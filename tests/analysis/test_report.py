@@ -203,7 +203,7 @@ def test_warm_up_presses_are_excluded(write_session, tmp_path):
 def test_a_key_that_did_not_move(write_session, tmp_path):
     found = gather(write_session(tmp_path, 1, scale=0.0), "elastica")
     page = Page(build_report(found, ABOUT)).text
-    assert "the key did not go down" in page
+    assert "the key did not move down" in page
     assert "no comparison with the model" in page
 
 

@@ -92,17 +92,17 @@ def test_a_duration_out_of_range_is_refused(duration):
 
 
 def test_a_sound_that_ends_before_the_release_is_refused():
-    with pytest.raises(AnalysisError, match="ends before the last string is let go"):
+    with pytest.raises(AnalysisError, match="ends before the last release"):
         sound_of(RIG, duration=0.03)
 
 
 def test_held_before_the_release_is_refused():
-    with pytest.raises(ModelError, match="before the string is let go"):
+    with pytest.raises(ModelError, match="before the release"):
         sound_of(RIG, duration=1.0, held=-0.1)
 
 
 def test_another_kind_of_file_is_refused(tmp_path, sound):
-    with pytest.raises(AnalysisError, match=r"end in \.wav"):
+    with pytest.raises(AnalysisError, match=r"extension \.wav"):
         write_sound(tmp_path / "pluck.mp3", sound)
     assert not list(tmp_path.iterdir())
 

@@ -98,7 +98,7 @@ def test_the_damper_takes_over_without_a_jump(string):
 
 
 def test_a_damper_that_is_not_there_or_too_early_is_refused(string):
-    with pytest.raises(ModelError, match="before the string is let go"):
+    with pytest.raises(ModelError, match="before the release"):
         stilled(string, string.release - 1e-3)
     bare = RIG.model_copy(update={"jack": RIG.jack.model_copy(update={"damper": None})})
     with pytest.raises(ModelError, match=r"jack\.damper"):

@@ -44,7 +44,7 @@ def test_the_lines_say_simulated(ideal, tmp_path, capsys):
     [
         (("--since", "60"), CycloptsError, "has no unit"),
         (("--since", "3 kg"), CycloptsError, "--since"),
-        (("--until", "9 s"), AnalysisError, "is no stretch of the recording"),
+        (("--until", "9 s"), AnalysisError, "is not within the recording"),
         (("--slow", "0"), AnalysisError, "must be more than 0"),
         (("--slow", "nan"), AnalysisError, "must be more than 0"),
     ],
