@@ -1,1 +1,1 @@
-"""Thousands of presses at once: from a folder of recordings to one table."""
+"""Campaigns: a folder of thousands of recordings as one table, and the touch of its plectra."""

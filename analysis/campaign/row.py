@@ -1,6 +1,7 @@
 """One recording as one row of a campaign's table."""
 
 import hashlib
+import math
 import re
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,7 +16,7 @@ from sautereau.rig.errors import SautereauError
 from sautereau.rig.schema import Rig
 
 Row = dict[str, Value]
-"""One press; columns of `UNITS`, without those that it has no value for."""
+"""Values of one press by the columns of `UNITS`; columns without a value are absent."""
 
 UNITS = {
     "path": "",
@@ -42,51 +43,51 @@ UNITS = {
     "jack_speed": "m/s",
     **{name: unit for name, unit in FEATURE_UNITS.items() if name not in ("path", "simulated")},
 }
-"""Of the columns, in their order; empty for text and truths. `mtime` is since 1970, when the file
-was last changed; `jack_speed` is the planned one, as all that the rig says; the features are
-those of `sautereau.analysis.press.features`."""
+"""Units of the columns, in their order; empty for text and yes/no. `mtime` is the time since 1970
+of the file's last change; plectrum, string and `jack_speed` are the rig's, so `jack_speed` is the
+planned one; the features are those of `sautereau.analysis.press.features`."""
 _LATER = re.compile(r"_\d+$")
-"""What the columns of a second pluck and of later ones end in."""
+"""End of the names of columns of a second or later pluck."""
 
 
 @dataclass(frozen=True)
 class Source:
-    """A recording as it was found in the folder."""
+    """A recording found in the folder."""
 
     path: str
-    """Below the folder, with slashes."""
+    """Relative to the folder, with slashes."""
     size: int
-    """byte."""
+    """File size, byte."""
     mtime: int
-    """ns since 1970, when it was last changed."""
+    """Time of the last change, ns since 1970."""
 
 
 @dataclass(frozen=True)
 class Fault:
-    """A recording that gives no row."""
+    """A recording that could not be read or analysed."""
 
     source: Source
     text: str
-    """Why not, and what to do."""
+    """Reason, and how to fix it."""
 
 
 @dataclass(frozen=True)
 class Batch:
-    """Recordings that are read together; travels to the process that reads them."""
+    """Recordings that one process reads together."""
 
     folder: Path
     sources: tuple[Source, ...]
 
 
 def read_batch(batch: Batch) -> tuple[list[Row], list[Fault]]:
-    """Read recordings, each a row or a fault.
+    """Read recordings; each gives a row or a fault.
 
     Raises:
-        AnalysisError: None of them is there: this machine does not see the folder.
+        AnalysisError: The folder does not exist on this machine.
     """
     if not batch.folder.is_dir():
         raise AnalysisError(
-            f"campaign of {batch.folder}: a worker does not see that folder; mount it there"
+            f"campaign of {batch.folder}: this folder does not exist on a worker; mount it there"
             " under the same path"
         )
     rows: list[Row] = []
@@ -97,18 +98,18 @@ def read_batch(batch: Batch) -> tuple[list[Row], list[Fault]]:
         except (SautereauError, OSError) as error:
             faults.append(Fault(source, str(error)))
         except (ValueError, ArithmeticError, LookupError) as error:
-            # Ours, but no reason to leave thousands of others unread.
-            text = f"the analysis failed on it: {type(error).__name__}: {error}"
-            faults.append(Fault(source, f"{text}; report it together with the file"))
+            # A defect of the analysis must not stop the reading of thousands of others.
+            text = f"the analysis failed: {type(error).__name__}: {error}"
+            faults.append(Fault(source, f"{text}; report this defect together with the file"))
     return rows, faults
 
 
 def read_row(folder: Path, source: Source) -> Row:
-    """Read one recording and find its features.
+    """Read one recording and compute its features.
 
     Raises:
-        daq.errors.RecordingError: It is not a whole recording.
-        AnalysisError: It gives no press, or its features are not numbers.
+        sautereau.daq.errors.RecordingError: It is not a complete recording.
+        AnalysisError: It holds no press, or a feature is not a finite number.
     """
     recorded = read_recording(folder / source.path)
     press = press_of(recorded)
@@ -135,21 +136,21 @@ def read_row(folder: Path, source: Source) -> Row:
 
 
 def plectrum_id(rig: Rig) -> str:
-    """Return a short name of the plectrum that a rig describes: equal for equal descriptions.
+    """Return an identifier of eight letters, equal for equal plectra of rigs of one name.
 
-    Two plectra whose rigs say the same of them, down to the rigs' names, are taken for one.
+    Two plectra with the same numbers need rigs with different names to be distinguished.
     """
-    said = f"{rig.name}\n{rig.plectrum.model_dump_json()}"
-    return hashlib.sha256(said.encode()).hexdigest()[:8]
+    description = f"{rig.name}\n{rig.plectrum.model_dump_json()}"
+    return hashlib.sha256(description.encode()).hexdigest()[:8]
 
 
 def unit_of(column: str) -> str:
-    """Return the unit of a column; empty for text and truths."""
+    """Return the unit of a column; empty for text and yes/no."""
     return UNITS.get(column) or UNITS.get(_LATER.sub("", column), "")
 
 
 def place_of(column: str) -> tuple[int, int, str]:
-    """Return what the columns are sorted by: later plucks last, else as in `UNITS`."""
+    """Return the sort key of a column: later plucks last, otherwise as in `UNITS`."""
     later = _LATER.search(column)
     name = _LATER.sub("", column)
     place = list(UNITS).index(name) if name in UNITS else len(UNITS)
@@ -173,10 +174,10 @@ def _rig_columns(rig: Rig) -> Row:
 
 
 def _check(row: Row, path: Path) -> None:
-    """Refuse what is no number: a table of features has none."""
-    bad = [n for n, v in row.items() if isinstance(v, float) and not abs(v) < float("inf")]
+    """Refuse a row with a feature that is not a finite number."""
+    bad = [n for n, v in row.items() if isinstance(v, float) and not math.isfinite(v)]
     if bad:
         raise AnalysisError(
-            f"press {path}: {', '.join(bad)} came out as no finite number; look at the recording,"
-            " and press again"
+            f"press {path}: {', '.join(bad)} is not a finite number; look at the recording, and"
+            " repeat the press"
         )

@@ -1,4 +1,4 @@
-"""From a folder of recordings to a table, going on where an earlier run was stopped."""
+"""Turn a folder of recordings into a table, continuing an earlier run."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -6,29 +6,29 @@ from importlib.metadata import version
 from pathlib import Path
 
 from sautereau.analysis.campaign.row import Batch, Fault, Row, Source, read_batch
-from sautereau.analysis.campaign.table import Campaign, empty_campaign, read_campaign
+from sautereau.analysis.campaign.table import SCHEMA, Campaign, empty_campaign, read_campaign
 from sautereau.analysis.campaign.workers import Where, run_over
 from sautereau.analysis.errors import AnalysisError
 
 BATCH = 8
-"""Recordings that a process reads before it answers, some 0.2 s of work."""
+"""Recordings that a process reads before it returns them, about 0.2 s of work."""
 UNWRITTEN = 256
-"""Presses that a run which is killed loses at most, or
-`UNWRITTEN_SHARE` of those in the table: so that writing stays a small part of the work."""
-UNWRITTEN_SHARE = 0.02
+"""Presses after which the table is written; a killed run loses at most these."""
+UNWRITTEN_FRACTION = 0.02
+"""1, of the rows of the table, if that is more than `UNWRITTEN`: limits the time of writing."""
 
 
 @dataclass(frozen=True)
 class CampaignRun:
-    """What a run has made of a folder."""
+    """Result of a run."""
 
     campaign: Campaign
     read: int
-    """Recordings that this run has read."""
+    """Number of recordings read by this run."""
     kept: int
-    """Rows of an earlier run whose recordings have not changed since."""
+    """Number of rows of an earlier run whose recordings have not changed since."""
     dropped: int
-    """Rows of an earlier run whose recordings are gone from the folder, or have changed."""
+    """Number of rows of an earlier run whose recordings have disappeared or changed."""
 
 
 def run_campaign(
@@ -38,29 +38,29 @@ def run_campaign(
     *,
     on_read: Callable[[int, int], None] = lambda done, total: None,
 ) -> CampaignRun:
-    """Make a table of all recordings in a folder and the folders in it.
+    """Make a table of all recordings in a folder and its subfolders.
 
-    Recordings that the table already holds are not read again unless their size or their date
-    has changed, or another version of sautereau has written the table; faulty ones are tried
-    again. However the run ends, what it has read is in the table; only if it is killed, the last
-    few presses are not.
+    Recordings that the table already holds are not read again, unless their size or date has
+    changed or another version of sautereau has written the table. Faulty recordings are tried
+    again. However the run ends, the table holds all that was read, except for the last few presses
+    if the run is killed.
 
     Args:
-        folder: Of recordings, `*.mcap`.
-        out: Parquet file to write; an earlier one is gone on with.
-        where: Who reads; the table is the same.
-        on_read: Called with the recordings read so far and those that were to be read.
+        folder: Folder of recordings, `*.mcap`.
+        out: Parquet file to write; an existing table is continued.
+        where: Processes or cluster that read the recordings; the table does not depend on it.
+        on_read: Called with the number of recordings read so far and of those to read.
 
     Raises:
-        AnalysisError: The folder holds no recordings, or ``out`` is something else.
+        AnalysisError: The folder holds no recordings, or ``out`` is not a campaign's table.
     """
     folder, out = Path(folder).resolve(), Path(out)
     found = find_recordings(folder)
-    before = _earlier(out)
-    campaign = before.only(set(found))
+    earlier = _earlier(out)
+    campaign = earlier.only(set(found))
     kept = set(campaign.sources)
-    left = [source for source in found if source not in kept]
-    batches = [Batch(folder, tuple(left[i : i + BATCH])) for i in range(0, len(left), BATCH)]
+    unread = [source for source in found if source not in kept]
+    batches = [Batch(folder, tuple(unread[i : i + BATCH])) for i in range(0, len(unread), BATCH)]
     rows: list[Row] = []
     faults: list[Fault] = []
     done = 0
@@ -69,8 +69,8 @@ def run_campaign(
             rows += more
             faults += faulty
             done += len(batches[number].sources)
-            on_read(done, len(left))
-            if len(rows) >= max(UNWRITTEN, UNWRITTEN_SHARE * len(campaign.table)):
+            on_read(done, len(unread))
+            if len(rows) >= max(UNWRITTEN, UNWRITTEN_FRACTION * len(campaign.table)):
                 campaign = campaign.grown(rows, faults)
                 campaign.write()
                 rows, faults = [], []
@@ -78,19 +78,19 @@ def run_campaign(
         if done or not batches:
             campaign = campaign.grown(rows, faults)
             campaign.write()
-    return CampaignRun(campaign, done, len(kept), len(before.table) - len(kept))
+    return CampaignRun(campaign, done, len(kept), len(earlier.table) - len(kept))
 
 
 def find_recordings(folder: Path) -> list[Source]:
-    """Return the recordings below a folder, in the order of their paths.
+    """Return the recordings in a folder and its subfolders, ordered by path.
 
     Raises:
-        AnalysisError: There are none.
+        AnalysisError: The folder holds none.
     """
     paths = sorted(path for path in folder.rglob("*.mcap") if path.is_file())
     if not paths:
         raise AnalysisError(
-            f"campaign of {folder}: it holds no recordings, no file NAME.mcap; give the folder"
+            f"campaign of {folder}: the folder holds no recordings (NAME.mcap); give the folder"
             " that `sautereau press --out` or `sautereau import` has filled"
         )
     stats = [(path.relative_to(folder).as_posix(), path.stat()) for path in paths]
@@ -98,9 +98,10 @@ def find_recordings(folder: Path) -> list[Source]:
 
 
 def _earlier(out: Path) -> Campaign:
-    """Return what an earlier run has left, as far as this version can go on with it."""
+    """Return the table of an earlier run; an empty one if another version has written it."""
     made_by = version("sautereau")
-    if not out.exists():
-        return empty_campaign(out, made_by)
-    earlier = read_campaign(out)
-    return earlier if earlier.made_by == made_by else empty_campaign(out, made_by)
+    if out.exists():
+        earlier = read_campaign(out)
+        if (earlier.made_by, earlier.schema) == (made_by, SCHEMA):
+            return earlier
+    return empty_campaign(out, made_by)

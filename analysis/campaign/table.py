@@ -1,11 +1,12 @@
-"""A campaign's table on the disk: one Parquet file, whole at every moment.
+"""A campaign's table on disk: one Parquet file, complete at every moment.
 
-A Parquet file ends in its index and cannot be added to, so it is written anew as it grows, beside
-itself, and takes its own name once it is on the disk.
+Nothing can be appended to a Parquet file, because it ends in its index. As the table grows, it is
+rewritten to a temporary file, which replaces the table once it is on the disk.
 """
 
 import json
 import os
+import re
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from functools import cached_property
@@ -21,37 +22,48 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
 KEY = b"sautereau"
-"""Of what the file says beside its columns."""
+"""Key of the file's metadata."""
 PART = ".part"
-"""End of the name of a file that is being written."""
+"""Added to the name of a file while it is written."""
+SCHEMA = 2
+"""Version of the columns; tables of sautereau 0.1 have no such number and are version 1."""
+RENAMED = {
+    "contact_duration": "pluck_duration",
+    "peak_force": "release_force",
+    "force_step": "force_drop",
+}
+"""Columns of version 1, with their names since version 2, which has a `peak_force` of its own: the
+largest force of the complete press."""
 
 
 @dataclass(frozen=True)
 class Campaign:
-    """A table of presses, and the recordings that gave none."""
+    """A table of presses, and the recordings that could not be read."""
 
     path: Path
-    """Of the Parquet file."""
+    """Parquet file."""
     table: "pa.Table"
-    """One row a press, in the order of `path`; a column that a press has no value for is null."""
+    """One row per press, ordered by `path`; null where a press has no value."""
     faults: tuple[Fault, ...]
-    """In the order of their paths."""
+    """Ordered by path."""
     made_by: str
-    """Version of sautereau that found the features."""
+    """Version of sautereau that computed the features."""
+    schema: int = SCHEMA
+    """Version of the columns in the file; those of `table` always have their present names."""
 
     @cached_property
     def data(self) -> "pd.DataFrame":
-        """The table in pandas; null is NaN or None there."""
+        """The table as a pandas DataFrame, with NaN or None for null."""
         return self.table.to_pandas()
 
     @property
     def units(self) -> dict[str, str]:
-        """Unit of each column; empty for text and truths."""
+        """Unit of each column; empty for text and yes/no."""
         return {name: unit_of(name) for name in self.table.column_names}
 
     @property
     def simulated(self) -> bool:
-        """Whether a stand-in made any of the presses."""
+        """Whether the stand-in made any of the presses."""
         return any(self.table["simulated"].to_pylist())
 
     @property
@@ -60,11 +72,11 @@ class Campaign:
         columns = (self.table[name].to_pylist() for name in ("path", "size", "mtime"))
         return [Source(*row) for row in zip(*columns, strict=True)]
 
-    def only(self, wanted: set[Source]) -> "Campaign":
-        """Return the campaign without the rows that are not wanted, and without faults."""
+    def only(self, sources: set[Source]) -> "Campaign":
+        """Return the campaign with the rows of these recordings only, and without faults."""
         import pyarrow as pa
 
-        kept = pa.array([source in wanted for source in self.sources], pa.bool_())
+        kept = pa.array([source in sources for source in self.sources], pa.bool_())
         return Campaign(self.path, self.table.filter(kept), (), self.made_by)
 
     def grown(self, rows: Sequence[Row], faults: Sequence[Fault]) -> "Campaign":
@@ -80,17 +92,21 @@ class Campaign:
         return Campaign(self.path, table, tuple(more), self.made_by)
 
     def write(self) -> None:
-        """Replace the file by this table, all at once.
+        """Replace the file by this table in one step.
 
         Raises:
-            OSError: The disk refuses; the file is as it was.
+            OSError: The disk is full or not writable; the file is unchanged.
         """
         import pyarrow as pa
         import pyarrow.parquet as pq
 
-        said = {"made_by": self.made_by, "faults": [asdict(fault) for fault in self.faults]}
+        metadata = {
+            "made_by": self.made_by,
+            "schema": SCHEMA,
+            "faults": [asdict(fault) for fault in self.faults],
+        }
         fields = [f.with_metadata({"unit": unit_of(f.name)}) for f in self.table.schema]
-        schema = pa.schema(fields, metadata={KEY: json.dumps(said)})
+        schema = pa.schema(fields, metadata={KEY: json.dumps(metadata)})
         part = self.path.with_name(self.path.name + PART)
         self.path.parent.mkdir(parents=True, exist_ok=True)
         with part.open("wb") as file:
@@ -102,7 +118,7 @@ class Campaign:
 
 
 def empty_campaign(path: Path, made_by: str) -> Campaign:
-    """Return a campaign that has read nothing."""
+    """Return a campaign without rows and faults."""
     import pyarrow as pa
 
     columns = {
@@ -115,37 +131,56 @@ def empty_campaign(path: Path, made_by: str) -> Campaign:
 
 
 def read_campaign(path: str | Path) -> Campaign:
-    """Read a campaign's table.
+    """Read a campaign's table; columns of version 1 get their present names.
 
     Raises:
-        AnalysisError: It is missing, or not a table that `sautereau campaign` has written.
+        AnalysisError: The file is missing, is not a table that `sautereau campaign` has written, or
+            has columns of a later version.
     """
     import pyarrow as pa
     import pyarrow.parquet as pq
 
     path = Path(path)
-    remedy = "give the file that `sautereau campaign` has written"
+    fix = "give the file that `sautereau campaign` has written"
     if not path.is_file():
-        raise AnalysisError(f"campaign {path}: there is no such file; {remedy}")
+        raise AnalysisError(f"campaign {path}: there is no such file; {fix}")
     try:
         table = pq.ParquetFile(path).read()
     except pa.ArrowException as error:
         raise AnalysisError(
-            f"campaign {path}: it is no whole Parquet file ({error}); {remedy}"
+            f"campaign {path}: not a complete Parquet file ({error}); {fix}"
         ) from error
     try:
-        said = json.loads((table.schema.metadata or {})[KEY])
-        faults = tuple(Fault(Source(**f["source"]), f["text"]) for f in said["faults"])
-        table = table.replace_schema_metadata(None)
-        return Campaign(path, table, faults, said["made_by"])
+        metadata = json.loads((table.schema.metadata or {})[KEY])
+        schema = int(metadata.get("schema", 1))
+        faults = tuple(Fault(Source(**f["source"]), f["text"]) for f in metadata["faults"])
+        made_by = str(metadata["made_by"])
     except (KeyError, TypeError, ValueError) as error:
         raise AnalysisError(
-            f"campaign {path}: it is a Parquet file of something else; {remedy}"
+            f"campaign {path}: a Parquet file, but not a campaign's table; {fix}"
         ) from error
+    if schema > SCHEMA:
+        raise AnalysisError(
+            f"campaign {path}: written by sautereau {made_by} with columns of version {schema}, and"
+            f" this version reads up to {SCHEMA}; update sautereau, or make the table again with"
+            " `sautereau campaign`"
+        )
+    table = table.replace_schema_metadata(None)
+    if schema == 1:
+        table = table.rename_columns([_present_name(name) for name in table.column_names])
+    return Campaign(path, table, faults, made_by, schema)
+
+
+def _present_name(column: str) -> str:
+    """Return the present name of a column of version 1."""
+    for old, new in RENAMED.items():
+        if re.fullmatch(rf"{old}(_\d+)?", column):
+            return new + column.removeprefix(old)
+    return column
 
 
 def table_of(rows: Sequence[Row]) -> "pa.Table":
-    """Return rows as a table; a value that a row does not have is null."""
+    """Return rows as a table, with null where a row has no value."""
     import pyarrow as pa
 
     names = dict.fromkeys(name for row in rows for name in row)

@@ -1,13 +1,13 @@
-"""How plectra feel: the force at the key over their shape, and how alike their presses are.
+"""Touch: the force at the key as a function of the plectrum's shape, and its repeatability.
 
-Every quantity is compared by its logarithm, for forces are felt, and spread, by their ratios:
+A mixed linear model of the logarithms, because forces are perceived, and spread, by their ratios:
 
     ln y = a + sum e_i ln(shape_i) + conditions + plectrum + session + press,
 
-where the exponent e_i says by how many per cent y grows with one per cent of a shape's number, and
-plectrum, session and press are independent normal deviations. That of the press is the
-repeatability within a session; that of the session what setting up anew changes; that of the
-plectrum what tells one plectrum from another, told without the shape and once more beside it.
+where y grows by e_i per cent with one per cent of a dimension of the shape, and plectrum, session
+and press are independent normal deviations. The standard deviation of presses is the repeatability
+within a session; that of sessions is the effect of a new set-up; that of plectra is estimated
+twice, without the shape and with it.
 """
 
 from dataclasses import dataclass
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 FELT = ("release_force", "force_slope", "force_drop")
-"""Columns of a campaign that describe the touch."""
+"""Columns of a campaign that describe touch; `sautereau.rig.quantities` defines them."""
 SHAPE = (
     "plectrum_length",
     "plectrum_width",
@@ -34,36 +34,36 @@ SHAPE = (
     "plectrum_overlap",
     "plectrum_youngs_modulus",
 )
-"""Columns that make a plectrum's shape; those that vary are told of."""
+"""Columns of a plectrum's shape and material; those that vary get an exponent."""
 CONDITIONS = ("jack_speed", "string_stiffness")
-"""Columns that change the touch of one plectrum; taken into account where they vary."""
-VARIES = 1e-6
-"""1, of a column's range over its mean, below which it does not vary."""
-LEAST_APART = 1e-3
-"""1, of the smallest singular value of the shapes over the largest, each scaled to 1: below, some
-of them vary together and cannot be told apart."""
+"""Columns that change the touch of one plectrum; regressors of the model where they vary."""
+LEAST_RANGE = 1e-6
+"""1, range of a column's logarithm below which it counts as constant."""
+LEAST_SINGULAR = 1e-3
+"""1, ratio of smallest to largest singular value of the normalised regressors, below which they
+are collinear and their exponents are not identifiable."""
 
 
 @dataclass(frozen=True)
 class Plectrum:
-    """What one plectrum feels like: geometric means with intervals of 95 %."""
+    """Touch of one plectrum: geometric means with 95 % intervals."""
 
     name: str
-    """Of the campaign's column `plectrum`."""
+    """Value of the campaign's column `plectrum`."""
     rig: str
     presses: int
     sessions: int
     shape: dict[str, float]
-    """SI, by the columns of `SHAPE`."""
+    """SI units, by the columns of `SHAPE`."""
     tip_stiffness: float
     """N/m, 3 EI / length^3 of a uniform section."""
     felt: dict[str, Spread]
-    """SI, by the names of `FELT`; of its presses as they were made, whatever the conditions."""
+    """SI units, by the names of `FELT`; of all its presses, whatever their conditions."""
 
 
 @dataclass(frozen=True)
 class Exponent:
-    """By how many per cent a quantity grows with one per cent of another."""
+    """Growth of a quantity in per cent for one per cent of another."""
 
     value: float
     std: float
@@ -76,44 +76,44 @@ class Exponent:
 
 @dataclass(frozen=True)
 class Felt:
-    """One felt quantity over all plectra; standard deviations relative to it, 1."""
+    """One quantity over all plectra; standard deviations relative to it, dimensionless."""
 
     press: Spread
     """Of presses within a session: the repeatability."""
     session: Spread | None
     """Of sessions of one plectrum; None where no plectrum has two sessions of several presses."""
     plectrum: Spread | None
-    """Of plectra; None for a single one."""
+    """Of plectra; None for a single plectrum."""
     unexplained: Spread | None
-    """Of plectra, beyond what the shape explains; None without exponents."""
+    """Of plectra, after the shape is taken into account; None without exponents."""
     exponents: dict[str, Exponent]
-    """By the columns of `SHAPE` that vary; empty where there are too few plectra."""
+    """By the columns of `SHAPE` that vary; empty where they are not identifiable."""
 
 
 @dataclass(frozen=True)
 class Touch:
-    """What a campaign says about touch."""
+    """Touch of all plectra of a campaign."""
 
     simulated: bool
-    """Whether a stand-in made any of the presses."""
+    """Whether the stand-in made any of the presses."""
     presses: int
-    """That were compared."""
+    """Number of presses that were compared."""
     sessions: int
     plectra: tuple[Plectrum, ...]
-    """In the order of their tips' stiffness."""
+    """Ordered by the stiffness of their tips."""
     felt: dict[str, Felt]
     """By the names of `FELT`."""
     notes: tuple[str, ...]
-    """What was left out, and what cannot be told, with the remedy."""
+    """Excluded presses, and quantities that are not identifiable, with how to fix it."""
 
 
 def find_touch(campaign: Campaign) -> Touch:
-    """Relate the force at the key to the plectrum, and part the spread into its sources.
+    """Fit the force at the key to the plectrum's shape, and split the spread by its sources.
 
-    Warm-up presses and presses without a pluck are left out; of several plucks, the first counts.
+    Warm-up presses and presses without a pluck are excluded; of several plucks, the first counts.
 
     Raises:
-        AnalysisError: Too few presses are left to tell a spread.
+        AnalysisError: Too few presses remain for a spread.
     """
     presses, notes = _selected(campaign)
     groups = _numbers(presses, ["plectrum"])
@@ -121,7 +121,7 @@ def find_touch(campaign: Campaign) -> Touch:
     plectra = int(groups.max()) + 1
     if len(presses) == plectra:
         raise AnalysisError(
-            f"touch of {campaign.path}: {len(presses)} presses of {plectra} plectra, so no"
+            f"touch of {campaign.path}: {len(presses)} presses of {plectra} plectra give no"
             " spread; press each plectrum several times"
         )
     sessions = [len(set(subgroups[groups == g])) for g in range(plectra)]
@@ -129,106 +129,108 @@ def find_touch(campaign: Campaign) -> Touch:
     if not by_session:
         subgroups = groups
         notes.append(
-            "no plectrum has two sessions of several presses: what differs between plectra holds"
-            " what setting up anew changes; press some of them in a second session"
+            "no plectrum has two sessions of several presses: the spread between plectra includes"
+            " the effect of a new set-up; press some of them in a second session"
         )
     conditions = _logs(presses, CONDITIONS)
-    if not _apart(conditions):
+    if _collinear(conditions):
         conditions = {name: conditions[name] for name in CONDITIONS[:1]}
     shape = _logs(presses, SHAPE)
-    doubts = _doubts(shape, conditions, plectra)
-    if doubts:
+    reason = _not_identifiable(shape, conditions, plectra)
+    if reason:
         shape = {}
-    notes += doubts
-    plain = np.column_stack([np.ones(len(presses)), *conditions.values()])
+        notes.append(reason)
+    regressors = np.column_stack([np.ones(len(presses)), *conditions.values()])
     felt, means = {}, {}
     for name in FELT:
         values = np.log(presses[name].to_numpy())
-        data = Nested(values - values.mean(), plain, groups, subgroups)
+        data = Nested(values - values.mean(), regressors, groups, subgroups)
         found = fit_nested(data, subgroups=by_session, groups=plectra > 1)
         means[name] = _means(values, found, groups, subgroups)
         felt[name] = _felt(data, found, shape, by_session, plectra)
-    told = [_plectrum(presses, groups, g, sessions[g], means) for g in range(plectra)]
-    told.sort(key=lambda plectrum: plectrum.tip_stiffness)
+    each = [_plectrum(presses, groups, g, sessions[g], means) for g in range(plectra)]
+    each.sort(key=lambda plectrum: plectrum.tip_stiffness)
     simulated = presses["simulated"].to_numpy(bool)
     if 0 < simulated.sum() < len(presses):
-        notes.append("presses of the stand-in and of an instrument are compared with each other")
+        notes.append("this campaign mixes presses of the stand-in and of an instrument")
     return Touch(
-        bool(simulated.any()), len(presses), sum(sessions), tuple(told), felt, tuple(notes)
+        bool(simulated.any()), len(presses), sum(sessions), tuple(each), felt, tuple(notes)
     )
 
 
 def _selected(campaign: Campaign) -> "tuple[pd.DataFrame, list[str]]":
-    """Return the presses that can be compared, and which were left out."""
+    """Return the presses that can be compared, and notes on those that cannot."""
     data = campaign.data
-    lacking = [name for name in ("plucks", *FELT) if name not in data]
-    if lacking:
+    missing = [name for name in ("plucks", *FELT) if name not in data]
+    if missing:
         raise AnalysisError(
-            f"touch of {campaign.path}: it has no {', '.join(lacking)}, so no press with a pluck;"
-            " give a campaign of presses that sound"
+            f"touch of {campaign.path}: no column {', '.join(missing)}, so no press with a pluck;"
+            " give a campaign of presses that pluck a string"
         )
     warm_up = data["warm_up"].to_numpy(bool)
-    mute = ~warm_up & (data["plucks"].to_numpy() == 0)
-    felt = np.stack([data[column].to_numpy(float) for column in FELT])
-    sound = ~warm_up & ~mute
-    odd = sound & ~(felt > 0).all(axis=0)
+    plucked = data["plucks"].to_numpy() > 0
+    positive = (data[list(FELT)].to_numpy(float) > 0).all(axis=1)
     notes = [
-        f"left out: {int(which.sum())} {what}"
+        f"excluded: {int(which.sum())} {what}"
         for which, what in (
             (warm_up, "warm-up presses"),
-            (mute, "presses without a pluck"),
+            (~warm_up & ~plucked, "presses without a pluck"),
             (
-                odd,
-                "presses whose release force, force slope or force drop is not above 0",
+                ~warm_up & plucked & ~positive,
+                "presses whose release force, force slope or force drop is not above 0;"
+                " look at their recordings",
             ),
         )
         if which.any()
     ]
-    kept = data.loc[sound & ~odd].reset_index(drop=True)
+    kept = data.loc[~warm_up & plucked & positive].reset_index(drop=True)
     if len(kept) < 2:
-        left = "; ".join(notes) or "it holds no more"
+        excluded = f" ({'; '.join(notes)})" if notes else ""
         raise AnalysisError(
-            f"touch of {campaign.path}: {len(kept)} presses to compare, and a spread needs 2 or"
-            f" more ({left}); press more often"
+            f"touch of {campaign.path}: {len(kept)} presses to compare{excluded}, and a spread"
+            " needs 2 or more; make more presses"
         )
     return kept, notes
 
 
 def _numbers(presses: "pd.DataFrame", columns: list[str]) -> NDArray[np.intp]:
-    """Return the number, from 0, of what each press is of."""
+    """Return the number, from 0, of each press's group of equal values in these columns."""
     return presses.groupby(columns).ngroup().to_numpy(np.intp)
 
 
 def _logs(presses: "pd.DataFrame", columns: tuple[str, ...]) -> dict[str, Floats]:
-    """Return the logarithms, about their mean, of the columns that vary."""
+    """Return the logarithms, minus their mean, of the columns that vary."""
     logs = {name: np.log(presses[name].to_numpy(float)) for name in columns}
-    return {name: v - v.mean() for name, v in logs.items() if np.ptp(v) > VARIES}
+    return {name: v - v.mean() for name, v in logs.items() if np.ptp(v) > LEAST_RANGE}
 
 
-def _doubts(shape: dict[str, Floats], conditions: dict[str, Floats], plectra: int) -> list[str]:
-    """Return why exponents of the shape cannot be told."""
+def _not_identifiable(shape: dict[str, Floats], conditions: dict[str, Floats], plectra: int) -> str:
+    """Return why exponents of the shape are not identifiable; empty where they are."""
     if not shape:
-        return ["all plectra have one shape: nothing is told of its influence; press others"]
+        return (
+            "all plectra have the same shape, so its exponents are not identifiable; press plectra"
+            " of other shapes"
+        )
     if plectra < len(shape) + 2:
-        return [
-            f"{plectra} plectra that differ in {', '.join(shape)} are too few for exponents: it"
-            f" takes {len(shape) + 2}; press more plectra"
-        ]
-    if not _apart(shape | conditions):
-        return [
-            f"{', '.join(shape | conditions)} vary together, so that their influences cannot be"
-            " told apart; press plectra that differ in one of them alone"
-        ]
-    return []
+        return (
+            f"{plectra} plectra that differ in {', '.join(shape)} are too few for exponents, which"
+            f" need {len(shape) + 2}; press more plectra"
+        )
+    if _collinear(shape | conditions):
+        return (
+            f"{', '.join(shape | conditions)} vary together, so their exponents are not"
+            " identifiable; press plectra that differ in one of them alone"
+        )
+    return ""
 
 
-def _apart(logs: dict[str, Floats]) -> bool:
-    """Return whether columns vary each in a way of its own."""
+def _collinear(logs: dict[str, Floats]) -> bool:
+    """Return whether columns depend on each other linearly."""
     if not logs:
-        return True
+        return False
     matrix = np.column_stack(list(logs.values()))
     singular = np.linalg.svd(matrix / np.linalg.norm(matrix, axis=0), compute_uv=False)
-    return bool(singular[-1] > LEAST_APART * singular[0])
+    return bool(singular[-1] <= LEAST_SINGULAR * singular[0])
 
 
 def _felt(
@@ -250,28 +252,28 @@ def _felt(
         reach = float(t.ppf((1 + COVERAGE) / 2, plectra - len(shape) - 1))
         places = range(data.columns.shape[1], columns.shape[1])
         for name, place in zip(shape, places, strict=True):
-            value = float(shaped.mean[place])
+            value = float(shaped.coefficients[place])
             std = float(np.sqrt(shaped.covariance[place, place]))
             exponents[name] = Exponent(value, std, value - reach * std, value + reach * std)
-    return Felt(found.rest, found.subgroup, found.group, unexplained, exponents)
+    return Felt(found.residual, found.subgroup, found.group, unexplained, exponents)
 
 
 def _means(
     values: Floats, found: Components, groups: NDArray[np.intp], subgroups: NDArray[np.intp]
 ) -> list[Spread]:
-    """Return the geometric mean of each group, its sessions weighted by what they tell."""
+    """Return the geometric mean of each group, its sessions weighted by inverse variance."""
     from scipy.stats import norm
 
     counts = np.bincount(subgroups)
     between = found.subgroup.value if found.subgroup else 0.0
-    weights = 1 / (between**2 + found.rest.value**2 / counts)
+    weights = 1 / (between**2 + found.residual.value**2 / counts)
     means = np.bincount(subgroups, values) / counts
     parents = np.empty(len(counts), np.intp)
     parents[subgroups] = groups
     total = np.bincount(parents, weights)
-    middle = np.bincount(parents, weights * means) / total
+    centre = np.bincount(parents, weights * means) / total
     reach = float(norm.ppf((1 + COVERAGE) / 2)) / np.sqrt(total)
-    ends = np.exp([middle, middle - reach, middle + reach])
+    ends = np.exp([centre, centre - reach, centre + reach])
     return [Spread(*map(float, column)) for column in ends.T]
 
 

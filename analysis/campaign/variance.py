@@ -1,10 +1,10 @@
-"""How much of a spread lies within groups, between them, and between groups of groups.
+"""Variance components: how much of a spread lies within groups, and how much between them.
 
-y = X b + group + subgroup + rest, with three independent normal deviations, for any numbers of
-values in each. Estimated by restricted maximum likelihood (Patterson and Thompson 1971): for
-balanced numbers and positive variances that is what the nested analysis of variance gives. The
-covariance's inverse and determinant are closed forms of the sums over subgroups, so a hundred
-thousand values cost no more than their subgroups.
+y = X b + group + subgroup + residual, with three independent normal deviations, for any numbers of
+values in each. Estimated by restricted maximum likelihood (REML; Patterson and Thompson 1971),
+which for balanced numbers and positive variances is the nested analysis of variance. The inverse
+and the determinant of the covariance are closed forms of the sums over subgroups, so a hundred
+thousand values cost no more than their subgroups. docs/decisions/0009 compares `statsmodels`.
 """
 
 from collections.abc import Callable
@@ -19,28 +19,28 @@ from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.session.repeatability import COVERAGE, Spread
 from sautereau.trajectory.motion import Floats
 
-RATIO = 8.0
-"""1, logarithm of the ratio of two standard deviations of which one counts as nothing."""
+LOG_RANGE = 8.0
+"""1, ln of the ratio of two standard deviations beyond which the smaller one counts as 0."""
 GRID = 21
-"""Values of each logarithm among which the best is looked for at first: there may be two."""
-CLOSER = 7
-"""Values among which it is looked for again, each time between two neighbours of it."""
-FINE = 1e-3
-"""1, of a logarithm, to which it is found."""
-SAME = 1e-4
-"""1, difference of two deviances that are the same."""
-TINY = 1e-9
-"""1, spread over the values' size that is rounding."""
+"""Values of each logarithm in the first search, which finds the deeper of two minima."""
+FINER_GRID = 7
+"""Values in each further search, between the two neighbours of the best one so far."""
+LOG_TOLERANCE = 1e-3
+"""1, to which a logarithm is found."""
+SAME_DEVIANCE = 1e-4
+"""1, difference of two deviances that count as equal."""
+ROUNDING = 1e-9
+"""1, ratio of spread to size of the values that is attributed to rounding."""
 
 
 @dataclass(frozen=True)
 class Nested:
-    """Values in subgroups of groups; every group has subgroups of its own."""
+    """Values in subgroups of groups; no subgroup belongs to two groups."""
 
     values: Floats
     """Shape (n,)."""
     columns: Floats
-    """Of what the mean depends on; shape (n, k), a column of ones included."""
+    """Regressors of the mean, shape (n, k), including a column of ones."""
     groups: NDArray[np.intp]
     """Number of the group from 0; shape (n,)."""
     subgroups: NDArray[np.intp]
@@ -51,119 +51,122 @@ class Nested:
         joined = np.column_stack([self.columns, self.values])
         counts = np.bincount(self.subgroups)
         means = np.stack([np.bincount(self.subgroups, c) / counts for c in joined.T], 1)
-        left = joined - means[self.subgroups]
+        within = joined - means[self.subgroups]
         parents = np.empty(len(counts), np.intp)
         parents[self.subgroups] = self.groups
         order = np.argsort(parents, kind="stable")
-        begins = np.flatnonzero(np.diff(parents[order], prepend=-1))
-        middles = (
-            np.add.reduceat(means[order], begins) / np.diff(begins, append=len(counts))[:, None]
-        )
-        about = means[order] - np.repeat(middles, np.diff(begins, append=len(counts)), axis=0)
-        return _Sums(left.T @ left, counts[order], about, middles, begins)
+        starts = np.flatnonzero(np.diff(parents[order], prepend=-1))
+        sizes = np.diff(starts, append=len(counts))
+        centres = np.add.reduceat(means[order], starts) / sizes[:, None]
+        deviations = means[order] - np.repeat(centres, sizes, axis=0)
+        return _Sums(within.T @ within, counts[order], deviations, centres, starts)
 
-    def products(self, rest: Floats, subgroup: Floats, group: Floats) -> tuple[Floats, Floats]:
+    def products(self, residual: Floats, subgroup: Floats, group: Floats) -> tuple[Floats, Floats]:
         """Return A' V^-1 A with A = (X, y), and ln det V, for standard deviations that make V.
 
-        With W = n / (rest^2 + n subgroup^2) of a subgroup, by Woodbury's identity twice.
+        With W = n / (residual^2 + n subgroup^2) of a subgroup, by Woodbury's identity twice.
 
         Args:
-            rest: Shape (m,), as the others.
-            subgroup: 0 for subgroups that do not differ.
-            group: 0 for groups that do not differ.
+            residual: Shape (m,), as the others.
+            subgroup: 0 for subgroups without a deviation.
+            group: 0 for groups without a deviation.
 
         Returns:
             Arrays of shape (m, k + 1, k + 1) and (m,).
         """
         sums = self._sums
-        n, about = sums.counts, sums.about
-        rest2, between2, group2 = (np.square(x)[:, None] for x in (rest, subgroup, group))
-        weights = n / (rest2 + n * between2)
-        h = np.add.reduceat(weights, sums.begins, axis=1)
-        shifts = np.add.reduceat(weights[:, :, None] * about, sums.begins, axis=1) / h[:, :, None]
-        means = shifts + sums.middles
-        squares = np.einsum("sk,sl->skl", about, about).reshape(len(n), -1)
-        matrix = (weights @ squares).reshape(len(rest), *sums.within.shape)
-        matrix += sums.within / rest2[:, :, None]
-        matrix -= np.einsum("mg,mgk,mgl->mkl", h, shifts, shifts, optimize=True)
-        shrunk = h / (1 + group2 * h)
-        matrix += np.einsum("mg,mgk,mgl->mkl", shrunk, means, means, optimize=True)
-        determinant = 2 * np.log(rest) * (n - 1).sum() + np.log(n / weights).sum(axis=1)
+        n, x = sums.counts, sums.deviations
+        residual2, subgroup2, group2 = (np.square(s)[:, None] for s in (residual, subgroup, group))
+        weights = n / (residual2 + n * subgroup2)
+        h = np.add.reduceat(weights, sums.starts, axis=1)
+        shifts = np.add.reduceat(weights[:, :, None] * x, sums.starts, axis=1) / h[:, :, None]
+        means = shifts + sums.centres
+        squares = (x[:, :, None] * x[:, None, :]).reshape(len(n), -1)
+        matrix = (weights @ squares).reshape(len(residual), *sums.within.shape)
+        matrix += sums.within / residual2[:, :, None]
+        matrix -= _weighted_products(h, shifts)
+        matrix += _weighted_products(h / (1 + group2 * h), means)
+        determinant = 2 * np.log(residual) * (n - 1).sum() + np.log(n / weights).sum(axis=1)
         return matrix, determinant + np.log1p(group2 * h).sum(axis=1)
 
-    def left(self, matrix: Floats) -> tuple[Floats, Floats]:
-        """Return the squares that the columns leave, and ln det of the columns' own part."""
+    def unexplained(self, matrix: Floats) -> tuple[Floats, Floats]:
+        """Return the weighted squares that the regressors leave, and ln det of X' V^-1 X."""
         mean, known = matrix[:, :-1, :-1], matrix[:, :-1, -1:]
-        told = np.linalg.solve(mean, known)
-        left = matrix[:, -1, -1] - (known * told).sum(axis=(1, 2))
-        return left, np.linalg.slogdet(mean)[1]
+        explained = (known * np.linalg.solve(mean, known)).sum(axis=(1, 2))
+        return matrix[:, -1, -1] - explained, np.linalg.slogdet(mean)[1]
 
-    def deviance(self, rest: Floats, subgroup: Floats, group: Floats) -> Floats:
-        """Return -2 ln of the restricted likelihood but for a constant, as `products`."""
-        matrix, determinant = self.products(rest, subgroup, group)
-        left, inner = self.left(matrix)
-        return np.asarray(determinant + inner + left, np.float64)
+    def deviance(self, residual: Floats, subgroup: Floats, group: Floats) -> Floats:
+        """Return -2 ln of the restricted likelihood up to a constant; arguments as `products`."""
+        matrix, determinant = self.products(residual, subgroup, group)
+        squares, inner = self.unexplained(matrix)
+        return np.asarray(determinant + inner + squares, np.float64)
 
 
 @dataclass(frozen=True)
 class _Sums:
-    """What of the values counts, subgroups in the order of their groups."""
+    """Sufficient statistics of the values, subgroups in the order of their groups."""
 
     within: Floats
     """Products of columns and values about the means of their subgroups."""
     counts: NDArray[np.intp]
     """Values of each subgroup."""
-    about: Floats
-    """Means of the subgroups about the middle of their group, shape (subgroups, k + 1)."""
-    middles: Floats
+    deviations: Floats
+    """Means of the subgroups about the centre of their group, shape (subgroups, k + 1)."""
+    centres: Floats
     """Of the groups, shape (groups, k + 1)."""
-    begins: NDArray[np.intp]
+    starts: NDArray[np.intp]
     """First subgroup of each group."""
+
+
+def _weighted_products(weights: Floats, rows: Floats) -> Floats:
+    """Return sum_g w_g r_g r_g' from weights of shape (m, g) and rows of shape (m, g, k)."""
+    return np.swapaxes(weights[:, :, None] * rows, 1, 2) @ rows
 
 
 @dataclass(frozen=True)
 class Components:
-    """What `fit_nested` finds; standard deviations in the unit of the values."""
+    """Result of `fit_nested`; standard deviations in the unit of the values."""
 
     data: Nested
-    moving: NDArray[np.bool_]
-    """Which of rest, subgroups and groups may differ."""
+    free: NDArray[np.bool_]
+    """Which of residual, subgroup and group deviations were estimated."""
     logs: Floats
-    """ln of their standard deviations; -inf for none."""
+    """ln of the three standard deviations; -inf for 0."""
 
     @cached_property
     def covariance(self) -> Floats:
-        """Of the columns' coefficients, shape (k, k)."""
+        """Covariance of the regression coefficients, shape (k, k)."""
         return np.asarray(np.linalg.inv(self._matrix[:-1, :-1]), np.float64)
 
     @cached_property
-    def mean(self) -> Floats:
-        """The columns' coefficients, shape (k,)."""
+    def coefficients(self) -> Floats:
+        """Regression coefficients, shape (k,)."""
         return self.covariance @ self._matrix[:-1, -1]
 
     @cached_property
-    def rest(self) -> Spread:
-        """Within subgroups."""
+    def residual(self) -> Spread:
+        """Standard deviation within subgroups."""
         return self._spread(0)
 
     @cached_property
     def subgroup(self) -> Spread | None:
-        """Between subgroups of a group; None where they may not differ."""
-        return self._spread(1) if self.moving[1] else None
+        """Standard deviation of subgroups within their group; None where it was not estimated."""
+        return self._spread(1) if self.free[1] else None
 
     @cached_property
     def group(self) -> Spread | None:
-        """Between groups; None where they may not differ."""
-        return self._spread(2) if self.moving[2] else None
+        """Standard deviation of groups; None where it was not estimated."""
+        return self._spread(2) if self.free[2] else None
 
-    @property
+    @cached_property
     def _matrix(self) -> Floats:
         return self.data.products(*np.exp(self.logs)[:, None])[0][0]
 
     def _spread(self, part: int) -> Spread:
-        """Return a standard deviation with the interval in which its likelihood is not too small.
+        """Return a standard deviation with its interval by the profile likelihood.
 
-        That is the profile's: the others are at their best for each value.
+        The interval holds the values at which the deviance, minimised over the other standard
+        deviations, exceeds its minimum by at most the chi-squared quantile.
         """
         from scipy.optimize import brentq
         from scipy.stats import chi2
@@ -171,99 +174,97 @@ class Components:
         limit = float(self.data.deviance(*np.exp(self.logs)[:, None])[0])
         limit += float(chi2.ppf(COVERAGE, 1))
         middle = float(self.logs[np.isfinite(self.logs)].max())
-        others = np.flatnonzero(self.moving)
+        others = np.flatnonzero(self.free)
         others = others[others != part]
 
         def excess(log: float) -> float:
-            """Return by how much the deviance is above the limit."""
+            """Return by how much the profile deviance exceeds the limit."""
 
             def deviance(values: Floats) -> Floats:
                 logs = np.full((3, len(values)), -np.inf)
                 logs[others], logs[part] = values.T, log
                 return self.data.deviance(*np.exp(logs))
 
-            return _least(deviance, np.full(len(others), middle))[1] - limit
+            return _minimum(deviance, np.full(len(others), middle))[1] - limit
 
         value = float(self.logs[part])
-        inside = value if np.isfinite(value) else middle - RATIO
+        inside = value if np.isfinite(value) else middle - LOG_RANGE
         top = inside
         while excess(top + 1.0) < 0:
             top += 1.0
-            if top > middle + RATIO:
+            if top > middle + LOG_RANGE:
                 raise AnalysisError(
-                    "components: the values are too few to bound how far they spread; press more"
-                    " often"
+                    "components: too few values for an upper limit of their standard deviation;"
+                    " make more presses"
                 )
-        high: Any = brentq(excess, top, top + 1.0, xtol=FINE) if excess(top) < 0 else top
+        high: Any = brentq(excess, top, top + 1.0, xtol=LOG_TOLERANCE) if excess(top) < 0 else top
         low: Any = -np.inf
-        if inside > middle - RATIO and excess(middle - RATIO) > 0:
-            low = brentq(excess, middle - RATIO, inside, xtol=FINE)
+        if inside > middle - LOG_RANGE and excess(middle - LOG_RANGE) > 0:
+            low = brentq(excess, middle - LOG_RANGE, inside, xtol=LOG_TOLERANCE)
         return Spread(*np.exp([value, low, high]).tolist())
 
 
 def fit_nested(data: Nested, *, subgroups: bool, groups: bool) -> Components:
-    """Estimate the three standard deviations, and what the mean depends on.
-
-    The intervals are those of 95 % by the profile of the restricted likelihood.
+    """Estimate the three standard deviations and the regression coefficients.
 
     Args:
-        data: Values and where they belong.
-        subgroups: Whether subgroups may differ; else they are taken not to.
-        groups: Whether groups may differ.
+        data: Values, their regressors, groups and subgroups.
+        subgroups: Whether to estimate a deviation of subgroups; else it is 0.
+        groups: Whether to estimate a deviation of groups; else it is 0.
 
     Raises:
         AnalysisError: There are no more values than columns, or they have no spread.
     """
-    free = len(data.values) - data.columns.shape[1]
-    if free < 1:
+    degrees = len(data.values) - data.columns.shape[1]
+    if degrees < 1:
         raise AnalysisError(
             f"components: {len(data.values)} values for {data.columns.shape[1]} coefficients leave"
-            " no spread to tell; press more often"
+            " no degree of freedom for a spread; make more presses"
         )
-    moving = np.flatnonzero([subgroups, groups])
+    free = np.flatnonzero([subgroups, groups])
 
     def profiled(values: Floats) -> tuple[Floats, Floats]:
-        """Return the deviance and ln of the rest's best deviation, at the others' over it."""
+        """Return the deviance and ln of the best residual deviation, from ln of ratios to it."""
         ratios = np.full((2, len(values)), -np.inf)
-        ratios[moving] = values.T
+        ratios[free] = values.T
         matrix, determinant = data.products(np.ones(len(values)), *np.exp(ratios))
-        left, inner = data.left(matrix)
-        least = TINY * np.sqrt(np.abs(matrix[:, -1, -1]) / free)
-        rest = np.sqrt(np.maximum(left, 0) / free)
-        if not (rest > least).all():
+        squares, inner = data.unexplained(matrix)
+        rounding = ROUNDING * np.sqrt(np.abs(matrix[:, -1, -1]) / degrees)
+        residual = np.sqrt(np.maximum(squares, 0) / degrees)
+        if not (residual > rounding).all():
             raise AnalysisError(
-                "components: the values have no spread beyond what they depend on; give presses"
-                " that were really made, each once"
+                "components: the values have no spread beyond what their regressors explain; give"
+                " presses that were really made, each once"
             )
-        return determinant + inner + 2 * free * np.log(rest), np.log(rest)
+        return determinant + inner + 2 * degrees * np.log(residual), np.log(residual)
 
-    best, least = _least(lambda v: profiled(v)[0], np.zeros(len(moving)))
-    for i in range(len(moving)):
+    best, least = _minimum(lambda v: profiled(v)[0], np.zeros(len(free)))
+    for i in range(len(free)):
         without = best.copy()
         without[i] = -np.inf
-        if profiled(without[None])[0][0] <= least + SAME:
+        if profiled(without[None])[0][0] <= least + SAME_DEVIANCE:
             best = without
     logs = np.full(3, -np.inf)
     logs[0] = profiled(best[None])[1][0]
-    logs[1 + moving] = logs[0] + best
+    logs[1 + free] = logs[0] + best
     return Components(data, np.array([True, subgroups, groups]), logs)
 
 
-def _least(function: Callable[[Floats], Floats], middle: Floats) -> tuple[Floats, float]:
-    """Return where a function of arrays (points, arguments) is least, within `RATIO`, and what.
+def _minimum(function: Callable[[Floats], Floats], middle: Floats) -> tuple[Floats, float]:
+    """Return where a function of points, shape (points, arguments), is least, and its value there.
 
-    The best on a grid is looked for again on a closer one, so that of two valleys the deeper
-    one is found, and one without end does no harm.
+    It is searched within `LOG_RANGE` of the middle, on grids that become finer around the best
+    point: of two minima the deeper one is found, and a function without a minimum ends at the edge.
     """
     if not len(middle):
         return middle, float(function(middle[None])[0])
-    reach, points = RATIO, GRID
+    reach, points = LOG_RANGE, GRID
     while True:
         steps = [np.linspace(m - reach, m + reach, points) for m in middle]
         places = np.stack(np.meshgrid(*steps, indexing="ij"), -1).reshape(-1, len(middle))
         found = function(places)
         best = int(np.argmin(found))
         middle = places[best]
-        reach, points = 2 * reach / (points - 1), CLOSER
-        if reach < FINE:
+        reach, points = 2 * reach / (points - 1), FINER_GRID
+        if reach < LOG_TOLERANCE:
             return middle, float(found[best])

@@ -1,7 +1,7 @@
-"""One function over many items: in this process, on this machine's cores, or on a cluster.
+"""Call one function on many items: in this process, on this machine's cores, or on a cluster.
 
-A function and its items have to be importable where they run: of a module, and not typed into a
-console. Items are best pieces of work of a tenth of a second or more, for each is sent by itself.
+The function must be importable where it runs: defined in a module, not in a console. Each item is
+sent separately, so an item should be at least a tenth of a second of work.
 """
 
 from collections.abc import Callable, Generator, Iterator, Sequence
@@ -16,37 +16,39 @@ if TYPE_CHECKING:
 Item = TypeVar("Item")
 Result = TypeVar("Result")
 Where = int | str
-"""Processes on this machine, of which 1 is the caller's own; or the address of a Dask scheduler."""
+"""Number of processes on this machine, where 1 is the calling process; or the address of a Dask
+scheduler."""
 
-WAITING = 3
-"""Items for each worker that are sent ahead."""
+QUEUED = 3
+"""Items that are queued for each worker."""
 BLAS = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS")
-"""What tells numpy's linear algebra how many threads it may have: of several processes, one."""
-PATIENCE = 10.0
-"""s, within which a scheduler has to answer, and to have a worker."""
+"""Environment variables for the number of threads of numpy's linear algebra; 1 in each worker."""
+TIMEOUT = 10.0
+"""s, for a scheduler to answer, and to have a worker."""
 
 
 def run_over(
     function: Callable[[Item], Result], items: Sequence[Item], where: Where = 1
 ) -> Generator[tuple[int, Result], None, None]:
-    """Yield the number and the result of every item, in the order in which they are ready.
+    """Yield the number and the result of every item, in the order of their completion.
 
-    Whoever stops listening, or is interrupted, waits for the items that this machine is working
-    on, and no other is begun. What the function raises is raised here.
+    After an interruption, or when the caller closes the generator, no further item is started, and
+    the items in work on this machine are completed. An exception of the function is raised here.
 
     Args:
-        function: Of a module, without side effects: a cluster calls it again for an item whose
-            worker is lost.
-        items: What it is called with, one at a time.
+        function: Defined in a module, and without side effects, because a cluster calls it again
+            for an item whose worker was lost.
+        items: Arguments of the calls.
         where: See `Where`.
 
     Raises:
-        AnalysisError: There are no such processes, no such cluster, or it is lost.
+        AnalysisError: The number of processes is less than 1, a process was killed, or the cluster
+            does not answer or was lost.
     """
     if isinstance(where, str):
         yield from _on_cluster(function, items, where)
     elif where < 1:
-        raise AnalysisError(f"processes: {where} cannot work; give 1 or more")
+        raise AnalysisError(f"processes: {where} is less than 1; give 1 or more")
     elif where == 1:
         for i, item in enumerate(items):
             yield i, function(item)
@@ -61,32 +63,28 @@ def _on_cores(
     from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
     from concurrent.futures.process import BrokenProcessPool
 
-    # Not by fork: readers of recordings have threads, whose locks a fork would copy as they are.
+    # Not "fork", which would copy the locks of the recording readers' threads in any state.
     context = multiprocessing.get_context("spawn")
-    pool = ProcessPoolExecutor(processes, mp_context=context, initializer=_begin_worker)
+    pool = ProcessPoolExecutor(processes, mp_context=context, initializer=_start_worker)
     waiting: dict[Future[Result], int] = {}
     try:
         for i, item in enumerate(items):
             waiting[pool.submit(function, item)] = i
-            if len(waiting) >= WAITING * processes:
-                ready, _ = wait(waiting, return_when=FIRST_COMPLETED)
-                for future in ready:
+            limit = QUEUED * processes if i + 1 < len(items) else 1
+            while len(waiting) >= limit:
+                for future in wait(waiting, return_when=FIRST_COMPLETED).done:
                     yield waiting.pop(future), future.result()
-        while waiting:
-            ready, _ = wait(waiting, return_when=FIRST_COMPLETED)
-            for future in ready:
-                yield waiting.pop(future), future.result()
     except BrokenProcessPool as error:
         raise AnalysisError(
-            f"one of {processes} processes was ended from outside, as by a lack of memory;"
-            " call again, with fewer processes if it happens again"
+            f"one of {processes} processes was killed, for example because memory ran out; run the"
+            " command again, with fewer processes if this is repeated"
         ) from error
     finally:
         pool.shutdown(wait=True, cancel_futures=True)
 
 
-def _begin_worker() -> None:
-    """Leave Ctrl-C to the parent, end with it, and take one core."""
+def _start_worker() -> None:
+    """Leave Ctrl-C to the parent process, end when it ends, and use one core."""
     import multiprocessing
     import os
     import signal
@@ -99,11 +97,11 @@ def _begin_worker() -> None:
     if parent is None:
         return
 
-    def follow() -> None:
+    def end_with_parent() -> None:
         parent.join()
         os._exit(1)
 
-    threading.Thread(target=follow, name="parent", daemon=True).start()
+    threading.Thread(target=end_with_parent, name="parent", daemon=True).start()
 
 
 def _on_cluster(
@@ -116,25 +114,25 @@ def _on_cluster(
             f"cluster {address}: Dask is not installed; pip install 'sautereau[cluster]'"
         ) from error
     try:
-        client = Client(address, timeout=PATIENCE, set_as_default=False)
+        client = Client(address, timeout=TIMEOUT, set_as_default=False)
     except (OSError, ValueError, TimeoutError) as error:
         raise AnalysisError(
-            f"cluster {address}: no scheduler answered within {PATIENCE:g} s ({error}); give the"
-            " address that `dask scheduler` tells, as tcp://192.168.1.2:8786"
+            f"cluster {address}: no scheduler answered within {TIMEOUT:g} s ({error}); give the"
+            " address that `dask scheduler` prints, such as tcp://192.168.1.2:8786"
         ) from error
     with client:
         workers = _workers(client, address)
         numbers: dict[Any, int] = {}
-        left = iter(enumerate(items))
+        unsent = iter(enumerate(items))
         futures = as_completed(loop=client.loop)
 
-        def send(most: int) -> None:
-            for i, item in islice(left, most):
+        def send(count: int) -> None:
+            for i, item in islice(unsent, count):
                 future = client.submit(function, item, pure=False)
                 numbers[future.key] = i
                 futures.add(future)
 
-        send(WAITING * workers)
+        send(QUEUED * workers)
         for future in futures:
             yield numbers.pop(future.key), _result(future, address)
             future.release()
@@ -142,12 +140,12 @@ def _on_cluster(
 
 
 def _workers(client: Any, address: str) -> int:
-    """Return how many items a cluster works on at once."""
+    """Return the number of items that a cluster works on at the same time."""
     try:
-        client.wait_for_workers(1, timeout=PATIENCE)
+        client.wait_for_workers(1, timeout=TIMEOUT)
     except TimeoutError as error:
         raise AnalysisError(
-            f"cluster {address}: its scheduler had no worker within {PATIENCE:g} s; start some by"
+            f"cluster {address}: its scheduler had no worker within {TIMEOUT:g} s; start some with"
             f" `dask worker {address}`"
         ) from error
     return sum(client.nthreads().values())
@@ -163,6 +161,6 @@ def _result(future: Any, address: str) -> Any:
         return future.result()
     except (KilledWorker, CancelledError, CommClosedError) as error:
         raise AnalysisError(
-            f"cluster {address}: work was lost with its workers or its scheduler ({error});"
-            " look at their logs, and call again"
+            f"cluster {address}: workers or the scheduler ended during the work ({error}); look at"
+            " their logs, and run the command again"
         ) from error

@@ -1,10 +1,11 @@
-"""The picture of touch: what is felt over the plectrum's stiffness, and where spread is from."""
+"""Plot of touch: forces over the plectrum's stiffness, and the sources of their spread."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from sautereau.analysis.campaign.touch import Felt, Touch
 from sautereau.analysis.session.repeatability import Spread
+from sautereau.analysis.summary.text import counted
 from sautereau.rig.quantities import QUANTITIES
 
 if TYPE_CHECKING:
@@ -12,19 +13,20 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 COLOURS = {"release_force": "#1f77b4", "force_slope": "#d9743a", "force_drop": "#2f6b3a"}
-SOURCES = ("within a session", "between sessions", "between plectra", "beyond their shape")
+SOURCES = ("press", "session", "plectrum", "unexplained")
+"""Standard deviations of `sautereau.analysis.campaign.touch.Felt`."""
 
 
 def plot_touch(path: str | Path, found: Touch) -> None:
-    """Draw `touch_figure` into a file; the suffix of ``path`` chooses the format."""
+    """Save `touch_figure` to a file; its extension selects the format."""
     touch_figure(found).savefig(path, dpi=120)
 
 
 def touch_figure(found: Touch) -> "Figure":
-    """Return a figure: each felt quantity over the tip's stiffness, and all spreads.
+    """Return a figure: each quantity over the tip's stiffness, and all standard deviations.
 
     Args:
-        found: Of `sautereau.analysis.campaign.touch.find_touch`.
+        found: Result of `sautereau.analysis.campaign.touch.find_touch`.
     """
     from matplotlib.figure import Figure
 
@@ -40,8 +42,9 @@ def touch_figure(found: Touch) -> "Figure":
             axes.spines[side].set_visible(False)
     figure.suptitle(
         ("SIMULATED: " if found.simulated else "")
-        + f"touch of {len(found.plectra)} plectra in {found.sessions} sessions,"
-        f" {found.presses} presses; bars are intervals of 95 %"
+        + f"touch of {counted(len(found.plectra), 'plectrum')} in"
+        f" {counted(found.sessions, 'session')}, {counted(found.presses, 'press')};"
+        " bars: 95 % intervals"
     )
     return figure
 
@@ -65,14 +68,17 @@ def _felt_over_stiffness(axes: "Axes", found: Touch, name: str, felt: Felt) -> N
         f"{column.removeprefix('plectrum_')}^{e.value:.2f} ({e.low:.2f} to {e.high:.2f})"
         for column, e in felt.exponents.items()
     )
-    axes.set_title(QUANTITIES[name].label + (f", as {exponents}" if exponents else ""), fontsize=10)
+    axes.set_title(
+        QUANTITIES[name].label + (f", proportional to {exponents}" if exponents else ""),
+        fontsize=10,
+    )
 
 
 def _sources(axes: "Axes", found: Touch) -> None:
-    """Draw where the spread comes from, one row for each source and quantity."""
+    """Draw the standard deviations, one row for each source."""
     for shift, (name, felt) in enumerate(found.felt.items()):
-        told = enumerate((felt.press, felt.session, felt.plectrum, felt.unexplained))
-        rows = [(place, spread) for place, spread in told if spread is not None]
+        spreads = enumerate(getattr(felt, source) for source in SOURCES)
+        rows = [(place, spread) for place, spread in spreads if spread is not None]
         axes.errorbar(
             [100 * spread.value for _, spread in rows],
             [place + 0.2 * (shift - 1) for place, _ in rows],
@@ -83,16 +89,16 @@ def _sources(axes: "Axes", found: Touch) -> None:
             capsize=3,
             label=QUANTITIES[name].label,
         )
-    axes.set_yticks(range(len(SOURCES)), SOURCES)
+    axes.set_yticks(range(len(SOURCES)), [QUANTITIES[f"felt.{s}"].label for s in SOURCES])
     axes.invert_yaxis()
     axes.set_xscale("symlog", linthresh=0.1)
     axes.set_xlim(left=0)
     axes.set_xlabel("standard deviation (%)")
-    axes.set_title("where the spread is from", fontsize=10)
+    axes.set_title("sources of the spread", fontsize=10)
     axes.legend(frameon=False)
 
 
 def _bars(spreads: list[Spread], scale: float) -> list[list[float]]:
-    """Return the lengths of the bars below and above."""
+    """Return the lengths of the error bars below and above the values."""
     below = [scale * (s.value - s.low) for s in spreads]
     return [below, [scale * (s.high - s.value) for s in spreads]]

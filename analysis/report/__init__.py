@@ -1,1 +1,1 @@
-"""A session as one page, which needs nothing but a browser."""
+"""Report of a session: one HTML page that needs only a browser."""

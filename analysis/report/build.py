@@ -1,4 +1,4 @@
-"""The page itself: what was found, put into the template with all that it needs to open."""
+"""Generate the page from the template, with all scripts and styles inside."""
 
 import base64
 import hashlib
@@ -7,10 +7,10 @@ from functools import cache
 from importlib import resources
 from typing import TYPE_CHECKING
 
-from sautereau.analysis.report import captions, facts
+from sautereau.analysis.report import facts, figures
 from sautereau.analysis.report.contents import Contents
 from sautereau.analysis.report.fits import Fit
-from sautereau.analysis.report.moving import Moving, moving
+from sautereau.analysis.report.slow_motion import Moving, moving
 from sautereau.analysis.report.tables import (
     compared_rows,
     comparison_rows,
@@ -18,7 +18,7 @@ from sautereau.analysis.report.tables import (
     feature_table,
     repeatability_rows,
 )
-from sautereau.analysis.report.text import shown
+from sautereau.analysis.summary.text import counted
 from sautereau.rig.text import rig_text
 
 if TYPE_CHECKING:
@@ -26,12 +26,12 @@ if TYPE_CHECKING:
     from markupsafe import Markup
 
 MOST_LONG = 60_000
-"""Characters of a rig or a scene that the page shows."""
+"""Longest text of a rig or a scene on the page, in characters."""
 
 
 @dataclass(frozen=True)
 class Again:
-    """How to press so again."""
+    """Command that repeats the session."""
 
     about: str
     command: str
@@ -39,27 +39,27 @@ class Again:
 
 @dataclass(frozen=True)
 class About:
-    """What the report says of its session that no recording holds."""
+    """Facts about the session that are not in its recordings."""
 
     name: str
-    """Of the session, for the title."""
+    """Name of the session, for the title."""
     version: str
-    """Of sautereau."""
+    """Version of sautereau."""
     commands: tuple[str, ...] = ()
-    """That lead from the recordings to the figures."""
+    """Commands that compute the figures from the recordings."""
     warnings: tuple[str, ...] = ()
     again: Again | None = None
     scene: str = ""
-    """Of the stand-in, as text; empty on the hardware."""
+    """Scene of the stand-in as text; empty on the hardware."""
     fits: tuple[Fit, ...] = ()
 
 
 def build_report(contents: Contents, about: About) -> str:
-    """Return the report as one HTML page that loads nothing from elsewhere.
+    """Return the report as one HTML page that loads nothing from a network.
 
     Args:
         contents: The presses.
-        about: What else is to be said.
+        about: Further facts about the session.
     """
     from markupsafe import Markup, escape
     from plotly.offline import get_plotlyjs
@@ -73,7 +73,7 @@ def build_report(contents: Contents, about: About) -> str:
     simulated = sum(record.press.simulated for record in presses)
     return _template().render(
         title=f"Session {about.name}",
-        subtitle=f"{len(presses)} press{'es' * (len(presses) > 1)} on rig {conditions[0].rig.name}",
+        subtitle=f"{counted(len(presses), 'press')} on rig {conditions[0].rig.name}",
         version=about.version,
         policy=_policy(plotly, script),
         moving=shown,
@@ -82,14 +82,15 @@ def build_report(contents: Contents, about: About) -> str:
         css=Markup(_part("page.css")),
         plotly=plotly,
         script=script,
-        simulated=simulated and f"{simulated} of {len(presses)} presses were made on the stand-in",
+        simulated=simulated
+        and f"{simulated} of {counted(len(presses), 'press')} made on the stand-in",
         warnings=facts.warnings(contents, about.warnings),
         facts=facts.how_pressed(contents),
         changes=[{"presses": len(c.presses), "changed": c.changed} for c in conditions]
         if many
         else [],
-        zooms=captions.zooms(contents),
-        about_time=escape(captions.about_time(contents)),
+        zooms=figures.zooms(contents),
+        about_time=escape(figures.about_time(contents)),
         table=feature_table(presses, part_of),
         over_session=len(presses) > 1,
         repeatability=[
@@ -101,12 +102,12 @@ def build_report(contents: Contents, about: About) -> str:
             for name, condition in zip(names, conditions, strict=True)
             if condition.repeatability
         ],
-        about_force=escape(captions.about_force(contents)),
+        about_force=escape(figures.about_force(contents)),
         comparisons=[
             {
                 "name": name,
                 "level": condition.prediction.level,
-                "presses": condition.comparison.presses,
+                "presses": counted(condition.comparison.presses, "press"),
                 "rows": comparison_rows(condition.comparison),
                 "features": compared_rows(condition.features),
             }
@@ -128,14 +129,12 @@ def build_report(contents: Contents, about: About) -> str:
 
 
 def _data(contents: Contents, shown: Moving | None) -> dict[str, "Markup"]:
-    from sautereau.analysis.report.figures import force_on_deflection, over_session, over_time
-
     drawn = {
-        "over-time": over_time(contents),
-        "force-on-deflection": force_on_deflection(contents),
+        "over-time": figures.over_time(contents),
+        "force-on-deflection": figures.force_on_deflection(contents),
     }
     if len(contents.presses) > 1:
-        drawn["over-session"] = over_session(contents, course(contents.presses))
+        drawn["over-session"] = figures.over_session(contents, course(contents.presses))
     data = {name: figure.to_json(validate=False) or "" for name, figure in drawn.items()}
     if shown:
         data["slow-motion"] = shown.data
@@ -143,7 +142,7 @@ def _data(contents: Contents, shown: Moving | None) -> dict[str, "Markup"]:
 
 
 def _embedded(text: str) -> "Markup":
-    """Return JSON that no parser of HTML can take for a tag."""
+    """Return JSON in which an HTML parser finds no tag."""
     from markupsafe import Markup
 
     return Markup(text.replace("&", "\\u0026").replace("<", "\\u003c").replace(">", "\\u003e"))
@@ -156,7 +155,7 @@ def _template() -> "Template":
     environment = Environment(
         autoescape=True,
         undefined=StrictUndefined,
-        finalize=shown,
+        finalize=facts.cleaned,
         trim_blocks=True,
         lstrip_blocks=True,
     )
@@ -168,7 +167,7 @@ def _part(name: str) -> str:
 
 
 def _policy(*scripts: str) -> "Markup":
-    """Return what the page may do: run its own scripts, and load nothing."""
+    """Return the content security policy: only the page's own scripts, nothing loaded."""
     from markupsafe import Markup
 
     hashes = (
@@ -181,7 +180,7 @@ def _policy(*scripts: str) -> "Markup":
 
 
 def _long(text: str) -> "Markup | str":
-    """Return a long text for a page, escaped, cut far later than others are."""
+    """Return an escaped text that may be longer than others."""
     from markupsafe import escape
 
-    return escape(shown(text, MOST_LONG)) if text else ""
+    return escape(facts.cleaned(text, MOST_LONG)) if text else ""

@@ -1,4 +1,4 @@
-"""What a report tells of: every press of a session, analysed and thinned out for drawing."""
+"""Contents of a report: every press of a session, analysed, and decimated for the plots."""
 
 import hashlib
 from collections.abc import Callable, Mapping, Sequence
@@ -11,8 +11,7 @@ from sautereau.analysis.model.predict import Prediction, predict
 from sautereau.analysis.phases import Phases, find_phases
 from sautereau.analysis.press.features import Features, features
 from sautereau.analysis.press.load import Press, press_of
-from sautereau.analysis.report.differences import values_of
-from sautereau.analysis.report.envelope import envelope
+from sautereau.analysis.report.drawing import envelope
 from sautereau.analysis.report.slow_motion import SlowMotion, slow_motion
 from sautereau.analysis.session.compare import Comparison, compare
 from sautereau.analysis.session.compare_features import ComparedFeature, compare_features
@@ -21,36 +20,37 @@ from sautereau.daq.file.reading import read_recording
 from sautereau.daq.file.recorded import Event, Recorded
 from sautereau.daq.file.session_info import SessionInfo
 from sautereau.rig.errors import SautereauError
+from sautereau.rig.load import rig_document
 from sautereau.rig.schema import Rig
 from sautereau.trajectory.motion import Floats
 from sautereau.trajectory.timing import press_law
 
 POINTS = 50_000
-"""Of all traces together: half a megabyte of the page."""
+"""Total number of points of all traces: half a megabyte of the page."""
 LEAST_POINTS, MOST_POINTS = 250, 1200
-"""Of one trace."""
+"""Number of points of one trace."""
 COLUMNS = ("deflection", "jack_speed", "force")
-"""Of a press, that are drawn over time."""
+"""Columns of a press that are drawn over time."""
 BESIDE = 5e-3
-"""s, before contact and after release, that force on deflection is drawn of."""
+"""s, before contact and after release, shown in the plot of force over deflection."""
 
 
 @dataclass(frozen=True)
 class Trace:
-    """What is drawn of one signal."""
+    """The points of one signal that are drawn."""
 
     x: Floats
-    """s from the trigger, or m from contact; shape (n,)."""
+    """Time after the trigger (s), or deflection from contact (m); shape (n,)."""
     y: Floats
-    """In SI; shape (n,)."""
+    """Signal in SI units; shape (n,)."""
 
 
 @dataclass(frozen=True)
 class PressRecord:
-    """One press as the report needs it."""
+    """One press of the report."""
 
     number: int
-    """Of the press on the page, from 1, in the order in which they were made."""
+    """Number of the press on the page, from 1, in the order in which they were made."""
     path: Path
     digest: str
     """SHA-256 of the file."""
@@ -59,61 +59,63 @@ class PressRecord:
     events: tuple[Event, ...]
     rig: Rig
     press: Press
-    """Its data are only the jack's rise over the cruise, for the figures of repeatability."""
+    """Its data are reduced to the jack rise over the cruise, for the repeatability."""
     phases: Phases
     features: Features
     traces: Mapping[str, Trace]
-    """Of `COLUMNS`; empty where the press is not drawn."""
+    """By the names in `COLUMNS`; empty if the press is not drawn."""
     held: Trace | None
-    """Force on deflection about the first pluck, both in SI; None without one, or not drawn."""
+    """Force over deflection around the first pluck; None without one, or if not drawn."""
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """All that is doubtful about it."""
+        """Warnings about the press, its faults first."""
         aborted = tuple(f"{e.kind}: {e.text}" for e in self.events if e.kind in _FAULTS)
         return (*aborted, *self.press.warnings, *self.phases.warnings)
 
 
 _FAULTS = ("aborted", "fault")
-"""Kinds of events that a reader has to know of first."""
+"""Kinds of events that are warnings."""
+_ADDRESSES = (("controller", "port"), ("daq", "address"))
+"""Rig keys of the devices' addresses, which are no condition of a press."""
 
 
 @dataclass(frozen=True)
 class Condition:
-    """Presses made alike, and what they say together."""
+    """Presses of one rig, with their comparison and repeatability."""
 
     rig: Rig
     changed: Mapping[str, Any]
-    """Where its rig differs from that of the first condition, by dotted key."""
+    """Values of its rig that differ from the first condition's, by dotted key."""
     presses: tuple[PressRecord, ...]
     prediction: Prediction | None
     comparison: Comparison | None
     features: tuple[ComparedFeature, ...]
-    """Beside the model's."""
+    """Features with the model's values."""
     repeatability: Repeatability | None
     warnings: tuple[str, ...]
-    """Why one of them is missing."""
+    """Reasons for a missing comparison or repeatability."""
 
 
 @dataclass(frozen=True)
 class Contents:
-    """A session's presses."""
+    """Presses of a session."""
 
     conditions: tuple[Condition, ...]
     unread: Mapping[Path, str]
-    """Why a recording is left out."""
+    """Reason why a recording could not be read, by its path."""
     points: int
-    """Of one trace."""
+    """Number of points of one trace."""
     rate: float
-    """Hz, of the samples of which a trace is made."""
+    """Hz, sampling rate of the recordings."""
     slow_motion: SlowMotion | None
-    """Of the first press with a pluck."""
+    """The first press with a pluck."""
     no_slow_motion: str
-    """Why there is none; empty where there is one."""
+    """Reason why there is no slow motion; empty if there is one."""
 
     @property
     def presses(self) -> tuple[PressRecord, ...]:
-        """All of them, in the order in which they were made."""
+        """All presses, in the order in which they were made."""
         every = [record for condition in self.conditions for record in condition.presses]
         return tuple(sorted(every, key=lambda record: record.number))
 
@@ -122,9 +124,9 @@ def gather(paths: Sequence[Path], level: str, step: Callable[[], Any] = lambda: 
     """Read and analyse the recordings of a session.
 
     Args:
-        paths: Of the recordings, in the order in which they were made.
-        level: Of the plectrum's model.
-        step: Called after each of them.
+        paths: Recordings, in the order in which they were made.
+        level: Level of the plectrum's bending model.
+        step: Called after each recording.
 
     Raises:
         AnalysisError: None of them can be read.
@@ -135,7 +137,7 @@ def gather(paths: Sequence[Path], level: str, step: Callable[[], Any] = lambda: 
     records: list[PressRecord] = []
     unread: dict[Path, str] = {}
     shown: SlowMotion | None = None
-    not_shown = ""
+    reason = ""
     for number, path in enumerate(paths, 1):
         try:
             recorded = read_recording(path)
@@ -143,40 +145,35 @@ def gather(paths: Sequence[Path], level: str, step: Callable[[], Any] = lambda: 
             phases = find_phases(press)
             drawn = points if (number - 1) % every == 0 else 0
             records.append(_record(path, number, recorded, press, phases, drawn))
-            if phases.plucks and not (shown or not_shown):
-                shown, not_shown = _shown(number, press, phases)
+            if phases.plucks and not (shown or reason):
+                try:
+                    shown = slow_motion(number, press, phases)
+                except SautereauError as error:
+                    reason = str(error)
         except SautereauError as error:
             unread[path] = str(error)
         step()
     if not records:
-        told = next(iter(unread.values()), "there is none; give the folder of a session")
-        raise AnalysisError(f"report: no recording of {len(paths)} can be read: {told}")
+        first = next(iter(unread.values()), "there is none; give the folder of a session")
+        raise AnalysisError(f"report: no recording of {len(paths)} can be read: {first}")
     base = values_of(records[0].rig)
-    parted: dict[str, list[PressRecord]] = {}
+    by_rig: dict[str, list[PressRecord]] = {}
     for record in records:
-        parted.setdefault(repr(values_of(record.rig)), []).append(record)
+        by_rig.setdefault(repr(values_of(record.rig)), []).append(record)
     return Contents(
-        tuple(_condition(alike, base, level) for alike in parted.values()),
+        tuple(_condition(of_one_rig, base, level) for of_one_rig in by_rig.values()),
         unread,
         points,
         records[0].press.rate,
         shown,
-        "" if shown else not_shown or "no press has a pluck",
+        "" if shown else reason or "no press has a pluck",
     )
-
-
-def _shown(number: int, press: Press, phases: Phases) -> tuple[SlowMotion | None, str]:
-    """Return the press in slow motion, or why it cannot be shown so."""
-    try:
-        return slow_motion(number, press, phases), ""
-    except SautereauError as error:
-        return None, str(error)
 
 
 def _record(
     path: Path, number: int, recorded: Recorded, press: Press, phases: Phases, points: int
 ) -> PressRecord:
-    """Return what the page needs of one recording; with no points it is not drawn."""
+    """Return the record of one press; with 0 points it is not drawn."""
     time = press.data.index.to_numpy()
     traces: dict[str, Trace] = {}
     for column in COLUMNS if points else ():
@@ -212,7 +209,7 @@ def _held(press: Press, phases: Phases, points: int) -> Trace | None:
 
 
 def _condition(records: list[PressRecord], base: Mapping[str, Any], level: str) -> Condition:
-    """Return what presses made alike say together, those for warming up left out."""
+    """Return the comparison and repeatability of presses of one rig, without warm-up presses."""
     rig = records[0].rig
     counted = [record for record in records if not record.session.warm_up]
     prediction = comparison = spread = None
@@ -228,7 +225,7 @@ def _condition(records: list[PressRecord], base: Mapping[str, Any], level: str) 
         try:
             spread = repeatability([r.press for r in counted], press_law(rig.press))
         except AnalysisError as error:
-            warnings.append(f"no figures of repeatability: {error}")
+            warnings.append(f"no repeatability: {error}")
     own = values_of(rig)
     changed = {key: own.get(key) for key in [*base, *own] if own.get(key) != base.get(key)}
     return Condition(
@@ -241,3 +238,22 @@ def _condition(records: list[PressRecord], base: Mapping[str, Any], level: str) 
         spread,
         tuple(warnings),
     )
+
+
+def values_of(rig: Rig) -> dict[str, Any]:
+    """Return the values of a rig by dotted key, without the devices' addresses."""
+    document = rig_document(rig)
+    for section, name in _ADDRESSES:
+        del document[section][name]
+    return dict(_flat(document, ""))
+
+
+def _flat(node: Any, at: str) -> list[tuple[str, Any]]:
+    if isinstance(node, Mapping) and node:
+        parts = node.items()
+    elif isinstance(node, list) and node and isinstance(node[0], Mapping):
+        parts = enumerate(node)
+    else:
+        return [(at, node)]
+    dot = f"{at}." if at else ""
+    return [pair for key, value in parts for pair in _flat(value, f"{dot}{key}")]

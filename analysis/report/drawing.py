@@ -1,14 +1,15 @@
-"""Pictures of which some parts move from frame to frame, as SVG and as numbers for the script."""
+"""SVG pictures with moving parts, whose attributes the page's script sets frame by frame."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from itertools import pairwise
 
 import numpy as np
 
 from sautereau.trajectory.motion import Floats
 
 Frames = tuple[str, ...]
-"""A value of an attribute in every frame."""
+"""Values of one attribute, one per frame."""
 
 
 @dataclass(frozen=True)
@@ -17,15 +18,15 @@ class Shape:
 
     tag: str
     kind: str
-    """Its classes in the page's style; the last of them is its own, where it moves."""
+    """CSS classes; the last one is unique if the shape moves."""
     fixed: Mapping[str, str | int] = field(default_factory=dict)
     moves: Mapping[str, Frames] = field(default_factory=dict)
-    """Attributes that change."""
+    """Attributes that change, with a value for every frame."""
     text: str = ""
 
     @property
     def name(self) -> str:
-        """What tells it from the others of a picture that move."""
+        """Its last class, unique among the moving shapes of a picture."""
         return self.kind.split()[-1]
 
     def at(self, frame: int) -> dict[str, str | int]:
@@ -35,7 +36,7 @@ class Shape:
 
 @dataclass(frozen=True)
 class Picture:
-    """A picture, in units of its own."""
+    """One SVG picture, in units of its own."""
 
     name: str
     about: str
@@ -44,12 +45,12 @@ class Picture:
     width: int
     height: int
     font: int
-    """Size of its letters."""
+    """Font size."""
     shapes: tuple[Shape, ...]
 
     @property
     def moves(self) -> dict[str, dict[str, Frames]]:
-        """All that moves: the frames of every attribute, by the element's id."""
+        """Values of the changing attributes in every frame, by the element's id."""
         return {
             f"{self.name}-{shape.name}": moving
             for shape in self.shapes
@@ -57,24 +58,24 @@ class Picture:
         }
 
 
-def whole(value: float) -> int:
-    """Return a coordinate as a picture holds it."""
+def rounded(value: float) -> int:
+    """Return a coordinate rounded to the picture's integers."""
     return round(float(value))
 
 
 def points(places: Floats) -> str:
-    """Return places, shape (n, 2), x to the right and z up, as an SVG's list of points."""
+    """Return places, shape (n, 2), x to the right and z upwards, as an SVG list of points."""
     return " ".join(f"{x},{-z}" for x, z in np.rint(places).astype(int).tolist())
 
 
 def every(places: Floats) -> Frames:
-    """Return places of every frame, shape (frames, n, 2), as lists of points."""
+    """Return places, shape (frames, n, 2), as one list of points per frame."""
     return tuple(points(one) for one in places)
 
 
 def shifted(x: float, z: Floats) -> Frames:
-    """Return what moves an element by x and, in every frame, by z upwards; shape (frames,)."""
-    return tuple(f"translate({whole(x)} {-whole(one)})" for one in z)
+    """Return the transforms that shift by x and, frame by frame, by z upwards; shape (frames,)."""
+    return tuple(f"translate({rounded(x)} {-rounded(one)})" for one in z)
 
 
 def box(kind: str, left: float, low: float, right: float, high: float) -> Shape:
@@ -85,14 +86,39 @@ def box(kind: str, left: float, low: float, right: float, high: float) -> Shape:
 def rectangle(left: float, low: float, right: float, high: float) -> dict[str, str | int]:
     """Return a rectangle's attributes."""
     return {
-        "x": whole(left),
-        "y": -whole(high),
-        "width": whole(right - left),
-        "height": whole(high - low),
+        "x": rounded(left),
+        "y": -rounded(high),
+        "width": rounded(right - left),
+        "height": rounded(high - low),
     }
 
 
 def label(text: str, x: float, z: float, anchor: str = "start", **more: str | int) -> Shape:
-    """Return a text at a place."""
-    place: dict[str, str | int] = {"x": whole(x), "y": -whole(z), "text-anchor": anchor}
+    """Return a text at (x, z)."""
+    place: dict[str, str | int] = {"x": rounded(x), "y": -rounded(z), "text-anchor": anchor}
     return Shape("text", "label", {**place, **more}, text=text)
+
+
+def envelope(signal: Floats, points: int) -> np.ndarray:
+    """Return the samples to draw: minimum and maximum of equal intervals (min-max decimation).
+
+    A line through them covers the same area as a line through all samples, within the width of
+    an interval; no sample is averaged or moved.
+
+    Args:
+        signal: Shape (n,), without NaN.
+        points: Approximate number of samples to keep; the first and the last are always kept.
+
+    Returns:
+        Increasing indices, shape (m,); all of them if there are no more than ``points``.
+    """
+    n = len(signal)
+    if n <= max(points, 2):
+        return np.arange(n)
+    edges = np.linspace(0, n, max(1, points // 2) + 1).astype(int)
+    extremes = [
+        start + place
+        for start, stop in pairwise(edges)
+        for place in (signal[start:stop].argmin(), signal[start:stop].argmax())
+    ]
+    return np.unique([0, *extremes, n - 1])

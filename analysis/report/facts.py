@@ -1,8 +1,10 @@
-"""What a report says in words: how it was pressed, what is doubtful, with which software."""
+"""The report's texts: warnings, conditions of the presses, software; and how texts are cleaned."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
+
+from markupsafe import Markup
 
 from sautereau.analysis.report.contents import Contents, PressRecord
 from sautereau.daq.file.provenance import software as software_here
@@ -10,33 +12,55 @@ from sautereau.rig.load import rig_document
 from sautereau.rig.schema import Rig
 from sautereau.rig.units import readable_quantity
 
+MOST_CHARACTERS = 500
+"""Longest text on the page; the recording holds the rest."""
 MOST_LISTED = 40
-"""Entries of one list that the page shows."""
+"""Entries of one list on the page."""
 MOST_EVENTS = 10
-"""Events of one recording that the page shows."""
+"""Events of one recording on the page."""
 
 Facts = list[tuple[str, str]]
 
 
 @dataclass(frozen=True)
 class Warned:
-    """One warning, said once for all presses that it is of."""
+    """One warning with all presses that it applies to."""
 
     text: str
     where: str
-    """Which presses; empty for the session itself."""
+    """The presses; empty for the session."""
+
+
+def cleaned(value: Any, most: int = MOST_CHARACTERS) -> Any:
+    """Return a text with invisible characters written out, and shortened if it is too long.
+
+    The template escapes it. Markup, and values that are not texts, are returned unchanged.
+
+    Args:
+        value: Text of a recording or of the page.
+        most: Largest number of characters.
+    """
+    if isinstance(value, Markup) or not isinstance(value, str):
+        return value
+    kept = "".join(c if c.isprintable() or c in "\n\t" else _escape(c) for c in value[:most])
+    return kept if len(value) <= most else f"{kept} … ({len(value):,} characters in total)"
+
+
+def _escape(character: str) -> str:
+    number = ord(character)
+    return f"\\x{number:02x}" if number < 0x100 else f"\\u{{{number:x}}}"
 
 
 def warnings(contents: Contents, of_session: Sequence[str]) -> list[Warned]:
-    """Return all warnings: of the session, of recordings that are left out, of presses.
+    """Return all warnings: of the session, of unreadable recordings, of presses.
 
     Args:
         contents: The presses.
-        of_session: Of the session itself.
+        of_session: Warnings of the session.
     """
     found = [Warned(text, "") for text in of_session]
     found += [
-        Warned(f"{path.name} is left out: {why}", "") for path, why in contents.unread.items()
+        Warned(f"{path.name} could not be read: {why}", "") for path, why in contents.unread.items()
     ]
     for number, condition in enumerate(contents.conditions, 1):
         where = f"condition {number}" if len(contents.conditions) > 1 else ""
@@ -49,15 +73,15 @@ def warnings(contents: Contents, of_session: Sequence[str]) -> list[Warned]:
 
 
 def how_pressed(contents: Contents) -> Facts:
-    """Return how the presses of the first condition were made, in words."""
+    """Return how the presses of the first condition were made."""
     presses = contents.presses
     rig, first = contents.conditions[0].rig, presses[0].session
     document = rig_document(rig)
     warm_up = sum(record.session.warm_up for record in presses)
     facts = [
         ("rig", rig.name),
-        ("presses", f"{len(presses)}" + (f", {warm_up} of them for warming up" if warm_up else "")),
-        ("made", _range(record.session.started for record in presses)),
+        ("presses", f"{len(presses)}" + (f", {warm_up} of them warm-up" if warm_up else "")),
+        ("date", _range(record.session.started for record in presses)),
         ("press", _press(rig, document["press"])),
         ("key", _listed(document["key"], ("press_arm", "laser_arm", "jack_arm", "inertia"))),
         ("plectrum", _listed(document["plectrum"], ("length", "width", "thickness", "overlap"))),
@@ -79,17 +103,17 @@ def how_pressed(contents: Contents) -> Facts:
 
 
 def of_recording(record: PressRecord) -> Facts:
-    """Return what one recording says of itself."""
+    """Return the facts about one recording."""
     session = record.session
     events = [f"{e.time * 1e3:.3f} ms {e.kind}: {e.text}" for e in record.events]
-    told = events[:MOST_EVENTS]
+    listed = events[:MOST_EVENTS]
     if len(events) > MOST_EVENTS:
-        told.append(f"and {len(events) - MOST_EVENTS} more")
+        listed.append(f"and {len(events) - MOST_EVENTS} more")
     facts = [
-        ("began", session.started),
+        ("start", session.started),
         ("made by", "the stand-in: SIMULATED" if session.simulated else "the hardware"),
         ("notes", session.notes),
-        *(("event", text) for text in told),
+        *(("event", text) for text in listed),
         *(("warning", text) for text in record.warnings[:MOST_EVENTS]),
         ("SHA-256", record.digest),
     ]
@@ -97,7 +121,7 @@ def of_recording(record: PressRecord) -> Facts:
 
 
 def software(presses: Sequence[PressRecord]) -> list[tuple[str, str, str]]:
-    """Return name, versions that recorded, and version that made this page."""
+    """Return name, versions of the recordings, and version that generated this page."""
     here = software_here()
     names = dict.fromkeys([*here, *(name for record in presses for name in record.software)])
     rows = [
@@ -111,7 +135,7 @@ def software(presses: Sequence[PressRecord]) -> list[tuple[str, str, str]]:
 
 def _press(rig: Rig, document: Mapping[str, Any]) -> str:
     if rig.press.gesture is not None:
-        return "a player's gesture, replayed"
+        return "replay of a recorded gesture"
     return _listed(document, ("jack_speed", "jack_rise", "hold", "run_up_acceleration", "settle"))
 
 
@@ -120,7 +144,7 @@ def _listed(values: Mapping[str, Any], names: Iterable[str]) -> str:
 
 
 def _read(quantity: object) -> str:
-    """Return a quantity with as many digits as a reader wants; the rig file has them all."""
+    """Return a quantity with readable digits and unit; the rig file has all digits."""
     number, _, unit = str(quantity).partition(" ")
     try:
         return readable_quantity(float(number), unit)
@@ -129,7 +153,7 @@ def _read(quantity: object) -> str:
 
 
 def _different(values: Iterable[str]) -> str:
-    """Return the different values, each once."""
+    """Return the distinct values."""
     found = list(dict.fromkeys(value for value in values if value))
     more = f"; and {len(found) - MOST_EVENTS} more" if len(found) > MOST_EVENTS else ""
     return "; ".join(found[:MOST_EVENTS]) + more
@@ -141,7 +165,7 @@ def _range(values: Iterable[str]) -> str:
 
 
 def _numbers(numbers: list[int]) -> str:
-    """Return numbers as a reader lists them: 1 to 4, 7."""
+    """Return numbers as a list of ranges: 1 to 4, 7."""
     runs: list[list[int]] = []
     for number in numbers:
         if runs and number == runs[-1][1] + 1:

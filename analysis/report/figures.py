@@ -1,54 +1,50 @@
-"""The report's pictures, as plotly draws them.
+"""The report's plots, drawn by plotly, with their captions and zoom buttons.
 
-They hold numbers and our own words only: plotly reads its texts as markup, so nothing that
-stands in a recording may go in.
+Plotly interprets texts as markup, so no text of a recording may appear in a plot.
 """
 
+import json
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from sautereau.analysis.report.contents import BESIDE, Condition, Contents, PressRecord, Trace
+from sautereau.analysis.phases import HeldString
+from sautereau.analysis.report.contents import (
+    BESIDE,
+    COLUMNS,
+    Condition,
+    Contents,
+    PressRecord,
+    Trace,
+)
+from sautereau.rig.quantities import QUANTITIES
 
 if TYPE_CHECKING:
     from plotly.graph_objects import Figure
 
 COLOURS = ("#3b82c4", "#d97706", "#2f9e69", "#b0599b", "#c2410c", "#0e9aa7", "#8a7a1f", "#71717a")
-"""Of the conditions: told apart on light and on dark, and by most who see colours otherwise."""
+"""Of the conditions; distinct on light and dark backgrounds, and with most colour deficiencies."""
 MODEL = "#e11d48"
 SHADES = ("rgba(120,120,120,0.06)", "rgba(59,130,196,0.14)", "rgba(120,120,120,0.06)")
 """Of the three phases."""
-ROWS = (
-    ("deflection", 1e3, "deflection (mm)"),
-    ("jack_speed", 1.0, "jack speed (m/s)"),
-    ("force", 1.0, "finger force (N)"),
-)
-"""Columns over time, their scale, and what stands at the axis."""
 HEIGHT = 240
 """px, of one row."""
 
 
 def over_time(contents: Contents) -> "Figure":
-    """Draw every press over the others: deflection, speed and force from the trigger on."""
+    """Draw deflection, speed and force of all presses over the time after the trigger."""
     from plotly.subplots import make_subplots
 
-    figure = make_subplots(len(ROWS), 1, shared_xaxes=True, vertical_spacing=0.03)
+    figure = make_subplots(len(COLUMNS), 1, shared_xaxes=True, vertical_spacing=0.03)
     for index, condition in enumerate(contents.conditions):
         colour = COLOURS[index % len(COLOURS)]
         first = True
         for record in condition.presses:
-            for row, (column, scale, _) in enumerate(ROWS, 1):
-                if column not in record.traces:
-                    continue
-                trace = record.traces[column]
+            for row, (column, trace) in enumerate(record.traces.items(), 1):
                 figure.add_scatter(
-                    **_line(trace, 1e3, scale),
-                    line={"color": colour, "width": 1},
-                    opacity=0.6,
-                    meta=record.number,
-                    name=_condition_name(index),
-                    legendgroup=str(index),
+                    **_press_line(contents, index, record, trace, QUANTITIES[column].displayed[0]),
                     showlegend=first and len(contents.conditions) > 1,
                     hovertemplate=_hover(record, "%{x:.3f} ms, %{y:.4g}"),
                     row=row,
@@ -58,33 +54,27 @@ def over_time(contents: Contents) -> "Figure":
             _mark_plucks(figure, record, colour)
     if len(contents.conditions) == 1:
         _shade(figure, contents.conditions[0])
-    for row, (_, _, label) in enumerate(ROWS, 1):
-        figure.update_yaxes(title_text=label, row=row, col=1)
+    for row, column in enumerate(COLUMNS, 1):
+        figure.update_yaxes(title_text=_axis_title(column), row=row, col=1)
     end = max(record.phases.bottom for record in contents.presses) * 1e3
-    figure.update_xaxes(title_text="time from the trigger (ms)", row=len(ROWS), col=1)
+    figure.update_xaxes(title_text="time after the trigger (ms)", row=len(COLUMNS), col=1)
     if end > 0:
         figure.update_xaxes(range=[0, end])
-    return _finished(figure, HEIGHT * len(ROWS))
+    return _finished(figure, HEIGHT * len(COLUMNS))
 
 
 def force_on_deflection(contents: Contents) -> "Figure":
-    """Draw force on deflection from contact on, with what the model says."""
+    """Draw force over deflection from contact, of the presses and of the model."""
     from plotly.graph_objects import Figure
 
     figure = Figure()
     for index, condition in enumerate(contents.conditions):
-        colour = COLOURS[index % len(COLOURS)]
         first = True
         for record in condition.presses:
             if record.held is None:
                 continue
             figure.add_scatter(
-                **_line(record.held, 1e3, 1.0),
-                line={"color": colour, "width": 1},
-                opacity=0.6,
-                meta=record.number,
-                name=_condition_name(index) if len(contents.conditions) > 1 else "presses",
-                legendgroup=str(index),
+                **_press_line(contents, index, record, record.held, 1.0),
                 showlegend=first,
                 hovertemplate=_hover(record, "%{x:.4f} mm, %{y:.4g} N"),
             )
@@ -93,21 +83,21 @@ def force_on_deflection(contents: Contents) -> "Figure":
             figure.add_scatter(
                 **_line(Trace(*condition.prediction.from_contact(BESIDE)), 1e3, 1.0),
                 line={"color": MODEL, "width": 2, "dash": "dash"},
-                name=f"model{_of_condition(contents, index)}",
+                name=f"model, condition {index + 1}" if len(contents.conditions) > 1 else "model",
                 legendgroup=f"model {index}",
                 hovertemplate="model: %{x:.4f} mm, %{y:.4g} N<extra></extra>",
             )
-    figure.update_xaxes(title_text="deflection under the laser from contact (mm)")
-    figure.update_yaxes(title_text="finger force (N)")
+    figure.update_xaxes(title_text="key deflection from contact (mm)")
+    figure.update_yaxes(title_text=_axis_title("force"))
     return _finished(figure, 420)
 
 
 def over_session(contents: Contents, columns: Sequence[tuple[str, list[Any]]]) -> "Figure":
-    """Draw how a few features go from press to press.
+    """Draw a few features from press to press.
 
     Args:
         contents: The presses.
-        columns: What stands at each axis, and a value or None of every press.
+        columns: Title of each axis, and a value or None for every press.
     """
     from plotly.subplots import make_subplots
 
@@ -129,8 +119,27 @@ def over_session(contents: Contents, columns: Sequence[tuple[str, list[Any]]]) -
     return _finished(figure, 280)
 
 
-def _hover(record: PressRecord, told: str) -> str:
-    return f"press {record.number}: {told}<extra></extra>"
+def _axis_title(column: str) -> str:
+    quantity = QUANTITIES[column]
+    return quantity.title(quantity.displayed[1])
+
+
+def _hover(record: PressRecord, text: str) -> str:
+    return f"press {record.number}: {text}<extra></extra>"
+
+
+def _press_line(
+    contents: Contents, index: int, record: PressRecord, trace: Trace, y_scale: float
+) -> dict[str, Any]:
+    """Return the line of one press in the colour of its condition."""
+    return {
+        **_line(trace, 1e3, y_scale),
+        "line": {"color": COLOURS[index % len(COLOURS)], "width": 1},
+        "opacity": 0.6,
+        "meta": record.number,
+        "name": f"condition {index + 1}" if len(contents.conditions) > 1 else "presses",
+        "legendgroup": str(index),
+    }
 
 
 def _line(trace: Trace, x_scale: float, y_scale: float) -> dict[str, Any]:
@@ -142,7 +151,7 @@ def _line(trace: Trace, x_scale: float, y_scale: float) -> dict[str, Any]:
 
 
 def _mark_plucks(figure: "Figure", record: PressRecord, colour: str) -> None:
-    """Mark where a press met and let go its strings, on its force."""
+    """Mark contacts and releases of a press on its force."""
     if "force" not in record.traces or not record.phases.plucks:
         return
     force = record.traces["force"]
@@ -162,39 +171,36 @@ def _mark_plucks(figure: "Figure", record: PressRecord, colour: str) -> None:
         meta=record.number,
         showlegend=False,
         hovertemplate=_hover(record, "%{text} at %{x:.3f} ms"),
-        row=len(ROWS),
+        row=len(COLUMNS),
         col=1,
     )
 
 
 def _shade(figure: "Figure", condition: Condition) -> None:
-    """Shade the three phases, parted where they are on the mean of all presses."""
-    held = [r.phases.plucks[0] for r in condition.presses if r.phases.plucks]
+    """Shade the three phases between the mean contact and release of all presses."""
+    held = _first_plucks(condition.presses)
     if not held:
         return
-    contact, release = (
-        float(np.mean([getattr(p, n) for p in held])) for n in ("contact", "release")
-    )
     end = max(record.phases.bottom for record in condition.presses)
-    edges = [0.0, contact, release, end]
-    for start, stop, colour in zip(edges[:-1], edges[1:], SHADES, strict=True):
+    edges = [0.0, *_mean_times(held), end]
+    names = ("free", "string held", "string released")
+    for start, stop, colour, name in zip(edges[:-1], edges[1:], SHADES, names, strict=True):
         figure.add_vrect(
             x0=start * 1e3, x1=stop * 1e3, fillcolor=colour, line_width=0, layer="below"
         )
-    names = ("free", "string held", "string released")
-    for start, stop, name in zip(edges[:-1], edges[1:], names, strict=True):
         figure.add_annotation(
             x=(start + stop) / 2 * 1e3, y=1.0, yref="y domain", yanchor="bottom", text=name,
             showarrow=False, row=1, col=1,
         )  # fmt: skip
 
 
-def _condition_name(index: int) -> str:
-    return f"condition {index + 1}"
+def _first_plucks(presses: Sequence[PressRecord]) -> list[HeldString]:
+    return [record.phases.plucks[0] for record in presses if record.phases.plucks]
 
 
-def _of_condition(contents: Contents, index: int) -> str:
-    return f", {_condition_name(index)}" if len(contents.conditions) > 1 else ""
+def _mean_times(held: Sequence[HeldString]) -> tuple[float, float]:
+    """Return mean contact and mean release, s after the trigger."""
+    return float(np.mean([h.contact for h in held])), float(np.mean([h.release for h in held]))
 
 
 def _finished(figure: "Figure", height: int) -> "Figure":
@@ -209,3 +215,78 @@ def _finished(figure: "Figure", height: int) -> "Figure":
         legend={"orientation": "h", "y": 1.08},
     )
     return figure
+
+
+@dataclass(frozen=True)
+class Zoom:
+    """One button that changes the displayed range of the plot over time."""
+
+    text: str
+    range: str = ""
+    """Start and end in ms as JSON; empty for the complete recording, or with `by`."""
+    by: str = ""
+    """1, factor on the width of the displayed range."""
+    shift: str = "0"
+    """1, shift of the displayed range as a fraction of its width."""
+
+
+def zooms(contents: Contents) -> list[Zoom]:
+    """Return the buttons of the plot over time; the first one is its initial range."""
+    held = _first_plucks(contents.presses)
+    bottom = max(record.phases.bottom for record in contents.presses)
+    found = [Zoom("Key going down", _ms(0.0, bottom))] if bottom > 0 else []
+    if held:
+        contacts, releases = [pluck.contact for pluck in held], [pluck.release for pluck in held]
+        contact, release = (min(contacts), max(contacts)), (min(releases), max(releases))
+        margin = 0.2 * (release[1] - contact[0])
+        found += [
+            Zoom("String held", _ms(contact[0] - margin, release[1] + margin)),
+            Zoom("Contact", _ms(contact[0] - 2e-3, contact[1] + 2e-3)),
+            Zoom("Release", _ms(release[0] - 1e-3, release[1] + 1e-3)),
+        ]
+    return [
+        *found,
+        Zoom("Complete recording"),
+        Zoom("Zoom in", by="0.5"),
+        Zoom("Zoom out", by="2"),
+        Zoom("Earlier", by="1", shift="-0.5"),
+        Zoom("Later", by="1", shift="0.5"),
+    ]
+
+
+def _ms(start: float, stop: float) -> str:
+    return json.dumps([start * 1e3, stop * 1e3])
+
+
+def about_time(contents: Contents) -> str:
+    """Return the caption of the plot over time, which also serves as its text alternative."""
+    presses = contents.presses
+    drawn = sum(bool(record.traces) for record in presses)
+    held = _first_plucks(presses)
+    text = (
+        f"Key deflection at the laser, jack speed and finger force of {drawn} of {len(presses)}"
+        " presses over the time after the trigger."
+    )
+    if held:
+        contact, release = _mean_times(held)
+        text += (
+            f" {len(held)} of the presses have a pluck; mean contact at {contact * 1e3:.3f} ms"
+            f" (open circles), mean release at {release * 1e3:.3f} ms (crosses)."
+        )
+    if len(contents.conditions) == 1 and held:
+        text += " The shading separates the three phases at these means."
+    return (
+        f"{text} Each trace is decimated to at most {contents.points + 2} samples, the minimum and"
+        " the maximum of equal intervals, so that all peaks are kept. The features were computed"
+        f" from all samples, {contents.rate:g} per second."
+    )
+
+
+def about_force(contents: Contents) -> str:
+    """Return the caption of the plot of force over deflection."""
+    drawn = sum(record.held is not None for record in contents.presses)
+    models = sum(condition.prediction is not None for condition in contents.conditions)
+    return (
+        f"Finger force over the key deflection at the laser from contact, of {drawn} presses"
+        f"{' and of the model (dashed)' if models else ''}; traces are decimated as above."
+    )

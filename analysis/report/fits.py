@@ -1,4 +1,4 @@
-"""Fits that were made of a session's presses, as `sautereau identify --json` wrote them."""
+"""Fits to the presses of a session, as `sautereau identify --json` writes them."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,7 +10,7 @@ from sautereau.analysis.summary.text import counted
 from sautereau.rig.quantities import QUANTITIES
 
 PATTERN = "fit*.json"
-"""Names under which a session's folder keeps them."""
+"""Names of their files in the session's folder."""
 
 
 class _Estimate(BaseModel):
@@ -41,7 +41,7 @@ class Fit:
     """Parameters fitted to presses, as the page shows them."""
 
     name: str
-    """Of the file."""
+    """Name of the file."""
     about: str
     rows: tuple[tuple[str, str, str, str], ...]
     """Parameter, value, standard uncertainty, 95 % interval."""
@@ -52,7 +52,7 @@ def read_fit(path: Path) -> Fit:
     """Read a fit.
 
     Raises:
-        AnalysisError: The file cannot be read, or is not what `identify` writes.
+        AnalysisError: The file cannot be read, or was not written by `identify`.
     """
     try:
         found = _Identified.model_validate_json(path.read_bytes())
@@ -62,7 +62,7 @@ def read_fit(path: Path) -> Fit:
         first = error.errors(include_url=False, include_input=False)[0]
         place = ".".join(map(str, first["loc"]))
         raise AnalysisError(
-            f"fit {path}: {place or 'the file'}: {first['msg']}; write it by `sautereau identify"
+            f"fit {path}: {place or 'the file'}: {first['msg']}; write it with `sautereau identify"
             f" ... --json > {path.name}`, or give it a name other than {PATTERN}"
         ) from error
     return Fit(
@@ -76,9 +76,9 @@ def read_fit(path: Path) -> Fit:
 
 
 def _row(name: str, found: _Estimate) -> tuple[str, str, str, str]:
-    remark = "" if found.identifiable else ", not identifiable from these recordings"
+    note = "" if found.identifiable else ", not identifiable from these recordings"
     return (
-        f"{name}{remark}",
+        f"{name}{note}",
         f"{found.value:.6g} {_readable(found.unit)}",
         "undetermined" if found.std is None else f"{found.std:.2g}",
         "none" if found.ci95 is None else f"{found.ci95[0]:.6g} to {found.ci95[1]:.6g}",
@@ -86,5 +86,5 @@ def _row(name: str, found: _Estimate) -> tuple[str, str, str, str]:
 
 
 def _readable(unit: str) -> str:
-    """Return a unit as people write it, whatever a file says it is: kg*m**2 as kg·m²."""
+    """Return a unit as it is usually written: kg*m**2 as kg·m²."""
     return unit.replace("**2", "²").replace("**3", "³").replace("*", "·")

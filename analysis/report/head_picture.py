@@ -1,4 +1,4 @@
-"""A jack's head along its string, in micrometres from the string at rest, to scale."""
+"""Jack head seen along the string, to scale, in micrometres from the string at rest."""
 
 import numpy as np
 
@@ -11,36 +11,36 @@ from sautereau.analysis.report.drawing import (
     every,
     label,
     rectangle,
+    rounded,
     shifted,
-    whole,
 )
 
 UM = 1e6
 TOP = 1.2e-3
-"""m, of the tongue above its plectrum."""
+"""m, length of the tongue above the plectrum."""
 RIGHT = 2.1e-3
-"""m, that is seen beyond the string."""
+"""m, visible width beyond the string."""
 DEEPEST = 2.5e-3
-"""m, below the string, that is seen at most."""
+"""m, largest visible depth below the string."""
 BESIDE = 0.8e-3
-"""m, of air above and below."""
+"""m, margin above and below."""
 EVERY_NTH = 2
-"""Of a plectrum's points, that is drawn."""
+"""Step between the points of a plectrum that are drawn."""
 LETTERS = 36
-"""Of a picture's width to one of its letters."""
+"""Width of a picture in font sizes."""
 UPRIGHT = ("jack", "tongue")
-"""Parts whose name stands upright in them."""
+"""Parts with a vertical label."""
 LONG = 30e-3
-"""m, of the jack's body above and below its plectrum, of which a part is seen."""
+"""m, length of the jack's body above and below the plectrum; part of it is visible."""
 
 
 def head_picture(number: int, motion: ChoirMotion, name: str) -> Picture:
     """Draw one choir's jack, plectrum, damper and wire.
 
     Args:
-        number: Of the choir, from 1.
-        motion: What it does.
-        name: Put before what the picture tells of itself.
+        number: Number of the choir, from 1.
+        motion: Its motion.
+        name: Start of the caption.
     """
     choir = motion.choir
     plectrum, jack = choir.plectrum, choir.jack
@@ -51,12 +51,12 @@ def head_picture(number: int, motion: ChoirMotion, name: str) -> Picture:
     height, wire = motion.height * UM, motion.wire * UM
     risen = shifted(0, height)
     swung = tuple(
-        f"{moved} rotate({-angle:.2f} {whole(clamp)} {whole(pivot)})" if angle else moved
+        f"{moved} rotate({-angle:.2f} {rounded(clamp)} {rounded(pivot)})" if angle else moved
         for moved, angle in zip(risen, np.degrees(motion.tongue).tolist(), strict=True)
     )
     bent = motion.line[:, ::EVERY_NTH] * UM + (clamp, -down)
     left, edge = clamp - (AXLE + BODY) * UM, clamp - AXLE * UM
-    thick = whole(plectrum.thickness * UM)
+    thick = rounded(plectrum.thickness * UM)
     along = shifted(0, wire[:, 0, 1])
     shapes = [
         *_damper(motion, clamp, radius),
@@ -75,8 +75,8 @@ def head_picture(number: int, motion: ChoirMotion, name: str) -> Picture:
         Shape(
             "circle",
             "wire",
-            {"r": whole(radius)},
-            {"cx": tuple(str(whole(x)) for x in wire[:, 0, 0]), "transform": along},
+            {"r": rounded(radius)},
+            {"cx": tuple(str(rounded(x)) for x in wire[:, 0, 0]), "transform": along},
         ),
         label("string", 0.35e-3 * UM, -radius),
         Shape("path", "cross", {"d": "M-150,0H150M0,-150V150"}),
@@ -88,26 +88,26 @@ def head_picture(number: int, motion: ChoirMotion, name: str) -> Picture:
     low, high = low - spare, high + 2 * spare
     return Picture(
         f"head-{number}",
-        f"{name}jack's head seen along the string: tongue, plectrum, damper and wire",
-        whole(left - 0.3 * BODY * UM),
-        -whole(high),
-        whole(width),
-        whole(high - low),
-        whole(width / LETTERS),
+        f"{name}jack head seen along the string: tongue, plectrum, damper and wire",
+        rounded(left - 0.3 * BODY * UM),
+        -rounded(high),
+        rounded(width),
+        rounded(high - low),
+        rounded(width / LETTERS),
         tuple(shapes),
     )
 
 
 def _named(part: str, x: float, z: float, moved: Frames) -> Shape:
-    """Return what a part is called, which goes along with it."""
-    place = {"x": whole(x), "y": -whole(z), "text-anchor": "middle"}
+    """Return the label of a part, which moves with it."""
+    place = {"x": rounded(x), "y": -rounded(z), "text-anchor": "middle"}
     if part in UPRIGHT:
-        moved = tuple(f"{one} rotate(-90 {whole(x)} {-whole(z)})" for one in moved)
+        moved = tuple(f"{one} rotate(-90 {rounded(x)} {-rounded(z)})" for one in moved)
     return Shape("text", f"named name-{part}", place, {"transform": moved}, part)
 
 
 def _damper(motion: ChoirMotion, clamp: float, radius: float) -> list[Shape]:
-    """Return holder and felt; the felt is pressed together where it lies on the wire."""
+    """Return holder and felt; the felt is compressed while it is in contact with the wire."""
     jack = motion.choir.jack
     if jack.damper is None:
         return []
@@ -117,7 +117,7 @@ def _damper(motion: ChoirMotion, clamp: float, radius: float) -> list[Shape]:
     half = 0.9e-3 * UM
     holder = rectangle(clamp - AXLE * UM, 0, half, 0.3e-3 * UM)
     felt = rectangle(-half, 0, half, 0)
-    heights: Frames = tuple(str(whole(high - low)) for low, high in zip(foot, top, strict=True))
+    heights: Frames = tuple(str(rounded(high - low)) for low, high in zip(foot, top, strict=True))
     return [
         Shape("rect", "holder", holder, {"transform": shifted(0, top)}),
         Shape("rect", "felt", felt, {"transform": shifted(0, top), "height": heights}),

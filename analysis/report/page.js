@@ -3,23 +3,23 @@
   const root = document.documentElement;
   const system = matchMedia("(prefers-color-scheme: dark)");
   const toggle = document.getElementById("theme");
-  const said = document.getElementById("said");
+  const status = document.getElementById("status");
   const plots = [...document.querySelectorAll(".plot")];
 
   const isDark = () => (root.dataset.theme ?? (system.matches ? "dark" : "light")) === "dark";
 
-  // plotly draws in colours of its own, so that every change of theme is told to it.
+  // plotly does not use the style sheet, so every change of theme sets its colours.
   function colours(plot) {
     const style = getComputedStyle(root);
     const text = style.getPropertyValue("--text").trim();
     const line = style.getPropertyValue("--line").trim();
     const back = style.getPropertyValue("--field").trim();
-    const wanted = { "font.color": text, "hoverlabel.bgcolor": back, "hoverlabel.font.color": text };
+    const changes = { "font.color": text, "hoverlabel.bgcolor": back, "hoverlabel.font.color": text };
     for (const axis of Object.keys(plot.layout ?? {}).filter((key) => /^[xy]axis\d*$/.test(key))) {
-      Object.assign(wanted, { [`${axis}.gridcolor`]: line, [`${axis}.linecolor`]: line,
+      Object.assign(changes, { [`${axis}.gridcolor`]: line, [`${axis}.linecolor`]: line,
         [`${axis}.zerolinecolor`]: line });
     }
-    return wanted;
+    return changes;
   }
 
   function paint() {
@@ -48,11 +48,11 @@
         "line.width": own.map((one) => (drawn && chosen(one) ? 2.5 : 1)),
       }, own.map(([, index]) => index));
     }
-    if (selected === null) said.textContent = "all presses shown alike";
-    else said.textContent = `press ${selected} is ${drawn ? "brought out" : "not among those drawn"}`;
+    if (selected === null) status.textContent = "all presses shown equally";
+    else status.textContent = `press ${selected} is ${drawn ? "highlighted" : "not drawn"}`;
   }
 
-  // Returns the least and the largest value that an axis shows between two places of x.
+  // Returns the limits of an axis that show all values between two places of x.
   function reach(plot, name, low, high) {
     let least = Infinity, most = -Infinity;
     for (const trace of plot._fullData) {
@@ -67,7 +67,7 @@
     return least <= most ? [least - margin, most + margin] : null;
   }
 
-  // Dragging with the mouse zooms as well; these buttons do so from the keyboard too.
+  // The buttons zoom from the keyboard; dragging with the mouse zooms as well.
   function zoom(button) {
     const plot = document.getElementById(button.dataset.plot);
     const x = Object.keys(plot.layout).filter((key) => /^xaxis\d*$/.test(key)).sort().at(-1);
@@ -78,13 +78,13 @@
       const half = ((high - low) / 2) * Number(button.dataset.by);
       range = [middle - half, middle + half];
     }
-    const wanted = range ? { [`${x}.range`]: range } : { [`${x}.autorange`]: true };
+    const changes = range ? { [`${x}.range`]: range } : { [`${x}.autorange`]: true };
     for (const y of Object.keys(plot.layout).filter((key) => /^yaxis\d*$/.test(key))) {
       const found = range && reach(plot, y, ...range);
-      wanted[found ? `${y}.range` : `${y}.autorange`] = found || true;
+      changes[found ? `${y}.range` : `${y}.autorange`] = found || true;
     }
-    said.textContent = `the plot shows: ${button.textContent}`;
-    return Plotly.relayout(plot, wanted);
+    status.textContent = `the plot shows: ${button.textContent}`;
+    return Plotly.relayout(plot, changes);
   }
 
   const drawn = plots.map((plot) => {
@@ -100,7 +100,7 @@
   });
   const first = document.querySelector("button[data-range]");
   Promise.all(drawn).then(paint).then(() => first && zoom(first)).then(() => {
-    said.textContent = "";
+    status.textContent = "";
     root.dataset.ready = "yes";
   });
 
@@ -111,7 +111,7 @@
     if (button?.dataset.press) select(Number(button.dataset.press));
     if (button?.dataset.plot) zoom(button);
   });
-  // The slow motion: every attribute of every part has a value for every frame.
+  // The slow motion: every attribute of every part has one value per frame.
   const slider = document.getElementById("frame");
   const play = document.getElementById("play");
   const motion = { parts: [], playing: 0 };

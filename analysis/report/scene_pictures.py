@@ -1,4 +1,4 @@
-"""The rest of a slow motion: strings from nut to bridge, the key from its side, the force."""
+"""Pictures of the slow motion besides the jack head: strings, key, and force over time."""
 
 import numpy as np
 
@@ -9,36 +9,36 @@ from sautereau.analysis.report.drawing import (
     Picture,
     Shape,
     box,
+    envelope,
     every,
     label,
     points,
     rectangle,
+    rounded,
     shifted,
-    whole,
 )
-from sautereau.analysis.report.envelope import envelope
 from sautereau.trajectory.key import rise_of_angle
 from sautereau.trajectory.motion import Floats
 
 WIDE, LOW = 2000, 600
-"""Units of the pictures of string and force, of about a third of a pixel."""
+"""Size of the pictures of string and force, in units of about a third of a pixel."""
 MARGIN, GAP = 60, 16
 LETTERS = 52
 LINE, BAND = 4, 8
-"""Places of a string from one that is drawn to the next: of the string, of where it has been."""
+"""Step between the drawn points of the string, and of the band that it swept."""
 TRACED = 400
-"""Points of the force."""
+"""Number of points of the force."""
 TENTH = 1e4
-"""1/m: the key is drawn in units of 0.1 mm."""
+"""1/m; the key is drawn in units of 0.1 mm."""
 
 
 def string_picture(number: int, motion: ChoirMotion, name: str) -> Picture:
-    """Draw a string, and where it has been during the frame.
+    """Draw a string, and the band that it swept during the frame.
 
     Args:
-        number: Of the choir, from 1.
-        motion: What it does.
-        name: Put before what the picture tells of itself.
+        number: Number of the choir, from 1.
+        motion: Its motion.
+        name: Start of the caption.
     """
     string = motion.choir.string
     across = (WIDE - 2 * MARGIN) / string.length
@@ -47,7 +47,7 @@ def string_picture(number: int, motion: ChoirMotion, name: str) -> Picture:
     x, seen = MARGIN + motion.places * across, motion.deflection * up
     line, band = (_kept(motion, every_nth) for every_nth in (LINE, BAND))
     swept = [_path(x, side)[:, band] for side in (seen.max(axis=1), seen.min(axis=1))]
-    at = whole(MARGIN + string.plucking_point * across)
+    at = rounded(MARGIN + string.plucking_point * across)
     shapes = (
         Shape("path", "axis", {"d": f"M{MARGIN},0H{WIDE - MARGIN}"}),
         Shape("path", "axis", {"d": f"M{at},{-LOW // 2}V{LOW // 2}"}),
@@ -57,17 +57,17 @@ def string_picture(number: int, motion: ChoirMotion, name: str) -> Picture:
         label("plectrum", at + GAP, GAP - LOW / 2),
         label("bridge", WIDE - MARGIN, GAP - LOW / 2, "end"),
     )
-    about = f"{name}string from nut to bridge, at rest: no pluck of it was found"
+    about = f"{name}string from nut to bridge, at rest: no pluck was found"
     if motion.plucks:
         about = (
-            f"{name}string from nut to bridge, its deflection of at most {most * 1e3:.2g} mm drawn"
-            f" {up / across:.0f} times larger; shaded: where it has been during the frame"
+            f"{name}string from nut to bridge; its deflection of at most {most * 1e3:.2g} mm is"
+            f" magnified {up / across:.0f} times; shaded: band swept during the frame"
         )
     return Picture(f"string-{number}", about, 0, -LOW // 2, WIDE, LOW, LETTERS, shapes)
 
 
 def _kept(motion: ChoirMotion, every_nth: int) -> np.ndarray:
-    """Return which places of a string are drawn: of them the one above the plectrum."""
+    """Return the points of a string that are drawn, including the one above the plectrum."""
     plucked = int(np.argmin(np.abs(motion.places - motion.choir.string.plucking_point)))
     return np.unique([*range(0, len(motion.places), every_nth), plucked])
 
@@ -78,7 +78,7 @@ def _path(x: Floats, z: Floats) -> Floats:
 
 
 def force_picture(scene: Replay) -> Picture:
-    """Draw the finger's force over the time that is shown, with the frame's instant."""
+    """Draw the finger force over time, with a mark at the frame."""
     start, stop = float(scene.time[0]), float(scene.time[-1])
     force = scene.press.data["force"].loc[start:stop]
     kept = envelope(force.to_numpy(), TRACED)
@@ -88,7 +88,7 @@ def force_picture(scene: Replay) -> Picture:
     up = (LOW - 2 * (GAP + LETTERS)) / (high - low)
 
     def place(at: float) -> int:
-        return whole(MARGIN + (at - start) * across)
+        return rounded(MARGIN + (at - start) * across)
 
     held = [
         box("held", place(one.contact), low * up, place(one.release), high * up)
@@ -102,19 +102,22 @@ def force_picture(scene: Replay) -> Picture:
         Shape("path", "axis", {"d": f"M{MARGIN},0H{WIDE - MARGIN}"}),
         Shape("polyline", "trace", {"points": points(trace)}),
         Shape(
-            "path", "now", {"d": f"M0,{-whole(high * up)}V{-whole(low * up)}"}, {"transform": now}
+            "path",
+            "now",
+            {"d": f"M0,{-rounded(high * up)}V{-rounded(low * up)}"},
+            {"transform": now},
         ),
         label(f"{high:.3g} N", MARGIN, high * up + GAP),
         label(f"{start * 1e3:.2f} ms", MARGIN, foot),
         label(f"{stop * 1e3:.2f} ms", WIDE - MARGIN, foot, "end"),
     )
-    top, bottom = whole(high * up + GAP + LETTERS), whole(foot - GAP)
-    about = "force of the finger over time; shaded: string held"
+    top, bottom = rounded(high * up + GAP + LETTERS), rounded(foot - GAP)
+    about = "finger force over time; shaded: string held"
     return Picture("force", about, 0, -top, WIDE, top - bottom, LETTERS, shapes)
 
 
 def key_picture(scene: Replay) -> Picture:
-    """Draw the key with its jacks from the side."""
+    """Draw the key and its jacks from the side."""
     rig = scene.press.rig
     key, all_choirs = rig.key, choirs(rig)
     surface, rear = key.surface_height, key.jack_surface_height
@@ -135,25 +138,25 @@ def key_picture(scene: Replay) -> Picture:
     ]
     right = back + 30e-3
     for number, choir in enumerate(all_choirs, 1):
-        x, z = choir.jack_arm * TENTH, whole(string_height(rig, choir) * TENTH)
+        x, z = choir.jack_arm * TENTH, rounded(string_height(rig, choir) * TENTH)
         rise = rise_of_angle(key_of(rig, choir), scene.angle) * TENTH
         half = BODY / 2 * TENTH
         body = rectangle(-half, rear * TENTH, half, (rear + JACK + HEAD) * TENTH)
         shapes += [
-            Shape("path", "string", {"d": f"M{whole(x - 600)},{-z}H{whole(right * TENTH)}"}),
+            Shape("path", "string", {"d": f"M{rounded(x - 600)},{-z}H{rounded(right * TENTH)}"}),
             Shape("rect", f"jack jack-{number}", body, {"transform": shifted(x, rise)}),
         ]
     left, low = front - 15e-3, -UNDER - key.dip - 16e-3
     high = rear + JACK + HEAD + 30e-3
-    width = whole((right - left) * TENTH)
+    width = rounded((right - left) * TENTH)
     return Picture(
         "key",
-        "key and jack from the side; they are drawn where the laser saw them",
-        whole(left * TENTH),
-        -whole(high * TENTH),
+        "key and jack from the side, at the positions measured by the laser",
+        rounded(left * TENTH),
+        -rounded(high * TENTH),
         width,
-        whole((high - low) * TENTH),
-        whole(width * LETTERS / WIDE),
+        rounded((high - low) * TENTH),
+        rounded(width * LETTERS / WIDE),
         tuple(shapes),
     )
 

@@ -1,6 +1,8 @@
-"""One press of the page in slow motion: which stretch of it is shown, and its readings."""
+"""One press of the page in slow motion: its frames, its readings and its pictures."""
 
+import json
 from dataclasses import dataclass
+from itertools import chain
 
 import numpy as np
 
@@ -10,56 +12,61 @@ from sautereau.analysis.model.choirs import choirs
 from sautereau.analysis.phases import Phases
 from sautereau.analysis.press.load import Press
 from sautereau.analysis.press.replay import Replay, replay
+from sautereau.analysis.report.drawing import Picture
+from sautereau.analysis.report.head_picture import head_picture
+from sautereau.analysis.report.scene_pictures import force_picture, key_picture, string_picture
 
 FRAMES = 101
 OF_ALL_CHOIRS = 202
-"""Frames of all choirs together: a third of a megabyte of the page."""
+"""Total number of frames of all choirs: a third of a megabyte of the page."""
 BESIDE = 0.25
-"""1, of the time from first contact to last release, that is shown before it and after it."""
+"""1, fraction of the time from first contact to last release, shown before and after it."""
 LEAST_BESIDE = 4e-3
-"""s, that is shown after release at least, so that the string is seen to swing."""
+"""s, shortest time shown after release, in which the string vibrates."""
+SLIDER, READING = "frame", "reading"
+"""Id of the slider that selects the frame, and start of the ids of the readings."""
 
 
 @dataclass(frozen=True)
 class SlowMotion:
-    """A press at the instants of the page's frames."""
+    """A press at the times of the page's frames."""
 
     number: int
-    """Of the press on the page."""
+    """Number of the press on the page."""
     scene: Replay
 
     @property
     def at_release(self) -> int:
-        """Frame that is shown first and printed: the last one before a string is let go."""
+        """Frame that is shown first and printed: the last one before the first release."""
         release = self.scene.phases.plucks[0].release
         return max(0, int(np.searchsorted(self.scene.time, release)) - 1)
 
 
 @dataclass(frozen=True)
 class Reading:
-    """What is written beside the pictures."""
+    """A value that is shown beside the pictures."""
 
     name: str
     values: tuple[str, ...]
-    """Of every frame."""
+    """One text per frame."""
 
 
 def slow_motion(number: int, press: Press, phases: Phases) -> SlowMotion:
-    """Put a press together for the page, from before its first contact to after its last release.
+    """Reconstruct a press from before its first contact to after its last release.
 
     Args:
-        number: Of the press on the page.
+        number: Number of the press on the page.
         press: The press, with all its samples.
-        phases: Its phases, with a pluck at least.
+        phases: Its phases, with at least one pluck.
 
     Raises:
-        AnalysisError: It has no pluck.
-        ModelError: The model has no pluck for the rig.
+        AnalysisError: The press has no pluck.
+        ModelError: The model predicts no pluck for the rig.
     """
     if not phases.plucks:
         raise AnalysisError(
-            f"press {press.path}: no pluck was found in it, and a slow motion shows one;"
-            " give a press with a pluck"
+            f"press {press.path}: no pluck was found, and the slow motion shows one; give a press"
+            " with a pluck"
         )
     contact = min(held.contact for held in phases.plucks)
     release = max(held.release for held in phases.plucks)
@@ -72,7 +79,7 @@ def slow_motion(number: int, press: Press, phases: Phases) -> SlowMotion:
 
 
 def readings(shown: SlowMotion) -> tuple[Reading, ...]:
-    """Return time, phase, force and speed of every frame in words."""
+    """Return time, phase, force and speed of every frame as texts."""
     scene = shown.scene
     data = scene.press.data
     seen = data.index.to_numpy()
@@ -88,7 +95,7 @@ def readings(shown: SlowMotion) -> tuple[Reading, ...]:
 
 
 def about(shown: SlowMotion) -> str:
-    """Return what the pictures show, what of it was recorded, and what follows the model."""
+    """Return which parts of the pictures were recorded, and which follow the model."""
     scene = shown.scene
     start, stop = scene.time[0] * 1e3, scene.time[-1] * 1e3
     kind = how_made(scene.press.simulated)
@@ -96,14 +103,14 @@ def about(shown: SlowMotion) -> str:
     several = f" All {strings} choirs are shown, {moved} of them plucked." if strings > 1 else ""
     plucks = len(scene.phases.plucks)
     if plucks > moved:
-        several += f" Of {plucks} plucks that were found {moved} can be drawn on the rig's strings."
+        several += f" {plucks} plucks were found, and {moved} can be assigned to the rig's strings."
     return (
         f"Press {shown.number} ({kind}), the first with a pluck, from {start:.2f} to {stop:.2f} ms"
-        f" after the trigger in {len(scene.time)} frames. As recorded: the key, the jack where no"
-        " string holds it, force and speed. By the model, set to the contact and the release that"
-        " were found: plectrum, tongue, damper and string, and how far the jack is while the"
-        f" string is held.{several} Jack's head and key are to scale; what no rig tells is drawn as"
-        " is usual."
+        f" after the trigger in {len(scene.time)} frames. Recorded: key, force and speed, and the"
+        " jack while no string is in contact. Computed by the model from the times of contact and"
+        " release: plectrum, tongue, damper and string, and the jack from contact to release."
+        f"{several} Jack head and key are to scale; dimensions that the rig does not give have"
+        " typical values."
     )
 
 
@@ -114,5 +121,55 @@ def _phase(scene: Replay, time: float) -> str:
         return f"string held, pluck {held[0]}" if len(plucks) > 1 else "string held"
     gone = sum(time >= one.release for one in plucks)
     if not gone:
-        return "going to the string"
+        return "before contact"
     return f"{gone} of {len(plucks)} strings released" if len(plucks) > 1 else "string released"
+
+
+@dataclass(frozen=True)
+class Moving:
+    """A slow motion as the template draws it."""
+
+    about: str
+    simulated: bool
+    columns: tuple[tuple[Picture, ...], tuple[Picture, ...]]
+    """Pictures on the left (jacks) and on the right (strings, force and key)."""
+    readings: tuple[Reading, ...]
+    frame: int
+    """Frame that is shown first, and printed."""
+    last: int
+    """Number of the last frame; the first is 0."""
+
+    @property
+    def descriptions(self) -> tuple[str, ...]:
+        """Every frame in words, for screen readers."""
+        each = zip(*(reading.values for reading in self.readings), strict=True)
+        return tuple(", ".join(values) for values in each)
+
+    @property
+    def data(self) -> str:
+        """Values of all changing attributes in every frame, by id and attribute, as JSON."""
+        moves = {SLIDER: {"aria-valuetext": self.descriptions}}
+        moves |= {f"{READING}-{i}": {"": one.values} for i, one in enumerate(self.readings, 1)}
+        for picture in chain(*self.columns):
+            moves |= picture.moves
+        return json.dumps(moves, separators=(",", ":"))
+
+
+def moving(shown: SlowMotion) -> Moving:
+    """Draw a slow motion for the page."""
+    scene = shown.scene
+    several = len(scene.choirs) > 1
+    named = [
+        (i, motion, f"choir {i}: " if several else "") for i, motion in enumerate(scene.choirs, 1)
+    ]
+    return Moving(
+        about=about(shown),
+        simulated=scene.press.simulated,
+        columns=(
+            tuple(head_picture(*one) for one in named),
+            (*(string_picture(*one) for one in named), force_picture(scene), key_picture(scene)),
+        ),
+        readings=readings(shown),
+        frame=shown.at_release,
+        last=len(scene.time) - 1,
+    )

@@ -1,7 +1,7 @@
 """The report's tables: features, repeatability and comparison, in readable units."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, fields
 
 import numpy as np
 
@@ -9,61 +9,76 @@ from sautereau.analysis.report.contents import PressRecord
 from sautereau.analysis.session.compare import Comparison, Mean
 from sautereau.analysis.session.compare_features import ComparedFeature
 from sautereau.analysis.session.repeatability import Repeatability
+from sautereau.rig.quantities import QUANTITIES
 
 NONE = "–"
+NO_INTERVAL = "none (one press)"
+DIGITS = {
+    "plucks": 0,
+    "free_speed": 5,
+    "contact": 3,
+    "release": 3,
+    "pluck_duration": 3,
+    "contact_force": 4,
+    "release_force": 4,
+    "peak_force": 4,
+    "force_drop": 4,
+    "force_slope": 4,
+    "held_work": 1,
+    "press_work": 1,
+}
+"""Features in the table, in their order, with their decimal places."""
+LATER = ("contact", "release", "pluck_duration", "release_force", "force_drop")
+"""Features in the table of the second and later plucks as well."""
+COURSE = ("free_speed", "pluck_duration", "release_force")
+"""Features that are drawn from press to press."""
 
 
 @dataclass(frozen=True)
 class Column:
-    """One feature as the page shows it."""
+    """One feature of the table."""
 
-    name: str
-    """Of the feature."""
-    label: str
-    unit: str
-    scale: float
-    """From SI to the unit."""
-    digits: int
-    """Behind the point."""
-    std: str = ""
-    """Feature that is its standard uncertainty."""
+    feature: str
+    """Name in `QUANTITIES`."""
+    pluck: int = 1
+
+    @property
+    def key(self) -> str:
+        """Name of the feature in a press's row."""
+        return self.feature if self.pluck == 1 else f"{self.feature}_{self.pluck}"
 
     @property
     def head(self) -> str:
-        """What stands over the column."""
-        return f"{self.label} ({self.unit})" if self.unit else self.label
+        """Heading of the column, with the unit."""
+        quantity = QUANTITIES[self.feature]
+        title = quantity.title(quantity.displayed[1].replace("uJ", "µJ"))
+        return title if self.pluck == 1 else f"{title}, pluck {self.pluck}"
 
     def value(self, features: Mapping[str, object]) -> float | None:
-        """Return the value of a press in the column's unit; None without one."""
-        value = features.get(self.name)
-        return None if not isinstance(value, int | float) else value * self.scale
+        """Return the value of a press in the displayed unit; None without one."""
+        value = features.get(self.key)
+        return value * self._scale if isinstance(value, int | float) else None
 
     def cell(self, features: Mapping[str, object]) -> str:
-        """Return what stands in a press's row."""
-        value, std = self.value(features), features.get(self.std)
+        """Return the text of a press's cell: the value, and its standard uncertainty if known."""
+        value = self.value(features)
         if value is None:
             return NONE
-        text = f"{value:.{self.digits}f}"
-        return f"{text} ± {std * self.scale:.2g}" if isinstance(std, int | float) else text
+        std = features.get(self.key.replace(self.feature, f"{self.feature}_std"))
+        uncertainty = f" ± {std * self._scale:.2g}" if isinstance(std, int | float) else ""
+        return f"{value:.{DIGITS[self.feature]}f}{uncertainty}"
 
+    def statistics(self, presses: Sequence[PressRecord]) -> tuple[str, str]:
+        """Return mean and standard deviation over presses."""
+        values = [v for p in presses if (v := self.value(p.features.row())) is not None]
+        if len(values) < 2 or self.feature == "plucks":
+            return NONE, NONE
+        spread = float(f"{np.std(values, ddof=1):.2g}")
+        return f"{np.mean(values):.{DIGITS[self.feature]}f}", f"{spread:g}"
 
-COLUMNS = (
-    Column("plucks", "plucks", "", 1, 0),
-    Column("free_speed", "jack speed, free", "m/s", 1, 5),
-    Column("contact", "contact", "ms", 1e3, 3, "contact_std"),
-    Column("release", "release", "ms", 1e3, 3, "release_std"),
-    Column("pluck_duration", "held", "ms", 1e3, 3),
-    Column("contact_force", "force at contact", "N", 1, 4),
-    Column("release_force", "largest force", "N", 1, 4),
-    Column("force_drop", "fall at release", "N", 1, 4),
-    Column("force_slope", "slope while held", "N/mm", 1e-3, 4),
-    Column("held_work", "work while held", "µJ", 1e6, 1),
-    Column("press_work", "work of the press", "µJ", 1e6, 1),
-)
-LATER = ("contact", "release", "pluck_duration", "force_drop")
-"""Features that are shown of every pluck after the first as well."""
-COURSE = ("free_speed", "pluck_duration", "release_force")
-"""Features that are drawn from press to press."""
+    @property
+    def _scale(self) -> float:
+        return QUANTITIES[self.feature].displayed[0]
 
 
 @dataclass(frozen=True)
@@ -72,15 +87,7 @@ class Row:
 
     number: int
     mark: str
-    """What is particular about it."""
-    cells: tuple[str, ...]
-
-
-@dataclass(frozen=True)
-class Foot:
-    """What a column's presses say together."""
-
-    name: str
+    """Its condition, and whether it is a warm-up press."""
     cells: tuple[str, ...]
 
 
@@ -90,125 +97,81 @@ class Table:
 
     heads: tuple[str, ...]
     rows: tuple[Row, ...]
-    feet: tuple[Foot, ...]
+    feet: tuple[tuple[str, tuple[str, ...]], ...]
+    """Name and cells of mean and standard deviation; empty where there are none."""
 
 
 def feature_table(presses: Sequence[PressRecord], conditions: Mapping[int, int]) -> Table:
-    """Return the features of every press, with mean and spread where all are alike.
+    """Return the features of every press, with mean and spread of presses of one condition.
 
     Args:
         presses: In the order in which they were made.
-        conditions: Number of its condition by that of a press.
+        conditions: Number of the condition by number of the press.
     """
     many = len(set(conditions.values())) > 1
+    most = max(len(press.phases.plucks) for press in presses)
+    columns = [Column(feature) for feature in DIGITS]
+    columns += [Column(feature, pluck) for pluck in range(2, most + 1) for feature in LATER]
     columns = [
         column
-        for column in _columns(presses)
+        for column in columns
         if any(column.value(press.features.row()) is not None for press in presses)
     ]
     if all(len(press.phases.plucks) == 1 for press in presses):
-        columns = [column for column in columns if column.name != "plucks"]
+        columns = [column for column in columns if column.feature != "plucks"]
     rows = []
     for press in presses:
         marks = [f" condition {conditions[press.number]}"] * many
         marks += [" warm-up"] * press.session.warm_up
-        rows.append(
-            Row(press.number, ",".join(marks), tuple(c.cell(press.features.row()) for c in columns))
-        )
+        cells = tuple(column.cell(press.features.row()) for column in columns)
+        rows.append(Row(press.number, ",".join(marks), cells))
     counted = [press for press in presses if not press.session.warm_up]
     feet = ()
     if len(counted) > 1 and not many:
-        feet = (
-            Foot("mean", tuple(_over(c, counted, spread=False) for c in columns)),
-            Foot("standard deviation", tuple(_over(c, counted, spread=True) for c in columns)),
-        )
-    return Table(tuple(c.head for c in columns), tuple(rows), feet)
+        cells = zip(*(column.statistics(counted) for column in columns), strict=True)
+        feet = tuple(zip(("mean", "standard deviation"), cells, strict=True))
+    return Table(tuple(column.head for column in columns), tuple(rows), feet)
 
 
 def course(presses: Sequence[PressRecord]) -> list[tuple[str, list[float | None]]]:
-    """Return axis and values, press by press, of the features that are drawn so."""
-    wanted = [column for column in COLUMNS if column.name in COURSE]
-    return [(c.head, [c.value(press.features.row()) for press in presses]) for c in wanted]
-
-
-def _columns(presses: Sequence[PressRecord]) -> list[Column]:
-    """Return the columns, with those of the plucks after the first."""
-    most = max(len(press.phases.plucks) for press in presses)
-    later = [
-        replace(
-            column,
-            name=f"{column.name}_{number}",
-            label=f"{column.label}, pluck {number}",
-            std=column.std and f"{column.std}_{number}",
-        )
-        for number in range(2, most + 1)
-        for column in COLUMNS
-        if column.name in LATER
-    ]
-    return [*COLUMNS, *later]
-
-
-def _over(column: Column, presses: Sequence[PressRecord], *, spread: bool) -> str:
-    values = [v for p in presses if (v := column.value(p.features.row())) is not None]
-    if len(values) < 2 or not column.unit:
-        return NONE
-    if spread:
-        return f"{np.std(values, ddof=1):.2g}"
-    return f"{np.mean(values):.{column.digits}f}"
+    """Return the axis title and the values, press by press, of the features in `COURSE`."""
+    columns = [Column(feature) for feature in COURSE]
+    return [(c.head, [c.value(press.features.row()) for press in presses]) for c in columns]
 
 
 def compared_rows(found: Sequence[ComparedFeature]) -> list[tuple[str, str, str, str, str]]:
-    """Return feature, mean, its interval, the model's value and the presses that have it."""
-    columns = {column.name: column for column in COLUMNS}
+    """Return feature, mean, its interval, the model's value and the number of presses."""
     rows = []
     for one in found:
         name, _, number = one.name.rpartition("_")
-        later = number.isdigit()
-        column = columns.get(name if later else one.name)
-        scale, unit = (column.scale, column.unit) if column else _readable(one.unit)
-        label = column.label if column else (name if later else one.name).replace("_", " ")
-        interval = "one press: none"
-        if one.measured.low is not None and one.measured.high is not None:
-            interval = f"{one.measured.low * scale:.5g} to {one.measured.high * scale:.5g}"
-        rows.append(
-            (
-                f"{label}{f', pluck {number}' if later else ''} ({unit})",
-                f"{one.measured.value * scale:.5g}",
-                interval,
-                f"{one.predicted * scale:.5g}",
-                str(one.presses),
-            )
-        )
+        column = Column(name, int(number)) if number.isdigit() else Column(one.name)
+        scale, _ = QUANTITIES[column.feature].displayed
+        interval = _interval(one.measured, lambda value, scale=scale: f"{value * scale:.5g}")
+        mean, predicted = f"{one.measured.value * scale:.5g}", f"{one.predicted * scale:.5g}"
+        rows.append((column.head, mean, interval, predicted, str(one.presses)))
     return rows
-
-
-def _readable(unit: str) -> tuple[float, str]:
-    return (1e3, "mm") if unit == "m" else (1.0, unit)
 
 
 def comparison_rows(found: Comparison) -> list[tuple[str, str, str]]:
-    """Return quantity, mean departure and interval of everything that was compared."""
-    rows = []
-    for name in (field.name for field in fields(found)):
-        value = getattr(found, name)
-        if isinstance(value, Mean):
-            label = _QUANTITIES.get(name, name.removesuffix("_error").replace("_", " "))
-            known = value.low is not None and value.high is not None
-            interval = f"{value.low:+.2%} to {value.high:+.2%}" if known else "one press: none"
-            rows.append((label, f"{value.value:+.2%}", interval))
-    return rows
+    """Return quantity, mean model error and its interval."""
+    errors = {f.name: getattr(found, f.name) for f in fields(found) if f.name in QUANTITIES}
+    return [
+        (QUANTITIES[name].label, f"{error.value:+.2%}", _interval(error, "{:+.2%}".format))
+        for name, error in errors.items()
+        if isinstance(error, Mean)
+    ]
 
 
-_QUANTITIES = {
-    "slope_error": "slope of force on deflection",
-    "magnitude_error": "rise of force to release",
-    "duration_error": "time the string is held",
-}
+def _interval(mean: Mean, text: Callable[[float], str]) -> str:
+    if mean.low is None or mean.high is None:
+        return NO_INTERVAL
+    return f"{text(mean.low)} to {text(mean.high)}"
 
 
 def repeatability_rows(found: Repeatability) -> list[tuple[str, str, str]]:
-    """Return figure, value and interval of the norm's figures and of the drifts."""
+    """Return quantity, value and interval of the figures of ISO 9283 and of the drifts."""
     spread, rise, speed = found.velocity_repeatability, found.rise_drift, found.speed_drift
+    chance = ", not significant"
     return [
         ("path repeatability RT", f"{found.path_repeatability * 1e6:.3g} µm", ""),
         ("path accuracy AT", f"{found.path_accuracy * 1e6:.3g} µm", ""),
@@ -220,13 +183,13 @@ def repeatability_rows(found: Repeatability) -> list[tuple[str, str, str]]:
         ),
         ("path velocity fluctuation FV", f"{found.velocity_fluctuation:.3%}", ""),
         (
-            f"drift of the rise{'' if rise.significant else ', none told from chance'}",
-            f"{rise.per_press * 1e6:+.3g} µm a press",
+            f"drift of the jack rise{'' if rise.significant else chance}",
+            f"{rise.per_press * 1e6:+.3g} µm per press",
             f"{rise.low * 1e6:+.3g} to {rise.high * 1e6:+.3g}",
         ),
         (
-            f"drift of the speed{'' if speed.significant else ', none told from chance'}",
-            f"{speed.per_press:+.3%} a press",
+            f"drift of the jack speed{'' if speed.significant else chance}",
+            f"{speed.per_press:+.3%} per press",
             f"{speed.low:+.3%} to {speed.high:+.3%}",
         ),
     ]

@@ -7,6 +7,7 @@ import pandas as pd
 import pytest
 from scipy.integrate import cumulative_trapezoid
 
+from benchmarks.campaign import write_presses
 from sautereau.analysis.press.load import Press
 from sautereau.rig.load import load_rig
 from sautereau.trajectory.key import key_motion, rise_of_angle, rise_slope
@@ -18,6 +19,14 @@ RUN_UP, RUN_DOWN = 10e-3, 20e-3
 @pytest.fixture(scope="session")
 def paper():
     return load_rig("paper")
+
+
+@pytest.fixture(scope="session")
+def campaign_folder(tmp_path_factory):
+    """Recordings of 3 plectra in 2 sessions of 2 presses; not to be changed."""
+    folder = tmp_path_factory.mktemp("campaign")
+    write_presses(folder, 3, 2, 2)
+    return folder
 
 
 @pytest.fixture(scope="session")

@@ -1,10 +1,11 @@
-"""A folder of recordings becomes one table, whatever happens on the way."""
+"""A folder of recordings becomes one table, also after interruptions and faulty files."""
 
 import os
 import shutil
 import signal
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,11 +13,11 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from benchmarks.campaign import write_presses
 from sautereau.analysis.campaign import run as campaign_run
+from sautereau.analysis.campaign import table as table_module
 from sautereau.analysis.campaign.row import UNITS, plectrum_id, unit_of
 from sautereau.analysis.campaign.run import run_campaign
-from sautereau.analysis.campaign.table import PART, empty_campaign, read_campaign
+from sautereau.analysis.campaign.table import PART, SCHEMA, empty_campaign, read_campaign
 from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.phases import find_phases
 from sautereau.analysis.press.features import features
@@ -24,38 +25,32 @@ from sautereau.analysis.press.load import load_press
 from sautereau.rig.load import load_rig, with_values
 
 ROOT = Path(__file__).parents[2]
-GOOD = 8
-
-
-@pytest.fixture(scope="module")
-def made(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("recordings")
-    write_presses(folder, 2, 2, 2)
-    return folder
+GOOD = 12
 
 
 @pytest.fixture
-def recordings(made, tmp_path):
-    return Path(shutil.copytree(made, tmp_path / "recordings"))
+def recordings(campaign_folder, tmp_path):
+    return Path(shutil.copytree(campaign_folder, tmp_path / "recordings"))
 
 
 @pytest.fixture(scope="module")
-def whole(made, tmp_path_factory):
-    return run_campaign(made, tmp_path_factory.mktemp("table") / "whole.parquet").campaign
+def complete(campaign_folder, tmp_path_factory):
+    out = tmp_path_factory.mktemp("table") / "complete.parquet"
+    return run_campaign(campaign_folder, out).campaign
 
 
-def same(found, whole):
-    """Return whether two tables are equal but for dates of copied files."""
-    return found.table.drop(["mtime"]).equals(whole.table.drop(["mtime"]))
+def same(found, complete):
+    """Return whether two tables are equal except for the dates of copied files."""
+    return found.table.drop(["mtime"]).equals(complete.table.drop(["mtime"]))
 
 
-def test_a_row_holds_session_plectrum_and_features(made, whole):
-    assert len(whole.table) == GOOD
-    assert not whole.faults
-    assert whole.simulated
-    path = made / whole.data["path"][0]
+def test_a_row_holds_session_plectrum_and_features(campaign_folder, complete):
+    assert len(complete.table) == GOOD
+    assert not complete.faults
+    assert complete.simulated
+    path = campaign_folder / complete.data["path"][0]
     press = load_press(path)
-    row = whole.table.to_pylist()[0]
+    row = complete.table.to_pylist()[0]
     found = features(press, find_phases(press)).row()
     for name in set(found) - {"path"}:
         assert row[name] == found[name], name
@@ -67,16 +62,17 @@ def test_a_row_holds_session_plectrum_and_features(made, whole):
     assert list(row) == [name for name in UNITS if name in row]
 
 
-def test_the_file_tells_units_and_is_what_was_returned(whole):
-    again = read_campaign(whole.path)
-    assert again.table.equals(whole.table)
-    field = pq.read_schema(whole.path).field("release_force")
+def test_the_file_holds_units_and_the_returned_table(complete):
+    again = read_campaign(complete.path)
+    assert again.table.equals(complete.table)
+    assert again.schema == SCHEMA
+    field = pq.read_schema(complete.path).field("release_force")
     assert field.metadata == {b"unit": b"N"}
-    assert whole.units["contact_std"] == "s"
+    assert complete.units["contact_std"] == "s"
     assert unit_of("contact_2") == "s"
 
 
-def test_plectra_differ_by_what_the_rig_says_of_them():
+def test_plectra_differ_by_the_rigs_numbers_and_name():
     rig = load_rig()
     assert plectrum_id(rig) == plectrum_id(load_rig())
     assert plectrum_id(rig) != plectrum_id(with_values(rig, {"plectrum.overlap": "0.3 mm"}))
@@ -84,30 +80,30 @@ def test_plectra_differ_by_what_the_rig_says_of_them():
     assert plectrum_id(rig) == plectrum_id(with_values(rig, {"press.jack_speed": "0.1 m/s"}))
 
 
-def test_two_processes_make_the_same_table(recordings, whole, tmp_path, monkeypatch):
+def test_two_processes_make_the_same_table(campaign_folder, complete, tmp_path, monkeypatch):
     monkeypatch.setattr(campaign_run, "BATCH", 1)
-    told = []
+    progress = []
     found = run_campaign(
-        recordings, tmp_path / "two.parquet", 2, on_read=lambda *done: told.append(done)
+        campaign_folder, tmp_path / "two.parquet", 2, on_read=lambda *done: progress.append(done)
     )
-    assert same(found.campaign, whole)
-    assert told[-1] == (GOOD, GOOD)
-    assert len(told) == GOOD
+    assert found.campaign.table.equals(complete.table)
+    assert progress[-1] == (GOOD, GOOD)
+    assert len(progress) == GOOD
 
 
-def test_faulty_files_are_told_and_left_out(recordings, whole, tmp_path):
+def test_faulty_files_are_listed_and_excluded(recordings, complete, tmp_path):
     victim = sorted(recordings.rglob("*.mcap"))[3]
     data = bytearray(victim.read_bytes())
     (recordings / "cut-short.mcap").write_bytes(data[: len(data) // 2])
     data[len(data) // 2] ^= 1
     (recordings / "changed.mcap").write_bytes(data)
     (recordings / "empty.mcap").touch()
-    (recordings / "text.mcap").write_text("nothing that was recorded")
+    (recordings / "text.mcap").write_text("not a recording")
     (recordings / "folder.mcap").mkdir()
     (recordings / "open.mcap.part").touch()
     out = tmp_path / "table.parquet"
     found = run_campaign(recordings, out)
-    assert same(found.campaign, whole)
+    assert same(found.campaign, complete)
     names = ["changed.mcap", "cut-short.mcap", "empty.mcap", "text.mcap"]
     assert [fault.source.path for fault in found.campaign.faults] == names
     assert all(fault.text for fault in found.campaign.faults)
@@ -115,13 +111,13 @@ def test_faulty_files_are_told_and_left_out(recordings, whole, tmp_path):
     assert (again.read, again.kept) == (4, GOOD)
     assert again.campaign.faults == found.campaign.faults
     shutil.copy(victim, recordings / "text.mcap")
-    mended = run_campaign(recordings, out)
-    assert mended.read == 4
-    assert len(mended.campaign.table) == GOOD + 1
-    assert [fault.source.path for fault in mended.campaign.faults] == names[:3]
+    fixed = run_campaign(recordings, out)
+    assert fixed.read == 4
+    assert len(fixed.campaign.table) == GOOD + 1
+    assert [fault.source.path for fault in fixed.campaign.faults] == names[:3]
 
 
-def test_only_what_is_new_or_changed_is_read(recordings, whole, tmp_path):
+def test_only_new_and_changed_recordings_are_read(recordings, complete, tmp_path):
     out = tmp_path / "deep" / "table.parquet"
     run_campaign(recordings, out)
     assert run_campaign(recordings, out).read == 0
@@ -130,19 +126,26 @@ def test_only_what_is_new_or_changed_is_read(recordings, whole, tmp_path):
     second.unlink()
     found = run_campaign(recordings, out)
     assert (found.read, found.kept, found.dropped) == (1, GOOD - 2, 2)
-    paths = set(whole.data["path"]) - {second.relative_to(recordings).as_posix()}
+    paths = set(complete.data["path"]) - {second.relative_to(recordings).as_posix()}
     assert set(found.campaign.data["path"]) == paths
 
 
-def test_a_table_of_another_version_is_made_anew(recordings, tmp_path):
+def test_a_table_of_another_version_is_regenerated(campaign_folder, complete, tmp_path):
     out = tmp_path / "table.parquet"
-    found = run_campaign(recordings, out).campaign
-    older = empty_campaign(out, "0.0.1").grown(found.table.to_pylist(), ())
-    older.write()
-    assert run_campaign(recordings, out).read == GOOD
+    empty_campaign(out, "0.0.1").grown(complete.table.to_pylist(), ()).write()
+    assert run_campaign(campaign_folder, out).read == GOOD
 
 
-def test_an_interrupted_campaign_goes_on(recordings, whole, tmp_path, monkeypatch):
+def test_a_table_of_a_later_version_is_refused(complete, tmp_path, monkeypatch):
+    monkeypatch.setattr(table_module, "SCHEMA", SCHEMA + 1)
+    out = tmp_path / "table.parquet"
+    replace(complete, path=out).write()
+    monkeypatch.undo()
+    with pytest.raises(AnalysisError, match="update sautereau, or make the table again"):
+        read_campaign(out)
+
+
+def test_an_interrupted_campaign_is_continued(campaign_folder, complete, tmp_path, monkeypatch):
     monkeypatch.setattr(campaign_run, "BATCH", 1)
     out = tmp_path / "table.parquet"
 
@@ -151,11 +154,11 @@ def test_an_interrupted_campaign_goes_on(recordings, whole, tmp_path, monkeypatc
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        run_campaign(recordings, out, on_read=stop)
+        run_campaign(campaign_folder, out, on_read=stop)
     assert len(read_campaign(out).table) == 3
-    found = run_campaign(recordings, out)
+    found = run_campaign(campaign_folder, out)
     assert (found.read, found.kept) == (GOOD - 3, 3)
-    assert same(found.campaign, whole)
+    assert found.campaign.table.equals(complete.table)
 
 
 KILLED = """
@@ -168,40 +171,33 @@ def kill(done, total):
     if done == 5:
         os.kill(os.getpid(), signal.SIGKILL)
 
-run.run_campaign(sys.argv[1], sys.argv[2], on_read=kill)
+run.run_campaign(sys.argv[1], sys.argv[2], 2, on_read=kill)
 """
 
 
-def test_a_killed_campaign_goes_on(recordings, whole, tmp_path):
+def test_a_killed_campaign_is_continued_and_leaves_no_process(campaign_folder, complete, tmp_path):
     out = tmp_path / "table.parquet"
-    words = [sys.executable, "-c", KILLED, str(recordings), str(out)]
-    done = subprocess.run(words, cwd=ROOT, check=False, capture_output=True, text=True)
-    assert done.returncode == -signal.SIGKILL, done.stderr
-    assert len(read_campaign(out).table) == 4
-    out.with_name(out.name + PART).write_bytes(b"of a write that was cut short")
-    found = run_campaign(recordings, out)
-    assert found.kept == 4
-    assert same(found.campaign, whole)
-    assert not out.with_name(out.name + PART).exists()
-
-
-def test_a_killed_campaign_leaves_no_process_behind(recordings, tmp_path):
-    words = [sys.executable, "-c", KILLED.replace("sys.argv[2]", "sys.argv[2], 2")]
-    words += [str(recordings), str(tmp_path / "table.parquet")]
-    # The workers hold the pipe as well: it ends when the last of them has.
+    words = [sys.executable, "-c", KILLED, str(campaign_folder), str(out)]
+    # The workers inherit the pipe, so communicate() returns when the last of them has ended.
     with subprocess.Popen(words, cwd=ROOT, stdout=subprocess.PIPE) as killed:
         killed.communicate(timeout=60)
     assert killed.returncode == -signal.SIGKILL
+    assert len(read_campaign(out).table) == 4
+    out.with_name(out.name + PART).write_bytes(b"of an interrupted write")
+    found = run_campaign(campaign_folder, out)
+    assert found.kept == 4
+    assert found.campaign.table.equals(complete.table)
+    assert not out.with_name(out.name + PART).exists()
 
 
-def test_what_is_no_campaign_is_refused_and_left_alone(recordings, tmp_path):
+def test_other_files_are_refused_and_unchanged(campaign_folder, tmp_path):
     text, other = tmp_path / "text.parquet", tmp_path / "other.parquet"
     text.write_text("not a table")
     pq.write_table(pa.table({"a": [1]}), other)
     for path in (text, other):
         before = path.read_bytes()
         with pytest.raises(AnalysisError, match="give the file that `sautereau campaign`"):
-            run_campaign(recordings, path)
+            run_campaign(campaign_folder, path)
         assert path.read_bytes() == before
     with pytest.raises(AnalysisError, match="no such file"):
         read_campaign(tmp_path / "nothing.parquet")
@@ -210,12 +206,12 @@ def test_what_is_no_campaign_is_refused_and_left_alone(recordings, tmp_path):
 def test_a_folder_without_recordings_is_refused(tmp_path):
     out = tmp_path / "table.parquet"
     for folder in (tmp_path, tmp_path / "nowhere"):
-        with pytest.raises(AnalysisError, match="it holds no recordings"):
+        with pytest.raises(AnalysisError, match="the folder holds no recordings"):
             run_campaign(folder, out)
     assert not out.exists()
 
 
-def test_columns_of_later_plucks_stand_last(tmp_path):
+def test_columns_of_later_plucks_are_last(tmp_path):
     of_two = {"path": "b", "size": 1, "mtime": 1, "contact": 0.1, "warnings": 0, "contact_2": 0.2}
     of_none = {"path": "a", "size": 1, "mtime": 1, "contact": None, "warnings": 0}
     tables = [

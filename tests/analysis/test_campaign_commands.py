@@ -1,10 +1,10 @@
 """The commands `campaign` and `touch`."""
 
 import json
+import shutil
 
 import pytest
 
-from benchmarks.campaign import write_presses
 from sautereau.analysis.errors import AnalysisError
 from sautereau.commands.app import app
 
@@ -14,59 +14,59 @@ def run(*words):
 
 
 @pytest.fixture(scope="module")
-def recordings(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("recordings")
-    write_presses(folder, 3, 2, 2)
+def recordings(campaign_folder, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("commands") / "recordings"
+    shutil.copytree(campaign_folder, folder)
     (folder / "faulty.mcap").touch()
     return folder
 
 
-@pytest.fixture
-def table(recordings, tmp_path, capsys):
-    out = tmp_path / "campaign.parquet"
+@pytest.fixture(scope="module")
+def table(recordings, tmp_path_factory):
+    out = tmp_path_factory.mktemp("table") / "campaign.parquet"
     assert run("campaign", recordings, "--out", out, "--processes", 1) == 0
-    capsys.readouterr()
     return out
 
 
-def test_campaign_answers_in_json(recordings, tmp_path, capsys):
-    words = ("campaign", recordings, "--out", tmp_path / "a.parquet", "--processes", 1, "--json")
-    assert run(*words) == 0
-    told = json.loads(capsys.readouterr().out)
-    assert [told[name] for name in ("presses", "read", "kept", "dropped")] == [12, 13, 0, 0]
-    assert told["simulated"] is True
-    assert [fault["path"] for fault in told["faults"]] == ["faulty.mcap"]
-    assert run(*words) == 0
-    told = json.loads(capsys.readouterr().out)
-    assert (told["read"], told["kept"]) == (1, 12)
+def test_campaign_in_json(recordings, table, capsys):
+    for words in (
+        (recordings, "--out", table.with_name("new.parquet")),
+        (recordings, "--out", table),
+    ):
+        assert run("campaign", *words, "--processes", 1, "--json") == 0
+        result = json.loads(capsys.readouterr().out)
+        counts = [result[name] for name in ("presses", "read", "kept", "dropped")]
+        assert counts == ([12, 1, 12, 0] if table in words else [12, 13, 0, 0])
+        assert result["simulated"] is True
+        assert [fault["path"] for fault in result["faults"]] == ["faulty.mcap"]
 
 
-def test_campaign_answers_in_lines(recordings, table, capsys):
+def test_campaign_in_lines(recordings, table, capsys):
     assert run("campaign", recordings, "--out", table) == 0
-    told = capsys.readouterr().out.splitlines()
-    assert told[0].startswith("SIMULATED")
-    assert "12 presses" in told[1]
-    assert told[2].startswith("left out: faulty.mcap: ")
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0].startswith("SIMULATED")
+    assert "12 presses" in lines[1]
+    assert "faulty.mcap: " in lines[2]
 
 
-def test_work_is_done_in_one_place(recordings, tmp_path, capsys):
+def test_processes_and_cluster_exclude_each_other(recordings, tmp_path, capsys):
     out = tmp_path / "a.parquet"
     places = ("--processes", 2, "--cluster", "tcp://127.0.0.1:1")
     assert run("campaign", recordings, "--out", out, *places) == 2
-    assert "give one" in capsys.readouterr().err
-    with pytest.raises(AnalysisError, match="0 cannot work"):
+    assert "--processes and --cluster" in capsys.readouterr().err
+    with pytest.raises(AnalysisError, match="0 is less than 1"):
         run("campaign", recordings, "--out", out, "--processes", 0)
     assert not out.exists()
 
 
-def test_touch_answers(table, tmp_path, capsys):
+def test_touch(table, tmp_path, capsys):
     picture = tmp_path / "touch.png"
     assert run("touch", table, "--plot", picture, "--json") == 0
-    told = json.loads(capsys.readouterr().out)
-    assert told["simulated"] is True
-    assert len(told["plectra"]) == 3
-    assert told["units"]["release_force"] == "N"
-    assert told["felt"]["release_force"]["press"]["value"] < 0.02
+    result = json.loads(capsys.readouterr().out)
+    assert result["simulated"] is True
+    assert len(result["plectra"]) == 3
+    assert result["units"]["release_force"] == "N"
+    assert result["felt"]["release_force"]["press"]["value"] < 0.02
     assert picture.stat().st_size > 10_000
     assert run("touch", table) == 0
     assert "between sessions" in capsys.readouterr().out

@@ -1,4 +1,4 @@
-"""The report: it says what was found, nothing that it quotes acts, and it keeps to its size."""
+"""The report: its numbers, its size, and texts of recordings that must have no effect."""
 
 import json
 import random
@@ -16,9 +16,9 @@ from sautereau.analysis.press.load import load_press
 from sautereau.analysis.report import contents
 from sautereau.analysis.report.build import About, Again, build_report
 from sautereau.analysis.report.contents import gather
-from sautereau.analysis.report.envelope import envelope
+from sautereau.analysis.report.drawing import envelope
+from sautereau.analysis.report.facts import MOST_CHARACTERS, cleaned
 from sautereau.analysis.report.fits import Fit, read_fit
-from sautereau.analysis.report.text import MOST, shown
 from sautereau.rig.load import parse_rig, with_values
 
 ABOUT = About("a session", "0.1.0", commands=("sautereau report x",))
@@ -27,7 +27,7 @@ LARGEST = 6_000_000
 
 
 class Page(HTMLParser):
-    """A page as a browser would take it apart."""
+    """A page as an HTML parser reads it."""
 
     def __init__(self, text):
         super().__init__(convert_charrefs=True)
@@ -78,8 +78,8 @@ def test_an_envelope_keeps_every_peak(signal, points):
     assert len(kept) <= max(points, 2) + 2
 
 
-def test_an_envelope_covers_what_all_samples_would():
-    """Within a stretch no sample lies outside of what is drawn of the stretch."""
+def test_an_envelope_covers_all_samples():
+    """Within an interval no sample lies outside of the drawn ones."""
     signal = np.random.default_rng(0).standard_normal(10_007)
     kept = envelope(signal, 500)
     for start, stop in zip(kept[:-1:50], kept[50::50], strict=False):
@@ -89,21 +89,21 @@ def test_an_envelope_covers_what_all_samples_would():
 
 
 @given(st.text(max_size=60))
-def test_every_character_is_seen(text):
-    found = shown(text)
+def test_every_character_is_visible(text):
+    found = cleaned(text)
     hidden = {"Cc", "Cf", "Cs", "Co", "Zl", "Zp"}
     assert not [c for c in found if unicodedata.category(c) in hidden and c not in "\n\t"]
     if text.isprintable():
         assert found == text
 
 
-def test_a_long_text_is_cut_and_says_so():
-    found = shown("x" * 1_000_000)
-    assert found == "x" * MOST + " … (1,000,000 characters in all)"
-    assert shown("x" * MOST) == "x" * MOST
+def test_a_long_text_is_shortened():
+    found = cleaned("x" * 1_000_000)
+    assert found == "x" * MOST_CHARACTERS + " … (1,000,000 characters in total)"
+    assert cleaned("x" * MOST_CHARACTERS) == "x" * MOST_CHARACTERS
 
 
-def test_twenty_presses_fit_and_load_nothing(twenty):
+def test_a_page_of_twenty_presses_keeps_its_size_and_loads_nothing(twenty):
     _, text = twenty
     assert len(text.encode()) < LARGEST
     page = Page(text)
@@ -129,7 +129,7 @@ def test_the_table_holds_the_features(twenty):
     assert f"{mean * 1e3:.3f}" in foot
 
 
-def test_what_is_drawn_is_what_was_recorded(twenty):
+def test_traces_are_samples_of_the_recording(twenty):
     found, _ = twenty
     record = found.presses[3]
     press = load_press(record.path)
@@ -140,7 +140,7 @@ def test_what_is_drawn_is_what_was_recorded(twenty):
         assert trace.y.max() == press.data[column].max()
 
 
-def test_it_compares_and_tells_the_repeatability(twenty):
+def test_comparison_and_repeatability_are_on_the_page(twenty):
     found, text = twenty
     (condition,) = found.conditions
     page = Page(text).text
@@ -165,23 +165,23 @@ def test_warnings_come_first_and_once(write_session, tmp_path):
     text = build_report(found, About("a", "0", warnings=("the folder is odd",)))
     page = Page(text).text
     assert page.index("the folder is odd") < page.index("the lid was open")
-    assert page.index("fault: the lid was open (press 1 to 4)") < page.index("What was pressed")
+    assert page.index("fault: the lid was open (press 1 to 4)") < page.index("Setup")
 
 
-def test_a_damaged_recording_is_left_out(write_session, tmp_path):
+def test_a_damaged_recording_is_reported(write_session, tmp_path):
     paths = write_session(tmp_path, 3)
     data = paths[1].read_bytes()
     paths[1].write_bytes(data[: len(data) // 2])
     found = gather(paths, "elastica")
     assert [record.number for record in found.presses] == [1, 3]
-    assert "press-0002.mcap is left out" in Page(build_report(found, ABOUT)).text
+    assert "press-0002.mcap could not be read" in Page(build_report(found, ABOUT)).text
     with pytest.raises(AnalysisError, match="no recording of 1 can be read"):
         gather(paths[1:2], "elastica")
     with pytest.raises(AnalysisError, match="no recording of 0"):
         gather([], "elastica")
 
 
-def test_conditions_are_told_apart(write_session, tmp_path):
+def test_conditions_are_separated(write_session, tmp_path):
     rig = with_values(write_session.one.rig, {"plectrum.thickness": "0.5 mm"})
     paths = write_session(tmp_path, 3) + write_session(tmp_path, 3, first=4, rig=rig)
     found = gather(paths, "elastica")
@@ -192,7 +192,7 @@ def test_conditions_are_told_apart(write_session, tmp_path):
     assert [t for t in page.texts if t in ("condition 1", "condition 2")]
 
 
-def test_presses_for_warming_up_count_in_no_figure(write_session, tmp_path):
+def test_warm_up_presses_are_excluded(write_session, tmp_path):
     paths = write_session(tmp_path, 2, warm_up=True, noise=0.01)
     paths += write_session(tmp_path, 3, first=3)
     (condition,) = gather(paths, "elastica").conditions
@@ -200,22 +200,21 @@ def test_presses_for_warming_up_count_in_no_figure(write_session, tmp_path):
     assert condition.repeatability.presses == 3
 
 
-def test_a_key_that_stood_still(write_session, tmp_path):
-    """Without a stroke there is nothing to compare, and the page says so."""
+def test_a_key_that_did_not_move(write_session, tmp_path):
     found = gather(write_session(tmp_path, 1, scale=0.0), "elastica")
     page = Page(build_report(found, ABOUT)).text
     assert "the key did not move down" in page
     assert "no comparison with the model" in page
 
 
-def test_more_presses_are_thinned_out_and_said(write_session, tmp_path, monkeypatch):
+def test_of_many_presses_not_all_are_drawn(write_session, tmp_path, monkeypatch):
     monkeypatch.setattr(contents, "POINTS", 2 * 3 * contents.LEAST_POINTS)
     found = gather(write_session(tmp_path, 4), "elastica")
     assert [bool(record.traces) for record in found.presses] == [True, False, True, False]
     assert "of 2 of 4 presses" in Page(build_report(found, ABOUT)).text
 
 
-def test_fits_and_the_way_to_press_again(twenty):
+def test_fits_and_the_command_that_repeats_the_session(twenty):
     found, _ = twenty
     fit = Fit("fit.json", "20 presses", (("string.tension", "66.9 N", "0.1", "66.7 to 67.1"),))
     about = About("a", "0", again=Again("Press so:", "sautereau press"), scene="{}", fits=(fit,))
@@ -237,11 +236,11 @@ FIT = {
         },
     },
     "presses": ["a", "b"], "level": "elastica", "rms": 1e-3, "rms_before": 2e-3,
-    "warnings": ["told by few"],
+    "warnings": ["few presses"],
 }  # fmt: skip
 
 
-def test_a_fit_is_read_as_identify_wrote_it(tmp_path):
+def test_a_fit_of_identify_is_read(tmp_path):
     path = tmp_path / "fit.json"
     path.write_text(json.dumps(FIT))
     fit = read_fit(path)
@@ -249,14 +248,14 @@ def test_a_fit_is_read_as_identify_wrote_it(tmp_path):
         ("key.inertia", "0.00071 kg·m²", "1e-06", "0.0007 to 0.00072"),
         ("string.tension, not identifiable from these recordings", "66 N", "undetermined", "none"),
     )
-    assert fit.warnings == ("told by few",)
+    assert fit.warnings == ("few presses",)
 
 
 @pytest.mark.parametrize("text", ["", "{}", "[1]", '{"parameters": 3}', "\x00\xff", "NaN"])
-def test_another_file_is_no_fit(tmp_path, text):
+def test_another_file_is_refused_as_a_fit(tmp_path, text):
     path = tmp_path / "fit.json"
     path.write_bytes(text.encode("latin-1"))
-    with pytest.raises(AnalysisError, match=r"fit\.json: .*write it by `sautereau identify"):
+    with pytest.raises(AnalysisError, match=r"fit\.json: .*write it with `sautereau identify"):
         read_fit(path)
 
 
@@ -283,13 +282,13 @@ LONG = "<i>é" * 210_000
 
 
 def malformed(n, seed):
-    """Return n texts that mean harm or are just odd."""
+    """Return n malicious or malformed texts."""
     chance = random.Random(seed)
     return [f"{i}:" + "".join(chance.sample(ODD, chance.randint(1, 4))) for i in range(n)]
 
 
-def told(write_session, folder, monkeypatch, simulated, texts, long):
-    """Build a page with a text of its own in every place that has one."""
+def page_with(write_session, folder, monkeypatch, simulated, texts, long):
+    """Build a page with one of the texts in every place."""
     left = iter(texts)
     channels = {f"daq.channels.{i}.sensor": next(left) for i in (0, 1)}
     rig = with_values(write_session.one.rig, {"name": next(left), **channels})
@@ -321,18 +320,18 @@ def told(write_session, folder, monkeypatch, simulated, texts, long):
 
 @pytest.mark.parametrize("simulated", [True, False])
 def test_malformed_metadata_is_text(simulated, write_session, tmp_path, monkeypatch):
-    """200 odd texts, some of a megabyte: the page has the tags that it has with plain ones."""
+    """200 malformed texts, some of a megabyte: the page's tags are those with plain texts."""
     places = (write_session, tmp_path / "odd", monkeypatch, simulated)
-    text, quoted = told(*places, malformed(200, 5), LONG)
+    text, quoted = page_with(*places, malformed(200, 5), LONG)
     places = (write_session, tmp_path / "plain", monkeypatch, simulated)
-    other, _ = told(*places, [f"text {i}" for i in range(200)], "another")
+    other, _ = page_with(*places, [f"text {i}" for i in range(200)], "another")
     page, plain = Page(text), Page(other)
     assert page.tags == plain.tags
     assert [a[:2] for a in page.attributes] == [a[:2] for a in plain.attributes]
     assert len(text.encode()) < LARGEST
     assert not re.search("[\x00-\x08\x0b-\x1f\u202e\u2066]", text.split("<script>")[0])
     for one in quoted:
-        assert shown(one) in page.text
+        assert cleaned(one) in page.text
     for data in re.findall(r'<script type="application/json"[^>]*>(.*?)</script>', text):
         assert "alert" not in data
         json.loads(data)

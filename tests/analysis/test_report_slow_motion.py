@@ -1,4 +1,4 @@
-"""The report's slow motion: its numbers are the press's, and its first frame needs no script."""
+"""The report's slow motion: its numbers, and its first frame without a script."""
 
 import json
 import re
@@ -24,7 +24,7 @@ MOST_DATA = 150_000
 
 
 def page_of(paths):
-    """Build a page, and take its slow motion apart."""
+    """Build a page, and return the parts of its slow motion."""
     found = gather(paths, "elastica")
     text = build_report(found, About("a", "0"))
     data = "".join(re.findall('id="slow-motion-data">(.*?)</script>', text, re.S))
@@ -57,7 +57,7 @@ def shift(transform):
     return -float(transform.removeprefix("translate(0 ").split(")")[0]) * 1e-6
 
 
-def test_every_part_that_moves_is_drawn_and_has_every_frame(two):
+def test_every_moving_part_is_drawn_and_has_every_frame(two):
     page, _ = two
     for name, attributes in page.moves.items():
         assert f'id="{name}"' in page.section
@@ -66,7 +66,7 @@ def test_every_part_that_moves_is_drawn_and_has_every_frame(two):
     assert page.size < MOST_DATA
 
 
-def test_what_is_drawn_at_first_is_the_frame_at_release(two):
+def test_the_initial_frame_is_that_before_release(two):
     page, _ = two
     frame = page.shown.at_release
     release = page.shown.scene.phases.plucks[0].release
@@ -81,20 +81,20 @@ def test_what_is_drawn_at_first_is_the_frame_at_release(two):
     assert page.moves["reading-2"][""][frame + 1] == "string released"
 
 
-def test_the_readings_are_what_was_recorded(two):
+def test_the_readings_are_the_recorded_values(two):
     page, paths = two
     data = load_press(paths[0]).data
     time = page.shown.scene.time
     for name, column, scale, digits in (("3", "force", 1, 3), ("4", "jack_speed", 1e3, 1)):
         seen = np.interp(time, data.index, data[column]) * scale
-        told = [float(text.split()[0]) for text in page.moves[f"reading-{name}"][""]]
-        np.testing.assert_allclose(told, seen, atol=0.51 * 10**-digits)
+        values = [float(text.split()[0]) for text in page.moves[f"reading-{name}"][""]]
+        np.testing.assert_allclose(values, seen, atol=0.51 * 10**-digits)
     assert page.moves["frame"]["aria-valuetext"][0] == ", ".join(
         page.moves[f"reading-{number}"][""][0] for number in (1, 2, 3, 4)
     )
 
 
-def test_the_parts_are_where_the_press_had_them(two):
+def test_the_parts_have_the_positions_of_the_press(two):
     """To a micrometre: jack, plectrum and wire; the key's angle to a thousandth of a degree."""
     page, _ = two
     scene = page.shown.scene
@@ -127,12 +127,12 @@ def test_the_string_is_held_at_its_ends_and_bent_at_the_plectrum(two):
     assert x[bent[:, 1].argmax()] == pytest.approx(plucked.plucking_point, abs=3e-3)
 
 
-def test_it_says_what_is_recorded_and_what_is_simulated(two, write_session, tmp_path):
+def test_recorded_and_simulated_parts_are_named(two, write_session, tmp_path):
     page, _ = two
     assert "Press 1 (SIMULATED, made on the stand-in)" in page.section
     assert page.section.count(">SIMULATED</text>") == len(page.pictures)
-    assert "As recorded: the key" in page.section
-    assert "By the model" in page.section
+    assert "Recorded: key, force and speed" in page.section
+    assert "Computed by the model" in page.section
     measured = page_of(write_session(tmp_path, 1, simulated=False))
     assert "Press 1 (measured)" in measured.section
     assert "SIMULATED" not in measured.section
@@ -141,15 +141,17 @@ def test_it_says_what_is_recorded_and_what_is_simulated(two, write_session, tmp_
 def test_without_a_pluck_there_is_a_sentence(write_session, tmp_path):
     page = page_of(write_session(tmp_path, 1, scale=0.0))
     assert not page.pictures
-    assert "No press can be shown so: no press has a pluck." in page.section
+    assert "No press can be shown in slow motion: no press has a pluck." in page.section
 
 
 def test_where_the_model_has_no_pluck_there_is_a_sentence(write_session, tmp_path):
-    """The press still has its pluck: it is only that no plectrum can be drawn."""
+    """The press has a pluck, but no plectrum can be drawn."""
     rig = with_values(write_session.one.rig, {"jack.string_clearance": "9.9 mm"})
     page = page_of(write_session(tmp_path, 2, rig=rig))
     assert not page.pictures
-    assert "No press can be shown so: press.jack_rise: 10 mm ends before" in page.section
+    assert (
+        "No press can be shown in slow motion: press.jack_rise: 10 mm ends before" in page.section
+    )
 
 
 def test_the_first_press_with_a_pluck_is_shown(write_session, tmp_path):
@@ -166,7 +168,7 @@ def test_every_choir_is_shown(more, write_session, tmp_path):
     page = page_of(write_session(tmp_path, 1, rig=rig))
     assert len(page.pictures) == 2 * (1 + more) + 2
     assert f"All {1 + more} choirs are shown, 1 of them plucked" in page.section
-    assert "choir 2: string from nut to bridge, at rest: no pluck of it was found" in page.section
+    assert "choir 2: string from nut to bridge, at rest: no pluck was found" in page.section
     assert page.size < 2 * MOST_DATA
 
 
@@ -180,8 +182,8 @@ def test_a_pluck_at_the_recordings_end_is_shown_to_the_end(make_press):
     shown = slow_motion(1, short, phases)
     assert shown.scene.time[0] == short.data.index[0]
     assert shown.scene.time[-1] == short.data.index[-1]
-    whole = slow_motion(1, press, phases)
-    assert whole.scene.time[-1] >= held.release + LEAST_BESIDE
+    complete = slow_motion(1, press, phases)
+    assert complete.scene.time[-1] >= held.release + LEAST_BESIDE
     assert shown.scene.time[shown.at_release] < held.release
 
 
@@ -193,14 +195,14 @@ def test_a_press_without_a_pluck_is_refused(make_press):
         slow_motion(1, press, phases)
 
 
-def test_a_pluck_of_no_string_is_told(make_press):
+def test_a_pluck_without_a_string_is_reported(make_press):
     """The rig has one string, and a second pluck was found."""
     press = make_press()
     phases = find_phases(press)
     (held,) = phases.plucks
     later = replace(held, contact=held.contact + 0.05, release=held.release + 0.05)
     shown = slow_motion(1, press, replace(phases, plucks=(held, later)))
-    assert "Of 2 plucks that were found 1 can be drawn" in about(shown)
+    assert "2 plucks were found, and 1 can be assigned" in about(shown)
     assert readings(shown)[1].values[shown.at_release] == "string held, pluck 1"
     assert readings(shown)[1].values[-1] == "2 of 2 strings released"
 

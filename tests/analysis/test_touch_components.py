@@ -1,4 +1,4 @@
-"""Components of a spread: against the analysis of variance, brute force and known truths."""
+"""Variance components: against the analysis of variance, brute force and known truths."""
 
 import numpy as np
 import pytest
@@ -9,7 +9,7 @@ from sautereau.analysis.errors import AnalysisError
 
 
 def nested(random, groups=8, subgroups=3, values=10, stds=(0.01, 0.03, 0.2), columns=None):
-    """Return balanced values whose rest, subgroups and groups have these deviations."""
+    """Return balanced values with these residual, subgroup and group deviations."""
     group = np.repeat(np.arange(groups), subgroups * values)
     subgroup = np.repeat(np.arange(groups * subgroups), values)
     rest, between, among = stds
@@ -19,23 +19,23 @@ def nested(random, groups=8, subgroups=3, values=10, stds=(0.01, 0.03, 0.2), col
     return Nested(y, np.ones((len(y), 1)) if columns is None else columns, group, subgroup)
 
 
-def test_balanced_values_give_what_the_analysis_of_variance_gives():
+def test_balanced_values_give_the_analysis_of_variance():
     data = nested(np.random.default_rng(0))
     y = data.values.reshape(8, 3, 10)
     rest = y.var(axis=2, ddof=1).mean()
     subgroup = 10 * y.mean(2).var(axis=1, ddof=1).mean()
     group = 30 * y.mean((1, 2)).var(ddof=1)
     found = fit_nested(data, subgroups=True, groups=True)
-    assert found.rest.value**2 == pytest.approx(rest, rel=5e-3)
+    assert found.residual.value**2 == pytest.approx(rest, rel=5e-3)
     assert found.subgroup is not None
     assert found.group is not None
     assert found.subgroup.value**2 == pytest.approx((subgroup - rest) / 10, rel=5e-3)
     assert found.group.value**2 == pytest.approx((group - subgroup) / 30, rel=5e-3)
-    assert found.mean[0] == pytest.approx(y.mean(), rel=1e-9)
+    assert found.coefficients[0] == pytest.approx(y.mean(), rel=1e-9)
     assert found.covariance[0, 0] == pytest.approx(group / 240, rel=5e-3)
 
 
-def test_the_likelihood_is_that_of_the_whole_covariance():
+def test_the_likelihood_is_that_of_the_complete_covariance():
     random = np.random.default_rng(1)
     group = np.sort(random.integers(0, 4, 30))
     subgroup = np.unique(3 * group + random.integers(0, 3, 30), return_inverse=True)[1]
@@ -58,22 +58,22 @@ def test_the_likelihood_is_that_of_the_whole_covariance():
         np.testing.assert_allclose(np.linalg.solve(matrix[:2, :2], matrix[:2, 2]), mean, rtol=1e-7)
 
 
-def test_what_is_not_there_is_found_to_be_nothing():
+def test_a_component_of_0_is_within_its_interval():
     random = np.random.default_rng(2)
     for stds in ((0.01, 0.0, 0.0), (0.01, 0.03, 0.0), (0.01, 0.0, 0.2)):
         found = fit_nested(nested(random, stds=stds), subgroups=True, groups=True)
-        for spread, true in zip((found.rest, found.subgroup, found.group), stds, strict=True):
+        for spread, true in zip((found.residual, found.subgroup, found.group), stds, strict=True):
             assert spread is not None
             assert spread.low <= true < spread.high
             assert np.isfinite([spread.value, spread.low, spread.high]).all()
 
 
 @pytest.mark.parametrize("shape", [(1, 1, 2), (2, 1, 2), (1, 3, 2), (2, 2, 2), (3, 2, 1)])
-def test_few_values_give_wide_intervals_and_no_fault(shape):
+def test_few_values_give_wide_finite_intervals(shape):
     groups, subgroups, values = shape
     data = nested(np.random.default_rng(3), *shape)
     found = fit_nested(data, subgroups=subgroups > 1 and values > 1, groups=groups > 1)
-    assert 0 < found.rest.low < found.rest.value < found.rest.high < np.inf
+    assert 0 < found.residual.low < found.residual.value < found.residual.high < np.inf
     assert (found.group is None) == (groups == 1)
 
 
@@ -83,7 +83,7 @@ def test_the_unit_does_not_matter():
     for scale in (1e-9, 1e9):
         scaled = Nested(data.values * scale, data.columns, data.groups, data.subgroups)
         found = fit_nested(scaled, subgroups=True, groups=True)
-        for part in ("rest", "subgroup", "group"):
+        for part in ("residual", "subgroup", "group"):
             ours, theirs = getattr(found, part), getattr(plain, part)
             assert ours.low / scale == pytest.approx(theirs.low, rel=1e-2)
             assert ours.high / scale == pytest.approx(theirs.high, rel=1e-2)
@@ -93,23 +93,23 @@ def test_values_without_a_spread_are_refused():
     random = np.random.default_rng(5)
     with pytest.raises(AnalysisError, match="no spread beyond"):
         fit_nested(nested(random, stds=(0, 0, 0)), subgroups=True, groups=True)
-    with pytest.raises(AnalysisError, match="leave no spread"):
+    with pytest.raises(AnalysisError, match="no degree of freedom"):
         fit_nested(nested(random, 1, 1, 1), subgroups=False, groups=False)
 
 
 def coverage(cases, shape, stds):
-    """Return the share of the cases whose intervals hold the truth, of each component."""
+    """Return the fraction of cases whose intervals hold the truth, for each component."""
     held = np.zeros(3)
     for seed in range(cases):
         found = fit_nested(
             nested(np.random.default_rng(seed), *shape, stds), subgroups=True, groups=True
         )
-        spreads = (found.rest, found.subgroup, found.group)
+        spreads = (found.residual, found.subgroup, found.group)
         held += [s.low <= true <= s.high for s, true in zip(spreads, stds, strict=True) if s]
     return held / cases
 
 
-def test_intervals_hold_the_truth_in_a_few():
+def test_intervals_hold_the_truth_in_a_few_cases():
     assert (coverage(10, (6, 2, 5), (0.01, 0.03, 0.2)) >= 0.7).all()
 
 

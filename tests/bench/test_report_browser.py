@@ -1,4 +1,4 @@
-"""The report in a real browser: it opens from the disk, and does what its buttons say."""
+"""The report in a real browser: it opens from a file, and its buttons work."""
 
 import re
 import shutil
@@ -17,14 +17,14 @@ from sautereau.robot.experiment.session_folder import SessionFolder
 
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "chrome"))), None)
 PRESSES = 20
-pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="there is no Chromium on this machine")
+pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="Chromium is not installed")
 
 
 @pytest.fixture(scope="module")
 def browser():
     playwright = pytest.importorskip("playwright.sync_api")
     with playwright.sync_playwright() as driver:
-        # Chromium's own sandbox cannot be had as root, and the page is ours.
+        # Chromium's sandbox is not available to root, and this page is trusted.
         browser = driver.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
         yield browser
         browser.close()
@@ -32,7 +32,7 @@ def browser():
 
 @pytest.fixture(scope="module")
 def session(write_session, tmp_path_factory):
-    """A folder as `press` leaves it, and its report."""
+    """A session folder with its report."""
     path = tmp_path_factory.mktemp("sessions") / "evening"
     rig = write_session.one.rig
     folder = SessionFolder(path, Plan(rig, (Row(rig, PRESSES),)), None, 0)
@@ -44,7 +44,7 @@ def session(write_session, tmp_path_factory):
 
 @contextmanager
 def opened(browser, path, **options):
-    """Open a page; whatever it complains of, asks for or loads is a fault."""
+    """Open a page; errors, dialogs and requests to a network fail the test."""
     page = browser.new_page(viewport={"width": 1200, "height": 900}, **options)
     faults, loaded = [], []
     page.on("console", lambda message: faults.append(message.text))
@@ -86,11 +86,11 @@ def test_every_plot_is_drawn(page):
     assert lines.count() == 3 * PRESSES
 
 
-def test_a_click_brings_a_press_out(page):
+def test_a_click_highlights_a_press(page):
     button = page.get_by_role("button", name="press 3", exact=True)
     button.click()
     assert button.get_attribute("aria-pressed") == "true"
-    assert page.get_by_role("status").inner_text() == "press 3 is brought out"
+    assert page.get_by_role("status").inner_text() == "press 3 is highlighted"
     assert page.locator("details[data-press='3']").get_attribute("open") is not None
     for plot in ("over-time", "force-on-deflection"):
         for press, opacity in opacities(page, plot):
@@ -100,7 +100,7 @@ def test_a_click_brings_a_press_out(page):
     assert {opacity for _, opacity in opacities(page, "over-time")} == {0.6}
 
 
-def test_a_click_on_a_point_or_a_line_does_so_too(page):
+def test_a_click_on_a_point_or_a_line_highlights_its_press(page):
     point = page.locator("#over-session .scatterlayer path.point").nth(4)
     point.scroll_into_view_if_needed()
     box = point.bounding_box()
@@ -112,15 +112,15 @@ def test_a_click_on_a_point_or_a_line_does_so_too(page):
 
 
 def shows(page, part):
-    """Return the button of the page's own that shows a part of the plot."""
+    """Return the page's button that shows a part of the plot."""
     return page.locator("button[data-plot]").filter(has_text=part)
 
 
 def test_the_plot_zooms_by_buttons_and_by_mouse(page):
-    whole, _ = ranges(page)
+    full, _ = ranges(page)
     shows(page, "Release").press("Enter")
     release, force = ranges(page)
-    assert whole[0] < release[0] < release[1] < whole[1]
+    assert full[0] < release[0] < release[1] < full[1]
     assert release[1] - release[0] < 10
     assert 0 < force[1] < 2
     shows(page, "Zoom out").click()
@@ -129,7 +129,7 @@ def test_the_plot_zooms_by_buttons_and_by_mouse(page):
     shows(page, "Later").click()
     later, _ = ranges(page)
     assert later[0] == pytest.approx((wider[0] + wider[1]) / 2)
-    shows(page, "Going down").click()
+    shows(page, "Key going down").click()
     plot = page.locator("#over-time .nsewdrag").first
     plot.scroll_into_view_if_needed()
     box = plot.bounding_box()
@@ -137,21 +137,21 @@ def test_the_plot_zooms_by_buttons_and_by_mouse(page):
     page.mouse.down()
     page.mouse.move(box["x"] + 0.5 * box["width"], box["y"] + 0.5 * box["height"], steps=5)
     page.mouse.up()
-    until(page, lambda: ranges(page)[0] != whole)
+    until(page, lambda: ranges(page)[0] != full)
     dragged, _ = ranges(page)
-    assert dragged[1] - dragged[0] == pytest.approx(0.2 * (whole[1] - whole[0]), rel=0.05)
+    assert dragged[1] - dragged[0] == pytest.approx(0.2 * (full[1] - full[0]), rel=0.05)
 
 
-def until(page, met):
-    """Wait until something is met; the page's policy forbids Playwright's own way."""
+def until(page, condition):
+    """Wait for a condition; the page's security policy forbids Playwright's own function."""
     for _ in range(400):
-        if met():
+        if condition():
             return
         page.wait_for_timeout(25)
-    raise AssertionError("it never came to that")
+    raise AssertionError("the condition was not fulfilled within 10 s")
 
 
-def back(page):
+def brightness(page):
     colour = page.evaluate("() => getComputedStyle(document.body).backgroundColor")
     return sum(map(int, re.findall(r"\d+", colour)[:3])) / 3
 
@@ -160,21 +160,21 @@ def test_the_theme_follows_the_system_and_the_button(page):
     def text():
         return page.evaluate("() => document.getElementById('over-time').layout.font.color")
 
-    assert back(page) > 200
+    assert brightness(page) > 200
     light = text()
     page.emulate_media(color_scheme="dark")
     until(page, lambda: text() != light)
-    assert back(page) < 60
+    assert brightness(page) < 60
     toggle = page.get_by_role("button", name="Dark")
     assert toggle.get_attribute("aria-pressed") == "true"
     toggle.click()
     until(page, lambda: text() == light)
-    assert back(page) > 200
+    assert brightness(page) > 200
     assert toggle.get_attribute("aria-pressed") == "false"
 
 
-def test_the_table_reads_as_the_recordings_do(page, session):
-    table = page.get_by_role("table").filter(has_text="One row a press")
+def test_the_table_holds_the_features_of_the_recordings(page, session):
+    table = page.get_by_role("table").filter(has_text="One row per press")
     heads = table.get_by_role("columnheader").all_inner_texts()
     contact = heads.index("contact (ms)") - 1
     rows = table.locator("tbody tr")
@@ -188,7 +188,7 @@ def _paths(session):
     return sorted(session.glob("*.mcap"))
 
 
-def test_keyboard_and_screen_reader_find_their_way(page):
+def test_keyboard_and_screen_reader(page):
     page.keyboard.press("Tab")
     assert page.evaluate("() => document.activeElement.textContent") == "Skip to the presses"
     page.keyboard.press("Tab")
@@ -217,14 +217,14 @@ def frame(page):
 
 
 def test_the_slow_motion_follows_the_slider(page):
-    """By key and by mouse; every part goes along, and no key is needed but the usual ones."""
+    """By keyboard and mouse, with all parts."""
     slider = page.get_by_role("slider", name="Frame")
     number, plectrum, wire, *_ = frame(page)
     slider.press("ArrowLeft")
-    before, other, _, time, told = frame(page)
+    before, other, _, time, description = frame(page)
     assert before == number - 1
     assert other != plectrum
-    assert told.startswith(f"{time}, string held, ")
+    assert description.startswith(f"{time}, string held, ")
     slider.press("Home")
     first, straight, rest, *_ = frame(page)
     assert first == 0
@@ -259,11 +259,11 @@ def test_it_plays_and_pauses(page):
     assert button.inner_text() == "Play"
 
 
-def test_the_slow_motion_prints_as_it_is_at_release(page):
-    told = frame(page)
+def test_the_slow_motion_prints_the_frame_before_release(page):
+    initial = frame(page)
     page.locator("#frame").press("Home")
     page.evaluate("() => dispatchEvent(new Event('beforeprint'))")
-    assert frame(page) == told
+    assert frame(page) == initial
     page.evaluate("() => dispatchEvent(new Event('afterprint'))")
     assert frame(page)[0] == 0
 
@@ -276,7 +276,7 @@ def test_it_prints(browser, session):
         assert not page.get_by_role("button", name="Dark").is_visible()
 
 
-def test_without_scripts_the_tables_are_there(browser, session):
+def test_the_tables_need_no_scripts(browser, session):
     page = browser.new_page(java_script_enabled=False)
     page.goto((session / "report.html").as_uri())
     assert "The plots need JavaScript" in page.inner_text("noscript")
@@ -287,8 +287,7 @@ def test_without_scripts_the_tables_are_there(browser, session):
     page.close()
 
 
-def test_odd_texts_do_nothing(browser, write_session, tmp_path):
-    """What a parser lets through, a browser would run: here it runs nothing."""
+def test_malformed_texts_run_nothing(browser, write_session, tmp_path):
     odd = "</script></pre><script>alert(1)</script><img src=x onerror=alert(2)>\x00\u202e"
     rig = with_values(write_session.one.rig, {"name": odd, "daq.channels.0.sensor": odd})
     paths = write_session(

@@ -1,4 +1,4 @@
-"""`sautereau report`: what of a folder it tells, and what it says where it cannot."""
+"""`sautereau report`: sessions that are complete, interrupted, damaged or empty."""
 
 import json
 import shutil
@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from sautereau.analysis.errors import AnalysisError
+from sautereau.commands.app import app
 from sautereau.commands.report import report
 from sautereau.daq.file.reading import read_recording
 from sautereau.robot.errors import RobotError
@@ -20,8 +21,8 @@ from sautereau.sim_backend.scene import load_scene
 
 
 @pytest.fixture
-def begun(write_session, tmp_path):
-    """A session of 3 planned presses, none made yet."""
+def started(write_session, tmp_path):
+    """A session of 3 planned presses without recordings."""
     rig = write_session.one.rig
     scene = load_scene("ideal").model_dump_json()
     path = tmp_path / "it's; an evening"
@@ -30,95 +31,98 @@ def begun(write_session, tmp_path):
     return folder
 
 
-def told(path, capsys, **options):
+def page_of(path, capsys, **options):
     capsys.readouterr()
     assert report(path, json=True, **options) == 0
     result = json.loads(capsys.readouterr().out)
     return result, unescape(Path(result["path"]).read_text(encoding="utf-8"))
 
 
-def test_a_session_under_way(begun, write_session, capsys):
-    """Cut short, of another session, left out: all of it is said first."""
+def test_an_incomplete_session(started, write_session, capsys):
+    """Interrupted presses, other sessions and damaged files are warnings at the top."""
     scene = load_scene("ideal").model_dump_json()
-    own = {"session": begun.session, "scene": scene, "seed": 5}
-    write_session(begun.path, 1, warm_up=True, **own)
-    write_session(begun.path, 2, first=2, **own)
-    write_session(begun.path, 1, first=8, session="another")
-    (begun.path / "press-0009.mcap.part").write_bytes(b"")
-    damaged = begun.path / "press-0010.mcap"
-    damaged.write_bytes((begun.path / "press-0002.mcap").read_bytes()[:20_000])
-    (begun.path / "fit-1.json").write_text("{}")
-    result, page = told(begun.path, capsys)
+    own = {"session": started.session, "scene": scene, "seed": 5}
+    write_session(started.path, 1, warm_up=True, **own)
+    write_session(started.path, 2, first=2, **own)
+    write_session(started.path, 1, first=8, session="another")
+    (started.path / "press-0009.mcap.part").write_bytes(b"")
+    damaged = started.path / "press-0010.mcap"
+    damaged.write_bytes((started.path / "press-0002.mcap").read_bytes()[:20_000])
+    (started.path / "fit-1.json").write_text("{}")
+    result, page = page_of(started.path, capsys)
     assert (result["presses"], result["simulated"]) == (3, True)
     assert list(result["left_out"]) == [str(damaged)]
     for warning in (
         "2 of 3 planned presses are on this page",
         "1 recordings in the folder are of other sessions",
         "press-0009.mcap.part is of a press that was cut short",
-        "press-0010.mcap is left out",
+        "press-0010.mcap could not be read",
         "fit-1.json: parameters: Field required",
     ):
-        assert warning in page.split("What was pressed")[0]
+        assert warning in page.split("Setup</h2>")[0]
     assert "sautereau press rig.toml -n 3 --warm-up 1 --scene ideal --seed 5 --out AGAIN" in page
     assert "sautereau report 'it'\"'\"'s; an evening'" in page
 
 
-def test_any_folder_of_recordings_will_do(write_session, tmp_path, capsys):
+def test_a_folder_without_a_manifest(write_session, tmp_path, capsys):
     write_session(tmp_path, 2)
-    result, page = told(tmp_path, capsys, out=tmp_path / "deep" / "page.html")
+    result, page = page_of(tmp_path, capsys, out=tmp_path / "deep" / "page.html")
     assert result["path"] == str(tmp_path / "deep" / "page.html")
     assert "To press so again" not in page
 
 
-def test_a_scene_of_ones_own_is_on_the_page(begun, write_session, capsys):
+def test_a_custom_scene_is_on_the_page(started, write_session, capsys):
     scene = load_scene("ideal").model_copy(update={"step": 7e-4}).model_dump_json()
-    write_session(begun.path, 3, session=begun.session, scene=scene)
-    _, page = told(begun.path, capsys)
+    write_session(started.path, 3, session=started.session, scene=scene)
+    _, page = page_of(started.path, capsys)
     assert "--scene scene.toml" in page
     assert scene in page
 
 
-def test_a_plan_that_cannot_be_read_is_said(begun, write_session, capsys):
-    write_session(begun.path, 3, session=begun.session)
-    manifest = begun.path / MANIFEST
+def test_an_unreadable_plan_is_a_warning(started, write_session, capsys):
+    write_session(started.path, 3, session=started.session)
+    manifest = started.path / MANIFEST
     manifest.write_text(json.dumps(json.loads(manifest.read_text()) | {"plan": {}}))
-    _, page = told(begun.path, capsys)
+    _, page = page_of(started.path, capsys)
     assert f"{MANIFEST}: its plan cannot be read (KeyError: 'presses')" in page
 
 
-def test_without_recordings_it_says_so(begun, tmp_path):
-    for path in (begun.path, tmp_path / "nowhere", begun.path / MANIFEST):
+def test_a_folder_without_recordings_is_refused(started, tmp_path):
+    for path in (started.path, tmp_path / "nowhere", started.path / MANIFEST):
         with pytest.raises((AnalysisError, RobotError), match="give"):
             report(path)
 
 
-def test_a_page_is_written_anew(write_session, tmp_path, capsys):
+def test_a_page_is_overwritten(write_session, tmp_path, capsys):
     write_session(tmp_path, 1)
-    _, first = told(tmp_path, capsys)
+    _, first = page_of(tmp_path, capsys)
     shutil.copy(tmp_path / "press-0001.mcap", tmp_path / "press-0002.mcap")
-    _, second = told(tmp_path, capsys)
+    _, second = page_of(tmp_path, capsys)
     assert "1 press on rig" in first
     assert "2 presses on rig" in second
 
 
-def test_without_its_packages_it_says_what_to_install(write_session, tmp_path, monkeypatch):
+def test_missing_packages_are_named(write_session, tmp_path, monkeypatch):
     write_session(tmp_path, 1)
     monkeypatch.setitem(sys.modules, "plotly", None)
     with pytest.raises(AnalysisError, match="`python -m pip install plotly`"):
         report(tmp_path)
 
 
-def test_what_the_page_tells_makes_the_same_press_again(sautereau, tmp_path, capsys):
-    """Its rig file and its command, on another day: the same volts to the bit."""
-    ran = sautereau("press", "--sim", "--seed", 11, "--out", "first", "--json")
-    assert ran.returncode == 0, ran.stderr
-    _, page = told(tmp_path / "first", capsys)
+def test_the_command_on_the_page_repeats_the_session(tmp_path, monkeypatch, capsys):
+    """Its rig file and its command give the same volts to the bit."""
+
+    def run(words):
+        assert app(words, print_error=False, exit_on_error=False) in (0, None)
+
+    monkeypatch.chdir(tmp_path)
+    run(["press", "--sim", "--seed", "11", "--out", "first", "--json"])
+    _, page = page_of(tmp_path / "first", capsys)
     rig = page.split('<pre id="rig-toml">')[1].split("</pre>")[0]
     (tmp_path / "rig.toml").write_text(rig, encoding="utf-8")
     (command,) = [line for line in page.splitlines() if "sautereau press rig.toml" in line]
     words = command.removeprefix("<pre>").removesuffix("</pre>").split()
-    ran = sautereau(*words[1:])
-    assert ran.returncode == 0, ran.stderr
+    run(words[1:])
     one, two = (
         read_recording(tmp_path / folder / "press-0001.mcap").volts for folder in ("first", "AGAIN")
     )
