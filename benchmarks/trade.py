@@ -8,7 +8,8 @@ import numpy as np
 from benchmarks.figures import RUNS, Figure, median_time
 from sautereau.rig.load import load_rig
 from sautereau.rig.schema import Rig
-from sautereau.sim_backend.physics.observation import drive_of, errors, observe
+from sautereau.sim_backend.physics.drive import drive_of
+from sautereau.sim_backend.physics.observation import errors, observe
 from sautereau.sim_backend.physics.reduced.sweep import Ending, sweep
 from sautereau.sim_backend.physics.reference.observe import reference
 from sautereau.sim_backend.scene import Scene, load_scene

@@ -4,6 +4,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+MOVE_BASE = "move arm.base_x or arm.base_z"
+SLOWER_PRESS = (
+    "lower press.jack_speed, press.run_up_acceleration, run_up_jerk or run_down_acceleration"
+)
+"""How to fix checks of several kinds that fail."""
+
 
 @dataclass(frozen=True)
 class Check:

@@ -6,13 +6,12 @@ import numpy as np
 
 from sautereau.rig.schema import Rig
 from sautereau.trajectory.arm import fingertip_place
-from sautereau.trajectory.checks import Check, at_least, at_most
+from sautereau.trajectory.checks import MOVE_BASE, SLOWER_PRESS, Check, at_least, at_most
 from sautereau.trajectory.cubic import Cubics, evaluate
 from sautereau.trajectory.dynamics import joint_torques
 from sautereau.trajectory.expected import Expectation
 from sautereau.trajectory.key import rise_of_angle, surface_axes
 from sautereau.trajectory.motion import Floats, Motion, dot
-from sautereau.trajectory.remedies import MOVE_BASE, SOFTER
 
 INSIDE = np.linspace(0.0, 1.0, 5)
 """Places in each segment at which it is looked at."""
@@ -74,7 +73,7 @@ def loads(rig: Rig, sampled: Sampled, expected: Expectation | None) -> list[Chec
     peaks = [_peak(free[..., j]) for j in (0, 1)]
     if expected is not None:
         peaks = _loaded(rig, sampled, free, expected)
-    remedy = f"{SOFTER}, or {MOVE_BASE}"
+    remedy = f"{SLOWER_PRESS}, or {MOVE_BASE}"
     return [
         at_most(f"joint {j + 1} torque", peaks[j], rig.arm.torque_limit, "N*m", remedy)
         for j in (0, 1)

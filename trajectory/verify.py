@@ -6,10 +6,9 @@ import numpy as np
 
 from sautereau.rig.schema import Rig
 from sautereau.trajectory.arm import elbow_sign
-from sautereau.trajectory.checks import Check, at_least, at_most
+from sautereau.trajectory.checks import MOVE_BASE, SLOWER_PRESS, Check, at_least, at_most
 from sautereau.trajectory.cubic import Cubics, Extremes, extremes, segment_cubics
 from sautereau.trajectory.expected import Expectation
-from sautereau.trajectory.remedies import MOVE_BASE, SOFTER
 from sautereau.trajectory.sampled import depth_and_stops, loads, places, sample
 from sautereau.trajectory.segments import Segments
 
@@ -109,9 +108,9 @@ def _limits(rig: Rig, reached: Extremes) -> list[Check]:
         found += [
             at_least(f"{name} lower limit", reached.low[j], low, "rad", MOVE_BASE),
             at_most(f"{name} upper limit", reached.high[j], high, "rad", MOVE_BASE),
-            at_most(f"{name} speed", reached.speed[j], arm.speed_limit, "rad/s", SOFTER),
-            at_most(f"{name} acceleration", spin, arm.acceleration_limit, "rad/s^2", SOFTER),
-            at_most(f"{name} jerk", jerk, arm.jerk_limit, "rad/s^3", SOFTER),
+            at_most(f"{name} speed", reached.speed[j], arm.speed_limit, "rad/s", SLOWER_PRESS),
+            at_most(f"{name} acceleration", spin, arm.acceleration_limit, "rad/s^2", SLOWER_PRESS),
+            at_most(f"{name} jerk", jerk, arm.jerk_limit, "rad/s^3", SLOWER_PRESS),
         ]
     return found
 

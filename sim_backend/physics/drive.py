@@ -7,10 +7,14 @@ from typing import Protocol
 import numpy as np
 
 from sautereau.rig.schema import Rig
+from sautereau.sim_backend.errors import SceneError
 from sautereau.sim_backend.parts import Push
 from sautereau.sim_backend.physics.finger import Reference
+from sautereau.sim_backend.scene import Scene
 from sautereau.trajectory.cubic import Cubics, motion_at, segment_cubics
+from sautereau.trajectory.errors import TrajectoryError
 from sautereau.trajectory.motion import Floats, Motion
+from sautereau.trajectory.press import plan_press
 from sautereau.trajectory.segments import Segments
 
 LEAD = 20
@@ -88,6 +92,20 @@ class PressDrive:
     @cached_property
     def _cubics(self) -> Cubics:
         return segment_cubics(self.segments, 1 / self.radians, self.period)
+
+
+def drive_of(rig: Rig, scene: Scene) -> Drive:
+    """Return what a scene does by itself: its push, or the rig's planned press.
+
+    Raises:
+        SceneError: The rig's press cannot be planned.
+    """
+    if scene.push is not None:
+        return PushDrive(rig, scene.push)
+    try:
+        return PressDrive(rig, plan_press(rig).segments)
+    except TrajectoryError as error:
+        raise SceneError(f"rig {rig.name}: {error}") from error
 
 
 def _stand(fractions: Floats) -> tuple[Floats, Floats]:

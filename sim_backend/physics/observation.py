@@ -6,12 +6,10 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from sautereau.rig.schema import Rig
-from sautereau.sim_backend.errors import SceneError
-from sautereau.sim_backend.physics.drive import Drive, PressDrive, PushDrive
+from sautereau.sim_backend.physics.drive import Drive, drive_of
 from sautereau.sim_backend.physics.events import Motions, PluckEvents, StringEvent
+from sautereau.sim_backend.physics.world import new_world
 from sautereau.sim_backend.scene import Scene
-from sautereau.trajectory.errors import TrajectoryError
-from sautereau.trajectory.press import plan_press
 
 
 @dataclass(frozen=True)
@@ -33,20 +31,6 @@ class Errors:
     the largest of each."""
 
 
-def drive_of(rig: Rig, scene: Scene) -> Drive:
-    """Return what a scene does by itself: its push, or the rig's planned press.
-
-    Raises:
-        SceneError: The rig's press cannot be planned.
-    """
-    if scene.push is not None:
-        return PushDrive(rig, scene.push)
-    try:
-        return PressDrive(rig, plan_press(rig).segments)
-    except TrajectoryError as error:
-        raise SceneError(f"rig {rig.name}: {error}") from error
-
-
 def observe(rig: Rig, scene: Scene, drive: Drive | None = None) -> Observation:
     """Run a drive through a world of its own and return all that happened.
 
@@ -58,8 +42,6 @@ def observe(rig: Rig, scene: Scene, drive: Drive | None = None) -> Observation:
     Raises:
         SceneError: The scene cannot be simulated.
     """
-    from sautereau.sim_backend.physics.world import new_world
-
     drive = drive or drive_of(rig, scene)
     world = new_world(rig, scene, start=drive.start)
     parts = [world.advance(drive.reference(i), True) for i in range(drive.samples)]

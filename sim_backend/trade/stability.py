@@ -10,7 +10,8 @@ import numpy as np
 from sautereau.rig.errors import SautereauError
 from sautereau.rig.load import with_values
 from sautereau.rig.schema import Rig
-from sautereau.sim_backend.physics.observation import Errors, Observation, drive_of, errors, observe
+from sautereau.sim_backend.physics.drive import drive_of
+from sautereau.sim_backend.physics.observation import Errors, Observation, errors, observe
 from sautereau.sim_backend.scene import Scene
 from sautereau.sim_backend.trade.cases import Case, grid, random_cases
 from sautereau.sim_backend.trade.choose import settle

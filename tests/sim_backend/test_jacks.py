@@ -8,7 +8,8 @@ import pytest
 from sautereau.rig.load import load_rig
 from sautereau.rig.section import GRAVITY
 from sautereau.sim_backend.parts import Push
-from sautereau.sim_backend.physics.observation import drive_of, errors, observe
+from sautereau.sim_backend.physics.drive import drive_of
+from sautereau.sim_backend.physics.observation import errors, observe
 from sautereau.sim_backend.physics.reference.observe import reference
 from sautereau.sim_backend.physics.rigid.division import RESOLVED
 from sautereau.sim_backend.physics.world import new_world

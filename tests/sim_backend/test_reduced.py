@@ -16,9 +16,9 @@ from sautereau.rig.instrument import Choir
 from sautereau.rig.load import load_rig, with_values
 from sautereau.rig.section import GRAVITY
 from sautereau.sim_backend.errors import SceneError
-from sautereau.sim_backend.physics.drive import PushDrive
+from sautereau.sim_backend.physics.drive import PushDrive, drive_of
 from sautereau.sim_backend.physics.events import Motions
-from sautereau.sim_backend.physics.observation import Observation, drive_of, errors
+from sautereau.sim_backend.physics.observation import Observation, errors
 from sautereau.sim_backend.physics.reduced.engine import ReducedWorld
 from sautereau.sim_backend.physics.reference.observe import reference
 from sautereau.sim_backend.scene import Scene
@@ -399,7 +399,7 @@ if sys.argv[1] == "without": sys.modules["numba"] = None
 from dataclasses import fields
 from sautereau.rig.load import load_rig
 from sautereau.sim_backend.physics.reduced.engine import ReducedWorld
-from sautereau.sim_backend.physics.drive import PushDrive
+from sautereau.sim_backend.physics.drive import PushDrive, drive_of
 from sautereau.sim_backend.scene import Scene
 told = Scene.model_validate({"finger": "push", "plectrum": "elastica", "string": "spring",
     "friction": True, "felt": True, "tongue": True, "damper": True, "engine": "reduced",

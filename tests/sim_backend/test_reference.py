@@ -12,10 +12,9 @@ from sautereau.analysis.model.key import finger_force
 from sautereau.rig.load import load_rig, with_values
 from sautereau.rig.section import GRAVITY
 from sautereau.sim_backend.errors import SceneError
-from sautereau.sim_backend.physics.drive import LEAD, PressDrive
-from sautereau.sim_backend.physics.observation import drive_of
+from sautereau.sim_backend.physics.drive import LEAD, PressDrive, drive_of
+from sautereau.sim_backend.physics.reference.drive_segments import Leg
 from sautereau.sim_backend.physics.reference.jack import JackLaw, PluckLaw, StringState
-from sautereau.sim_backend.physics.reference.legs import Leg
 from sautereau.sim_backend.physics.reference.linkage import Linkage
 from sautereau.sim_backend.physics.reference.mode import Felt, JackMode, Meeting
 from sautereau.sim_backend.physics.reference.observe import reference, solve

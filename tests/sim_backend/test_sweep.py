@@ -7,7 +7,7 @@ from sautereau.analysis.model.choirs import choir_pluck, choirs
 from sautereau.rig.instrument import Choir
 from sautereau.rig.load import load_rig, with_values
 from sautereau.sim_backend.errors import SceneError
-from sautereau.sim_backend.physics.observation import drive_of
+from sautereau.sim_backend.physics.drive import drive_of
 from sautereau.sim_backend.physics.reduced.engine import ReducedWorld
 from sautereau.sim_backend.physics.reduced.laws import elastica_laws, laws_of
 from sautereau.sim_backend.physics.reduced.sweep import Ending, sweep

@@ -44,7 +44,7 @@ def _compiled(function: F, *, no_cpython_wrapper: bool = True, forceinline: bool
 
 
 def _digest() -> str:
-    files = sorted(Path(__file__).parent.glob("reduced_*.py"))
+    files = sorted(Path(__file__).parent.glob("*.py"))
     return hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()[:12]
 
 

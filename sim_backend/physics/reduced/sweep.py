@@ -11,8 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from sautereau.rig.schema import Rig
 from sautereau.sim_backend.errors import SceneError
-from sautereau.sim_backend.physics.drive import Drive
-from sautereau.sim_backend.physics.observation import drive_of
+from sautereau.sim_backend.physics.drive import Drive, drive_of
 from sautereau.sim_backend.physics.reduced.bench import Numbers, benches, new_leg
 from sautereau.sim_backend.physics.reduced.engine import ENDS, check_scene, joint_cubics, steps_of
 from sautereau.sim_backend.physics.reduced.play import play_presses

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from sautereau.sim_backend.physics.reference.legs import Leg
+from sautereau.sim_backend.physics.reference.drive_segments import Leg
 from sautereau.sim_backend.physics.reference.linkage import Inertia, Touch
 from sautereau.sim_backend.physics.reference.mode import Felt, JackMode, Meeting, Mode
 from sautereau.sim_backend.physics.reference.system import State, System

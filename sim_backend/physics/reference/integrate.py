@@ -16,10 +16,10 @@ from sautereau.sim_backend.physics.reference.conditions import (
     first_broken,
     locate,
 )
+from sautereau.sim_backend.physics.reference.drive_segments import Hand, Leg
 from sautereau.sim_backend.physics.reference.equations import Instant, Stretch
 from sautereau.sim_backend.physics.reference.jack import StringState
-from sautereau.sim_backend.physics.reference.legs import Hand, Leg
-from sautereau.sim_backend.physics.reference.settle import pinned, settled
+from sautereau.sim_backend.physics.reference.projection import pinned, settled
 from sautereau.sim_backend.physics.reference.switch import begin, meeting_of, strike
 from sautereau.sim_backend.physics.reference.system import State, System
 

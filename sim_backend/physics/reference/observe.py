@@ -6,12 +6,17 @@ import numpy as np
 
 from sautereau.rig.schema import Rig
 from sautereau.sim_backend.errors import SceneError
-from sautereau.sim_backend.physics.drive import Drive
+from sautereau.sim_backend.physics.drive import Drive, drive_of
 from sautereau.sim_backend.physics.events import Motions
-from sautereau.sim_backend.physics.observation import Observation, drive_of
+from sautereau.sim_backend.physics.observation import Observation
+from sautereau.sim_backend.physics.reference.drive_segments import (
+    Hand,
+    IdealHand,
+    PushHand,
+    ServoHand,
+)
 from sautereau.sim_backend.physics.reference.integrate import Integrator, Solution
 from sautereau.sim_backend.physics.reference.jack import jack_laws
-from sautereau.sim_backend.physics.reference.legs import Hand, IdealHand, PushHand, ServoHand
 from sautereau.sim_backend.physics.reference.linkage import Linkage
 from sautereau.sim_backend.physics.reference.system import State, System
 from sautereau.sim_backend.scene import Scene

@@ -9,12 +9,12 @@ from scipy.optimize import nnls
 
 from sautereau.sim_backend.errors import SceneError
 from sautereau.sim_backend.physics.reference.conditions import SHARE, conditions
+from sautereau.sim_backend.physics.reference.drive_segments import Leg
 from sautereau.sim_backend.physics.reference.equations import Instant, Stretch
 from sautereau.sim_backend.physics.reference.jack import StringState
-from sautereau.sim_backend.physics.reference.legs import Leg
 from sautereau.sim_backend.physics.reference.linkage import Touch
 from sautereau.sim_backend.physics.reference.mode import Felt, JackMode, Meeting, Mode
-from sautereau.sim_backend.physics.reference.settle import apart
+from sautereau.sim_backend.physics.reference.projection import apart
 from sautereau.sim_backend.physics.reference.system import State, System
 
 CLOSE = 1e-13

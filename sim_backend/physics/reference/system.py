@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 from sautereau.rig.schema import Rig
 from sautereau.rig.section import GRAVITY
+from sautereau.sim_backend.physics.reference.drive_segments import Leg
 from sautereau.sim_backend.physics.reference.jack import JackLaw
-from sautereau.sim_backend.physics.reference.legs import Leg
 from sautereau.sim_backend.physics.reference.linkage import Linkage, Touch
 from sautereau.sim_backend.scene import Scene
 

@@ -24,7 +24,7 @@ from sautereau.sim_backend.physics.rigid.bodies import (
 from sautereau.sim_backend.physics.rigid.division import Division
 from sautereau.sim_backend.physics.rigid.ideal import IdealFinger, touching_angle
 from sautereau.sim_backend.physics.rigid.jacks import CarriedJack
-from sautereau.sim_backend.physics.rigid.lever import KeyLoads
+from sautereau.sim_backend.physics.rigid.key_loads import KeyLoads
 from sautereau.sim_backend.physics.rigid.pluck import Plucked, Plucking
 from sautereau.sim_backend.scene import Scene
 from sautereau.trajectory.arm import fingertip_place

@@ -7,7 +7,7 @@ from sautereau.rig.schema import Rig
 from sautereau.sim_backend.errors import SceneError
 from sautereau.sim_backend.physics.rigid.bodies import INERTIA
 from sautereau.sim_backend.physics.rigid.jacks import CarriedJack
-from sautereau.sim_backend.physics.rigid.lever import KeyLoads
+from sautereau.sim_backend.physics.rigid.key_loads import KeyLoads
 
 RESOLVED = 0.1
 """rad, of the quickest oscillation, or share of a decay, that a step may take at most."""

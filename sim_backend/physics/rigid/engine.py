@@ -21,7 +21,7 @@ from sautereau.sim_backend.physics.finger import Finger, Reference
 from sautereau.sim_backend.physics.rigid.assembly import assemble
 from sautereau.sim_backend.physics.rigid.bodies import MM, set_angle, set_torque
 from sautereau.sim_backend.physics.rigid.division import TICK, even_steps
-from sautereau.sim_backend.physics.rigid.lever import TURNED
+from sautereau.sim_backend.physics.rigid.key_loads import TURNED
 from sautereau.sim_backend.physics.rigid.step_event import Happening, earliest
 from sautereau.sim_backend.scene import Scene
 

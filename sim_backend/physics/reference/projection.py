@@ -1,8 +1,8 @@
 """What hangs together is brought together again, where integration and rounding let it apart."""
 
 from sautereau.sim_backend.errors import SceneError
+from sautereau.sim_backend.physics.reference.drive_segments import Leg
 from sautereau.sim_backend.physics.reference.equations import Stretch
-from sautereau.sim_backend.physics.reference.legs import Leg
 from sautereau.sim_backend.physics.reference.linkage import Linkage
 from sautereau.sim_backend.physics.reference.system import State, System
 
