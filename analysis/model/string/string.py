@@ -17,9 +17,6 @@ from sautereau.analysis.errors import ModelError
 from sautereau.analysis.model.plectrum.base import Floats
 from sautereau.rig.instrument import String
 
-if TYPE_CHECKING:
-    pass
-
 
 def release_speed(string: String, lift: float) -> float:
     """Return the speed [m/s] with which an ideal string leaves a static displacement.
