@@ -15,7 +15,7 @@ from sautereau.rig.schema import Rig
 from sautereau.sim_backend.errors import SceneError
 from sautereau.sim_backend.physics.events import Motions, PluckEvents, StringEvent
 from sautereau.sim_backend.physics.finger import Reference, StandingFinger
-from sautereau.sim_backend.physics.reduced.bench import Numbers, benches, new_leg
+from sautereau.sim_backend.physics.reduced.bench import Numbers, benches, new_drive_segment
 from sautereau.sim_backend.physics.reduced.laws import Laws, joined, laws_of, mute_law
 from sautereau.sim_backend.physics.reduced.play import play_sample
 from sautereau.sim_backend.physics.reduced.state import (
@@ -83,13 +83,13 @@ class ReducedWorld:
         self._period = rig.controller.sample_period
         self._ideal = scene.finger == "ideal"
         laws = rig_laws(rig, scene)
-        self._bench, self._cells = (
-            benches(Numbers(rig, scene, {}), laws.places[None])[0],
-            laws.cells,
+        self._bench = benches(Numbers(rig, scene, {}), laws.places[None])[0]
+        self._cells = laws.cells
+        self._state, self._modes, self._guards, self._string_events = new_state(
+            1 + len(rig.more_choirs)
         )
-        self._state, self._kinds, self._marks, self._happened = new_state(1 + len(rig.more_choirs))
-        self._leg = new_leg(rig, scene)
-        self._leg[[CUBICS, CUBICS + 4]] = self.start
+        self._segment = new_drive_segment(rig, scene)
+        self._segment[[CUBICS, CUBICS + 4]] = self.start
 
     @property
     def time(self) -> float:
@@ -107,13 +107,13 @@ class ReducedWorld:
             SceneError: The motion cannot be followed.
         """
         time, end = self.time, (self.samples + 1) * self._period
-        fresh = self._set_leg(reference, powered, time)
+        new_segment = self._set_segment(reference, powered, time)
         rows = np.empty((self.steps, 6))
         status = play_sample(
-            self._bench, self._cells, self._state, self._kinds, self._marks, self._happened,
-            self._leg, time, end, rows, fresh,
+            self._bench, self._cells, self._state, self._modes, self._guards, self._string_events,
+            self._segment, time, end, rows, new_segment,
         )  # fmt: skip
-        count = int(self._kinds[0, COUNT])
+        count = int(self._modes[0, COUNT])
         if status == FINE and count > EVENTS:
             status = CHATTERS
         if status == FINE and not np.isfinite(rows).all():
@@ -121,33 +121,33 @@ class ReducedWorld:
         if status != FINE:
             raise SceneError(f"rig {self.rig.name}: before {end:.6g} s {_FAULTS[status]}")
         if count:
-            self._note(count)
+            self._append_events(count)
         self.samples += 1
         if not self._ideal:
             rows[:, 4] /= self.rig.key.press_arm
         return Motions(*rows.T.copy())
 
-    def _set_leg(self, reference: Reference, powered: bool, time: float) -> int:
+    def _set_segment(self, reference: Reference, powered: bool, time: float) -> int:
         """Set what the finger does in a sample; return 2 for the first, 1 for something else."""
-        leg = self._leg
+        segment = self._segment
         if self._ideal:
             counts, speeds = reference(ENDS)
             places, speeds = counts * self.radians_per_count, speeds * self.radians_per_count
-            leg[START], leg[CUBICS:LINKAGE] = time, joint_cubics(self.start, places, speeds)
+            segment[START], segment[CUBICS:LINKAGE] = time, joint_cubics(self.start, places, speeds)
             first, second = (self.start + places[1]).tolist()
             self.finger = StandingFinger((first, second))
             return 1 if self.samples else 2
         pushes = powered and time < self._bench[0, PUSH_END]
         push = float(self._bench[0, PUSHES]) if pushes else 0.0
-        fresh = int(push != leg[PUSH]) if self.samples else 2
-        leg[PUSH] = push
-        return fresh
+        new_segment = int(push != segment[PUSH]) if self.samples else 2
+        segment[PUSH] = push
+        return new_segment
 
-    def _note(self, count: int) -> None:
+    def _append_events(self, count: int) -> None:
         events = self.events
         lists = {CONTACT: events.contacts, RELEASE: events.releases, RETURN: events.returns}
         for e in range(count):
-            time, force, _, kind, choir = self._happened[e].tolist()
+            time, force, _, kind, choir = self._string_events[e].tolist()
             lists[int(kind)].append(StringEvent(time, int(choir), force))
 
 

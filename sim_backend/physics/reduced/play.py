@@ -4,9 +4,10 @@ import math
 
 from sautereau.sim_backend.physics.reduced.advance import advance
 from sautereau.sim_backend.physics.reduced.compile import compiled, entry
-from sautereau.sim_backend.physics.reduced.forces import fingertip, foot, string_force
+from sautereau.sim_backend.physics.reduced.forces import fingertip, jack_kinematics, string_force
 from sautereau.sim_backend.physics.reduced.state import (
     ANGLE,
+    ANGULAR_VELOCITY,
     ARM,
     CHOIR,
     CONTACT,
@@ -21,13 +22,12 @@ from sautereau.sim_backend.physics.reduced.state import (
     JACK,
     JACK_SPEED,
     KIND,
-    LEAVES,
+    LEAVING_JACK,
     PERIOD,
     PUSH,
     PUSHES,
     RELEASE,
     RISE,
-    SPIN,
     STANDS,
     START,
     TIME,
@@ -35,74 +35,76 @@ from sautereau.sim_backend.physics.reduced.state import (
 
 
 @compiled
-def rest(bench, state, kinds, leg):
+def rest(bench, state, modes, segment):
     """Bring a state to rest: the key on its rail, or on an ideal finger above it.
 
     Args:
         bench: The press.
         state: Is changed.
-        leg: Of the drive, with which it begins.
+        segment: Of the drive, with which it begins.
     """
     angle = 0.0
-    if leg[IDEAL] > 0:
-        under, _, _, _ = fingertip(leg, leg[START])
-        angle = max(angle, under)
+    if segment[IDEAL] > 0:
+        tip_angle, _, _, _ = fingertip(segment, segment[START])
+        angle = max(angle, tip_angle)
     state.fill(0.0)
-    kinds.fill(0)
+    modes.fill(0)
     state[0, ANGLE] = angle
-    kinds[0, LEAVES] = -1
+    modes[0, LEAVING_JACK] = -1
     for k in range(1, len(bench)):
-        state[k, RISE], _, _ = foot(bench[k, ARM], bench[0, HEIGHT], angle)
-        kinds[k, JACK] = STANDS
+        state[k, RISE], _, _ = jack_kinematics(bench[k, ARM], bench[0, HEIGHT], angle)
+        modes[k, JACK] = STANDS
 
 
 @entry
-def play_sample(bench, cells, state, kinds, marks, events, leg, time, end, rows, fresh):
+def play_sample(bench, cells, state, modes, guards, events, segment, time, end, rows, new_segment):
     """Advance by a controller sample, in as many steps as there are rows.
 
     Args:
         bench: The press.
         cells: Of the strings' laws.
         state: Is changed, as are what everything does and the events.
-        kinds: What everything does.
-        marks: Room for what must stay positive.
+        modes: What everything does.
+        guards: Room for what must stay positive.
         events: Room for what the strings meet.
-        leg: Of the drive; a push is taken off where it ends.
+        segment: Of the drive; a push is taken off where it ends.
         time: s, where the sample begins.
         end: s, where it ends.
         rows: Time, angle, speed, rise of the first jack, forces of finger and strings at the
             end of each step; shape (steps, 6).
-        fresh: 2 where the press begins, from rest; 1 where another leg does; else 0.
+        new_segment: 2 where the press begins, from rest; 1 where another leg does; else 0.
     """
-    kinds[0, COUNT] = 0
-    if fresh == 2:
-        rest(bench, state, kinds, leg)
+    modes[0, COUNT] = 0
+    if new_segment == 2:
+        rest(bench, state, modes, segment)
     steps = len(rows)
     step = (end - time) / steps
     for j in range(steps):
-        before = leg[PUSH]
-        now, stop = time + j * step, end if j == steps - 1 else time + (j + 1) * step
-        begins = 1 if j == 0 and fresh > 0 else 0
-        status = advance(bench, cells, state, kinds, marks, events, leg, now, stop, begins)
+        before = segment[PUSH]
+        step_start, step_end = time + j * step, end if j == steps - 1 else time + (j + 1) * step
+        begins = 1 if j == 0 and new_segment > 0 else 0
+        status = advance(
+            bench, cells, state, modes, guards, events, segment, step_start, step_end, begins
+        )
         if status != FINE:
             return status
-        rows[j, 0], rows[j, 1], rows[j, 2] = stop, state[0, ANGLE], state[0, SPIN]
+        rows[j, 0], rows[j, 1], rows[j, 2] = step_end, state[0, ANGLE], state[0, ANGULAR_VELOCITY]
         rows[j, 3] = state[1, RISE]
-        rows[j, 4] = finger_force(state, leg, stop)
-        if leg[IDEAL] == 0.0:
+        rows[j, 4] = finger_force(state, segment, step_end)
+        if segment[IDEAL] == 0.0:
             rows[j, 4] = before
         rows[j, 5] = 0.0
         for k in range(1, len(bench)):
-            rows[j, 5] += string_force(bench, cells, kinds, k, state[k, RISE])
+            rows[j, 5] += string_force(bench, cells, modes, k, state[k, RISE])
     return FINE
 
 
 @compiled
-def finger_force(state, leg, time):
+def finger_force(state, segment, time):
     """Return the force [N] of an ideal finger on the key, normal to it."""
-    if leg[IDEAL] == 0.0 or state[0, FINGER] == 0.0:
+    if segment[IDEAL] == 0.0 or state[0, FINGER] == 0.0:
         return 0.0
-    _, _, _, arm = fingertip(leg, time)
+    _, _, _, arm = fingertip(segment, time)
     return state[0, FINGER] / arm
 
 
@@ -113,10 +115,10 @@ def play_presses(
     first,
     last,
     state,
-    kinds,
-    marks,
+    modes,
+    guards,
     events,
-    leg,
+    segment,
     cubics,
     samples,
     timing,
@@ -131,10 +133,10 @@ def play_presses(
         first: The first one to play.
         last: The one not to play any more.
         state: Room for a state.
-        kinds: Room for what everything does.
-        marks: Room for what must stay positive.
+        modes: Room for what everything does.
+        guards: Room for what must stay positive.
         events: Room for what the strings meet.
-        leg: Room for the leg; `IDEAL` says whether the finger is, and its linkage counts.
+        segment: Room for the leg; `IDEAL` says whether the finger is, and its linkage counts.
         cubics: rad, joints of an ideal finger over each controller sample; (samples, 8).
         samples: Of the controller, in each press; shape (presses,).
         timing: Period of the controller [s], steps in it.
@@ -144,42 +146,44 @@ def play_presses(
     """
     period, steps = timing
     step = period / steps
-    ideal = leg[IDEAL] > 0
+    ideal = segment[IDEAL] > 0
     for i in range(first, last):
         if status[i] != FINE:
             continue
         bench = benches[i]
-        leg[START], leg[PERIOD], leg[PUSH] = 0.0, period, bench[0, PUSHES]
+        segment[START], segment[PERIOD], segment[PUSH] = 0.0, period, bench[0, PUSHES]
         for c in range(8):
-            leg[CUBICS + c] = cubics[0, c]
-        rest(bench, state, kinds, leg)
-        how = FINE
+            segment[CUBICS + c] = cubics[0, c]
+        rest(bench, state, modes, segment)
+        result = FINE
         for sample in range(samples[i]):
             time = sample * period
             if ideal:
-                leg[START] = time
+                segment[START] = time
                 for c in range(8):
-                    leg[CUBICS + c] = cubics[sample, c]
+                    segment[CUBICS + c] = cubics[sample, c]
             for j in range(steps):
-                if how != FINE:
+                if result != FINE:
                     break
-                now, end = time + j * step, time + (j + 1) * step
+                step_start, end = time + j * step, time + (j + 1) * step
                 if j == steps - 1:
                     end = (sample + 1) * period
                 begins = 1 if j == 0 and (ideal or sample == 0) else 0
-                how = advance(bench, cells, state, kinds, marks, events, leg, now, end, begins)
-                keep_first(kinds, events, found[i])
-        status[i] = how
+                result = advance(
+                    bench, cells, state, modes, guards, events, segment, step_start, end, begins
+                )
+                keep_first_events(modes, events, found[i])
+        status[i] = result
 
 
 @compiled
-def keep_first(kinds, events, found):
+def keep_first_events(modes, events, found):
     """Move events to where only the first of each kind stay."""
-    for e in range(min(kinds[0, COUNT], EVENTS)):
+    for e in range(min(modes[0, COUNT], EVENTS)):
         event = events[e]
         kind, k = int(event[KIND]), int(event[CHOIR])
         if kind == CONTACT and found[k, 0] == math.inf:
             found[k, 0] = event[TIME]
         elif kind == RELEASE and found[k, 1] == math.inf:
             found[k, 1], found[k, 2], found[k, 3] = event[TIME], event[FORCE], event[JACK_SPEED]
-    kinds[0, COUNT] = 0
+    modes[0, COUNT] = 0

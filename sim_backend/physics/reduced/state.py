@@ -23,7 +23,7 @@ OFF, PRESSED, SLACK = 0, 1, 2
 CONTACT, RELEASE, RETURN = 0, 1, 2
 """Kinds of a string's events."""
 
-INERTIA, HEAVINESS, VISCOUS, DRY, DIP, FELT_STIFFNESS, FELT_DAMPING, HEIGHT = range(8)
+INERTIA, GRAVITY_MOMENT, VISCOUS, DRY, DIP, FELT_STIFFNESS, FELT_DAMPING, HEIGHT = range(8)
 """Of a bench's key: kg m^2, N m, N m s/rad, N m; rad at which the felt is met, infinite without
 it, N m/rad, N m s/rad; m, of the surface under the jacks above the pin."""
 PUSHES, PUSH_END = 8, 9
@@ -35,9 +35,9 @@ damper leaves the string, minus infinity without it, and N/m."""
 STRETCHES, FIRST, BORDER, NUMBERS = 9, 10, 14, 18
 """Of a bench's jack: stretches of its string's law, 3 at most; the first cell of each, and the
 end of the last; heights [m] at which they begin and end. The last is how many numbers a row has."""
-ANGLE, SPIN, TURN, FINGER = range(4)
+ANGLE, ANGULAR_VELOCITY, ANGULAR_ACCELERATION, FINGER = range(4)
 """Of a state's key: rad, rad/s, rad/s^2, N m of an ideal finger on it."""
-ANGLE_END, SPIN_END, TURN_END, FINGER_END = range(4, 8)
+ANGLE_END, ANGULAR_VELOCITY_END, ANGULAR_ACCELERATION_END, FINGER_END = range(4, 8)
 """The same at the end of the step that is tried."""
 RISE, SPEED, ACCELERATION, LOW, HIGH = range(5)
 """Of a state's jack: m, m/s, m/s^2 off the key; m, rises between which neither string nor damper
@@ -45,19 +45,19 @@ changes."""
 RISE_END, SPEED_END, ACCELERATION_END, LOAD, SLOPE = range(5, 10)
 """Of a state's jack, at the end of the step that is tried: as above, N on the key and m/rad of
 the key under it."""
-SLIP, TOUCH, FELT, LETS_GO, LEAVES, COUNT = range(6)
+SLIP, TOUCH, FELT, FINGER_RELEASES, LEAVING_JACK, COUNT = range(6)
 """What the key does: sign of its speed, whether an ideal finger leads it, the felt; whether the
 finger has just let it go, the jack that has just left it, or -1, and events noted."""
 JACK, STRING, STRETCH, DAMPED, CELL = range(5)
 """What a jack does: itself, its string, the stretch of the string's law, whether the damper is
 on, and the law's cell that was looked up last."""
-BEFORE, AFTER, BROKEN, OTHER = range(4)
+BEFORE, AFTER, VIOLATED, PREVIOUS = range(4)
 """Rows of what must stay positive: where it is, at the end of the step that is tried, where it is
 not, and where the one or the other was before."""
 TIME, FORCE, JACK_SPEED, KIND, CHOIR = range(5)
 """Of an event of a string: s, N on the jack before it, m/s of the jack, which of `CONTACT`,
 `RELEASE` and `RETURN`, and the choir."""
-PUSH, IDEAL, START, PERIOD, CUBICS, LINKAGE, LEG = 0, 1, 2, 3, 4, 12, 17
+PUSH, IDEAL, START, PERIOD, CUBICS, LINKAGE, SEGMENT_NUMBERS = 0, 1, 2, 3, 4, 12, 17
 """Of a leg: moment of a push [N m], whether the finger is ideal; its path's start and length [s],
 four coefficients of each joint [rad]; base x and z, both lengths, the fingertip's height over the
 key [m]. The last is how many there are."""

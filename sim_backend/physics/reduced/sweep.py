@@ -12,11 +12,11 @@ from numpy.typing import ArrayLike, NDArray
 from sautereau.rig.schema import Rig
 from sautereau.sim_backend.errors import SceneError
 from sautereau.sim_backend.physics.drive import Drive, drive_of
-from sautereau.sim_backend.physics.reduced.bench import Numbers, benches, new_leg
+from sautereau.sim_backend.physics.reduced.bench import Numbers, benches, new_drive_segment
 from sautereau.sim_backend.physics.reduced.engine import ENDS, check_scene, joint_cubics, steps_of
 from sautereau.sim_backend.physics.reduced.play import play_presses
 from sautereau.sim_backend.physics.reduced.state import Ints, new_state
-from sautereau.sim_backend.physics.reduced.values import sound, variables, varied_laws
+from sautereau.sim_backend.physics.reduced.values import variables, varied_laws, within_limits
 from sautereau.sim_backend.scene import Scene
 from sautereau.trajectory.motion import Floats
 
@@ -101,22 +101,24 @@ def sweep(
     given, shape = _given(rig, scene, values)
     presses = int(np.prod(shape))
     choirs = 1 + len(rig.more_choirs)
-    of = Numbers(rig, scene, given)
-    status = np.where(sound(of, presses), Ending.PLAYED, Ending.OUT_OF_RANGE).astype(np.int64)
-    cells, places, plucks = varied_laws(of, status == Ending.PLAYED)
+    numbers = Numbers(rig, scene, given)
+    status = np.where(within_limits(numbers, presses), Ending.PLAYED, Ending.OUT_OF_RANGE).astype(
+        np.int64
+    )
+    cells, places, plucks = varied_laws(numbers, status == Ending.PLAYED)
     status[(status == Ending.PLAYED) & ~plucks] = Ending.NO_PLUCK
     with np.errstate(all="ignore"):  # of presses that are not played
-        numbers = benches(of, places)
+        bench_numbers = benches(numbers, places)
     found = np.full((presses, choirs, 4), np.inf)
-    samples, cubics = _drive(of, presses)
-    leg = new_leg(rig, scene)
+    samples, cubics = _drive(numbers, presses)
+    segment = new_drive_segment(rig, scene)
     timing = rig.controller.sample_period, steps_of(rig, scene)
 
     def play(first: int) -> None:
         last = min(first + CHUNK, presses)
         play_presses(
-            numbers, cells, first, last, *new_state(choirs), leg.copy(), cubics, samples, timing,
-            found, status,
+            bench_numbers, cells, first, last, *new_state(choirs), segment.copy(), cubics, samples,
+            timing, found, status,
         )  # fmt: skip
 
     with ThreadPoolExecutor(threads or os.cpu_count() or 1) as pool:
@@ -151,16 +153,16 @@ def _given(
     return flat, shape
 
 
-def _drive(of: Numbers, presses: int) -> tuple[Ints, Floats]:
+def _drive(numbers: Numbers, presses: int) -> tuple[Ints, Floats]:
     """Return the controller samples of each press, and the joints' cubics of an ideal finger."""
-    rig, push = of.rig, of.scene.push
+    rig, push = numbers.rig, numbers.scene.push
     period = rig.controller.sample_period
     if push:
-        seconds = of("push.duration") + push.rest
+        seconds = numbers("push.duration") + push.rest
         within = np.where((seconds >= 0) & (seconds < np.inf), seconds, 0.0)
         samples = np.ceil(within / period - 1e-9).astype(np.int64)
         return np.array(np.broadcast_to(samples, (presses,))), np.zeros((1, 8))
-    drive = drive_of(rig, of.scene)
+    drive = drive_of(rig, numbers.scene)
     return np.full(presses, drive.samples, np.int64), _cubics(rig, drive)
 
 

@@ -74,11 +74,11 @@ def variables(rig: Rig, scene: Scene) -> dict[str, tuple[type[Section], str] | N
     return found
 
 
-def sound(of: Numbers, presses: int) -> NDArray[np.bool_]:
+def within_limits(numbers: Numbers, presses: int) -> NDArray[np.bool_]:
     """Return which presses have only values within their limits; shape (presses,)."""
     good = np.ones(presses, bool)
-    known = variables(of.rig, of.scene)
-    for name, value in of.given.items():
+    known = variables(numbers.rig, numbers.scene)
+    for name, value in numbers.given.items():
         good &= np.isfinite(value)
         place = known[name]
         if not place:
@@ -89,18 +89,20 @@ def sound(of: Numbers, presses: int) -> NDArray[np.bool_]:
             for bound, holds in _LIMITS.items():
                 if hasattr(limit, bound):
                     good &= holds(value, getattr(limit, bound))
-    for at in choir_prefixes(of.rig):
-        good &= of(f"{at}string.plucking_point") < of(f"{at}string.length")
-        good &= of(f"{at}plectrum.overlap") < of(f"{at}plectrum.length")
-    back = of("jack.mass") * GRAVITY * of("key.jack_arm")
-    return good & (of("key.front_heaviness") < back)
+    for at in choir_prefixes(numbers.rig):
+        good &= numbers(f"{at}string.plucking_point") < numbers(f"{at}string.length")
+        good &= numbers(f"{at}plectrum.overlap") < numbers(f"{at}plectrum.length")
+    back = numbers("jack.mass") * GRAVITY * numbers("key.jack_arm")
+    return good & (numbers("key.front_heaviness") < back)
 
 
-def varied_laws(of: Numbers, played: NDArray[np.bool_]) -> tuple[Floats, Floats, NDArray[np.bool_]]:
+def varied_laws(
+    numbers: Numbers, played: NDArray[np.bool_]
+) -> tuple[Floats, Floats, NDArray[np.bool_]]:
     """Return the laws of all strings, and which presses have a pluck.
 
     Args:
-        of: Values of the keys.
+        numbers: Values of the keys.
         played: Which presses have sound values; shape (presses,).
 
     Returns:
@@ -112,26 +114,26 @@ def varied_laws(of: Numbers, played: NDArray[np.bool_]) -> tuple[Floats, Floats,
     """
     presses = len(played)
     plucks = np.ones(presses, bool)
-    prefixes = choir_prefixes(of.rig)
+    prefixes = choir_prefixes(numbers.rig)
     rows = np.zeros((presses, len(prefixes)), np.int64)
-    if of.scene.plectrum == "none":
+    if numbers.scene.plectrum == "none":
         law = mute_law()
         return law.cells, law.places[rows], plucks
     found: list[Laws] = []
     count = 0
-    for k, (at, choir) in enumerate(zip(prefixes, choirs(of.rig), strict=True)):
+    for k, (at, choir) in enumerate(zip(prefixes, choirs(numbers.rig), strict=True)):
         names = [f"{at}plectrum.{n}" for n in _PLECTRUM] + [f"{at}string.{n}" for n in _STRING]
         names += [f"{at}{name}" for name in _DERIVED]
-        if not of.varies(names):
+        if not numbers.varies(names):
             try:
-                laws = [laws_of([choir_pluck(choir, of.scene.plectrum)])]
+                laws = [laws_of([choir_pluck(choir, numbers.scene.plectrum)])]
             except ModelError as error:
-                raise SceneError(f"rig {of.rig.name}: {at}{error}") from error
+                raise SceneError(f"rig {numbers.rig.name}: {at}{error}") from error
             which, good = np.zeros(presses, np.int64), np.ones(1, bool)
-        elif of.scene.plectrum == "elastica":
-            laws, which, good = _elastica(of, at, played)
+        elif numbers.scene.plectrum == "elastica":
+            laws, which, good = _elastica(numbers, at, played)
         else:
-            laws, which, good = _one_by_one(of, at, choir, played)
+            laws, which, good = _one_by_one(numbers, at, choir, played)
         rows[:, k] = count + which
         plucks &= good[which]
         found += laws
@@ -141,12 +143,12 @@ def varied_laws(of: Numbers, played: NDArray[np.bool_]) -> tuple[Floats, Floats,
 
 
 def _elastica(
-    of: Numbers, at: str, played: NDArray[np.bool_]
+    numbers: Numbers, at: str, played: NDArray[np.bool_]
 ) -> tuple[list[Laws], Ints, NDArray[np.bool_]]:
     with np.errstate(all="ignore"):  # of presses that are not played
-        stiffness, bending = static_stiffness(of, at), bending_stiffness(of, at)
-    overlap, length = of(f"{at}plectrum.overlap"), of(f"{at}plectrum.length")
-    friction = of(f"{at}plectrum.friction")
+        stiffness, bending = static_stiffness(numbers, at), bending_stiffness(numbers, at)
+    overlap, length = numbers(f"{at}plectrum.overlap"), numbers(f"{at}plectrum.length")
+    friction = numbers(f"{at}plectrum.friction")
     different, which = _different((friction, stiffness, overlap, bending, length), played)
     friction, stiffness, overlap, bending, length = different
     low, high = STIFFNESS_RANGE
@@ -154,9 +156,9 @@ def _elastica(
     stiffness, overlap = np.where(good, (stiffness, overlap), ([[1.0], [0.1]] * length))
     ends = np.flatnonzero(np.diff(friction)) + 1
     laws = []
-    for start, stop in zip([0, *ends], [*ends, len(friction)], strict=True):
-        for first in range(start, stop, CHUNK):
-            part = slice(first, min(first + CHUNK, stop))
+    for start, step_end in zip([0, *ends], [*ends, len(friction)], strict=True):
+        for first in range(start, step_end, CHUNK):
+            part = slice(first, min(first + CHUNK, step_end))
             solved, sure = elastica_laws(
                 stiffness[part], overlap[part], bending[part], length[part], float(friction[start])
             )
@@ -166,10 +168,10 @@ def _elastica(
 
 
 def _one_by_one(
-    of: Numbers, at: str, choir: Choir, played: NDArray[np.bool_]
+    numbers: Numbers, at: str, choir: Choir, played: NDArray[np.bool_]
 ) -> tuple[list[Laws], Ints, NDArray[np.bool_]]:
     keys = [("plectrum", name) for name in _PLECTRUM] + [("string", name) for name in _STRING]
-    different, which = _different([of(f"{at}{part}.{name}") for part, name in keys], played)
+    different, which = _different([numbers(f"{at}{part}.{name}") for part, name in keys], played)
     good = np.ones(different.shape[1], bool)
     laws = []
     for row, values in enumerate(different.T.tolist()):
@@ -178,7 +180,7 @@ def _one_by_one(
             parts[part][name] = value
         changed = {p: getattr(choir, p).model_copy(update=new) for p, new in parts.items()}
         try:
-            pluck = choir_pluck(choir.model_copy(update=changed), of.scene.plectrum)
+            pluck = choir_pluck(choir.model_copy(update=changed), numbers.scene.plectrum)
             laws.append(laws_of([pluck]))
         except ModelError:
             good[row] = False
