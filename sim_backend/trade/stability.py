@@ -124,7 +124,7 @@ def _truth(bench: Rig, scene: Scene) -> Observation:
 def _fault(found: Observation) -> str:
     """Return what is no motion in an observation: no number, or time that goes back."""
     motions = found.motions
-    for name in ("time", "angle", "spin", "rise", "finger_force", "string_force"):
+    for name in ("time", "angle", "angular_velocity", "rise", "finger_force", "string_force"):
         if not np.isfinite(getattr(motions, name)).all():
             return f"{name} is no number"
     if not (np.diff(motions.time) > 0).all():

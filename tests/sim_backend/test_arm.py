@@ -52,7 +52,7 @@ def test_the_jack_slows_while_the_string_is_held(seen):
     """By 10 to 30 % of its speed, and by less than that before."""
     moved = seen.motions
     contact, release = seen.events.contacts[0].time, seen.events.releases[0].time
-    speed = moved.spin * rise_slope(RIG.key, moved.angle)
+    speed = moved.angular_velocity * rise_slope(RIG.key, moved.angle)
 
     def mean(start, end):
         return speed[(moved.time > start) & (moved.time < end)].mean()
@@ -75,8 +75,8 @@ def test_the_servos_press_comes_to_the_same_end(seen):
 def test_the_servos_finger_pushes_as_the_model_says(seen):
     """Inverse dynamics of the motion that really was, smoothed over a millisecond."""
     moved, events = seen.motions, seen.events
-    acceleration = np.gradient(moved.spin, moved.time)
-    angle = Motion(moved.angle, moved.spin, acceleration)
+    acceleration = np.gradient(moved.angular_velocity, moved.time)
+    angle = Motion(moved.angle, moved.angular_velocity, acceleration)
     string = rig_pluck(RIG).force_on_jack(moved.rise - RIG.jack.string_clearance)
     release = events.releases[0].time
     expected = finger_force(RIG, angle, string * (moved.time < release))

@@ -68,7 +68,7 @@ def test_the_key_follows_the_fingertip(seen):
     least = np.maximum(plan.position, 0)
     np.testing.assert_allclose(moved.angle[held], least[held], rtol=0, atol=1e-9)
     cruise = in_cruise(moved.time)
-    np.testing.assert_allclose(moved.spin[cruise], plan.velocity[cruise], rtol=0, atol=5e-6)
+    np.testing.assert_allclose(moved.angular_velocity[cruise], plan.velocity[cruise], rtol=0, atol=5e-6)
 
 
 def test_the_jack_stands_on_the_key(seen):
@@ -141,16 +141,16 @@ def test_a_finger_at_rest_on_the_key_feels_a_steady_force(depth):
 def test_the_fingers_work_is_energy_and_heat(seen):
     """Up to contact, to release and to the end of the cruise."""
     moved, events = seen.motions, seen.events
-    power = moved.finger_force * KEY.press_arm * moved.spin
-    speed = moved.spin * rise_slope(KEY, moved.angle)
+    power = moved.finger_force * KEY.press_arm * moved.angular_velocity
+    speed = moved.angular_velocity * rise_slope(KEY, moved.angle)
     heat = (
-        KEY.pivot_viscous_friction * moved.spin**2
-        + KEY.pivot_coulomb_friction * np.abs(moved.spin)
+        KEY.pivot_viscous_friction * moved.angular_velocity**2
+        + KEY.pivot_coulomb_friction * np.abs(moved.angular_velocity)
         + JACK.register_friction * np.abs(speed)
         + moved.string_force * speed
     )
     stored = (
-        KEY.inertia * moved.spin**2 / 2
+        KEY.inertia * moved.angular_velocity**2 / 2
         + JACK.mass * speed**2 / 2
         + JACK.mass * GRAVITY * moved.rise
         - KEY.front_heaviness * moved.angle

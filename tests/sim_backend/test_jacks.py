@@ -61,12 +61,12 @@ def test_landing_conserves_momentum():
     before = slice(landed - 8, landed)
     time = moved.time[before] - moved.time[landed]
     jack = np.polyval(np.polyder(np.polyfit(time, moved.rise[before], 2)), 0.0)
-    spin = np.polyval(np.polyfit(time, moved.spin[before], 1), 0.0)
+    spin = np.polyval(np.polyfit(time, moved.angular_velocity[before], 1), 0.0)
     slope = float(rise_slope(KEY, moved.angle[landed]))
     together = KEY.inertia + JACK.mass * slope**2
     momentum = KEY.inertia * spin + JACK.mass * slope * jack
     assert slope * spin - jack > 0.05
-    assert moved.spin[landed] == pytest.approx(momentum / together, rel=1e-3)
+    assert moved.angular_velocity[landed] == pytest.approx(momentum / together, rel=1e-3)
     # Standing again, the jack goes as the key does.
     after = slice(landed, landed + 50)
     np.testing.assert_allclose(gap[after], 0, atol=1e-9)

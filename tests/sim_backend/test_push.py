@@ -95,7 +95,7 @@ def test_a_release_inside_a_step_does_not_smear_into_the_motion():
     for step in (PERIOD / 8, PERIOD / 16):
         moved = observe(RIG, scene_of(step=step, push=push("1.2 N", f"{duration} s"))).motions
         error.append(moved.angle[-1] - angle)
-        assert moved.spin[-1] == pytest.approx(spin, rel=2e-5)
+        assert moved.angular_velocity[-1] == pytest.approx(spin, rel=2e-5)
     assert abs(error[0]) < 5e-7
     assert abs(error[1]) < abs(error[0]) / 2.5
 
@@ -107,7 +107,7 @@ def test_a_push_that_ends_within_a_step_ends_there():
     end = solved(0.2, (0, [0, 0]), duration)
     _, (angle, spin) = solved(0.0, end, moved.time[-1])
     assert moved.angle[-1] == pytest.approx(angle, abs=5e-9)
-    assert moved.spin[-1] == pytest.approx(spin, abs=5e-7)
+    assert moved.angular_velocity[-1] == pytest.approx(spin, abs=5e-7)
     np.testing.assert_array_equal(np.unique(moved.finger_force), [0.0, 0.2])
 
 
@@ -121,15 +121,15 @@ def test_the_free_key_lands_on_its_rail_and_stays():
     assert (moved.angle[:landed] > 0).all()
     np.testing.assert_allclose(moved.angle[landed:], 0, atol=1e-12)
     np.testing.assert_allclose(moved.rise[landed:], 0, atol=1e-12)
-    np.testing.assert_allclose(moved.spin[landed:], 0, atol=1e-9)
+    np.testing.assert_allclose(moved.angular_velocity[landed:], 0, atol=1e-9)
 
 
 def test_energy_is_that_of_the_push():
     """Without friction: work of the push, less what the string took, is all in the motion."""
     moved = observe(RIG, scene_of(step=2e-5)).motions
-    speed = moved.spin * np.array([slope(a) for a in moved.angle])
+    speed = moved.angular_velocity * np.array([slope(a) for a in moved.angle])
     stored = (
-        KEY.inertia * moved.spin**2 / 2
+        KEY.inertia * moved.angular_velocity**2 / 2
         + JACK.mass * speed**2 / 2
         + JACK.mass * GRAVITY * moved.rise
         - KEY.front_heaviness * moved.angle

@@ -144,7 +144,7 @@ def test_a_push_with_friction_and_felt_is_that_of_an_independent_solver():
     fine = run(RIG, scene(duration=f"{end} s", step="50 us"))
     np.testing.assert_allclose(times(fine.events), found[:2], atol=1e-12)
     assert fine.motions.angle[-1] == pytest.approx(angle, abs=1e-11)
-    assert fine.motions.spin[-1] == pytest.approx(spin, abs=1e-9)
+    assert fine.motions.angular_velocity[-1] == pytest.approx(spin, abs=1e-9)
     pluck = rig_pluck(RIG)
     force = float(pluck.force_on_jack(pluck.release_height))
     assert fine.events.releases[0].force == pytest.approx(force, rel=1e-9)
@@ -209,7 +209,7 @@ def test_an_ideal_finger_prescribes_the_motion_and_takes_the_force_of_inverse_dy
     moving = (planned.position > 0) & (planned.velocity > 1e-3) & (breaks > 1e-5)
     assert moving.sum() > 300
     np.testing.assert_allclose(happened.angle[moving], planned.position[moving], atol=1e-13)
-    np.testing.assert_allclose(happened.spin[moving], planned.velocity[moving], atol=1e-10)
+    np.testing.assert_allclose(happened.angular_velocity[moving], planned.velocity[moving], atol=1e-10)
     np.testing.assert_allclose(happened.rise[moving], rise_of_angle(KEY, happened.angle[moving]))
     tangent, _ = surface_axes(planned.position)
     arm = -np.sum(fingertip_motion(RIG.arm, motion).position * tangent, axis=1)
@@ -226,7 +226,7 @@ def test_energy_is_that_of_the_push_less_that_of_the_pluck():
     (contact,), (release,) = happened.events.contacts, happened.events.releases
     motions = happened.motions
     slope = rise_slope(KEY, motions.angle)
-    energy = (KEY.inertia + JACK.mass * slope**2) * motions.spin**2 / 2
+    energy = (KEY.inertia + JACK.mass * slope**2) * motions.angular_velocity**2 / 2
     energy += JACK.mass * GRAVITY * motions.rise - KEY.front_heaviness * motions.angle
     pushed = motions.angle[motions.time <= 15 * PERIOD]
     work = 1.2 * KEY.press_arm * np.minimum(motions.angle, pushed[-1])
@@ -260,16 +260,16 @@ def test_landing_conserves_momentum():
     step = motions.time[1] - motions.time[0]
     speed = (motions.rise[before] - motions.rise[before - 1]) / step - GRAVITY * step / 2
     slope = rise_slope(KEY, motions.angle[before])
-    together = (KEY.inertia + JACK.mass * slope**2) * motions.spin[after]
+    together = (KEY.inertia + JACK.mass * slope**2) * motions.angular_velocity[after]
     brought = JACK.mass * slope * speed
     assert brought < -1e-4
-    expected = KEY.inertia * motions.spin[before] + brought
+    expected = KEY.inertia * motions.angular_velocity[before] + brought
     assert together == pytest.approx(expected, abs=5e-3 * abs(brought))  # felt, in 8 us
 
 
 def test_a_resting_key_stays_at_rest():
     happened = run(RIG, scene(force="0 N", **ALL))
-    for name in ("angle", "spin", "rise", "finger_force", "string_force"):
+    for name in ("angle", "angular_velocity", "rise", "finger_force", "string_force"):
         assert not getattr(happened.motions, name).any()
     assert not times(happened.events)
 
@@ -285,7 +285,7 @@ def test_dry_friction_holds_the_key_as_long_as_it_can():
     rough = with_values(RIG, {"key.pivot_coulomb_friction": "12 mN m"})
     held = run(rough, scene(force="0.5 N", duration="15 ms", rest="200 ms", **MUTE)).motions
     assert held.angle[-1] > 1e-3
-    assert held.spin[-1] == 0.0
+    assert held.angular_velocity[-1] == 0.0
     fallen = run(RIG, scene(force="0.5 N", duration="15 ms", rest="500 ms", **MUTE)).motions
     assert fallen.angle[-1] == 0.0
 

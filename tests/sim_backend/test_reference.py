@@ -319,7 +319,7 @@ def test_the_arms_equation_is_the_trajectorys():
         centre = fingertip_motion(rig.arm, joints)
         key = key_under_fingertip(rig.key, rig.arm.fingertip_radius, centre)
         assert touch.angle == pytest.approx(key.position[0], rel=1e-12)
-        assert touch.spin == pytest.approx(key.velocity[0], rel=1e-11)
+        assert touch.angular_velocity == pytest.approx(key.velocity[0], rel=1e-11)
         whole = touch.slope1 * s[0] + touch.slope2 * s[1] + touch.bend
         assert whole == pytest.approx(key.acceleration[0], rel=1e-10)
 

@@ -27,7 +27,7 @@ def stand(fractions):
 
 def test_what_is_left_to_the_accuracy_is_refused():
     scene = scene_of("pluck", step=None, accuracy="10 us", engine="auto", string="auto")
-    with pytest.raises(SceneError, match=r"step, engine, string .* 10 us; .*choose\.settle"):
+    with pytest.raises(SceneError, match=r"step, engine, string .* 10 us; .*choose\.select_solver"):
         new_world(RIG, scene)
 
 
