@@ -68,7 +68,9 @@ def test_the_key_follows_the_fingertip(seen):
     least = np.maximum(plan.position, 0)
     np.testing.assert_allclose(moved.angle[held], least[held], rtol=0, atol=1e-9)
     cruise = in_cruise(moved.time)
-    np.testing.assert_allclose(moved.angular_velocity[cruise], plan.velocity[cruise], rtol=0, atol=5e-6)
+    np.testing.assert_allclose(
+        moved.angular_velocity[cruise], plan.velocity[cruise], rtol=0, atol=5e-6
+    )
 
 
 def test_the_jack_stands_on_the_key(seen):

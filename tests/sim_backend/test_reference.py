@@ -13,12 +13,12 @@ from sautereau.rig.load import load_rig, with_values
 from sautereau.rig.section import GRAVITY
 from sautereau.sim_backend.errors import SceneError
 from sautereau.sim_backend.physics.drive import LEAD, PressDrive, drive_of
-from sautereau.sim_backend.physics.reference.drive_segments import Leg
-from sautereau.sim_backend.physics.reference.jack import JackLaw, PluckLaw, StringState
+from sautereau.sim_backend.physics.reference.drive_segments import DriveSegment
+from sautereau.sim_backend.physics.reference.jack import JackLaw, PluckLaw, StringMode
 from sautereau.sim_backend.physics.reference.linkage import Linkage
-from sautereau.sim_backend.physics.reference.mode import Felt, JackMode, Meeting
+from sautereau.sim_backend.physics.reference.mode import Felt, JackMode, ForceModes
 from sautereau.sim_backend.physics.reference.observe import reference, solve
-from sautereau.sim_backend.physics.reference.switch import begin, strike
+from sautereau.sim_backend.physics.reference.switch import select_mode, resolve_impacts
 from sautereau.sim_backend.physics.reference.system import System
 from sautereau.sim_backend.physics.servo import PositionLoops
 from sautereau.sim_backend.scene import load_scene, parse_scene
@@ -268,7 +268,7 @@ def test_a_finger_that_goes_away_leaves_the_key_to_itself():
     assert len(between) > 10
     for state, now in between:
         assert now.finger == 0
-        assert state[0] >= now.touch.angle - 1e-12
+        assert state[0] >= now.contact.angle - 1e-12
     # Alone it slows down as a key that no finger touches.
     above = RIG.key.dip / RIG.key.press_arm - 1e-9
     rows = [
@@ -314,13 +314,13 @@ def test_the_arms_equation_is_the_trajectorys():
         expected = joint_torques(rig.arm, Motion(q, d, s))
         np.testing.assert_allclose(inertia @ s + [own.load1, own.load2], expected, rtol=1e-12)
         np.testing.assert_allclose(own.solve(*(inertia @ s)), s, rtol=1e-10)
-        touch = linkage.touch(*q, *d)
+        touch = linkage.key_under_fingertip(*q, *d)
         joints = Motion(*(np.array([v]) for v in (q, d, s)))
         centre = fingertip_motion(rig.arm, joints)
         key = key_under_fingertip(rig.key, rig.arm.fingertip_radius, centre)
         assert touch.angle == pytest.approx(key.position[0], rel=1e-12)
         assert touch.angular_velocity == pytest.approx(key.velocity[0], rel=1e-11)
-        whole = touch.slope1 * s[0] + touch.slope2 * s[1] + touch.bend
+        whole = touch.slope1 * s[0] + touch.slope2 * s[1] + touch.bias
         assert whole == pytest.approx(key.acceleration[0], rel=1e-10)
 
 
@@ -340,8 +340,8 @@ def test_the_motors_give_what_the_position_loops_say(paper):
     times = np.array(solution.times)
     for i, state in enumerate(sampled_states(solution, drive)[:-1]):
         torques = _play(loops, drive, i, state)
-        leg = solution.legs[int(np.searchsorted(times, (i + 0.5) * PERIOD))]
-        assert leg.torques == pytest.approx(torques, rel=1e-9, abs=1e-12)
+        segment = solution.segments[int(np.searchsorted(times, (i + 0.5) * PERIOD))]
+        assert segment.torques == pytest.approx(torques, rel=1e-9, abs=1e-12)
 
 
 def _play(loops, drive, sample, state):
@@ -359,7 +359,7 @@ def test_the_motors_work_is_energy_and_heat(paper):
     times, states = np.array(solution.times), np.array(solution.states)
     first = int(np.searchsorted(times, when(solution, "the finger meets the key")[0] + 1e-6))
     last = int(np.argmin(abs(times - solution.events.releases[0].time)))
-    legs = solution.legs
+    legs = solution.segments
     work = 0.0
     for i in range(first + 1, last + 1):  # constant over a leg, to which a row's torque belongs
         work += float(np.dot(legs[i].torques, states[i, 4:6] - states[i - 1, 4:6]))
@@ -464,14 +464,14 @@ def test_a_landing_conserves_momentum():
     """One jack comes down on a key that carries another: the carried one flies on."""
     system = bench((6e-3, 0.215, -math.inf, 0.0), (4e-3, 0.225, -math.inf, 0.0))
     a, w = 0.02, 1.0
-    (y1, s1, _), (y2, s2, _) = (jack.foot(a) for jack in system.jacks)
-    after = strike(system, Leg(0.0, 1.0), 0.0, [a, w, y1, -0.3, y2, s2 * w])
+    (y1, s1, _), (y2, s2, _) = (jack.kinematics(a) for jack in system.jacks)
+    after = resolve_impacts(system, DriveSegment(0.0, 1.0), 0.0, [a, w, y1, -0.3, y2, s2 * w])
     expected = (7e-4 * w - 6e-3 * s1 * 0.3) / (7e-4 + 6e-3 * s1**2)
     assert after[1] == pytest.approx(expected, rel=1e-12)
     assert after[3] == pytest.approx(s1 * expected, rel=1e-12)
     assert after[5] == pytest.approx(s2 * w, rel=1e-12)
     # From below both are taken along, and both carry.
-    after = strike(system, Leg(0.0, 1.0), 0.0, [a, w, y1, 0.0, y2, 0.0])
+    after = resolve_impacts(system, DriveSegment(0.0, 1.0), 0.0, [a, w, y1, 0.0, y2, 0.0])
     expected = 7e-4 * w / (7e-4 + 6e-3 * s1**2 + 4e-3 * s2**2)
     np.testing.assert_allclose(after[1::2], [expected, s1 * expected, s2 * expected], rtol=1e-12)
 
@@ -487,14 +487,14 @@ def test_a_mode_is_the_one_of_least_constraint(seed):
         dry=dry, friction=friction,
     )  # fmt: skip
     a = 0.0 if seed % 3 == 0 else 0.03
-    leg = Leg(0.0, 1.0, moment=random.uniform(-0.03, 0.05))
-    feet = [jack.foot(a) for jack in system.jacks]
+    segment = DriveSegment(0.0, 1.0, moment=random.uniform(-0.03, 0.05))
+    feet = [jack.kinematics(a) for jack in system.jacks]
     x = [a, 0.0, feet[0][0], 0.0, feet[1][0], 0.0]
-    meeting = Meeting((StringState.BELOW,) * 2, (True, True), Felt.OFF)
-    stretch = begin(system, leg, 0.0, x, meeting)
+    meeting = ForceModes((StringMode.BELOW,) * 2, (True, True), Felt.OFF)
+    stretch = select_mode(system, segment, 0.0, x, meeting)
     now = stretch.at(0.0, x)
     mass = np.diag([system.inertia, *masses])
-    forces = [leg.moment + system.heaviness]
+    forces = [segment.moment + system.heaviness]
     forces += [dampers[k] * (0.02 - feet[k][0]) - masses[k] * GRAVITY for k in (0, 1)]
     rows = np.array([
         [1, 0, 0], [0, 1, 0], [0, 0, 1], [1, 0, 0], [-feet[0][1], 1, 0], [-feet[1][1], 0, 1]
@@ -526,11 +526,11 @@ def test_a_key_that_turns_over_is_refused():
 def test_an_arm_that_reaches_the_pin_is_refused():
     linkage = Linkage(with_values(RIG, {"arm.base_x": "-120 mm", "arm.base_z": "105 mm"}))
     with pytest.raises(SceneError, match="touches the key at no angle"):
-        linkage.touch(0.0, -math.pi / 2, 0.0, 0.0)
+        linkage.key_under_fingertip(0.0, -math.pi / 2, 0.0, 0.0)
 
 
 def test_what_is_too_stiff_is_refused(monkeypatch):
-    monkeypatch.setattr("sautereau.sim_backend.physics.reference.integrate.STEPS", 500)
+    monkeypatch.setattr("sautereau.sim_backend.physics.reference.integrate.MOST_STEPS", 500)
     with pytest.raises(SceneError, match=r"after 501 steps of 500 at most.*lower the stiffness"):
         reference(RIG, pushed(truth={"key.pivot_viscous_friction": "1e4 N m s/rad"}))
 
@@ -539,7 +539,7 @@ def test_what_is_too_stiff_is_refused(monkeypatch):
 def test_numbers_that_run_away_are_refused(finger):
     truth = {"key.pivot_viscous_friction": "1e200 N m s/rad"}
     scene = pushed(truth=truth) if finger == "push" else pressed(finger, truth=truth)
-    with pytest.raises(SceneError, match=r"lost its numbers|stopped at|chatters"):
+    with pytest.raises(SceneError, match=r"diverged|stopped at|chatters"):
         reference(RIG, scene)
 
 

@@ -102,7 +102,7 @@ def test_what_no_step_can_take_is_refused(truth, words):
 
 def test_a_key_that_nothing_stops_is_an_error():
     push = scene_of("pluck").push.model_copy(update={"duration": 1.0})
-    with pytest.raises(SceneError, match=r"lost its numbers at 0\.\d+ s .*felt = true"):
+    with pytest.raises(SceneError, match=r"diverged at 0\.\d+ s .*felt = true"):
         observe(RIG, scene_of("pluck", push=push))
 
 

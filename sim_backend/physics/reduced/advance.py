@@ -1,7 +1,7 @@
-"""From one time to another in the reduced engine; compiled.
+"""Time integration with events in the reduced engine; compiled.
 
-All that a mode of motion needs is a number that must stay positive. A step at whose end one
-is negative is taken again and ends where the first of them vanishes.
+Every mode has guards that stay positive while it lasts. A step at whose end a guard is negative
+is repeated, and ends where the first guard vanishes.
 """
 
 import math
@@ -33,29 +33,30 @@ from sautereau.sim_backend.physics.reduced.step import (
 from sautereau.sim_backend.physics.reduced.switch import change_mode, select_mode
 
 RESOLVED, RATED_STEP, LEAST_ERROR = 3e-6, 1e-3, 1e-13
-"""1 and s, share of a speed that the fourth order may bring to a step of so long; it goes with
-the step's fourth power, not below the last. What has more of it is divided."""
+"""Error control: a step of length `RATED_STEP` [s] may change a speed by the fraction `RESOLVED`
+at fourth order; the limit scales with the fourth power of the step, and is at least
+`LEAST_ERROR`. A step with a larger error is divided."""
 SHORTEST = 1e-8
-"""s, of a step that is divided."""
+"""s, shortest divided step."""
 MOST_CHANGES = 1000
-"""Changes within one stretch of time that are no motion any more."""
+"""Changes of mode within one interval above which the motion counts as chattering."""
 
 
 @compiled
 def advance(bench, cells, state, modes, guards, events, segment, time, end, new_segment):
-    """Advance a state within a leg from a time to another [s]; return how that went.
+    """Advance a state within a drive segment from a time to another [s]; return a status.
 
     Args:
-        bench: The press.
-        cells: Of the strings' laws.
-        state: Is changed, as are what everything does, the marks and the events.
-        modes: What everything does.
-        guards: Room for what must stay positive.
-        events: Room for what the strings meet.
-        segment: Of the drive; a push is taken off where it ends.
+        bench: Parameters of the press.
+        cells: Of the strings' force laws.
+        state: Updated in place, as are modes, guards and events.
+        modes: Discrete modes.
+        guards: Work space for the guards.
+        events: Work space for the strings' events.
+        segment: Drive segment; a push is removed at its end.
         time: s.
         end: s.
-        new_segment: 1 where the leg begins, else 0.
+        new_segment: 1 at the start of a drive segment, else 0.
     """
     last = end
     if segment[PUSH] > 0.0 and bench[0, PUSH_END] < end:
@@ -74,7 +75,7 @@ def advance(bench, cells, state, modes, guards, events, segment, time, end, new_
 
 @compiled
 def advance_segment(bench, cells, state, modes, guards, events, segment, time, end):
-    """Advance from a time to another [s] in which the leg stays; return how that went."""
+    """Advance from a time to another [s] without a change of the drive; return a status."""
     allowed = max(RESOLVED * ((end - time) / RATED_STEP) ** 4, LEAST_ERROR)
     size, changes = end - time, 0
     while time < end:
@@ -106,7 +107,7 @@ def advance_segment(bench, cells, state, modes, guards, events, segment, time, e
 
 @compiled
 def at_rest(modes, segment):
-    """Return whether nothing moves until the leg ends."""
+    """Return whether everything is at rest until the drive segment ends."""
     if modes[0, SLIP] != 0 or (segment[IDEAL] > 0 and modes[0, TOUCH] == 0):
         return False
     for k in range(1, len(modes)):

@@ -1,4 +1,4 @@
-"""A rig's numbers, and what varies in them, as the reduced engine's presses."""
+"""Parameter arrays of the reduced engine's presses, from a rig and varied values."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -38,12 +38,12 @@ from sautereau.trajectory.motion import Floats
 
 
 class Numbers:
-    """Values of a rig and of a scene's push by dotted key, SI; some vary from press to press.
+    """Values of a rig and of a scene's push by dotted key, SI; some may vary between presses.
 
     Args:
-        rig: As it truly is.
+        rig: The true bench.
         scene: With its push, if it has one.
-        given: Values that replace them, each one number or of shape (presses,).
+        given: Values that replace the rig's, each a number or of shape (presses,).
     """
 
     def __init__(self, rig: Rig, scene: Scene, given: Mapping[str, Floats]):
@@ -59,17 +59,17 @@ class Numbers:
         return np.asarray(node, float)
 
     def varies(self, names: Sequence[str]) -> bool:
-        """Return whether one of the values is given."""
+        """Return whether any of the values is replaced."""
         return any(name in self.given for name in names)
 
 
 def choir_prefixes(rig: Rig) -> list[str]:
-    """Return what stands before "jack" in the keys of each choir."""
+    """Return the prefix of each choir's dotted keys."""
     return ["", *(f"more_choirs.{k}." for k in range(len(rig.more_choirs)))]
 
 
 def bending_stiffness(numbers: Numbers, prefix: str) -> Floats:
-    """Return E W h^3 / 12 [N m^2] of a choir's plectrum, or what is given in its place."""
+    """Return E W h^3 / 12 [N m^2] of a choir's plectrum, or its replacement."""
     name = f"{prefix}plectrum."
     if f"{name}bending_stiffness" in numbers.given:
         return numbers.given[f"{name}bending_stiffness"]
@@ -82,7 +82,7 @@ def bending_stiffness(numbers: Numbers, prefix: str) -> Floats:
 
 
 def static_stiffness(numbers: Numbers, prefix: str) -> Floats:
-    """Return T / (L b (1 - b)) [N/m] of a choir's string, or what is given in its place."""
+    """Return T / (L b (1 - b)) [N/m] of a choir's string, or its replacement."""
     name = f"{prefix}string."
     if f"{name}static_stiffness" in numbers.given:
         return numbers.given[f"{name}static_stiffness"]
@@ -92,11 +92,11 @@ def static_stiffness(numbers: Numbers, prefix: str) -> Floats:
 
 
 def benches(numbers: Numbers, places: Floats) -> Floats:
-    """Return presses in numbers, shape (presses, 1 + choirs, NUMBERS).
+    """Return the parameters of presses, shape (presses, 1 + choirs, NUMBERS).
 
     Args:
         numbers: Values of the keys.
-        places: Of the strings' laws; shape (presses, choirs, 9).
+        places: Of the strings' force laws; shape (presses, choirs, 9).
     """
     found = np.zeros((len(places), 1 + places.shape[1], NUMBERS))
     found[:, 1:, STRETCHES:] = places
@@ -143,7 +143,7 @@ def _set_jack(numbers: Numbers, at: str, jack: Floats) -> None:
 
 
 def new_drive_segment(rig: Rig, scene: Scene) -> Floats:
-    """Return what the finger does, without its path; see `reduced_state.PUSH`."""
+    """Return a drive segment without a path; see `state.PUSH`."""
     arm = rig.arm
     segment = np.zeros(SEGMENT_NUMBERS)
     segment[IDEAL] = scene.finger == "ideal"

@@ -1,8 +1,8 @@
-"""The reduced engine: the key of a push or an ideal finger as one equation, compiled.
+"""The reduced engine: one equation of the key, for a push or an ideal finger; compiled.
 
-It obeys the scene's equations in the key's angle, and in the rise of the jacks that leave it,
-without rigid bodies. Steps are of order 4, events are located, and a step that something
-stiff would make wrong is divided.
+It solves the scene's equations for the key's angle, and for the rise of jacks off the key,
+without rigid bodies. Steps are of order 4, events are located, and steps with a large error are
+divided.
 """
 
 import math
@@ -44,13 +44,15 @@ from sautereau.trajectory.motion import Floats
 ENDS = np.array([0.0, 1.0])
 
 _FAULTS = {
-    TURNED_OVER: "the key has turned by 1.2 rad, where it is no key any more; lower the push, or"
-    " let the scene have its felt",
-    CHATTERS: "the motion changes without end within one step; change the scene's forces",
-    LOST: "the motion has lost its numbers; the scene's forces are out of its range",
-    JUMPED: "the fingertip is suddenly within the key; play a reference that is continuous",
-    AT_PIN: "the fingertip is so near the balance pin that it touches the key at no angle; keep"
-    " the arm in front of it",
+    TURNED_OVER: "the key has turned by 1.2 rad, the limit of the model; lower the push, or enable"
+    " the felt in the scene",
+    CHATTERS: "the motion chatters: its mode changes without end within one step; change the"
+    " scene's forces",
+    LOST: "the simulation diverged; the scene's forces are out of its range: lower masses,"
+    " stiffness or damping",
+    JUMPED: "the fingertip is suddenly within the key; use a continuous reference",
+    AT_PIN: "the fingertip is so close to the balance pin that no angle of the key gives a"
+    " contact; keep the arm in front of it",
 }
 
 
@@ -60,11 +62,10 @@ class ReducedWorld:
     Args:
         rig: The nominal bench.
         scene: With `engine = "reduced"` and its step.
-        start: rad, joints when power comes on; None for the home switches and the scene's
-            offset from them.
+        start: rad, joints when power comes on; None for home and the scene's offset.
 
     Raises:
-        SceneError: The scene is none for this engine, or its plectrum has no pluck.
+        SceneError: This engine does not support the scene, or its plectrum has no pluck.
     """
 
     def __init__(self, rig: Rig, scene: Scene, start: tuple[float, float] | None = None):
@@ -93,7 +94,7 @@ class ReducedWorld:
 
     @property
     def time(self) -> float:
-        """World's clock [s]: only motion and acquisition make it go."""
+        """Simulated time [s]; advanced by motion and acquisition only."""
         return self.samples * self._period
 
     def advance(self, reference: Reference, powered: bool) -> Motions:
@@ -101,10 +102,10 @@ class ReducedWorld:
 
         Args:
             reference: Of the arm over this sample, in raw encoder counts.
-            powered: Whether the motors are on, without which there is no push.
+            powered: Whether the motors are on; without power there is no push.
 
         Raises:
-            SceneError: The motion cannot be followed.
+            SceneError: The motion diverges or chatters.
         """
         time, end = self.time, (self.samples + 1) * self._period
         new_segment = self._set_segment(reference, powered, time)
@@ -128,7 +129,7 @@ class ReducedWorld:
         return Motions(*rows.T.copy())
 
     def _set_segment(self, reference: Reference, powered: bool, time: float) -> int:
-        """Set what the finger does in a sample; return 2 for the first, 1 for something else."""
+        """Set the drive segment of a sample; return 2 for the first, 1 for a new one, else 0."""
         segment = self._segment
         if self._ideal:
             counts, speeds = reference(ENDS)
@@ -152,33 +153,34 @@ class ReducedWorld:
 
 
 def check_scene(scene: Scene) -> None:
-    """Refuse what the reduced engine does not do.
+    """Refuse a scene that the reduced engine does not support.
 
     Raises:
-        SceneError: The scene has a servo, a modal string, or something not settled.
+        SceneError: The scene has a servo, a modal string, or an open choice.
     """
     faults = []
     if scene.finger == "servo" or scene.string == "modal":
         faults.append(
-            f'engine: "reduced" is an equation of the key alone, not of finger = "{scene.finger}"'
-            f' and string = "{scene.string}"; take engine = "rigid"'
+            f'engine: "reduced" does not support finger = "{scene.finger}" with'
+            f' string = "{scene.string}"; set engine = "rigid"'
         )
     if scene.step is None or "auto" in (scene.plectrum, scene.string):
         faults.append(
-            "step, plectrum, string: the scene leaves them open; settle it with"
-            " sim_backend.trade.choose.settle, or give a step, a level and a string"
+            "step, plectrum, string: the scene leaves them open; choose them with"
+            " `sautereau.sim_backend.trade.choose.select_solver`, or give a step, a level and a"
+            " string"
         )
     if faults:
         raise SceneError("\n".join(faults))
 
 
 def steps_of(rig: Rig, scene: Scene) -> int:
-    """Return the steps in a controller sample."""
+    """Return the number of steps in a controller sample."""
     return math.ceil(rig.controller.sample_period / (scene.step or math.inf) - 1e-9)
 
 
 def rig_laws(rig: Rig, scene: Scene) -> Laws:
-    """Return the laws of a rig's strings, one of each choir.
+    """Return the force laws of a rig's strings, one per choir.
 
     Raises:
         SceneError: A choir has no pluck.
@@ -196,8 +198,8 @@ def joint_cubics(start: tuple[float, float], places: Floats, speeds: Floats) -> 
 
     Args:
         start: rad, joints when power came on.
-        places: rad from there, at both ends of the sample; shape (..., 2 ends, 2 joints).
-        speeds: rad in a sample, likewise.
+        places: rad from the start, at both ends of the sample; shape (..., 2 ends, 2 joints).
+        speeds: rad per sample, of the same shape.
 
     Returns:
         rad, shape (..., 8).

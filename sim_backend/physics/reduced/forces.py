@@ -1,4 +1,4 @@
-"""Geometry and forces of the reduced engine, one press at a time; compiled."""
+"""Kinematics and forces of one press in the reduced engine; compiled."""
 
 import math
 
@@ -49,7 +49,7 @@ from sautereau.sim_backend.physics.reduced.state import (
 
 @inlined
 def jack_kinematics(arm, height, angle):
-    """Return the key's rise [m] under a jack and its slopes by the angle [m/rad, m/rad^2]."""
+    """Return the key's rise [m] under a jack and its derivatives [m/rad, m/rad^2]."""
     half = math.sin(angle / 2)
     sine, versine = 2 * half * math.cos(angle / 2), 2 * half * half
     secant = 1 / (1 - versine)
@@ -61,9 +61,9 @@ def jack_kinematics(arm, height, angle):
 
 @compiled
 def fingertip(segment, time):
-    """Return the key under an ideal finger: angle, speed, acceleration, and the force's arm [m].
+    """Return the key under an ideal finger: angle, its two derivatives, and the force's arm [m].
 
-    The angle is no number where the fingertip is so near the pin that no key touches it.
+    The angle is NaN if the fingertip is so close to the pin that no angle gives a contact.
     """
     period = segment[PERIOD]
     u = (time - segment[START]) / period
@@ -91,7 +91,7 @@ def fingertip(segment, time):
 
 @compiled
 def joint(segment, at, u, period):
-    """Return angle, speed and acceleration of a joint by its cubic, which begins in a place."""
+    """Return angle, velocity and acceleration of a joint by the cubic that starts at index `at`."""
     c1, c2, c3 = segment[at + 1], segment[at + 2], segment[at + 3]
     angle = segment[at] + u * (c1 + u * (c2 + u * c3))
     speed = (c1 + u * (2 * c2 + u * 3 * c3)) / period
@@ -112,7 +112,7 @@ def string_force(bench, cells, modes, k, rise):
 
 @compiled
 def pluck_force(bench, cells, modes, k, height):
-    """Return S(h) [N]; beyond its stretch the law goes on straight, for steps that are tried."""
+    """Return S(h) [N]; beyond its piece the law continues linearly, for trial steps."""
     stretch = modes[k, STRETCH]
     first, last = int(bench[k, FIRST + stretch]), int(bench[k, FIRST + stretch + 1]) - 1
     low, high = bench[k, BORDER + stretch], bench[k, BORDER + stretch + 1]
@@ -133,7 +133,7 @@ def pluck_force(bench, cells, modes, k, height):
 
 @compiled
 def static_load(bench, cells, modes, k, rise):
-    """Return weight, string and damper of a jack together [N], downwards."""
+    """Return the sum of weight, string and damper of a jack [N], downwards."""
     load = bench[k, MASS] * GRAVITY + string_force(bench, cells, modes, k, rise)
     if modes[k, DAMPED]:
         load -= bench[k, DAMPER] * (bench[k, LIFT] - rise)
@@ -142,23 +142,23 @@ def static_load(bench, cells, modes, k, rise):
 
 @compiled
 def felt_push(bench, angle, omega):
-    """Return what the felt's spring and damper give [N m], pushing or not."""
+    """Return the moment of the felt's spring and damper [N m]; negative if it would pull."""
     return bench[0, FELT_STIFFNESS] * (angle - bench[0, DIP]) + bench[0, FELT_DAMPING] * omega
 
 
 @inlined
 def key_motion(bench, cells, state, modes, push, angle, omega, prescribed):
-    """Return the key's acceleration and the moment [N m] of an ideal finger that leads it.
+    """Return the key's angular acceleration and the moment [N m] of an ideal finger.
 
-    What follows for the jacks on it, their place and load, is noted in the end of the step.
+    Rise, speed and load of the jacks on the key are stored in the state's end-of-step fields.
 
     Args:
-        bench: The press.
-        state: Its mode counts.
+        bench: Parameters of the press.
+        state: Its end-of-step fields are set.
         push: N m, of a push.
         angle: rad.
         omega: rad/s.
-        prescribed: rad/s^2, acceleration with which an ideal finger leads it, where one does.
+        prescribed: rad/s^2, angular acceleration under an ideal finger in contact.
     """
     slip = modes[0, SLIP]
     inertia = bench[0, INERTIA]

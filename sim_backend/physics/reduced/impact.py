@@ -1,4 +1,4 @@
-"""What things of the reduced engine meet: impacts without rebound, strings, felt; compiled."""
+"""Plastic impacts, and the modes of strings, dampers and felt; compiled."""
 
 import math
 
@@ -49,16 +49,17 @@ from sautereau.sim_backend.physics.reduced.state import (
 )
 
 CLOSE = 1e-13
-"""rad and m, gap that is none."""
+"""rad and m, gap below which surfaces are in contact."""
 SLOW = 1e-11
-"""rad/s and m/s, speed that is none."""
+"""rad/s and m/s, speed below which it counts as zero."""
 CONTACT_GAP, CONTACT_SPEED = 1e-11, 1e-6
-"""m and m/s, of a jack from the key: nearer and slower it stands, or it would land without end."""
+"""m and m/s, gap and speed between jack and key below which the jack stands; without this limit
+it would land without end."""
 
 
 @compiled
 def resolve_impacts(bench, state, ideal, tip_angle, tip_omega):
-    """Let all that is met be met without rebound: impulses push only and conserve momentum."""
+    """Apply plastic impacts (without rebound): repulsive impulses that conserve momentum."""
     angle, omega, base = state[0, ANGLE], state[0, ANGULAR_VELOCITY], -math.inf
     if ideal:
         angle = max(angle, tip_angle)
@@ -91,9 +92,9 @@ def resolve_impacts(bench, state, ideal, tip_angle, tip_omega):
 
 @compiled
 def merge_slow_contacts(bench, state, angle, omega, base):
-    """Let jacks that hardly move against the key go with it; return its speed [rad/s].
+    """Let jacks that hardly move relative to the key stand on it; return its velocity [rad/s].
 
-    Momentum is conserved, but for what holds the key at its least speed.
+    Momentum is conserved unless the key is held at its least velocity.
     """
     inertia, momentum = bench[0, INERTIA], bench[0, INERTIA] * omega
     for k in range(1, len(bench)):
@@ -111,7 +112,7 @@ def merge_slow_contacts(bench, state, angle, omega, base):
 
 @compiled
 def nearly_standing(bench, state, k, angle, omega):
-    """Return whether a jack hardly moves against the key."""
+    """Return whether a jack is in contact with the key at nearly equal speed."""
     rise, slope, _ = jack_kinematics(bench[k, ARM], bench[0, HEIGHT], angle)
     near = state[k, RISE] - rise <= CONTACT_GAP
     return near and abs(state[k, SPEED] - slope * omega) <= CONTACT_SPEED
@@ -119,7 +120,7 @@ def nearly_standing(bench, state, k, angle, omega):
 
 @compiled
 def update_string(bench, cells, state, modes, events, k, time):
-    """Bring a string to the state in which a rise leaves it, and note what happened."""
+    """Update the mode of a string for its jack's rise, and record the events."""
     rise, clearance = state[k, RISE], bench[k, CLEARANCE]
     for _ in range(8):
         mode, stretch = modes[k, STRING], modes[k, STRETCH]
@@ -151,7 +152,7 @@ def update_string(bench, cells, state, modes, events, k, time):
 
 @compiled
 def note(bench, cells, state, modes, events, k, time, kind):
-    """Keep an event of a string, with its force before it."""
+    """Record an event of a string, with the force just before it."""
     count = modes[0, COUNT]
     if count < EVENTS:
         event = events[count]
@@ -163,7 +164,7 @@ def note(bench, cells, state, modes, events, k, time, kind):
 
 @compiled
 def update_force_modes(bench, state, modes):
-    """Note what felt and dampers do, and between which rises of the jacks nothing changes."""
+    """Update the modes of felt and dampers, and the rises between which no mode changes."""
     angle, omega = state[0, ANGLE], state[0, ANGULAR_VELOCITY]
     modes[0, FELT] = OFF
     if angle > bench[0, DIP]:

@@ -1,4 +1,4 @@
-"""Where within a step of the reduced engine something ends; compiled."""
+"""Location of events within a step of the reduced engine; compiled."""
 
 from sautereau.sim_backend.physics.reduced.compile import compiled
 from sautereau.sim_backend.physics.reduced.forces import (
@@ -38,23 +38,23 @@ from sautereau.sim_backend.physics.reduced.step import (
 )
 
 LARGEST_ANGLE = 1.2
-"""rad, at which a key has left its place; the jacks' closed form ends at pi / 2."""
+"""rad, of the key, above which the simulation is stopped; the closed form ends at pi / 2."""
 OVER_ANGLE, OVER_ANGULAR_VELOCITY, OVER_FORCE = 1e-15, 1e-12, 1e-12
-"""rad, rad/s and of the weights: how far beyond its end a step may end."""
+"""rad, rad/s and fraction of the weights: largest violation of a guard at an event."""
 OVER_RISE, OVER_SPEED = 1e-16, 1e-13
-"""m and m/s, of jacks."""
+"""m and m/s, the same for jacks."""
 ROUNDED = 2e-17
-"""m, by which a jack that has just left the key may be in it."""
+"""m, overlap with the key allowed to a jack that has just left it."""
 TRIALS, SAME = 80, 1e-16
-"""Steps in which an end is looked for, and the share of the time that is none."""
+"""Most iterations, and the relative difference of times that counts as zero."""
 
 
 @compiled
 def locate(bench, cells, state, modes, guards, segment, time, step):
-    """Return the part of a step [s] after which the first thing ends, and try that step.
+    """Return the time [s] into a step of its first event, and try a step of that length.
 
-    It is the earliest root of what is broken at the step's end, enclosed and found by inverse
-    quadratic interpolation, and overstepped by no more than its tolerance.
+    It is the earliest root of the guards that are violated at the step's end, enclosed and found
+    by inverse quadratic interpolation; the violation there is within its tolerance.
     """
     low, high, other, latest = 0.0, step, -1.0, 0.0
     conditions = guards.shape[1]
@@ -93,11 +93,11 @@ def locate(bench, cells, state, modes, guards, segment, time, step):
 
 @compiled
 def crossing(guards, j, low, high, other, beyond):
-    """Return where a condition is as little below zero as is wanted, between low and high."""
+    """Return the time at which a guard is estimated to be `beyond` below zero."""
     a, b, c = guards[BEFORE, j] + beyond, guards[VIOLATED, j] + beyond, guards[PREVIOUS, j] + beyond
     if not a > b:
         return high
-    if a <= 2 * beyond:  # what begins at zero may well grow before it falls
+    if a <= 2 * beyond:  # a guard that starts at zero may rise before it falls
         return (low + high) / 2
     if other >= 0.0 and c != a and c != b:
         guess = low * b * c / ((a - b) * (a - c)) + high * a * c / ((b - a) * (b - c))
@@ -109,7 +109,7 @@ def crossing(guards, j, low, high, other, beyond):
 
 @compiled
 def evaluate_guards(bench, state, modes, segment, time, guards):
-    """Note all that must be positive at the end of a step, and return whether it is."""
+    """Evaluate all guards at the end of a step; return whether all are positive."""
     angle, omega = state[0, ANGLE_END], state[0, ANGULAR_VELOCITY_END]
     slip, felt = modes[0, SLIP], modes[0, FELT]
     guards[AFTER, 0] = slip * omega if slip != 0 else 1.0
@@ -148,7 +148,7 @@ def evaluate_guards(bench, state, modes, segment, time, guards):
 
 @compiled
 def tolerance(bench, modes, j):
-    """Return how far a number may be beyond zero where its step ends."""
+    """Return the largest violation of a guard that is allowed at an event."""
     if j == 0:
         return OVER_ANGULAR_VELOCITY
     if j < 3 or j == 4:

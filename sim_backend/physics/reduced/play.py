@@ -1,4 +1,4 @@
-"""Controller samples and whole presses of the reduced engine; compiled."""
+"""Controller samples and complete presses of the reduced engine; compiled."""
 
 import math
 
@@ -36,12 +36,12 @@ from sautereau.sim_backend.physics.reduced.state import (
 
 @compiled
 def rest(bench, state, modes, segment):
-    """Bring a state to rest: the key on its rail, or on an ideal finger above it.
+    """Set a state to rest: the key on its rail, or on an ideal finger above that.
 
     Args:
-        bench: The press.
-        state: Is changed.
-        segment: Of the drive, with which it begins.
+        bench: Parameters of the press.
+        state: Updated in place.
+        segment: The first drive segment.
     """
     angle = 0.0
     if segment[IDEAL] > 0:
@@ -61,18 +61,19 @@ def play_sample(bench, cells, state, modes, guards, events, segment, time, end, 
     """Advance by a controller sample, in as many steps as there are rows.
 
     Args:
-        bench: The press.
-        cells: Of the strings' laws.
-        state: Is changed, as are what everything does and the events.
-        modes: What everything does.
-        guards: Room for what must stay positive.
-        events: Room for what the strings meet.
-        segment: Of the drive; a push is taken off where it ends.
-        time: s, where the sample begins.
-        end: s, where it ends.
-        rows: Time, angle, speed, rise of the first jack, forces of finger and strings at the
-            end of each step; shape (steps, 6).
-        new_segment: 2 where the press begins, from rest; 1 where another leg does; else 0.
+        bench: Parameters of the press.
+        cells: Of the strings' force laws.
+        state: Updated in place, as are modes and events.
+        modes: Discrete modes.
+        guards: Work space for the guards.
+        events: Work space for the strings' events.
+        segment: Drive segment; a push is removed at its end.
+        time: s, start of the sample.
+        end: s, end of the sample.
+        rows: Time, angle, angular velocity, rise of the first jack, forces of finger and strings
+            at the end of each step; shape (steps, 6).
+        new_segment: 2 at the start of the press, from rest; 1 at the start of any other drive
+            segment; else 0.
     """
     modes[0, COUNT] = 0
     if new_segment == 2:
@@ -125,24 +126,24 @@ def play_presses(
     found,
     status,
 ):
-    """Play whole presses and note each string's first contact and release.
+    """Simulate complete presses and record each string's first contact and release.
 
     Args:
-        benches: All presses in numbers; shape (presses, 1 + choirs, NUMBERS).
-        cells: Of the strings' laws.
-        first: The first one to play.
-        last: The one not to play any more.
-        state: Room for a state.
-        modes: Room for what everything does.
-        guards: Room for what must stay positive.
-        events: Room for what the strings meet.
-        segment: Room for the leg; `IDEAL` says whether the finger is, and its linkage counts.
+        benches: Parameters of all presses; shape (presses, 1 + choirs, NUMBERS).
+        cells: Of the strings' force laws.
+        first: Index of the first press.
+        last: Index after the last press.
+        state: Work space for a state.
+        modes: Work space for the modes.
+        guards: Work space for the guards.
+        events: Work space for the strings' events.
+        segment: Work space for a drive segment, with `IDEAL` and the linkage set.
         cubics: rad, joints of an ideal finger over each controller sample; (samples, 8).
-        samples: Of the controller, in each press; shape (presses,).
-        timing: Period of the controller [s], steps in it.
+        samples: Controller samples of each press; shape (presses,).
+        timing: Controller period [s], and steps per period.
         found: Contact and release [s], force at release [N], speed of the jack there [m/s];
-            shape (presses, choirs, 4), infinite before and where there is none.
-        status: How each press ended; shape (presses,).
+            shape (presses, choirs, 4); initially infinite, as it stays without the event.
+        status: Of each press; shape (presses,).
     """
     period, steps = timing
     step = period / steps
@@ -178,7 +179,7 @@ def play_presses(
 
 @compiled
 def keep_first_events(modes, events, found):
-    """Move events to where only the first of each kind stay."""
+    """Copy the first event of each kind, and clear the list of events."""
     for e in range(min(modes[0, COUNT], EVENTS)):
         event = events[e]
         kind, k = int(event[KIND]), int(event[CHOIR])

@@ -1,4 +1,4 @@
-"""Steps of the reduced engine: Runge-Kutta's of order 4 while nothing changes; compiled."""
+"""Runge-Kutta steps of order 4 within one mode; compiled."""
 
 from sautereau.sim_backend.physics.reduced.compile import compiled
 from sautereau.sim_backend.physics.reduced.forces import (
@@ -29,15 +29,15 @@ from sautereau.sim_backend.physics.reduced.state import (
 )
 
 SLOWEST = 1e-3
-"""rad/s and m/s, speed of which shares count at least."""
+"""rad/s and m/s, least reference speed of a relative error."""
 
 
 @compiled
 def try_step(bench, cells, state, modes, segment, time, step):
-    """Step to the end of the state; return what order 4 brings to the speeds, over the largest.
+    """Compute a trial step; return its relative error estimate.
 
-    Simpson's rule over the accelerations is of order 3, and differs from the step by the last
-    two of them alone.
+    Simpson's rule over the accelerations is of order 3, and differs from the step only by the
+    last two of them.
     """
     error = 0.0
     push = segment[PUSH]
@@ -74,7 +74,7 @@ def try_step(bench, cells, state, modes, segment, time, step):
 
 @compiled
 def try_jack(bench, cells, state, modes, k, step):
-    """Step a jack off the key; return as `try_step` does."""
+    """Compute a trial step of a jack off the key; see `try_step`."""
     rise, speed, first = state[k, RISE], state[k, SPEED], state[k, ACCELERATION]
     if modes[k, JACK] == HANGS:
         state[k, RISE_END], state[k, SPEED_END], state[k, ACCELERATION_END] = rise, 0.0, 0.0
@@ -95,14 +95,14 @@ def try_jack(bench, cells, state, modes, k, step):
 
 @compiled
 def step_error(step, speed, end, first, fourth, last):
-    """Return what order 4 brings to a speed, over the largest speed of the step."""
+    """Return the error estimate of a speed, relative to the largest speed of the step."""
     largest = max(abs(speed), abs(end), step * max(abs(first), abs(last)), SLOWEST)
     return step / 6 * abs(last - fourth) / largest
 
 
 @compiled
 def accept_step(state):
-    """Go to the end of the step that was tried."""
+    """Accept the trial step."""
     for j in range(4):
         state[0, j] = state[0, ANGLE_END + j]
     for k in range(1, len(state)):

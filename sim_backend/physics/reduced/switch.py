@@ -1,4 +1,4 @@
-"""From one mode of the reduced engine to the next one that lasts; compiled."""
+"""Transition between modes of the reduced engine; compiled."""
 
 import math
 
@@ -55,16 +55,16 @@ from sautereau.sim_backend.physics.reduced.state import (
 )
 
 FORCE_TOLERANCE = 1e-12
-"""1, of the weights on a key: force that is none."""
+"""Dimensionless, fraction of the weights on a key: force that counts as zero."""
 DEPTH_TOLERANCE = 1e-6
-"""rad, by which a fingertip cannot suddenly be within a key."""
+"""rad, largest overlap of fingertip and key."""
 LOOK_AHEAD = 1e-6
-"""1, of a controller sample: how far to look which way a standing finger sets off."""
+"""Dimensionless, fraction of a controller sample: look-ahead for a finger's direction."""
 
 
 @compiled
 def change_mode(bench, cells, state, modes, guards, events, segment, time):
-    """Change what a step has ended with, and return how that went."""
+    """Apply the event that ended a step; return a status."""
     if guards[AFTER, 2] < 0.0:
         return TURNED_OVER
     if guards[AFTER, 0] < 0.0:
@@ -85,12 +85,12 @@ def change_mode(bench, cells, state, modes, guards, events, segment, time):
 
 @compiled
 def select_mode(bench, cells, state, modes, segment, time):
-    """Choose the mode that lasts, after all impacts, and return how that went.
+    """Apply all impacts and select the next mode; return a status.
 
     Args:
-        bench: The press.
-        state: Its places and speeds count, its strings, and who has just left the key.
-        segment: Of the drive.
+        bench: Parameters of the press.
+        state: Positions and speeds before the impacts.
+        segment: Drive segment.
         time: s.
     """
     finger_releases, leaving = modes[0, FINGER_RELEASES] == 1, modes[0, LEAVING_JACK]
@@ -136,7 +136,9 @@ def select_mode(bench, cells, state, modes, segment, time):
         free = release_jacks(bench, cells, state, modes, segment[PUSH], prescribed)
         if near and free <= prescribed:
             modes[0, TOUCH] = True
-            for k in range(1, len(bench)):  # those that a free key leaves a led one may not
+            for k in range(
+                1, len(bench)
+            ):  # jacks that a free key would leave may stay on a prescribed one
                 rise, slope, _ = jack_kinematics(bench[k, ARM], bench[0, HEIGHT], angle)
                 apart = state[k, RISE] - rise > CLOSE or abs(state[k, SPEED] - slope * omega) > SLOW
                 if not apart and k != leaving:
@@ -148,7 +150,7 @@ def select_mode(bench, cells, state, modes, segment, time):
     )
     if slip == 0:
         acceleration, finger = 0.0, 0.0
-        if touch:  # friction holds the key as long as it can, the finger the rest
+        if touch:  # friction carries as much as it can, the finger the remainder
             finger = -balance - min(max(-balance, -most), least)
     state[0, ANGULAR_ACCELERATION], state[0, FINGER] = acceleration, finger
     return FINE
@@ -156,10 +158,10 @@ def select_mode(bench, cells, state, modes, segment, time):
 
 @compiled
 def static_balance(bench, cells, state, modes, push):
-    """Return all on a standing key without dry friction [N m], and what friction holds of it.
+    """Return the moment on a key at rest without dry friction, and the limits of friction [N m].
 
-    The two are against a rise and against a fall. A jack that its friction can hold up
-    without the key burdens it only as the key turns up.
+    The limits are those against a rise and against a fall. A jack that its friction can hold
+    without the key loads the key only if the key rises.
     """
     balance = push + bench[0, GRAVITY_MOMENT]
     if modes[0, FELT] == PRESSED:
@@ -178,7 +180,7 @@ def static_balance(bench, cells, state, modes, push):
 
 @compiled
 def finger_direction(segment, time):
-    """Return the sign of an ideal finger's speed a moment later, 0 where it stands."""
+    """Return the sign of an ideal finger's velocity just after a time [s]; 0 at rest."""
     moves = 0.0
     for c in range(CUBICS, CUBICS + 8):
         if c != CUBICS and c != CUBICS + 4:
@@ -191,13 +193,13 @@ def finger_direction(segment, time):
 
 @compiled
 def release_jacks(bench, cells, state, modes, push, prescribed):
-    """Take off the key the jacks that it would have to pull; return its acceleration.
+    """Release the jacks that the key would otherwise pull; return its angular acceleration.
 
     Args:
-        bench: The press.
-        state: Jacks at the key are on it.
+        bench: Parameters of the press.
+        state: Jacks in contact with the key stand on it.
         push: N m, of a push.
-        prescribed: rad/s^2, with which an ideal finger leads it, where one does.
+        prescribed: rad/s^2, angular acceleration under an ideal finger in contact.
     """
     angle, omega = state[0, ANGLE], state[0, ANGULAR_VELOCITY]
     acceleration = 0.0
@@ -221,7 +223,7 @@ def release_jacks(bench, cells, state, modes, push, prescribed):
 
 @compiled
 def set_flight_modes(bench, cells, state, modes):
-    """Say of each jack off the key which way it goes, and how it is accelerated."""
+    """Set mode and acceleration of each jack off the key."""
     for k in range(1, len(bench)):
         load = static_load(bench, cells, modes, k, state[k, RISE])
         friction = bench[k, FRICTION]

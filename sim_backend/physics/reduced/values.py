@@ -1,4 +1,4 @@
-"""Which values of a scene may vary from press to press, their limits, and the strings' laws."""
+"""Values of a scene that may vary between presses, their limits, and the strings' force laws."""
 
 from collections.abc import Sequence
 
@@ -31,7 +31,7 @@ from sautereau.sim_backend.scene import Scene
 from sautereau.trajectory.motion import Floats
 
 CHUNK = 192
-"""Plucks that are solved together, few enough for the processor's cache."""
+"""Plucks that are solved together; limited by the processor's cache."""
 _LEVER = ("press_arm", "jack_arm", "jack_surface_height", "inertia", "front_heaviness")
 _PLECTRUM = ("youngs_modulus", "width", "thickness", "length", "overlap", "friction")
 _STRING = ("tension", "length", "plucking_point")
@@ -42,8 +42,8 @@ _DERIVED = ("plectrum.bending_stiffness", "string.static_stiffness")
 def variables(rig: Rig, scene: Scene) -> dict[str, tuple[type[Section], str] | None]:
     """Return the keys that may vary in a scene, each with its model and field.
 
-    Those that follow from others, `plectrum.bending_stiffness` and `string.static_stiffness`
-    of the elastica, have none: they may be given in place of what they follow from.
+    Derived quantities of the elastica, `plectrum.bending_stiffness` and `string.static_stiffness`,
+    have None: they may be given instead of the values from which they follow.
     """
     found: dict[str, tuple[type[Section], str] | None] = {}
 
@@ -75,7 +75,7 @@ def variables(rig: Rig, scene: Scene) -> dict[str, tuple[type[Section], str] | N
 
 
 def within_limits(numbers: Numbers, presses: int) -> NDArray[np.bool_]:
-    """Return which presses have only values within their limits; shape (presses,)."""
+    """Return the presses with all values within their limits; bool, shape (presses,)."""
     good = np.ones(presses, bool)
     known = variables(numbers.rig, numbers.scene)
     for name, value in numbers.given.items():
@@ -99,18 +99,18 @@ def within_limits(numbers: Numbers, presses: int) -> NDArray[np.bool_]:
 def varied_laws(
     numbers: Numbers, played: NDArray[np.bool_]
 ) -> tuple[Floats, Floats, NDArray[np.bool_]]:
-    """Return the laws of all strings, and which presses have a pluck.
+    """Return the force laws of all strings, and the presses that have a pluck.
 
     Args:
         numbers: Values of the keys.
-        played: Which presses have sound values; shape (presses,).
+        played: Presses with values within their limits; shape (presses,).
 
     Returns:
-        Cells of the laws, their places of shape (presses, choirs, 9), and the last of shape
-        (presses,).
+        Cells of the laws; their places, shape (presses, choirs, 9); whether each press has a
+        pluck, shape (presses,).
 
     Raises:
-        SceneError: A pluck that does not vary is none.
+        SceneError: A plectrum and string that do not vary have no pluck.
     """
     presses = len(played)
     plucks = np.ones(presses, bool)
@@ -145,7 +145,7 @@ def varied_laws(
 def _elastica(
     numbers: Numbers, at: str, played: NDArray[np.bool_]
 ) -> tuple[list[Laws], Ints, NDArray[np.bool_]]:
-    with np.errstate(all="ignore"):  # of presses that are not played
+    with np.errstate(all="ignore"):  # of presses that are not simulated
         stiffness, bending = static_stiffness(numbers, at), bending_stiffness(numbers, at)
     overlap, length = numbers(f"{at}plectrum.overlap"), numbers(f"{at}plectrum.length")
     friction = numbers(f"{at}plectrum.friction")
@@ -189,9 +189,9 @@ def _one_by_one(
 
 
 def _different(values: Sequence[Floats], played: NDArray[np.bool_]) -> tuple[Floats, Ints]:
-    """Return the columns that differ among the presses that are played, and each press's own.
+    """Return the distinct columns among the valid presses, and the column of each press.
 
-    Columns are in order of their first row. A press that is not played has the first one.
+    Columns are in order of their first row. An invalid press has the first one.
     """
     table = np.stack([np.broadcast_to(value, played.shape) for value in values])
     different, inverse = np.unique(table[:, played], axis=1, return_inverse=True)

@@ -1,53 +1,53 @@
-"""What hangs together is brought together again, where integration and rounding let it apart."""
+"""Projection of a state onto the constraints, which integration and rounding violate."""
 
 from sautereau.sim_backend.errors import SceneError
-from sautereau.sim_backend.physics.reference.drive_segments import Leg
-from sautereau.sim_backend.physics.reference.equations import Stretch
+from sautereau.sim_backend.physics.reference.drive_segments import DriveSegment
+from sautereau.sim_backend.physics.reference.equations import ModeEquations
 from sautereau.sim_backend.physics.reference.linkage import Linkage
 from sautereau.sim_backend.physics.reference.system import State, System
 
-DEEP = 1e-6
-"""rad, by which a fingertip and a key may overlap between two modes."""
+DEPTH_TOLERANCE = 1e-6
+"""rad, largest overlap of fingertip and key between two modes."""
 
 
-def apart(system: System, leg: Leg, time: float, x: State) -> State:
-    """Return the state with surfaces that overlap by rounding just touching.
+def separated(system: System, segment: DriveSegment, time: float, x: State) -> State:
+    """Return the state without the overlaps that rounding causes.
 
     Raises:
-        SceneError: Fingertip and key overlap by more than that.
+        SceneError: Fingertip and key overlap by more than `DEPTH_TOLERANCE`.
     """
     after = list(x)
-    touch = system.touch(leg, time, x)
-    least = max(0.0, touch.angle) if touch else 0.0
-    if least - after[0] > DEEP:
+    contact = system.key_under_fingertip(segment, time, x)
+    least = max(0.0, contact.angle) if contact else 0.0
+    if least - after[0] > DEPTH_TOLERANCE:
         raise SceneError(
             f"rig {system.name}: at {time:.6g} s the fingertip is suddenly {least - after[0]:.3g}"
-            f" rad within the key, more than {DEEP:.3g} rad; its reference jumps: play one that is"
-            " continuous"
+            f" rad within the key, more than {DEPTH_TOLERANCE:.3g} rad; its reference jumps; use"
+            " a continuous one"
         )
     after[0] = max(after[0], least)
     for k, jack in enumerate(system.jacks):
-        after[2 + 2 * k] = max(after[2 + 2 * k], jack.foot(after[0])[0])
+        after[2 + 2 * k] = max(after[2 + 2 * k], jack.kinematics(after[0])[0])
     return after
 
 
-def settled(stretch: Stretch, time: float, x: State) -> State:
-    """Return the state with what hangs together brought together, rounding apart."""
-    x = stretch.complete(time, x)
-    if stretch.mode.rail:
-        x = stretch.complete(time, [0.0, *x[1:]])
-    if stretch.system.arm and stretch.mode.touch and not stretch.mode.slip:
-        return pinned(stretch.system.arm, x)
+def projected(equations: ModeEquations, time: float, x: State) -> State:
+    """Return the state projected onto the constraints of its mode."""
+    x = equations.complete(time, x)
+    if equations.mode.rail:
+        x = equations.complete(time, [0.0, *x[1:]])
+    if equations.system.arm and equations.mode.touching and not equations.mode.slip:
+        return with_fingertip_on_key(equations.system.arm, x)
     return x
 
 
-def pinned(arm: Linkage, x: State) -> State:
-    """Return the state with the fingertip on the key as it stands."""
+def with_fingertip_on_key(arm: Linkage, x: State) -> State:
+    """Return the state with the fingertip moved onto the key, whose angle stays."""
     for _ in range(2):
-        touch, own = arm.touch(*x[-4:]), arm.inertia(*x[-4:])
-        by1, by2 = own.solve(touch.slope1, touch.slope2)
-        size = touch.slope1 * by1 + touch.slope2 * by2
-        place, speed = (touch.angle - x[0]) / size, touch.spin / size
+        contact, own = arm.key_under_fingertip(*x[-4:]), arm.inertia(*x[-4:])
+        by1, by2 = own.solve(contact.slope1, contact.slope2)
+        size = contact.slope1 * by1 + contact.slope2 * by2
+        place, speed = (contact.angle - x[0]) / size, contact.angular_velocity / size
         q1, q2, d1, d2 = x[-4:]
         joints = [q1 - by1 * place, q2 - by2 * place, d1 - by1 * speed, d2 - by2 * speed]
         x = [*x[:-4], *joints]
