@@ -16,9 +16,9 @@ from sautereau.sim_backend.physics.drive import LEAD, PressDrive, drive_of
 from sautereau.sim_backend.physics.reference.drive_segments import DriveSegment
 from sautereau.sim_backend.physics.reference.jack import JackLaw, PluckLaw, StringMode
 from sautereau.sim_backend.physics.reference.linkage import Linkage
-from sautereau.sim_backend.physics.reference.mode import Felt, JackMode, ForceModes
+from sautereau.sim_backend.physics.reference.mode import Felt, ForceModes, JackMode
 from sautereau.sim_backend.physics.reference.observe import reference, solve
-from sautereau.sim_backend.physics.reference.switch import select_mode, resolve_impacts
+from sautereau.sim_backend.physics.reference.switch import resolve_impacts, select_mode
 from sautereau.sim_backend.physics.reference.system import System
 from sautereau.sim_backend.physics.servo import PositionLoops
 from sautereau.sim_backend.scene import load_scene, parse_scene

@@ -101,5 +101,6 @@ def _check(scene: Scene) -> None:
     if scene.string in ("modal", "auto") or scene.plectrum == "auto":
         raise SceneError(
             f'string = "{scene.string}", plectrum = "{scene.plectrum}": the reference needs a'
-            ' spring string and a chosen level; set string = "spring" and a level, or "none" for both'
+            ' spring string and a chosen level; set string = "spring" and a level, or both'
+            ' "none"'
         )
