@@ -99,5 +99,5 @@ def test_the_finger_rests_on_the_key_before_it_accelerates(bench, spline, settle
 
 
 def test_a_hover_out_of_reach_is_told(bench):
-    with pytest.raises(TrajectoryError, match=r"reach: the way down from press.hover above"):
+    with pytest.raises(TrajectoryError, match=r"reach: the approach from press.hover above"):
         plan_press(bench(press__hover="400 mm"))

@@ -119,7 +119,7 @@ def test_too_many_samples_for_the_fifo_are_replayed_with_knots_further_apart(ben
 
 
 def test_a_gesture_that_ends_before_the_controllers_first_segment(paper):
-    with pytest.raises(TrajectoryError, match=r"press.gesture: .* no whole segment"):
+    with pytest.raises(TrajectoryError, match=r"press.gesture: .* no complete segment"):
         draft_press(replaying(paper, [0, 1e-4, 2e-4], [0, 1e-5, 0]))
 
 

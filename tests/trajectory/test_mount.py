@@ -11,7 +11,7 @@ from sautereau.trajectory.errors import TrajectoryError
 from sautereau.trajectory.follow import follow_key
 from sautereau.trajectory.key import angle_of_rise, key_under_fingertip, rise_of_angle
 from sautereau.trajectory.motion import Motion
-from sautereau.trajectory.mount.bases import ELBOWS, LIMITS, key_angles, stances
+from sautereau.trajectory.mount.bases import ELBOWS, LIMITS, assess_bases, key_angles
 from sautereau.trajectory.mount.find import FINGER_FORCE, assess_mount, find_mount, mount_map
 from sautereau.trajectory.press import plan_press
 from sautereau.trajectory.timing import press_law
@@ -72,11 +72,11 @@ def test_no_random_base_is_better(held, spread):
     for _ in range(200):
         bases = random.uniform(corner, end, (1000, 2))
         for elbow in ELBOWS:
-            found = stances(rig, elbow, bases, key_angles(rig, 33), FINGER_FORCE)
-            allowed = found.miss <= 0
+            found = assess_bases(rig, elbow, bases, key_angles(rig, 33), FINGER_FORCE)
+            allowed = found.violation <= 0
             feasible += allowed.sum()
             # 33 angles miss at most this much of the largest residual between them.
-            assert (found.worst[allowed] > left_over(mount) * (1 - 3e-3)).all()
+            assert (found.worst_residual[allowed] > left_over(mount) * (1 - 3e-3)).all()
         if feasible > 20_000:
             break
     assert feasible > 20_000
@@ -87,7 +87,7 @@ def test_the_many_bases_agree_with_the_planner(held):
     angles = key_angles(rig, 9)
     random = np.random.default_rng(3)
     bases = np.array([mount.base_x, mount.base_z]) + random.uniform(-5e-3, 5e-3, (20, 2))
-    found = stances(rig, mount.elbow, bases, angles)
+    found = assess_bases(rig, mount.elbow, bases, angles)
     rise = rise_of_angle(rig.key, angles)
     still = np.zeros_like(rise)
     for index, (x, z) in enumerate(bases):
@@ -176,7 +176,7 @@ def test_a_pocket_smaller_than_the_grid_is_found(paper):
     ],
 )
 def test_nowhere_to_clamp_is_one_clear_message(bench, values, limit, remedy):
-    with pytest.raises(TrajectoryError, match=f"(?s)nowhere.*{limit}.*{remedy}") as caught:
+    with pytest.raises(TrajectoryError, match=f"(?s)no base in.*{limit}.*{remedy}") as caught:
         find_mount(bench(**values))
     assert "nan" not in str(caught.value)
 
@@ -195,8 +195,8 @@ def test_the_map_holds_the_best_base(held):
     assert least[feasible].min() >= left_over(mount) * (1 - 1e-2)
     row, column = np.unravel_index(np.where(feasible, least, np.inf).argmin(), least.shape)
     place = np.array([[area.x[column], area.z[row]]])
-    there = stances(rig, mount.elbow, place, key_angles(rig, 65), FINGER_FORCE)
-    assert least[row, column] == pytest.approx(there.worst[0], rel=0.05)
+    there = assess_bases(rig, mount.elbow, place, key_angles(rig, 65), FINGER_FORCE)
+    assert least[row, column] == pytest.approx(there.worst_residual[0], rel=0.05)
 
 
 def test_a_map_of_one_base_and_a_force_that_is_no_number_are_refused(paper):
@@ -245,6 +245,6 @@ def test_any_rig_has_a_mount_or_a_message(rig):
     assert z[0] <= mount.base_z <= z[1]
     bases = np.random.default_rng(1).uniform((x[0], z[0]), (x[1], z[1]), (2000, 2))
     for elbow in ELBOWS:
-        found = stances(rig, elbow, bases, key_angles(rig, 65), FINGER_FORCE)
-        allowed = found.worst[found.miss <= 0]
+        found = assess_bases(rig, elbow, bases, key_angles(rig, 65), FINGER_FORCE)
+        allowed = found.worst_residual[found.violation <= 0]
         assert allowed.min(initial=np.inf) >= left_over(mount) * (1 - 1e-3)

@@ -146,7 +146,7 @@ def test_a_base_that_presses_behind_the_pin_is_refused():
     )
     checks = {check.name: check for check in draft_press(rig).checks}
     assert checks["contact on the key"].value == pytest.approx(-0.0346, abs=1e-3)
-    assert "lower key.press_arm" in checks["contact on the key"].remedy
+    assert "lower key.press_arm" in checks["contact on the key"].how_to_fix
 
 
 @pytest.mark.parametrize(
@@ -167,12 +167,12 @@ def test_a_cruise_that_does_not_cover_the_pluck_is_warned_of(contact, release, w
 @pytest.mark.parametrize(
     ("values", "message"),
     [
-        ({"arm.base_x": "-600 mm"}, r"reach: the fingertip's path goes .* mm beyond the outer"),
+        ({"arm.base_x": "-600 mm"}, r"reach: the fingertip's path lies .* mm beyond the outer"),
         ({"arm.base_x": "-175 mm", "arm.base_z": "20 mm"}, "inside the inner reach"),
-        ({"press.hover": "400 mm"}, r"reach: the way down from press.hover above the key goes"),
+        ({"press.hover": "400 mm"}, r"reach: the approach from press.hover above the key lies"),
         ({"press.hold": "normal", "arm.base_z": "300 mm"}, r"move arm.base_z"),
         ({"press.jack_speed": "1 m/s"}, r"leaves no cruise; lower jack_speed"),
-        ({"controller.sample_period": "60 ms"}, r"holds no whole segment of the controller"),
+        ({"controller.sample_period": "60 ms"}, r"contains no complete segment of the controller"),
         ({"controller.sample_period": "1 ns"}, r"segment_limit.*raise press.return_speed"),
         (
             {"press.return_speed": "1e-4 m/s", "controller.segment_limit": 8},

@@ -155,7 +155,7 @@ def test_the_finest_encoder_fits_into_the_fifo(bench):
 
 def test_a_motion_longer_than_the_fifo_is_refused():
     rig = with_values(PAPER, {"press.bottom_hold": "20 s"})
-    with pytest.raises(TrajectoryError, match=r"longer than the .* s that 8 segments of 1024"):
+    with pytest.raises(TrajectoryError, match=r"longer than the .* s of 8 segments of 1024"):
         sample_times(press_law(rig.press).law, 976.5625e-6, 8)
 
 
