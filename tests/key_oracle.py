@@ -34,7 +34,7 @@ def curvature(key, angle):
 
 
 def energy(rig, angle, omega, height=None, speed=None):
-    """Return kinetic and potential energy [J] of key and jack; of a jack off the key, by its own."""
+    """Return the energy [J] of key and jack; of a jack off the key by its height and speed."""
     key, mass = rig.key, rig.jack.mass
     height = rise(key, angle) if height is None else height
     speed = slope(key, angle) * omega if speed is None else speed

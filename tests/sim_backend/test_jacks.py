@@ -22,10 +22,6 @@ def thrown(force, duration, rest, **changes):
     return scene_of("free-key", push=push_of(force, duration, rest), **changes)
 
 
-def slow(name):
-    return pytest.param(name, marks=pytest.mark.slow)
-
-
 THROWN = thrown(0.8, 15e-3, 150e-3, truth={"key.front_heaviness": "-50 mN m"})
 """A key with a large gravity moment to the back, which falls twice as fast as a jack."""
 
@@ -111,7 +107,8 @@ def test_a_stiff_felt_divides_the_step():
 
 
 @pytest.mark.parametrize(
-    "name", ["pluck", "free-key", "return", *(slow(n) for n in ("ideal", "two-choirs"))]
+    "name",
+    ["pluck", "free-key", "return", "two-choirs", pytest.param("ideal", marks=pytest.mark.slow)],
 )
 def test_packaged_scenes_agree_with_the_reference(name):
     scene = scene_of(name)

@@ -69,11 +69,6 @@ class Sweep:
         """Whether each string was released; shape (choirs, ...)."""
         return np.isfinite(self.release)
 
-    def endings(self) -> dict[Ending, int]:
-        """Return the number of presses per ending."""
-        values, counts = np.unique(self.status, return_counts=True)
-        return {Ending(v): int(n) for v, n in zip(values, counts, strict=True)}
-
 
 def sweep(
     rig: Rig, scene: Scene, values: Mapping[str, ArrayLike], *, threads: int | None = None
