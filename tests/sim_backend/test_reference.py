@@ -449,7 +449,7 @@ def test_a_landing_conserves_momentum():
     np.testing.assert_allclose(after[1::2], [expected, s1 * expected, s2 * expected], rtol=1e-12)
 
 
-@pytest.mark.parametrize("seed", [*range(8), *(slow(n) for n in range(8, 40))])
+@pytest.mark.parametrize("seed", range(40))
 def test_a_mode_is_the_one_of_least_constraint(seed):
     """Gauss's principle by its dual, a bounded least-squares problem, from rest."""
     random = np.random.default_rng(seed)
@@ -463,11 +463,11 @@ def test_a_mode_is_the_one_of_least_constraint(seed):
     segment = DriveSegment(0.0, 1.0, moment=random.uniform(-0.03, 0.05))
     feet = [jack.kinematics(a) for jack in system.jacks]
     x = [a, 0.0, feet[0][0], 0.0, feet[1][0], 0.0]
-    meeting = ForceModes((StringMode.BELOW,) * 2, (True, True), Felt.OFF)
-    stretch = select_mode(system, segment, 0.0, x, meeting)
-    now = stretch.at(0.0, x)
+    force_modes = ForceModes((StringMode.BELOW,) * 2, (True, True), Felt.OFF)
+    equations = select_mode(system, segment, 0.0, x, force_modes)
+    now = equations.at(0.0, x)
     mass = np.diag([system.inertia, *masses])
-    forces = [segment.moment + system.heaviness]
+    forces = [segment.moment + system.gravity_moment]
     forces += [dampers[k] * (0.02 - feet[k][0]) - masses[k] * GRAVITY for k in (0, 1)]
     rows = np.array([
         [1, 0, 0], [0, 1, 0], [0, 0, 1], [1, 0, 0], [-feet[0][1], 1, 0], [-feet[1][1], 0, 1]
@@ -487,7 +487,7 @@ def test_a_mode_is_the_one_of_least_constraint(seed):
 
 
 def test_a_modal_string_is_refused():
-    with pytest.raises(SceneError, match=r'string = "modal".*take string = "spring"'):
+    with pytest.raises(SceneError, match=r'string = "modal".*set string = "spring"'):
         reference(RIG, scene_of("ideal", string="modal"))
 
 
@@ -498,13 +498,13 @@ def test_a_key_that_turns_over_is_refused():
 
 def test_an_arm_that_reaches_the_pin_is_refused():
     linkage = Linkage(with_values(RIG, {"arm.base_x": "-120 mm", "arm.base_z": "105 mm"}))
-    with pytest.raises(SceneError, match="touches the key at no angle"):
+    with pytest.raises(SceneError, match="no angle gives a contact"):
         linkage.key_under_fingertip(0.0, -math.pi / 2, 0.0, 0.0)
 
 
 def test_too_stiff_a_scene_is_refused(monkeypatch):
     monkeypatch.setattr("sautereau.sim_backend.physics.reference.integrate.MOST_STEPS", 500)
-    with pytest.raises(SceneError, match=r"after 501 steps of 500 at most.*lower the stiffness"):
+    with pytest.raises(SceneError, match=r"after 501 steps of 500 at most.*lower its stiffness"):
         reference(RIG, pushed(1.5, 0.1, truth={"key.pivot_viscous_friction": "1e4 N m s/rad"}))
 
 

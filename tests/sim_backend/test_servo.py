@@ -62,7 +62,7 @@ def test_at_rest_the_torque_balances_the_weight(loops, arm):
 
 
 def test_each_term_of_the_pid(loops, servo, arm):
-    """One sample: P on the error, D on its change, feedforward on acceleration; then the integral."""
+    """P on the error, D on its change, feedforward on acceleration; then the integral."""
     loops.engage((0.3, -1.2))
     weight = weight_torque(arm, (0.3, -1.2))
     lag = 100 * 2 * math.pi / arm.counts_per_revolution

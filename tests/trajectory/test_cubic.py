@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import example, given, settings
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from sautereau.trajectory.cubic import Cubics, controller_motion, evaluate, extremes, segment_cubics
@@ -53,7 +53,6 @@ def test_the_controllers_motion_of_a_press_is_the_cubic_spline(bench, spline):
 
 
 @given(segments_of())
-@settings(deadline=None, max_examples=50)
 def test_any_segments_are_played_as_the_cubic_spline(spline, segments):
     _, motion = controller_motion(segments, 3, 1.0, PERIOD)
     time = np.arange(segments.total_samples * 3 + 1) / 3 * PERIOD
@@ -68,7 +67,6 @@ REST = Segments(np.zeros(2, int), np.zeros((1, 2), int), np.zeros((1, 2), int), 
 
 @given(segments_of())
 @example(REST)
-@settings(deadline=None, max_examples=150)
 def test_extremes_are_those_of_a_dense_look(spline, segments):
     found = extremes(segment_cubics(segments, 1.0, PERIOD))
     curve = spline(segments, PERIOD)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from sautereau.rig.load import load_rig
@@ -20,8 +20,6 @@ from sautereau.trajectory.motion import Motion, dot
 PAPER = load_rig().arm
 ROD = (0.5 - np.sqrt(1 / 12), 0.5 + np.sqrt(1 / 12))
 """Where two halves of a rod's mass move, and weigh, as the rod does: Gauss's points."""
-
-several = settings(deadline=None, max_examples=40)
 
 
 @st.composite
@@ -70,7 +68,6 @@ def at_rest(joints):
 
 
 @given(arms(), seeds())
-@several
 def test_the_motors_work_is_the_energy_gained(arm, seed):
     """With a force on the fingertip, whose work is the world's."""
     nodes, weights = np.polynomial.legendre.leggauss(80)
@@ -85,7 +82,6 @@ def test_the_motors_work_is_the_energy_gained(arm, seed):
 
 
 @given(arms(), seeds())
-@several
 def test_power_is_the_rate_of_energy(derivatives, close, arm, seed):
     time = np.linspace(0, 1, 40)
     joints = swing(seed, time)
@@ -94,7 +90,6 @@ def test_power_is_the_rate_of_energy(derivatives, close, arm, seed):
 
 
 @given(arms(), seeds())
-@several
 def test_the_mass_matrix_is_symmetric_and_positive(arm, seed):
     matrix = mass_matrix(arm, states(seed).position)
     np.testing.assert_array_equal(matrix, matrix.swapaxes(-1, -2))
@@ -102,7 +97,6 @@ def test_the_mass_matrix_is_symmetric_and_positive(arm, seed):
 
 
 @given(arms(), seeds())
-@several
 def test_gravity_torque_is_the_slope_of_the_energy(derivatives, close, arm, seed):
     joints = states(seed).position
     for j, axis in enumerate(np.eye(2)):
@@ -115,7 +109,6 @@ def test_gravity_torque_is_the_slope_of_the_energy(derivatives, close, arm, seed
 
 
 @given(arms(), seeds())
-@several
 def test_a_tip_force_by_virtual_work(close, arm, seed):
     """What it takes from the motors is what it gives along any small motion."""
     joints = states(seed)
@@ -135,7 +128,6 @@ def points(arm):
 
 
 @given(arms(rotors=False), seeds())
-@several
 def test_the_rods_are_points_by_dalembert(close, arm, seed):
     """The torque on each joint is the inertia and weight of four points along their paths."""
     joints = states(seed)
@@ -201,7 +193,6 @@ def peer_torques(pin, arm, model, joints, forces):
 
 
 @given(arms(), seeds())
-@several
 def test_pinocchio_finds_the_same(close, arm, seed):
     pin = pytest.importorskip("pinocchio", reason="a peer; install it with --group peers")
     joints, model = states(seed), peer_model(pin, arm)

@@ -1,7 +1,7 @@
 """The force that a press is expected to meet."""
 
 import numpy as np
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from sautereau.trajectory.expected import Expectation
@@ -27,7 +27,6 @@ def test_a_peak_between_two_rises_is_not_missed():
     st.lists(st.tuples(st.integers(0, 1000), st.floats(-9, 9)), min_size=1, max_size=12),
     st.lists(st.tuples(st.floats(-5, 1005), st.floats(0, 500)), min_size=1, max_size=6),
 )
-@settings(deadline=None, max_examples=100)
 def test_the_range_is_that_of_a_dense_look(points, windows):
     rise, first = np.unique([p[0] for p in points], return_index=True)
     force = np.array([points[i][1] for i in first])

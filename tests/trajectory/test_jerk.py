@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from sautereau.trajectory.jerk import (
@@ -21,7 +21,6 @@ def powers(low, high):
 
 
 @given(powers(-3, 0), powers(-3, 4), powers(-1, 8))
-@settings(deadline=None, max_examples=100)
 def test_a_ramp_reaches_its_speed_within_its_limits(speed, acceleration, jerk):
     phases = ramp(speed, acceleration, jerk)
     law = jerk_law(phases)
@@ -36,7 +35,6 @@ def test_a_ramp_reaches_its_speed_within_its_limits(speed, acceleration, jerk):
 
 
 @given(powers(-9, -1), powers(-4, 0), powers(-3, 4), powers(-1, 8))
-@settings(deadline=None, max_examples=200)
 def test_a_stroke_covers_its_distance_from_rest_to_rest(distance, speed, acceleration, jerk):
     law = jerk_law(rest_to_rest(distance, speed, acceleration, jerk))
     assert law.states[-1, 0] == pytest.approx(distance, rel=1e-9)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.signal import butter, sosfilt
 
@@ -58,7 +58,6 @@ def test_the_correction_is_given_back_before_the_return():
     assert found.rise.max() == pytest.approx(np.sqrt(np.pi) * 0.01 * 0.01, rel=0.02)
 
 
-@settings(max_examples=25, deadline=None)
 @given(gain=st.floats(0.3, 1.6), lag=st.floats(0, 1.5e-3), noise=st.floats(0, 2e-4))
 def test_learning_never_makes_it_worse(gain, lag, noise):
     """A plant of unknown gain and lag, with noise: the best error is that of a learned press."""

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from sautereau.rig.load import load_rig
@@ -140,7 +140,6 @@ def test_shapes_that_do_not_fit_are_refused():
         max_size=8,
     )
 )
-@settings(deadline=None, max_examples=100)
 def test_any_touches_give_numbers_or_a_message(touches):
     table = np.array(touches)
     try:
@@ -154,7 +153,6 @@ def test_any_touches_give_numbers_or_a_message(touches):
 
 
 @given(st.floats(-0.29, -0.26), st.floats(0.15, 0.18), st.floats(-0.2, 0.2), st.floats(-0.2, 0.2))
-@settings(deadline=None, max_examples=50)
 def test_any_base_is_found(x, z, first, second):
     arm = PAPER.arm.model_copy(update={"base_x": x, "base_z": z})
     rig = PAPER.model_copy(update={"arm": arm})

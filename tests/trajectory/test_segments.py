@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from sautereau.trajectory.press import plan_press
@@ -18,7 +18,6 @@ def rests_to_rest(draw):
 
 
 @given(rests_to_rest())
-@settings(deadline=None, max_examples=60)
 def test_the_way_back_is_the_way_there_played_backwards(spline, segments):
     back = segments.reversed()
     assert (back.start == segments.end).all()
@@ -35,7 +34,6 @@ def test_the_way_back_is_the_way_there_played_backwards(spline, segments):
 
 
 @given(rests_to_rest())
-@settings(deadline=None, max_examples=30)
 def test_there_and_back_twice_is_the_same(segments):
     twice = segments.reversed().reversed()
     for name in ("start", "steps", "velocities", "samples"):

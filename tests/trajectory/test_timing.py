@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from sautereau.rig.load import load_rig
@@ -79,14 +79,10 @@ def check_law(press):
     cruise = law.at(np.linspace(found.cruise_start, found.cruise_end, 50)[1:-1])
     assert cruise.velocity == pytest.approx(press.jack_speed, rel=1e-12)
     assert np.abs(cruise.acceleration).max() < 1e-9 * press.run_up_acceleration
-    # A jack always at cruise speed would have met the same rises.
-    line = press.jack_speed * (found.cruise_start - found.extrapolated_start)
-    assert law.at(np.array([found.cruise_start])).position[0] == pytest.approx(line, rel=1e-11)
     return found
 
 
 @given(presses())
-@settings(deadline=None, max_examples=150)
 def test_any_press_keeps_its_limits_or_is_refused(press):
     try:
         press_law(press)
