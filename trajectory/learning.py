@@ -48,10 +48,10 @@ def speed_error(law: PressLaw, time: Floats, speed: Floats) -> float:
         TrajectoryError: The times do not cover the cruise, or a speed is not finite.
     """
     _check(law, time, speed)
-    seen = _low_pass(speed, BANDWIDTH, time)
+    filtered = _low_pass(speed, BANDWIDTH, time)
     cruise = (time >= law.cruise_start) & (time <= law.cruise_end)
     planned = law.law.at(time[cruise]).velocity
-    error = seen[cruise] - planned
+    error = filtered[cruise] - planned
     return float(np.sqrt(np.mean(error**2)) / np.abs(planned).max())
 
 

@@ -137,9 +137,9 @@ def _loaded(rig: Rig, sampled: Sampled, free: Floats, expected: Expectation) -> 
     peaks = []
     for j in (0, 1):
         bare, arm = free[..., j], lever[..., j]
-        borne = max(np.abs(bare[pressing] - force * arm).max() for force in forces)
+        loaded = max(np.abs(bare[pressing] - force * arm).max() for force in forces)
         slack = _bend(bare) + most * _bend(arm)
-        peaks.append(max(_peak(bare), float(borne + slack)))
+        peaks.append(max(_peak(bare), float(loaded + slack)))
     return peaks
 
 

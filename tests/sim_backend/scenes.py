@@ -15,7 +15,7 @@ RIG = load_rig("paper")
 MUTE = {"plectrum": "none", "string": "none"}
 BARE = {**MUTE, "friction": False, "felt": False}
 RETURNING = {"tongue": True, "damper": True}
-"""Parts that act on the way down."""
+"""Parts that act while the jack falls."""
 
 
 def push_of(force, duration, rest=0.0):

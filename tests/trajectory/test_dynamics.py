@@ -19,7 +19,7 @@ from sautereau.trajectory.motion import Motion, dot
 
 PAPER = load_rig().arm
 ROD = (0.5 - np.sqrt(1 / 12), 0.5 + np.sqrt(1 / 12))
-"""Where two halves of a rod's mass move, and weigh, as the rod does: Gauss's points."""
+"""Gauss's points of a rod: half its mass at each has the inertia and weight of the rod."""
 
 
 @st.composite
@@ -69,7 +69,7 @@ def at_rest(joints):
 
 @given(arms(), seeds())
 def test_the_motors_work_is_the_energy_gained(arm, seed):
-    """With a force on the fingertip, whose work is the world's."""
+    """With an external force on the fingertip, whose work is subtracted."""
     nodes, weights = np.polynomial.legendre.leggauss(80)
     time = (nodes + 1) / 2
     joints = swing(seed, time)
@@ -110,7 +110,7 @@ def test_gravity_torque_is_the_slope_of_the_energy(derivatives, close, arm, seed
 
 @given(arms(), seeds())
 def test_a_tip_force_by_virtual_work(close, arm, seed):
-    """What it takes from the motors is what it gives along any small motion."""
+    """Its joint torques are its work along each joint."""
     joints = states(seed)
     force = np.random.default_rng(seed).uniform(-5, 5, (20, 2))
     spared = joint_torques(arm, joints) - joint_torques(arm, joints, force)
@@ -151,7 +151,7 @@ def test_a_rotor_counts_with_its_gear_ratio_squared(close):
 
 
 def test_a_level_arm_by_hand():
-    """Two rods stretched out level, falling free about joint 1: 0.15 and 0.10 kg."""
+    """Two aligned horizontal rods of 0.15 and 0.10 kg about joint 1."""
     still = at_rest(np.zeros((1, 2)))
     assert gravity_torque(PAPER, still.position)[0] == pytest.approx(
         [GRAVITY * (0.15 * 0.06 + 0.10 * 0.17), GRAVITY * 0.10 * 0.05], rel=1e-14
@@ -204,5 +204,5 @@ def test_pinocchio_finds_the_same(close, arm, seed):
         matrices.append(pin.crba(model, data, position).copy())
         energies.append(pin.computeMechanicalEnergy(model, data, position, velocity))
     close(mass_matrix(arm, joints.position), np.array(matrices), 1e-9)
-    rotors = joints.velocity**2 @ armature(arm) / 2  # which its energy leaves out
+    rotors = joints.velocity**2 @ armature(arm) / 2  # not included in its energy
     close(energy(arm, joints) - rotors, np.array(energies), 1e-9)

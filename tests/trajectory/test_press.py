@@ -1,4 +1,4 @@
-"""A whole press: what holds of it, what is refused, and that nothing else comes out."""
+"""Planning of complete presses: their checks, refusals and warnings."""
 
 import numpy as np
 import pytest
@@ -85,8 +85,8 @@ BREAKS = [
 ]
 
 
-@pytest.mark.parametrize(("name", "values", "remedy"), BREAKS, ids=[b[0] for b in BREAKS])
-def test_each_check_can_fail(name, values, remedy):
+@pytest.mark.parametrize(("name", "values", "fix"), BREAKS, ids=[b[0] for b in BREAKS])
+def test_each_check_can_fail(name, values, fix):
     rig = with_values(PAPER, values)
     draft = draft_press(rig)
     failed = {check.name: check for check in draft.checks if not check.holds}
@@ -96,10 +96,10 @@ def test_each_check_can_fail(name, values, remedy):
         plan_press(rig)
     line = next(x for x in str(raised.value).split("\n") if x.startswith(f"  {name}: "))
     assert "fails by" in line
-    assert remedy in line
+    assert fix in line
 
 
-def test_every_failed_check_is_listed_with_its_remedy():
+def test_every_failed_check_is_listed_with_its_fix():
     rig = with_values(
         PAPER,
         {"key.dip": "7 mm", "arm.speed_limit": "0.5 rad/s", "press.hover": "5 mm"},

@@ -61,7 +61,7 @@ def residual_and_sensitivity(rig: Rig) -> tuple[float, float]:
     if not reached[0]:
         raise TrajectoryError(
             f"arm.base_x, arm.base_z: from {arm.base_x * 1e3:.4g}, {arm.base_z * 1e3:.4g} mm the"
-            " arm does not reach the key over the whole press; use the base that `mount` finds"
+            " arm does not reach the key over the complete press; use the base that `mount` finds"
         )
     worst = found.worst_residual
     return float(worst[0]), float((worst[reached].max() - worst[0]) / DISPLACEMENT)

@@ -83,9 +83,9 @@ def play_sample(bench, cells, state, modes, guards, events, segment, time, end, 
     for j in range(steps):
         before = segment[PUSH]
         step_start, step_end = time + j * step, end if j == steps - 1 else time + (j + 1) * step
-        begins = 1 if j == 0 and new_segment > 0 else 0
+        new = 1 if j == 0 and new_segment > 0 else 0
         status = advance(
-            bench, cells, state, modes, guards, events, segment, step_start, step_end, begins
+            bench, cells, state, modes, guards, events, segment, step_start, step_end, new
         )
         if status != FINE:
             return status
@@ -169,9 +169,9 @@ def play_presses(
                 step_start, end = time + j * step, time + (j + 1) * step
                 if j == steps - 1:
                     end = (sample + 1) * period
-                begins = 1 if j == 0 and (ideal or sample == 0) else 0
+                new = 1 if j == 0 and (ideal or sample == 0) else 0
                 result = advance(
-                    bench, cells, state, modes, guards, events, segment, step_start, end, begins
+                    bench, cells, state, modes, guards, events, segment, step_start, end, new
                 )
                 keep_first_events(modes, events, found[i])
         status[i] = result

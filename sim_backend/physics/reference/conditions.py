@@ -50,7 +50,7 @@ def conditions(equations: ModeEquations, now: Instant) -> list[Condition]:
     if mode.slip:
         add("the key stops", mode.slip * now.angular_velocity, ANGULAR_VELOCITY)
         if mode.slip < 0:
-            add("the key meets the rail", now.angle, ANGLE)
+            add("contact of key and rail", now.angle, ANGLE)
     elif not equations.prescribed:
         add("the key breaks loose upwards", now.dry - now.balance, force)
         if not mode.rail:
@@ -58,9 +58,9 @@ def conditions(equations: ModeEquations, now: Instant) -> list[Condition]:
     if mode.touching:
         add("the finger leaves the key", now.finger, force)
     elif now.contact:
-        add("the finger meets the key", now.angle - now.contact.angle, ANGLE)
+        add("contact of finger and key", now.angle - now.contact.angle, ANGLE)
     if force_modes.felt is Felt.OFF:
-        add("the key meets the felt", system.dip - now.angle, ANGLE)
+        add("contact of key and felt", system.dip - now.angle, ANGLE)
     else:
         push = system.felt(now.angle, now.angular_velocity)
         sign = 1 if force_modes.felt is Felt.PRESSED else -1

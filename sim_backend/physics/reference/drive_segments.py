@@ -150,7 +150,7 @@ class IdealFingerSegments(_SampledSegments):
 
 
 class ServoSegments(_SampledSegments):
-    """The two position loops: PID on whole counts, with constant torque over each sample.
+    """The two position loops: PID on integer counts, with constant torque over each sample.
 
     For joint j, with the following error e = reference - encoder and its change over a sample:
     k e + c de/dt + J acceleration + integral, limited; the integral k e dt / T grows only while

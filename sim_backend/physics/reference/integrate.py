@@ -239,7 +239,7 @@ class Integrator:
             self._strings[k] = _STRINGS[event.name]
         elif event.name == "the jack stops":
             x[3 + 2 * k] = 0.0
-        elif event.name == "the key meets the rail":
+        elif event.name == "contact of key and rail":
             x[0] = 0.0
         elif event.name == "the key stops":
             x[1] = 0.0

@@ -42,8 +42,17 @@ def reference(
         SceneError: The scene has a modal string or no chosen level, or its motion diverges.
     """
     solution = solve(rig, scene, drive, tolerance=tolerance)
+    return observed(solution, scene.true_rig(rig).key.press_arm)
+
+
+def observed(solution: Solution, press_arm: float) -> Observation:
+    """Return the observation of a solution.
+
+    Args:
+        solution: As `solve` returns it.
+        press_arm: m, of the key.
+    """
     rows = zip(solution.times, solution.instants, solution.segments, strict=True)
-    press_arm = scene.true_rig(rig).key.press_arm
     table = [
         (
             time,

@@ -156,14 +156,14 @@ class ModalPlucking:
         part, increment = step / count, (rise - previous) / MM / count
         height, momentum = (previous - self._clearance) / MM, 0.0
         for i in range(count):
-            begin, end = height + increment * i, height + increment * (i + 1)
+            low, high = height + increment * i, height + increment * (i + 1)
             if not self._over:
                 contact.swing(part)
-                self._over = contact.lift >= end
+                self._over = contact.lift >= high
                 continue
             before = contact.found.up
             try:
-                taken = contact.advance(part, begin, end)
+                taken = contact.advance(part, low, high)
             except ModelError as error:
                 raise SceneError(f"{self._at}{error}") from error
             momentum += taken * (before + contact.found.up) / 2
