@@ -6,25 +6,11 @@ is repeated, and ends where the first guard vanishes.
 
 import math
 
+from sautereau.sim_backend.physics.reduced import state as ix
 from sautereau.sim_backend.physics.reduced.compile import compiled
 from sautereau.sim_backend.physics.reduced.locate import (
     evaluate_guards,
     locate,
-)
-from sautereau.sim_backend.physics.reduced.state import (
-    ANGLE,
-    ANGULAR_VELOCITY,
-    CHATTERS,
-    FALLS,
-    FINE,
-    IDEAL,
-    JACK,
-    LOST,
-    PUSH,
-    PUSH_END,
-    RISES,
-    SLIP,
-    TOUCH,
 )
 from sautereau.sim_backend.physics.reduced.step import (
     accept_step,
@@ -59,17 +45,17 @@ def advance(bench, cells, state, modes, guards, events, segment, time, end, new_
         new_segment: 1 at the start of a drive segment, else 0.
     """
     last = end
-    if segment[PUSH] > 0.0 and bench[0, PUSH_END] < end:
-        end = max(bench[0, PUSH_END], time)
+    if segment[ix.PUSH] > 0.0 and bench[0, ix.PUSH_END] < end:
+        end = max(bench[0, ix.PUSH_END], time)
     while True:
         if new_segment == 1:
             status = select_mode(bench, cells, state, modes, segment, time)
-            if status != FINE:
+            if status != ix.FINE:
                 return status
         status = advance_segment(bench, cells, state, modes, guards, events, segment, time, end)
-        if status != FINE or end == last:
+        if status != ix.FINE or end == last:
             return status
-        segment[PUSH] = 0.0
+        segment[ix.PUSH] = 0.0
         time, end, new_segment = end, last, 1
 
 
@@ -80,7 +66,7 @@ def advance_segment(bench, cells, state, modes, guards, events, segment, time, e
     size, changes = end - time, 0
     while time < end:
         if at_rest(modes, segment):
-            return FINE
+            return ix.FINE
         step = min(size, end - time)
         error = try_step(bench, cells, state, modes, segment, time, step) / allowed
         if error > 1.0 and step > SHORTEST:
@@ -90,27 +76,27 @@ def advance_segment(bench, cells, state, modes, guards, events, segment, time, e
             accept_step(state)
             time = end if step == end - time else time + step
             size = step * min(2.0, 0.8 * max(error, 1e-3) ** -0.25)
-            if not math.isfinite(state[0, ANGLE] + state[0, ANGULAR_VELOCITY]):
-                return LOST
+            if not math.isfinite(state[0, ix.ANGLE] + state[0, ix.ANGULAR_VELOCITY]):
+                return ix.LOST
             continue
         time += locate(bench, cells, state, modes, guards, segment, time, step)
         accept_step(state)
         status = change_mode(bench, cells, state, modes, guards, events, segment, time)
-        if status != FINE:
+        if status != ix.FINE:
             return status
         size = end - time
         changes += 1
         if changes > MOST_CHANGES:
-            return CHATTERS
-    return FINE
+            return ix.CHATTERS
+    return ix.FINE
 
 
 @compiled
 def at_rest(modes, segment):
     """Return whether everything is at rest until the drive segment ends."""
-    if modes[0, SLIP] != 0 or (segment[IDEAL] > 0 and modes[0, TOUCH] == 0):
+    if modes[0, ix.SLIP] != 0 or (segment[ix.IDEAL] > 0 and modes[0, ix.TOUCH] == 0):
         return False
     for k in range(1, len(modes)):
-        if modes[k, JACK] == FALLS or modes[k, JACK] == RISES:
+        if modes[k, ix.JACK] == ix.FALLS or modes[k, ix.JACK] == ix.RISES:
             return False
     return True

@@ -6,33 +6,7 @@ from typing import Any
 import numpy as np
 
 from sautereau.rig.schema import Rig
-from sautereau.sim_backend.physics.reduced.state import (
-    ARM,
-    CLEARANCE,
-    DAMPER,
-    DIP,
-    DRY,
-    FELT_DAMPING,
-    FELT_STIFFNESS,
-    FRICTION,
-    GRAVITY_MOMENT,
-    HEIGHT,
-    IDEAL,
-    INERTIA,
-    LIFT,
-    LINKAGE,
-    MASS,
-    NUMBERS,
-    PERIOD,
-    PUSH_END,
-    PUSHES,
-    SEGMENT_NUMBERS,
-    STRETCHES,
-    TONGUE_FORCE,
-    TONGUE_STIFFNESS,
-    TRAVEL,
-    VISCOUS,
-)
+from sautereau.sim_backend.physics.reduced import state as ix
 from sautereau.sim_backend.scene import Scene
 from sautereau.trajectory.motion import Floats
 
@@ -98,8 +72,8 @@ def benches(numbers: Numbers, places: Floats) -> Floats:
         numbers: Values of the keys.
         places: Of the strings' force laws; shape (presses, choirs, 9).
     """
-    found = np.zeros((len(places), 1 + places.shape[1], NUMBERS))
-    found[:, 1:, STRETCHES:] = places
+    found = np.zeros((len(places), 1 + places.shape[1], ix.NUMBERS))
+    found[:, 1:, ix.STRETCHES :] = places
     _set_key(numbers, found[:, 0])
     for k, at in enumerate(choir_prefixes(numbers.rig)):
         _set_jack(numbers, at, found[:, 1 + k])
@@ -108,46 +82,46 @@ def benches(numbers: Numbers, places: Floats) -> Floats:
 
 def _set_key(numbers: Numbers, found: Floats) -> None:
     scene, arm = numbers.scene, numbers("key.press_arm")
-    found[:, INERTIA] = numbers("key.inertia")
-    found[:, GRAVITY_MOMENT] = numbers("key.front_heaviness")
+    found[:, ix.INERTIA] = numbers("key.inertia")
+    found[:, ix.GRAVITY_MOMENT] = numbers("key.front_heaviness")
     if scene.friction:
-        found[:, VISCOUS] = numbers("key.pivot_viscous_friction")
-        found[:, DRY] = numbers("key.pivot_coulomb_friction")
-    found[:, DIP] = numbers("key.dip") / arm if scene.felt else np.inf
-    found[:, FELT_STIFFNESS] = numbers("key.felt_stiffness") * arm**2
-    found[:, FELT_DAMPING] = numbers("key.felt_damping") * arm**2
-    found[:, HEIGHT] = numbers("key.jack_surface_height")
+        found[:, ix.VISCOUS] = numbers("key.pivot_viscous_friction")
+        found[:, ix.DRY] = numbers("key.pivot_coulomb_friction")
+    found[:, ix.DIP] = numbers("key.dip") / arm if scene.felt else np.inf
+    found[:, ix.FELT_STIFFNESS] = numbers("key.felt_stiffness") * arm**2
+    found[:, ix.FELT_DAMPING] = numbers("key.felt_damping") * arm**2
+    found[:, ix.HEIGHT] = numbers("key.jack_surface_height")
     if scene.push:
-        found[:, PUSHES] = numbers("push.force") * arm
-        found[:, PUSH_END] = numbers("push.duration")
+        found[:, ix.PUSHES] = numbers("push.force") * arm
+        found[:, ix.PUSH_END] = numbers("push.duration")
 
 
 def _set_jack(numbers: Numbers, at: str, jack: Floats) -> None:
     scene = numbers.scene
-    jack[:, MASS] = numbers(f"{at}jack.mass")
-    jack[:, ARM] = numbers(f"{at or 'key.'}jack_arm")
-    jack[:, CLEARANCE] = (
+    jack[:, ix.MASS] = numbers(f"{at}jack.mass")
+    jack[:, ix.ARM] = numbers(f"{at or 'key.'}jack_arm")
+    jack[:, ix.CLEARANCE] = (
         np.inf if scene.plectrum == "none" else numbers(f"{at}jack.string_clearance")
     )
     if scene.friction:
-        jack[:, FRICTION] = numbers(f"{at}jack.register_friction")
+        jack[:, ix.FRICTION] = numbers(f"{at}jack.register_friction")
     if scene.tongue:
         overlap = numbers(f"{at}plectrum.overlap")
         lever = numbers(f"{at}plectrum.length") - overlap
-        jack[:, TONGUE_FORCE] = numbers(f"{at}jack.tongue.bristle_moment") / lever
-        jack[:, TONGUE_STIFFNESS] = numbers(f"{at}jack.tongue.bristle_stiffness") / lever**2
-        jack[:, TRAVEL] = lever * overlap / numbers(f"{at}jack.tongue.pivot")
-    jack[:, LIFT] = numbers(f"{at}jack.damper.lift") if scene.damper else -np.inf
+        jack[:, ix.TONGUE_FORCE] = numbers(f"{at}jack.tongue.bristle_moment") / lever
+        jack[:, ix.TONGUE_STIFFNESS] = numbers(f"{at}jack.tongue.bristle_stiffness") / lever**2
+        jack[:, ix.TRAVEL] = lever * overlap / numbers(f"{at}jack.tongue.pivot")
+    jack[:, ix.LIFT] = numbers(f"{at}jack.damper.lift") if scene.damper else -np.inf
     if scene.damper:
-        jack[:, DAMPER] = numbers(f"{at}jack.damper.stiffness")
+        jack[:, ix.DAMPER] = numbers(f"{at}jack.damper.stiffness")
 
 
 def new_drive_segment(rig: Rig, scene: Scene) -> Floats:
     """Return a drive segment without a path; see `state.PUSH`."""
     arm = rig.arm
-    segment = np.zeros(SEGMENT_NUMBERS)
-    segment[IDEAL] = scene.finger == "ideal"
-    segment[PERIOD] = rig.controller.sample_period
+    segment = np.zeros(ix.SEGMENT_NUMBERS)
+    segment[ix.IDEAL] = scene.finger == "ideal"
+    segment[ix.PERIOD] = rig.controller.sample_period
     height = rig.key.surface_height + arm.fingertip_radius
-    segment[LINKAGE:] = arm.base_x, arm.base_z, arm.upper_length, arm.lower_length, height
+    segment[ix.LINKAGE :] = arm.base_x, arm.base_z, arm.upper_length, arm.lower_length, height
     return segment

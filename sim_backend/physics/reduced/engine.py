@@ -15,43 +15,25 @@ from sautereau.rig.schema import Rig
 from sautereau.sim_backend.errors import SceneError
 from sautereau.sim_backend.physics.events import Motions, PluckEvents, StringEvent
 from sautereau.sim_backend.physics.finger import Reference, StandingFinger
+from sautereau.sim_backend.physics.reduced import state as ix
 from sautereau.sim_backend.physics.reduced.bench import Numbers, benches, new_drive_segment
 from sautereau.sim_backend.physics.reduced.laws import Laws, joined, laws_of, mute_law
 from sautereau.sim_backend.physics.reduced.play import play_sample
-from sautereau.sim_backend.physics.reduced.state import (
-    AT_PIN,
-    CHATTERS,
-    CONTACT,
-    COUNT,
-    CUBICS,
-    EVENTS,
-    FINE,
-    JUMPED,
-    LINKAGE,
-    LOST,
-    PUSH,
-    PUSH_END,
-    PUSHES,
-    RELEASE,
-    RETURN,
-    START,
-    TURNED_OVER,
-    new_state,
-)
+from sautereau.sim_backend.physics.reduced.state import new_state
 from sautereau.sim_backend.scene import Scene
 from sautereau.trajectory.motion import Floats
 
 ENDS = np.array([0.0, 1.0])
 
 _FAULTS = {
-    TURNED_OVER: "the key has turned by 1.2 rad, the limit of the model; lower the push, or enable"
+    ix.TURNED_OVER: "the key has turned by 1.2 rad, the limit of the model; lower the push, or enable"
     " the felt in the scene",
-    CHATTERS: "the motion chatters: its mode changes without end within one step; change the"
+    ix.CHATTERS: "the motion chatters: its mode changes without end within one step; change the"
     " scene's forces",
-    LOST: "the simulation diverged; the scene's forces are out of its range: lower masses,"
+    ix.LOST: "the simulation diverged; the scene's forces are out of its range: lower masses,"
     " stiffness or damping",
-    JUMPED: "the fingertip is suddenly within the key; use a continuous reference",
-    AT_PIN: "the fingertip is so close to the balance pin that no angle of the key gives a"
+    ix.JUMPED: "the fingertip is suddenly within the key; use a continuous reference",
+    ix.AT_PIN: "the fingertip is so close to the balance pin that no angle of the key gives a"
     " contact; keep the arm in front of it",
 }
 
@@ -90,7 +72,7 @@ class ReducedWorld:
             1 + len(rig.more_choirs)
         )
         self._segment = new_drive_segment(rig, scene)
-        self._segment[[CUBICS, CUBICS + 4]] = self.start
+        self._segment[[ix.CUBICS, ix.CUBICS + 4]] = self.start
 
     @property
     def time(self) -> float:
@@ -114,12 +96,12 @@ class ReducedWorld:
             self._bench, self._cells, self._state, self._modes, self._guards, self._string_events,
             self._segment, time, end, rows, new_segment,
         )  # fmt: skip
-        count = int(self._modes[0, COUNT])
-        if status == FINE and count > EVENTS:
-            status = CHATTERS
-        if status == FINE and not np.isfinite(rows).all():
-            status = LOST
-        if status != FINE:
+        count = int(self._modes[0, ix.COUNT])
+        if status == ix.FINE and count > ix.EVENTS:
+            status = ix.CHATTERS
+        if status == ix.FINE and not np.isfinite(rows).all():
+            status = ix.LOST
+        if status != ix.FINE:
             raise SceneError(f"rig {self.rig.name}: before {end:.6g} s {_FAULTS[status]}")
         if count:
             self._append_events(count)
@@ -134,19 +116,26 @@ class ReducedWorld:
         if self._ideal:
             counts, speeds = reference(ENDS)
             places, speeds = counts * self.radians_per_count, speeds * self.radians_per_count
-            segment[START], segment[CUBICS:LINKAGE] = time, joint_cubics(self.start, places, speeds)
+            segment[ix.START], segment[ix.CUBICS : ix.LINKAGE] = (
+                time,
+                joint_cubics(self.start, places, speeds),
+            )
             first, second = (self.start + places[1]).tolist()
             self.finger = StandingFinger((first, second))
             return 1 if self.samples else 2
-        pushes = powered and time < self._bench[0, PUSH_END]
-        push = float(self._bench[0, PUSHES]) if pushes else 0.0
-        new_segment = int(push != segment[PUSH]) if self.samples else 2
-        segment[PUSH] = push
+        pushes = powered and time < self._bench[0, ix.PUSH_END]
+        push = float(self._bench[0, ix.PUSHES]) if pushes else 0.0
+        new_segment = int(push != segment[ix.PUSH]) if self.samples else 2
+        segment[ix.PUSH] = push
         return new_segment
 
     def _append_events(self, count: int) -> None:
         events = self.events
-        lists = {CONTACT: events.contacts, RELEASE: events.releases, RETURN: events.returns}
+        lists = {
+            ix.CONTACT: events.contacts,
+            ix.RELEASE: events.releases,
+            ix.RETURN: events.returns,
+        }
         for e in range(count):
             time, force, _, kind, choir = self._string_events[e].tolist()
             lists[int(kind)].append(StringEvent(time, int(choir), force))

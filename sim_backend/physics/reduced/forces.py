@@ -3,48 +3,8 @@
 import math
 
 from sautereau.rig.section import GRAVITY
+from sautereau.sim_backend.physics.reduced import state as ix
 from sautereau.sim_backend.physics.reduced.compile import compiled, inlined
-from sautereau.sim_backend.physics.reduced.state import (
-    ARM,
-    BORDER,
-    CELL,
-    CLEARANCE,
-    CUBICS,
-    DAMPED,
-    DAMPER,
-    DIP,
-    DRY,
-    FELT,
-    FELT_DAMPING,
-    FELT_STIFFNESS,
-    FIRST,
-    FRICTION,
-    GRAVITY_MOMENT,
-    HANGS,
-    HEIGHT,
-    HELD,
-    INERTIA,
-    JACK,
-    LIFT,
-    LINKAGE,
-    LOAD,
-    MASS,
-    PASSING,
-    PERIOD,
-    PRESSED,
-    RISE_END,
-    SLIP,
-    SLOPE,
-    SPEED_END,
-    STANDS,
-    START,
-    STRETCH,
-    STRING,
-    TONGUE_FORCE,
-    TONGUE_STIFFNESS,
-    TOUCH,
-    VISCOUS,
-)
 
 
 @inlined
@@ -65,15 +25,15 @@ def fingertip(segment, time):
 
     The angle is NaN if the fingertip is so close to the pin that no angle gives a contact.
     """
-    period = segment[PERIOD]
-    u = (time - segment[START]) / period
-    q1, d1, s1 = joint(segment, CUBICS, u, period)
-    q2, d2, s2 = joint(segment, CUBICS + 4, u, period)
+    period = segment[ix.PERIOD]
+    u = (time - segment[ix.START]) / period
+    q1, d1, s1 = joint(segment, ix.CUBICS, u, period)
+    q2, d2, s2 = joint(segment, ix.CUBICS + 4, u, period)
     q2, d2, s2 = q1 + q2, d1 + d2, s1 + s2
-    upper, lower, height = segment[LINKAGE + 2], segment[LINKAGE + 3], segment[LINKAGE + 4]
+    upper, lower, height = segment[ix.LINKAGE + 2], segment[ix.LINKAGE + 3], segment[ix.LINKAGE + 4]
     ux, uz = upper * math.cos(q1), upper * math.sin(q1)
     lx, lz = lower * math.cos(q2), lower * math.sin(q2)
-    x, z = segment[LINKAGE] + ux + lx, segment[LINKAGE + 1] + uz + lz
+    x, z = segment[ix.LINKAGE] + ux + lx, segment[ix.LINKAGE + 1] + uz + lz
     squared = x * x + z * z - height * height
     if not squared > 0:
         return math.nan, math.nan, math.nan, math.nan
@@ -101,28 +61,28 @@ def joint(segment, at, u, period):
 @compiled
 def string_force(bench, cells, modes, k, rise):
     """Return the force [N] of a string on its jack, downwards."""
-    mode = modes[k, STRING]
-    if mode == HELD:
-        return pluck_force(bench, cells, modes, k, rise - bench[k, CLEARANCE])
-    if mode == PASSING:
-        drop = bench[k, CLEARANCE] - rise
-        return -(bench[k, TONGUE_FORCE] + bench[k, TONGUE_STIFFNESS] * drop)
+    mode = modes[k, ix.STRING]
+    if mode == ix.HELD:
+        return pluck_force(bench, cells, modes, k, rise - bench[k, ix.CLEARANCE])
+    if mode == ix.PASSING:
+        drop = bench[k, ix.CLEARANCE] - rise
+        return -(bench[k, ix.TONGUE_FORCE] + bench[k, ix.TONGUE_STIFFNESS] * drop)
     return 0.0
 
 
 @compiled
 def pluck_force(bench, cells, modes, k, height):
     """Return S(h) [N]; beyond its piece the law continues linearly, for trial steps."""
-    stretch = modes[k, STRETCH]
-    first, last = int(bench[k, FIRST + stretch]), int(bench[k, FIRST + stretch + 1]) - 1
-    low, high = bench[k, BORDER + stretch], bench[k, BORDER + stretch + 1]
+    stretch = modes[k, ix.STRETCH]
+    first, last = int(bench[k, ix.FIRST + stretch]), int(bench[k, ix.FIRST + stretch + 1]) - 1
+    low, high = bench[k, ix.BORDER + stretch], bench[k, ix.BORDER + stretch + 1]
     within = min(max(height, low), high)
-    cell = min(max(modes[k, CELL], first), last)
+    cell = min(max(modes[k, ix.CELL], first), last)
     while cell < last and within >= cells[cell + 1, 0]:
         cell += 1
     while cell > first and within < cells[cell, 0]:
         cell -= 1
-    modes[k, CELL] = cell
+    modes[k, ix.CELL] = cell
     u = within - cells[cell, 0]
     c1, c2, c3 = cells[cell, 2], cells[cell, 3], cells[cell, 4]
     force = cells[cell, 1] + u * (c1 + u * (c2 + u * c3))
@@ -134,16 +94,18 @@ def pluck_force(bench, cells, modes, k, height):
 @compiled
 def static_load(bench, cells, modes, k, rise):
     """Return the sum of weight, string and damper of a jack [N], downwards."""
-    load = bench[k, MASS] * GRAVITY + string_force(bench, cells, modes, k, rise)
-    if modes[k, DAMPED]:
-        load -= bench[k, DAMPER] * (bench[k, LIFT] - rise)
+    load = bench[k, ix.MASS] * GRAVITY + string_force(bench, cells, modes, k, rise)
+    if modes[k, ix.DAMPED]:
+        load -= bench[k, ix.DAMPER] * (bench[k, ix.LIFT] - rise)
     return load
 
 
 @compiled
 def felt_push(bench, angle, omega):
     """Return the moment of the felt's spring and damper [N m]; negative if it would pull."""
-    return bench[0, FELT_STIFFNESS] * (angle - bench[0, DIP]) + bench[0, FELT_DAMPING] * omega
+    return (
+        bench[0, ix.FELT_STIFFNESS] * (angle - bench[0, ix.DIP]) + bench[0, ix.FELT_DAMPING] * omega
+    )
 
 
 @inlined
@@ -160,37 +122,39 @@ def key_motion(bench, cells, state, modes, push, angle, omega, prescribed):
         omega: rad/s.
         prescribed: rad/s^2, angular acceleration under an ideal finger in contact.
     """
-    slip = modes[0, SLIP]
-    inertia = bench[0, INERTIA]
-    moment = push + bench[0, GRAVITY_MOMENT] - bench[0, VISCOUS] * omega - slip * bench[0, DRY]
-    if modes[0, FELT] == PRESSED:
+    slip = modes[0, ix.SLIP]
+    inertia = bench[0, ix.INERTIA]
+    moment = (
+        push + bench[0, ix.GRAVITY_MOMENT] - bench[0, ix.VISCOUS] * omega - slip * bench[0, ix.DRY]
+    )
+    if modes[0, ix.FELT] == ix.PRESSED:
         moment -= felt_push(bench, angle, omega)
     for k in range(1, len(bench)):
-        if modes[k, JACK] == STANDS:
-            rise, slope, curvature = jack_kinematics(bench[k, ARM], bench[0, HEIGHT], angle)
-            mass = bench[k, MASS]
-            load = mass * curvature * omega * omega + slip * bench[k, FRICTION]
+        if modes[k, ix.JACK] == ix.STANDS:
+            rise, slope, curvature = jack_kinematics(bench[k, ix.ARM], bench[0, ix.HEIGHT], angle)
+            mass = bench[k, ix.MASS]
+            load = mass * curvature * omega * omega + slip * bench[k, ix.FRICTION]
             load += static_load(bench, cells, modes, k, rise)
             inertia += mass * slope * slope
             moment -= slope * load
-            state[k, RISE_END], state[k, SPEED_END] = rise, slope * omega
-            state[k, LOAD], state[k, SLOPE] = load, slope
+            state[k, ix.RISE_END], state[k, ix.SPEED_END] = rise, slope * omega
+            state[k, ix.LOAD], state[k, ix.SLOPE] = load, slope
     acceleration = moment / inertia if slip != 0 else 0.0
     finger = 0.0
-    if modes[0, TOUCH]:
+    if modes[0, ix.TOUCH]:
         acceleration = prescribed
         finger = inertia * prescribed - moment
     for k in range(1, len(bench)):
-        if modes[k, JACK] == STANDS:
-            state[k, LOAD] += bench[k, MASS] * state[k, SLOPE] * acceleration
+        if modes[k, ix.JACK] == ix.STANDS:
+            state[k, ix.LOAD] += bench[k, ix.MASS] * state[k, ix.SLOPE] * acceleration
     return acceleration, finger
 
 
 @compiled
 def jack_acceleration(bench, cells, modes, k, rise):
     """Return the acceleration [m/s^2] of a jack off the key."""
-    mode = modes[k, JACK]
-    if mode == HANGS:
+    mode = modes[k, ix.JACK]
+    if mode == ix.HANGS:
         return 0.0
-    pull = static_load(bench, cells, modes, k, rise) + mode * bench[k, FRICTION]
-    return -pull / bench[k, MASS]
+    pull = static_load(bench, cells, modes, k, rise) + mode * bench[k, ix.FRICTION]
+    return -pull / bench[k, ix.MASS]

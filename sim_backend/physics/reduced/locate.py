@@ -1,37 +1,11 @@
 """Location of events within a step of the reduced engine; compiled."""
 
+from sautereau.sim_backend.physics.reduced import state as ix
 from sautereau.sim_backend.physics.reduced.compile import compiled
 from sautereau.sim_backend.physics.reduced.forces import (
     felt_push,
     fingertip,
     jack_kinematics,
-)
-from sautereau.sim_backend.physics.reduced.state import (
-    AFTER,
-    ANGLE_END,
-    ANGULAR_VELOCITY_END,
-    ARM,
-    BEFORE,
-    DIP,
-    FELT,
-    FINGER_END,
-    HANGS,
-    HEIGHT,
-    HIGH,
-    IDEAL,
-    JACK,
-    LOAD,
-    LOW,
-    MASS,
-    OFF,
-    PRESSED,
-    PREVIOUS,
-    RISE_END,
-    SLIP,
-    SPEED_END,
-    STANDS,
-    TOUCH,
-    VIOLATED,
 )
 from sautereau.sim_backend.physics.reduced.step import (
     try_step,
@@ -59,17 +33,17 @@ def locate(bench, cells, state, modes, guards, segment, time, step):
     low, high, other, latest = 0.0, step, -1.0, 0.0
     conditions = guards.shape[1]
     for j in range(conditions):
-        guards[VIOLATED, j] = guards[AFTER, j]
+        guards[ix.VIOLATED, j] = guards[ix.AFTER, j]
     try_step(bench, cells, state, modes, segment, time, 0.0)
     evaluate_guards(bench, state, modes, segment, time, guards)
     for j in range(conditions):
-        guards[BEFORE, j] = max(guards[AFTER, j], 0.0)
+        guards[ix.BEFORE, j] = max(guards[ix.AFTER, j], 0.0)
     for trial in range(TRIALS):
         part, worst = high, 0.0
         for j in range(conditions):
-            if guards[VIOLATED, j] < 0.0:
+            if guards[ix.VIOLATED, j] < 0.0:
                 allowed = tolerance(bench, modes, j)
-                worst = max(worst, -guards[VIOLATED, j] / allowed)
+                worst = max(worst, -guards[ix.VIOLATED, j] / allowed)
                 part = min(part, crossing(guards, j, low, high, other, allowed / 2))
         if worst <= 1.0 or high - low <= SAME * (time + high):
             break
@@ -80,11 +54,17 @@ def locate(bench, cells, state, modes, guards, segment, time, step):
         if evaluate_guards(bench, state, modes, segment, time + part, guards):
             other, low = low, part
             for j in range(conditions):
-                guards[PREVIOUS, j], guards[BEFORE, j] = guards[BEFORE, j], guards[AFTER, j]
+                guards[ix.PREVIOUS, j], guards[ix.BEFORE, j] = (
+                    guards[ix.BEFORE, j],
+                    guards[ix.AFTER, j],
+                )
         else:
             other, high = high, part
             for j in range(conditions):
-                guards[PREVIOUS, j], guards[VIOLATED, j] = guards[VIOLATED, j], guards[AFTER, j]
+                guards[ix.PREVIOUS, j], guards[ix.VIOLATED, j] = (
+                    guards[ix.VIOLATED, j],
+                    guards[ix.AFTER, j],
+                )
     if latest != high:
         try_step(bench, cells, state, modes, segment, time, high)
         evaluate_guards(bench, state, modes, segment, time + high, guards)
@@ -94,7 +74,11 @@ def locate(bench, cells, state, modes, guards, segment, time, step):
 @compiled
 def crossing(guards, j, low, high, other, beyond):
     """Return the time at which a guard is estimated to be `beyond` below zero."""
-    a, b, c = guards[BEFORE, j] + beyond, guards[VIOLATED, j] + beyond, guards[PREVIOUS, j] + beyond
+    a, b, c = (
+        guards[ix.BEFORE, j] + beyond,
+        guards[ix.VIOLATED, j] + beyond,
+        guards[ix.PREVIOUS, j] + beyond,
+    )
     if not a > b:
         return high
     if a <= 2 * beyond:  # a guard that starts at zero may rise before it falls
@@ -110,39 +94,42 @@ def crossing(guards, j, low, high, other, beyond):
 @compiled
 def evaluate_guards(bench, state, modes, segment, time, guards):
     """Evaluate all guards at the end of a step; return whether all are positive."""
-    angle, omega = state[0, ANGLE_END], state[0, ANGULAR_VELOCITY_END]
-    slip, felt = modes[0, SLIP], modes[0, FELT]
-    guards[AFTER, 0] = slip * omega if slip != 0 else 1.0
-    guards[AFTER, 1] = angle if slip < 0 else 1.0
-    guards[AFTER, 2] = LARGEST_ANGLE - angle
-    guards[AFTER, 3] = 1.0
-    if modes[0, TOUCH]:
-        guards[AFTER, 3] = state[0, FINGER_END] if slip != 0 else 1.0
-    elif segment[IDEAL] > 0:
+    angle, omega = state[0, ix.ANGLE_END], state[0, ix.ANGULAR_VELOCITY_END]
+    slip, felt = modes[0, ix.SLIP], modes[0, ix.FELT]
+    guards[ix.AFTER, 0] = slip * omega if slip != 0 else 1.0
+    guards[ix.AFTER, 1] = angle if slip < 0 else 1.0
+    guards[ix.AFTER, 2] = LARGEST_ANGLE - angle
+    guards[ix.AFTER, 3] = 1.0
+    if modes[0, ix.TOUCH]:
+        guards[ix.AFTER, 3] = state[0, ix.FINGER_END] if slip != 0 else 1.0
+    elif segment[ix.IDEAL] > 0:
         tip_angle, _, _, _ = fingertip(segment, time)
-        guards[AFTER, 3] = angle - tip_angle
-    guards[AFTER, 4], guards[AFTER, 5] = bench[0, DIP] - angle, 1.0
-    if felt != OFF:
+        guards[ix.AFTER, 3] = angle - tip_angle
+    guards[ix.AFTER, 4], guards[ix.AFTER, 5] = bench[0, ix.DIP] - angle, 1.0
+    if felt != ix.OFF:
         force = felt_push(bench, angle, omega)
-        guards[AFTER, 4], guards[AFTER, 5] = -guards[AFTER, 4], force if felt == PRESSED else -force
+        guards[ix.AFTER, 4], guards[ix.AFTER, 5] = (
+            -guards[ix.AFTER, 4],
+            force if felt == ix.PRESSED else -force,
+        )
     good = True
     for j in range(6):
-        good = good and not guards[AFTER, j] < 0.0
+        good = good and not guards[ix.AFTER, j] < 0.0
     for k in range(1, len(bench)):
         at = 2 + 4 * k
-        rise, speed, mode = state[k, RISE_END], state[k, SPEED_END], modes[k, JACK]
-        guards[AFTER, at + 1] = 1.0
-        if mode == STANDS:
-            guards[AFTER, at] = state[k, LOAD] if slip != 0 else 1.0
+        rise, speed, mode = state[k, ix.RISE_END], state[k, ix.SPEED_END], modes[k, ix.JACK]
+        guards[ix.AFTER, at + 1] = 1.0
+        if mode == ix.STANDS:
+            guards[ix.AFTER, at] = state[k, ix.LOAD] if slip != 0 else 1.0
         else:
-            tip_angle, _, _ = jack_kinematics(bench[k, ARM], bench[0, HEIGHT], angle)
-            guards[AFTER, at] = rise - tip_angle + ROUNDED
-            if mode != HANGS:
-                guards[AFTER, at + 1] = mode * speed
-        guards[AFTER, at + 2] = rise - state[k, LOW]
-        guards[AFTER, at + 3] = state[k, HIGH] - rise
+            tip_angle, _, _ = jack_kinematics(bench[k, ix.ARM], bench[0, ix.HEIGHT], angle)
+            guards[ix.AFTER, at] = rise - tip_angle + ROUNDED
+            if mode != ix.HANGS:
+                guards[ix.AFTER, at + 1] = mode * speed
+        guards[ix.AFTER, at + 2] = rise - state[k, ix.LOW]
+        guards[ix.AFTER, at + 3] = state[k, ix.HIGH] - rise
         for j in range(at, at + 4):
-            good = good and not guards[AFTER, j] < 0.0
+            good = good and not guards[ix.AFTER, j] < 0.0
     return good
 
 
@@ -155,12 +142,12 @@ def tolerance(bench, modes, j):
         return OVER_ANGLE
     weight = 0.0
     for k in range(1, len(bench)):
-        weight += bench[k, MASS] * 10.0 * bench[k, ARM]
+        weight += bench[k, ix.MASS] * 10.0 * bench[k, ix.ARM]
     if j == 5:
         return OVER_FORCE * weight
     if j == 3:
-        return OVER_FORCE * weight if modes[0, TOUCH] else OVER_ANGLE
+        return OVER_FORCE * weight if modes[0, ix.TOUCH] else OVER_ANGLE
     k, part = (j - 2) // 4, (j - 2) % 4
-    if part == 0 and modes[k, JACK] == STANDS:
-        return OVER_FORCE * bench[k, MASS] * 10.0
+    if part == 0 and modes[k, ix.JACK] == ix.STANDS:
+        return OVER_FORCE * bench[k, ix.MASS] * 10.0
     return OVER_SPEED if part == 1 else OVER_RISE

@@ -2,36 +2,10 @@
 
 import math
 
+from sautereau.sim_backend.physics.reduced import state as ix
 from sautereau.sim_backend.physics.reduced.advance import advance
 from sautereau.sim_backend.physics.reduced.compile import compiled, entry
 from sautereau.sim_backend.physics.reduced.forces import fingertip, jack_kinematics, string_force
-from sautereau.sim_backend.physics.reduced.state import (
-    ANGLE,
-    ANGULAR_VELOCITY,
-    ARM,
-    CHOIR,
-    CONTACT,
-    COUNT,
-    CUBICS,
-    EVENTS,
-    FINE,
-    FINGER,
-    FORCE,
-    HEIGHT,
-    IDEAL,
-    JACK,
-    JACK_SPEED,
-    KIND,
-    LEAVING_JACK,
-    PERIOD,
-    PUSH,
-    PUSHES,
-    RELEASE,
-    RISE,
-    STANDS,
-    START,
-    TIME,
-)
 
 
 @compiled
@@ -44,16 +18,16 @@ def rest(bench, state, modes, segment):
         segment: The first drive segment.
     """
     angle = 0.0
-    if segment[IDEAL] > 0:
-        tip_angle, _, _, _ = fingertip(segment, segment[START])
+    if segment[ix.IDEAL] > 0:
+        tip_angle, _, _, _ = fingertip(segment, segment[ix.START])
         angle = max(angle, tip_angle)
     state.fill(0.0)
     modes.fill(0)
-    state[0, ANGLE] = angle
-    modes[0, LEAVING_JACK] = -1
+    state[0, ix.ANGLE] = angle
+    modes[0, ix.LEAVING_JACK] = -1
     for k in range(1, len(bench)):
-        state[k, RISE], _, _ = jack_kinematics(bench[k, ARM], bench[0, HEIGHT], angle)
-        modes[k, JACK] = STANDS
+        state[k, ix.RISE], _, _ = jack_kinematics(bench[k, ix.ARM], bench[0, ix.HEIGHT], angle)
+        modes[k, ix.JACK] = ix.STANDS
 
 
 @entry
@@ -75,38 +49,42 @@ def play_sample(bench, cells, state, modes, guards, events, segment, time, end, 
         new_segment: 2 at the start of the press, from rest; 1 at the start of any other drive
             segment; else 0.
     """
-    modes[0, COUNT] = 0
+    modes[0, ix.COUNT] = 0
     if new_segment == 2:
         rest(bench, state, modes, segment)
     steps = len(rows)
     step = (end - time) / steps
     for j in range(steps):
-        before = segment[PUSH]
+        before = segment[ix.PUSH]
         step_start, step_end = time + j * step, end if j == steps - 1 else time + (j + 1) * step
         new = 1 if j == 0 and new_segment > 0 else 0
         status = advance(
             bench, cells, state, modes, guards, events, segment, step_start, step_end, new
         )
-        if status != FINE:
+        if status != ix.FINE:
             return status
-        rows[j, 0], rows[j, 1], rows[j, 2] = step_end, state[0, ANGLE], state[0, ANGULAR_VELOCITY]
-        rows[j, 3] = state[1, RISE]
+        rows[j, 0], rows[j, 1], rows[j, 2] = (
+            step_end,
+            state[0, ix.ANGLE],
+            state[0, ix.ANGULAR_VELOCITY],
+        )
+        rows[j, 3] = state[1, ix.RISE]
         rows[j, 4] = finger_force(state, segment, step_end)
-        if segment[IDEAL] == 0.0:
+        if segment[ix.IDEAL] == 0.0:
             rows[j, 4] = before
         rows[j, 5] = 0.0
         for k in range(1, len(bench)):
-            rows[j, 5] += string_force(bench, cells, modes, k, state[k, RISE])
-    return FINE
+            rows[j, 5] += string_force(bench, cells, modes, k, state[k, ix.RISE])
+    return ix.FINE
 
 
 @compiled
 def finger_force(state, segment, time):
     """Return the force [N] of an ideal finger on the key, normal to it."""
-    if segment[IDEAL] == 0.0 or state[0, FINGER] == 0.0:
+    if segment[ix.IDEAL] == 0.0 or state[0, ix.FINGER] == 0.0:
         return 0.0
     _, _, _, arm = fingertip(segment, time)
-    return state[0, FINGER] / arm
+    return state[0, ix.FINGER] / arm
 
 
 @entry
@@ -147,24 +125,24 @@ def play_presses(
     """
     period, steps = timing
     step = period / steps
-    ideal = segment[IDEAL] > 0
+    ideal = segment[ix.IDEAL] > 0
     for i in range(first, last):
-        if status[i] != FINE:
+        if status[i] != ix.FINE:
             continue
         bench = benches[i]
-        segment[START], segment[PERIOD], segment[PUSH] = 0.0, period, bench[0, PUSHES]
+        segment[ix.START], segment[ix.PERIOD], segment[ix.PUSH] = 0.0, period, bench[0, ix.PUSHES]
         for c in range(8):
-            segment[CUBICS + c] = cubics[0, c]
+            segment[ix.CUBICS + c] = cubics[0, c]
         rest(bench, state, modes, segment)
-        result = FINE
+        result = ix.FINE
         for sample in range(samples[i]):
             time = sample * period
             if ideal:
-                segment[START] = time
+                segment[ix.START] = time
                 for c in range(8):
-                    segment[CUBICS + c] = cubics[sample, c]
+                    segment[ix.CUBICS + c] = cubics[sample, c]
             for j in range(steps):
-                if result != FINE:
+                if result != ix.FINE:
                     break
                 step_start, end = time + j * step, time + (j + 1) * step
                 if j == steps - 1:
@@ -180,11 +158,15 @@ def play_presses(
 @compiled
 def keep_first_events(modes, events, found):
     """Copy the first event of each kind, and clear the list of events."""
-    for e in range(min(modes[0, COUNT], EVENTS)):
+    for e in range(min(modes[0, ix.COUNT], ix.EVENTS)):
         event = events[e]
-        kind, k = int(event[KIND]), int(event[CHOIR])
-        if kind == CONTACT and found[k, 0] == math.inf:
-            found[k, 0] = event[TIME]
-        elif kind == RELEASE and found[k, 1] == math.inf:
-            found[k, 1], found[k, 2], found[k, 3] = event[TIME], event[FORCE], event[JACK_SPEED]
-    modes[0, COUNT] = 0
+        kind, k = int(event[ix.KIND]), int(event[ix.CHOIR])
+        if kind == ix.CONTACT and found[k, 0] == math.inf:
+            found[k, 0] = event[ix.TIME]
+        elif kind == ix.RELEASE and found[k, 1] == math.inf:
+            found[k, 1], found[k, 2], found[k, 3] = (
+                event[ix.TIME],
+                event[ix.FORCE],
+                event[ix.JACK_SPEED],
+            )
+    modes[0, ix.COUNT] = 0

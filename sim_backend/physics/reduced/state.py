@@ -1,4 +1,4 @@
-"""Arrays of the reduced engine, and the indices into them.
+"""Arrays of the reduced engine, and the indices into them; imported as `ix`.
 
 Three arrays of a press have a row for the key, followed by one for each jack: the bench (its
 constant parameters), the state, and the discrete modes. The cells are those of the strings' force

@@ -1,31 +1,11 @@
 """Runge-Kutta steps of order 4 within one mode; compiled."""
 
+from sautereau.sim_backend.physics.reduced import state as ix
 from sautereau.sim_backend.physics.reduced.compile import compiled
 from sautereau.sim_backend.physics.reduced.forces import (
     fingertip,
     jack_acceleration,
     key_motion,
-)
-from sautereau.sim_backend.physics.reduced.state import (
-    ACCELERATION,
-    ACCELERATION_END,
-    ANGLE,
-    ANGLE_END,
-    ANGULAR_ACCELERATION,
-    ANGULAR_ACCELERATION_END,
-    ANGULAR_VELOCITY,
-    ANGULAR_VELOCITY_END,
-    FINGER_END,
-    HANGS,
-    JACK,
-    PUSH,
-    RISE,
-    RISE_END,
-    SLIP,
-    SPEED,
-    SPEED_END,
-    STANDS,
-    TOUCH,
 )
 
 SLOWEST = 1e-3
@@ -40,16 +20,16 @@ def try_step(bench, cells, state, modes, segment, time, step):
     last two of them.
     """
     error = 0.0
-    push = segment[PUSH]
+    push = segment[ix.PUSH]
     angle, omega, first = (
-        state[0, ANGLE],
-        state[0, ANGULAR_VELOCITY],
-        state[0, ANGULAR_ACCELERATION],
+        state[0, ix.ANGLE],
+        state[0, ix.ANGULAR_VELOCITY],
+        state[0, ix.ANGULAR_ACCELERATION],
     )
-    if modes[0, TOUCH]:
+    if modes[0, ix.TOUCH]:
         angle, omega, prescribed, _ = fingertip(segment, time + step)
         last, finger = key_motion(bench, cells, state, modes, push, angle, omega, prescribed)
-    elif modes[0, SLIP] == 0:
+    elif modes[0, ix.SLIP] == 0:
         last, finger = key_motion(bench, cells, state, modes, push, angle, 0.0, 0.0)
     else:
         half = step / 2
@@ -64,10 +44,10 @@ def try_step(bench, cells, state, modes, segment, time, step):
         last, finger = key_motion(bench, cells, state, modes, push, angle, end, 0.0)
         error = step_error(step, omega, end, first, fourth, last)
         omega = end
-    state[0, ANGLE_END], state[0, ANGULAR_VELOCITY_END] = angle, omega
-    state[0, ANGULAR_ACCELERATION_END], state[0, FINGER_END] = last, finger
+    state[0, ix.ANGLE_END], state[0, ix.ANGULAR_VELOCITY_END] = angle, omega
+    state[0, ix.ANGULAR_ACCELERATION_END], state[0, ix.FINGER_END] = last, finger
     for k in range(1, len(bench)):
-        if modes[k, JACK] != STANDS:
+        if modes[k, ix.JACK] != ix.STANDS:
             error = max(error, try_jack(bench, cells, state, modes, k, step))
     return error
 
@@ -75,9 +55,13 @@ def try_step(bench, cells, state, modes, segment, time, step):
 @compiled
 def try_jack(bench, cells, state, modes, k, step):
     """Compute a trial step of a jack off the key; see `try_step`."""
-    rise, speed, first = state[k, RISE], state[k, SPEED], state[k, ACCELERATION]
-    if modes[k, JACK] == HANGS:
-        state[k, RISE_END], state[k, SPEED_END], state[k, ACCELERATION_END] = rise, 0.0, 0.0
+    rise, speed, first = state[k, ix.RISE], state[k, ix.SPEED], state[k, ix.ACCELERATION]
+    if modes[k, ix.JACK] == ix.HANGS:
+        state[k, ix.RISE_END], state[k, ix.SPEED_END], state[k, ix.ACCELERATION_END] = (
+            rise,
+            0.0,
+            0.0,
+        )
         return 0.0
     half = step / 2
     speed2 = speed + half * first
@@ -89,7 +73,7 @@ def try_jack(bench, cells, state, modes, k, step):
     rise += step / 6 * (speed + 2 * speed2 + 2 * speed3 + speed4)
     end = speed + step / 6 * (first + 2 * second + 2 * third + fourth)
     last = jack_acceleration(bench, cells, modes, k, rise)
-    state[k, RISE_END], state[k, SPEED_END], state[k, ACCELERATION_END] = rise, end, last
+    state[k, ix.RISE_END], state[k, ix.SPEED_END], state[k, ix.ACCELERATION_END] = rise, end, last
     return step_error(step, speed, end, first, fourth, last)
 
 
@@ -104,7 +88,7 @@ def step_error(step, speed, end, first, fourth, last):
 def accept_step(state):
     """Accept the trial step."""
     for j in range(4):
-        state[0, j] = state[0, ANGLE_END + j]
+        state[0, j] = state[0, ix.ANGLE_END + j]
     for k in range(1, len(state)):
-        state[k, RISE], state[k, SPEED] = state[k, RISE_END], state[k, SPEED_END]
-        state[k, ACCELERATION] = state[k, ACCELERATION_END]
+        state[k, ix.RISE], state[k, ix.SPEED] = state[k, ix.RISE_END], state[k, ix.SPEED_END]
+        state[k, ix.ACCELERATION] = state[k, ix.ACCELERATION_END]
