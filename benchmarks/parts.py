@@ -5,7 +5,7 @@ import time
 from benchmarks.figures import Figure
 from sautereau.rig.load import load_rig
 from sautereau.rig.schema import Rig
-from sautereau.sim_backend.physics.observation import drive_of
+from sautereau.sim_backend.physics.drive import drive_of
 from sautereau.sim_backend.physics.world import new_world
 from sautereau.sim_backend.scene import Scene, load_scene
 

@@ -17,8 +17,8 @@ from sautereau.sim_backend.errors import SceneError
 from sautereau.sim_backend.fair_lock import Turns
 from sautereau.sim_backend.faults.tables import Faults
 from sautereau.sim_backend.parts import Push, Sensors
-from sautereau.sim_backend.physics.drive import LEAD, PressDrive
-from sautereau.sim_backend.physics.observation import Observation, drive_of, observe
+from sautereau.sim_backend.physics.drive import LEAD, PressDrive, drive_of
+from sautereau.sim_backend.physics.observation import Observation, observe
 from sautereau.sim_backend.physics.world import new_world
 from sautereau.sim_backend.scene import Scene, load_scene
 from sautereau.sim_backend.truth import Truth, truths

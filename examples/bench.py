@@ -13,7 +13,7 @@ from sautereau.trajectory.press import plan_press
 
 
 def plot(path: str | Path, rig: Rig) -> None:
-    """Draw arm, key, jack and string into a file."""
+    """Plot arm, key, jack and string into a file."""
     plot_bench(path, rig, plan_press(rig))
 
 

@@ -1,4 +1,4 @@
-"""Where to clamp the robot: how far the finger tilts, over all the places where it could stand.
+"""Where to clamp the robot: the finger's tilt for all possible positions of the base.
 
 python -m examples.clamping [picture.png]
 """
@@ -14,12 +14,12 @@ from sautereau.trajectory.mount.find import Mount, find_mount, mount_map
 
 
 def study(rig: Rig) -> Mount:
-    """Return the best place."""
+    """Return the best position of the base."""
     return find_mount(rig)
 
 
 def plot(path: str | Path, rig: Rig, mount: Mount) -> None:
-    """Draw the map of all places, and the arm at the best one, into a file."""
+    """Plot the tilt over all positions, and the arm at the best one, into a file."""
     plot_mount(path, rig, mount_map(rig), mount)
 
 

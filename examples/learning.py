@@ -1,7 +1,7 @@
-"""A servo that gives way under the string, and what it learns from its own recordings.
+"""Iterative learning control of a compliant servo, from its own recordings.
 
-The jack is to rise at 0.072 m/s. In the first press the string slows it; each later one is
-planned with what the one before has shown.
+The planned jack speed is 0.072 m/s. In the first press the string slows the jack; each later press
+is planned with a correction from the recording before.
 
 python -m examples.learning [picture.png]
 """
@@ -24,13 +24,13 @@ from sautereau.trajectory.timing import press_law
 @dataclass(frozen=True)
 class Learning:
     errors: list[float]
-    """1, rms error of the jack's speed over the cruise, press by press."""
+    """Dimensionless, RMS error of the jack's speed in the cruise, press by press."""
     first: Press
     best: Press
 
 
 def study(n: int = 4, seed: int = 1) -> Learning:
-    """Let the stand-in learn from at most n presses."""
+    """Simulate learning over at most n presses."""
     rig = load_rig()
     lesson = Lesson(rig, None, n)
     with tempfile.TemporaryDirectory() as out, StandIn(rig, load_scene("paper"), seed) as served:
@@ -42,25 +42,25 @@ def study(n: int = 4, seed: int = 1) -> Learning:
 
 
 def plot(path: str | Path, studied: Learning) -> None:
-    """Draw the jack's speed before and after into a file."""
+    """Plot the jack's speed before and after learning into a file."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(8, 4.2), layout="constrained")
     axes = figure.subplots()
     law = press_law(studied.first.rig.press)
-    begin, end = law.cruise_start - 0.01, law.cruise_end + 0.01
+    start, end = law.cruise_start - 0.01, law.cruise_end + 0.01
     for press, label, colour in (
-        (studied.first, f"first press: {studied.errors[0]:.2%} rms", "#c8502d"),
-        (studied.best, f"best press: {min(studied.errors):.2%} rms", "#1f4e79"),
+        (studied.first, f"first press: {studied.errors[0]:.2%} RMS", "#c8502d"),
+        (studied.best, f"best press: {min(studied.errors):.2%} RMS", "#1f4e79"),
     ):
-        speed = press.data["jack_speed"].loc[begin:end].rolling(51, center=True).mean()
+        speed = press.data["jack_speed"].loc[start:end].rolling(51, center=True).mean()
         axes.plot(speed.index * 1e3, speed * 1e3, color=colour, label=label, lw=1.2)
-    wanted = studied.first.rig.press.jack_speed * 1e3
-    axes.axhline(wanted, color="#333333", ls="--", lw=0.8, label="planned")
-    axes.set_ylim(0.7 * wanted, 1.15 * wanted)
-    axes.set_xlabel("time from the trigger (ms)")
-    axes.set_ylabel("speed of the jack (mm/s), mean of 1 ms")
-    axes.set_title("SIMULATED, made on the stand-in", fontsize=10)
+    planned = studied.first.rig.press.jack_speed * 1e3
+    axes.axhline(planned, color="#333333", ls="--", lw=0.8, label="planned")
+    axes.set_ylim(0.7 * planned, 1.15 * planned)
+    axes.set_xlabel("time after the trigger (ms)")
+    axes.set_ylabel("jack speed (mm/s), 1 ms moving average")
+    axes.set_title("simulated on the stand-in", fontsize=10)
     axes.legend(loc="lower right", frameon=False)
     figure.savefig(path, dpi=110)
 

@@ -1,8 +1,8 @@
 """The two-link finger: joint motion from the fingertip's, and back, in closed form.
 
-Joint angle 1 is measured from the x axis, joint angle 2 from link 1. The two holds are
-two ways to spend two joints on a fingertip that follows the key: `point` keeps the
-material point under the fingertip, `normal` keeps link 2 along the key's normal.
+Joint angle 1 is measured from the x axis, joint angle 2 from link 1. The two holds are the two
+ways in which two joints can follow the key: `point` keeps the contact point on the key, `normal`
+keeps link 2 along the key's normal.
 """
 
 import numpy as np
@@ -20,12 +20,12 @@ def base(arm: Arm) -> Floats:
 
 
 def elbow_sign(arm: Arm) -> int:
-    """Return the sign that joint angle 2 has on the arm's branch."""
+    """Return the sign of joint angle 2 on the arm's elbow branch."""
     return -1 if arm.elbow == "up" else 1
 
 
 def reach_margins(arm: Arm, centre: Floats) -> tuple[Floats, Floats]:
-    """Return by how much [m] points lie inside the outer and outside the inner reach.
+    """Return the distances [m] of points from the outer and the inner edge of the reach.
 
     Args:
         arm: The arm.
@@ -37,7 +37,7 @@ def reach_margins(arm: Arm, centre: Floats) -> tuple[Floats, Floats]:
 
 
 def fingertip_place(arm: Arm, joints: Floats) -> Floats:
-    """Return the place [m] of the fingertip's centre at joint angles [rad]; (..., 2)."""
+    """Return the position [m] of the fingertip's centre at joint angles [rad]; (..., 2)."""
     first = joints[..., 0]
     total = first + joints[..., 1]
     x = arm.upper_length * np.cos(first) + arm.lower_length * np.cos(total)
@@ -52,16 +52,16 @@ def fingertip_motion(arm: Arm, joints: Motion) -> Motion:
     upper, upper_turned = link_vectors(arm.upper_length, first)
     lower, lower_turned = link_vectors(arm.lower_length, total)
     speed1, speed2 = joints.velocity[..., :1], joints.velocity.sum(-1, keepdims=True)
-    spin1, spin2 = joints.acceleration[..., :1], joints.acceleration.sum(-1, keepdims=True)
+    alpha1, alpha2 = joints.acceleration[..., :1], joints.acceleration.sum(-1, keepdims=True)
     return Motion(
         base(arm) + upper + lower,
         speed1 * upper_turned + speed2 * lower_turned,
-        spin1 * upper_turned - speed1**2 * upper + spin2 * lower_turned - speed2**2 * lower,
+        alpha1 * upper_turned - speed1**2 * upper + alpha2 * lower_turned - speed2**2 * lower,
     )
 
 
 def joints_holding_point(arm: Arm, centre: Motion, what: str = "the fingertip's path") -> Motion:
-    """Return the joints [rad] that bring the fingertip's centre along a path, arrays (n, 2).
+    """Return the joints [rad] that move the fingertip's centre along a path, arrays (n, 2).
 
     Args:
         arm: The arm.
@@ -69,15 +69,15 @@ def joints_holding_point(arm: Arm, centre: Motion, what: str = "the fingertip's 
         what: The path's name in errors.
 
     Raises:
-        TrajectoryError: The path leaves the reach, or touches its edge, where the joints'
-            speed has no bound.
+        TrajectoryError: The path leaves the reach, or touches its edge, where the joints' speeds
+            are unbounded.
     """
     outside, inside = reach_margins(arm, centre.position)
     if min(outside.min(), inside.min()) <= 0:
         short = min(outside.min(), inside.min())
         side = "beyond the outer" if outside.min() < inside.min() else "inside the inner"
         raise TrajectoryError(
-            f"reach: {what} goes {-short * 1e3:.4g} mm {side} reach of the arm"
+            f"reach: {what} lies {-short * 1e3:.4g} mm {side} reach of the arm"
             f" (links {arm.upper_length * 1e3:.4g} and {arm.lower_length * 1e3:.4g} mm, base at"
             f" x = {arm.base_x * 1e3:.4g}, z = {arm.base_z * 1e3:.4g} mm);"
             " move arm.base_x and arm.base_z, or change key.press_arm"
@@ -86,7 +86,7 @@ def joints_holding_point(arm: Arm, centre: Motion, what: str = "the fingertip's 
     offset = centre.position - base(arm)
     distance = np.hypot(offset[..., 0], offset[..., 1])
     cosine = (distance**2 - l1**2 - l2**2) / (2 * l1 * l2)
-    # Heron's product keeps its digits where the arm is nearly straight or folded.
+    # Heron's product is accurate for an arm that is nearly straight or folded.
     product = outside * (l1 + l2 + distance) * inside * (distance + abs(l1 - l2))
     sine = elbow_sign(arm) * np.sqrt(product) / (2 * l1 * l2)
     second = np.arctan2(sine, cosine)
@@ -124,7 +124,7 @@ def joints_holding_normal(arm: Arm, key: Key, angle: Motion) -> tuple[Motion, Fl
     rest = arm.upper_length**2 - (height - base_above) ** 2
     if rest.min() <= 0:
         raise TrajectoryError(
-            f'reach: with hold = "normal" the elbow runs {abs(height - base_above).max() * 1e3:.4g}'
+            f'reach: with hold = "normal" the elbow is {abs(height - base_above).max() * 1e3:.4g}'
             f" mm from the base, more than link 1 of {arm.upper_length * 1e3:.4g} mm;"
             " move arm.base_z towards the elbow's height"
         )
@@ -136,28 +136,27 @@ def joints_holding_normal(arm: Arm, key: Key, angle: Motion) -> tuple[Motion, Fl
     squared = arm.upper_length**2
     first = _unwound(arm, np.arctan2(offset[..., 1], offset[..., 0]))
     speed = cross(offset, elbow.velocity) / squared
-    spin = cross(offset, elbow.acceleration) / squared
+    acceleration = cross(offset, elbow.acceleration) / squared
     second = angle.position - np.pi / 2 - first
     second = second - 2 * np.pi * np.round(second.mean() / (2 * np.pi))
     joints = Motion(
         np.stack([first, second], -1),
         np.stack([speed, angle.velocity - speed], -1),
-        np.stack([spin, angle.acceleration - spin], -1),
+        np.stack([acceleration, angle.acceleration - acceleration], -1),
     )
     return joints, along + key.press_arm
 
 
 def _elbow_motion(angle, along, across, height, base_above, tangent, normal) -> Motion:
     """Differentiate |elbow - base|^2 = link 1^2 twice along the key's motion."""
-    turn, spin = angle.velocity, angle.acceleration
+    omega, alpha = angle.velocity, angle.acceleration
     above = height - base_above
-    slide = height * turn - along * turn * above / across
-    velocity_t, velocity_n = slide - height * turn, along * turn
-    known_n = 2 * slide * turn - height * turn**2 + along * spin
-    slide_rate = (
-        height * spin + along * turn**2 - (velocity_t**2 + velocity_n**2 + above * known_n) / across
-    )
-    acceleration_t = slide_rate - height * spin - along * turn**2
+    slide = height * omega - along * omega * above / across
+    velocity_t, velocity_n = slide - height * omega, along * omega
+    known_n = 2 * slide * omega - height * omega**2 + along * alpha
+    squares = velocity_t**2 + velocity_n**2 + above * known_n
+    slide_rate = height * alpha + along * omega**2 - squares / across
+    acceleration_t = slide_rate - height * alpha - along * omega**2
 
     def vector(t, n):
         return t[..., None] * tangent + n[..., None] * normal
@@ -176,7 +175,7 @@ def tilt(angle: Floats, joints: Floats) -> Floats:
 
 
 def _unwound(arm: Arm, first: Floats) -> Floats:
-    """Return joint 1 [rad] without jumps, and starting in the turn that its limits are in."""
+    """Return joint 1 [rad] without jumps, starting in the turn of its limits."""
     path = np.unwrap(first)
     middle = (arm.lower_limits[0] + arm.upper_limits[0]) / 2
     return path - 2 * np.pi * np.round((path[0] - middle) / (2 * np.pi))

@@ -1,8 +1,14 @@
-"""What holds of a planned press, and by how much."""
+"""A check of a planned press: a value, its limit and the margin."""
 
 from dataclasses import dataclass
 
 import numpy as np
+
+MOVE_BASE = "move arm.base_x or arm.base_z"
+SLOWER_PRESS = (
+    "lower press.jack_speed, press.run_up_acceleration, run_up_jerk or run_down_acceleration"
+)
+"""How to fix checks of several kinds that fail."""
 
 
 @dataclass(frozen=True)
@@ -16,18 +22,18 @@ class Check:
     """In `unit`."""
     unit: str
     at_least: bool
-    """Whether the value must stay above the limit, and not below it."""
-    remedy: str
-    """What would mend a failure."""
+    """Whether the limit is a minimum; otherwise it is a maximum."""
+    how_to_fix: str
+    """What to do if the check fails."""
 
     @property
     def margin(self) -> float:
-        """By how much the check holds, in `unit`; negative where it fails."""
+        """Distance from the limit, in `unit`; negative if the check fails."""
         return self.value - self.limit if self.at_least else self.limit - self.value
 
     @property
     def holds(self) -> bool:
-        """Whether the value is on the right side of its limit; NaN never is."""
+        """Whether the value is within its limit; NaN never is."""
         return bool(np.isfinite(self.value)) and self.margin >= 0
 
     def __str__(self) -> str:
@@ -40,11 +46,11 @@ class Check:
         )
 
 
-def at_most(name: str, value: float, limit: float, unit: str, remedy: str) -> Check:
-    """Return a check that a value stays below its limit."""
-    return Check(name, float(value), float(limit), unit, False, remedy)
+def at_most(name: str, value: float, limit: float, unit: str, how_to_fix: str) -> Check:
+    """Return a check against a maximum."""
+    return Check(name, float(value), float(limit), unit, False, how_to_fix)
 
 
-def at_least(name: str, value: float, limit: float, unit: str, remedy: str) -> Check:
-    """Return a check that a value stays above its limit."""
-    return Check(name, float(value), float(limit), unit, True, remedy)
+def at_least(name: str, value: float, limit: float, unit: str, how_to_fix: str) -> Check:
+    """Return a check against a minimum."""
+    return Check(name, float(value), float(limit), unit, True, how_to_fix)

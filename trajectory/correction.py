@@ -1,4 +1,4 @@
-"""What is added to the jack's planned rise, and how it changes the law of a press."""
+"""A correction of the jack's planned rise, added to the law of a press."""
 
 from dataclasses import dataclass, replace
 
@@ -6,14 +6,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sautereau.trajectory.errors import TrajectoryError
-from sautereau.trajectory.jerk import JerkLaw
+from sautereau.trajectory.jerk import JerkLaw, spline_law
 from sautereau.trajectory.motion import Floats
 from sautereau.trajectory.timing import PressLaw
 
 
 @dataclass(frozen=True)
 class Correction:
-    """A smooth addition to the rise, nothing at its ends; cubic between its knots.
+    """A smooth addition to the rise, zero at its ends and cubic between its knots.
 
     Raises:
         TrajectoryError: The knots are not increasing, the arrays do not fit, or the correction
@@ -33,41 +33,34 @@ class Correction:
                 " 3 or more of each"
             )
         elif not (np.isfinite(self.time).all() and np.isfinite(self.rise).all()):
-            faults.append("a time or a rise is not finite; learn anew")
+            faults.append("a time or a rise is not finite; learn again")
         elif (np.diff(self.time) <= 0).any():
             faults.append("its times do not increase; sort them")
         elif self.rise[0] != 0 or self.rise[-1] != 0:
             faults.append(
                 f"it adds {self.rise[0] * 1e3:.4g} and {self.rise[-1] * 1e3:.4g} mm at its ends,"
-                " where it must add nothing; learn anew"
+                " where it must be zero; learn again"
             )
         if faults:
             raise TrajectoryError("correction: " + "; ".join(faults))
 
     def onto(self, law: PressLaw) -> PressLaw:
-        """Return a press's law with the correction added; its parts begin as before.
+        """Return a press's law with the correction added; its parts start as before.
 
         Raises:
-            TrajectoryError: It reaches beyond the press, from the run-up to the return.
+            TrajectoryError: The correction exceeds the time from the run-up to the return.
         """
         if self.time[0] < law.start - 1e-9 or self.time[-1] > law.return_start + 1e-9:
             raise TrajectoryError(
                 f"correction: it acts from {self.time[0]:.6g} to {self.time[-1]:.6g} s, and the"
-                f" press goes from {law.start:.6g} to {law.return_start:.6g} s; it was learned for"
-                " another press: learn anew"
+                f" press lasts from {law.start:.6g} to {law.return_start:.6g} s; it was learned for"
+                " another press: learn again"
             )
-        return replace(law, law=_sum(law.law, self._law()))
-
-    def _law(self) -> JerkLaw:
-        from scipy.interpolate import CubicSpline
-
-        spline = CubicSpline(self.time, self.rise, bc_type="clamped")
-        states = np.stack([spline(self.time, order) for order in range(3)], -1)
-        return JerkLaw(self.time, states, 6 * spline.c[0])
+        return replace(law, law=_sum(law.law, spline_law(self.time, self.rise)))
 
 
 def _sum(law: JerkLaw, added: JerkLaw) -> JerkLaw:
-    """Return the sum of two laws, the second zero outside its times: a piecewise cubic too."""
+    """Return the sum of two laws, the second zero outside its times, as piecewise cubics."""
     times = np.union1d(law.times, added.times)
     times = times[np.concatenate([[True], np.diff(times) > 1e-12])]
     middles = (times[:-1] + times[1:]) / 2

@@ -1,4 +1,4 @@
-"""Encoder counts of a joint's angle, and back."""
+"""Conversion between joint angles and encoder counts."""
 
 import math
 
@@ -14,7 +14,7 @@ def to_counts(angles: ArrayLike, counts_per_revolution: int) -> Counts:
 
     Args:
         angles: rad, any shape.
-        counts_per_revolution: Encoder counts a turn.
+        counts_per_revolution: Encoder counts per turn.
 
     Returns:
         Counts, of the same shape; half a count rounds to the even one.
@@ -24,5 +24,5 @@ def to_counts(angles: ArrayLike, counts_per_revolution: int) -> Counts:
 
 
 def to_angles(counts: ArrayLike, counts_per_revolution: int) -> Floats:
-    """Return the angles (rad, same shape) that encoder counts stand for."""
+    """Return the angles of encoder counts [rad], of the same shape."""
     return np.asarray(counts, dtype=np.float64) * (2 * math.pi / counts_per_revolution)

@@ -1,4 +1,4 @@
-"""What the controller makes of segments: cubics, evaluated, and their exact extremes."""
+"""The controller's cubics of segments, their evaluation and their exact extremes."""
 
 from typing import NamedTuple
 
@@ -36,7 +36,7 @@ class Extremes(NamedTuple):
 
 
 def segment_cubics(segments: Segments, counts_per_radian: float, period: float) -> Cubics:
-    """Return the cubics that have the segments' positions and velocities at their ends."""
+    """Return the cubics with the segments' positions and velocities at their ends."""
     before = segments.start + np.cumsum(segments.steps, axis=0) - segments.steps
     span = segments.samples[:, None].astype(np.float64) * period
     ends = np.vstack([[0, 0], segments.velocities])
@@ -48,7 +48,7 @@ def segment_cubics(segments: Segments, counts_per_radian: float, period: float) 
 
 
 def evaluate(cubics: Cubics, u: Floats) -> Motion:
-    """Return the joints' motion [rad] at u from 0 to 1, of a shape that fits the cubics'."""
+    """Return the joints' motion [rad] at u from 0 to 1, which broadcasts with the cubics."""
     p0, p1, p2, p3, span = cubics
     c2, c3 = 2 * p2, 3 * p3
     return Motion(
@@ -61,10 +61,10 @@ def evaluate(cubics: Cubics, u: Floats) -> Motion:
 def controller_motion(
     segments: Segments, per_sample: int, counts_per_radian: float, period: float
 ) -> tuple[Floats, Motion]:
-    """Recompute the motion that a controller makes of the segments, by its own cubic.
+    """Return the motion that a controller executes for segments, by cubic interpolation.
 
     Args:
-        segments: What is sent.
+        segments: As sent to the controller.
         per_sample: Points evaluated in each controller sample.
         counts_per_radian: Encoder counts.
         period: s, one controller sample.
@@ -81,9 +81,9 @@ def motion_at(segments: Segments, cubics: Cubics, ticks: Floats) -> Motion:
     """Return the joints' motion [rad] at controller samples from its start, arrays (n, 2).
 
     Args:
-        segments: What is sent.
+        segments: As sent to the controller.
         cubics: As `segment_cubics` returns them for the segments.
-        ticks: 1, none outside the motion; shape (n,).
+        ticks: Controller samples, none outside the motion; shape (n,).
     """
     index = np.clip(np.searchsorted(segments.ends, ticks, side="right") - 1, 0, len(segments) - 1)
     u = (ticks - segments.ends[index]) / segments.samples[index]
@@ -91,11 +91,11 @@ def motion_at(segments: Segments, cubics: Cubics, ticks: Floats) -> Motion:
 
 
 def extremes(cubics: Cubics) -> Extremes:
-    """Return the exact extremes of a motion, those between knots included."""
+    """Return the exact extremes of a motion, including those between knots."""
     p0, p1, p2, p3, span = cubics
     with np.errstate(divide="ignore", invalid="ignore"):
         root = np.sqrt(p2**2 - 3 * p1 * p3)
-        # Both roots of p' = 0 in the form that keeps its digits; nan and inf are outside.
+        # Both roots of p' = 0, in a form without cancellation; nan and inf count as outside.
         q = -(p2 + np.copysign(root, p2))
         turns = [q / (3 * p3), p1 / q]
         bend = _inside(-p2 / (3 * p3))
@@ -103,22 +103,22 @@ def extremes(cubics: Cubics) -> Extremes:
     reached = np.stack([*ends, *(_at(cubics, u) for u in turns)])
     fastest = np.abs(p1 + 2 * p2 * bend + 3 * p3 * bend**2)
     speeds = np.stack([np.abs(p1), np.abs(p1 + 2 * p2 + 3 * p3), fastest]) / span
-    spins = np.abs(np.stack([2 * p2, 2 * p2 + 6 * p3])) / span**2
+    accelerations = np.abs(np.stack([2 * p2, 2 * p2 + 6 * p3])) / span**2
     return Extremes(
         reached.min(axis=(0, 1)),
         reached.max(axis=(0, 1)),
         speeds.max(axis=(0, 1)),
-        spins.max(axis=(0, 1)),
+        accelerations.max(axis=(0, 1)),
         np.abs(6 * p3 / span**3).max(axis=0),
     )
 
 
 def _inside(u: Floats) -> Floats:
-    """Return u where it is inside its segment, else the segment's start."""
+    """Return u if it is inside its segment, else 0."""
     return np.where((u > 0) & (u < 1), u, 0.0)
 
 
 def _at(cubics: Cubics, u: Floats) -> Floats:
-    """Return the position at u, or at the segment's start where u is outside."""
+    """Return the position at u, or at the segment's start if u is outside."""
     u = _inside(u)
     return cubics.p0 + ((cubics.p3 * u + cubics.p2) * u + cubics.p1) * u

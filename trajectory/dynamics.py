@@ -2,8 +2,8 @@
 
 M(q) q'' + c(q, q') + g(q) = torque + J^T tip_force, for joint 2 measured from link 1.
 A rotor adds its inertia times the squared gear ratio to its own joint (the armature).
-The second rotor's own turning with link 1 is left out: that is smaller by the gear
-ratio, and so as large as the armature where joint 2 has no gear.
+The rotation of the second rotor with link 1 is neglected: its effect is smaller than the armature
+by the gear ratio, and equal to it without a gear.
 """
 
 import numpy as np
@@ -34,7 +34,7 @@ def mass_matrix(arm: Arm, joints: Floats) -> Floats:
 
 
 def gravity_torque(arm: Arm, joints: Floats) -> Floats:
-    """Return the torques [N m] that carry the links' weight; shape (n, 2)."""
+    """Return the torques [N m] that balance the links' weight; shape (n, 2)."""
     upper, lower = _weight_moments(arm)
     first, total = joints[..., 0], joints.sum(-1)
     torque2 = lower * np.cos(total)
@@ -42,17 +42,17 @@ def gravity_torque(arm: Arm, joints: Floats) -> Floats:
 
 
 def joint_torques(arm: Arm, joints: Motion, tip_force: Floats | None = None) -> Floats:
-    """Return the torques [N m] that make a motion; shape (n, 2).
+    """Return the torques [N m] of a motion by inverse dynamics; shape (n, 2).
 
     Args:
         arm: The arm.
         joints: rad, arrays of shape (n, 2).
-        tip_force: N, of the world on the fingertip's centre, shape (n, 2); None for none.
+        tip_force: N, external force on the fingertip's centre, shape (n, 2); None for none.
     """
     inertial = np.einsum("...ij,...j", mass_matrix(arm, joints.position), joints.acceleration)
     torque = inertial + _centrifugal(arm, joints) + gravity_torque(arm, joints.position)
     if tip_force is not None:
-        torque = torque - _tip_torque(arm, joints.position, tip_force)
+        torque = torque - tip_torque(arm, joints.position, tip_force)
     return torque
 
 
@@ -66,12 +66,12 @@ def energy(arm: Arm, joints: Motion) -> Floats:
 
 
 def _coupling(arm: Arm) -> float:
-    """Return what joins the links' turning, times the cosine of joint 2 [kg m^2]."""
+    """Return the coupling inertia [kg m^2] of the links, to multiply by cos of joint 2."""
     return arm.lower_mass * arm.upper_length * arm.lower_length / 2
 
 
 def _weight_moments(arm: Arm) -> tuple[float, float]:
-    """Return the weight's moments [N m] about joints 1 and 2 of each link, level."""
+    """Return the moments [N m] of the weight about joints 1 and 2 for horizontal links."""
     upper = (arm.upper_mass / 2 + arm.lower_mass) * arm.upper_length
     return GRAVITY * upper, GRAVITY * arm.lower_mass * arm.lower_length / 2
 
@@ -83,7 +83,7 @@ def _centrifugal(arm: Arm, joints: Motion) -> Floats:
     return np.stack([-twist * (2 * speed1 + speed2) * speed2, twist * speed1**2], -1)
 
 
-def _tip_torque(arm: Arm, joints: Floats, force: Floats) -> Floats:
+def tip_torque(arm: Arm, joints: Floats, force: Floats) -> Floats:
     """Return J^T force [N m], with J the Jacobian of the fingertip's centre; shape (n, 2)."""
     _, upper = link_vectors(arm.upper_length, joints[..., 0])
     _, lower = link_vectors(arm.lower_length, joints.sum(-1))

@@ -4,4 +4,4 @@ from sautereau.rig.errors import SautereauError
 
 
 class TrajectoryError(SautereauError):
-    """A press that cannot be planned; the message lists everything that fails."""
+    """A press cannot be planned; the message lists all reasons."""

@@ -1,4 +1,4 @@
-"""What a press is expected to meet: the force against the finger, contact and release."""
+"""Expected force against the finger in a press, with contact and release."""
 
 from dataclasses import dataclass
 
@@ -9,19 +9,19 @@ from sautereau.trajectory.motion import Floats
 
 @dataclass(frozen=True)
 class Expectation:
-    """A force-against-depression curve, measured once or predicted by a model."""
+    """A curve of force over rise, measured or predicted by a model."""
 
     rise: Floats
     """m, of the jack, increasing; shape (n,)."""
     force: Floats
     """N, of the finger on the key's normal; shape (n,)."""
     contact: float
-    """m, rise of the jack at which the string is met."""
+    """m, rise of the jack at contact."""
     release: float
-    """m, rise of the jack at which the string is let go."""
+    """m, rise of the jack at release."""
 
     def force_at(self, rise: Floats) -> Floats:
-        """Return the force [N] at rises of the jack [m]; held beyond the curve's ends."""
+        """Return the force [N] at rises of the jack [m]; constant beyond the curve's ends."""
         return np.interp(rise, self.rise, self.force)
 
     def range_between(self, low: Floats, high: Floats) -> tuple[Floats, Floats]:

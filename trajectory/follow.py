@@ -1,4 +1,4 @@
-"""How the finger follows the key: the whole mechanism from the jack's rise."""
+"""The motion of key, fingertip and joints that follows from the jack's rise."""
 
 from typing import NamedTuple
 
@@ -11,7 +11,7 @@ from sautereau.trajectory.motion import Floats, Motion
 
 
 class Path(NamedTuple):
-    """The mechanism at the same times; arrays of the same first length."""
+    """Motion of the mechanism on one time base; arrays of the same first length."""
 
     rise: Motion
     """Of the jack [m]; shape (n,)."""
@@ -26,7 +26,7 @@ class Path(NamedTuple):
 
 
 def follow_key(rig: Rig, rise: Motion) -> Path:
-    """Return the motion that presses the key as the jack's rise asks, by the rig's hold."""
+    """Return the motion for a rise of the jack, with the rig's hold."""
     key, arm = rig.key, rig.arm
     angle = key_motion(key, rise)
     if rig.press.hold == "normal":
@@ -39,12 +39,12 @@ def follow_key(rig: Rig, rise: Motion) -> Path:
 
 
 def follow_down(rig: Rig, contact: Path, height: Motion) -> Motion:
-    """Return the joints [rad] on the straight way from above the key down to contact.
+    """Return the joints [rad] of the straight approach from above the key to contact.
 
     Args:
         rig: The bench.
-        contact: The press, which begins where this ends.
-        height: Of the fingertip above its place at contact [m]; shape (n,).
+        contact: The press, which starts at the end of the approach.
+        height: Of the fingertip above its position at contact [m]; shape (n,).
     """
     up = np.array([0.0, 1.0])
     start = contact.fingertip.position[0]
@@ -53,7 +53,7 @@ def follow_down(rig: Rig, contact: Path, height: Motion) -> Motion:
         height.velocity[:, None] * up,
         height.acceleration[:, None] * up,
     )
-    joints = joints_holding_point(rig.arm, centre, "the way down from press.hover above the key")
+    joints = joints_holding_point(rig.arm, centre, "the approach from press.hover above the key")
     turn = 2 * np.pi
     unwound = joints.position.copy()
     first = contact.joints.position[0, 0]

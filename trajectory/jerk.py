@@ -1,4 +1,4 @@
-"""Motions from rest to rest made of phases of constant jerk."""
+"""Motions from rest to rest with piecewise constant jerk."""
 
 import math
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ Phase = tuple[float, float]
 
 @dataclass(frozen=True)
 class JerkLaw:
-    """A motion from rest made of phases of constant jerk; build it with `jerk_law`."""
+    """A motion from rest with piecewise constant jerk; see `jerk_law` and `spline_law`."""
 
     times: Floats
     """s, start of each phase and end of the last; shape (n + 1,)."""
@@ -28,7 +28,7 @@ class JerkLaw:
         return float(self.times[-1])
 
     def at(self, time: Floats) -> Motion:
-        """Return rise [m], speed and acceleration at times [s]; outside, the jack rests."""
+        """Return rise [m], speed and acceleration at times [s]; at rest outside the law."""
         inside = np.clip(time, 0.0, self.times[-1])
         index = np.searchsorted(self.times, inside, side="right") - 1
         index = np.clip(index, 0, len(self.jerks) - 1)
@@ -38,7 +38,7 @@ class JerkLaw:
 
 
 def jerk_law(phases: list[Phase]) -> JerkLaw:
-    """Chain phases of constant jerk from rest at zero."""
+    """Return the law of consecutive phases, from rest at zero."""
     times, states = [0.0], [(0.0, 0.0, 0.0)]
     for duration, jerk in phases:
         states.append(_advance(states[-1], jerk, duration))
@@ -46,8 +46,17 @@ def jerk_law(phases: list[Phase]) -> JerkLaw:
     return JerkLaw(np.array(times), np.array(states), np.array([jerk for _, jerk in phases]))
 
 
+def spline_law(time: Floats, rise: Floats) -> JerkLaw:
+    """Return the cubic spline through rises [m] at times [s], at rest at its ends."""
+    from scipy.interpolate import CubicSpline
+
+    spline = CubicSpline(time, rise, bc_type="clamped")
+    states = np.stack([spline(time, order) for order in range(3)], -1)
+    return JerkLaw(time, states, 6 * spline.c[0])
+
+
 def chained(laws: list[JerkLaw]) -> JerkLaw:
-    """Play laws one after the other; each takes up the position where the last one ended."""
+    """Return laws in sequence; each continues from the final position of the previous one."""
     times, states, jerks = [np.zeros(1)], [], []
     end = np.zeros((1, 3))
     for law in laws:
@@ -60,14 +69,14 @@ def chained(laws: list[JerkLaw]) -> JerkLaw:
 
 
 def reversed_law(law: JerkLaw) -> JerkLaw:
-    """Play a law that ends at rest upside down: what rose by it falls by it."""
+    """Return a law with its sign reversed: a rise becomes a fall."""
     return JerkLaw(law.times, -law.states, -law.jerks)
 
 
 def rest_to_rest(distance: float, speed: float, acceleration: float, jerk: float) -> list[Phase]:
-    """Return the phases of a stroke of two equal ramps, as fast as its limits let it be.
+    """Return the phases of the fastest stroke of two equal ramps within the limits.
 
-    Without a cruise the stroke reaches the speed v of v T(v) = distance.
+    Without a cruise the stroke reaches the speed v that solves v T(v) = distance.
     """
     edge = acceleration**2 / jerk
     reached = distance ** (2 / 3) * (jerk / 4) ** (1 / 3)
@@ -80,7 +89,7 @@ def rest_to_rest(distance: float, speed: float, acceleration: float, jerk: float
 
 
 def ramp(speed: float, acceleration: float, jerk: float) -> list[Phase]:
-    """Return the phases of the quickest jerk-limited change of speed from rest."""
+    """Return the phases of the fastest jerk-limited change of speed from rest."""
     if speed > acceleration**2 / jerk:
         edge = acceleration / jerk
         return [(edge, jerk), (speed / acceleration - edge, 0.0), (edge, -jerk)]
@@ -89,7 +98,7 @@ def ramp(speed: float, acceleration: float, jerk: float) -> list[Phase]:
 
 
 def falling(phases: list[Phase]) -> list[Phase]:
-    """Return the phases that undo a change of speed."""
+    """Return the phases that reverse a change of speed."""
     return [(duration, -jerk) for duration, jerk in phases]
 
 

@@ -21,8 +21,8 @@ def rise_of_angle(key: Key, angle: ArrayLike) -> Floats:
 def angle_of_rise(key: Key, rise: ArrayLike) -> Floats:
     """Return the key angle [rad] at a rise of the jack [m], the inverse of `rise_of_angle`.
 
-    With c = hb + rise the law is c cos a - b sin a = hb, whose root is taken in the
-    half-angle form, which keeps its digits where the rise is small.
+    With c = hb + rise the law is c cos a - b sin a = hb; its root is computed in half-angle form,
+    which is accurate for small rises.
     """
     rise = np.asarray(rise, dtype=float)
     b, hb = key.jack_arm, key.jack_surface_height
@@ -85,12 +85,25 @@ def point_on_key(angle: Motion, along: float, above: float) -> Motion:
     tangent, normal = surface_axes(angle.position)
     radius = along * tangent + above * normal
     turned = along * normal - above * tangent
-    speed, spin = angle.velocity[..., None], angle.acceleration[..., None]
-    return Motion(radius, speed * turned, spin * turned - speed**2 * radius)
+    omega, alpha = angle.velocity[..., None], angle.acceleration[..., None]
+    return Motion(radius, omega * turned, alpha * turned - omega**2 * radius)
+
+
+def contact_angle(height: float, centre: Floats) -> Floats:
+    """Return the angle [rad] of a key whose surface is at a normal distance from a point.
+
+    Args:
+        height: m, of the point along the key's normal from the pin.
+        centre: m, the point, in front of the pin; shape (..., 2). Within `height` of the pin,
+            where no angle has that distance, the result is that of the least distance.
+    """
+    x, z = centre[..., 0], centre[..., 1]
+    along = np.sqrt(np.maximum(x**2 + z**2 - height**2, 0.0))
+    return np.arctan2(-x, z) - np.arctan2(along, height)
 
 
 def key_under_fingertip(key: Key, radius: float, centre: Motion) -> Motion:
-    """Return the angle [rad] of a key that touches a spherical fingertip.
+    """Return the motion [rad] of a key in contact with a spherical fingertip.
 
     The centre C of the sphere stays at the height H = surface + radius over the key:
     C . n(a) = H, for a fingertip in front of the pin.
@@ -101,18 +114,15 @@ def key_under_fingertip(key: Key, radius: float, centre: Motion) -> Motion:
         centre: m, of the sphere, arrays of shape (n, 2).
 
     Raises:
-        TrajectoryError: The centre is within H of the pin, where no angle would do.
+        TrajectoryError: The centre is within H of the pin, where no angle gives a contact.
     """
     height = key.surface_height + radius
-    x, z = centre.position[..., 0], centre.position[..., 1]
-    squared = x**2 + z**2 - height**2
-    if squared.min() <= 0:
+    if dot(centre.position, centre.position).min() <= height**2:
         raise TrajectoryError(
             f"contact: the fingertip comes within {height * 1e3:.4g} mm of the balance pin,"
-            " where it touches the key at no angle; move the arm's base or raise key.press_arm"
+            " where no angle gives a contact; move the arm's base or raise key.press_arm"
         )
-    along = np.sqrt(squared)
-    angle = np.arctan2(-x, z) - np.arctan2(along, height)
+    angle = contact_angle(height, centre.position)
     tangent, normal = surface_axes(angle)
     reach = dot(centre.position, tangent)
     velocity = dot(centre.velocity, normal) / reach

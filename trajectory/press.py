@@ -20,18 +20,17 @@ from sautereau.trajectory.motion import Floats, Motion
 from sautereau.trajectory.quantise import quantise, sample_times
 from sautereau.trajectory.segments import Counts, Segments
 from sautereau.trajectory.timing import PressLaw, approach_law, press_law
-from sautereau.trajectory.verify import Motions, verify
+from sautereau.trajectory.verify import verify
 
 FINE = np.linspace(0.0, 1.0, 65)
-"""Places in each segment of the cruise at which its speed is evaluated."""
-
-NOTICED = 1e-5
-"""m, by which a gesture may fall below rest unsaid."""
+"""Points in each segment of the cruise at which its speed is evaluated."""
+LOWEST_RISE = -1e-5
+"""m, rise of a gesture below which there is a warning."""
 
 
 @dataclass(frozen=True)
 class Cruise:
-    """The cruise as the controller will make it; of a gesture, all of it."""
+    """The cruise as executed by the controller; of a gesture, the complete gesture."""
 
     start: float
     """s."""
@@ -42,7 +41,7 @@ class Cruise:
     speed: float
     """m/s, mean."""
     error: float
-    """1, largest departure from the planned speed; of a gesture, in its largest speed."""
+    """Dimensionless, largest error of the speed, relative to the largest planned speed."""
 
 
 @dataclass(frozen=True)
@@ -61,17 +60,17 @@ class Trajectory:
     joints: Motion
     """rad; shape (n, 2)."""
     torques: Floats
-    """N m, that the motion takes against weight, inertia and the expected force; (n, 2)."""
+    """N m, required for weight, inertia and the expected force; shape (n, 2)."""
     tilt: Floats
     """rad, of link 2 against the key's normal; shape (n,)."""
     slide: Floats
     """m, of the contact along the key; shape (n,)."""
     segments: Segments
-    """What the controller is sent for the press, which begins and ends on the key."""
+    """Segments of the press, which starts and ends on the key."""
     approach: Segments
-    """What it is sent before the first press, from `hover` down to contact."""
+    """Segments before the first press, from `hover` down to contact."""
     retreat: Segments
-    """What it is sent after the last press, back up to `hover`."""
+    """Segments after the last press, back up to `hover`."""
     cruise: Cruise
     home: Counts
     """Counts, joint positions at the home switches; shape (2,)."""
@@ -91,16 +90,16 @@ def plan_press(
 
     Args:
         rig: The bench.
-        expected: What the finger is expected to meet; None for an empty key.
-        correction: What is added to the jack's rise, as learned; None for nothing.
+        expected: Expected force against the finger; None for a key without a string.
+        correction: Learned addition to the jack's rise; None for none.
 
     Raises:
-        TrajectoryError: Lists every check that fails, with what would mend it.
+        TrajectoryError: A check fails; the message lists all that fail and how to fix them.
     """
     trajectory = draft_press(rig, expected, correction)
     failed = [check for check in trajectory.checks if not check.holds]
     if failed:
-        lines = [f"{check}; {check.remedy}" for check in failed]
+        lines = [f"{check}; {check.how_to_fix}" for check in failed]
         raise TrajectoryError("the press cannot be made:\n  " + "\n  ".join(lines))
     return trajectory
 
@@ -108,10 +107,10 @@ def plan_press(
 def draft_press(
     rig: Rig, expected: Expectation | None = None, correction: Correction | None = None
 ) -> Trajectory:
-    """Plan the press of a rig whether or not its checks hold; see `plan_press`.
+    """Plan the press of a rig even if checks fail; see `plan_press`.
 
     Raises:
-        TrajectoryError: There is no such motion at all: no cruise, or out of reach.
+        TrajectoryError: No such motion exists: there is no cruise, or it is out of reach.
     """
     law = press_law(rig.press)
     if correction is not None:
@@ -141,12 +140,7 @@ def draft_press(
         retreat=retreat,
         cruise=cruise,
         home=to_counts(rig.arm.home_angles, rig.arm.counts_per_revolution),
-        checks=verify(
-            rig,
-            Motions(approach, segments, retreat),
-            cruise.error,
-            expected,
-        ),
+        checks=verify(rig, (approach, segments, retreat), cruise.error, expected),
         warnings=_warnings(law, cruise, float(path.rise.position.min()), expected),
     )
 
@@ -163,24 +157,24 @@ def _quantised(rig: Rig, law: JerkLaw, joints: Motion) -> Segments:
 
 
 def _approach(rig: Rig, path: Path) -> Segments:
-    """Return the way down to where the press begins."""
+    """Return the approach, from `hover` down to the start of the press."""
     law = approach_law(rig.press)
     time = sample_times(law, rig.controller.sample_period, rig.controller.segment_limit)
-    gone = law.at(time)
-    height = Motion(rig.press.hover - gone.position, -gone.velocity, -gone.acceleration)
+    down = law.at(time)
+    height = Motion(rig.press.hover - down.position, -down.velocity, -down.acceleration)
     return _quantised(rig, law, follow_down(rig, path, height))
 
 
 def _cruise(rig: Rig, law: PressLaw, segments: Segments) -> Cruise:
-    """Recompute the cruise from exactly what is sent."""
+    """Compute the cruise from the quantised segments."""
     per_radian = rig.arm.counts_per_revolution / (2 * np.pi)
     period = rig.controller.sample_period
     ends = segments.ends * period
     slack = 1e-9 * period
-    whole = np.flatnonzero((ends >= law.cruise_start - slack) & (ends <= law.cruise_end + slack))
-    if len(whole) < 2:
+    inside = np.flatnonzero((ends >= law.cruise_start - slack) & (ends <= law.cruise_end + slack))
+    if len(inside) < 2:
         raise TrajectoryError(_too_short(law, period))
-    first, last = whole[0], whole[-1]
+    first, last = inside[0], inside[-1]
     cubics = segment_cubics(segments, per_radian, period)
     cubics = Cubics(*(array[first:last, None] for array in cubics))
     joints = Motion(*(array.reshape(-1, 2) for array in evaluate(cubics, FINE[:, None])))
@@ -195,7 +189,7 @@ def _cruise(rig: Rig, law: PressLaw, segments: Segments) -> Cruise:
 
 
 def _too_short(law: PressLaw, period: float) -> str:
-    lasting = f"of {(law.cruise_end - law.cruise_start) * 1e3:.3g} ms holds no whole segment"
+    lasting = f"of {(law.cruise_end - law.cruise_start) * 1e3:.3g} ms contains no complete segment"
     samples = f"of the controller (samples of {period * 1e3:.3g} ms)"
     if law.steady:
         return (
@@ -207,7 +201,7 @@ def _too_short(law: PressLaw, period: float) -> str:
 def _warnings(
     law: PressLaw, cruise: Cruise, lowest: float, expected: Expectation | None
 ) -> tuple[str, ...]:
-    if lowest < -NOTICED:
+    if lowest < LOWEST_RISE:
         return (
             f"the spline through press.gesture falls to {lowest * 1e3:.4g} mm, where the finger"
             " leaves the key; give more samples around its rests",

@@ -1,4 +1,4 @@
-"""From a smooth motion to whole counts and whole samples."""
+"""Quantisation of a smooth motion to integer counts and controller samples."""
 
 import numpy as np
 
@@ -8,30 +8,30 @@ from sautereau.trajectory.motion import Floats, Motion
 from sautereau.trajectory.segments import Counts, Segments
 
 GRAIN = 2
-"""Controller samples that every segment lasts a multiple of, as PVT mode wants it."""
+"""Controller samples; the duration of every segment is a multiple, as PVT mode requires."""
 STEADY_COUNTS = 20_000
-"""Counts that the slower joint moves between knots at steady speed: a knot is rounded by
-at most half a count, so longer segments keep the speed better, until the cubic no longer
-follows the finger's path: some 100 ms of it at 0.072 m/s are followed to 1e-4."""
+"""Counts moved by the slower joint between knots at constant speed: a knot is rounded by at most
+half a count, so longer segments have a smaller error of speed, until the cubic no longer follows
+the finger's path: at 0.072 m/s about 100 ms are followed to 1e-4."""
 LONGEST_SEGMENT = 1024
-"""Controller samples that one segment may last."""
+"""Longest segment in controller samples."""
 SLOW_GRAINS = 2
-"""Grains between knots in long stretches of varying speed, such as gestures."""
-ROUNDING_SHARE = 0.1
-"""1, of the joints' acceleration limit that rounding to counts may take where it varies."""
+"""Grains between knots in long intervals of varying speed, such as gestures."""
+ROUNDING_FRACTION = 0.1
+"""Dimensionless, largest acceleration by rounding to counts, relative to the joints' limit."""
 
 
 def sample_times(law: JerkLaw, period: float, limit: int) -> Floats:
     """Return the times [s] of a law's controller samples, an even number of steps.
 
     Raises:
-        TrajectoryError: The law lasts longer than so many segments can.
+        TrajectoryError: The law is longer than the longest possible segments.
     """
     longest = limit * LONGEST_SEGMENT * period
     if law.duration > longest:
         raise TrajectoryError(
-            f"press: a motion of {law.duration:.4g} s is longer than the {longest:.4g} s that"
-            f" {limit} segments of {LONGEST_SEGMENT} samples last (controller.segment_limit);"
+            f"press: a motion of {law.duration:.4g} s is longer than the {longest:.4g} s of"
+            f" {limit} segments of {LONGEST_SEGMENT} samples (controller.segment_limit);"
             " raise press.return_speed and return_acceleration, or lower press.bottom_hold"
         )
     grains = int(np.ceil(law.duration / period / GRAIN - 1e-9))
@@ -46,57 +46,57 @@ def quantise(
     acceleration_limit: float,
     segment_limit: int,
 ) -> Segments:
-    """Round a motion to whole counts, counts a second and samples.
+    """Round a motion to integer counts, counts per second and controller samples.
 
-    Positions are rounded, not steps, so that rounding never adds up. Knots lie further
-    apart where that is needed to fit into the controller's FIFO.
+    Positions are rounded, not steps, so that rounding errors do not accumulate. Knots are placed
+    further apart if necessary to fit into the controller's FIFO.
 
     Args:
-        law: What the joints follow.
+        law: Law of the jack that the joints follow.
         joints: Their motion at every controller sample [rad], arrays (n, 2).
         counts_per_radian: Encoder counts.
         period: s, one controller sample.
         acceleration_limit: rad/s^2, of the joints.
-        segment_limit: Segments that the FIFO holds, the one that ends it included.
+        segment_limit: Capacity of the FIFO in segments, including the final one.
     """
     exact = joints.position * counts_per_radian
-    whole = np.rint(exact)
-    # A cubic that misses both its ends by half a count is accelerated by 6 counts / T^2.
-    coarse = 6 / counts_per_radian / (ROUNDING_SHARE * acceleration_limit)
+    rounded = np.rint(exact)
+    # A cubic with errors of half a count at both ends has an acceleration error of 6 counts / T^2.
+    coarse = 6 / counts_per_radian / (ROUNDING_FRACTION * acceleration_limit)
     longest = LONGEST_SEGMENT // GRAIN
     grains = int(np.clip(np.ceil(np.sqrt(coarse) / period / GRAIN), 1, longest))
     speed = np.abs(joints.velocity).min(axis=1) * counts_per_radian * period
-    missed = np.abs(exact - whole).max(axis=1)
+    rounding = np.abs(exact - rounded).max(axis=1)
     while True:
-        knots = _knots(law, speed, missed, period, grains)
+        knots = _knots(law, speed, rounding, period, grains)
         if len(knots) <= segment_limit or grains >= longest:
             break
         grains += 1
-    positions = whole[knots].astype(np.int64)
+    positions = rounded[knots].astype(np.int64)
     velocities = np.rint(joints.velocity[knots] * counts_per_radian).astype(np.int64)
     return Segments(positions[0], np.diff(positions, axis=0), velocities[1:], np.diff(knots))
 
 
-def _knots(law: JerkLaw, speed: Floats, missed: Floats, period: float, grains: int) -> Counts:
-    """Choose the controller samples at which segments meet.
+def _knots(law: JerkLaw, speed: Floats, rounding: Floats, period: float, grains: int) -> Counts:
+    """Choose the controller samples of the knots between segments.
 
-    Knots are close where the speed changes, for the cubic to follow, and far apart at
-    steady speed, where rounding would change it; there they go where it happens to be small.
+    Knots are close together where the speed varies, so that the cubic follows, and far apart at
+    constant speed, which rounding would disturb; there they are placed at small rounding errors.
 
     Args:
-        law: What the joints follow.
-        speed: Counts a sample of the slower joint, at every controller sample.
-        missed: Counts by which rounding moves the joints, at every controller sample.
+        law: Law of the jack that the joints follow.
+        speed: Counts per sample of the slower joint, at every controller sample.
+        rounding: Rounding error in counts, at every controller sample.
         period: s, one controller sample.
-        grains: Between knots where the speed changes, and at least where it does not.
+        grains: Between knots at varying speed, and the minimum at constant speed.
     """
     last = (len(speed) - 1) // GRAIN
     chosen = {0, last}
-    for first, end, steady in _stretches(law):
+    for first, end, steady in _intervals(law):
         start, stop = first / period / GRAIN, end / period / GRAIN
         if not steady:
             low, high = int(start), min(last, int(np.ceil(stop - 1e-9)))
-            # A long stretch varies slowly, and longer segments are rounded less.
+            # A long interval varies slowly, and longer segments have a smaller rounding error.
             apart = max(grains, min(SLOW_GRAINS, (high - low) // 16))
             pieces = int(np.ceil((high - low) / apart))
             chosen |= set(np.linspace(low, high, pieces + 1).astype(int).tolist())
@@ -104,12 +104,12 @@ def _knots(law: JerkLaw, speed: Floats, missed: Floats, period: float, grains: i
         low, high = int(np.ceil(start - 1e-9)), min(last, int(stop + 1e-9))
         if high > low:
             chosen -= set(range(low + 1, high))
-            chosen |= _steady_knots(low, high, speed, missed, grains)
+            chosen |= _steady_knots(low, high, speed, rounding, grains)
     return GRAIN * np.array(sorted(chosen), dtype=np.int64)
 
 
-def _stretches(law: JerkLaw) -> list[tuple[float, float, bool]]:
-    """Return start and end [s] of stretches of varying and of steady speed."""
+def _intervals(law: JerkLaw) -> list[tuple[float, float, bool]]:
+    """Return start and end [s] of each interval, and whether its speed is constant."""
     found: list[tuple[float, float, bool]] = []
     for i, jerk in enumerate(law.jerks):
         if law.times[i + 1] == law.times[i]:
@@ -122,17 +122,17 @@ def _stretches(law: JerkLaw) -> list[tuple[float, float, bool]]:
     return found
 
 
-def _steady_knots(low: int, high: int, speed: Floats, missed: Floats, grains: int) -> set[int]:
-    """Choose the knots, in grains, of a stretch of steady speed."""
+def _steady_knots(low: int, high: int, speed: Floats, rounding: Floats, grains: int) -> set[int]:
+    """Choose the knots, in grains, of an interval of constant speed."""
     counts = speed[low * GRAIN : high * GRAIN + 1].min()
-    wanted = max(float(grains), STEADY_COUNTS / max(counts, 1e-9) / GRAIN)
+    length = max(float(grains), STEADY_COUNTS / max(counts, 1e-9) / GRAIN)
     span = high - low
     # Knots move by a quarter of a piece at most, so a piece grows by half.
     least = np.ceil(1.5 * span * GRAIN / LONGEST_SEGMENT)
-    pieces = int(max(np.ceil(span / wanted - 0.5), least))
+    pieces = int(max(np.ceil(span / length - 0.5), least))
     reach = span // pieces // 4
     knots = {low, high}
     for even in np.linspace(low, high, pieces + 1).astype(int)[1:-1].tolist():
         near = np.arange(even - reach, even + reach + 1)
-        knots.add(int(near[np.argmin(missed[near * GRAIN])]))
+        knots.add(int(near[np.argmin(rounding[near * GRAIN])]))
     return knots

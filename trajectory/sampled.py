@@ -1,4 +1,4 @@
-"""The checks of what has no exact extreme: looked at along every segment, with a bound."""
+"""Checks of quantities without exact extremes: sampled along every segment, with a bound."""
 
 from typing import NamedTuple
 
@@ -6,18 +6,17 @@ import numpy as np
 
 from sautereau.rig.schema import Rig
 from sautereau.trajectory.arm import fingertip_place
-from sautereau.trajectory.checks import Check, at_least, at_most
+from sautereau.trajectory.checks import MOVE_BASE, SLOWER_PRESS, Check, at_least, at_most
 from sautereau.trajectory.cubic import Cubics, evaluate
 from sautereau.trajectory.dynamics import joint_torques
 from sautereau.trajectory.expected import Expectation
-from sautereau.trajectory.key import rise_of_angle, surface_axes
+from sautereau.trajectory.key import contact_angle, rise_of_angle, surface_axes
 from sautereau.trajectory.motion import Floats, Motion, dot
-from sautereau.trajectory.remedies import MOVE_BASE, SOFTER
 
 INSIDE = np.linspace(0.0, 1.0, 5)
-"""Places in each segment at which it is looked at."""
+"""Points at which each segment is sampled."""
 STOPPED = np.linspace(0.25, 1.0, 4)
-"""Shares of the slower joint's stop at which a stop is looked at."""
+"""Fractions of the slower joint's stop at which a stop is sampled."""
 
 
 class Sampled(NamedTuple):
@@ -30,22 +29,22 @@ class Sampled(NamedTuple):
     angle: Floats
     """rad, of the key under it; negative where the fingertip is above a key at rest."""
     pressing: slice
-    """The segments of the press, between the ways there and back."""
+    """The segments of the press, between approach and retreat."""
 
 
 def sample(rig: Rig, cubics: Cubics, pressing: slice) -> Sampled:
-    """Look at a motion along every segment."""
+    """Sample a motion along every segment."""
     joints = evaluate(Cubics(*(array[:, None] for array in cubics)), INSIDE[:, None])
     centre = fingertip_place(rig.arm, joints.position)
     return Sampled(joints, centre, _angle(rig, centre), pressing)
 
 
 def places(rig: Rig, sampled: Sampled) -> list[Check]:
-    """Check where the fingertip touches the key, and where it hovers."""
+    """Check the contact point on the key, and the height of the hovering fingertip."""
     key, centre = rig.key, sampled.centre
     tangent, _ = surface_axes(np.maximum(sampled.angle[sampled.pressing], 0.0))
     from_pin = -dot(centre[sampled.pressing], tangent)
-    # Where the finger leaves the key this has a kink, which a whole second difference bounds.
+    # At lift-off this quantity has a kink, which a full second difference bounds.
     slack = 4 * _bend(from_pin)
     near, far = from_pin.min() - slack, from_pin.max() + slack
     hover = min(centre[0, 0, 1], centre[-1, -1, 1]) - rig.arm.fingertip_radius
@@ -63,29 +62,29 @@ def places(rig: Rig, sampled: Sampled) -> list[Check]:
             hover,
             key.neighbour_height,
             "m",
-            "raise press.hover: the fingertip would touch the neighbouring keys on its way",
+            "raise press.hover: the fingertip would touch the neighbouring keys",
         ),
     ]
 
 
 def loads(rig: Rig, sampled: Sampled, expected: Expectation | None) -> list[Check]:
-    """Check the torques of arm, weight and the expected force on the finger."""
+    """Check the torques for inertia, weight and the expected force on the finger."""
     free = joint_torques(rig.arm, sampled.joints)
     peaks = [_peak(free[..., j]) for j in (0, 1)]
     if expected is not None:
         peaks = _loaded(rig, sampled, free, expected)
-    remedy = f"{SOFTER}, or {MOVE_BASE}"
+    how_to_fix = f"{SLOWER_PRESS}, or {MOVE_BASE}"
     return [
-        at_most(f"joint {j + 1} torque", peaks[j], rig.arm.torque_limit, "N*m", remedy)
+        at_most(f"joint {j + 1} torque", peaks[j], rig.arm.torque_limit, "N*m", how_to_fix)
         for j in (0, 1)
     ]
 
 
 def depth_and_stops(rig: Rig, sampled: Sampled) -> list[Check]:
-    """Check that the key stays off its felt, and that a stop from anywhere stays safe."""
+    """Check that the key does not reach its felt, and that a stop at any time is safe."""
     key, arm = rig.key, rig.arm
     position, velocity, _ = sampled.joints
-    # Each joint brakes by itself, at its acceleration limit, as the controller's stop does.
+    # Each joint decelerates independently, at its acceleration limit, as in a controller's stop.
     speed = np.abs(velocity)
     slower = np.maximum(speed[..., 0], speed[..., 1])[..., None]
     left = np.maximum(speed - STOPPED[:, None, None, None] * slower, 0.0)
@@ -105,7 +104,7 @@ def depth_and_stops(rig: Rig, sampled: Sampled) -> list[Check]:
             max(depth.max() + _bend(depth), 0.0),
             key.dip,
             "m",
-            "lower press.jack_rise: the key would run into its felt",
+            "lower press.jack_rise: the key would reach its felt",
         ),
         at_most(
             "depth of the key after a stop",
@@ -121,7 +120,8 @@ def depth_and_stops(rig: Rig, sampled: Sampled) -> list[Check]:
 def _loaded(rig: Rig, sampled: Sampled, free: Floats, expected: Expectation) -> list[float]:
     """Bound the torques with the expected force: free - force x lever, by virtual work.
 
-    The force may peak between samples, so each sample bears all that its neighbours enclose.
+    The force may peak between samples, so each sample takes the largest force up to its
+    neighbours.
     """
     pressing = sampled.pressing
     angle = np.maximum(sampled.angle[pressing], 0.0)
@@ -137,22 +137,19 @@ def _loaded(rig: Rig, sampled: Sampled, free: Floats, expected: Expectation) -> 
     peaks = []
     for j in (0, 1):
         bare, arm = free[..., j], lever[..., j]
-        borne = max(np.abs(bare[pressing] - force * arm).max() for force in forces)
+        loaded = max(np.abs(bare[pressing] - force * arm).max() for force in forces)
         slack = _bend(bare) + most * _bend(arm)
-        peaks.append(max(_peak(bare), float(borne + slack)))
+        peaks.append(max(_peak(bare), float(loaded + slack)))
     return peaks
 
 
 def _angle(rig: Rig, centre: Floats) -> Floats:
-    """Return the angle [rad] of a key that touches the fingertip, were the key free to rise."""
-    height = rig.key.surface_height + rig.arm.fingertip_radius
-    x, z = centre[..., 0], centre[..., 1]
-    along = np.sqrt(np.maximum(x**2 + z**2 - height**2, 0.0))
-    return np.arctan2(-x, z) - np.arctan2(along, height)
+    """Return the angle [rad] of a key in contact with the fingertip, negative above rest."""
+    return contact_angle(rig.key.surface_height + rig.arm.fingertip_radius, centre)
 
 
 def _depth(rig: Rig, angle: Floats) -> Floats:
-    """Return how far [m] the pressing point has gone down."""
+    """Return the depth [m] of the pressing point below rest."""
     key = rig.key
     lowered = key.press_arm * np.sin(angle) - key.surface_height * np.cos(angle)
     return lowered + key.surface_height
@@ -164,10 +161,10 @@ def _peak(values: Floats) -> float:
 
 
 def _bend(values: Floats) -> float:
-    """Bound by how much a smooth quantity exceeds its samples along the last axis.
+    """Bound the excess of a smooth quantity over its samples along the last axis.
 
-    Between samples a distance h apart it is h^2/8 of its second derivative at most. The
-    largest second difference stands for that, and twice it where that changes its sign.
+    Between samples at a distance h it is at most h^2/8 times the second derivative. A quarter of
+    the largest second difference is used: twice that bound, in case the derivative varies.
     """
     seconds = values[..., 2:] - 2 * values[..., 1:-1] + values[..., :-2]
     return float(max(seconds.max(), -seconds.min())) / 4

@@ -1,4 +1,4 @@
-"""A motion as a controller takes it: whole counts and whole samples, cubic in between."""
+"""A motion in the controller's format: integer counts and samples, interpolated by cubics."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -22,13 +22,13 @@ class Segments:
     steps: Counts
     """Counts, relative move of each segment; shape (n_segments, 2)."""
     velocities: Counts
-    """Counts a second at the end of each segment; shape (n_segments, 2)."""
+    """Counts per second at the end of each segment; shape (n_segments, 2)."""
     samples: Counts
-    """Controller samples that each segment lasts; shape (n_segments,)."""
+    """Controller samples of each segment; shape (n_segments,)."""
 
     @cached_property
     def ends(self) -> Counts:
-        """Controller samples at which segments begin and end, from 0; shape (n_segments + 1,)."""
+        """Controller samples at the ends of the segments, from 0; shape (n_segments + 1,)."""
         return np.concatenate([[0], np.cumsum(self.samples)])
 
     def __len__(self) -> int:
@@ -36,7 +36,7 @@ class Segments:
 
     @property
     def total_samples(self) -> int:
-        """Controller samples of the whole motion."""
+        """Controller samples of the complete motion."""
         return int(self.samples.sum())
 
     @property
@@ -45,7 +45,7 @@ class Segments:
         return self.start + self.steps.sum(axis=0)
 
     def reversed(self) -> "Segments":
-        """The same way back, from `end` to `start` and as fast."""
+        """The same path backwards, from `end` to `start`, at the same speed."""
         ends = np.concatenate([[[0, 0]], self.velocities])
         return Segments(self.end, -self.steps[::-1], -ends[-2::-1], self.samples[::-1])
 
@@ -53,10 +53,10 @@ class Segments:
 def segments_document(
     segments: Segments, sample_period: float, home: Counts, hover: Counts
 ) -> dict[str, object]:
-    """Return a motion as JSON would hold it, for whoever drives a controller by hand.
+    """Return a motion as a JSON object, for use with other controllers.
 
     Args:
-        segments: What is to be sent.
+        segments: The motion.
         sample_period: s, of one controller sample.
         home: Counts, joint positions at the home switches; shape (2,).
         hover: Counts, joint positions above the key; shape (2,).

@@ -15,6 +15,7 @@ from sautereau.trajectory.jerk import (
     ramp,
     rest_to_rest,
     reversed_law,
+    spline_law,
 )
 
 STILL = 1e-9
@@ -23,7 +24,7 @@ STILL = 1e-9
 
 @dataclass(frozen=True)
 class PressLaw:
-    """The law of a whole press, and when its parts begin; times in s from the start."""
+    """The law of a complete press, and the starts of its parts; times in s from the start."""
 
     law: JerkLaw
     start: float
@@ -33,15 +34,10 @@ class PressLaw:
     cruise_end: float
     """Of a gesture, its end."""
     bottom: float
-    """End of the press: the jack stands at its full rise."""
+    """End of the stroke: the jack is at its full rise."""
     return_start: float
     steady: bool = True
-    """Whether the cruise is one of constant speed, and not a gesture."""
-
-    @property
-    def extrapolated_start(self) -> float:
-        """s, when a jack always at cruise speed would have left its rest."""
-        return (self.start + self.cruise_start) / 2
+    """Whether the cruise has constant speed; False for a gesture."""
 
 
 def press_law(press: Press) -> PressLaw:
@@ -50,7 +46,8 @@ def press_law(press: Press) -> PressLaw:
     A gesture takes the place of everything between the two rests.
 
     Raises:
-        TrajectoryError: Run-up and run-down leave no room for a cruise, or the gesture is still.
+        TrajectoryError: Run-up and run-down leave no room for a cruise, or the gesture does not
+            move.
     """
     if press.gesture is not None:
         return _gesture_law(press, press.gesture)
@@ -79,24 +76,20 @@ def press_law(press: Press) -> PressLaw:
 
 
 def approach_law(press: Press) -> JerkLaw:
-    """Return the fingertip's way down [m], from its height above the key to contact."""
+    """Return the law of the approach [m], from the hover height down to contact."""
     limits = press.approach_speed, press.return_acceleration, press.run_down_jerk
     return jerk_law(rest_to_rest(press.hover, *limits))
 
 
 def _gesture_law(press: Press, gesture: Gesture) -> PressLaw:
-    """Replay samples of a player's gesture: the cubic spline through them, at rest at its ends."""
+    """Replay a recorded gesture: the cubic spline through its samples, at rest at its ends."""
     if max(gesture.rise) - min(gesture.rise) < STILL:
         raise TrajectoryError(
             f"press.gesture: it moves the jack by less than {STILL * 1e9:.3g} nm;"
             " check the column and the unit of the file"
         )
-    from scipy.interpolate import CubicSpline
-
-    spline = CubicSpline(gesture.time, gesture.rise, bc_type="clamped")
-    times = spline.x - spline.x[0]
-    states = np.stack([spline(spline.x, order) for order in range(3)], -1)
-    played = JerkLaw(times, states - np.array([states[0, 0], 0.0, 0.0]), 6 * spline.c[0])
+    time, rise = np.array(gesture.time), np.array(gesture.rise)
+    played = spline_law(time - time[0], rise - rise[0])
     end = float(played.states[-1, 0])
     parts = [_rest(press.settle), played, _rest(press.bottom_hold)]
     if end:

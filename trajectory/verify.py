@@ -1,33 +1,22 @@
-"""Every check of a press, on the motion that the controller will really make."""
-
-from typing import NamedTuple
+"""All checks of a press, on the motion that the controller executes."""
 
 import numpy as np
 
 from sautereau.rig.schema import Rig
 from sautereau.trajectory.arm import elbow_sign
-from sautereau.trajectory.checks import Check, at_least, at_most
+from sautereau.trajectory.checks import MOVE_BASE, SLOWER_PRESS, Check, at_least, at_most
 from sautereau.trajectory.cubic import Cubics, Extremes, extremes, segment_cubics
 from sautereau.trajectory.expected import Expectation
-from sautereau.trajectory.remedies import MOVE_BASE, SOFTER
 from sautereau.trajectory.sampled import depth_and_stops, loads, places, sample
 from sautereau.trajectory.segments import Segments
 
 SINGULARITY_MARGIN = np.radians(5.0)
-"""rad, that joint 2 must stay from straight or folded."""
-
-
-class Motions(NamedTuple):
-    """What the controller is sent, part by part."""
-
-    approach: Segments
-    press: Segments
-    retreat: Segments
+"""rad, least distance of joint 2 from straight and from folded."""
 
 
 def verify(
     rig: Rig,
-    motions: Motions,
+    parts: tuple[Segments, Segments, Segments],
     cruise_error: float,
     expected: Expectation | None,
 ) -> tuple[Check, ...]:
@@ -35,17 +24,17 @@ def verify(
 
     Args:
         rig: The bench.
-        motions: What the controller is sent.
-        cruise_error: 1, of the jack's speed in the cruise.
-        expected: What the finger meets; None for nothing.
+        parts: Segments of approach, press and retreat.
+        cruise_error: Dimensionless, of the jack's speed in the cruise.
+        expected: Expected force against the finger; None for none.
     """
     per_radian = rig.arm.counts_per_revolution / (2 * np.pi)
     period = rig.controller.sample_period
-    parts = [segment_cubics(part, per_radian, period) for part in motions]
-    cubics = Cubics(*map(np.concatenate, zip(*parts, strict=True)))
+    played = [segment_cubics(part, per_radian, period) for part in parts]
+    cubics = Cubics(*map(np.concatenate, zip(*played, strict=True)))
     reached = extremes(cubics)
-    start = len(motions.approach)
-    sampled = sample(rig, cubics, slice(start, start + len(motions.press)))
+    start, end = np.cumsum([len(part) for part in parts[:2]]).tolist()
+    sampled = sample(rig, cubics, slice(start, end))
     return (
         *_geometry(rig, reached),
         *places(rig, sampled),
@@ -61,7 +50,7 @@ def verify(
         ),
         at_most(
             "segments",
-            max(len(part) for part in motions) + 1,
+            max(map(len, parts)) + 1,
             rig.controller.segment_limit,
             "1",
             "shorten the press: raise press.jack_speed or press.return_speed",
@@ -86,7 +75,7 @@ def _geometry(rig: Rig, reached: Extremes) -> list[Check]:
             min(bends.min(), (np.pi - bends).min()),
             SINGULARITY_MARGIN,
             "rad",
-            f"{MOVE_BASE}, or change arm.elbow: the elbow must stay bent to its own side",
+            f"{MOVE_BASE}, or change arm.elbow: the elbow must stay bent on its own side",
         ),
         at_least(
             "clearance of the elbow",
@@ -99,24 +88,24 @@ def _geometry(rig: Rig, reached: Extremes) -> list[Check]:
 
 
 def _limits(rig: Rig, reached: Extremes) -> list[Check]:
-    """Check each joint against its limits, between knots too."""
+    """Check each joint against its limits, at samples and between them."""
     arm = rig.arm
     found = []
     for j in (0, 1):
         name = f"joint {j + 1}"
         low, high = arm.lower_limits[j], arm.upper_limits[j]
-        spin, jerk = reached.acceleration[j], reached.jerk[j]
+        alpha, jerk = reached.acceleration[j], reached.jerk[j]
         found += [
             at_least(f"{name} lower limit", reached.low[j], low, "rad", MOVE_BASE),
             at_most(f"{name} upper limit", reached.high[j], high, "rad", MOVE_BASE),
-            at_most(f"{name} speed", reached.speed[j], arm.speed_limit, "rad/s", SOFTER),
-            at_most(f"{name} acceleration", spin, arm.acceleration_limit, "rad/s^2", SOFTER),
-            at_most(f"{name} jerk", jerk, arm.jerk_limit, "rad/s^3", SOFTER),
+            at_most(f"{name} speed", reached.speed[j], arm.speed_limit, "rad/s", SLOWER_PRESS),
+            at_most(f"{name} acceleration", alpha, arm.acceleration_limit, "rad/s^2", SLOWER_PRESS),
+            at_most(f"{name} jerk", jerk, arm.jerk_limit, "rad/s^3", SLOWER_PRESS),
         ]
     return found
 
 
 def _contains(low: float, high: float, angle: float) -> bool:
-    """Whether low to high passes an angle, in any turn."""
+    """Return whether the range from low to high contains an angle, modulo a turn."""
     turns = np.ceil((low - angle) / (2 * np.pi))
     return bool(angle + 2 * np.pi * turns <= high)

@@ -63,7 +63,7 @@ def plan(
     answer(json, result, lines)
     if failed:
         return fail(
-            "\n  ".join(["the press cannot be made:", *(f"{c}; {c.remedy}" for c in failed)])
+            "\n  ".join(["the press cannot be made:", *(f"{c}; {c.how_to_fix}" for c in failed)])
         )
     return 0
 

@@ -1,1 +1,1 @@
-"""Rigid bodies, the reduced equation and what drives them: the mechanics of a scene."""
+"""Mechanics of a scene: the engines, their drives, and an independent reference."""

@@ -1,4 +1,4 @@
-"""What drives a world in process: a planned press, or a push that needs no arm."""
+"""The drive of a scene: a planned press, or a push without an arm."""
 
 import math
 from functools import cached_property
@@ -7,25 +7,29 @@ from typing import Protocol
 import numpy as np
 
 from sautereau.rig.schema import Rig
+from sautereau.sim_backend.errors import SceneError
 from sautereau.sim_backend.parts import Push
 from sautereau.sim_backend.physics.finger import Reference
+from sautereau.sim_backend.scene import Scene
 from sautereau.trajectory.cubic import Cubics, motion_at, segment_cubics
+from sautereau.trajectory.errors import TrajectoryError
 from sautereau.trajectory.motion import Floats, Motion
+from sautereau.trajectory.press import plan_press
 from sautereau.trajectory.segments import Segments
 
 LEAD = 20
-"""Controller samples for which the arm stands before a press, so that all is at rest."""
+"""Controller samples of rest before a press."""
 TAIL = 20
-"""Controller samples for which it stands after it."""
+"""Controller samples of rest after a press."""
 
 
 class Drive(Protocol):
-    """What is played into a world, one controller sample after the other."""
+    """The reference of a simulation, one controller sample after the other."""
 
     start: tuple[float, float]
     """rad, joints when power comes on."""
     samples: int
-    """Controller samples that it lasts."""
+    """Duration in controller samples."""
 
     def reference(self, sample: int) -> Reference:
         """Return the reference of the arm over a controller sample."""
@@ -33,7 +37,7 @@ class Drive(Protocol):
 
 
 class PushDrive:
-    """A push as long as the scene says; the arm stays where it is."""
+    """A push of the scene's duration; the arm stays still."""
 
     def __init__(self, rig: Rig, push: Push):
         self.start = rig.arm.home_angles
@@ -41,8 +45,8 @@ class PushDrive:
         self.samples = math.ceil(seconds / rig.controller.sample_period - 1e-9)
 
     def reference(self, sample: int) -> Reference:
-        """Return a reference that stands still."""
-        return _stand
+        """Return a reference at rest."""
+        return _at_rest
 
 
 class PressDrive:
@@ -50,7 +54,7 @@ class PressDrive:
 
     Args:
         rig: The bench for which it was planned.
-        segments: The press, which begins and ends on the key.
+        segments: The press, which starts and ends on the key.
     """
 
     def __init__(self, rig: Rig, segments: Segments):
@@ -63,7 +67,7 @@ class PressDrive:
         self.samples = LEAD + self._last + TAIL
 
     def reference(self, sample: int) -> Reference:
-        """Return fractions of the sample to counts from the start and counts a sample."""
+        """Return the reference: counts from the start, and counts per sample."""
 
         def at(fractions: Floats) -> tuple[Floats, Floats]:
             motion = self.joints((sample + fractions) * self.period)
@@ -74,7 +78,7 @@ class PressDrive:
 
     @cached_property
     def breaks(self) -> Floats:
-        """s, when the reference goes from one cubic to the next; shape (n,)."""
+        """s, joints between the cubics of the reference; shape (n,)."""
         return np.asarray(LEAD + self.segments.ends, float) * self.period
 
     def joints(self, time: Floats) -> Motion:
@@ -90,5 +94,19 @@ class PressDrive:
         return segment_cubics(self.segments, 1 / self.radians, self.period)
 
 
-def _stand(fractions: Floats) -> tuple[Floats, Floats]:
+def drive_of(rig: Rig, scene: Scene) -> Drive:
+    """Return the drive of a scene: its push, or the rig's planned press.
+
+    Raises:
+        SceneError: The rig's press cannot be planned.
+    """
+    if scene.push is not None:
+        return PushDrive(rig, scene.push)
+    try:
+        return PressDrive(rig, plan_press(rig).segments)
+    except TrajectoryError as error:
+        raise SceneError(f"rig {rig.name}: {error}") from error
+
+
+def _at_rest(fractions: Floats) -> tuple[Floats, Floats]:
     return np.zeros((len(fractions), 2)), np.zeros((len(fractions), 2))

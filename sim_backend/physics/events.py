@@ -1,4 +1,4 @@
-"""What truly happened on the bench: motion, and what the strings met."""
+"""Ground truth of a simulation: motion, and the events of the strings."""
 
 from dataclasses import dataclass, field
 
@@ -7,35 +7,35 @@ from sautereau.trajectory.motion import Floats
 
 @dataclass(frozen=True)
 class StringEvent:
-    """A string is met, let go, or passed by the plectrum on its way down."""
+    """A contact, a release, or a return of the plectrum below its string."""
 
     time: float
-    """s on the world's clock."""
+    """s of simulated time."""
     choir: int
     """0 for the first one."""
     force: float
-    """N, of the string on the jack, downwards: at a release just before it."""
+    """N, of the string on the jack, downwards; of a release, just before it."""
 
 
 @dataclass
 class PluckEvents:
-    """The events of all strings so far, in order of time."""
+    """Events of all strings so far, in order of time."""
 
     contacts: list[StringEvent] = field(default_factory=list)
     releases: list[StringEvent] = field(default_factory=list)
     returns: list[StringEvent] = field(default_factory=list)
-    """When a falling plectrum has come below its string again."""
+    """When a falling plectrum is below its string again."""
 
 
 @dataclass(frozen=True)
 class Motions:
-    """What happened in some steps; arrays of shape (n,), the steps need not be even."""
+    """Motion over some steps, which need not be equal; arrays of shape (n,)."""
 
     time: Floats
-    """s, end of each step on the world's clock."""
+    """s of simulated time, end of each step."""
     angle: Floats
     """rad, of the key."""
-    spin: Floats
+    angular_velocity: Floats
     """rad/s, of the key."""
     rise: Floats
     """m, of the first jack above its rest."""

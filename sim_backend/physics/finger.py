@@ -1,4 +1,4 @@
-"""What presses the key in a world, as others see it; and the finger of a scene without an arm."""
+"""What presses the key: the finger's interfaces, and the finger of a scene without an arm."""
 
 import math
 from collections.abc import Callable
@@ -8,7 +8,7 @@ from sautereau.sim_backend.parts import Push
 from sautereau.trajectory.motion import Floats
 
 Reference = Callable[[Floats], tuple[Floats, Floats]]
-"""Fractions of the sample to counts and counts a sample, each (n, 2)."""
+"""Maps fractions of the sample to counts and counts per sample, each of shape (n, 2)."""
 
 
 class Finger(Protocol):
@@ -24,44 +24,46 @@ class Finger(Protocol):
 
     @property
     def settled(self) -> bool:
-        """Whether the arm stands where it was told to."""
+        """Whether the arm rests at its reference."""
         ...
 
 
-class Driven(Finger, Protocol):
-    """A finger as the rigid bodies' engine moves it; mm, g and ms."""
+class SteppedFinger(Finger, Protocol):
+    """A finger as the rigid-body engine advances it; mm, g and ms."""
 
     moment: float
-    """N mm, that it puts on the key without touching it."""
-    stops: float
-    """ms, into the controller sample, when that moment ends; inf for not in this one."""
+    """N mm, on the key without a contact."""
+    push_end: float
+    """ms into the controller sample, end of that moment; inf if not within this sample."""
 
-    def begin(self, reference: Reference, powered: bool, time: float) -> bool:
-        """Start a controller sample at a time [s]; return whether forces jump at its start."""
+    def begin_sample(self, reference: Reference, powered: bool, time: float) -> bool:
+        """Start a controller sample at a time [s]; return whether the forces jump there."""
         ...
 
-    def act(self, elapsed: float, angle: float, ahead: float, step: float, share: float) -> None:
-        """Act on the bodies at the end of a step.
+    def apply_forces(
+        self, elapsed: float, angle: float, ahead: float, step: float, fraction: float
+    ) -> None:
+        """Apply the finger's forces to the bodies at the end of a step.
 
         Args:
-            elapsed: ms, into the controller sample.
+            elapsed: ms into the controller sample.
             angle: rad, of the key.
             ahead: ms, to the end of the next step.
-            step: ms, that the engine takes.
-            share: 1, of its forces that this step of the engine shall have.
+            step: ms, of the engine.
+            fraction: Dimensionless, of the forces to apply in this step.
         """
         ...
 
-    def push(self, weight: float) -> float:
-        """Return the force [N] on the key in the step just done.
+    def contact_force(self, weight: float) -> float:
+        """Return the force [N] on the key in the last step.
 
         Args:
             weight: ms, for which the forces acted in it.
         """
         ...
 
-    def closes(self, angle: float, step: float) -> bool:
-        """Return whether a finger that is apart meets a key, at an angle [rad] after a step."""
+    def reaches_key(self, angle: float, step: float) -> bool:
+        """Return whether a separated finger reaches the key, at an angle [rad] after a step."""
         ...
 
     def gap(self, angle: float, time: float, ahead: float) -> float:
@@ -69,17 +71,17 @@ class Driven(Finger, Protocol):
 
         Args:
             angle: rad, of the key then.
-            time: ms, from the present place.
-            ahead: ms, for half of which the last kick brought the speed forward.
+            time: ms from the present position.
+            ahead: ms, by half of which the last impulse advanced the velocity.
         """
         ...
 
-    def land(self, time: float) -> None:
-        """Touch the key from a time [s] on."""
+    def make_contact(self, time: float) -> None:
+        """Be in contact with the key from a time [s] on."""
         ...
 
-    def glide(self, back: float, drift: float) -> None:
-        """Take back what the last kick gave too much, and find where a drift leads.
+    def correct_and_drift(self, back: float, drift: float) -> None:
+        """Undo the surplus of the last impulse and compute the state after a drift.
 
         Args:
             back: ms, by which the last forces acted too long.
@@ -87,22 +89,22 @@ class Driven(Finger, Protocol):
         """
         ...
 
-    def place(self, step: float) -> None:
-        """Put bodies so that a step [ms] of the engine leads to where they shall be."""
+    def set_bodies(self, step: float) -> None:
+        """Set the bodies so that a step [ms] of the engine ends in their target state."""
         ...
 
-    def rest(self, angle: float) -> tuple[float, float]:
+    def end_sample(self, angle: float) -> tuple[float, float]:
         """End a controller sample with the key at an angle [rad].
 
         Returns:
-            The angle at which the key touches the fingertip, or the angle itself; and the
-            largest error [mm] of a joint or a contact.
+            The contact angle if the finger touches the key, else the angle itself; and the largest
+            error [mm] of a joint or a contact.
         """
         ...
 
 
 class StandingFinger:
-    """A finger that does exactly what it is told to, by no motors."""
+    """A finger without motors that follows its reference exactly."""
 
     def __init__(self, joints: tuple[float, float]):
         self._joints = joints
@@ -117,58 +119,60 @@ class StandingFinger:
 
     @property
     def settled(self) -> bool:
-        """True: it is always where it was told to be."""
+        """True: it is always at its reference."""
         return True
 
 
-class PlacelessFinger(StandingFinger):
-    """A finger of which the engine moves no body, so that none can meet the key."""
+class BodilessFinger(StandingFinger):
+    """A finger without a body in the engine, which no contact can involve."""
 
     moment = 0.0
-    stops = math.inf
+    push_end = math.inf
 
-    def closes(self, angle: float, step: float) -> bool:
-        """Return False: there is no body that would meet the key."""
+    def reaches_key(self, angle: float, step: float) -> bool:
+        """Return False: there is no body."""
         return False
 
     def gap(self, angle: float, time: float, ahead: float) -> float:
-        """Return infinity, for the same reason."""
+        """Return infinity: there is no body."""
         return math.inf
 
-    def land(self, time: float) -> None:
-        """Do nothing: it never comes to that."""
+    def make_contact(self, time: float) -> None:
+        """Do nothing: there is no body."""
 
-    def glide(self, back: float, drift: float) -> None:
-        """Do nothing: there is no place."""
+    def correct_and_drift(self, back: float, drift: float) -> None:
+        """Do nothing: there is no body."""
 
-    def place(self, step: float) -> None:
-        """Do nothing: there is no place."""
+    def set_bodies(self, step: float) -> None:
+        """Do nothing: there is no body."""
 
 
-class PushFinger(PlacelessFinger):
-    """A force on the key from the first instant on; the arm is not there, and stands still."""
+class PushFinger(BodilessFinger):
+    """A force on the key from the first instant on; the arm is not simulated and stays still."""
 
     def __init__(self, push: Push, press_arm: float, start: tuple[float, float], period: float):
         super().__init__(start)
         self._push, self._period = push, period
         self._arm = press_arm
 
-    def begin(self, reference: Reference, powered: bool, time: float) -> bool:
-        """Start a controller sample; see `Driven`."""
+    def begin_sample(self, reference: Reference, powered: bool, time: float) -> bool:
+        """Start a controller sample; see `SteppedFinger`."""
         before, left = self.moment, self._push.duration - time
         on = powered and left > 1e-9 * self._period
         self.moment = self._push.force * self._arm * 1e3 if on else 0.0
         within = on and left < self._period * (1 - 1e-9)
-        self.stops = left * 1e3 if within else math.inf
+        self.push_end = left * 1e3 if within else math.inf
         return self.moment != before
 
-    def act(self, elapsed: float, angle: float, ahead: float, step: float, share: float) -> None:
+    def apply_forces(
+        self, elapsed: float, angle: float, ahead: float, step: float, fraction: float
+    ) -> None:
         """Do nothing: there is no body."""
 
-    def push(self, weight: float) -> float:
+    def contact_force(self, weight: float) -> float:
         """Return the force [N] on the key."""
         return self.moment / self._arm / 1e3
 
-    def rest(self, angle: float) -> tuple[float, float]:
+    def end_sample(self, angle: float) -> tuple[float, float]:
         """Return the angle: there is no body."""
         return angle, 0.0

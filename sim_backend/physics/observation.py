@@ -1,4 +1,4 @@
-"""One whole drive observed, the same by every engine, and how far two observations differ."""
+"""Observation of a complete drive, of the same form for every engine, and its error."""
 
 import math
 from dataclasses import dataclass, fields
@@ -6,17 +6,15 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from sautereau.rig.schema import Rig
-from sautereau.sim_backend.errors import SceneError
-from sautereau.sim_backend.physics.drive import Drive, PressDrive, PushDrive
+from sautereau.sim_backend.physics.drive import Drive, drive_of
 from sautereau.sim_backend.physics.events import Motions, PluckEvents, StringEvent
+from sautereau.sim_backend.physics.world import new_world
 from sautereau.sim_backend.scene import Scene
-from sautereau.trajectory.errors import TrajectoryError
-from sautereau.trajectory.press import plan_press
 
 
 @dataclass(frozen=True)
 class Observation:
-    """What truly happened in a drive; times in s from its start."""
+    """Motion and events of a drive; times in s from its start."""
 
     motions: Motions
     events: PluckEvents
@@ -24,42 +22,26 @@ class Observation:
 
 @dataclass(frozen=True)
 class Errors:
-    """How far an observation is from another; infinite where an event is missing or too many."""
+    """Difference of two observations; infinite if their numbers of events differ."""
 
     time: float
     """s, largest of all contacts, releases and returns."""
     force: float
-    """1, of the strings' forces at release and of the finger's while a string is held, over
-    the largest of each."""
-
-
-def drive_of(rig: Rig, scene: Scene) -> Drive:
-    """Return what a scene does by itself: its push, or the rig's planned press.
-
-    Raises:
-        SceneError: The rig's press cannot be planned.
-    """
-    if scene.push is not None:
-        return PushDrive(rig, scene.push)
-    try:
-        return PressDrive(rig, plan_press(rig).segments)
-    except TrajectoryError as error:
-        raise SceneError(f"rig {rig.name}: {error}") from error
+    """Dimensionless: error of the strings' forces at release, and of the finger's force while a
+    string is held, relative to the largest of each."""
 
 
 def observe(rig: Rig, scene: Scene, drive: Drive | None = None) -> Observation:
-    """Run a drive through a world of its own and return all that happened.
+    """Simulate a drive in a new world and return the observation.
 
     Args:
         rig: The nominal bench.
-        scene: With its step and engine settled.
-        drive: What is played; None for `drive_of` the scene.
+        scene: With a chosen step and engine.
+        drive: Reference to follow; None for `drive_of` the scene.
 
     Raises:
         SceneError: The scene cannot be simulated.
     """
-    from sautereau.sim_backend.physics.world import new_world
-
     drive = drive or drive_of(rig, scene)
     world = new_world(rig, scene, start=drive.start)
     parts = [world.advance(drive.reference(i), True) for i in range(drive.samples)]
@@ -68,7 +50,7 @@ def observe(rig: Rig, scene: Scene, drive: Drive | None = None) -> Observation:
 
 
 def errors(found: Observation, true: Observation) -> Errors:
-    """Return how far an observation is from the truth."""
+    """Return the error of an observation."""
     pairs = [
         (getattr(found.events, name), getattr(true.events, name))
         for name in ("contacts", "releases", "returns")
@@ -92,7 +74,9 @@ def _held_error(found: Observation, true: Observation) -> float:
     a, b = found.motions, true.motions
     held = np.zeros(len(b.time), bool)
     for contact, release in zip(true.events.contacts, true.events.releases, strict=False):
-        margin = 0.1 * (release.time - contact.time)  # an event a step off is no error of force
+        margin = 0.1 * (
+            release.time - contact.time
+        )  # an event that differs by a step is no error of the force
         held |= (b.time > contact.time + margin) & (b.time < release.time - margin)
     largest = float(np.abs(b.finger_force).max(initial=0.0))
     if not held.any() or largest == 0.0:

@@ -8,7 +8,7 @@ from sautereau.trajectory.dynamics import gravity_torque
 
 
 class PositionLoops:
-    """Turn reference and encoder into the torque of each joint, once a sample."""
+    """Compute the torque of each joint from reference and encoder, once per sample."""
 
     def __init__(self, servo: Servo, arm: Arm, period: float):
         self.servo = servo
@@ -16,24 +16,24 @@ class PositionLoops:
         self.period = period
         self.radians = arm.radians_per_count
         self.offsets = (0.0, 0.0)
-        """N m, added to what the loops want."""
+        """N m, added to the loops' torques."""
         self.limits = (arm.torque_limit, arm.torque_limit)
-        """N m, of the controller; the motors have their own."""
+        """N m, of the controller; the motors have limits of their own."""
         self._integral = [0.0, 0.0]
         self._last = [0.0, 0.0]
 
     def engage(self, joints: tuple[float, float]) -> None:
-        """Take over the standing arm: the integrators have settled on its weight."""
+        """Take over an arm at rest: the integrators start at the torques of its weight."""
         self._integral = list(weight_torque(self.arm, joints))
         self._last = [0.0, 0.0]
 
     def torque(
         self, error: tuple[float, float], acceleration: tuple[float, float]
     ) -> tuple[float, float]:
-        """Return the joint torques [N m] for the sample that begins.
+        """Return the joint torques [N m] for the sample that starts.
 
         Args:
-            error: Counts, reference less encoder.
+            error: Counts, reference minus encoder.
             acceleration: rad/s^2, of the reference.
         """
         servo = self.servo
@@ -50,13 +50,13 @@ class PositionLoops:
                 + self._integral[j]
                 + self.offsets[j]
             )
-            if abs(torque) < limit:  # no wind-up while the amplifier saturates
+            if abs(torque) < limit:  # no integrator wind-up while the amplifier saturates
                 self._integral[j] += servo.stiffness[j] * lag * self.period / servo.integral_time
             torques.append(max(-limit, min(limit, torque)))
         return torques[0], torques[1]
 
 
 def weight_torque(arm: Arm, joints: tuple[float, float]) -> tuple[float, float]:
-    """Return the joint torques [N m] that carry the links' weight."""
+    """Return the joint torques [N m] that balance the links' weight."""
     first, second = gravity_torque(arm, np.array(joints)).tolist()
     return first, second

@@ -1,4 +1,4 @@
-"""The simulated bench as controller and sensors see it: advanced by controller samples."""
+"""The simulated bench as controller and sensors see it, advanced by controller samples."""
 
 from typing import Protocol
 
@@ -21,11 +21,11 @@ class World(Protocol):
     samples: int
     """Controller samples done."""
     events: PluckEvents
-    """What the strings met, the truth that no recording holds."""
+    """Events of the strings: ground truth that no recording contains."""
 
     @property
     def time(self) -> float:
-        """World's clock [s]: only motion and acquisition make it go."""
+        """Simulated time [s]; advanced by motion and acquisition only."""
         ...
 
     @property
@@ -41,21 +41,21 @@ class World(Protocol):
             powered: Whether the motors are on.
 
         Raises:
-            SceneError: The engine lost its numbers.
+            SceneError: The simulation diverged.
         """
         ...
 
 
 def new_world(rig: Rig, scene: Scene, start: tuple[float, float] | None = None) -> World:
-    """Return the world of a scene, by the engine that it asks for.
+    """Return the world of a scene, by the scene's engine.
 
     Args:
-        rig: The nominal bench; the scene may make the true one differ.
-        scene: With its step and engine settled.
+        rig: The nominal bench; the true one may differ by the scene's `truth`.
+        scene: With a chosen step and engine.
         start: rad, joints when power comes on; None for home and the scene's offset.
 
     Raises:
-        SceneError: The scene cannot be simulated, or leaves something to its accuracy.
+        SceneError: The scene cannot be simulated, or a choice is left to its accuracy.
     """
     auto = [name for name in ("engine", "plectrum", "string") if getattr(scene, name) == "auto"]
     if scene.step is None:
@@ -63,7 +63,7 @@ def new_world(rig: Rig, scene: Scene, start: tuple[float, float] | None = None) 
     if auto:
         raise SceneError(
             f"scene: {', '.join(auto)} is left to the accuracy of {scene.accuracy}; choose it first"
-            " with `sautereau.sim_backend.trade.choose.settle`"
+            " with `sautereau.sim_backend.trade.choose.select_solver`"
         )
     if scene.engine == "reduced":
         from sautereau.sim_backend.physics.reduced.engine import ReducedWorld

@@ -6,8 +6,8 @@ from sautereau.rig.instrument import Plectrum
 from sautereau.rig.schema import Rig
 from sautereau.sim_backend.accuracy import Accuracy
 from sautereau.sim_backend.errors import SceneError
-from sautereau.sim_backend.physics.drive import Drive
-from sautereau.sim_backend.physics.observation import Errors, drive_of, errors, observe
+from sautereau.sim_backend.physics.drive import Drive, drive_of
+from sautereau.sim_backend.physics.observation import Errors, errors, observe
 from sautereau.sim_backend.physics.reference.observe import reference
 from sautereau.sim_backend.scene import Scene
 from sautereau.sim_backend.trade.cost import cost

@@ -8,8 +8,8 @@ from sautereau.analysis.errors import ModelError
 from sautereau.rig.schema import Rig
 from sautereau.sim_backend.accuracy import Accuracy
 from sautereau.sim_backend.errors import SceneError
-from sautereau.sim_backend.physics.drive import Drive
-from sautereau.sim_backend.physics.observation import Observation, drive_of, errors
+from sautereau.sim_backend.physics.drive import Drive, drive_of
+from sautereau.sim_backend.physics.observation import Observation, errors
 from sautereau.sim_backend.scene import Scene
 from sautereau.sim_backend.trade.cache import machine, store_trade, stored_trade
 from sautereau.sim_backend.trade.choose import told

@@ -10,7 +10,8 @@ import numpy as np
 from sautereau.rig.errors import SautereauError
 from sautereau.rig.load import with_values
 from sautereau.rig.schema import Rig
-from sautereau.sim_backend.physics.observation import Errors, Observation, drive_of, errors, observe
+from sautereau.sim_backend.physics.drive import drive_of
+from sautereau.sim_backend.physics.observation import Errors, Observation, errors, observe
 from sautereau.sim_backend.scene import Scene
 from sautereau.sim_backend.trade.cases import Case, grid, random_cases
 from sautereau.sim_backend.trade.choose import settle
@@ -123,7 +124,7 @@ def _truth(bench: Rig, scene: Scene) -> Observation:
 def _fault(found: Observation) -> str:
     """Return what is no motion in an observation: no number, or time that goes back."""
     motions = found.motions
-    for name in ("time", "angle", "spin", "rise", "finger_force", "string_force"):
+    for name in ("time", "angle", "angular_velocity", "rise", "finger_force", "string_force"):
         if not np.isfinite(getattr(motions, name)).all():
             return f"{name} is no number"
     if not (np.diff(motions.time) > 0).all():

@@ -7,8 +7,9 @@ from scipy.integrate import trapezoid
 from sautereau.analysis.model.key import finger_force, jack_load
 from sautereau.rig.load import with_values
 from sautereau.rig.section import GRAVITY
-from sautereau.trajectory.key import jack_motion, key_motion, rise_of_angle
+from sautereau.trajectory.key import key_motion
 from sautereau.trajectory.motion import Motion
+from tests.key_oracle import dissipated_power, energy, slope, static_moment
 
 
 @pytest.fixture
@@ -31,8 +32,7 @@ def still(rise):
 def test_statics_at_rest_is_the_weight_through_the_lever(paper):
     """F a_p = m g b - front heaviness; nothing rubs that does not move."""
     found = finger_force(paper, still(0.0), np.zeros(1))
-    weight = paper.jack.mass * GRAVITY * paper.key.jack_arm - paper.key.front_heaviness
-    assert found[0] == pytest.approx(weight / paper.key.press_arm, rel=1e-12)
+    assert found[0] == pytest.approx(static_moment(paper) / paper.key.press_arm, rel=1e-12)
     assert found[0] / GRAVITY == pytest.approx(0.005, abs=0.003)
 
 
@@ -42,8 +42,7 @@ def test_statics_of_a_held_string_at_any_angle(paper):
     angle = np.radians([0.0, 1.0, 3.0])
     key = paper.key
     found = finger_force(paper, still(angle), np.full(3, 0.5))
-    lever = (key.jack_arm + key.jack_surface_height * np.sin(angle)) / np.cos(angle) ** 2
-    moment = (paper.jack.mass * GRAVITY + 0.5) * lever - key.front_heaviness
+    moment = static_moment(paper, angle, string=0.5)
     np.testing.assert_allclose(found, moment / key.press_arm, rtol=1e-12)
 
 
@@ -67,7 +66,7 @@ def test_the_jack_leaves_the_key_when_the_key_falls_faster(paper):
 
 def test_the_fingers_work_is_energy_and_heat(paper):
     """Over any smooth motion, the power of every force is in the balance."""
-    key, jack = paper.key, paper.jack
+    key = paper.key
     errors = []
     for n in (500, 1000, 2000):
         time = np.linspace(0, 0.1, n)
@@ -79,21 +78,12 @@ def test_the_fingers_work_is_energy_and_heat(paper):
         )
         string = 0.3 + 40 * angle.position
         force = finger_force(paper, angle, string)
-        rise = jack_motion(key, angle)
-        work = trapezoid(force * key.press_arm * angle.velocity, time)
-        heat = trapezoid(
-            key.pivot_viscous_friction * angle.velocity**2
-            + key.pivot_coulomb_friction * np.abs(angle.velocity)
-            + jack.register_friction * np.abs(rise.velocity)
-            + string * rise.velocity,
-            time,
-        )
-        kinetic = key.inertia * angle.velocity**2 / 2 + jack.mass * rise.velocity**2 / 2
-        potential = (
-            jack.mass * GRAVITY * rise_of_angle(key, angle.position)
-            - key.front_heaviness * angle.position
-        )
-        errors.append(work - heat - np.ptp((kinetic + potential)[[0, -1]]))
+        omega = angle.velocity
+        work = trapezoid(force * key.press_arm * omega, time)
+        heat = dissipated_power(paper, angle.position, omega)
+        heat = trapezoid(heat + string * slope(key, angle.position) * omega, time)
+        first, *_, last = energy(paper, angle.position, omega)
+        errors.append(work - heat - (last - first))
     orders = np.log2(np.abs(np.divide(errors[:-1], errors[1:])))
     np.testing.assert_allclose(orders, 2, atol=0.1)
     assert abs(errors[-1]) < 1e-6 * work

@@ -9,7 +9,7 @@ from scipy.integrate import cumulative_trapezoid, solve_ivp
 from sautereau.analysis.errors import ModelError
 from sautereau.analysis.model.predict import plectrum_map, rig_pluck
 from sautereau.analysis.model.string.modal import modal_pluck
-from sautereau.analysis.model.string.string import held_speed_ratio, release_speed
+from sautereau.analysis.model.string.string import release_speed
 from sautereau.rig.load import load_rig
 
 RIG = load_rig()
@@ -102,11 +102,8 @@ def test_the_jacks_work_is_in_string_and_plectrum(speed):
     assert work == pytest.approx(total, rel=2e-5)
 
 
-def test_the_springs_speed_ratio_is_below_the_moving_strings():
-    """The spring string has the steady rise alone, the moving one swings about it."""
-    static = held_speed_ratio(RIG.string, rig_pluck(RIG), RIG.press.jack_speed)
-    assert 0.5 * pluck().speed_ratio < static < pluck().speed_ratio
-    assert pluck().speed_ratio < 0.05
+def test_the_held_string_is_slow_against_its_release_speed():
+    assert 0 < pluck().speed_ratio < 0.05
 
 
 def test_the_free_string_keeps_its_energy_and_its_frequencies():

@@ -8,7 +8,7 @@ from sautereau.analysis.errors import ModelError
 from sautereau.analysis.model.predict import plectrum_map, predict, rig_pluck
 from sautereau.analysis.model.string.string import release_speed
 from sautereau.rig.load import with_values
-from sautereau.rig.section import GRAVITY
+from tests.key_oracle import dissipated_power, energy, slope, static_moment
 
 
 @pytest.fixture(scope="module")
@@ -68,26 +68,17 @@ def test_deflection_is_the_laser_spots_on_the_lever(paper, prediction):
 
 def test_the_fingers_work_is_energy_and_heat(paper, prediction):
     """At constant speed of the jack, over the free phase, the held string, and to the end."""
-    key, jack = paper.key, paper.jack
-    angle = prediction.deflection / key.laser_arm
-    slope = (key.jack_arm + key.jack_surface_height * np.sin(angle)) / np.cos(angle) ** 2
-    spin = paper.press.jack_speed / slope
+    angle = prediction.deflection / paper.key.laser_arm
+    omega = paper.press.jack_speed / slope(paper.key, angle)
+    stored = energy(paper, angle, omega)
     for end in (prediction.contact, prediction.release, prediction.time[-1]):
         upto = prediction.time <= end
-        a, w, rise = angle[upto], spin[upto], prediction.rise[upto]
-        work = trapezoid(prediction.finger_force[upto] * key.press_arm, a)
-        stored = (
-            jack.mass * GRAVITY * rise[-1]
-            - key.front_heaviness * a[-1]
-            + key.inertia * (w[-1] ** 2 - w[0] ** 2) / 2
-        )
-        heat = (
-            trapezoid(key.pivot_viscous_friction * w, a)
-            + key.pivot_coulomb_friction * a[-1]
-            + jack.register_friction * rise[-1]
-        )
-        string = trapezoid(prediction.string_force[upto], rise)
-        assert work == pytest.approx(stored + heat + string, rel=1e-6)
+        a, w = angle[upto], omega[upto]
+        work = trapezoid(prediction.finger_force[upto] * paper.key.press_arm, a)
+        heat = trapezoid(dissipated_power(paper, a, w) / w, a)
+        string = trapezoid(prediction.string_force[upto], prediction.rise[upto])
+        gained = stored[upto][-1] - stored[0]
+        assert work == pytest.approx(gained + heat + string, rel=1e-6)
 
 
 def test_statics_before_contact(paper):
@@ -96,10 +87,8 @@ def test_statics_before_contact(paper):
         paper, {"press.jack_speed": "0.005 m/s", "key.pivot_viscous_friction": "0 N m s/rad"}
     )
     found = predict(slow).finger_force[0]
-    key, jack = paper.key, paper.jack
-    load = jack.mass * GRAVITY + jack.register_friction
-    moment = load * key.jack_arm + key.pivot_coulomb_friction - key.front_heaviness
-    assert found == pytest.approx(moment / key.press_arm, rel=1e-5)
+    expected = static_moment(paper, friction=1) / paper.key.press_arm
+    assert found == pytest.approx(expected, rel=1e-5)
 
 
 def test_durations_go_with_the_speed_and_forces_hardly(paper, prediction):

@@ -1,4 +1,4 @@
-"""The servo's arm on the key: the string slows it, the motors hold it, the brakes too."""
+"""The servo's arm on the key: compliance under the string, holding by motors and brakes."""
 
 import math
 
@@ -7,19 +7,16 @@ import pytest
 
 from sautereau.analysis.model.key import finger_force
 from sautereau.analysis.model.predict import rig_pluck
-from sautereau.rig.load import load_rig
 from sautereau.sim_backend.physics.drive import LEAD, PressDrive
 from sautereau.sim_backend.physics.observation import observe
-from sautereau.sim_backend.physics.reference.observe import reference
 from sautereau.sim_backend.physics.servo import weight_torque
 from sautereau.sim_backend.physics.world import new_world
-from sautereau.sim_backend.scene import load_scene
 from sautereau.trajectory.arm import fingertip_motion
 from sautereau.trajectory.key import key_under_fingertip, rise_slope
 from sautereau.trajectory.motion import Motion
 from sautereau.trajectory.press import plan_press
+from tests.sim_backend.scenes import MUTE, RIG, at_rest, press_solved, scene_of
 
-RIG = load_rig("paper")
 PERIOD = RIG.controller.sample_period
 RADIANS = 2 * math.pi / RIG.arm.counts_per_revolution
 PLAN = plan_press(RIG)
@@ -27,32 +24,28 @@ DRIVE = PressDrive(RIG, PLAN.segments)
 HOVER = tuple((PLAN.hover * RADIANS).tolist())
 
 
-def stand(fractions):
-    return np.zeros((len(fractions), 2)), np.zeros((len(fractions), 2))
-
-
 @pytest.fixture(scope="module")
 def seen():
-    return observe(RIG, load_scene("paper"), DRIVE)
+    return observe(RIG, scene_of("paper"), DRIVE)
 
 
-def test_the_press_is_the_references_to_a_count(seen):
-    """Encoders in whole counts: a count that falls otherwise moves the finger by 0.6 um."""
-    true = reference(RIG, load_scene("paper"), DRIVE)
+def test_the_press_agrees_with_the_reference_to_a_count(seen):
+    """Encoders in integer counts: one count of difference moves the finger by 0.6 um."""
+    true, _ = press_solved("paper")
     for name in ("contacts", "releases", "returns"):
         (found,), (exact,) = getattr(seen.events, name), getattr(true.events, name)
         assert found.time == pytest.approx(exact.time, abs=5e-6)
     moved = seen.motions
-    angle = np.interp(moved.time, true.motions.time, true.motions.angle)
+    angle = np.interp(moved.time, true.times, np.array(true.states)[:, 0])
     count = RADIANS * RIG.arm.upper_length / RIG.key.press_arm
     np.testing.assert_allclose(moved.angle, angle, rtol=0, atol=3 * count)
 
 
 def test_the_jack_slows_while_the_string_is_held(seen):
-    """By 10 to 30 % of its speed, and by less than that before."""
+    """By 10 to 30 % of its speed; less before contact."""
     moved = seen.motions
     contact, release = seen.events.contacts[0].time, seen.events.releases[0].time
-    speed = moved.spin * rise_slope(RIG.key, moved.angle)
+    speed = moved.angular_velocity * rise_slope(RIG.key, moved.angle)
 
     def mean(start, end):
         return speed[(moved.time > start) & (moved.time < end)].mean()
@@ -72,11 +65,11 @@ def test_the_servos_press_comes_to_the_same_end(seen):
     assert moved.angle[at_bottom] == pytest.approx(planned[at_bottom], abs=3e-4)
 
 
-def test_the_servos_finger_pushes_as_the_model_says(seen):
-    """Inverse dynamics of the motion that really was, smoothed over a millisecond."""
+def test_the_servos_finger_force_is_the_models(seen):
+    """Inverse dynamics of the simulated motion, smoothed over a millisecond."""
     moved, events = seen.motions, seen.events
-    acceleration = np.gradient(moved.spin, moved.time)
-    angle = Motion(moved.angle, moved.spin, acceleration)
+    acceleration = np.gradient(moved.angular_velocity, moved.time)
+    angle = Motion(moved.angle, moved.angular_velocity, acceleration)
     string = rig_pluck(RIG).force_on_jack(moved.rise - RIG.jack.string_clearance)
     release = events.releases[0].time
     expected = finger_force(RIG, angle, string * (moved.time < release))
@@ -87,10 +80,10 @@ def test_the_servos_finger_pushes_as_the_model_says(seen):
 
 @pytest.mark.parametrize("powered", [True, False])
 def test_a_standing_arm_is_held(powered):
-    world = new_world(RIG, load_scene("paper"), HOVER)
+    world = new_world(RIG, scene_of("paper"), HOVER)
     before = world.finger.joints()
     for _ in range(500):
-        moved = world.advance(stand, powered)
+        moved = world.advance(at_rest, powered)
     np.testing.assert_allclose(world.finger.joints(), before, atol=1e-9)
     np.testing.assert_allclose(moved.angle, 0, atol=1e-9)
     np.testing.assert_array_equal(moved.finger_force, 0)
@@ -100,18 +93,18 @@ def test_a_standing_arm_is_held(powered):
 
 
 def test_power_that_goes_off_and_on_again_leaves_the_arm_where_it_is():
-    world = new_world(RIG, load_scene("paper"), HOVER)
+    world = new_world(RIG, scene_of("paper"), HOVER)
     for powered in (True, False, True, False, True):
         for _ in range(40):
-            world.advance(stand, powered)
+            world.advance(at_rest, powered)
     np.testing.assert_allclose(world.finger.joints(), HOVER, atol=1e-9)
     assert world.worst_gap < 1e-9
 
 
 def stepped(counts):
-    world = new_world(RIG, load_scene("paper"), HOVER)
+    world = new_world(RIG, scene_of("paper"), HOVER)
     for _ in range(20):
-        world.advance(stand, True)
+        world.advance(at_rest, True)
     jump = np.array([counts, -counts], float)
 
     def reference_of(fractions):
@@ -126,7 +119,7 @@ def stepped(counts):
 
 
 def test_a_step_settles():
-    """1 mrad: not wild on the way, and there within a second and a half."""
+    """1 mrad: bounded overshoot, settled within 1.5 s."""
     response, torques, world = stepped(318)
     assert np.abs(torques).max() < RIG.arm.torque_limit
     assert response.min() > -0.5
@@ -137,8 +130,8 @@ def test_a_step_settles():
     assert world.finger.settled
 
 
-def test_a_step_past_the_torque_limit_is_held_to_it():
-    """0.1 rad asks for more than the amplifiers give."""
+def test_a_large_step_is_limited_in_torque():
+    """0.1 rad requires more than the torque limit."""
     response, torques, world = stepped(31_831)
     assert np.abs(torques).max() == pytest.approx(RIG.arm.torque_limit, rel=1e-12)
     np.testing.assert_allclose(response[1200:], 1, atol=0.05)
@@ -146,16 +139,14 @@ def test_a_step_past_the_torque_limit_is_held_to_it():
 
 
 def test_a_finger_that_falls_on_the_key_lands_on_it():
-    """From 15 mm above, at some 0.3 m/s: it does not sink in, and neither bounces."""
-    world = new_world(
-        RIG, load_scene("paper").model_copy(update={"plectrum": "none", "string": "none"}), HOVER
-    )
+    """From 15 mm above, at about 0.3 m/s: no penetration and no rebound."""
+    world = new_world(RIG, scene_of("paper", **MUTE), HOVER)
     jump = (PLAN.segments.start - PLAN.hover).astype(float)
 
     def down(fractions):
         return np.tile(jump, (len(fractions), 1)), np.zeros((len(fractions), 2))
 
-    world.advance(stand, True)
+    world.advance(at_rest, True)
     moved = [world.advance(down, True) for _ in range(200)]
     force = np.concatenate([m.finger_force for m in moved])
     assert force.max() > 1

@@ -1,4 +1,4 @@
-"""An ideal finger on rigid bodies: planner and model, and nothing between them."""
+"""An ideal finger in the rigid-body engine, against planner and model."""
 
 import numpy as np
 import pytest
@@ -6,25 +6,23 @@ from scipy.optimize import brentq
 
 from sautereau.analysis.model.key import finger_force
 from sautereau.analysis.model.predict import rig_pluck
-from sautereau.rig.load import load_rig, with_values
-from sautereau.rig.section import GRAVITY
+from sautereau.rig.load import with_values
 from sautereau.sim_backend.physics.drive import LEAD, PressDrive
 from sautereau.sim_backend.physics.observation import observe
 from sautereau.sim_backend.physics.world import new_world
-from sautereau.sim_backend.scene import load_scene
 from sautereau.trajectory.arm import fingertip_motion, joints_holding_point
-from sautereau.trajectory.key import jack_motion, key_under_fingertip, rise_of_angle, rise_slope
+from sautereau.trajectory.key import jack_motion, key_under_fingertip, rise_of_angle
 from sautereau.trajectory.motion import Motion
 from sautereau.trajectory.press import plan_press
+from tests.key_oracle import dissipated_power, energy, slope, static_moment
+from tests.sim_backend.scenes import MUTE, RIG, at_rest, scene_of
 
-RIG = load_rig("paper")
 KEY, JACK = RIG.key, RIG.jack
 PERIOD = RIG.controller.sample_period
 PLAN = plan_press(RIG)
 DRIVE = PressDrive(RIG, PLAN.segments)
 START = LEAD * PERIOD + PLAN.law.start
-"""s, when the fingertip leaves its rest."""
-MUTE = {"plectrum": "none", "string": "none"}
+"""s, start of the fingertip's motion."""
 SMOOTH = {
     "key.pivot_coulomb_friction": "0 N m",
     "key.pivot_viscous_friction": "0 N m s/rad",
@@ -33,17 +31,17 @@ SMOOTH = {
 
 
 def ideal(**changes):
-    return load_scene("ideal").model_copy(update=changes)
+    return scene_of("ideal", **changes)
 
 
 def planned(time):
-    """The key's motion [rad] that the fingertip's path prescribes."""
+    """Return the key's motion [rad] prescribed by the fingertip's path."""
     centre = fingertip_motion(RIG.arm, DRIVE.joints(np.asarray(time)))
     return key_under_fingertip(KEY, RIG.arm.fingertip_radius, centre)
 
 
 def reaches(rise):
-    """When the planned jack has come to a rise [m]."""
+    """Return the time at which the planned jack reaches a rise [m]."""
 
     def short(time):
         return float(rise_of_angle(KEY, planned(np.array([time])).position)[0]) - rise
@@ -68,7 +66,9 @@ def test_the_key_follows_the_fingertip(seen):
     least = np.maximum(plan.position, 0)
     np.testing.assert_allclose(moved.angle[held], least[held], rtol=0, atol=1e-9)
     cruise = in_cruise(moved.time)
-    np.testing.assert_allclose(moved.spin[cruise], plan.velocity[cruise], rtol=0, atol=5e-6)
+    np.testing.assert_allclose(
+        moved.angular_velocity[cruise], plan.velocity[cruise], rtol=0, atol=5e-6
+    )
 
 
 def test_the_jack_stands_on_the_key(seen):
@@ -79,7 +79,7 @@ def test_the_jack_stands_on_the_key(seen):
     np.testing.assert_allclose(moved.rise[cruise], jack.position[cruise], rtol=0, atol=1e-9)
 
 
-@pytest.mark.parametrize("step", [20e-6, 1e-4, 1e-3])
+@pytest.mark.parametrize("step", [pytest.param(20e-6, marks=pytest.mark.slow), 1e-4, 1e-3])
 def test_contact_and_release_are_the_models(step):
     events = observe(RIG, ideal(step=step), DRIVE).events
     clearance, height = JACK.string_clearance, rig_pluck(RIG).release_height
@@ -118,19 +118,16 @@ def test_a_mute_scene_has_no_events():
 
 
 @pytest.mark.parametrize("depth", [-1e-6, 1e-12, 1e-6])
-def test_a_finger_at_rest_on_the_key_feels_a_steady_force(depth):
-    """Just above the key it feels none, and the rail carries the key; below, it carries it."""
+def test_a_finger_at_rest_on_the_key_has_a_constant_force(depth):
+    """Zero just above the key, which the rail supports; below, the force of its weight."""
     arm = RIG.arm
     centre = np.array([-KEY.press_arm, KEY.surface_height + arm.fingertip_radius - depth])
     still = np.zeros((1, 2))
     joints = joints_holding_point(arm, Motion(centre[None], still, still)).position[0]
     world = new_world(RIG, ideal(friction=False), (float(joints[0]), float(joints[1])))
-    still = [
-        world.advance(lambda f: (np.zeros((len(f), 2)), np.zeros((len(f), 2))), True)
-        for _ in range(50)
-    ]
-    force = np.concatenate([m.finger_force for m in still])
-    carried = (JACK.mass * GRAVITY * KEY.jack_arm - KEY.front_heaviness) / KEY.press_arm
+    resting = [world.advance(at_rest, True) for _ in range(50)]
+    force = np.concatenate([m.finger_force for m in resting])
+    carried = static_moment(RIG) / KEY.press_arm
     assert np.ptp(force) < 1e-9
     if depth == -1e-6:
         assert force[0] == 0
@@ -141,20 +138,11 @@ def test_a_finger_at_rest_on_the_key_feels_a_steady_force(depth):
 def test_the_fingers_work_is_energy_and_heat(seen):
     """Up to contact, to release and to the end of the cruise."""
     moved, events = seen.motions, seen.events
-    power = moved.finger_force * KEY.press_arm * moved.spin
-    speed = moved.spin * rise_slope(KEY, moved.angle)
-    heat = (
-        KEY.pivot_viscous_friction * moved.spin**2
-        + KEY.pivot_coulomb_friction * np.abs(moved.spin)
-        + JACK.register_friction * np.abs(speed)
-        + moved.string_force * speed
-    )
-    stored = (
-        KEY.inertia * moved.spin**2 / 2
-        + JACK.mass * speed**2 / 2
-        + JACK.mass * GRAVITY * moved.rise
-        - KEY.front_heaviness * moved.angle
-    )
+    omega = moved.angular_velocity
+    power = moved.finger_force * KEY.press_arm * omega
+    heat = dissipated_power(RIG, moved.angle, omega)
+    heat += moved.string_force * slope(KEY, moved.angle) * omega
+    stored = energy(RIG, moved.angle, omega)
     steps = np.diff(moved.time, prepend=0.0)
     balance = np.cumsum((power - heat) * steps) - stored
     done = np.cumsum(power * steps)
@@ -175,14 +163,14 @@ def test_a_second_press_plucks_again():
 
 
 def test_truth_changes_the_bench_and_not_the_plan():
-    """A clearance of 2.5 mm that the rig does not know of."""
+    """A clearance of 2.5 mm in the true bench only."""
     events = observe(RIG, ideal(truth={"jack.string_clearance": "2.5 mm"}), DRIVE).events
     assert events.contacts[0].time == pytest.approx(reaches(2.5e-3), abs=1e-8)
 
 
-def test_two_choirs_are_plucked_one_after_the_other():
-    """Each where its own lever brings its jack."""
-    scene = load_scene("two-choirs")
+def test_two_choirs_are_plucked_in_sequence():
+    """Each at its own lever's rise."""
+    scene = scene_of("two-choirs")
     (choir,) = scene.more_choirs
     events = observe(RIG, scene, DRIVE).events
     assert [e.choir for e in events.contacts] == [0, 1]
@@ -194,7 +182,7 @@ def test_two_choirs_are_plucked_one_after_the_other():
 
 
 def test_the_felt_stops_the_finger_at_the_bottom():
-    """A dip of 7 mm that the plan does not know of: its spring through the press arm."""
+    """A dip of 7 mm in the true bench only: the felt's spring acts through the press arm."""
     truth = {"key.dip": "7 mm"}
     bottom = LEAD * PERIOD + (PLAN.law.bottom + PLAN.law.return_start) / 2
     forces = []

@@ -1,63 +1,34 @@
-"""The reduced engine against closed forms, an independent solver, the model and the reference."""
+"""The reduced engine against closed forms, an independent solver, the model, the reference."""
 
 import math
 import os
 import subprocess
 import sys
-from dataclasses import fields
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
 
 from sautereau.analysis.model.key import finger_force
 from sautereau.analysis.model.predict import rig_pluck
-from sautereau.rig.instrument import Choir
-from sautereau.rig.load import load_rig, with_values
+from sautereau.rig.load import with_values
 from sautereau.rig.section import GRAVITY
 from sautereau.sim_backend.errors import SceneError
-from sautereau.sim_backend.physics.drive import PushDrive
-from sautereau.sim_backend.physics.events import Motions
-from sautereau.sim_backend.physics.observation import Observation, drive_of, errors
+from sautereau.sim_backend.physics.drive import PushDrive, drive_of
+from sautereau.sim_backend.physics.observation import errors, observe
 from sautereau.sim_backend.physics.reduced.engine import ReducedWorld
 from sautereau.sim_backend.physics.reference.observe import reference
-from sautereau.sim_backend.scene import Scene
 from sautereau.trajectory.arm import fingertip_motion
-from sautereau.trajectory.key import (
-    key_under_fingertip,
-    rise_curvature,
-    rise_of_angle,
-    rise_slope,
-    surface_axes,
-)
+from sautereau.trajectory.key import key_under_fingertip, surface_axes
+from tests import key_oracle
+from tests.key_oracle import rise, slope
+from tests.sim_backend.scenes import MUTE, RETURNING, RIG, choir, pressed, pushed
 
-RIG = load_rig("paper")
 KEY, JACK = RIG.key, RIG.jack
 PERIOD = RIG.controller.sample_period
 
 
-def scene(force="1.2 N", duration="20 ms", rest="0 s", **changes):
-    told = {
-        "finger": "push",
-        "plectrum": "elastica",
-        "string": "spring",
-        "friction": True,
-        "felt": True,
-        "engine": "reduced",
-        "step": "1 ms",
-        "push": {"force": force, "duration": duration, "rest": rest},
-    } | changes
-    if told["finger"] == "ideal":
-        del told["push"]
-    return Scene.model_validate(told)
-
-
 def run(rig, scene, drive=None):
-    drive = drive or drive_of(rig, scene)
-    world = ReducedWorld(rig, scene, drive.start)
-    parts = [world.advance(drive.reference(i), True) for i in range(drive.samples)]
-    joined = (np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(Motions))
-    found = Observation(Motions(*joined), world.events)
+    found = observe(rig, scene, drive)
     assert all(np.isfinite(values).all() for values in vars(found.motions).values())
     return found
 
@@ -66,151 +37,107 @@ def times(events):
     return [e.time for e in events.contacts + events.releases + events.returns]
 
 
-def choir(arm, clearance, mass=6e-3, overlap=0.2e-3):
-    return Choir.model_construct(
-        jack_arm=arm,
-        jack=JACK.model_copy(update={"string_clearance": clearance, "mass": mass}),
-        plectrum=RIG.plectrum.model_copy(update={"overlap": overlap}),
-        string=RIG.string,
-    )
-
-
-MUTE = {"plectrum": "none", "string": "none"}
-ALL = {"tongue": True, "damper": True}
-
-
 # Independent solutions.
 
 
 def solved_push(force, end):
-    """Contact, release, meeting of the felt and the angle at the end, with friction."""
-    pluck = rig_pluck(RIG)
-    bottom = KEY.dip / KEY.press_arm
-    held = {"string": True, "felt": False}
-
-    def rates(time, state):
-        angle, spin = state
-        slope, bend = (
-            float(rise_slope(KEY, angle)),
-            float(rise_curvature(KEY, angle)) * spin**2,
-        )
-        height = float(rise_of_angle(KEY, angle)) - JACK.string_clearance
-        string = float(pluck.force_on_jack(height)) if held["string"] else 0.0
-        moment = KEY.press_arm * force + KEY.front_heaviness - KEY.pivot_coulomb_friction
-        moment -= KEY.pivot_viscous_friction * spin
-        if held["felt"]:
-            depth = KEY.felt_stiffness * (angle - bottom) + KEY.felt_damping * spin
-            moment -= KEY.press_arm**2 * max(0.0, depth)
-            return [spin, moment / KEY.inertia]  # the jack flies on
-        load = JACK.mass * (GRAVITY + bend) + JACK.register_friction + string
-        inertia = KEY.inertia + JACK.mass * slope**2
-        return [spin, (moment - slope * load) / inertia]
-
-    def reaches(goal):
-        def event(time, state):
-            return float(rise_of_angle(KEY, state[0])) - goal
-
-        event.terminal, event.direction = True, 1
-        return event
-
-    found, time, state = [], 0.0, [0.0, 0.0]
-    clearance, release = JACK.string_clearance, JACK.string_clearance + pluck.release_height
-    for goal, change in (
-        (clearance, None),
-        (release, "string"),
-        (float(rise_of_angle(KEY, bottom)), "felt"),
-        (math.inf, None),
-    ):
-        part = solve_ivp(
-            rates, (time, end), state, "DOP853", events=reaches(goal), rtol=1e-11, atol=1e-15,
-            max_step=2e-4,
-        )  # fmt: skip
-        time, state = part.t[-1], part.y[:, -1]
-        if time < end:
-            found.append(time)
-        if change:
-            held[change] = not held[change]
-    return found, state
+    """Return the times of contact, release and felt, and the state at the end, with friction."""
+    pluck, bottom = rig_pluck(RIG), KEY.dip / KEY.press_arm
+    contact, release = key_oracle.plucked(RIG, force, pluck, friction=True)
+    felt = key_oracle.solved(
+        RIG, force, release, end, friction=True, stop=lambda _, state: state[0] - bottom
+    )
+    # The felt stops the key, and the jack flies on.
+    _, state = key_oracle.solved(RIG, force, felt, end, friction=True, felt=True, jack=False)
+    return [contact[0], release[0], felt[0]], state
 
 
 def test_a_push_with_friction_and_felt_is_that_of_an_independent_solver():
-    end = 24 * PERIOD  # within the felt, before the key turns
+    end = 24 * PERIOD  # in the felt, before the key reverses
     found, (angle, spin) = solved_push(1.2, end)
-    assert len(found) == 3
-    happened = run(RIG, scene(duration=f"{end} s"))
+    assert found[2] < end
+    happened = run(RIG, pushed(duration=end))
     np.testing.assert_allclose(times(happened.events), found[:2], atol=2e-8)
     assert happened.motions.time[-1] == pytest.approx(end, abs=1e-15)
     assert happened.motions.angle[-1] == pytest.approx(angle, abs=1e-7)
-    fine = run(RIG, scene(duration=f"{end} s", step="50 us"))
+    fine = run(RIG, pushed(duration=end, step=5e-05))
     np.testing.assert_allclose(times(fine.events), found[:2], atol=1e-12)
     assert fine.motions.angle[-1] == pytest.approx(angle, abs=1e-11)
-    assert fine.motions.spin[-1] == pytest.approx(spin, abs=1e-9)
+    assert fine.motions.angular_velocity[-1] == pytest.approx(spin, abs=1e-9)
     pluck = rig_pluck(RIG)
     force = float(pluck.force_on_jack(pluck.release_height))
     assert fine.events.releases[0].force == pytest.approx(force, rel=1e-9)
 
 
 def test_steps_are_of_order_four():
-    exact = run(RIG, scene(step="10 us"))
+    exact = run(RIG, pushed(step=1e-05))
     wrong = [
-        abs(run(RIG, scene(step=f"{PERIOD / n} s")).motions.angle[-1] - exact.motions.angle[-1])
+        abs(run(RIG, pushed(step=PERIOD / n)).motions.angle[-1] - exact.motions.angle[-1])
         for n in (1, 2, 4)
     ]
     assert wrong[0] / wrong[1] > 10
     assert wrong[1] / wrong[2] > 10
 
 
+def slow(value):
+    return pytest.param(value, marks=pytest.mark.slow)
+
+
+COVERED_BY_OTHERS = ("an ideal finger", "two choirs", "a heavy push")
+"""Scenes with no part that another one lacks."""
 SCENES = {
-    "a push and the fall back": (RIG, scene(duration="50 ms", rest="300 ms", **ALL)),
-    "a heavy push": (RIG, scene(force="20 N", rest="50 ms", friction=False, **ALL)),
-    "an ideal finger": (RIG, scene(finger="ideal", **ALL)),
+    "a push and the fall back": (RIG, pushed(duration=0.05, rest=0.3, **RETURNING)),
+    "a heavy push": (RIG, pushed(force=20, rest=0.05, friction=False, **RETURNING)),
+    "an ideal finger": (RIG, pressed(**RETURNING)),
     "a key that leaves the finger": (
         with_values(RIG, {"jack.register_friction": "60 mN", "press.return_speed": "0.5 m/s"}),
-        scene(finger="ideal", **ALL),
+        pressed(**RETURNING),
     ),
     "two choirs": (
         RIG.model_copy(update={"more_choirs": (choir(0.205, 3e-3),)}),
-        scene(duration="30 ms", rest="200 ms", **ALL),
+        pushed(duration=0.03, rest=0.2, **RETURNING),
     ),
     "two choirs under an ideal finger": (
         RIG.model_copy(update={"more_choirs": (choir(0.205, 3e-3),)}),
-        scene(finger="ideal", **ALL),
+        pressed(**RETURNING),
     ),
     "a light key and heavy jacks": (
         with_values(
             RIG.model_copy(update={"more_choirs": (choir(0.2, 2.5e-3, mass=9e-3),)}),
             {"key.inertia": "1e-4 kg m^2"},
         ),
-        scene(force="8 N", duration="8 ms", rest="80 ms", friction=False),
+        pushed(force=8, duration=0.008, rest=0.08, friction=False),
     ),
 }
 
 
-@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.parametrize("name", [slow(n) if n in COVERED_BY_OTHERS else n for n in SCENES])
 def test_events_are_those_of_the_reference(name):
-    rig, told = SCENES[name]
-    drive = drive_of(rig, told)
-    true = reference(rig, told, drive)
+    rig, scene = SCENES[name]
+    drive = drive_of(rig, scene)
+    true = reference(rig, scene, drive)
     assert true.events.contacts
     for step, time, angle in ((1e-3, 1e-6, 3e-6), (1e-4, 2e-9, 1e-8)):
-        happened = run(rig, told.model_copy(update={"step": step}), drive)
+        happened = run(rig, scene.model_copy(update={"step": step}), drive)
         assert errors(happened, true).time < time
         fit = np.interp(happened.motions.time, true.motions.time, true.motions.angle)
         np.testing.assert_allclose(happened.motions.angle, fit, atol=angle)
 
 
 def test_an_ideal_finger_prescribes_the_motion_and_takes_the_force_of_inverse_dynamics():
-    told = scene(finger="ideal", step="250 us")
-    drive = drive_of(RIG, told)
-    happened = run(RIG, told, drive).motions
+    scene = pressed(step=250e-6)
+    drive = drive_of(RIG, scene)
+    happened = run(RIG, scene, drive).motions
     motion = drive.joints(happened.time)
     planned = key_under_fingertip(KEY, RIG.arm.fingertip_radius, fingertip_motion(RIG.arm, motion))
     breaks = np.min(np.abs(happened.time[:, None] - drive.breaks), axis=1)
     moving = (planned.position > 0) & (planned.velocity > 1e-3) & (breaks > 1e-5)
     assert moving.sum() > 300
     np.testing.assert_allclose(happened.angle[moving], planned.position[moving], atol=1e-13)
-    np.testing.assert_allclose(happened.spin[moving], planned.velocity[moving], atol=1e-10)
-    np.testing.assert_allclose(happened.rise[moving], rise_of_angle(KEY, happened.angle[moving]))
+    np.testing.assert_allclose(
+        happened.angular_velocity[moving], planned.velocity[moving], atol=1e-10
+    )
+    np.testing.assert_allclose(happened.rise[moving], rise(KEY, happened.angle[moving]))
     tangent, _ = surface_axes(planned.position)
     arm = -np.sum(fingertip_motion(RIG.arm, motion).position * tangent, axis=1)
     force = finger_force(RIG, planned, happened.string_force) * KEY.press_arm / arm
@@ -221,72 +148,69 @@ def test_an_ideal_finger_prescribes_the_motion_and_takes_the_force_of_inverse_dy
 
 
 def test_energy_is_that_of_the_push_less_that_of_the_pluck():
-    told = scene(duration=f"{15 * PERIOD} s", rest="5 ms", friction=False, felt=False)
-    happened = run(RIG, told.model_copy(update={"step": 1e-4}))
+    scene = pushed(duration=15 * PERIOD, rest=0.005, friction=False, felt=False)
+    happened = run(RIG, scene.model_copy(update={"step": 1e-4}))
     (contact,), (release,) = happened.events.contacts, happened.events.releases
     motions = happened.motions
-    slope = rise_slope(KEY, motions.angle)
-    energy = (KEY.inertia + JACK.mass * slope**2) * motions.spin**2 / 2
-    energy += JACK.mass * GRAVITY * motions.rise - KEY.front_heaviness * motions.angle
-    pushed = motions.angle[motions.time <= 15 * PERIOD]
-    work = 1.2 * KEY.press_arm * np.minimum(motions.angle, pushed[-1])
+    energy = key_oracle.energy(RIG, motions.angle, motions.angular_velocity)
+    last = motions.angle[motions.time <= 15 * PERIOD][-1]
+    work = 1.2 * KEY.press_arm * np.minimum(motions.angle, last)
     work[motions.time > release.time] -= rig_pluck(RIG).work
     free = (motions.time < contact.time) | (motions.time > release.time)
     np.testing.assert_allclose(energy[free], work[free], atol=1e-13, rtol=1e-9)
 
 
+@pytest.fixture(scope="module")
 def flight():
     """Return a push into the felt, and its rows while the jack flies on; mute, frictionless."""
-    told = scene(force="0.5 N", duration="180 ms", friction=False, **MUTE)
-    motions = run(RIG, told.model_copy(update={"step": 2e-6})).motions
-    aloft = np.flatnonzero(motions.rise - rise_of_angle(KEY, motions.angle) > 1e-7)
-    rows = aloft[: 1 + np.argmax(np.diff(aloft, append=10**9) > 1)]
+    scene = pushed(force=0.5, duration=0.18, friction=False, **MUTE)
+    motions = run(RIG, scene.model_copy(update={"step": 2e-6})).motions
+    flying = np.flatnonzero(motions.rise - rise(KEY, motions.angle) > 1e-7)
+    rows = flying[: 1 + np.argmax(np.diff(flying, append=10**9) > 1)]
     assert len(rows) > 1000
     assert rows[-1] + 10 < len(motions.time)
     return motions, rows
 
 
-def test_a_jack_in_the_air_is_ballistic():
-    motions, rows = flight()
+def test_a_jack_in_the_air_is_ballistic(flight):
+    motions, rows = flight
     time = motions.time[rows] - motions.time[rows[0]]
     parabola = np.polynomial.Polynomial.fit(time, motions.rise[rows], 2).convert()
     assert 2 * parabola.coef[2] == pytest.approx(-GRAVITY, rel=1e-9)
     np.testing.assert_allclose(parabola(time), motions.rise[rows], atol=1e-14)
 
 
-def test_landing_conserves_momentum():
-    motions, rows = flight()
+def test_landing_conserves_momentum(flight):
+    motions, rows = flight
     before, after = rows[-1] - 1, rows[-1] + 3
     step = motions.time[1] - motions.time[0]
     speed = (motions.rise[before] - motions.rise[before - 1]) / step - GRAVITY * step / 2
-    slope = rise_slope(KEY, motions.angle[before])
-    together = (KEY.inertia + JACK.mass * slope**2) * motions.spin[after]
-    brought = JACK.mass * slope * speed
-    assert brought < -1e-4
-    expected = KEY.inertia * motions.spin[before] + brought
-    assert together == pytest.approx(expected, abs=5e-3 * abs(brought))  # felt, in 8 us
+    by_angle = slope(KEY, motions.angle[before])
+    together = (KEY.inertia + JACK.mass * by_angle**2) * motions.angular_velocity[after]
+    carried = JACK.mass * by_angle * speed
+    assert carried < -1e-4
+    expected = KEY.inertia * motions.angular_velocity[before] + carried
+    assert together == pytest.approx(expected, abs=5e-3 * abs(carried))  # felt, in 8 us
 
 
 def test_a_resting_key_stays_at_rest():
-    happened = run(RIG, scene(force="0 N", **ALL))
-    for name in ("angle", "spin", "rise", "finger_force", "string_force"):
+    happened = run(RIG, pushed(force=0, **RETURNING))
+    for name in ("angle", "angular_velocity", "rise", "finger_force", "string_force"):
         assert not getattr(happened.motions, name).any()
     assert not times(happened.events)
 
 
 def test_dry_friction_holds_the_key_as_long_as_it_can():
-    back = JACK.mass * GRAVITY * KEY.jack_arm - KEY.front_heaviness
-    dry = KEY.pivot_coulomb_friction + JACK.register_friction * KEY.jack_arm
-    least = (back + dry) / KEY.press_arm
-    stuck = run(RIG, scene(force=f"{least * (1 - 1e-9)} N"))
+    least = key_oracle.static_moment(RIG, friction=1) / KEY.press_arm
+    stuck = run(RIG, pushed(force=least * (1 - 1e-9)))
     assert not stuck.motions.angle.any()
-    assert run(RIG, scene(force=f"{least * (1 + 1e-6)} N")).motions.angle.max() > 0
-    # Let go half way up, it falls back only where friction is the less.
+    assert run(RIG, pushed(force=least * (1 + 1e-6))).motions.angle.max() > 0
+    # Released half way up, it falls back only if the friction is below the weight.
     rough = with_values(RIG, {"key.pivot_coulomb_friction": "12 mN m"})
-    held = run(rough, scene(force="0.5 N", duration="15 ms", rest="200 ms", **MUTE)).motions
+    held = run(rough, pushed(force=0.5, duration=0.015, rest=0.2, **MUTE)).motions
     assert held.angle[-1] > 1e-3
-    assert held.spin[-1] == 0.0
-    fallen = run(RIG, scene(force="0.5 N", duration="15 ms", rest="500 ms", **MUTE)).motions
+    assert held.angular_velocity[-1] == 0.0
+    fallen = run(RIG, pushed(force=0.5, duration=0.015, rest=0.5, **MUTE)).motions
     assert fallen.angle[-1] == 0.0
 
 
@@ -307,12 +231,12 @@ def test_dry_friction_holds_the_key_as_long_as_it_can():
         {"jack.register_friction": "0 mN", "key.pivot_coulomb_friction": "0 mN m"},
     ],
 )
-@pytest.mark.parametrize("force", ["0.15 N", "1.2 N", "20 N"])
+@pytest.mark.parametrize("force", [0.15, 1.2, 20.0])
 def test_extremes_converge(values, force):
     rig = with_values(RIG, values)
-    told = scene(force=force, duration="60 ms", rest="20 ms", **ALL)
+    scene = pushed(force=force, duration=0.06, rest=0.02, **RETURNING)
     coarse, fine = (
-        run(rig, told.model_copy(update={"step": step})).events for step in (2e-3, 5e-5)
+        run(rig, scene.model_copy(update={"step": step})).events for step in (2e-3, 5e-5)
     )
     first = [[*events.contacts[:1], *events.releases[:1]] for events in (coarse, fine)]
     assert len(first[0]) == len(first[1])
@@ -320,19 +244,19 @@ def test_extremes_converge(values, force):
         assert a.time == pytest.approx(b.time, abs=1e-6)
 
 
-@pytest.mark.parametrize("step", [1e-6, 1e-5, 3e-4, 2e-3])
+@pytest.mark.parametrize("step", [slow(1e-6), 1e-5, 3e-4, 2e-3])
 def test_any_step_gives_the_same_pluck(step):
-    exact = times(run(RIG, scene(step="50 us")).events)
-    found = times(run(RIG, scene().model_copy(update={"step": step})).events)
+    exact = times(run(RIG, pushed(step=5e-05)).events)
+    found = times(run(RIG, pushed().model_copy(update={"step": step})).events)
     np.testing.assert_allclose(found, exact, atol=2e-8)
 
 
-def test_jacks_that_land_without_end_come_to_stand():
-    # Each landing kicks the light key from under the other jack.
+def test_an_endless_series_of_landings_ends_at_rest():
+    # Each landing makes the light key leave the other jack.
     rig = with_values(RIG, {"key.inertia": "1e-4 kg m^2"})
     rig = rig.model_copy(update={"more_choirs": (choir(0.2, 1.6e-3, mass=12e-3),)})
-    told = scene(force="0.5 N", duration="30 ms", rest="30 ms", friction=False)
-    coarse, fine = (run(rig, told.model_copy(update={"step": s})) for s in (1e-3, 1e-4))
+    scene = pushed(force=0.5, duration=0.03, rest=0.03, friction=False)
+    coarse, fine = (run(rig, scene.model_copy(update={"step": s})) for s in (1e-3, 1e-4))
     assert errors(coarse, fine).time < 1e-6
     assert len(coarse.events.releases) == 2
 
@@ -341,10 +265,10 @@ def test_jacks_that_land_without_end_come_to_stand():
 
 
 def test_a_world_of_a_push():
-    told = scene(duration="5.5 ms")
-    world = ReducedWorld(RIG, told)
-    drive = PushDrive(RIG, told.push)
-    home, offset = np.array(RIG.arm.home_angles), np.array(told.start_offset)
+    scene = pushed(duration=0.0055)
+    world = ReducedWorld(RIG, scene)
+    drive = PushDrive(RIG, scene.push)
+    home, offset = np.array(RIG.arm.home_angles), np.array(scene.start_offset)
     np.testing.assert_allclose(world.start, home + offset)
     assert world.finger.joints() == world.start
     assert world.finger.torques() == (0.0, 0.0)
@@ -353,14 +277,14 @@ def test_a_world_of_a_push():
     assert world.samples == 8
     assert world.time == 8 * PERIOD
     np.testing.assert_allclose([p.finger_force[0] for p in parts], [1.2] * 6 + [0.0] * 2)
-    unpowered = ReducedWorld(RIG, told)
+    unpowered = ReducedWorld(RIG, scene)
     assert not unpowered.advance(drive.reference(0), False).angle.any()
 
 
 def test_a_world_follows_the_joints_of_its_finger():
-    told = scene(finger="ideal")
-    drive = drive_of(RIG, told)
-    world = ReducedWorld(RIG, told, drive.start)
+    scene = pressed()
+    drive = drive_of(RIG, scene)
+    world = ReducedWorld(RIG, scene, drive.start)
     for i in range(60):
         world.advance(drive.reference(i), True)
     np.testing.assert_allclose(
@@ -368,18 +292,18 @@ def test_a_world_follows_the_joints_of_its_finger():
     )
 
 
-def test_what_it_cannot_do_is_refused():
+def test_unsupported_scenes_are_refused():
     with pytest.raises(SceneError, match="rigid"):
-        ReducedWorld(RIG, scene().model_copy(update={"string": "modal"}))
-    with pytest.raises(SceneError, match="settle"):
-        ReducedWorld(RIG, scene().model_copy(update={"step": None, "accuracy": "1 us"}))
+        ReducedWorld(RIG, pushed().model_copy(update={"string": "modal"}))
+    with pytest.raises(SceneError, match="select_solver"):
+        ReducedWorld(RIG, pushed().model_copy(update={"step": None, "accuracy": "1 us"}))
     with pytest.raises(SceneError, match=r"plectrum\.overlap"):
-        ReducedWorld(with_values(RIG, {"plectrum.overlap": "4.4999 mm"}), scene())
+        ReducedWorld(with_values(RIG, {"plectrum.overlap": "4.4999 mm"}), pushed())
     with pytest.raises(SceneError, match=r"1\.2 rad"):
-        run(RIG, scene(force="50 N", duration="200 ms", felt=False))
-    told = scene(finger="ideal")
-    drive = drive_of(RIG, told)
-    world = ReducedWorld(RIG, told, drive.start)
+        run(RIG, pushed(force=50, duration=0.2, felt=False))
+    scene = pressed()
+    drive = drive_of(RIG, scene)
+    world = ReducedWorld(RIG, scene, drive.start)
     world.advance(drive.reference(0), True)
     with pytest.raises(SceneError, match="suddenly within the key"):
         world.advance(drive.reference(70), True)
@@ -390,26 +314,18 @@ def test_what_it_cannot_do_is_refused():
     elbow = math.acos((0.02 - upper**2 - lower**2) / (2 * upper * lower))
     shoulder = -math.pi / 4 - math.atan2(lower * math.sin(elbow), upper + lower * math.cos(elbow))
     with pytest.raises(SceneError, match="balance pin"):
-        ReducedWorld(near, told, (shoulder, elbow)).advance(drive.reference(0), True)
+        ReducedWorld(near, scene, (shoulder, elbow)).advance(drive.reference(0), True)
 
 
 SCRIPT = """
 import sys
 if sys.argv[1] == "without": sys.modules["numba"] = None
-from dataclasses import fields
-from sautereau.rig.load import load_rig
-from sautereau.sim_backend.physics.reduced.engine import ReducedWorld
-from sautereau.sim_backend.physics.drive import PushDrive
-from sautereau.sim_backend.scene import Scene
-told = Scene.model_validate({"finger": "push", "plectrum": "elastica", "string": "spring",
-    "friction": True, "felt": True, "tongue": True, "damper": True, "engine": "reduced",
-    "step": "1 ms", "push": {"force": "1.2 N", "duration": "30 ms", "rest": "10 ms"}})
-rig = load_rig("paper")
-world, drive = ReducedWorld(rig, told), PushDrive(rig, told.push)
-for i in range(drive.samples):
-    motions = world.advance(drive.reference(i), True)
-    print(*(float(getattr(motions, f.name)[-1]).hex() for f in fields(motions)))
-print(world.events)
+from sautereau.sim_backend.physics.observation import observe
+from tests.sim_backend.scenes import RETURNING, RIG, pushed
+seen = observe(RIG, pushed(duration=0.03, rest=0.01, **RETURNING))
+for row in zip(*vars(seen.motions).values()):
+    print(*(float(value).hex() for value in row))
+print(seen.events)
 """
 
 

@@ -1,4 +1,4 @@
-"""The servo's arm set free, against its equations of motion; rotors that it can carry or not."""
+"""The servo's free arm against its equations of motion; rotors that are supported or not."""
 
 import numpy as np
 import pytest
@@ -23,7 +23,7 @@ LIMP = Servo.model_validate(
         "feedforward": ["1 kg m^2"] * 2,
     }
 )
-"""Gives the torque that the reference asks for, and the weight where it was engaged."""
+"""Servo without feedback: torque from the feedforward, and the weight at power-on."""
 
 
 def geared(first, second):
@@ -32,7 +32,7 @@ def geared(first, second):
 
 
 def swung(rig, steps):
-    """Joints [rad] of the stand-in's arm after a while under steady torques [N m]."""
+    """Return joints [rad] and torques [N m] of the stand-in's arm under constant torques."""
     period = rig.controller.sample_period
     scene = load_scene("paper").model_copy(update={"servo": LIMP, "step": period / steps})
     world = new_world(rig, scene, START)
@@ -53,8 +53,8 @@ def solved(arm, torque, duration):
 
 
 @pytest.mark.parametrize("rotor", [0, 2e-6])
-def test_the_arm_swings_as_its_equations_say(rotor):
-    """The engine is of second order, so that halving its step quarters its error."""
+def test_the_free_arm_follows_its_equations(rotor):
+    """Second order: half the step gives a quarter of the error."""
     rig = geared(rotor, 0)
     coarse, torque = swung(rig, 5)
     fine, _ = swung(rig, 10)
@@ -69,7 +69,7 @@ def test_joint_2s_rotor_is_refused():
         new_world(geared(0, 1e-6), load_scene("paper"))
 
 
-def test_the_remedies_of_the_refusal_work():
+def test_the_fixes_named_by_the_refusal_work():
     rig, scene = geared(1e-6, 1e-6), load_scene("paper")
     new_world(rig, load_scene("ideal"))
     truth = {"arm.rotor_inertias": ["1e-6 kg m^2", "0 kg m^2"]}

@@ -1,4 +1,4 @@
-"""The position loops alone, on an arm that is a formula."""
+"""The position loops alone, against closed forms."""
 
 import math
 
@@ -29,7 +29,7 @@ def loops(servo, arm):
 
 
 def potential(arm, joints):
-    """Weight of the links at their middles times height [J]."""
+    """Return the potential energy [J] of the links' weight."""
     elbow = arm.upper_length * math.sin(joints[0])
     return GRAVITY * (
         arm.upper_mass * elbow / 2
@@ -55,14 +55,14 @@ def test_a_stretched_arm_by_hand(arm):
     assert second == pytest.approx(0.10 * 0.05 * GRAVITY, rel=1e-12)
 
 
-def test_at_rest_the_weight_is_held(loops, arm):
+def test_at_rest_the_torque_balances_the_weight(loops, arm):
     loops.engage((0.3, -1.2))
     for _ in range(50):
         assert loops.torque((0, 0), (0, 0)) == weight_torque(arm, (0.3, -1.2))
 
 
 def test_each_term_of_the_pid(loops, servo, arm):
-    """One sample: P on the lag, D on its change, feedforward on acceleration; then the integral."""
+    """P on the error, D on its change, feedforward on acceleration; then the integral."""
     loops.engage((0.3, -1.2))
     weight = weight_torque(arm, (0.3, -1.2))
     lag = 100 * 2 * math.pi / arm.counts_per_revolution
@@ -93,7 +93,7 @@ def test_saturation_does_not_wind_the_integral_up(loops, arm):
     assert loops.torque((0, 0), (0, 0)) == pytest.approx(weight_torque(arm, (0.3, -1.2)), rel=1e-12)
 
 
-def test_engaging_again_forgets(loops, arm):
+def test_engaging_again_resets_the_integral(loops, arm):
     loops.engage((0.3, -1.2))
     for _ in range(10):
         loops.torque((50, -50), (0, 0))

@@ -66,7 +66,7 @@ def test_an_untyped_error_is_a_failure(monkeypatch):
 def test_no_number_is_a_failure(monkeypatch):
     def lost(*args):
         found = real(*args)
-        found.motions.spin[3] = float("nan")
+        found.motions.angular_velocity[3] = float("nan")
         return found
 
     real = stability.observe
@@ -101,7 +101,7 @@ def test_without_friction_no_energy_is_made_or_lost(engine, steps):
     )
     found = observe(RIG, scene)
     motions, release = found.motions, found.events.releases[0].time
-    angle, spin = motions.angle, motions.spin
+    angle, spin = motions.angle, motions.angular_velocity
     slope = key.jack_arm / np.cos(angle) ** 2
     slope += key.jack_surface_height * np.sin(angle) / np.cos(angle) ** 2
     kinetic = (key.inertia + jack.mass * slope**2) * spin**2 / 2

@@ -1,4 +1,4 @@
-"""The spring string's four states, walked through by hand."""
+"""The four modes of the spring string, in sequence."""
 
 import numpy as np
 import pytest
@@ -56,7 +56,7 @@ def test_up_and_down_with_a_tongue():
     assert events.returns[0].force == pytest.approx(-moment / LEVER * 1e3)
 
 
-def test_turned_back_before_the_release_the_string_is_let_down():
+def test_a_reversal_before_the_release_is_no_event():
     plucking = string()
     plucking.cross(True, 1.0)
     plucking.cross(False, 2.0)
@@ -65,7 +65,7 @@ def test_turned_back_before_the_release_the_string_is_let_down():
     assert plucking.events.releases == plucking.events.returns == []
 
 
-def test_turned_back_on_the_tongue_it_is_above_again():
+def test_a_reversal_on_the_tongue_is_no_return():
     plucking = string()
     for upwards in (True, True, False, True):
         plucking.cross(upwards, 1.0)
@@ -76,7 +76,7 @@ def test_turned_back_on_the_tongue_it_is_above_again():
     assert [e.time for e in plucking.events.returns] == [3]
 
 
-def test_without_a_tongue_it_returns_where_it_met_the_string():
+def test_without_a_tongue_the_return_is_at_the_contact_height():
     plucking = string(tongue=False)
     for upwards, time in ((True, 1.0), (True, 2.0), (False, 3.0)):
         plucking.cross(upwards, time)

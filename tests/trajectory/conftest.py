@@ -1,7 +1,8 @@
-"""Rigs to plan on, derivatives that know no closed form, and presses by brute force."""
+"""Rigs to plan on, numerical derivatives, and presses by brute force."""
 
 import numpy as np
 import pytest
+from hypothesis import settings
 from scipy.interpolate import CubicHermiteSpline, CubicSpline
 
 from sautereau.rig.load import load_rig, with_values
@@ -11,7 +12,15 @@ from sautereau.rig.section import GRAVITY
 FIRST = (4 / 5, -1 / 5, 4 / 105, -1 / 280)
 SECOND = (8 / 5, -1 / 5, 8 / 315, -1 / 560)
 RATE = 1e5
-"""Hz, at which a press is recomputed."""
+"""Hz, sampling rate of the brute-force checks."""
+
+settings.register_profile("quick", max_examples=20, deadline=None)
+settings.register_profile("wide", max_examples=200, deadline=None)
+
+
+def pytest_configure(config):
+    """Try ten times as many examples where the slow tests are selected."""
+    settings.load_profile("quick" if config.option.markexpr == "not slow" else "wide")
 
 
 @pytest.fixture(scope="session")
@@ -84,7 +93,7 @@ def _place(arm, q):
 
 
 def _angle_under(rig, x, z):
-    """Return where the key's surface, raised by the radius, meets a point: R cos(a - f) = H."""
+    """Return the angle of a key in contact with a fingertip: R cos(a - f) = H."""
     height = rig.key.surface_height + rig.arm.fingertip_radius
     return np.arctan2(-x, z) - np.arccos(np.minimum(height / np.hypot(x, z), 1.0))
 
@@ -103,23 +112,23 @@ def _cruise_error(rig, plan):
     for side in (-1, 1):
         _, (x, z) = _place(rig.arm, (curve(t) + side * step * curve(t, 1)) * turn)
         rises.append(_rise(rig.key, _angle_under(rig, x, z)))
-    wanted = np.full_like(t, press.jack_speed)
+    planned = np.full_like(t, press.jack_speed)
     if press.gesture is not None:
         played = CubicSpline(press.gesture.time, press.gesture.rise, bc_type="clamped")
-        wanted = played(np.clip(t - press.settle, 0, press.gesture.time[-1]), 1)
-    return np.abs((rises[1] - rises[0]) / (2 * step) - wanted).max() / np.abs(wanted).max()
+        planned = played(np.clip(t - press.settle, 0, press.gesture.time[-1]), 1)
+    return np.abs((rises[1] - rises[0]) / (2 * step) - planned).max() / np.abs(planned).max()
 
 
 def _torques(arm, q, v, a, x_force, z_force):
     """Newton and Euler, rod by rod: I alpha + r x m (a - g) about each joint."""
-    total, spin, turn = q.sum(-1), a.sum(-1), v.sum(-1)
+    total, alpha, omega = q.sum(-1), a.sum(-1), v.sum(-1)
     c1, s1, c2, s2 = np.cos(q[:, 0]), np.sin(q[:, 0]), np.cos(total), np.sin(total)
     l1, l2, m1, m2 = arm.upper_length, arm.lower_length, arm.upper_mass, arm.lower_mass
     elbow_x = l1 * (-s1 * a[:, 0] - c1 * v[:, 0] ** 2)
     elbow_z = l1 * (c1 * a[:, 0] - s1 * v[:, 0] ** 2)
-    push_x = m2 * (elbow_x + l2 / 2 * (-s2 * spin - c2 * turn**2))
-    push_z = m2 * (elbow_z + l2 / 2 * (c2 * spin - s2 * turn**2) + GRAVITY)
-    about_elbow = m2 * l2**2 / 12 * spin + l2 / 2 * (c2 * push_z - s2 * push_x)
+    push_x = m2 * (elbow_x + l2 / 2 * (-s2 * alpha - c2 * omega**2))
+    push_z = m2 * (elbow_z + l2 / 2 * (c2 * alpha - s2 * omega**2) + GRAVITY)
+    about_elbow = m2 * l2**2 / 12 * alpha + l2 / 2 * (c2 * push_z - s2 * push_x)
     about_elbow -= l2 * (c2 * z_force - s2 * x_force)
     upper = m1 * l1**2 / 3 * a[:, 0] + m1 * GRAVITY * l1 / 2 * c1
     about_base = upper + about_elbow + l1 * (c1 * (push_z - z_force) - s1 * (push_x - x_force))
@@ -159,7 +168,7 @@ def _brute(rig, plan, expected=None):
         away.min() - abs(arm.upper_length - arm.lower_length),
     )
     bend = q[:, 1] * (-1 if arm.elbow == "up" else 1)
-    # A stop: each joint brakes by itself, from up to 3,000 points of the way.
+    # A stop: each joint decelerates independently, from up to 3,000 points of the motion.
     some = slice(None, None, max(1, len(q) // 3000))
     start, speed = q[some], v[some]
     t = np.linspace(0, np.abs(speed).max() / arm.acceleration_limit, 33)[:, None, None]

@@ -1,4 +1,4 @@
-"""A correction of the jack's rise: an exact sum, and refused where it does not fit."""
+"""A correction of the jack's rise: an exact sum, refused if it does not fit."""
 
 import numpy as np
 import pytest
@@ -37,7 +37,7 @@ def test_the_law_is_the_sum():
         np.testing.assert_allclose(steps, 0, atol=3000 * step**2)
 
 
-def test_nothing_added_changes_nothing():
+def test_a_zero_correction_changes_nothing():
     law = Correction(TIME, np.zeros_like(TIME)).onto(LAW)
     fine = np.linspace(0, LAW.law.duration, 5001)
     for ours, theirs in zip(law.law.at(fine), LAW.law.at(fine), strict=True):

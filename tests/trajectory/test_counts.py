@@ -1,4 +1,4 @@
-"""Encoder counts of an angle, and back."""
+"""Conversion between angles and encoder counts."""
 
 import numpy as np
 import pytest
@@ -20,7 +20,7 @@ def test_shapes_and_types_are_kept():
 
 
 @given(st.integers(-(2**40), 2**40), st.integers(16, 2**31))
-def test_counts_survive_the_way_there_and_back(counts, turn):
+def test_counts_are_recovered_from_angles(counts, turn):
     assert to_counts(to_angles(counts, turn), turn) == counts
 
 

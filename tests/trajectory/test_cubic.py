@@ -1,8 +1,8 @@
-"""What the controller makes of segments, against scipy's cubics and a dense look."""
+"""The controller's cubics of segments, against scipy's and dense sampling."""
 
 import numpy as np
 import pytest
-from hypothesis import example, given, settings
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from sautereau.trajectory.cubic import Cubics, controller_motion, evaluate, extremes, segment_cubics
@@ -53,7 +53,6 @@ def test_the_controllers_motion_of_a_press_is_the_cubic_spline(bench, spline):
 
 
 @given(segments_of())
-@settings(deadline=None, max_examples=50)
 def test_any_segments_are_played_as_the_cubic_spline(spline, segments):
     _, motion = controller_motion(segments, 3, 1.0, PERIOD)
     time = np.arange(segments.total_samples * 3 + 1) / 3 * PERIOD
@@ -68,27 +67,26 @@ REST = Segments(np.zeros(2, int), np.zeros((1, 2), int), np.zeros((1, 2), int), 
 
 @given(segments_of())
 @example(REST)
-@settings(deadline=None, max_examples=150)
-def test_extremes_are_those_of_a_dense_look(spline, segments):
+def test_extremes_are_those_of_dense_sampling(spline, segments):
     found = extremes(segment_cubics(segments, 1.0, PERIOD))
     curve = spline(segments, PERIOD)
     t = np.union1d(np.linspace(0, curve.x[-1], 20_001), curve.x)
     step = t[1] - t[0]
     jerk = np.abs(6 * curve.c[0]).max(axis=0)
-    spin = 2 * np.abs(
+    acceleration = 2 * np.abs(
         np.stack([curve.c[1], curve.c[1] + 3 * curve.c[0] * np.diff(curve.x)[:, None]])
     )
-    spin = spin.max(axis=(0, 1))
+    acceleration = acceleration.max(axis=(0, 1))
     place, speed = curve(t), np.abs(curve(t, 1)).max(axis=0)
     # Between points a distance h apart a function turns by h^2/8 of its second derivative.
-    miss, slack = step**2 / 8 * spin + 1e-9, 1e-9 * np.abs(place).max() + 1e-9
+    miss, slack = step**2 / 8 * acceleration + 1e-9, 1e-9 * np.abs(place).max() + 1e-9
     assert (found.low <= place.min(axis=0) + slack).all()
     assert (found.low >= place.min(axis=0) - miss - slack).all()
     assert (found.high >= place.max(axis=0) - slack).all()
     assert (found.high <= place.max(axis=0) + miss + slack).all()
     assert (found.speed >= speed * (1 - 1e-9) - 1e-6).all()
     assert (found.speed <= speed * (1 + 1e-9) + step**2 / 8 * jerk + 1e-6).all()
-    assert found.acceleration == pytest.approx(spin, rel=1e-9, abs=1e-3)
+    assert found.acceleration == pytest.approx(acceleration, rel=1e-9, abs=1e-3)
     assert found.jerk == pytest.approx(jerk, rel=1e-9, abs=1.0)
 
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from sautereau.rig.load import load_rig
@@ -19,9 +19,7 @@ from sautereau.trajectory.motion import Motion, dot
 
 PAPER = load_rig().arm
 ROD = (0.5 - np.sqrt(1 / 12), 0.5 + np.sqrt(1 / 12))
-"""Where two halves of a rod's mass move, and weigh, as the rod does: Gauss's points."""
-
-several = settings(deadline=None, max_examples=40)
+"""Gauss's points of a rod: half its mass at each has the inertia and weight of the rod."""
 
 
 @st.composite
@@ -70,9 +68,8 @@ def at_rest(joints):
 
 
 @given(arms(), seeds())
-@several
 def test_the_motors_work_is_the_energy_gained(arm, seed):
-    """With a force on the fingertip, whose work is the world's."""
+    """With an external force on the fingertip, whose work is subtracted."""
     nodes, weights = np.polynomial.legendre.leggauss(80)
     time = (nodes + 1) / 2
     joints = swing(seed, time)
@@ -85,7 +82,6 @@ def test_the_motors_work_is_the_energy_gained(arm, seed):
 
 
 @given(arms(), seeds())
-@several
 def test_power_is_the_rate_of_energy(derivatives, close, arm, seed):
     time = np.linspace(0, 1, 40)
     joints = swing(seed, time)
@@ -94,7 +90,6 @@ def test_power_is_the_rate_of_energy(derivatives, close, arm, seed):
 
 
 @given(arms(), seeds())
-@several
 def test_the_mass_matrix_is_symmetric_and_positive(arm, seed):
     matrix = mass_matrix(arm, states(seed).position)
     np.testing.assert_array_equal(matrix, matrix.swapaxes(-1, -2))
@@ -102,7 +97,6 @@ def test_the_mass_matrix_is_symmetric_and_positive(arm, seed):
 
 
 @given(arms(), seeds())
-@several
 def test_gravity_torque_is_the_slope_of_the_energy(derivatives, close, arm, seed):
     joints = states(seed).position
     for j, axis in enumerate(np.eye(2)):
@@ -115,9 +109,8 @@ def test_gravity_torque_is_the_slope_of_the_energy(derivatives, close, arm, seed
 
 
 @given(arms(), seeds())
-@several
 def test_a_tip_force_by_virtual_work(close, arm, seed):
-    """What it takes from the motors is what it gives along any small motion."""
+    """Its joint torques are its work along each joint."""
     joints = states(seed)
     force = np.random.default_rng(seed).uniform(-5, 5, (20, 2))
     spared = joint_torques(arm, joints) - joint_torques(arm, joints, force)
@@ -135,7 +128,6 @@ def points(arm):
 
 
 @given(arms(rotors=False), seeds())
-@several
 def test_the_rods_are_points_by_dalembert(close, arm, seed):
     """The torque on each joint is the inertia and weight of four points along their paths."""
     joints = states(seed)
@@ -159,7 +151,7 @@ def test_a_rotor_counts_with_its_gear_ratio_squared(close):
 
 
 def test_a_level_arm_by_hand():
-    """Two rods stretched out level, falling free about joint 1: 0.15 and 0.10 kg."""
+    """Two aligned horizontal rods of 0.15 and 0.10 kg about joint 1."""
     still = at_rest(np.zeros((1, 2)))
     assert gravity_torque(PAPER, still.position)[0] == pytest.approx(
         [GRAVITY * (0.15 * 0.06 + 0.10 * 0.17), GRAVITY * 0.10 * 0.05], rel=1e-14
@@ -201,7 +193,6 @@ def peer_torques(pin, arm, model, joints, forces):
 
 
 @given(arms(), seeds())
-@several
 def test_pinocchio_finds_the_same(close, arm, seed):
     pin = pytest.importorskip("pinocchio", reason="a peer; install it with --group peers")
     joints, model = states(seed), peer_model(pin, arm)
@@ -213,5 +204,5 @@ def test_pinocchio_finds_the_same(close, arm, seed):
         matrices.append(pin.crba(model, data, position).copy())
         energies.append(pin.computeMechanicalEnergy(model, data, position, velocity))
     close(mass_matrix(arm, joints.position), np.array(matrices), 1e-9)
-    rotors = joints.velocity**2 @ armature(arm) / 2  # which its energy leaves out
+    rotors = joints.velocity**2 @ armature(arm) / 2  # not included in its energy
     close(energy(arm, joints) - rotors, np.array(energies), 1e-9)

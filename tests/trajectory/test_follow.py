@@ -1,4 +1,4 @@
-"""The finger's ways: down to the key, along it, and up again."""
+"""Approach, press and retreat of the finger."""
 
 import numpy as np
 import pytest
@@ -16,7 +16,7 @@ def cosine_rise(t):
 
 
 @pytest.mark.parametrize("hold", ["point", "normal"])
-def test_the_whole_mechanism_follows_the_rise(bench, close, hold):
+def test_the_complete_mechanism_follows_the_rise(bench, close, hold):
     rig = bench(press__hold=hold)
     rise = cosine_rise(np.linspace(0, 0.7, 101))
     path = follow_key(rig, rise)
@@ -30,7 +30,7 @@ def test_the_whole_mechanism_follows_the_rise(bench, close, hold):
 
 
 @pytest.mark.parametrize("hold", ["point", "normal"])
-def test_the_way_down_is_straight_along_the_normal_of_the_resting_key(bench, hold):
+def test_the_approach_is_straight_along_the_normal_of_the_key_at_rest(bench, hold):
     rig = bench(press__hold=hold)
     contact = follow_key(rig, cosine_rise(np.linspace(0, 0.7, 11)))
     s = np.linspace(0, 1, 51)
@@ -46,7 +46,7 @@ def test_the_way_down_is_straight_along_the_normal_of_the_resting_key(bench, hol
 
 
 @pytest.mark.parametrize("elbow", ["up", "down"])
-def test_the_way_down_stays_in_the_turn_of_the_press(bench, elbow):
+def test_the_approach_stays_in_the_turn_of_the_press(bench, elbow):
     """With the base behind the key, joint 1 crosses half a turn between hover and key."""
     rig = bench(
         arm__base_x="20 mm",
@@ -63,7 +63,7 @@ def test_the_way_down_stays_in_the_turn_of_the_press(bench, elbow):
 
 
 @pytest.mark.parametrize("hold", ["point", "normal"])
-def test_what_is_sent_goes_down_presses_and_goes_up_without_a_jump(bench, spline, hold):
+def test_approach_press_and_retreat_are_continuous(bench, spline, hold):
     rig = bench(press__hold=hold)
     plan = plan_press(rig)
     assert (plan.approach.end == plan.segments.start).all()
@@ -90,7 +90,7 @@ def test_the_finger_rests_on_the_key_before_it_accelerates(bench, spline, settle
     rig = bench(press__settle=settle)
     plan = plan_press(rig)
     curve = spline(plan.segments, rig.controller.sample_period)
-    # The last segment of the rest may begin one grain of two samples early.
+    # The last segment of the rest may start one grain of two samples early.
     rest = rig.press.settle - 2 * rig.controller.sample_period
     t = np.linspace(0, max(rest, 0), 200)
     assert (curve(t) == plan.segments.start).all()
@@ -98,6 +98,6 @@ def test_the_finger_rests_on_the_key_before_it_accelerates(bench, spline, settle
     assert curve(rig.press.settle + 0.01)[1] != plan.segments.start[1]
 
 
-def test_a_hover_out_of_reach_is_told(bench):
-    with pytest.raises(TrajectoryError, match=r"reach: the way down from press.hover above"):
+def test_a_hover_out_of_reach_is_refused(bench):
+    with pytest.raises(TrajectoryError, match=r"reach: the approach from press.hover above"):
         plan_press(bench(press__hover="400 mm"))

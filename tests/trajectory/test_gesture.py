@@ -22,7 +22,7 @@ def replaying(rig, time, rise, **press):
 
 
 def stroke(time):
-    """Down and up again, at rest at both ends."""
+    """Return a press and its return, at rest at both ends."""
     return 0.009 * np.sin(np.pi * time / time[-1]) ** 2
 
 
@@ -51,7 +51,7 @@ def test_the_replayed_rise_is_the_samples_and_the_spline_between_them(paper):
 
 @pytest.mark.parametrize("hold", ["point", "normal"])
 @pytest.mark.parametrize("shape", [stroke, going_down])
-def test_a_gesture_is_played_and_brought_back_to_rest(paper, brute, shape, hold):
+def test_a_gesture_is_replayed_and_returned_to_rest(paper, brute, shape, hold):
     rig = replaying(paper, TIME, shape(TIME), hold=hold, speed_tolerance=0.005)
     plan = plan_press(rig)
     assert (plan.segments.end == plan.segments.start).all()
@@ -59,15 +59,15 @@ def test_a_gesture_is_played_and_brought_back_to_rest(paper, brute, shape, hold)
     assert abs(plan.rise.position[-1]) < 1e-12
     assert plan.cruise.error == pytest.approx(brute(rig, plan)["cruise speed error"], rel=0.02)
     assert plan.cruise.end - plan.cruise.start > 0.29
-    way_back = plan.law.law.duration - plan.law.return_start
+    return_time = plan.law.law.duration - plan.law.return_start
     down = shape is going_down
-    assert (way_back > 0.1) == down
+    assert (return_time > 0.1) == down
     after = plan.law.law.at(np.linspace(plan.law.return_start, plan.law.law.duration, 99))
     assert np.abs(after.velocity).max() <= rig.press.return_speed * (1 + 1e-9)
 
 
 @pytest.mark.parametrize("end", [-0.9e-6, 1e-9, 1e-200, 2e-6])
-def test_however_little_a_gesture_misses_its_rest_the_press_ends_where_it_began(paper, end):
+def test_a_press_ends_at_its_start_if_the_gesture_does_not(paper, end):
     rise = stroke(TIME)
     rise[0], rise[-1] = 0.9e-6, end
     plan = plan_press(replaying(paper, TIME, rise))
@@ -119,11 +119,11 @@ def test_too_many_samples_for_the_fifo_are_replayed_with_knots_further_apart(ben
 
 
 def test_a_gesture_that_ends_before_the_controllers_first_segment(paper):
-    with pytest.raises(TrajectoryError, match=r"press.gesture: .* no whole segment"):
+    with pytest.raises(TrajectoryError, match=r"press.gesture: .* no complete segment"):
         draft_press(replaying(paper, [0, 1e-4, 2e-4], [0, 1e-5, 0]))
 
 
-def test_a_gesture_that_swings_below_rest_is_told(paper):
+def test_a_gesture_below_rest_is_warned_of(paper):
     time = np.array([0, 0.1, 0.2, 0.25, 0.3])
     plan = draft_press(replaying(paper, time, [0, 0, 0, 0.008, 0]))
     assert len(plan.warnings) == 1
@@ -132,6 +132,6 @@ def test_a_gesture_that_swings_below_rest_is_told(paper):
 
 
 @pytest.mark.parametrize("rise", [0.0, 1e-7, 1e-300])
-def test_a_gesture_that_stands_still_is_refused(paper, rise):
+def test_a_gesture_without_motion_is_refused(paper, rise):
     with pytest.raises(TrajectoryError, match=r"press.gesture: it moves the jack by less than"):
         draft_press(replaying(paper, [0, 0.1, 0.2], [rise, rise, rise]))

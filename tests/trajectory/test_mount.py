@@ -1,4 +1,4 @@
-"""Where to clamp the robot: against random search, the planner and finite displacement."""
+"""Choice of the base, against random search, the planner and finite displacements."""
 
 import numpy as np
 import pytest
@@ -11,12 +11,16 @@ from sautereau.trajectory.errors import TrajectoryError
 from sautereau.trajectory.follow import follow_key
 from sautereau.trajectory.key import angle_of_rise, key_under_fingertip, rise_of_angle
 from sautereau.trajectory.motion import Motion
-from sautereau.trajectory.mount.bases import ELBOWS, LIMITS, key_angles, stances
+from sautereau.trajectory.mount.bases import ELBOWS, LIMITS, assess_bases, key_angles
 from sautereau.trajectory.mount.find import FINGER_FORCE, assess_mount, find_mount, mount_map
 from sautereau.trajectory.press import plan_press
 from sautereau.trajectory.timing import press_law
 
 PAPER = load_rig()
+
+
+def slow(value):
+    return pytest.param(value, marks=pytest.mark.slow)
 
 
 def with_arm(rig, **values):
@@ -34,7 +38,7 @@ def held(request, bench):
     return rig, find_mount(rig)
 
 
-def left_over(mount):
+def residual_of(mount):
     return mount.tilt_max if mount.hold == "point" else mount.slide_max
 
 
@@ -42,8 +46,8 @@ def test_the_papers_finger_tilts_by_less_than_a_tenth_of_a_degree(paper):
     mount = find_mount(paper)
     assert np.degrees(mount.tilt_max) < 0.1
     assert mount.slide_max == mount.slide_per_metre == 0
-    careless = with_arm(clamped(paper, mount), base_x=mount.base_x + 3e-3)
-    assert np.degrees(assess_mount(careless).tilt_max) > 1
+    misplaced = with_arm(clamped(paper, mount), base_x=mount.base_x + 3e-3)
+    assert np.degrees(assess_mount(misplaced).tilt_max) > 1
 
 
 def test_the_plan_from_the_best_base_agrees(held, bench):
@@ -60,9 +64,9 @@ def test_the_plan_from_the_best_base_agrees(held, bench):
     assert np.abs(plan.slide).max() == pytest.approx(mount.slide_max, rel=2e-4, abs=1e-12)
 
 
-@pytest.mark.parametrize("spread", [1.0, 5e-3, 1e-5])
+@pytest.mark.parametrize("spread", [1.0, slow(5e-3), slow(1e-5)])
 def test_no_random_base_is_better(held, spread):
-    """In the whole region, and ever closer around the best base, for either elbow."""
+    """In the complete region, and closely around the best base, for either elbow."""
     rig, mount = held
     random = np.random.default_rng(7)
     low, high = np.array([rig.arm.mount_x, rig.arm.mount_z]).T
@@ -72,11 +76,11 @@ def test_no_random_base_is_better(held, spread):
     for _ in range(200):
         bases = random.uniform(corner, end, (1000, 2))
         for elbow in ELBOWS:
-            found = stances(rig, elbow, bases, key_angles(rig, 33), FINGER_FORCE)
-            allowed = found.miss <= 0
+            found = assess_bases(rig, elbow, bases, key_angles(rig, 33), FINGER_FORCE)
+            allowed = found.violation <= 0
             feasible += allowed.sum()
-            # 33 angles miss at most this much of the largest residual between them.
-            assert (found.worst[allowed] > left_over(mount) * (1 - 3e-3)).all()
+            # 33 angles underestimate the largest residual by at most this fraction.
+            assert (found.worst_residual[allowed] > residual_of(mount) * (1 - 3e-3)).all()
         if feasible > 20_000:
             break
     assert feasible > 20_000
@@ -87,7 +91,7 @@ def test_the_many_bases_agree_with_the_planner(held):
     angles = key_angles(rig, 9)
     random = np.random.default_rng(3)
     bases = np.array([mount.base_x, mount.base_z]) + random.uniform(-5e-3, 5e-3, (20, 2))
-    found = stances(rig, mount.elbow, bases, angles)
+    found = assess_bases(rig, mount.elbow, bases, angles)
     rise = rise_of_angle(rig.key, angles)
     still = np.zeros_like(rise)
     for index, (x, z) in enumerate(bases):
@@ -98,19 +102,19 @@ def test_the_many_bases_agree_with_the_planner(held):
         assert found.residual[index] == pytest.approx(expected, abs=1e-12)
 
 
-def test_growth_is_that_of_displaced_bases(held):
+def test_the_sensitivity_is_that_of_displaced_bases(held):
     rig, mount = held
-    grown = []
+    increases = []
     for around in np.linspace(0, 2 * np.pi, 31):
         x, z = mount.base_x + 1e-3 * np.cos(around), mount.base_z + 1e-3 * np.sin(around)
         displaced = assess_mount(with_arm(clamped(rig, mount), base_x=x, base_z=z))
-        grown.append((left_over(displaced) - left_over(mount)) / 1e-3)
-    growth = mount.tilt_per_metre + mount.slide_per_metre
-    assert max(grown) == pytest.approx(growth, rel=6e-3)
+        increases.append((residual_of(displaced) - residual_of(mount)) / 1e-3)
+    sensitivity = mount.tilt_per_metre + mount.slide_per_metre
+    assert max(increases) == pytest.approx(sensitivity, rel=6e-3)
 
 
-def test_unnoticed_costs_are_those_of_brute_force(held):
-    """The fingertip found by its joints, the key under it by bisection, speeds by differences."""
+def test_errors_of_a_misplaced_base_are_those_of_brute_force(held):
+    """Fingertip from the joints, key by bisection, speeds by differences."""
     rig, mount = held
     rig = clamped(rig, mount)
     key, height = rig.key, rig.key.surface_height + rig.arm.fingertip_radius
@@ -144,13 +148,13 @@ def test_unnoticed_costs_are_those_of_brute_force(held):
             speeds.append(np.abs(np.gradient(jack, rise) - 1)[cruise].max())
             leans.append(np.abs(turned.sum(-1) - low - joints.position.sum(-1)
                                 + angle_of_rise(key, rise)).max())  # fmt: skip
-        cost = getattr(mount, field)
-        assert cost.height_error == pytest.approx(max(heights), rel=1e-6)
-        assert cost.speed_error == pytest.approx(max(speeds), rel=0.01)
-        assert cost.tilt_change == pytest.approx(max(leans), rel=1e-6)
+        errors = getattr(mount, field)
+        assert errors.height_error == pytest.approx(max(heights), rel=1e-6)
+        assert errors.speed_error == pytest.approx(max(speeds), rel=0.01)
+        assert errors.tilt_change == pytest.approx(max(leans), rel=1e-6)
 
 
-def test_a_pocket_smaller_than_the_grid_is_found(paper):
+def test_a_feasible_area_smaller_than_the_grid_is_found(paper):
     best = find_mount(paper)
     angles = key_angles(paper, 2)
     rise = rise_of_angle(paper.key, angles)
@@ -167,7 +171,7 @@ def test_a_pocket_smaller_than_the_grid_is_found(paper):
 
 
 @pytest.mark.parametrize(
-    ("values", "limit", "remedy"),
+    ("values", "limit", "fix"),
     [
         ({"arm__mount_x": ["500 mm", "600 mm"]}, "reach", "widen arm.mount_x"),
         ({"arm__torque_limit": "1 mN m"}, "torque", "raise arm.torque_limit"),
@@ -175,8 +179,8 @@ def test_a_pocket_smaller_than_the_grid_is_found(paper):
         ({"arm__lower_limits": ["-80 deg", "-12 deg"]}, "joint 2 limits", "widen arm.lower"),
     ],
 )
-def test_nowhere_to_clamp_is_one_clear_message(bench, values, limit, remedy):
-    with pytest.raises(TrajectoryError, match=f"(?s)nowhere.*{limit}.*{remedy}") as caught:
+def test_no_feasible_base_is_one_clear_message(bench, values, limit, fix):
+    with pytest.raises(TrajectoryError, match=f"(?s)no base in.*{limit}.*{fix}") as caught:
         find_mount(bench(**values))
     assert "nan" not in str(caught.value)
 
@@ -192,11 +196,11 @@ def test_the_map_holds_the_best_base(held):
     assert area.residual.shape == area.feasible.shape == (2, 61, 61)
     assert np.isfinite(area.residual).all()
     least, feasible = area.best()
-    assert least[feasible].min() >= left_over(mount) * (1 - 1e-2)
+    assert least[feasible].min() >= residual_of(mount) * (1 - 1e-2)
     row, column = np.unravel_index(np.where(feasible, least, np.inf).argmin(), least.shape)
     place = np.array([[area.x[column], area.z[row]]])
-    there = stances(rig, mount.elbow, place, key_angles(rig, 65), FINGER_FORCE)
-    assert least[row, column] == pytest.approx(there.worst[0], rel=0.05)
+    there = assess_bases(rig, mount.elbow, place, key_angles(rig, 65), FINGER_FORCE)
+    assert least[row, column] == pytest.approx(there.worst_residual[0], rel=0.05)
 
 
 def test_a_map_of_one_base_and_a_force_that_is_no_number_are_refused(paper):
@@ -208,7 +212,7 @@ def test_a_map_of_one_base_and_a_force_that_is_no_number_are_refused(paper):
 
 @st.composite
 def rigs(draw):
-    """Arms, limits and regions of every kind, most of them good for something."""
+    """Arms, limits and regions of many kinds, most of them feasible."""
     x, z = draw(st.floats(-0.4, -0.05)), draw(st.floats(0.0, 0.25))
     low = draw(st.floats(-4.0, -1.0)), draw(st.floats(-3.1, -1.0))
     arm = {
@@ -229,14 +233,25 @@ def rigs(draw):
 
 
 @given(rigs())
-@settings(deadline=None, max_examples=14, derandomize=True)
+@settings(max_examples=4, derandomize=True)
 def test_any_rig_has_a_mount_or_a_message(rig):
+    check_mount(rig)
+
+
+@pytest.mark.slow
+@given(rigs())
+@settings(max_examples=60)
+def test_many_rigs_have_a_mount_or_a_message(rig):
+    check_mount(rig)
+
+
+def check_mount(rig):
     try:
         mount = find_mount(rig)
     except TrajectoryError as error:
-        mount, told = None, str(error)
+        mount, message = None, str(error)
     if mount is None:
-        assert any(limit in told for limit in LIMITS)
+        assert any(limit in message for limit in LIMITS)
         return
     assert "nan" not in repr(mount)
     assert "inf" not in repr(mount)
@@ -245,6 +260,6 @@ def test_any_rig_has_a_mount_or_a_message(rig):
     assert z[0] <= mount.base_z <= z[1]
     bases = np.random.default_rng(1).uniform((x[0], z[0]), (x[1], z[1]), (2000, 2))
     for elbow in ELBOWS:
-        found = stances(rig, elbow, bases, key_angles(rig, 65), FINGER_FORCE)
-        allowed = found.worst[found.miss <= 0]
-        assert allowed.min(initial=np.inf) >= left_over(mount) * (1 - 1e-3)
+        found = assess_bases(rig, elbow, bases, key_angles(rig, 65), FINGER_FORCE)
+        allowed = found.worst_residual[found.violation <= 0]
+        assert allowed.min(initial=np.inf) >= residual_of(mount) * (1 - 1e-3)

@@ -1,4 +1,4 @@
-"""A whole press: what holds of it, what is refused, and that nothing else comes out."""
+"""Planning of complete presses: their checks, refusals and warnings."""
 
 import numpy as np
 import pytest
@@ -85,8 +85,8 @@ BREAKS = [
 ]
 
 
-@pytest.mark.parametrize(("name", "values", "remedy"), BREAKS, ids=[b[0] for b in BREAKS])
-def test_each_check_can_fail(name, values, remedy):
+@pytest.mark.parametrize(("name", "values", "fix"), BREAKS, ids=[b[0] for b in BREAKS])
+def test_each_check_can_fail(name, values, fix):
     rig = with_values(PAPER, values)
     draft = draft_press(rig)
     failed = {check.name: check for check in draft.checks if not check.holds}
@@ -96,10 +96,10 @@ def test_each_check_can_fail(name, values, remedy):
         plan_press(rig)
     line = next(x for x in str(raised.value).split("\n") if x.startswith(f"  {name}: "))
     assert "fails by" in line
-    assert remedy in line
+    assert fix in line
 
 
-def test_every_failed_check_is_listed_with_its_remedy():
+def test_every_failed_check_is_listed_with_its_fix():
     rig = with_values(
         PAPER,
         {"key.dip": "7 mm", "arm.speed_limit": "0.5 rad/s", "press.hover": "5 mm"},
@@ -146,7 +146,7 @@ def test_a_base_that_presses_behind_the_pin_is_refused():
     )
     checks = {check.name: check for check in draft_press(rig).checks}
     assert checks["contact on the key"].value == pytest.approx(-0.0346, abs=1e-3)
-    assert "lower key.press_arm" in checks["contact on the key"].remedy
+    assert "lower key.press_arm" in checks["contact on the key"].how_to_fix
 
 
 @pytest.mark.parametrize(
@@ -167,12 +167,12 @@ def test_a_cruise_that_does_not_cover_the_pluck_is_warned_of(contact, release, w
 @pytest.mark.parametrize(
     ("values", "message"),
     [
-        ({"arm.base_x": "-600 mm"}, r"reach: the fingertip's path goes .* mm beyond the outer"),
+        ({"arm.base_x": "-600 mm"}, r"reach: the fingertip's path lies .* mm beyond the outer"),
         ({"arm.base_x": "-175 mm", "arm.base_z": "20 mm"}, "inside the inner reach"),
-        ({"press.hover": "400 mm"}, r"reach: the way down from press.hover above the key goes"),
+        ({"press.hover": "400 mm"}, r"reach: the approach from press.hover above the key lies"),
         ({"press.hold": "normal", "arm.base_z": "300 mm"}, r"move arm.base_z"),
         ({"press.jack_speed": "1 m/s"}, r"leaves no cruise; lower jack_speed"),
-        ({"controller.sample_period": "60 ms"}, r"holds no whole segment of the controller"),
+        ({"controller.sample_period": "60 ms"}, r"contains no complete segment of the controller"),
         ({"controller.sample_period": "1 ns"}, r"segment_limit.*raise press.return_speed"),
         (
             {"press.return_speed": "1e-4 m/s", "controller.segment_limit": 8},

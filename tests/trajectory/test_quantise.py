@@ -1,4 +1,4 @@
-"""Whole counts and whole samples, and what they cost the cruise."""
+"""Quantisation to counts and samples, and its effect on the cruise."""
 
 import numpy as np
 import pytest
@@ -35,7 +35,7 @@ def test_knots_lie_within_half_a_count(planned):
     assert (segments.velocities[-1] == 0).all()
 
 
-def test_segments_are_whole_and_within_the_controllers_limits(planned):
+def test_segments_are_integer_and_within_the_controllers_limits(planned):
     rig, plan = planned
     assert plan.segments.total_samples == plan.segments.samples.sum() == len(plan.time) - 1
     for segments in (plan.approach, plan.segments, plan.retreat):
@@ -49,7 +49,9 @@ def test_segments_are_whole_and_within_the_controllers_limits(planned):
     assert plan.hover.dtype == plan.home.dtype == np.int64
 
 
-# Jack's speed [m/s] and what it takes to reach it within the rise [m/s^2, m/s^3].
+QUICK = (0.005, 0.072, 0.7)
+MIDDLE = (65_536, 500_000, 2**24)
+# Jack speed [m/s], acceleration and jerk [m/s^2, m/s^3] that reach it within the rise.
 SPEEDS = [
     (0.005, 12, 3000),
     (0.01, 12, 3000),
@@ -65,7 +67,13 @@ SPEEDS = [
 
 
 @pytest.mark.parametrize("hold", ["point", "normal"])
-@pytest.mark.parametrize(("speed", "acceleration", "jerk"), SPEEDS, ids=[s[0] for s in SPEEDS])
+@pytest.mark.parametrize(
+    ("speed", "acceleration", "jerk"),
+    [
+        pytest.param(*s, id=str(s[0]), marks=() if s[0] in QUICK else pytest.mark.slow)
+        for s in SPEEDS
+    ],
+)
 def test_at_two_million_counts_the_cruise_keeps_its_speed_to_a_thousandth(
     bench, brute, hold, speed, acceleration, jerk
 ):
@@ -89,7 +97,9 @@ def test_at_two_million_counts_the_cruise_keeps_its_speed_to_a_thousandth(
 
 
 @pytest.mark.parametrize("hold", ["point", "normal"])
-@pytest.mark.parametrize("counts", [8192, 65_536, 500_000, 2**24, 2**31])
+@pytest.mark.parametrize(
+    "counts", [8192, *(pytest.param(n, marks=pytest.mark.slow) for n in MIDDLE), 2**31]
+)
 def test_other_encoders_are_reported_truthfully(bench, brute, counts, hold):
     for speed in ("0.01 m/s", "0.072 m/s"):
         rig = bench(arm__counts_per_revolution=counts, press__hold=hold, press__jack_speed=speed)
@@ -106,7 +116,7 @@ def test_a_coarse_encoder_is_worse_than_a_fine_one(bench):
     assert errors[0] > 0.02 > errors[1] > 3e-3 > errors[2]
 
 
-def test_the_cruise_is_a_window_of_whole_segments(planned):
+def test_the_cruise_consists_of_complete_segments(planned):
     rig, plan = planned
     start, end = plan.cruise.start, plan.cruise.end
     assert plan.law.cruise_start <= start < end <= plan.law.cruise_end
@@ -125,7 +135,7 @@ def test_a_long_rest_is_cut_into_segments_that_a_controller_takes(bench):
 
 @pytest.mark.parametrize("limit", ["0.1 rad/s^2", "1 rad/s^2", "200 rad/s^2"])
 def test_the_coarsest_encoder_of_the_weakest_arm_has_no_longer_segments(bench, limit):
-    """What rounding may take of 0.1 rad/s^2 would ask for segments of 15 s."""
+    """At 0.1 rad/s^2 the limit on rounding alone would require segments of 15 s."""
     rig = bench(
         arm__counts_per_revolution=16, arm__acceleration_limit=limit, press__bottom_hold="20 s"
     )
@@ -135,9 +145,9 @@ def test_the_coarsest_encoder_of_the_weakest_arm_has_no_longer_segments(bench, l
 
 
 def test_a_full_fifo_has_its_knots_further_apart(bench):
-    wanted = len(draft_press(bench(controller__segment_limit=1000)).segments)
+    needed = len(draft_press(bench(controller__segment_limit=1000)).segments)
     lengths = []
-    for limit in (1000, wanted + 1, wanted, 64, 32):
+    for limit in (1000, needed + 1, needed, 64, 32):
         draft = draft_press(bench(controller__segment_limit=limit))
         assert len(draft.segments) < limit
         lengths.append(len(draft.segments))
@@ -146,7 +156,7 @@ def test_a_full_fifo_has_its_knots_further_apart(bench):
 
 
 def test_the_finest_encoder_fits_into_the_fifo(bench):
-    """Its cruise needs no long segments for its speed's sake, and gets them for the FIFO's."""
+    """Long segments are not needed for its cruise's speed, but for the FIFO."""
     for speed in ("0.005 m/s", "0.072 m/s"):
         plan = plan_press(bench(arm__counts_per_revolution=2**31, press__jack_speed=speed))
         assert len(plan.segments) < 255
@@ -155,12 +165,12 @@ def test_the_finest_encoder_fits_into_the_fifo(bench):
 
 def test_a_motion_longer_than_the_fifo_is_refused():
     rig = with_values(PAPER, {"press.bottom_hold": "20 s"})
-    with pytest.raises(TrajectoryError, match=r"longer than the .* s that 8 segments of 1024"):
+    with pytest.raises(TrajectoryError, match=r"longer than the .* s of 8 segments of 1024"):
         sample_times(press_law(rig.press).law, 976.5625e-6, 8)
 
 
 def test_the_slowest_press_is_planned_in_bounded_memory(bench):
-    """15 mm at 5 mm/s, and back at 0.1 mm/s: 150 s, of which few segments are made."""
+    """15 mm at 5 mm/s, and back at 0.1 mm/s: 150 s in few segments."""
     rig = bench(
         press__jack_speed="0.005 m/s",
         press__jack_rise="15 mm",

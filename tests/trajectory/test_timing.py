@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from sautereau.rig.load import load_rig
@@ -34,7 +34,7 @@ def check_law(press):
     found = press_law(press)
     law, times = found.law, found.law.times
     assert (np.diff(times) >= -1e-15).all()
-    # Rise, speed and acceleration are continuous where phases meet.
+    # Rise, speed and acceleration are continuous between phases.
     start = law.states[:-1]
     span = np.diff(times)
     rise, speed, acceleration = start.T
@@ -46,15 +46,15 @@ def check_law(press):
         ],
         -1,
     )
-    # A time is rounded, which at a jerk j tells by j times that on the acceleration.
+    # A rounding error of the time, times the jerk, is one of the acceleration.
     scale = [press.jack_rise, 1.0, np.abs(law.jerks).max() * law.duration]
     assert (np.abs(ends - law.states[1:]) / scale).max() < 1e-12
-    # From rest to rest, through the whole rise.
+    # From rest to rest, through the full rise.
     assert (np.abs(law.states[[0, -1]]) / scale).max() < 1e-11
     bottom = law.at(np.array([found.bottom, (found.bottom + found.return_start) / 2]))
     assert bottom.position == pytest.approx(press.jack_rise, rel=1e-11)
     assert np.abs(bottom.velocity).max() < 1e-12
-    # The finger first rests on the key.
+    # First the finger rests on the key.
     assert found.start == press.settle
     resting = law.at(np.linspace(0, press.settle, 20))
     assert all((values == 0).all() for values in resting)
@@ -79,14 +79,10 @@ def check_law(press):
     cruise = law.at(np.linspace(found.cruise_start, found.cruise_end, 50)[1:-1])
     assert cruise.velocity == pytest.approx(press.jack_speed, rel=1e-12)
     assert np.abs(cruise.acceleration).max() < 1e-9 * press.run_up_acceleration
-    # A jack always at cruise speed would have met the same rises.
-    line = press.jack_speed * (found.cruise_start - found.extrapolated_start)
-    assert law.at(np.array([found.cruise_start])).position[0] == pytest.approx(line, rel=1e-11)
     return found
 
 
 @given(presses())
-@settings(deadline=None, max_examples=150)
 def test_any_press_keeps_its_limits_or_is_refused(press):
     try:
         press_law(press)
@@ -146,14 +142,14 @@ def test_acceleration_and_speed_are_derivatives(derivatives, close):
     close(law.at(t).acceleration, second, 1e-9)
 
 
-def test_no_room_for_a_cruise_is_refused_with_remedies():
+def test_no_room_for_a_cruise_is_refused_with_fixes():
     with pytest.raises(TrajectoryError) as raised:
         press_law(PAPER.model_copy(update={"jack_speed": 0.5}))
     text = str(raised.value)
     assert text.startswith("press.jack_speed: at 0.5 m/s the run-up takes 11.4 mm")
     assert "of the rise of 10 mm" in text
-    remedies = ("lower jack_speed", "run_up_acceleration", "run_up_jerk", "run_down_acceleration")
-    assert all(remedy in text for remedy in remedies)
+    fixes = ("lower jack_speed", "run_up_acceleration", "run_up_jerk", "run_down_acceleration")
+    assert all(fix in text for fix in fixes)
 
 
 def test_the_way_down_covers_the_hover_within_its_limits():

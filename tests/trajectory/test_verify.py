@@ -1,4 +1,4 @@
-"""Every check, against brute force at 100 kHz on the integers that are sent."""
+"""Every check, against brute force at 100 kHz on the quantised segments."""
 
 import numpy as np
 import pytest
@@ -37,7 +37,7 @@ def gestures(draw, rise):
 
 @st.composite
 def rigs(draw):
-    """Rigs of all shapes: both holds and elbows, equal and 10:1 links, straight and folded."""
+    """Rigs of many kinds: both holds and elbows, equal and 10:1 links, straight and folded."""
     upper = draw(st.floats(0.06, 0.25))
     lower = upper * draw(st.sampled_from([1.0, 10.0, 0.1, 1.3, 0.6]))
     press_arm = draw(st.floats(0.05, 0.185))
@@ -120,7 +120,7 @@ def arrays(plan):
 
 
 def check_by_force(brute, rig, expected):
-    """Plan, and where that gives a plan, recompute all that it promises."""
+    """Plan, and check every value of an accepted plan by brute force."""
     try:
         plan = plan_press(rig, expected)
     except TrajectoryError as error:
@@ -139,15 +139,15 @@ def check_by_force(brute, rig, expected):
             assert check.value == pytest.approx(value, rel=0.05, abs=1e-6)
             continue
         beyond = check.value - value if check.at_least else value - check.value
-        # Half a count above a resting key its normal is taken upright.
+        # Half a count above a key at rest its normal is taken as vertical.
         slack = (1e-6 if "torque" in check.name else 1e-8) * scale + 1e-9
         assert beyond <= slack, check
-        spare = value - check.limit if check.at_least else check.limit - value
-        assert spare >= -slack, check
+        margin = value - check.limit if check.at_least else check.limit - value
+        assert margin >= -slack, check
 
 
 @given(presses())
-@settings(deadline=None, max_examples=100, derandomize=True)
+@settings(max_examples=25, derandomize=True)
 def test_a_plan_holds_by_brute_force_or_is_refused(brute, press):
     check_by_force(brute, *press)
 
@@ -155,14 +155,14 @@ def test_a_plan_holds_by_brute_force_or_is_refused(brute, press):
 @pytest.mark.slow
 @pytest.mark.timeout(1800)
 @given(presses())
-@settings(deadline=None, max_examples=2000)
+@settings(max_examples=2000)
 def test_thousands_of_plans_hold_by_brute_force_or_are_refused(brute, press):
     check_by_force(brute, *press)
 
 
 @pytest.mark.parametrize("hold", ["point", "normal"])
 @pytest.mark.parametrize("pushed", [False, True])
-def test_the_papers_checks_are_true_and_not_too_careful(bench, brute, hold, pushed):
+def test_the_papers_checks_are_exact_within_a_small_bound(bench, brute, hold, pushed):
     rig = bench(press__hold=hold, arm__torque_limit="10 N m")
     rise = np.linspace(0, 0.01, 400)
     spike = 0.6 + 50.0 * np.exp(-(((rise - 0.0041234) / 2e-5) ** 2))
@@ -177,8 +177,8 @@ def test_the_papers_checks_are_true_and_not_too_careful(bench, brute, hold, push
         ) + 1e-8 * abs(check.value), check
 
 
-def test_torques_bear_the_expected_force_by_virtual_work(paper):
-    """Torque times the joints' motion is the arm's own power and force times the tip's."""
+def test_torques_balance_the_expected_force_by_virtual_work(paper):
+    """The additional power of the joints is that of the force on the fingertip."""
     rise = np.array([0.0, 0.002, 0.004, 0.01])
     expected = Expectation(rise, np.array([0.6, 0.6, 3.0, 0.6]), 0.002, 0.004)
     bare, pushed = plan_press(paper), plan_press(paper, expected)
@@ -192,7 +192,7 @@ def test_torques_bear_the_expected_force_by_virtual_work(paper):
 
 
 def test_the_force_is_not_expected_above_the_key(bench, brute):
-    """A force at rest is borne in the press alone, and the ways there and back are free."""
+    """A force at rest acts in the press only, not in approach and retreat."""
     rig = bench()
     expected = Expectation(np.array([0.0]), np.array([30.0]), 0.0, 0.0)
     draft = draft_press(rig, expected)
@@ -202,8 +202,8 @@ def test_the_force_is_not_expected_above_the_key(bench, brute):
             assert check.value == pytest.approx(found[check.name], rel=0.03)
 
 
-def test_stops_are_those_of_joints_that_brake_by_themselves(bench, brute):
-    """A weak brake lets the finger sink and run on: told, and as deep as it really goes."""
+def test_stops_decelerate_each_joint_independently(bench, brute):
+    """With a low deceleration the finger moves on; the check reports the actual depth."""
     rig = bench(arm__acceleration_limit="3 rad/s^2")
     values = {check.name: check for check in draft_press(rig).checks}
     found = brute(rig, draft_press(rig))

@@ -1,1 +1,1 @@
-"""Where to clamp the robot, and where it is clamped."""
+"""Choice of the place to clamp the robot, and its measurement."""

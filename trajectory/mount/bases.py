@@ -1,7 +1,7 @@
-"""One press at many bases at once: the residual of the hold, and the margin of each limit.
+"""Assessment of many bases at once: the residual of the hold, and the margin of each limit.
 
-Where a base cannot reach the key, the arm is taken as stretched or folded towards it, so
-that every number stays finite and says by how much a limit is missed.
+For a base out of reach the arm is taken as stretched or folded towards the key, so that all
+margins stay finite and measure the violation of each limit.
 """
 
 from typing import NamedTuple
@@ -9,8 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from sautereau.rig.schema import Arm, Rig
-from sautereau.trajectory.arm import link_vectors
-from sautereau.trajectory.dynamics import gravity_torque
+from sautereau.trajectory.dynamics import gravity_torque, tip_torque
 from sautereau.trajectory.key import angle_of_rise, surface_axes
 from sautereau.trajectory.motion import Floats, dot
 from sautereau.trajectory.verify import SINGULARITY_MARGIN
@@ -26,52 +25,52 @@ LIMITS = {
     "elbow clearance": "the elbow would come below key.neighbour_height: raise arm.mount_z",
     "torque": "raise arm.torque_limit, or lighten the links",
 }
-"""What may exclude a base, each with what would mend it."""
+"""The limits that may exclude a base, each with how to fix it."""
 
 
-class Stance(NamedTuple):
-    """What n bases give with one elbow."""
+class BaseAssessment(NamedTuple):
+    """Residuals and margins of n bases with one elbow branch."""
 
     residual: Floats
-    """Tilt [rad] or slide [m], as the hold leaves over, at each angle; shape (n, k)."""
+    """Residual of the hold, tilt [rad] or slide [m], at each angle; shape (n, k)."""
     margins: Floats
-    """1, smallest margin of each of `LIMITS` in parts of a scale; shape (7, n)."""
+    """Dimensionless, smallest margin of each of `LIMITS` relative to a scale; shape (7, n)."""
 
     @property
-    def worst(self) -> Floats:
+    def worst_residual(self) -> Floats:
         """Largest magnitude of the residual, shape (n,)."""
         return np.abs(self.residual).max(-1)
 
     @property
-    def miss(self) -> Floats:
-        """1, by how much the worst limit is missed; not positive where all hold; shape (n,)."""
+    def violation(self) -> Floats:
+        """Dimensionless, violation of the worst limit; not positive if all hold; shape (n,)."""
         return -self.margins.min(0)
 
     @property
-    def merit(self) -> Floats:
-        """The worst residual where all limits hold, and far more where one is missed; (n,)."""
-        return np.where(self.miss > 0, 1e6 + self.miss, self.worst)
+    def cost(self) -> Floats:
+        """The worst residual if all limits hold, and far more otherwise; shape (n,)."""
+        return np.where(self.violation > 0, 1e6 + self.violation, self.worst_residual)
 
-    def only(self, index: int) -> "Stance":
-        """Return the stance of one of the bases."""
-        return Stance(self.residual[index : index + 1], self.margins[:, index : index + 1])
+    def select(self, index: int) -> "BaseAssessment":
+        """Return the assessment of one of the bases."""
+        return BaseAssessment(self.residual[index : index + 1], self.margins[:, index : index + 1])
 
 
 def key_angles(rig: Rig, n: int) -> Floats:
-    """Return n key angles [rad] from rest to the rig's full rise, close together at the ends."""
-    gesture = rig.press.gesture
-    low, high = (0.0, rig.press.jack_rise) if gesture is None else _ends(gesture.rise)
+    """Return n key angles [rad] from rest to the rig's full rise, closely spaced at the ends."""
+    rises = (rig.press.jack_rise,) if rig.press.gesture is None else rig.press.gesture.rise
+    low, high = min(0.0, *rises), max(rises)
     rises = low + (high - low) * (1 - np.cos(np.linspace(0, np.pi, n))) / 2
     return angle_of_rise(rig.key, rises)
 
 
-def stances(
+def assess_bases(
     rig: Rig, elbow: str, bases: Floats, angles: Floats, finger_force: float = 0.0
-) -> Stance:
+) -> BaseAssessment:
     """Return residual and margins of bases.
 
     Args:
-        rig: The bench; its own base and elbow are not looked at.
+        rig: The bench; its own base and elbow are ignored.
         elbow: `up` or `down`.
         bases: m, positions of joint 1, shape (n, 2).
         angles: rad, of the key, shape (k,).
@@ -93,9 +92,9 @@ def stances(
     above = np.array([[-key.press_arm, height + rig.press.hover]])
     hover1, hover2, hover_reach = _point(arm, sign, bases, above)
     middle = (arm.lower_limits[0] + arm.upper_limits[0]) / 2
-    start = _within_half_a_turn(first[:, :1], middle)
-    first = _within_half_a_turn(first, start)
-    hover1 = _within_half_a_turn(hover1, start)
+    start = _nearest_turn(first[:, :1], middle)
+    first = _nearest_turn(first, start)
+    hover1 = _nearest_turn(hover1, start)
     scale = arm.upper_length + arm.lower_length
     bend = sign * second
     from_pin = key.press_arm - slide
@@ -111,11 +110,11 @@ def stances(
     margins.append((lowest - key.neighbour_height) / scale)
     torque = _torque(arm, np.stack([first, second], -1), finger_force * normal)
     margins.append(1 - torque / arm.torque_limit)
-    return Stance(residual, np.array(margins))
+    return BaseAssessment(residual, np.array(margins))
 
 
 def _point(arm: Arm, sign: float, bases: Floats, centre: Floats) -> tuple[Floats, Floats, Floats]:
-    """Return both joints [rad], (n, k), and the reach's margin [m], (n,), as `arm.py` does."""
+    """Return both joints [rad], (n, k), and the margin of the reach [m], (n,); see `arm.py`."""
     l1, l2 = arm.upper_length, arm.lower_length
     offset = centre - bases[:, None]
     squared = dot(offset, offset)
@@ -129,7 +128,7 @@ def _point(arm: Arm, sign: float, bases: Floats, centre: Floats) -> tuple[Floats
 
 
 def _normal(rig: Rig, bases: Floats, angles: Floats) -> tuple[Floats, Floats, Floats, Floats]:
-    """Return both joints [rad], the reach's margin [m] and the slide [m], as `arm.py` does."""
+    """Return both joints [rad], the margin of the reach [m] and the slide [m]; see `arm.py`."""
     arm, key = rig.arm, rig.key
     tangent, normal = surface_axes(angles)
     height = key.surface_height + arm.fingertip_radius + arm.lower_length
@@ -143,19 +142,13 @@ def _normal(rig: Rig, bases: Floats, angles: Floats) -> tuple[Floats, Floats, Fl
     return first, second, reach, base_along + across + key.press_arm
 
 
-def _within_half_a_turn(angle: Floats, reference: Floats | float) -> Floats:
-    """Return angles [rad] by whole turns nearest to a reference."""
+def _nearest_turn(angle: Floats, reference: Floats | float) -> Floats:
+    """Return angles [rad] plus the integer number of turns nearest to a reference."""
     return angle - 2 * np.pi * np.round((angle - reference) / (2 * np.pi))
 
 
 def _torque(arm: Arm, joints: Floats, push: Floats) -> Floats:
-    """Return the largest torque [N m] at rest, with and without a push on the key; (n,)."""
+    """Return the largest static torque [N m], with and without a force on the key; (n,)."""
     weight = gravity_torque(arm, joints)
-    _, upper = link_vectors(arm.upper_length, joints[..., 0])
-    _, lower = link_vectors(arm.lower_length, joints.sum(-1))
-    carried = weight - np.stack([dot(upper + lower, push), dot(lower, push)], -1)
+    carried = weight - tip_torque(arm, joints, push)
     return np.maximum(np.abs(weight), np.abs(carried)).max((-2, -1))
-
-
-def _ends(values: tuple[float, ...]) -> tuple[float, float]:
-    return min(0.0, *values), max(values)

@@ -1,11 +1,11 @@
-"""Where to clamp the robot, so that its hold leaves the least over.
+"""Choice of the place to clamp the robot, for the least residual of its hold.
 
-With two joints a fingertip follows the key in one respect and departs in another: held on
-its `point`, the finger tilts; held `normal`, it slides. If link 2 stays normal to the key
-its elbow circles the balance pin, so with a base on the line through elbow and pin at
-mid-stroke the departure is second order in the key's angle. The least of the largest
-departures is not smooth in the base, so it is searched for on grids: one over the region
-for either elbow, then windows that zoom in on its lowest places.
+Two joints cannot follow the key completely: with the hold `point` the finger tilts, with `normal`
+it slides. If link 2 stays normal to the key, its elbow moves on a circle about the balance pin, so
+with a base on the line through elbow and pin at mid-stroke the residual is second order in the
+key's angle. The largest residual is not a smooth function of the base, so its minimum is searched
+for on grids: one over the region for each elbow branch, then shrinking windows around the lowest
+points.
 """
 
 from dataclasses import dataclass
@@ -16,28 +16,38 @@ import numpy as np
 from sautereau.rig.schema import Rig
 from sautereau.trajectory.errors import TrajectoryError
 from sautereau.trajectory.motion import Floats
-from sautereau.trajectory.mount.bases import ELBOWS, LIMITS, Stance, key_angles, stances
-from sautereau.trajectory.mount.misplacement import Misplacement, residual_and_growth, unnoticed
+from sautereau.trajectory.mount.bases import (
+    ELBOWS,
+    LIMITS,
+    BaseAssessment,
+    assess_bases,
+    key_angles,
+)
+from sautereau.trajectory.mount.misplacement import (
+    Misplacement,
+    residual_and_sensitivity,
+    unnoticed,
+)
 
 FINGER_FORCE = 1.5
-"""N, expected of the finger on the key: about three times what a pluck at 0.07 m/s takes."""
+"""N, expected finger force: about three times that of a pluck at 0.07 m/s."""
 COARSE, FINE = 9, 65
-"""Key angles at which the region, and the neighbourhood of a good base, are judged."""
+"""Number of key angles for the region, and for the neighbourhood of a good base."""
 GRID, WINDOW = 41, 9
-"""Bases along each side of the region, and of a zoomed window."""
+"""Number of bases along each side of the region, and of a window."""
 STARTS = 3
-"""Places of the coarse grid, for each elbow, from which the search zooms."""
+"""Points of the coarse grid, per elbow branch, from which the search is refined."""
 ACCURACY = 1e-8
-"""m, half-width of the window at which zooming ends."""
-LONGEST = 120
-"""Windows in one zoom at most."""
-NUDGE = 1e-6
-"""m, step of the residual's derivative."""
+"""m, half-width of the last window."""
+MOST_WINDOWS = 120
+"""Most windows in one refinement."""
+DERIVATIVE_STEP = 1e-6
+"""m, step of the residual's numerical derivative."""
 
 
 @dataclass(frozen=True)
 class Mount:
-    """A place to clamp the robot, and what misplacing it costs."""
+    """A place to clamp the robot, and its sensitivity to misplacement."""
 
     base_x: float
     """m, of joint 1 from the balance pin."""
@@ -52,15 +62,15 @@ class Mount:
     slide_max: float
     """m, largest slide of the contact along the key."""
     tilt_per_metre: float
-    """rad/m, growth of `tilt_max` in the worst direction where the plan knows the place."""
+    """rad/m, derivative of `tilt_max` in the worst direction, with the plan made for the place."""
     slide_per_metre: float
-    """1, growth of `slide_max` in the worst direction where the plan knows the place."""
+    """Dimensionless, derivative of `slide_max` in the worst direction, likewise."""
     unnoticed_x: Misplacement
-    """What 1 mm along x costs where the plan does not know it."""
+    """Errors by 1 mm along x that the plan does not include."""
     unnoticed_z: Misplacement
-    """What 1 mm along z costs where the plan does not know it."""
+    """Errors by 1 mm along z that the plan does not include."""
     unnoticed_turn: Misplacement
-    """What 0.1 deg about joint 1 costs where the plan does not know it."""
+    """Errors by 0.1 deg about joint 1 that the plan does not include."""
 
 
 class MountMap(NamedTuple):
@@ -72,58 +82,57 @@ class MountMap(NamedTuple):
     """m, shape (n,)."""
     residual: Floats
     """Largest tilt [rad] or slide [m], for each of `elbows`; shape (2, n, n) over (z, x).
-    Finite everywhere, and without meaning where not `feasible`."""
+    Finite everywhere, but meaningful only where `feasible`."""
     feasible: np.ndarray
     """Whether every limit holds, bool, shape (2, n, n)."""
     elbows: tuple[str, str] = ELBOWS
 
     def best(self) -> tuple[Floats, np.ndarray]:
-        """Return the residual of the better elbow and whether either is feasible; (n, n)."""
+        """Return the residual of the better elbow, and whether either is feasible; (n, n)."""
         least = np.where(self.feasible, self.residual, np.inf).min(0)
         feasible = np.logical_or(*self.feasible)
         return np.where(feasible, least, self.residual.min(0)), feasible
 
 
 def find_mount(rig: Rig, finger_force: float = FINGER_FORCE) -> Mount:
-    """Find the base in `arm.mount_x` by `arm.mount_z`, and the elbow, of least residual.
+    """Find the base in `arm.mount_x` by `arm.mount_z`, and the elbow branch, of least residual.
 
-    The largest tilt (hold `point`) or slide (hold `normal`) over the press is made smallest
-    among the bases that keep the reach, the margin from singularity, the joints' limits, the
-    elbow above the neighbouring keys and the torques at rest within their limit. The speeds
-    and accelerations of the joints are for `plan_press` to check.
+    The largest tilt (hold `point`) or slide (hold `normal`) over the press is minimised among the
+    bases that satisfy the limits of reach, singularity, joints, elbow clearance and static torque.
+    The speeds and accelerations of the joints are checked by `plan_press`.
 
     Args:
-        rig: The bench; its own base and elbow are not looked at.
+        rig: The bench; its own base and elbow are ignored.
         finger_force: N, expected along the key's normal.
 
     Raises:
-        TrajectoryError: No base in the region will do; says which limit excludes most. Or
-            there is no such press.
+        TrajectoryError: No base in the region is feasible; the message names the limit that
+            excludes most. Or no such press exists.
     """
     _check_force(finger_force)
     grid = _grid(*_axes(rig, GRID))
     angles = key_angles(rig, COARSE)
-    coarse = [stances(rig, elbow, grid, angles, finger_force) for elbow in ELBOWS]
+    coarse = [assess_bases(rig, elbow, grid, angles, finger_force) for elbow in ELBOWS]
     found = [
-        (*_zoom(rig, elbow, grid[start], finger_force), elbow)
-        for elbow, stance in zip(ELBOWS, coarse, strict=True)
-        for start in _lowest(stance.merit)
+        (*_refine(rig, elbow, grid[start], finger_force), elbow)
+        for elbow, assessment in zip(ELBOWS, coarse, strict=True)
+        for start in _lowest(assessment.cost)
     ]
-    base, stance, elbow = min(found, key=lambda each: each[1].merit[0])
-    if stance.miss[0] > 0:
-        raise TrajectoryError(_nowhere(rig, coarse, base, elbow, stance))
+    base, assessment, elbow = min(found, key=lambda each: each[1].cost[0])
+    if assessment.violation[0] > 0:
+        raise TrajectoryError(_infeasible_message(rig, coarse, base, elbow, assessment))
     place = {"base_x": float(base[0]), "base_z": float(base[1]), "elbow": elbow}
     return assess_mount(rig.model_copy(update={"arm": rig.arm.model_copy(update=place)}))
 
 
 def assess_mount(rig: Rig) -> Mount:
-    """Return the residual at the rig's own base and elbow, and what misplacing it costs.
+    """Return the residual at the rig's own base and elbow, and its sensitivity to misplacement.
 
     Raises:
-        TrajectoryError: The arm does not reach the key from there, or there is no press.
+        TrajectoryError: The arm does not reach the key from there, or no such press exists.
     """
     arm, hold = rig.arm, rig.press.hold
-    residual, growth = residual_and_growth(rig)
+    residual, sensitivity = residual_and_sensitivity(rig)
     leans = hold == "point"
     x, z, turn = unnoticed(rig)
     return Mount(
@@ -133,8 +142,8 @@ def assess_mount(rig: Rig) -> Mount:
         hold=hold,
         tilt_max=residual if leans else 0.0,
         slide_max=0.0 if leans else residual,
-        tilt_per_metre=growth if leans else 0.0,
-        slide_per_metre=0.0 if leans else growth,
+        tilt_per_metre=sensitivity if leans else 0.0,
+        slide_per_metre=0.0 if leans else sensitivity,
         unnoticed_x=x,
         unnoticed_z=z,
         unnoticed_turn=turn,
@@ -145,7 +154,7 @@ def mount_map(rig: Rig, n: int = 201, finger_force: float = FINGER_FORCE) -> Mou
     """Return the residual of n by n bases over the region, for either elbow.
 
     Args:
-        rig: The bench; its own base and elbow are not looked at.
+        rig: The bench; its own base and elbow are ignored.
         n: Bases along each side of the region, at least 2.
         finger_force: N, expected along the key's normal.
 
@@ -159,75 +168,79 @@ def mount_map(rig: Rig, n: int = 201, finger_force: float = FINGER_FORCE) -> Mou
     angles = key_angles(rig, COARSE)
     # Row by row, so that memory does not grow with n squared.
     rows = [
-        [stances(rig, elbow, _grid(x, z[i : i + 1]), angles, finger_force) for i in range(n)]
+        [assess_bases(rig, elbow, _grid(x, z[i : i + 1]), angles, finger_force) for i in range(n)]
         for elbow in ELBOWS
     ]
-    residual = np.array([[row.worst for row in elbow] for elbow in rows])
-    feasible = np.array([[row.miss <= 0 for row in elbow] for elbow in rows])
+    residual = np.array([[row.worst_residual for row in elbow] for elbow in rows])
+    feasible = np.array([[row.violation <= 0 for row in elbow] for elbow in rows])
     return MountMap(x, z, residual, feasible)
 
 
-def _zoom(rig: Rig, elbow: str, base: Floats, finger_force: float) -> tuple[Floats, Stance]:
-    """Follow the merit [1] down from a base, in windows that halve around the best place.
+def _refine(
+    rig: Rig, elbow: str, base: Floats, finger_force: float
+) -> tuple[Floats, BaseAssessment]:
+    """Minimise the cost from a base on, in windows that halve around the best point.
 
-    The residual is a cone, drawn out along a valley: each window is drawn out likewise, by
-    the singular values of the residual's derivative, and as wide as the residual lets it be.
+    The residual is a cone elongated along a valley. Each window is elongated likewise, by the
+    singular values of the residual's derivative, and its width is limited by the residual.
     """
     angles = key_angles(rig, FINE)
     low, high = np.array([rig.arm.mount_x, rig.arm.mount_z]).T
     steps = np.linspace(-1, 1, WINDOW)
     window = _grid(steps, steps)
     edge = np.abs(window).max(-1) == 1
-    here = stances(rig, elbow, base[None], angles, finger_force)
+    here = assess_bases(rig, elbow, base[None], angles, finger_force)
     size = 2.0
-    for _ in range(LONGEST):
-        if here.miss[0] > 0:
+    for _ in range(MOST_WINDOWS):
+        if here.violation[0] > 0:
             spread = np.diag(high - low) / GRID
         else:
-            nudged = base + NUDGE * np.eye(2)
-            slope = stances(rig, elbow, nudged, angles).residual - here.residual
-            _, values, turned = np.linalg.svd(slope.T / NUDGE, full_matrices=False)
-            reach = here.worst[0] * np.sqrt(len(angles)) / np.maximum(values, 1e-12)
+            shifted = base + DERIVATIVE_STEP * np.eye(2)
+            slope = assess_bases(rig, elbow, shifted, angles).residual - here.residual
+            _, values, turned = np.linalg.svd(slope.T / DERIVATIVE_STEP, full_matrices=False)
+            reach = here.worst_residual[0] * np.sqrt(len(angles)) / np.maximum(values, 1e-12)
             spread = np.minimum(reach, np.hypot(*(high - low)))[:, None] * turned
         if size * np.abs(spread).max() < ACCURACY:
             break
         bases = np.clip(base + size * window @ spread, low, high)
-        tried = stances(rig, elbow, bases, angles, finger_force)
-        best = int(tried.merit.argmin())
-        met = here.miss[0] > 0 >= tried.miss[best]
-        if tried.merit[best] < here.merit[0]:
-            base, here = bases[best], tried.only(best)
-            size = 2.0 if met else size * (1.0 if edge[best] else 0.5)
+        candidates = assess_bases(rig, elbow, bases, angles, finger_force)
+        best = int(candidates.cost.argmin())
+        newly_feasible = here.violation[0] > 0 >= candidates.violation[best]
+        if candidates.cost[best] < here.cost[0]:
+            base, here = bases[best], candidates.select(best)
+            size = 2.0 if newly_feasible else size * (1.0 if edge[best] else 0.5)
         else:
             size *= 0.5
     return base, here
 
 
-def _lowest(merit: Floats) -> list[int]:
-    """Return the lowest of the square grid's local minima, best first."""
-    square = np.pad(merit.reshape(GRID, GRID), 1, constant_values=np.inf)
+def _lowest(cost: Floats) -> list[int]:
+    """Return the lowest local minima of the square grid, best first."""
+    square = np.pad(cost.reshape(GRID, GRID), 1, constant_values=np.inf)
     shifts = [(i, j) for i in (0, 1, 2) for j in (0, 1, 2)]
     around = np.min([square[i : i + GRID, j : j + GRID] for i, j in shifts], axis=0)
-    lowest = np.flatnonzero(merit <= around.ravel())
-    return [int(i) for i in lowest[np.argsort(merit[lowest])][:STARTS]]
+    lowest = np.flatnonzero(cost <= around.ravel())
+    return [int(i) for i in lowest[np.argsort(cost[lowest])][:STARTS]]
 
 
-def _nowhere(rig: Rig, coarse: list[Stance], base: Floats, elbow: str, nearest: Stance) -> str:
-    """Say which limit excludes most of the region, and what the nearest miss lacks."""
+def _infeasible_message(
+    rig: Rig, coarse: list[BaseAssessment], base: Floats, elbow: str, nearest: BaseAssessment
+) -> str:
+    """Return a message with the limit that excludes most, and that of the least infeasible base."""
     arm = rig.arm
-    excluded = np.mean([stance.margins < 0 for stance in coarse], axis=(0, 2))
+    excluded = np.mean([assessment.margins < 0 for assessment in coarse], axis=(0, 2))
     names = list(LIMITS)
     most, last = int(excluded.argmax()), int(nearest.margins[:, 0].argmin())
     x, z = (np.array(side) * 1e3 for side in (arm.mount_x, arm.mount_z))
     text = (
-        f"mount: nowhere in arm.mount_x ({x[0]:.4g} to {x[1]:.4g} mm) and arm.mount_z"
-        f" ({z[0]:.4g} to {z[1]:.4g} mm) can the robot press this key; {names[most]} excludes"
-        f" most, {excluded[most]:.0%} of the places: {LIMITS[names[most]]}"
+        f"mount: no base in arm.mount_x ({x[0]:.4g} to {x[1]:.4g} mm) and arm.mount_z"
+        f" ({z[0]:.4g} to {z[1]:.4g} mm) is feasible; {names[most]} excludes"
+        f" most, {excluded[most]:.0%} of the bases: {LIMITS[names[most]]}"
     )
     if last != most:
         text += (
-            f"; the place that comes nearest (x = {base[0] * 1e3:.4g}, z = {base[1] * 1e3:.4g} mm,"
-            f" elbow {elbow}) fails by {names[last]}: {LIMITS[names[last]]}"
+            f"; the base closest to feasible (x = {base[0] * 1e3:.4g}, z = {base[1] * 1e3:.4g} mm,"
+            f" elbow {elbow}) violates {names[last]}: {LIMITS[names[last]]}"
         )
     return text
 

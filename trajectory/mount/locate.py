@@ -1,8 +1,8 @@
-"""Where the robot's base really is, from poses in which the fingertip touches known points.
+"""Calibration of the robot's base from poses in which the fingertip touches known points.
 
-The key is at rest, so its surface normal n is vertical, and a fingertip that touches the
-surface at a point P has its centre at P + r n. With B the base, u(t) = (cos t, sin t), the
-joints' readings q1 and q2 and what is to be added to them, o1 and o2, each pose gives
+The key is at rest, so its surface normal n is vertical, and a fingertip in contact with the
+surface at a point P has its centre at P + r n. With the base B, u(t) = (cos t, sin t), the joints'
+readings q1 and q2 and their offsets o1 and o2, each pose gives
 
     B + l1 u(q1 + o1) + l2 u(q1 + o1 + q2 + o2) = P + r n.
 """
@@ -18,81 +18,81 @@ from sautereau.trajectory.errors import TrajectoryError
 from sautereau.trajectory.motion import Floats
 
 TOUCH = 0.1e-3
-"""m, standard uncertainty of a touch in each direction: of a fingertip jogged by eye."""
+"""m, standard uncertainty of a touch in each direction, for a fingertip jogged by eye."""
 UNKNOWNS = ("base_x", "base_z", "joint 1 offset", "joint 2 offset")
-"""In the order of `Located.std` and `Located.covariance`."""
+"""Names of the unknowns, in the order of `Located.std` and `Located.covariance`."""
 CONDITION_LIMIT = 1e3
-"""1, of the scaled equations, from which on poses do not determine an offset."""
+"""Dimensionless, condition number above which the poses do not determine an offset."""
 CONDITION_WARNING = 50.0
-"""1, of the scaled equations, from which on poses hardly determine an offset."""
-SPAN = 10.0
-"""Touching uncertainties by which the touched points must lie apart."""
-STEPS = 100
-"""Gauss-Newton steps at most."""
+"""Dimensionless, condition number above which there is a warning."""
+LEAST_SPAN = 10.0
+"""Least span of the touched points, relative to the uncertainty of a touch."""
+MOST_STEPS = 100
+"""Most Gauss-Newton steps."""
 
 
 @dataclass(frozen=True)
 class Located:
-    """A base as touches have it."""
+    """A base estimated from touches."""
 
     base_x: float
     """m, of joint 1 from the balance pin."""
     base_z: float
     """m, of joint 1 above the balance pin."""
     offsets: tuple[float, float]
-    """rad, to be added to the readings of joints 1 and 2; 0 where it was not estimated."""
+    """rad, to add to the readings of joints 1 and 2; 0 if not estimated."""
     estimated: tuple[str, ...]
-    """Which k of `UNKNOWNS` the touches were solved for."""
+    """The k estimated `UNKNOWNS`."""
     std: Floats
     """Standard uncertainty of each of `estimated` [m, m, rad, rad]; shape (k,)."""
     covariance: Floats
     """Of `estimated`; shape (k, k)."""
     residual: float
-    """m, root mean square of the distances that are left over."""
+    """m, root mean square of the residual distances."""
     touch: float
-    """m, standard uncertainty of a touch that `std` rests on: the larger of the stated and
-    the observed one."""
+    """m, standard uncertainty of a touch used for `std`: the larger of the stated and the observed
+    one."""
     condition: float
-    """1, condition number of the equations, with offsets as lengths at the arm's full reach."""
+    """Dimensionless, condition number of the equations, with offsets as lengths at full reach."""
     warnings: tuple[str, ...]
 
 
 def locate_base(
     rig: Rig, joints: Floats, points: Floats, touch: float = TOUCH, offsets: int | None = None
 ) -> Located:
-    """Estimate where the base is, and how far the joints' zeros are off.
+    """Estimate the position of the base and the offsets of the joints' zeros.
 
-    Two touches determine the base and the zero of joint 1; three, joint 2's as well. An offset
-    that the touches do not determine is taken as 0, with a warning, unless asked for.
+    Two touches determine the base and the zero of joint 1; three, that of joint 2 as well. An
+    offset that the touches do not determine is set to 0, with a warning, unless requested.
 
     Args:
-        rig: The bench; its own base is not looked at.
+        rig: The bench; its own base is ignored.
         joints: rad, readings of both joints in each pose, shape (m, 2).
         points: m, touched points along the key from the pin, negative in front, shape (m,).
         touch: m, standard uncertainty of a touch in each direction.
-        offsets: Joints, from joint 1 on, whose zeros are estimated: 0, 1 or 2; None for as
-            many as the touches determine.
+        offsets: Number of joints whose zeros are estimated, from joint 1 on: 0, 1 or 2; None
+            for as many as the touches determine.
 
     Raises:
-        TrajectoryError: There are too few touches, or too close together, or some are no
-            numbers or not on the key, or they do not determine the offsets asked for.
+        TrajectoryError: The touches are too few, too close together, not finite or not on the
+            key, or they do not determine the requested offsets.
     """
     joints, points = np.asarray(joints, dtype=float), np.asarray(points, dtype=float)
     _check(rig, joints, points, touch, offsets)
-    solved, warnings = _determined(rig, joints, points, offsets)
-    zeros, solution, left, jacobian, lengths, condition = solved
+    solved, warnings = _solve_determined(rig, joints, points, offsets)
+    zeros, solution, residuals, jacobian, lengths, condition = solved
     if condition > CONDITION_WARNING:
         warnings.append(
             f"the touches hardly determine the zero of joint {zeros} (condition number"
-            f" {condition:.2g}), and its uncertainty goes into the base: touch points further"
-            " apart, or estimate fewer offsets where the homing is sure"
+            f" {condition:.2g}), which increases the uncertainty of the base: touch points further"
+            " apart, or estimate fewer offsets if the homing is reliable"
         )
-    surplus = left.size - len(solution)
-    observed = float(np.sqrt((left**2).sum() / surplus)) if surplus else 0.0
+    freedom = residuals.size - len(solution)
+    observed = float(np.sqrt((residuals**2).sum() / freedom)) if freedom else 0.0
     if observed > 3 * touch:
         warnings.append(
-            f"the touches disagree by {observed * 1e3:.3g} mm, and {touch * 1e3:.3g} mm were"
-            " stated: check the points, the readings, and that the key is at rest"
+            f"the touches disagree by {observed * 1e3:.3g} mm, more than the stated"
+            f" {touch * 1e3:.3g} mm: check the points, the readings, and that the key is at rest"
         )
     used = max(touch, observed)
     inverse = np.linalg.inv((jacobian / lengths).T @ (jacobian / lengths))
@@ -106,7 +106,7 @@ def locate_base(
         estimated=UNKNOWNS[: len(solution)],
         std=np.sqrt(np.diag(covariance)),
         covariance=covariance,
-        residual=float(np.sqrt((left**2).sum() / len(points))),
+        residual=float(np.sqrt((residuals**2).sum() / len(points))),
         touch=used,
         condition=condition,
         warnings=tuple(warnings),
@@ -116,34 +116,34 @@ def locate_base(
 class _Solved(NamedTuple):
     zeros: int
     solution: Floats
-    left: Floats
+    residuals: Floats
     jacobian: Floats
     lengths: Floats
-    """What a unit of each unknown moves at the arm's full reach: 1, or m."""
+    """Displacement per unit of each unknown at the arm's full reach: 1, or m."""
     condition: float
 
 
-def _determined(
+def _solve_determined(
     rig: Rig, joints: Floats, points: Floats, offsets: int | None
 ) -> tuple[_Solved, list[str]]:
-    """Solve for as many offsets as the touches determine; say which were left out."""
+    """Solve for as many offsets as the touches determine; warn of the others."""
     warnings: list[str] = []
     reach = rig.arm.upper_length + rig.arm.lower_length
     zeros = min(2, len(points) - 1) if offsets is None else offsets
     while True:
         lengths = np.array([1.0, 1.0, *[reach] * zeros])
-        solution, left, jacobian = _solve(rig, joints, points, lengths)
+        solution, residuals, jacobian = _solve(rig, joints, points, lengths)
         condition = float(np.linalg.cond(jacobian / lengths))
         if condition < CONDITION_LIMIT or zeros == 0:
-            return _Solved(zeros, solution, left, jacobian, lengths, condition), warnings
+            return _Solved(zeros, solution, residuals, jacobian, lengths, condition), warnings
         fault = (
             f"the touches do not determine the zero of joint {zeros} (condition number"
             f" {condition:.2g}, at most {CONDITION_LIMIT:.2g}): touch points further apart,"
-            " or with the elbow bent otherwise"
+            " or with other bends of the elbow"
         )
         if offsets is not None:
             raise TrajectoryError(f"locate: {fault}, or estimate fewer offsets")
-        warnings.append(f"{fault}; it is taken as true")
+        warnings.append(f"{fault}; it is assumed exact")
         zeros -= 1
 
 
@@ -156,7 +156,7 @@ def _solve(
     centre = np.stack([points, np.full_like(points, height)], -1)
     unknown = np.zeros_like(lengths)
     zeros = len(lengths) - 2
-    for step in range(STEPS):
+    for step in range(MOST_STEPS):
         added = np.zeros(2)
         added[:zeros] = unknown[2:]
         turned = joints + added
@@ -164,25 +164,25 @@ def _solve(
         lower, lower_turned = link_vectors(arm.lower_length, turned.sum(-1))
         if step == 0:
             unknown[:2] = (centre - upper - lower).mean(0)
-        left = unknown[:2] + upper + lower - centre
+        residuals = unknown[:2] + upper + lower - centre
         columns = [upper_turned + lower_turned, lower_turned][:zeros]
         base = np.broadcast_to(np.eye(2), (len(points), 2, 2))
         jacobian = np.concatenate([base, *(c[..., None] for c in columns)], -1)
         jacobian = jacobian.reshape(-1, 2 + zeros)
-        change = np.linalg.lstsq(jacobian / lengths, -left.ravel(), rcond=1e-12)[0]
+        change = np.linalg.lstsq(jacobian / lengths, -residuals.ravel(), rcond=1e-12)[0]
         if np.abs(change).max() < 1e-13:
-            return unknown, left, jacobian
+            return unknown, residuals, jacobian
         # A joint's step of more than a radian would leave the range of the linear model.
         change *= min(1.0, lengths[-1] / max(np.abs(change[2:]).max(initial=0.0), 1e-300))
         unknown = unknown + change / lengths
     raise TrajectoryError(
-        f"locate: the estimate does not settle in {STEPS} steps: the touches contradict the arm;"
-        " check the points, the order of the joints and their units"
+        f"locate: the estimate does not converge in {MOST_STEPS} steps: the touches contradict the"
+        " arm; check the points, the order of the joints and their units"
     )
 
 
 def _check(rig: Rig, joints: Floats, points: Floats, touch: float, offsets: int | None) -> None:
-    """Refuse touches that determine nothing, all faults at once."""
+    """Refuse insufficient touches; the message lists all faults."""
     if points.ndim != 1 or joints.shape != (len(points), 2):
         raise TrajectoryError(
             f"locate: joints of shape {joints.shape} and points of shape {points.shape} do not fit;"
@@ -191,11 +191,11 @@ def _check(rig: Rig, joints: Floats, points: Floats, touch: float, offsets: int 
     faults = []
     least = 2 if offsets in (None, 0) else offsets + 1
     if offsets not in (None, 0, 1, 2):
-        faults.append(f"{offsets} offsets are asked for; give 0, 1 or 2")
+        faults.append(f"{offsets} offsets are requested; give 0, 1 or 2")
     if not (np.isfinite(touch) and touch > 0):
         faults.append(f"a touching uncertainty of {touch} m; give more than 0, such as 0.1 mm")
     if not (np.isfinite(joints).all() and np.isfinite(points).all()):
-        faults.append("a reading or a point is not finite; take that touch away")
+        faults.append("a reading or a point is not finite; remove that touch")
     if len(points) < least:
         faults.append(f"{len(points)} touches, and {least} are needed; touch more points")
     off = (points >= 0) | (points < -rig.key.front_arm)
@@ -204,10 +204,10 @@ def _check(rig: Rig, joints: Floats, points: Floats, touch: float, offsets: int 
             f"{points[off][0] * 1e3:.4g} mm from the pin is not on the key's front, from"
             f" {-rig.key.front_arm * 1e3:.4g} to 0 mm: points in front of the pin are negative"
         )
-    if not faults and np.ptp(points) < SPAN * touch:
+    if not faults and np.ptp(points) < LEAST_SPAN * touch:
         faults.append(
-            f"the touched points span {np.ptp(points) * 1e3:.3g} mm, less than {SPAN:g} times the"
-            f" touching uncertainty of {touch * 1e3:.3g} mm; touch points further apart"
+            f"the touched points span {np.ptp(points) * 1e3:.3g} mm, less than {LEAST_SPAN:g} times"
+            f" the touching uncertainty of {touch * 1e3:.3g} mm; touch points further apart"
         )
     if faults:
         raise TrajectoryError("locate: " + "\n  ".join(faults))

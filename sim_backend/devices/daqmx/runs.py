@@ -196,5 +196,5 @@ class SampledRun:
                 force = np.concatenate([motions.finger_force for motions, _ in fed])
                 chain.input.extend(times, force, jumps)
             else:
-                spin = np.concatenate([motions.spin for motions, _ in fed])
+                spin = np.concatenate([motions.angular_velocity for motions, _ in fed])
                 chain.input.extend(times, spin * self._laser_arm, ())

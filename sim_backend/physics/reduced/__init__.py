@@ -1,1 +1,1 @@
-"""The reduced engine: the key of a push or an ideal finger as one equation, compiled."""
+"""The reduced engine: one equation of the key, for a push or an ideal finger; compiled."""

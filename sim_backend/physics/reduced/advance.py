@@ -1,115 +1,102 @@
-"""From one time to another in the reduced engine; compiled.
+"""Time integration with events in the reduced engine; compiled.
 
-All that a mode of motion needs is a number that must stay positive. A step at whose end one
-is negative is taken again and ends where the first of them vanishes.
+Every mode has guards that stay positive while it lasts. A step at whose end a guard is negative
+is repeated, and ends where the first guard vanishes.
 """
 
 import math
 
+from sautereau.sim_backend.physics.reduced import state as ix
 from sautereau.sim_backend.physics.reduced.compile import compiled
 from sautereau.sim_backend.physics.reduced.locate import (
-    hold,
+    evaluate_guards,
     locate,
 )
-from sautereau.sim_backend.physics.reduced.state import (
-    ANGLE,
-    CHATTERS,
-    FALLS,
-    FINE,
-    IDEAL,
-    JACK,
-    LOST,
-    PUSH,
-    PUSH_END,
-    RISES,
-    SLIP,
-    SPIN,
-    TOUCH,
-)
 from sautereau.sim_backend.physics.reduced.step import (
-    take,
+    accept_step,
     try_step,
 )
-from sautereau.sim_backend.physics.reduced.switch import settle, switch
+from sautereau.sim_backend.physics.reduced.switch import change_mode, select_mode
 
-RESOLVED, RATED, LEAST = 3e-6, 1e-3, 1e-13
-"""1 and s, share of a speed that the fourth order may bring to a step of so long; it goes with
-the step's fourth power, not below the last. What has more of it is divided."""
+RESOLVED, RATED_STEP, LEAST_ERROR = 3e-6, 1e-3, 1e-13
+"""Error control: a step of length `RATED_STEP` [s] may change a speed by the fraction `RESOLVED`
+at fourth order; the limit scales with the fourth power of the step, and is at least
+`LEAST_ERROR`. A step with a larger error is divided."""
 SHORTEST = 1e-8
-"""s, of a step that is divided."""
-SWITCHES = 1000
-"""Changes within one stretch of time that are no motion any more."""
+"""s, shortest divided step."""
+MOST_CHANGES = 1000
+"""Changes of mode within one interval above which the motion counts as chattering."""
 
 
 @compiled
-def advance(bench, cells, state, kinds, marks, events, leg, time, end, fresh):
-    """Advance a state within a leg from a time to another [s]; return how that went.
+def advance(bench, cells, state, modes, guards, events, segment, time, end, new_segment):
+    """Advance a state within a drive segment from a time to another [s]; return a status.
 
     Args:
-        bench: The press.
-        cells: Of the strings' laws.
-        state: Is changed, as are what everything does, the marks and the events.
-        kinds: What everything does.
-        marks: Room for what must stay positive.
-        events: Room for what the strings meet.
-        leg: Of the drive; a push is taken off where it ends.
+        bench: Parameters of the press.
+        cells: Of the strings' force laws.
+        state: Updated in place, as are modes, guards and events.
+        modes: Discrete modes.
+        guards: Work space for the guards.
+        events: Work space for the strings' events.
+        segment: Drive segment; a push is removed at its end.
         time: s.
         end: s.
-        fresh: 1 where the leg begins, else 0.
+        new_segment: 1 at the start of a drive segment, else 0.
     """
     last = end
-    if leg[PUSH] > 0.0 and bench[0, PUSH_END] < end:
-        end = max(bench[0, PUSH_END], time)
+    if segment[ix.PUSH] > 0.0 and bench[0, ix.PUSH_END] < end:
+        end = max(bench[0, ix.PUSH_END], time)
     while True:
-        if fresh == 1:
-            status = settle(bench, cells, state, kinds, leg, time)
-            if status != FINE:
+        if new_segment == 1:
+            status = select_mode(bench, cells, state, modes, segment, time)
+            if status != ix.FINE:
                 return status
-        status = go_on(bench, cells, state, kinds, marks, events, leg, time, end)
-        if status != FINE or end == last:
+        status = advance_segment(bench, cells, state, modes, guards, events, segment, time, end)
+        if status != ix.FINE or end == last:
             return status
-        leg[PUSH] = 0.0
-        time, end, fresh = end, last, 1
+        segment[ix.PUSH] = 0.0
+        time, end, new_segment = end, last, 1
 
 
 @compiled
-def go_on(bench, cells, state, kinds, marks, events, leg, time, end):
-    """Advance from a time to another [s] in which the leg stays; return how that went."""
-    allowed = max(RESOLVED * ((end - time) / RATED) ** 4, LEAST)
-    size, switches = end - time, 0
+def advance_segment(bench, cells, state, modes, guards, events, segment, time, end):
+    """Advance from a time to another [s] without a change of the drive; return a status."""
+    allowed = max(RESOLVED * ((end - time) / RATED_STEP) ** 4, LEAST_ERROR)
+    size, changes = end - time, 0
     while time < end:
-        if at_rest(kinds, leg):
-            return FINE
+        if at_rest(modes, segment):
+            return ix.FINE
         step = min(size, end - time)
-        error = try_step(bench, cells, state, kinds, leg, time, step) / allowed
+        error = try_step(bench, cells, state, modes, segment, time, step) / allowed
         if error > 1.0 and step > SHORTEST:
             size = max(step * max(0.8 * error**-0.25, 0.1), SHORTEST)
             continue
-        if hold(bench, state, kinds, leg, time + step, marks):
-            take(state)
+        if evaluate_guards(bench, state, modes, segment, time + step, guards):
+            accept_step(state)
             time = end if step == end - time else time + step
             size = step * min(2.0, 0.8 * max(error, 1e-3) ** -0.25)
-            if not math.isfinite(state[0, ANGLE] + state[0, SPIN]):
-                return LOST
+            if not math.isfinite(state[0, ix.ANGLE] + state[0, ix.ANGULAR_VELOCITY]):
+                return ix.LOST
             continue
-        time += locate(bench, cells, state, kinds, marks, leg, time, step)
-        take(state)
-        status = switch(bench, cells, state, kinds, marks, events, leg, time)
-        if status != FINE:
+        time += locate(bench, cells, state, modes, guards, segment, time, step)
+        accept_step(state)
+        status = change_mode(bench, cells, state, modes, guards, events, segment, time)
+        if status != ix.FINE:
             return status
         size = end - time
-        switches += 1
-        if switches > SWITCHES:
-            return CHATTERS
-    return FINE
+        changes += 1
+        if changes > MOST_CHANGES:
+            return ix.CHATTERS
+    return ix.FINE
 
 
 @compiled
-def at_rest(kinds, leg):
-    """Return whether nothing moves until the leg ends."""
-    if kinds[0, SLIP] != 0 or (leg[IDEAL] > 0 and kinds[0, TOUCH] == 0):
+def at_rest(modes, segment):
+    """Return whether everything is at rest until the drive segment ends."""
+    if modes[0, ix.SLIP] != 0 or (segment[ix.IDEAL] > 0 and modes[0, ix.TOUCH] == 0):
         return False
-    for k in range(1, len(kinds)):
-        if kinds[k, JACK] == FALLS or kinds[k, JACK] == RISES:
+    for k in range(1, len(modes)):
+        if modes[k, ix.JACK] == ix.FALLS or modes[k, ix.JACK] == ix.RISES:
             return False
     return True

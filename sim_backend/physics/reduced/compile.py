@@ -1,4 +1,4 @@
-"""Compilation of the reduced engine's arithmetic: by numba where it is, else left as it is."""
+"""Compilation of the reduced engine by numba; without numba its functions stay Python."""
 
 import hashlib
 from collections.abc import Callable
@@ -9,29 +9,30 @@ F = TypeVar("F", bound=Callable)
 
 try:
     from numba import njit
-except ImportError:  # without the extra `fast` the same functions run as plain Python
+except ImportError:  # without the extra `fast`: the same functions as plain Python
     njit = None
 
 
 def compiled(function: F) -> F:
-    """Return a function compiled for those that are compiled themselves, or as it is."""
+    """Compile a function for calls from compiled code only."""
     return _compiled(function)
 
 
 def inlined(function: F) -> F:
-    """Return a function compiled into those that call it, or as it is."""
+    """Compile a function to be inlined by its compiled callers."""
     return _compiled(function, forceinline=True)
 
 
 def entry(function: F) -> F:
-    """Return a function compiled for everybody, or as it is."""
+    """Compile a function for calls from Python."""
     return _compiled(function, no_cpython_wrapper=False)
 
 
 def _compiled(function: F, *, no_cpython_wrapper: bool = True, forceinline: bool = False) -> F:
     if njit is None:
         return function
-    # numba's cache sees changes in a function's own file alone, and in its name.
+    # numba's cache detects changes of a function's own file and name only, so the name contains a
+    # hash of all files.
     function.__qualname__ += f"_{_SOURCES}"
     return njit(  # pyright: ignore[reportCallIssue]
         cache=True,
@@ -44,7 +45,7 @@ def _compiled(function: F, *, no_cpython_wrapper: bool = True, forceinline: bool
 
 
 def _digest() -> str:
-    files = sorted(Path(__file__).parent.glob("reduced_*.py"))
+    files = sorted(Path(__file__).parent.glob("*.py"))
     return hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()[:12]
 
 

@@ -1,8 +1,8 @@
-"""The reduced engine: the key of a push or an ideal finger as one equation, compiled.
+"""The reduced engine: one equation of the key, for a push or an ideal finger; compiled.
 
-It obeys the scene's equations in the key's angle, and in the rise of the jacks that leave it,
-without rigid bodies. Steps are of order 4, events are located, and a step that something
-stiff would make wrong is divided.
+It solves the scene's equations for the key's angle, and for the rise of jacks off the key,
+without rigid bodies. Steps are of order 4, events are located, and steps with a large error are
+divided.
 """
 
 import math
@@ -15,42 +15,26 @@ from sautereau.rig.schema import Rig
 from sautereau.sim_backend.errors import SceneError
 from sautereau.sim_backend.physics.events import Motions, PluckEvents, StringEvent
 from sautereau.sim_backend.physics.finger import Reference, StandingFinger
-from sautereau.sim_backend.physics.reduced.bench import Numbers, benches, new_leg
+from sautereau.sim_backend.physics.reduced import state as ix
+from sautereau.sim_backend.physics.reduced.bench import Numbers, benches, new_drive_segment
 from sautereau.sim_backend.physics.reduced.laws import Laws, joined, laws_of, mute_law
 from sautereau.sim_backend.physics.reduced.play import play_sample
-from sautereau.sim_backend.physics.reduced.state import (
-    AT_PIN,
-    CHATTERS,
-    CONTACT,
-    COUNT,
-    CUBICS,
-    EVENTS,
-    FINE,
-    JUMPED,
-    LINKAGE,
-    LOST,
-    PUSH,
-    PUSH_END,
-    PUSHES,
-    RELEASE,
-    RETURN,
-    START,
-    TURNED_OVER,
-    new_state,
-)
+from sautereau.sim_backend.physics.reduced.state import new_state
 from sautereau.sim_backend.scene import Scene
 from sautereau.trajectory.motion import Floats
 
 ENDS = np.array([0.0, 1.0])
 
 _FAULTS = {
-    TURNED_OVER: "the key has turned by 1.2 rad, where it is no key any more; lower the push, or"
-    " let the scene have its felt",
-    CHATTERS: "the motion changes without end within one step; change the scene's forces",
-    LOST: "the motion has lost its numbers; the scene's forces are out of its range",
-    JUMPED: "the fingertip is suddenly within the key; play a reference that is continuous",
-    AT_PIN: "the fingertip is so near the balance pin that it touches the key at no angle; keep"
-    " the arm in front of it",
+    ix.TURNED_OVER: "the key has turned by 1.2 rad, the limit of the model; lower the push, or enable"
+    " the felt in the scene",
+    ix.CHATTERS: "the motion chatters: its mode changes without end within one step; change the"
+    " scene's forces",
+    ix.LOST: "the simulation diverged; the scene's forces are out of its range: lower masses,"
+    " stiffness or damping",
+    ix.JUMPED: "the fingertip is suddenly within the key; use a continuous reference",
+    ix.AT_PIN: "the fingertip is so close to the balance pin that no angle of the key gives a"
+    " contact; keep the arm in front of it",
 }
 
 
@@ -60,11 +44,10 @@ class ReducedWorld:
     Args:
         rig: The nominal bench.
         scene: With `engine = "reduced"` and its step.
-        start: rad, joints when power comes on; None for the home switches and the scene's
-            offset from them.
+        start: rad, joints when power comes on; None for home and the scene's offset.
 
     Raises:
-        SceneError: The scene is none for this engine, or its plectrum has no pluck.
+        SceneError: This engine does not support the scene, or its plectrum has no pluck.
     """
 
     def __init__(self, rig: Rig, scene: Scene, start: tuple[float, float] | None = None):
@@ -83,17 +66,17 @@ class ReducedWorld:
         self._period = rig.controller.sample_period
         self._ideal = scene.finger == "ideal"
         laws = rig_laws(rig, scene)
-        self._bench, self._cells = (
-            benches(Numbers(rig, scene, {}), laws.places[None])[0],
-            laws.cells,
+        self._bench = benches(Numbers(rig, scene, {}), laws.places[None])[0]
+        self._cells = laws.cells
+        self._state, self._modes, self._guards, self._string_events = new_state(
+            1 + len(rig.more_choirs)
         )
-        self._state, self._kinds, self._marks, self._happened = new_state(1 + len(rig.more_choirs))
-        self._leg = new_leg(rig, scene)
-        self._leg[[CUBICS, CUBICS + 4]] = self.start
+        self._segment = new_drive_segment(rig, scene)
+        self._segment[[ix.CUBICS, ix.CUBICS + 4]] = self.start
 
     @property
     def time(self) -> float:
-        """World's clock [s]: only motion and acquisition make it go."""
+        """Simulated time [s]; advanced by motion and acquisition only."""
         return self.samples * self._period
 
     def advance(self, reference: Reference, powered: bool) -> Motions:
@@ -101,84 +84,92 @@ class ReducedWorld:
 
         Args:
             reference: Of the arm over this sample, in raw encoder counts.
-            powered: Whether the motors are on, without which there is no push.
+            powered: Whether the motors are on; without power there is no push.
 
         Raises:
-            SceneError: The motion cannot be followed.
+            SceneError: The motion diverges or chatters.
         """
         time, end = self.time, (self.samples + 1) * self._period
-        fresh = self._set_leg(reference, powered, time)
+        new_segment = self._set_segment(reference, powered, time)
         rows = np.empty((self.steps, 6))
         status = play_sample(
-            self._bench, self._cells, self._state, self._kinds, self._marks, self._happened,
-            self._leg, time, end, rows, fresh,
+            self._bench, self._cells, self._state, self._modes, self._guards, self._string_events,
+            self._segment, time, end, rows, new_segment,
         )  # fmt: skip
-        count = int(self._kinds[0, COUNT])
-        if status == FINE and count > EVENTS:
-            status = CHATTERS
-        if status == FINE and not np.isfinite(rows).all():
-            status = LOST
-        if status != FINE:
+        count = int(self._modes[0, ix.COUNT])
+        if status == ix.FINE and count > ix.EVENTS:
+            status = ix.CHATTERS
+        if status == ix.FINE and not np.isfinite(rows).all():
+            status = ix.LOST
+        if status != ix.FINE:
             raise SceneError(f"rig {self.rig.name}: before {end:.6g} s {_FAULTS[status]}")
         if count:
-            self._note(count)
+            self._append_events(count)
         self.samples += 1
         if not self._ideal:
             rows[:, 4] /= self.rig.key.press_arm
         return Motions(*rows.T.copy())
 
-    def _set_leg(self, reference: Reference, powered: bool, time: float) -> int:
-        """Set what the finger does in a sample; return 2 for the first, 1 for something else."""
-        leg = self._leg
+    def _set_segment(self, reference: Reference, powered: bool, time: float) -> int:
+        """Set the drive segment of a sample; return 2 for the first, 1 for a new one, else 0."""
+        segment = self._segment
         if self._ideal:
             counts, speeds = reference(ENDS)
             places, speeds = counts * self.radians_per_count, speeds * self.radians_per_count
-            leg[START], leg[CUBICS:LINKAGE] = time, joint_cubics(self.start, places, speeds)
+            segment[ix.START], segment[ix.CUBICS : ix.LINKAGE] = (
+                time,
+                joint_cubics(self.start, places, speeds),
+            )
             first, second = (self.start + places[1]).tolist()
             self.finger = StandingFinger((first, second))
             return 1 if self.samples else 2
-        pushes = powered and time < self._bench[0, PUSH_END]
-        push = float(self._bench[0, PUSHES]) if pushes else 0.0
-        fresh = int(push != leg[PUSH]) if self.samples else 2
-        leg[PUSH] = push
-        return fresh
+        pushes = powered and time < self._bench[0, ix.PUSH_END]
+        push = float(self._bench[0, ix.PUSHES]) if pushes else 0.0
+        new_segment = int(push != segment[ix.PUSH]) if self.samples else 2
+        segment[ix.PUSH] = push
+        return new_segment
 
-    def _note(self, count: int) -> None:
+    def _append_events(self, count: int) -> None:
         events = self.events
-        lists = {CONTACT: events.contacts, RELEASE: events.releases, RETURN: events.returns}
+        lists = {
+            ix.CONTACT: events.contacts,
+            ix.RELEASE: events.releases,
+            ix.RETURN: events.returns,
+        }
         for e in range(count):
-            time, force, _, kind, choir = self._happened[e].tolist()
+            time, force, _, kind, choir = self._string_events[e].tolist()
             lists[int(kind)].append(StringEvent(time, int(choir), force))
 
 
 def check_scene(scene: Scene) -> None:
-    """Refuse what the reduced engine does not do.
+    """Refuse a scene that the reduced engine does not support.
 
     Raises:
-        SceneError: The scene has a servo, a modal string, or something not settled.
+        SceneError: The scene has a servo, a modal string, or an open choice.
     """
     faults = []
     if scene.finger == "servo" or scene.string == "modal":
         faults.append(
-            f'engine: "reduced" is an equation of the key alone, not of finger = "{scene.finger}"'
-            f' and string = "{scene.string}"; take engine = "rigid"'
+            f'engine: "reduced" does not support finger = "{scene.finger}" with'
+            f' string = "{scene.string}"; set engine = "rigid"'
         )
     if scene.step is None or "auto" in (scene.plectrum, scene.string):
         faults.append(
-            "step, plectrum, string: the scene leaves them open; settle it with"
-            " sim_backend.trade.choose.settle, or give a step, a level and a string"
+            "step, plectrum, string: the scene leaves them open; choose them with"
+            " `sautereau.sim_backend.trade.choose.select_solver`, or give a step, a level and a"
+            " string"
         )
     if faults:
         raise SceneError("\n".join(faults))
 
 
 def steps_of(rig: Rig, scene: Scene) -> int:
-    """Return the steps in a controller sample."""
+    """Return the number of steps in a controller sample."""
     return math.ceil(rig.controller.sample_period / (scene.step or math.inf) - 1e-9)
 
 
 def rig_laws(rig: Rig, scene: Scene) -> Laws:
-    """Return the laws of a rig's strings, one of each choir.
+    """Return the force laws of a rig's strings, one per choir.
 
     Raises:
         SceneError: A choir has no pluck.
@@ -196,8 +187,8 @@ def joint_cubics(start: tuple[float, float], places: Floats, speeds: Floats) -> 
 
     Args:
         start: rad, joints when power came on.
-        places: rad from there, at both ends of the sample; shape (..., 2 ends, 2 joints).
-        speeds: rad in a sample, likewise.
+        places: rad from the start, at both ends of the sample; shape (..., 2 ends, 2 joints).
+        speeds: rad per sample, of the same shape.
 
     Returns:
         rad, shape (..., 8).

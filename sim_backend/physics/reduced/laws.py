@@ -1,4 +1,4 @@
-"""S(h) of many plucks in the reduced engine's cells: piecewise cubics, each stretch smooth."""
+"""Force laws S(h) of many plucks for the reduced engine: piecewise cubics, smooth in pieces."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,33 +13,33 @@ from sautereau.analysis.model.pluck.table import table
 from sautereau.trajectory.motion import Floats
 
 POINTS = 97
-"""Of a stretch of many plucks at once."""
+"""Points per piece where many plucks are solved together."""
 MOST = 3
-"""Stretches of a law: the string sticks, slides and rolls."""
+"""Most pieces of a law: the string sticks, slides and rolls."""
 
 
 @dataclass(frozen=True)
 class Laws:
-    """Laws of strings."""
+    """Force laws of strings."""
 
     cells: Floats
-    """Height [m] where a cell begins, and the cubic of the force [N] from there; (cells, 5)."""
+    """Start of each cell [m], and the cubic of the force [N] from there; shape (cells, 5)."""
     places: Floats
-    """What a jack's row in a bench holds of each, from `STRETCHES` on; (laws, 9)."""
+    """Columns of a jack's row in a bench from `STRETCHES` on; shape (laws, 9)."""
 
 
 def mute_law() -> Laws:
-    """Return a law for strings that nothing plucks."""
+    """Return the law of a string without a plectrum."""
     return Laws(np.zeros((1, 5)), np.array([[1.0, 0, 1, 1, 1, 0, 1, 1, 1]]))
 
 
 def laws_of(plucks: Sequence[Pluck]) -> Laws:
-    """Return the laws of plucks, the very cubics of their `force_on_jack`."""
+    """Return the laws of plucks, with the same cubics as their `force_on_jack`."""
     return joined([_law(pluck) for pluck in plucks])
 
 
 def joined(laws: Sequence[Laws]) -> Laws:
-    """Return laws one after the other as one."""
+    """Return laws concatenated."""
     starts = np.cumsum([0, *(len(law.cells) for law in laws)])
     places = [law.places.copy() for law in laws]
     for place, start in zip(places, starts, strict=False):
@@ -64,14 +64,14 @@ def elastica_laws(
     """Solve many plucks of the elastica at once.
 
     Args:
-        stiffness: N/m, of the strings; shape (laws,), as what follows.
+        stiffness: N/m, of the strings; shape (laws,), as the next three.
         overlap: m.
         bending: N m^2, of the plectra.
         length: m, of the plectra.
-        friction: 1, of all.
+        friction: Dimensionless, common to all.
 
     Returns:
-        The laws, and which of them are plucks; the others must not be used.
+        The laws, and which of them are valid; the others must not be used.
     """
     cases = Cases(table(friction), bending / (stiffness * length**3), overlap / length)
     with np.errstate(all="ignore"):
@@ -79,7 +79,7 @@ def elastica_laws(
         parts = [cases.slide(_ramp(slide))]
         if stick is not None:
             parts.insert(0, cases.stick(_ramp(stick)))
-        for part in parts:  # rounding apart, a pluck begins at 0
+        for part in parts:  # up to rounding, a pluck starts at 0
             start, end = part.height[:, 0], part.height[:, -1]
             start[np.abs(start) <= 1e-12 * np.abs(end)] = 0.0
         folded = status == Status.GIVES_WAY
@@ -101,16 +101,16 @@ def _ramp(branch: Branch) -> Floats:
 
 
 def _cells(part: Branch, folded: NDArray[np.bool_]) -> Floats:
-    """Return starts of cells and cubics, over the length and K L; shape (laws, cells, 5)."""
+    """Return starts of cells and cubics, scaled by the length and K L; shape (laws, cells, 5)."""
     height, force = part.height, part.lift
     share = np.arange(POINTS)
     step = np.diff(height, axis=1)
-    # Both are smooth over the load, in which the points are even.
+    # Both are smooth functions of the load, in which the points are equidistant.
     with np.errstate(all="ignore"):
         by_share = [CubicSpline(share, np.nan_to_num(a), axis=1)(share, 1) for a in (force, height)]
         slope = by_share[0] / by_share[1]
     for row in np.flatnonzero(folded & (step > 0).all(axis=1)):
-        # At a fold the force falls with no end to its slope, where no spline is smooth.
+        # At a fold the slope of the force is unbounded, and a smooth spline would oscillate.
         slope[row] = PchipInterpolator(height[row], force[row])(height[row], 1)
     rise = np.diff(force, axis=1) / step
     left, right = slope[:, :-1], slope[:, 1:]
@@ -119,15 +119,15 @@ def _cells(part: Branch, folded: NDArray[np.bool_]) -> Floats:
 
 
 def _lasts(start: Floats, end: Floats) -> NDArray[np.bool_]:
-    """Return whether stretches have a length: a string may never stick, or never slide."""
+    """Return whether pieces have a length: a string may never stick, or never slide."""
     return end - start > 1e-12 * np.abs(end)
 
 
 def _places(ends: Floats) -> Floats:
-    """Return the places of laws whose stretches go from height to height.
+    """Return the places of laws whose pieces extend between given heights.
 
     Args:
-        ends: m; shape (stretches, laws, 2).
+        ends: m; shape (pieces, laws, 2).
     """
     n, cells = ends.shape[1], POINTS - 1
     places = np.zeros((n, 3 + 2 * MOST))

@@ -1,109 +1,90 @@
-"""Controller samples and whole presses of the reduced engine; compiled."""
+"""Controller samples and complete presses of the reduced engine; compiled."""
 
 import math
 
+from sautereau.sim_backend.physics.reduced import state as ix
 from sautereau.sim_backend.physics.reduced.advance import advance
 from sautereau.sim_backend.physics.reduced.compile import compiled, entry
-from sautereau.sim_backend.physics.reduced.forces import fingertip, foot, string_force
-from sautereau.sim_backend.physics.reduced.state import (
-    ANGLE,
-    ARM,
-    CHOIR,
-    CONTACT,
-    COUNT,
-    CUBICS,
-    EVENTS,
-    FINE,
-    FINGER,
-    FORCE,
-    HEIGHT,
-    IDEAL,
-    JACK,
-    JACK_SPEED,
-    KIND,
-    LEAVES,
-    PERIOD,
-    PUSH,
-    PUSHES,
-    RELEASE,
-    RISE,
-    SPIN,
-    STANDS,
-    START,
-    TIME,
-)
+from sautereau.sim_backend.physics.reduced.forces import fingertip, jack_kinematics, string_force
 
 
 @compiled
-def rest(bench, state, kinds, leg):
-    """Bring a state to rest: the key on its rail, or on an ideal finger above it.
+def rest(bench, state, modes, segment):
+    """Set a state to rest: the key on its rail, or on an ideal finger above that.
 
     Args:
-        bench: The press.
-        state: Is changed.
-        leg: Of the drive, with which it begins.
+        bench: Parameters of the press.
+        state: Updated in place.
+        segment: The first drive segment.
     """
     angle = 0.0
-    if leg[IDEAL] > 0:
-        under, _, _, _ = fingertip(leg, leg[START])
-        angle = max(angle, under)
+    if segment[ix.IDEAL] > 0:
+        tip_angle, _, _, _ = fingertip(segment, segment[ix.START])
+        angle = max(angle, tip_angle)
     state.fill(0.0)
-    kinds.fill(0)
-    state[0, ANGLE] = angle
-    kinds[0, LEAVES] = -1
+    modes.fill(0)
+    state[0, ix.ANGLE] = angle
+    modes[0, ix.LEAVING_JACK] = -1
     for k in range(1, len(bench)):
-        state[k, RISE], _, _ = foot(bench[k, ARM], bench[0, HEIGHT], angle)
-        kinds[k, JACK] = STANDS
+        state[k, ix.RISE], _, _ = jack_kinematics(bench[k, ix.ARM], bench[0, ix.HEIGHT], angle)
+        modes[k, ix.JACK] = ix.STANDS
 
 
 @entry
-def play_sample(bench, cells, state, kinds, marks, events, leg, time, end, rows, fresh):
+def play_sample(bench, cells, state, modes, guards, events, segment, time, end, rows, new_segment):
     """Advance by a controller sample, in as many steps as there are rows.
 
     Args:
-        bench: The press.
-        cells: Of the strings' laws.
-        state: Is changed, as are what everything does and the events.
-        kinds: What everything does.
-        marks: Room for what must stay positive.
-        events: Room for what the strings meet.
-        leg: Of the drive; a push is taken off where it ends.
-        time: s, where the sample begins.
-        end: s, where it ends.
-        rows: Time, angle, speed, rise of the first jack, forces of finger and strings at the
-            end of each step; shape (steps, 6).
-        fresh: 2 where the press begins, from rest; 1 where another leg does; else 0.
+        bench: Parameters of the press.
+        cells: Of the strings' force laws.
+        state: Updated in place, as are modes and events.
+        modes: Discrete modes.
+        guards: Work space for the guards.
+        events: Work space for the strings' events.
+        segment: Drive segment; a push is removed at its end.
+        time: s, start of the sample.
+        end: s, end of the sample.
+        rows: Time, angle, angular velocity, rise of the first jack, forces of finger and strings
+            at the end of each step; shape (steps, 6).
+        new_segment: 2 at the start of the press, from rest; 1 at the start of any other drive
+            segment; else 0.
     """
-    kinds[0, COUNT] = 0
-    if fresh == 2:
-        rest(bench, state, kinds, leg)
+    modes[0, ix.COUNT] = 0
+    if new_segment == 2:
+        rest(bench, state, modes, segment)
     steps = len(rows)
     step = (end - time) / steps
     for j in range(steps):
-        before = leg[PUSH]
-        now, stop = time + j * step, end if j == steps - 1 else time + (j + 1) * step
-        begins = 1 if j == 0 and fresh > 0 else 0
-        status = advance(bench, cells, state, kinds, marks, events, leg, now, stop, begins)
-        if status != FINE:
+        before = segment[ix.PUSH]
+        step_start, step_end = time + j * step, end if j == steps - 1 else time + (j + 1) * step
+        new = 1 if j == 0 and new_segment > 0 else 0
+        status = advance(
+            bench, cells, state, modes, guards, events, segment, step_start, step_end, new
+        )
+        if status != ix.FINE:
             return status
-        rows[j, 0], rows[j, 1], rows[j, 2] = stop, state[0, ANGLE], state[0, SPIN]
-        rows[j, 3] = state[1, RISE]
-        rows[j, 4] = finger_force(state, leg, stop)
-        if leg[IDEAL] == 0.0:
+        rows[j, 0], rows[j, 1], rows[j, 2] = (
+            step_end,
+            state[0, ix.ANGLE],
+            state[0, ix.ANGULAR_VELOCITY],
+        )
+        rows[j, 3] = state[1, ix.RISE]
+        rows[j, 4] = finger_force(state, segment, step_end)
+        if segment[ix.IDEAL] == 0.0:
             rows[j, 4] = before
         rows[j, 5] = 0.0
         for k in range(1, len(bench)):
-            rows[j, 5] += string_force(bench, cells, kinds, k, state[k, RISE])
-    return FINE
+            rows[j, 5] += string_force(bench, cells, modes, k, state[k, ix.RISE])
+    return ix.FINE
 
 
 @compiled
-def finger_force(state, leg, time):
+def finger_force(state, segment, time):
     """Return the force [N] of an ideal finger on the key, normal to it."""
-    if leg[IDEAL] == 0.0 or state[0, FINGER] == 0.0:
+    if segment[ix.IDEAL] == 0.0 or state[0, ix.FINGER] == 0.0:
         return 0.0
-    _, _, _, arm = fingertip(leg, time)
-    return state[0, FINGER] / arm
+    _, _, _, arm = fingertip(segment, time)
+    return state[0, ix.FINGER] / arm
 
 
 @entry
@@ -113,73 +94,79 @@ def play_presses(
     first,
     last,
     state,
-    kinds,
-    marks,
+    modes,
+    guards,
     events,
-    leg,
+    segment,
     cubics,
     samples,
     timing,
     found,
     status,
 ):
-    """Play whole presses and note each string's first contact and release.
+    """Simulate complete presses and record each string's first contact and release.
 
     Args:
-        benches: All presses in numbers; shape (presses, 1 + choirs, NUMBERS).
-        cells: Of the strings' laws.
-        first: The first one to play.
-        last: The one not to play any more.
-        state: Room for a state.
-        kinds: Room for what everything does.
-        marks: Room for what must stay positive.
-        events: Room for what the strings meet.
-        leg: Room for the leg; `IDEAL` says whether the finger is, and its linkage counts.
+        benches: Parameters of all presses; shape (presses, 1 + choirs, NUMBERS).
+        cells: Of the strings' force laws.
+        first: Index of the first press.
+        last: Index after the last press.
+        state: Work space for a state.
+        modes: Work space for the modes.
+        guards: Work space for the guards.
+        events: Work space for the strings' events.
+        segment: Work space for a drive segment, with `IDEAL` and the linkage set.
         cubics: rad, joints of an ideal finger over each controller sample; (samples, 8).
-        samples: Of the controller, in each press; shape (presses,).
-        timing: Period of the controller [s], steps in it.
+        samples: Controller samples of each press; shape (presses,).
+        timing: Controller period [s], and steps per period.
         found: Contact and release [s], force at release [N], speed of the jack there [m/s];
-            shape (presses, choirs, 4), infinite before and where there is none.
-        status: How each press ended; shape (presses,).
+            shape (presses, choirs, 4); initially infinite, as it stays without the event.
+        status: Of each press; shape (presses,).
     """
     period, steps = timing
     step = period / steps
-    ideal = leg[IDEAL] > 0
+    ideal = segment[ix.IDEAL] > 0
     for i in range(first, last):
-        if status[i] != FINE:
+        if status[i] != ix.FINE:
             continue
         bench = benches[i]
-        leg[START], leg[PERIOD], leg[PUSH] = 0.0, period, bench[0, PUSHES]
+        segment[ix.START], segment[ix.PERIOD], segment[ix.PUSH] = 0.0, period, bench[0, ix.PUSHES]
         for c in range(8):
-            leg[CUBICS + c] = cubics[0, c]
-        rest(bench, state, kinds, leg)
-        how = FINE
+            segment[ix.CUBICS + c] = cubics[0, c]
+        rest(bench, state, modes, segment)
+        result = ix.FINE
         for sample in range(samples[i]):
             time = sample * period
             if ideal:
-                leg[START] = time
+                segment[ix.START] = time
                 for c in range(8):
-                    leg[CUBICS + c] = cubics[sample, c]
+                    segment[ix.CUBICS + c] = cubics[sample, c]
             for j in range(steps):
-                if how != FINE:
+                if result != ix.FINE:
                     break
-                now, end = time + j * step, time + (j + 1) * step
+                step_start, end = time + j * step, time + (j + 1) * step
                 if j == steps - 1:
                     end = (sample + 1) * period
-                begins = 1 if j == 0 and (ideal or sample == 0) else 0
-                how = advance(bench, cells, state, kinds, marks, events, leg, now, end, begins)
-                keep_first(kinds, events, found[i])
-        status[i] = how
+                new = 1 if j == 0 and (ideal or sample == 0) else 0
+                result = advance(
+                    bench, cells, state, modes, guards, events, segment, step_start, end, new
+                )
+                keep_first_events(modes, events, found[i])
+        status[i] = result
 
 
 @compiled
-def keep_first(kinds, events, found):
-    """Move events to where only the first of each kind stay."""
-    for e in range(min(kinds[0, COUNT], EVENTS)):
+def keep_first_events(modes, events, found):
+    """Copy the first event of each kind, and clear the list of events."""
+    for e in range(min(modes[0, ix.COUNT], ix.EVENTS)):
         event = events[e]
-        kind, k = int(event[KIND]), int(event[CHOIR])
-        if kind == CONTACT and found[k, 0] == math.inf:
-            found[k, 0] = event[TIME]
-        elif kind == RELEASE and found[k, 1] == math.inf:
-            found[k, 1], found[k, 2], found[k, 3] = event[TIME], event[FORCE], event[JACK_SPEED]
-    kinds[0, COUNT] = 0
+        kind, k = int(event[ix.KIND]), int(event[ix.CHOIR])
+        if kind == ix.CONTACT and found[k, 0] == math.inf:
+            found[k, 0] = event[ix.TIME]
+        elif kind == ix.RELEASE and found[k, 1] == math.inf:
+            found[k, 1], found[k, 2], found[k, 3] = (
+                event[ix.TIME],
+                event[ix.FORCE],
+                event[ix.JACK_SPEED],
+            )
+    modes[0, ix.COUNT] = 0

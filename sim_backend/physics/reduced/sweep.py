@@ -1,4 +1,4 @@
-"""Many presses of a scene at once by the reduced engine, where some values vary."""
+"""Many presses of a scene with varied values, simulated together by the reduced engine."""
 
 import os
 from collections.abc import Mapping
@@ -11,47 +11,46 @@ from numpy.typing import ArrayLike, NDArray
 
 from sautereau.rig.schema import Rig
 from sautereau.sim_backend.errors import SceneError
-from sautereau.sim_backend.physics.drive import Drive
-from sautereau.sim_backend.physics.observation import drive_of
-from sautereau.sim_backend.physics.reduced.bench import Numbers, benches, new_leg
+from sautereau.sim_backend.physics.drive import Drive, drive_of
+from sautereau.sim_backend.physics.reduced.bench import Numbers, benches, new_drive_segment
 from sautereau.sim_backend.physics.reduced.engine import ENDS, check_scene, joint_cubics, steps_of
 from sautereau.sim_backend.physics.reduced.play import play_presses
 from sautereau.sim_backend.physics.reduced.state import Ints, new_state
-from sautereau.sim_backend.physics.reduced.values import sound, variables, varied_laws
+from sautereau.sim_backend.physics.reduced.values import variables, varied_laws, within_limits
 from sautereau.sim_backend.scene import Scene
 from sautereau.trajectory.motion import Floats
 
 CHUNK = 64
-"""Presses that a thread takes at a time."""
+"""Presses per task of a thread."""
 
 
 class Ending(IntEnum):
-    """How a press ended; events that it did not come to are infinite."""
+    """How a press ended; times of events after its end are infinite."""
 
     PLAYED = 0
-    """To its end, plucked or not."""
+    """Complete, with or without a pluck."""
     TURNED_OVER = 1
-    """The key has turned by 1.2 rad, where it is no key any more."""
+    """The key has turned by 1.2 rad, the limit of the model."""
     CHATTERS = 2
-    """The motion changed without end within one step."""
+    """The mode changed without end within one step."""
     LOST = 3
-    """The motion lost its numbers."""
+    """The simulation diverged."""
     JUMPED = 4
     """An ideal fingertip was suddenly within the key."""
     AT_PIN = 5
-    """An ideal fingertip came so near the pin that it touches the key at no angle."""
+    """An ideal fingertip came so close to the pin that no angle gives a contact."""
     NO_PLUCK = 6
-    """Plectrum and string have no quasi-static pluck; `predict_many` tells why. Not played."""
+    """Plectrum and string have no quasi-static pluck; `predict_many` reports why. Not simulated."""
     OUT_OF_RANGE = 7
-    """A value is not within the limits of the rig or the scene. Not played."""
+    """A value is outside the limits of the rig or the scene. Not simulated."""
 
 
 @dataclass(frozen=True)
 class Sweep:
-    """What the strings met first in many presses; times in s from the start of the drive.
+    """First contact and release of each string in many presses; times in s from the drive's start.
 
-    Arrays of the shape to which the values broadcast, those of strings with an axis of choirs
-    before. Where something never happens its numbers are infinite; none is ever NaN.
+    Arrays have the shape to which the values broadcast; those of strings have a leading axis of
+    choirs. Values of events that do not occur are infinite; none is ever NaN.
     """
 
     contact: Floats
@@ -70,54 +69,51 @@ class Sweep:
         """Whether each string was released; shape (choirs, ...)."""
         return np.isfinite(self.release)
 
-    def endings(self) -> dict[Ending, int]:
-        """Return how many presses ended in which way."""
-        values, counts = np.unique(self.status, return_counts=True)
-        return {Ending(v): int(n) for v, n in zip(values, counts, strict=True)}
-
 
 def sweep(
     rig: Rig, scene: Scene, values: Mapping[str, ArrayLike], *, threads: int | None = None
 ) -> Sweep:
-    """Play presses of a scene that differ in some values of the rig, or of the push.
+    """Simulate presses of a scene that differ in some values of the rig, or of the push.
 
-    Every press is what a `ReducedWorld` of its own would do, to the last bit where plectrum and
-    string do not vary. Those that do vary are solved together, which is faster.
+    Every press equals that of a separate `ReducedWorld`, bit for bit if plectrum and string do not
+    vary. Varied plectra and strings are solved together, which is faster.
 
     Args:
-        rig: The nominal bench; the scene's `truth` counts, the values replace it.
-        scene: With a push or an ideal finger, which plays the rig's planned press, and its
-            step and level settled.
+        rig: The nominal bench; the scene's `truth` applies, then the values replace it.
+        scene: With a push, or with an ideal finger that makes the rig's planned press, and with a
+            chosen step and level.
         values: SI, by their dotted names as in `sautereau.rig.load.with_values`, of those that
-            `reduced_values.variables` lists; broadcast together.
-        threads: That play at once; None for one for each processor. Without numba they
-            gain nothing.
+            `values.variables` lists; broadcast together.
+        threads: Number of threads; None for one per processor. Without numba they gain
+            nothing.
 
     Raises:
-        SceneError: A name cannot be varied, the shapes do not fit, or the scene is none for
-            this engine. What is wrong with one press is said by its status alone.
+        SceneError: A name cannot be varied, the shapes do not fit, or this engine does not
+            support the scene. The fault of a single press is reported by its status only.
     """
     rig = scene.true_rig(rig)
     check_scene(scene)
     given, shape = _given(rig, scene, values)
     presses = int(np.prod(shape))
     choirs = 1 + len(rig.more_choirs)
-    of = Numbers(rig, scene, given)
-    status = np.where(sound(of, presses), Ending.PLAYED, Ending.OUT_OF_RANGE).astype(np.int64)
-    cells, places, plucks = varied_laws(of, status == Ending.PLAYED)
+    numbers = Numbers(rig, scene, given)
+    status = np.where(within_limits(numbers, presses), Ending.PLAYED, Ending.OUT_OF_RANGE).astype(
+        np.int64
+    )
+    cells, places, plucks = varied_laws(numbers, status == Ending.PLAYED)
     status[(status == Ending.PLAYED) & ~plucks] = Ending.NO_PLUCK
-    with np.errstate(all="ignore"):  # of presses that are not played
-        numbers = benches(of, places)
+    with np.errstate(all="ignore"):  # of presses that are not simulated
+        bench_numbers = benches(numbers, places)
     found = np.full((presses, choirs, 4), np.inf)
-    samples, cubics = _drive(of, presses)
-    leg = new_leg(rig, scene)
+    samples, cubics = _drive(numbers, presses)
+    segment = new_drive_segment(rig, scene)
     timing = rig.controller.sample_period, steps_of(rig, scene)
 
     def play(first: int) -> None:
         last = min(first + CHUNK, presses)
         play_presses(
-            numbers, cells, first, last, *new_state(choirs), leg.copy(), cubics, samples, timing,
-            found, status,
+            bench_numbers, cells, first, last, *new_state(choirs), segment.copy(), cubics, samples,
+            timing, found, status,
         )  # fmt: skip
 
     with ThreadPoolExecutor(threads or os.cpu_count() or 1) as pool:
@@ -132,12 +128,12 @@ def sweep(
 def _given(
     rig: Rig, scene: Scene, values: Mapping[str, ArrayLike]
 ) -> tuple[dict[str, Floats], tuple[int, ...]]:
-    """Return the values flat, those that vary with shape (presses,), and their common shape."""
+    """Return the values flattened to shape (presses,), and their common shape."""
     known = variables(rig, scene)
     unknown = sorted(set(values) - set(known))
     if unknown:
         raise SceneError(
-            f"values: {', '.join(unknown)} cannot be varied in this scene; take some of"
+            f"values: {', '.join(unknown)} cannot be varied in this scene; choose from"
             f" {', '.join(known)}"
         )
     arrays = {name: np.asarray(value, float) for name, value in values.items()}
@@ -152,16 +148,16 @@ def _given(
     return flat, shape
 
 
-def _drive(of: Numbers, presses: int) -> tuple[Ints, Floats]:
+def _drive(numbers: Numbers, presses: int) -> tuple[Ints, Floats]:
     """Return the controller samples of each press, and the joints' cubics of an ideal finger."""
-    rig, push = of.rig, of.scene.push
+    rig, push = numbers.rig, numbers.scene.push
     period = rig.controller.sample_period
     if push:
-        seconds = of("push.duration") + push.rest
+        seconds = numbers("push.duration") + push.rest
         within = np.where((seconds >= 0) & (seconds < np.inf), seconds, 0.0)
         samples = np.ceil(within / period - 1e-9).astype(np.int64)
         return np.array(np.broadcast_to(samples, (presses,))), np.zeros((1, 8))
-    drive = drive_of(rig, of.scene)
+    drive = drive_of(rig, numbers.scene)
     return np.full(presses, drive.samples, np.int64), _cubics(rig, drive)
 
 

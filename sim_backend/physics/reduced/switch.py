@@ -1,167 +1,148 @@
-"""From one mode of the reduced engine to the next one that lasts; compiled."""
+"""Transition between modes of the reduced engine; compiled."""
 
 import math
 
+from sautereau.sim_backend.physics.reduced import state as ix
 from sautereau.sim_backend.physics.reduced.compile import compiled
 from sautereau.sim_backend.physics.reduced.forces import (
-    burden,
     felt_push,
     fingertip,
-    foot,
     jack_acceleration,
+    jack_kinematics,
     key_motion,
+    static_load,
 )
 from sautereau.sim_backend.physics.reduced.impact import (
     CLOSE,
     SLOW,
-    meet_string,
-    strike,
-    surroundings,
-)
-from sautereau.sim_backend.physics.reduced.state import (
-    ACCELERATION,
-    AFTER,
-    ANGLE,
-    ARM,
-    AT_PIN,
-    CUBICS,
-    DRY,
-    FALLS,
-    FELT,
-    FINE,
-    FINGER,
-    FRICTION,
-    HANGS,
-    HEAVINESS,
-    HEIGHT,
-    IDEAL,
-    JACK,
-    JUMPED,
-    LEAVES,
-    LETS_GO,
-    MASS,
-    PERIOD,
-    PRESSED,
-    PUSH,
-    RISE,
-    RISES,
-    SLIP,
-    SPEED,
-    SPIN,
-    STANDS,
-    TOUCH,
-    TURN,
-    TURNED_OVER,
+    resolve_impacts,
+    update_force_modes,
+    update_string,
 )
 
-SHARE = 1e-12
-"""1, of the weights on a key: force that is none."""
-DEEP = 1e-6
-"""rad, by which a fingertip cannot suddenly be within a key."""
-AHEAD = 1e-6
-"""1, of a controller sample: how far to look which way a standing finger sets off."""
+FORCE_TOLERANCE = 1e-12
+"""Dimensionless, fraction of the weights on a key: force that counts as zero."""
+DEPTH_TOLERANCE = 1e-6
+"""rad, largest overlap of fingertip and key."""
+LOOK_AHEAD = 1e-6
+"""Dimensionless, fraction of a controller sample: look-ahead for a finger's direction."""
 
 
 @compiled
-def switch(bench, cells, state, kinds, marks, events, leg, time):
-    """Change what a step has ended with, and return how that went."""
-    if marks[AFTER, 2] < 0.0:
-        return TURNED_OVER
-    if marks[AFTER, 0] < 0.0:
-        state[0, SPIN] = 0.0
-    if marks[AFTER, 1] < 0.0:
-        state[0, ANGLE] = 0.0
-    kinds[0, LETS_GO] = 1 if kinds[0, TOUCH] == 1 and marks[AFTER, 3] < 0.0 else 0
-    kinds[0, LEAVES] = -1
+def change_mode(bench, cells, state, modes, guards, events, segment, time):
+    """Apply the event that ended a step; return a status."""
+    if guards[ix.AFTER, 2] < 0.0:
+        return ix.TURNED_OVER
+    if guards[ix.AFTER, 0] < 0.0:
+        state[0, ix.ANGULAR_VELOCITY] = 0.0
+    if guards[ix.AFTER, 1] < 0.0:
+        state[0, ix.ANGLE] = 0.0
+    modes[0, ix.FINGER_RELEASES] = 1 if modes[0, ix.TOUCH] == 1 and guards[ix.AFTER, 3] < 0.0 else 0
+    modes[0, ix.LEAVING_JACK] = -1
     for k in range(1, len(bench)):
         at = 2 + 4 * k
-        if marks[AFTER, at] < 0.0 and kinds[k, JACK] == STANDS:
-            kinds[0, LEAVES] = k
-        if marks[AFTER, at + 1] < 0.0:
-            state[k, SPEED] = 0.0
-        meet_string(bench, cells, state, kinds, events, k, time)
-    return settle(bench, cells, state, kinds, leg, time)
+        if guards[ix.AFTER, at] < 0.0 and modes[k, ix.JACK] == ix.STANDS:
+            modes[0, ix.LEAVING_JACK] = k
+        if guards[ix.AFTER, at + 1] < 0.0:
+            state[k, ix.SPEED] = 0.0
+        update_string(bench, cells, state, modes, events, k, time)
+    return select_mode(bench, cells, state, modes, segment, time)
 
 
 @compiled
-def settle(bench, cells, state, kinds, leg, time):
-    """Choose the mode that lasts, after all impacts, and return how that went.
+def select_mode(bench, cells, state, modes, segment, time):
+    """Apply all impacts and select the next mode; return a status.
 
     Args:
-        bench: The press.
-        state: Its places and speeds count, its strings, and who has just left the key.
-        leg: Of the drive.
+        bench: Parameters of the press.
+        state: Positions and speeds before the impacts.
+        segment: Drive segment.
         time: s.
     """
-    lets_go, leaves = kinds[0, LETS_GO] == 1, kinds[0, LEAVES]
-    kinds[0, LETS_GO], kinds[0, LEAVES] = 0, -1
-    under, under_spin, led, _ = 0.0, 0.0, 0.0, 0.0
-    ideal = leg[IDEAL] > 0
+    finger_releases, leaving = modes[0, ix.FINGER_RELEASES] == 1, modes[0, ix.LEAVING_JACK]
+    modes[0, ix.FINGER_RELEASES], modes[0, ix.LEAVING_JACK] = 0, -1
+    tip_angle, tip_omega, prescribed, _ = 0.0, 0.0, 0.0, 0.0
+    ideal = segment[ix.IDEAL] > 0
     if ideal:
-        under, under_spin, led, _ = fingertip(leg, time)
-        if not math.isfinite(under):
-            return AT_PIN
-        if under - state[0, ANGLE] > DEEP:
-            return JUMPED
-    strike(bench, state, ideal, under, under_spin)
-    angle, spin = state[0, ANGLE], state[0, SPIN]
-    surroundings(bench, state, kinds)
+        tip_angle, tip_omega, prescribed, _ = fingertip(segment, time)
+        if not math.isfinite(tip_angle):
+            return ix.AT_PIN
+        if tip_angle - state[0, ix.ANGLE] > DEPTH_TOLERANCE:
+            return ix.JUMPED
+    resolve_impacts(bench, state, ideal, tip_angle, tip_omega)
+    angle, omega = state[0, ix.ANGLE], state[0, ix.ANGULAR_VELOCITY]
+    update_force_modes(bench, state, modes)
     for k in range(1, len(bench)):
-        rise, slope, _ = foot(bench[k, ARM], bench[0, HEIGHT], angle)
-        near = state[k, RISE] - rise <= CLOSE and abs(state[k, SPEED] - slope * spin) <= SLOW
-        kinds[k, JACK] = STANDS if near and k != leaves else FALLS
-    near = ideal and not lets_go and angle - under <= CLOSE and abs(spin - under_spin) <= SLOW
+        rise, slope, _ = jack_kinematics(bench[k, ix.ARM], bench[0, ix.HEIGHT], angle)
+        near = state[k, ix.RISE] - rise <= CLOSE and abs(state[k, ix.SPEED] - slope * omega) <= SLOW
+        modes[k, ix.JACK] = ix.STANDS if near and k != leaving else ix.FALLS
+    near = (
+        ideal
+        and not finger_releases
+        and angle - tip_angle <= CLOSE
+        and abs(omega - tip_omega) <= SLOW
+    )
     touch, slip = False, 0
-    balance, most, least = standing_balance(bench, cells, state, kinds, leg[PUSH])
-    if abs(spin) > SLOW:
-        slip = 1 if spin > 0 else -1
+    balance, most, least = static_balance(bench, cells, state, modes, segment[ix.PUSH])
+    if abs(omega) > SLOW:
+        slip = 1 if omega > 0 else -1
     else:
-        state[0, SPIN] = spin = 0.0
-        none = SHARE * (abs(balance) + most)
+        state[0, ix.ANGULAR_VELOCITY] = omega = 0.0
+        none = FORCE_TOLERANCE * (abs(balance) + most)
         up, down = balance > most + none, balance < -least - none and angle > CLOSE
-        heading = way(leg, time) if near else 0
+        heading = finger_direction(segment, time) if near else 0
         if heading > 0 or up:
             slip = 1
         elif near and heading == 0:
             touch = True
         elif down:
             slip = -1
-    kinds[0, SLIP], kinds[0, TOUCH] = slip, touch
+    modes[0, ix.SLIP], modes[0, ix.TOUCH] = slip, touch
     if slip != 0:
-        free = loosen(bench, cells, state, kinds, leg[PUSH], led)
-        if near and free <= led:
-            kinds[0, TOUCH] = True
-            for k in range(1, len(bench)):  # those that a free key leaves a led one may not
-                rise, slope, _ = foot(bench[k, ARM], bench[0, HEIGHT], angle)
-                apart = state[k, RISE] - rise > CLOSE or abs(state[k, SPEED] - slope * spin) > SLOW
-                if not apart and k != leaves:
-                    kinds[k, JACK] = STANDS
-            loosen(bench, cells, state, kinds, leg[PUSH], led)
-    fly(bench, cells, state, kinds)
-    acceleration, finger = key_motion(bench, cells, state, kinds, leg[PUSH], angle, spin, led)
+        free = release_jacks(bench, cells, state, modes, segment[ix.PUSH], prescribed)
+        if near and free <= prescribed:
+            modes[0, ix.TOUCH] = True
+            for k in range(
+                1, len(bench)
+            ):  # jacks that a free key would leave may stay on a prescribed one
+                rise, slope, _ = jack_kinematics(bench[k, ix.ARM], bench[0, ix.HEIGHT], angle)
+                apart = (
+                    state[k, ix.RISE] - rise > CLOSE
+                    or abs(state[k, ix.SPEED] - slope * omega) > SLOW
+                )
+                if not apart and k != leaving:
+                    modes[k, ix.JACK] = ix.STANDS
+            release_jacks(bench, cells, state, modes, segment[ix.PUSH], prescribed)
+    set_flight_modes(bench, cells, state, modes)
+    acceleration, finger = key_motion(
+        bench, cells, state, modes, segment[ix.PUSH], angle, omega, prescribed
+    )
     if slip == 0:
         acceleration, finger = 0.0, 0.0
-        if touch:  # friction holds the key as long as it can, the finger the rest
+        if touch:  # friction carries as much as it can, the finger the remainder
             finger = -balance - min(max(-balance, -most), least)
-    state[0, TURN], state[0, FINGER] = acceleration, finger
-    return FINE
+    state[0, ix.ANGULAR_ACCELERATION], state[0, ix.FINGER] = acceleration, finger
+    return ix.FINE
 
 
 @compiled
-def standing_balance(bench, cells, state, kinds, push):
-    """Return all on a standing key without dry friction [N m], and what friction holds of it.
+def static_balance(bench, cells, state, modes, push):
+    """Return the moment on a key at rest without dry friction, and the limits of friction [N m].
 
-    The two are against a rise and against a fall. A jack that its friction can hold up
-    without the key burdens it only as the key turns up.
+    The limits are those against a rise and against a fall. A jack that its friction can hold
+    without the key loads the key only if the key rises.
     """
-    balance = push + bench[0, HEAVINESS]
-    if kinds[0, FELT] == PRESSED:
-        balance -= felt_push(bench, state[0, ANGLE], 0.0)
-    most = least = bench[0, DRY]
+    balance = push + bench[0, ix.GRAVITY_MOMENT]
+    if modes[0, ix.FELT] == ix.PRESSED:
+        balance -= felt_push(bench, state[0, ix.ANGLE], 0.0)
+    most = least = bench[0, ix.DRY]
     for k in range(1, len(bench)):
-        if kinds[k, JACK] == STANDS:
-            _, slope, _ = foot(bench[k, ARM], bench[0, HEIGHT], state[0, ANGLE])
-            load, friction = burden(bench, cells, kinds, k, state[k, RISE]), bench[k, FRICTION]
+        if modes[k, ix.JACK] == ix.STANDS:
+            _, slope, _ = jack_kinematics(bench[k, ix.ARM], bench[0, ix.HEIGHT], state[0, ix.ANGLE])
+            load, friction = (
+                static_load(bench, cells, modes, k, state[k, ix.RISE]),
+                bench[k, ix.FRICTION],
+            )
             if load + friction >= 0.0:
                 balance -= slope * load
                 most += slope * friction
@@ -170,40 +151,45 @@ def standing_balance(bench, cells, state, kinds, push):
 
 
 @compiled
-def way(leg, time):
-    """Return the sign of an ideal finger's speed a moment later, 0 where it stands."""
+def finger_direction(segment, time):
+    """Return the sign of an ideal finger's velocity just after a time [s]; 0 at rest."""
     moves = 0.0
-    for c in range(CUBICS, CUBICS + 8):
-        if c != CUBICS and c != CUBICS + 4:
-            moves += abs(leg[c])
+    for c in range(ix.CUBICS, ix.CUBICS + 8):
+        if c != ix.CUBICS and c != ix.CUBICS + 4:
+            moves += abs(segment[c])
     if moves == 0.0:
         return 0
-    _, spin, _, _ = fingertip(leg, time + AHEAD * leg[PERIOD])
-    return 1 if spin >= 0.0 else -1
+    _, omega, _, _ = fingertip(segment, time + LOOK_AHEAD * segment[ix.PERIOD])
+    return 1 if omega >= 0.0 else -1
 
 
 @compiled
-def loosen(bench, cells, state, kinds, push, led):
-    """Take off the key the jacks that it would have to pull; return its acceleration.
+def release_jacks(bench, cells, state, modes, push, prescribed):
+    """Release the jacks that the key would otherwise pull; return its angular acceleration.
 
     Args:
-        bench: The press.
-        state: Jacks at the key are on it.
+        bench: Parameters of the press.
+        state: Jacks in contact with the key stand on it.
         push: N m, of a push.
-        led: rad/s^2, with which an ideal finger leads it, where one does.
+        prescribed: rad/s^2, angular acceleration under an ideal finger in contact.
     """
-    angle, spin = state[0, ANGLE], state[0, SPIN]
+    angle, omega = state[0, ix.ANGLE], state[0, ix.ANGULAR_VELOCITY]
     acceleration = 0.0
     for _ in range(len(bench) + 1):
-        acceleration, _ = key_motion(bench, cells, state, kinds, push, angle, spin, led)
+        acceleration, _ = key_motion(bench, cells, state, modes, push, angle, omega, prescribed)
         again = False
         for k in range(1, len(bench)):
-            if kinds[k, JACK] == STANDS:
-                rise, slope, curve = foot(bench[k, ARM], bench[0, HEIGHT], angle)
-                load = burden(bench, cells, kinds, k, rise) + kinds[0, SLIP] * bench[k, FRICTION]
-                load += bench[k, MASS] * (slope * acceleration + curve * spin * spin)
+            if modes[k, ix.JACK] == ix.STANDS:
+                rise, slope, curvature = jack_kinematics(
+                    bench[k, ix.ARM], bench[0, ix.HEIGHT], angle
+                )
+                load = (
+                    static_load(bench, cells, modes, k, rise)
+                    + modes[0, ix.SLIP] * bench[k, ix.FRICTION]
+                )
+                load += bench[k, ix.MASS] * (slope * acceleration + curvature * omega * omega)
                 if load < 0.0:
-                    kinds[k, JACK] = FALLS
+                    modes[k, ix.JACK] = ix.FALLS
                     again = True
         if not again:
             break
@@ -211,20 +197,20 @@ def loosen(bench, cells, state, kinds, push, led):
 
 
 @compiled
-def fly(bench, cells, state, kinds):
-    """Say of each jack off the key which way it goes, and how it is accelerated."""
+def set_flight_modes(bench, cells, state, modes):
+    """Set mode and acceleration of each jack off the key."""
     for k in range(1, len(bench)):
-        load = burden(bench, cells, kinds, k, state[k, RISE])
-        friction = bench[k, FRICTION]
-        held = kinds[0, SLIP] != 0 or load + friction >= 0.0
-        if kinds[k, JACK] == STANDS and held:
+        load = static_load(bench, cells, modes, k, state[k, ix.RISE])
+        friction = bench[k, ix.FRICTION]
+        held = modes[0, ix.SLIP] != 0 or load + friction >= 0.0
+        if modes[k, ix.JACK] == ix.STANDS and held:
             continue
-        if abs(state[k, SPEED]) > SLOW:
-            kinds[k, JACK] = RISES if state[k, SPEED] > 0.0 else FALLS
+        if abs(state[k, ix.SPEED]) > SLOW:
+            modes[k, ix.JACK] = ix.RISES if state[k, ix.SPEED] > 0.0 else ix.FALLS
         else:
-            state[k, SPEED] = 0.0
-            if abs(load) <= friction + SHARE * bench[k, MASS]:
-                kinds[k, JACK] = HANGS
+            state[k, ix.SPEED] = 0.0
+            if abs(load) <= friction + FORCE_TOLERANCE * bench[k, ix.MASS]:
+                modes[k, ix.JACK] = ix.HANGS
             else:
-                kinds[k, JACK] = RISES if load < 0.0 else FALLS
-        state[k, ACCELERATION] = jack_acceleration(bench, cells, kinds, k, state[k, RISE])
+                modes[k, ix.JACK] = ix.RISES if load < 0.0 else ix.FALLS
+        state[k, ix.ACCELERATION] = jack_acceleration(bench, cells, modes, k, state[k, ix.RISE])

@@ -1,4 +1,4 @@
-"""Which values of a scene may vary from press to press, their limits, and the strings' laws."""
+"""Values of a scene that may vary between presses, their limits, and the strings' force laws."""
 
 from collections.abc import Sequence
 
@@ -31,7 +31,7 @@ from sautereau.sim_backend.scene import Scene
 from sautereau.trajectory.motion import Floats
 
 CHUNK = 192
-"""Plucks that are solved together, few enough for the processor's cache."""
+"""Plucks that are solved together; limited by the processor's cache."""
 _LEVER = ("press_arm", "jack_arm", "jack_surface_height", "inertia", "front_heaviness")
 _PLECTRUM = ("youngs_modulus", "width", "thickness", "length", "overlap", "friction")
 _STRING = ("tension", "length", "plucking_point")
@@ -42,8 +42,8 @@ _DERIVED = ("plectrum.bending_stiffness", "string.static_stiffness")
 def variables(rig: Rig, scene: Scene) -> dict[str, tuple[type[Section], str] | None]:
     """Return the keys that may vary in a scene, each with its model and field.
 
-    Those that follow from others, `plectrum.bending_stiffness` and `string.static_stiffness`
-    of the elastica, have none: they may be given in place of what they follow from.
+    Derived quantities of the elastica, `plectrum.bending_stiffness` and `string.static_stiffness`,
+    have None: they may be given instead of the values from which they follow.
     """
     found: dict[str, tuple[type[Section], str] | None] = {}
 
@@ -74,11 +74,11 @@ def variables(rig: Rig, scene: Scene) -> dict[str, tuple[type[Section], str] | N
     return found
 
 
-def sound(of: Numbers, presses: int) -> NDArray[np.bool_]:
-    """Return which presses have only values within their limits; shape (presses,)."""
+def within_limits(numbers: Numbers, presses: int) -> NDArray[np.bool_]:
+    """Return the presses with all values within their limits; bool, shape (presses,)."""
     good = np.ones(presses, bool)
-    known = variables(of.rig, of.scene)
-    for name, value in of.given.items():
+    known = variables(numbers.rig, numbers.scene)
+    for name, value in numbers.given.items():
         good &= np.isfinite(value)
         place = known[name]
         if not place:
@@ -89,49 +89,51 @@ def sound(of: Numbers, presses: int) -> NDArray[np.bool_]:
             for bound, holds in _LIMITS.items():
                 if hasattr(limit, bound):
                     good &= holds(value, getattr(limit, bound))
-    for at in choir_prefixes(of.rig):
-        good &= of(f"{at}string.plucking_point") < of(f"{at}string.length")
-        good &= of(f"{at}plectrum.overlap") < of(f"{at}plectrum.length")
-    back = of("jack.mass") * GRAVITY * of("key.jack_arm")
-    return good & (of("key.front_heaviness") < back)
+    for at in choir_prefixes(numbers.rig):
+        good &= numbers(f"{at}string.plucking_point") < numbers(f"{at}string.length")
+        good &= numbers(f"{at}plectrum.overlap") < numbers(f"{at}plectrum.length")
+    back = numbers("jack.mass") * GRAVITY * numbers("key.jack_arm")
+    return good & (numbers("key.front_heaviness") < back)
 
 
-def varied_laws(of: Numbers, played: NDArray[np.bool_]) -> tuple[Floats, Floats, NDArray[np.bool_]]:
-    """Return the laws of all strings, and which presses have a pluck.
+def varied_laws(
+    numbers: Numbers, played: NDArray[np.bool_]
+) -> tuple[Floats, Floats, NDArray[np.bool_]]:
+    """Return the force laws of all strings, and the presses that have a pluck.
 
     Args:
-        of: Values of the keys.
-        played: Which presses have sound values; shape (presses,).
+        numbers: Values of the keys.
+        played: Presses with values within their limits; shape (presses,).
 
     Returns:
-        Cells of the laws, their places of shape (presses, choirs, 9), and the last of shape
-        (presses,).
+        Cells of the laws; their places, shape (presses, choirs, 9); whether each press has a
+        pluck, shape (presses,).
 
     Raises:
-        SceneError: A pluck that does not vary is none.
+        SceneError: A plectrum and string that do not vary have no pluck.
     """
     presses = len(played)
     plucks = np.ones(presses, bool)
-    prefixes = choir_prefixes(of.rig)
+    prefixes = choir_prefixes(numbers.rig)
     rows = np.zeros((presses, len(prefixes)), np.int64)
-    if of.scene.plectrum == "none":
+    if numbers.scene.plectrum == "none":
         law = mute_law()
         return law.cells, law.places[rows], plucks
     found: list[Laws] = []
     count = 0
-    for k, (at, choir) in enumerate(zip(prefixes, choirs(of.rig), strict=True)):
+    for k, (at, choir) in enumerate(zip(prefixes, choirs(numbers.rig), strict=True)):
         names = [f"{at}plectrum.{n}" for n in _PLECTRUM] + [f"{at}string.{n}" for n in _STRING]
         names += [f"{at}{name}" for name in _DERIVED]
-        if not of.varies(names):
+        if not numbers.varies(names):
             try:
-                laws = [laws_of([choir_pluck(choir, of.scene.plectrum)])]
+                laws = [laws_of([choir_pluck(choir, numbers.scene.plectrum)])]
             except ModelError as error:
-                raise SceneError(f"rig {of.rig.name}: {at}{error}") from error
+                raise SceneError(f"rig {numbers.rig.name}: {at}{error}") from error
             which, good = np.zeros(presses, np.int64), np.ones(1, bool)
-        elif of.scene.plectrum == "elastica":
-            laws, which, good = _elastica(of, at, played)
+        elif numbers.scene.plectrum == "elastica":
+            laws, which, good = _elastica(numbers, at, played)
         else:
-            laws, which, good = _one_by_one(of, at, choir, played)
+            laws, which, good = _one_by_one(numbers, at, choir, played)
         rows[:, k] = count + which
         plucks &= good[which]
         found += laws
@@ -141,12 +143,12 @@ def varied_laws(of: Numbers, played: NDArray[np.bool_]) -> tuple[Floats, Floats,
 
 
 def _elastica(
-    of: Numbers, at: str, played: NDArray[np.bool_]
+    numbers: Numbers, at: str, played: NDArray[np.bool_]
 ) -> tuple[list[Laws], Ints, NDArray[np.bool_]]:
-    with np.errstate(all="ignore"):  # of presses that are not played
-        stiffness, bending = static_stiffness(of, at), bending_stiffness(of, at)
-    overlap, length = of(f"{at}plectrum.overlap"), of(f"{at}plectrum.length")
-    friction = of(f"{at}plectrum.friction")
+    with np.errstate(all="ignore"):  # of presses that are not simulated
+        stiffness, bending = static_stiffness(numbers, at), bending_stiffness(numbers, at)
+    overlap, length = numbers(f"{at}plectrum.overlap"), numbers(f"{at}plectrum.length")
+    friction = numbers(f"{at}plectrum.friction")
     different, which = _different((friction, stiffness, overlap, bending, length), played)
     friction, stiffness, overlap, bending, length = different
     low, high = STIFFNESS_RANGE
@@ -154,9 +156,9 @@ def _elastica(
     stiffness, overlap = np.where(good, (stiffness, overlap), ([[1.0], [0.1]] * length))
     ends = np.flatnonzero(np.diff(friction)) + 1
     laws = []
-    for start, stop in zip([0, *ends], [*ends, len(friction)], strict=True):
-        for first in range(start, stop, CHUNK):
-            part = slice(first, min(first + CHUNK, stop))
+    for start, step_end in zip([0, *ends], [*ends, len(friction)], strict=True):
+        for first in range(start, step_end, CHUNK):
+            part = slice(first, min(first + CHUNK, step_end))
             solved, sure = elastica_laws(
                 stiffness[part], overlap[part], bending[part], length[part], float(friction[start])
             )
@@ -166,10 +168,10 @@ def _elastica(
 
 
 def _one_by_one(
-    of: Numbers, at: str, choir: Choir, played: NDArray[np.bool_]
+    numbers: Numbers, at: str, choir: Choir, played: NDArray[np.bool_]
 ) -> tuple[list[Laws], Ints, NDArray[np.bool_]]:
     keys = [("plectrum", name) for name in _PLECTRUM] + [("string", name) for name in _STRING]
-    different, which = _different([of(f"{at}{part}.{name}") for part, name in keys], played)
+    different, which = _different([numbers(f"{at}{part}.{name}") for part, name in keys], played)
     good = np.ones(different.shape[1], bool)
     laws = []
     for row, values in enumerate(different.T.tolist()):
@@ -178,7 +180,7 @@ def _one_by_one(
             parts[part][name] = value
         changed = {p: getattr(choir, p).model_copy(update=new) for p, new in parts.items()}
         try:
-            pluck = choir_pluck(choir.model_copy(update=changed), of.scene.plectrum)
+            pluck = choir_pluck(choir.model_copy(update=changed), numbers.scene.plectrum)
             laws.append(laws_of([pluck]))
         except ModelError:
             good[row] = False
@@ -187,9 +189,9 @@ def _one_by_one(
 
 
 def _different(values: Sequence[Floats], played: NDArray[np.bool_]) -> tuple[Floats, Ints]:
-    """Return the columns that differ among the presses that are played, and each press's own.
+    """Return the distinct columns among the valid presses, and the column of each press.
 
-    Columns are in order of their first row. A press that is not played has the first one.
+    Columns are in order of their first row. An invalid press has the first one.
     """
     table = np.stack([np.broadcast_to(value, played.shape) for value in values])
     different, inverse = np.unique(table[:, played], axis=1, return_inverse=True)

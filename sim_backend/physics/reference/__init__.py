@@ -1,1 +1,1 @@
-"""An independent solution of a scene's equations, to which the engines are held."""
+"""An independent solution of a scene's equations, the reference for the engines' errors."""

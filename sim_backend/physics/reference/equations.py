@@ -1,11 +1,11 @@
-"""The equations of a scene in one mode."""
+"""Equations of motion of a scene in one mode."""
 
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from sautereau.sim_backend.physics.reference.legs import Leg
-from sautereau.sim_backend.physics.reference.linkage import Inertia, Touch
-from sautereau.sim_backend.physics.reference.mode import Felt, JackMode, Meeting, Mode
+from sautereau.sim_backend.physics.reference.drive_segments import DriveSegment
+from sautereau.sim_backend.physics.reference.linkage import Inertia, KeyUnderFingertip
+from sautereau.sim_backend.physics.reference.mode import Felt, ForceModes, JackMode, Mode
 from sautereau.sim_backend.physics.reference.system import State, System
 
 
@@ -16,125 +16,133 @@ class JackInstant(NamedTuple):
     rise: float
     speed: float
     acceleration: float
-    foot: float
-    """m, rise of the key under it."""
+    key_rise: float
+    """m, of the key's surface under the jack."""
     slope: float
-    """m/rad, of that by the angle."""
-    bend: float
-    """m/s^2, of the foot at a steady speed of the key."""
-    burden: float
-    """N, downwards, without friction and inertia."""
+    """m/rad, derivative of `key_rise` by the angle."""
+    bias: float
+    """m/s^2, bias acceleration: of the key under the jack at constant angular velocity."""
+    static_load: float
+    """N, downwards: weight, string and damper."""
     load: float
-    """N, on the key as it moves; where the key stands, the most that it can be."""
+    """N, on the key as it moves; on a key at rest, the largest possible value."""
     string: float
     """N, downwards."""
 
 
 @dataclass(frozen=True)
 class Instant:
-    """All that follows from a mode and a state."""
+    """Motion and forces that follow from a mode and a state."""
 
     angle: float
-    spin: float
+    angular_velocity: float
     acceleration: float
     jacks: list[JackInstant]
     joints: tuple[float, ...]
     """rad/s^2, of the arm; empty without one."""
-    touch: Touch | None
+    contact: KeyUnderFingertip | None
     finger: float
     """N m, of the fingertip on the key; 0 where it does not touch."""
     balance: float
-    """N m, of all on the key without dry friction and rail."""
+    """N m, sum of the moments on the key without dry friction and rail."""
     dry: float
-    """N m, with which friction holds against a rise."""
+    """N m, largest friction against an upward motion of the jacks."""
     dry_down: float
-    """N m, with which friction holds against a fall."""
+    """N m, largest friction against a downward motion of the jacks."""
 
     def complete(self, x: State) -> State:
-        """Return the state with what follows from the rest of it."""
-        full = [self.angle, self.spin]
+        """Return the state with its dependent coordinates computed."""
+        full = [self.angle, self.angular_velocity]
         for jack in self.jacks:
             full += [jack.rise, jack.speed]
         return full + x[len(full) :]
 
 
-class Stretch:
-    """The bench in one mode, over one leg."""
+class ModeEquations:
+    """The equations of motion in one mode, over one drive segment."""
 
-    def __init__(self, system: System, leg: Leg, mode: Mode, meeting: Meeting):
-        self.system, self.leg, self.mode, self.meeting = system, leg, mode, meeting
-        self.led = mode.touch and leg.path is not None
+    def __init__(self, system: System, segment: DriveSegment, mode: Mode, force_modes: ForceModes):
+        self.system, self.segment, self.mode, self.force_modes = system, segment, mode, force_modes
+        self.prescribed = mode.touching and segment.path is not None
         self.moving = bool(
             system.arm
-            or (mode.slip and not self.led)
+            or (mode.slip and not self.prescribed)
             or any(j in (JackMode.RISES, JackMode.FALLS) for j in mode.jacks)
         )
-        """Whether there is anything to integrate."""
+        """Whether any coordinate must be integrated."""
 
     def at(self, time: float, x: State) -> Instant:
         """Return the motion and the forces at a time [s] in a state."""
-        system, mode, leg, meeting = self.system, self.mode, self.leg, self.meeting
-        angle, spin, lead = x[0], x[1], 0.0
-        touch = None
-        if leg.path:
-            led = leg.path.lead(time)
-            touch, lead = led.touch, led.acceleration
+        system, mode, segment, force_modes = self.system, self.mode, self.segment, self.force_modes
+        angle, omega, lead_acceleration = x[0], x[1], 0.0
+        contact = None
+        if segment.path:
+            prescribed = segment.path.key_motion(time)
+            contact, lead_acceleration = prescribed.contact, prescribed.acceleration
         elif system.arm:
-            touch = system.arm.touch(*x[-4:])
-        if touch and mode.touch and (mode.slip or self.led):
-            angle, spin = touch.angle, touch.spin
+            contact = system.arm.key_under_fingertip(*x[-4:])
+        if contact and mode.touching and (mode.slip or self.prescribed):
+            angle, omega = contact.angle, contact.angular_velocity
         if not mode.slip:
-            spin = 0.0
+            omega = 0.0
         inertia = system.inertia
-        balance = leg.moment + system.heaviness - system.viscous * spin
-        if meeting.felt is Felt.PRESSED:
-            balance -= system.felt(angle, spin)
+        balance = segment.moment + system.gravity_moment - system.viscous * omega
+        if force_modes.felt is Felt.PRESSED:
+            balance -= system.felt(angle, omega)
         dry = dry_down = system.dry
         jacks = []
         for k, jack in enumerate(system.jacks):
-            kind, rise, speed = mode.jacks[k], x[2 + 2 * k], x[3 + 2 * k]
-            foot, slope, curve = jack.foot(angle)
-            bend = curve * spin * spin
-            if kind is JackMode.STANDS:
-                rise, speed = foot, slope * spin
-            string = jack.string_force(meeting.strings[k], rise)
-            burden = jack.burden(string, meeting.damped[k], rise)
+            jack_mode, rise, speed = mode.jacks[k], x[2 + 2 * k], x[3 + 2 * k]
+            key_rise, slope, curve = jack.kinematics(angle)
+            bias = curve * omega * omega
+            if jack_mode is JackMode.STANDS:
+                rise, speed = key_rise, slope * omega
+            string = jack.string_force(force_modes.strings[k], rise)
+            static_load = jack.static_load(string, force_modes.damped[k], rise)
             acceleration = 0.0
-            if kind is JackMode.STANDS:
+            if jack_mode is JackMode.STANDS:
                 inertia += jack.mass * slope * slope
-                balance -= slope * (jack.mass * bend + burden)
+                balance -= slope * (jack.mass * bias + static_load)
                 dry += slope * jack.friction
-                dry_down += slope * min(jack.friction, burden)
-            elif kind is JackMode.HANGS:
+                dry_down += slope * min(jack.friction, static_load)
+            elif jack_mode is JackMode.HANGS:
                 speed = 0.0
             else:
-                acceleration = -(burden + kind * jack.friction) / jack.mass
-            jacks.append((kind, rise, speed, acceleration, foot, slope, bend, burden, string, jack))
-        acceleration, joints, finger = self._accelerations(x, touch, lead, inertia, balance, dry)
-        if not mode.touch:
+                acceleration = -(static_load + jack_mode * jack.friction) / jack.mass
+            jacks.append(
+                (jack_mode, rise, speed, acceleration, key_rise, slope, bias, static_load, string)
+            )
+        acceleration, joints, finger = self._accelerations(
+            x, contact, lead_acceleration, inertia, balance, dry
+        )
+        if not mode.touching:
             finger = 0.0
-        elif self.led:
+        elif self.prescribed:
             finger = inertia * acceleration - balance + mode.slip * dry
-            if not mode.slip:  # friction holds the key as long as it can, the finger the rest
+            if not mode.slip:  # friction carries as much as it can, the finger the remainder
                 finger = -balance - min(max(-balance, -dry), dry_down)
         done = []
-        for kind, rise, speed, own, foot, slope, bend, burden, string, jack in jacks:
+        for jack, moving in zip(system.jacks, jacks, strict=True):
+            jack_mode, rise, speed, own, key_rise, slope, bias, static_load, string = moving
             load = 0.0
-            if kind is JackMode.STANDS:
-                own = slope * acceleration + bend
-                load = jack.mass * own + burden + (mode.slip or 1) * jack.friction
+            if jack_mode is JackMode.STANDS:
+                own = slope * acceleration + bias
+                load = jack.mass * own + static_load + (mode.slip or 1) * jack.friction
             done.append(
-                JackInstant(kind, rise, speed, own, foot, slope, bend, burden, load, string)
+                JackInstant(
+                    jack_mode, rise, speed, own, key_rise, slope, bias, static_load, load, string
+                )
             )
+        total = balance + finger
         return Instant(
-            angle, spin, acceleration, done, joints, touch, finger, balance + finger, dry, dry_down
+            angle, omega, acceleration, done, joints, contact, finger, total, dry, dry_down
         )
 
     def rates(self, time: float, x: State) -> State:
-        """Return the derivative of the state; that of what follows from the rest is zero."""
+        """Return the derivative of the state; that of a dependent coordinate is zero."""
         now, mode = self.at(time, x), self.mode
-        free = mode.slip and not mode.touch
-        rates = [now.spin, now.acceleration] if free else [0.0, 0.0]
+        free = mode.slip and not mode.touching
+        rates = [now.angular_velocity, now.acceleration] if free else [0.0, 0.0]
         for jack in now.jacks:
             flies = jack.mode in (JackMode.RISES, JackMode.FALLS)
             rates += [jack.speed, jack.acceleration] if flies else [0.0, 0.0]
@@ -143,29 +151,29 @@ class Stretch:
         return rates
 
     def complete(self, time: float, x: State) -> State:
-        """Return the state with what follows from the rest of it."""
+        """Return the state with its dependent coordinates computed."""
         return self.at(time, x).complete(x)
 
     def _accelerations(
         self,
         x: State,
-        touch: Touch | None,
-        lead: float,
+        contact: KeyUnderFingertip | None,
+        lead_acceleration: float,
         inertia: float,
         balance: float,
         dry: float,
     ) -> tuple[float, tuple[float, ...], float]:
-        """Return the accelerations of key and joints, and the finger's moment of a servo."""
+        """Return the accelerations of key and joints, and the moment of a servo's fingertip."""
         mode, arm = self.mode, self.system.arm
         pushed = balance - mode.slip * dry
-        alone = lead if self.led else pushed / inertia if mode.slip else 0.0
-        if arm is None or touch is None:
+        alone = lead_acceleration if self.prescribed else pushed / inertia if mode.slip else 0.0
+        if arm is None or contact is None:
             return alone, (), 0.0
         own = arm.inertia(*x[-4:])
-        torque1, torque2 = self.leg.torques
+        torque1, torque2 = self.segment.torques
         right1, right2 = torque1 - own.load1, torque2 - own.load2
-        a1, a2, bend = touch.slope1, touch.slope2, touch.bend
-        if not mode.touch:
+        a1, a2, bias = contact.slope1, contact.slope2, contact.bias
+        if not mode.touching:
             return alone, own.solve(right1, right2), 0.0
         if mode.slip:
             # M q'' = torques - A' finger and inertia (A q'' + bend) = pushed + finger.
@@ -176,11 +184,11 @@ class Stretch:
                 0.0,
                 0.0,
             )
-            rest = pushed - inertia * bend
+            rest = pushed - inertia * bias
             s1, s2 = both.solve(right1 + a1 * rest, right2 + a2 * rest)
-            acceleration = a1 * s1 + a2 * s2 + bend
+            acceleration = a1 * s1 + a2 * s2 + bias
             return acceleration, (s1, s2), inertia * acceleration - pushed
         free1, free2 = own.solve(right1, right2)
         by1, by2 = own.solve(a1, a2)
-        finger = (a1 * free1 + a2 * free2 + bend) / (a1 * by1 + a2 * by2)
+        finger = (a1 * free1 + a2 * free2 + bias) / (a1 * by1 + a2 * by2)
         return 0.0, (free1 - finger * by1, free2 - finger * by2), finger

@@ -1,4 +1,4 @@
-"""A jack and what acts on it: weight, string, tongue and damper, in plain floats."""
+"""A jack and its forces: weight, string, tongue and damper, in plain floats."""
 
 import math
 from bisect import bisect_right
@@ -17,8 +17,8 @@ from sautereau.sim_backend.errors import SceneError
 from sautereau.sim_backend.scene import Scene
 
 
-class StringState(Enum):
-    """Where a plectrum is with its string."""
+class StringMode(Enum):
+    """Mode of a plectrum and its string."""
 
     BELOW = "below"
     HELD = "held"
@@ -27,9 +27,9 @@ class StringState(Enum):
 
 
 class PluckLaw:
-    """A pluck's own spline, each cubic of it found again from four of its values.
+    """A pluck's force spline, each cubic recovered from four of its values.
 
-    Outside the pluck it goes on straight, for the trial steps of an integrator.
+    Outside the pluck it continues linearly, for the trial steps of an integrator.
     """
 
     def __init__(self, pluck: Pluck):
@@ -58,7 +58,7 @@ class PluckLaw:
 
 @dataclass(frozen=True)
 class JackLaw:
-    """One jack in numbers; the key's rise under it is b tan a + hb (1 / cos a - 1)."""
+    """Parameters of one jack; the key's rise under it is b tan a + hb (1 / cos a - 1)."""
 
     mass: float
     """kg."""
@@ -69,49 +69,49 @@ class JackLaw:
     height: float
     """m, hb."""
     clearance: float
-    """m, rise at which the plectrum meets the string."""
+    """m, rise at contact of plectrum and string."""
     pluck: PluckLaw | None
     """None for a mute jack."""
     tongue_force: float
-    """N, of the tongue as it begins to turn."""
+    """N, of the tongue as it starts to turn."""
     tongue_stiffness: float
-    """N/m, its growth with the drop."""
+    """N/m, increase of that force per drop."""
     travel: float
     """m, drop at which the plectrum has passed the string."""
     lift: float
-    """m, rise at which the damper leaves the string; minus infinity for none."""
+    """m, rise at which the damper leaves the string; minus infinity without a damper."""
     damper_stiffness: float
     """N/m."""
 
-    def foot(self, angle: float) -> tuple[float, float, float]:
-        """Return the key's rise [m] under the jack and its slopes by the angle [m/rad, m/rad^2]."""
+    def kinematics(self, angle: float) -> tuple[float, float, float]:
+        """Return the key's rise [m] under the jack and its derivatives [m/rad, m/rad^2]."""
         sine, cosine = math.sin(angle), math.cos(angle)
         b, hb = self.arm, self.height
         rise = b * sine / cosine + hb * 2 * math.sin(angle / 2) ** 2 / cosine
         slope = (b + hb * sine) / cosine**2
         return rise, slope, (2 * b * sine + hb * (1 + sine * sine)) / cosine**3
 
-    def string_force(self, state: StringState, rise: float) -> float:
+    def string_force(self, state: StringMode, rise: float) -> float:
         """Return the force [N] of string on plectrum, downwards."""
         height = rise - self.clearance
-        if state is StringState.HELD and self.pluck:
+        if state is StringMode.HELD and self.pluck:
             return self.pluck.force(height)
-        if state is StringState.PASSING:
+        if state is StringMode.PASSING:
             return -(self.tongue_force - self.tongue_stiffness * height)
         return 0.0
 
-    def burden(self, string_force: float, damped: bool, rise: float) -> float:
-        """Return weight, string and damper together [N], downwards."""
+    def static_load(self, string_force: float, damped: bool, rise: float) -> float:
+        """Return the sum of weight, string and damper [N], downwards."""
         felt = self.damper_stiffness * (self.lift - rise) if damped else 0.0
         return self.mass * GRAVITY + string_force - felt
 
 
 def jack_laws(rig: Rig, scene: Scene) -> tuple[JackLaw, ...]:
-    """Return the jacks of a bench as a scene shows them, the first one first.
+    """Return the jacks of a bench, those of the first choir first.
 
     Args:
-        rig: The bench as it truly is.
-        scene: What of it is shown.
+        rig: The true bench.
+        scene: Which parts are enabled.
 
     Raises:
         SceneError: A choir has no pluck.

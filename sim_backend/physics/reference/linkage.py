@@ -8,24 +8,24 @@ from sautereau.rig.section import GRAVITY
 from sautereau.sim_backend.errors import SceneError
 
 
-class Touch(NamedTuple):
-    """The key that the fingertip would touch: a(q), a' = A q', a'' = A q'' + bend."""
+class KeyUnderFingertip(NamedTuple):
+    """The key in contact with the fingertip: a(q), a' = A q', a'' = A q'' + bias."""
 
     angle: float
     """rad."""
-    spin: float
+    angular_velocity: float
     """rad/s."""
     slope1: float
     slope2: float
-    """1, A of joints 1 and 2."""
-    bend: float
-    """rad/s^2, of the joints' speeds."""
+    """Dimensionless, A of joints 1 and 2."""
+    bias: float
+    """rad/s^2, bias acceleration, due to the joints' velocities."""
     lever: float
-    """m, moment about the pin of each newton along the key's normal."""
+    """m, moment about the pin per newton along the key's normal."""
 
 
 class Inertia(NamedTuple):
-    """M q'' = motors - load, at one place."""
+    """M q'' = motors - load, at one position of the arm."""
 
     m11: float
     m12: float
@@ -61,7 +61,7 @@ class Linkage:
         self._weight2 = GRAVITY * mass2 * l2 / 2
 
     def weight(self, q1: float, q2: float) -> tuple[float, float]:
-        """Return the torques [N m] that carry the links."""
+        """Return the torques [N m] that balance the links' weight."""
         second = self._weight2 * math.cos(q1 + q2)
         return self._weight1 * math.cos(q1) + second, second
 
@@ -78,11 +78,11 @@ class Linkage:
             weight2 + twist * d1 * d1,
         )
 
-    def touch(self, q1: float, q2: float, d1: float, d2: float) -> Touch:
+    def key_under_fingertip(self, q1: float, q2: float, d1: float, d2: float) -> KeyUnderFingertip:
         """Return the key under the fingertip: z cos a - x sin a = hf + r.
 
         Raises:
-            SceneError: The fingertip is so near the pin that it touches the key at no angle.
+            SceneError: The fingertip is so close to the pin that no angle gives a contact.
         """
         arm, height, total = self.arm, self.height, q1 + q2
         ux, uz = arm.upper_length * math.cos(q1), arm.upper_length * math.sin(q1)
@@ -92,7 +92,7 @@ class Linkage:
         if squared <= 0:
             raise SceneError(
                 f"rig {self.name}: the fingertip comes within {height * 1e3:.4g} mm of the balance"
-                " pin, where it touches the key at no angle; lower the servo's gains or the speed"
+                " pin, where no angle gives a contact; lower the servo's gains or the speed"
             )
         angle = math.atan2(-x, z) - math.atan2(math.sqrt(squared), height)
         sine, cosine = math.sin(angle), math.cos(angle)
@@ -100,11 +100,11 @@ class Linkage:
         # Columns of the fingertip's Jacobian: (-uz - lz, ux + lx) and (-lz, lx).
         slope1 = ((uz + lz) * sine + (ux + lx) * cosine) / reach
         slope2 = (lz * sine + lx * cosine) / reach
-        spin = slope1 * d1 + slope2 * d2
+        omega = slope1 * d1 + slope2 * d2
         both = d1 + d2
         along = (-uz * d1 - lz * both) * cosine + (ux * d1 + lx * both) * sine
         inward = (ux * d1 * d1 + lx * both * both) * sine - (
             uz * d1 * d1 + lz * both * both
         ) * cosine
-        bend = (inward - 2 * spin * along - spin * spin * height) / reach
-        return Touch(angle, spin, slope1, slope2, bend, -reach)
+        bias = (inward - 2 * omega * along - omega * omega * height) / reach
+        return KeyUnderFingertip(angle, omega, slope1, slope2, bias, -reach)

@@ -1,13 +1,13 @@
-"""Which of the bench's inequalities hold as equalities for a while."""
+"""Discrete modes: which inequalities of the bench are active as equalities."""
 
 from dataclasses import dataclass
 from enum import IntEnum
 
-from sautereau.sim_backend.physics.reference.jack import StringState
+from sautereau.sim_backend.physics.reference.jack import StringMode
 
 
 class JackMode(IntEnum):
-    """What a jack does; those in the air have the sign of their speed."""
+    """Mode of a jack; in flight it has the sign of the speed."""
 
     FALLS = -1
     HANGS = 0
@@ -18,31 +18,31 @@ class JackMode(IntEnum):
 
 
 class Felt(IntEnum):
-    """What the front felt does."""
+    """Mode of the front felt."""
 
     OFF = 0
     PRESSED = 1
     SLACK = 2
-    """Pressed, but the key leaves it faster than it follows."""
+    """Compressed without force: the key leaves it faster than it expands."""
 
 
 @dataclass(frozen=True)
 class Mode:
-    """One smooth set of equations."""
+    """One mode, with smooth equations of motion."""
 
     slip: int
-    """Sign of the key's speed, for its friction; 0 where it stands."""
+    """Sign of the key's velocity, for its friction; 0 at rest."""
     rail: bool
-    """Whether it stands on the back rail."""
-    touch: bool
+    """Whether it rests on the back rail."""
+    touching: bool
     """Whether the fingertip touches it."""
     jacks: tuple[JackMode, ...]
 
 
 @dataclass(frozen=True)
-class Meeting:
-    """What each string, each damper and the felt are doing."""
+class ForceModes:
+    """Modes of the force laws: strings, dampers and felt."""
 
-    strings: tuple[StringState, ...]
+    strings: tuple[StringMode, ...]
     damped: tuple[bool, ...]
     felt: Felt

@@ -1,4 +1,4 @@
-"""From one mode to the next: impacts without rebound, and the mode that can last."""
+"""Transition between modes: plastic impacts, and selection of the next mode."""
 
 import math
 from collections.abc import Iterable
@@ -8,22 +8,22 @@ import numpy as np
 from scipy.optimize import nnls
 
 from sautereau.sim_backend.errors import SceneError
-from sautereau.sim_backend.physics.reference.conditions import SHARE, conditions
-from sautereau.sim_backend.physics.reference.equations import Instant, Stretch
-from sautereau.sim_backend.physics.reference.jack import StringState
-from sautereau.sim_backend.physics.reference.legs import Leg
-from sautereau.sim_backend.physics.reference.linkage import Touch
-from sautereau.sim_backend.physics.reference.mode import Felt, JackMode, Meeting, Mode
-from sautereau.sim_backend.physics.reference.settle import apart
+from sautereau.sim_backend.physics.reference.conditions import FORCE, conditions
+from sautereau.sim_backend.physics.reference.drive_segments import DriveSegment
+from sautereau.sim_backend.physics.reference.equations import Instant, ModeEquations
+from sautereau.sim_backend.physics.reference.jack import StringMode
+from sautereau.sim_backend.physics.reference.linkage import KeyUnderFingertip
+from sautereau.sim_backend.physics.reference.mode import Felt, ForceModes, JackMode, Mode
+from sautereau.sim_backend.physics.reference.projection import separated
 from sautereau.sim_backend.physics.reference.system import State, System
 
 CLOSE = 1e-13
-"""rad and m, gap that is none."""
+"""rad and m, gap below which surfaces are in contact."""
 SLOW = 1e-11
-"""rad/s and m/s, speed that is none."""
-SURE = 0.1
-"""1, of a condition's tolerance, by which it may be overstepped in a mode that begins."""
-OF_MODE = {
+"""rad/s and m/s, speed below which it counts as zero."""
+MODE_TOLERANCE = 0.1
+"""Dimensionless, fraction of a condition's tolerance allowed at the start of a mode."""
+FORCE_CONDITIONS = {
     "the key breaks loose upwards",
     "the key breaks loose downwards",
     "the finger leaves the key",
@@ -31,57 +31,59 @@ OF_MODE = {
     "the jack slides up",
     "the jack slides down",
 }
-"""Conditions on forces: those on places and speeds follow the motion, whatever the mode."""
+"""Conditions on forces; those on positions and speeds do not depend on the choice of mode."""
 
 
-def strike(system: System, leg: Leg, time: float, x: State) -> State:
-    """Return the state after all that is met has been met, without rebound.
+def resolve_impacts(system: System, segment: DriveSegment, time: float, x: State) -> State:
+    """Return the state after all impacts, which are plastic (without rebound).
 
-    The speeds become those nearest to the ones before, by kinetic energy, that no surface
-    forbids: so impulses push only and conserve momentum.
+    The new velocities are the nearest to the old ones, in the norm of kinetic energy, that no
+    surface forbids. The impulses are then repulsive and conserve momentum.
 
     Args:
         system: The bench.
-        leg: That begins or goes on.
+        segment: The present drive segment.
         time: s.
-        x: State before.
+        x: State before the impacts.
 
     Raises:
-        SceneError: The fingertip is in the midst of the key.
+        SceneError: Fingertip and key overlap.
     """
-    after = apart(system, leg, time, x)
+    after = separated(system, segment, time, x)
     n = len(system.jacks)
-    touch = system.touch(leg, time, after)
+    contact = system.key_under_fingertip(segment, time, after)
     size = 1 + n + (2 if system.arm else 0)
     mass = np.eye(size)
     mass[0, 0] = system.inertia
     mass[range(1, 1 + n), range(1, 1 + n)] = [jack.mass for jack in system.jacks]
-    feet = [jack.foot(after[0]) for jack in system.jacks]
-    touched = touch is not None and after[0] - touch.angle <= CLOSE
+    surfaces = [jack.kinematics(after[0]) for jack in system.jacks]
+    in_contact = contact is not None and after[0] - contact.angle <= CLOSE
     key, *flights = np.eye(size)[: 1 + n]
     rows = [
         flight - slope * key
-        for k, (flight, (rise, slope, _)) in enumerate(zip(flights, feet, strict=True))
+        for k, (flight, (rise, slope, _)) in enumerate(zip(flights, surfaces, strict=True))
         if after[2 + 2 * k] - rise <= CLOSE
     ]
-    # An ideal finger and the rail both hold the key up: the faster of the two counts.
-    lead = 0.0
+    # An ideal finger and the rail both bound the velocity from below: the larger bound counts.
+    least_omega = 0.0
     if system.arm:
         own = system.arm.inertia(*after[-4:])
         mass[-2:, -2:] = [[own.m11, own.m12], [own.m12, own.m22]]
-        if touch and touched:
+        if contact and in_contact:
             held = key.copy()
-            held[-2:] = -touch.slope1, -touch.slope2
+            held[-2:] = -contact.slope1, -contact.slope2
             rows.append(held)
-    elif touch and touched:
-        lead = touch.spin if after[0] > CLOSE else max(touch.spin, 0.0)
+    elif contact and in_contact:
+        least_omega = contact.angular_velocity
+        if after[0] <= CLOSE:
+            least_omega = max(least_omega, 0.0)
         rows.append(key)
-    if after[0] <= CLOSE and lead == 0.0:
+    if after[0] <= CLOSE and least_omega == 0.0:
         rows.append(key)
     if not rows:
         return after
     carried = np.zeros(size)
-    carried[: 1 + n] = [lead, *(lead * slope for _, slope, _ in feet)]
+    carried[: 1 + n] = [least_omega, *(least_omega * slope for _, slope, _ in surfaces)]
     constraints = np.array(rows)
     moving = np.array([*after[1 : 2 + 2 * n : 2], *(after[-2:] if system.arm else ())]) - carried
     if (constraints @ moving >= -SLOW * 1e-2).all():
@@ -98,127 +100,132 @@ def strike(system: System, leg: Leg, time: float, x: State) -> State:
     return after
 
 
-def meeting_of(system: System, x: State, strings: Iterable[StringState]) -> Meeting:
-    """Return what dampers and felt do in a state; the strings remember."""
-    angle, spin = x[0], x[1]
+def force_modes_of(system: System, x: State, strings: Iterable[StringMode]) -> ForceModes:
+    """Return the modes of dampers and felt in a state; those of the strings are given."""
+    angle, omega = x[0], x[1]
     felt = Felt.OFF
     if angle > system.dip:
-        felt = Felt.PRESSED if system.felt(angle, spin) >= 0 else Felt.SLACK
+        felt = Felt.PRESSED if system.felt(angle, omega) >= 0 else Felt.SLACK
     damped = tuple(x[2 + 2 * k] < jack.lift for k, jack in enumerate(system.jacks))
-    return Meeting(tuple(strings), damped, felt)
+    return ForceModes(tuple(strings), damped, felt)
 
 
-def begin(system: System, leg: Leg, time: float, x: State, meeting: Meeting) -> Stretch:
-    """Return the bench in the mode whose conditions hold and go on to hold.
+def select_mode(
+    system: System, segment: DriveSegment, time: float, x: State, force_modes: ForceModes
+) -> ModeEquations:
+    """Return the equations of the mode whose conditions hold and continue to hold.
 
-    The accelerations are those of least constraint (Gauss), which are unique: of several
-    modes that have them the first is taken, of none that has them to rounding the best.
+    The accelerations are those of least constraint (Gauss), which are unique. If several modes
+    have them, the first is taken; if none has them to rounding, the best.
 
     Args:
         system: The bench.
-        leg: That begins or goes on.
+        segment: The present drive segment.
         time: s.
-        x: State, in which all impacts are over.
-        meeting: Strings, dampers and felt.
+        x: State after all impacts.
+        force_modes: Of strings, dampers and felt.
 
     Raises:
-        SceneError: The forces are no numbers.
+        SceneError: The forces are not finite.
     """
-    touch = system.touch(leg, time, x)
+    contact = system.key_under_fingertip(segment, time, x)
     best, least = None, math.inf
-    for mode in _modes(system, leg, time, x, touch):
-        stretch = Stretch(system, leg, mode, meeting)
-        now = stretch.at(time, x)
-        lasting = (c for c in conditions(stretch, now) if c.name in OF_MODE)
+    for mode in _modes(system, segment, time, x, contact):
+        equations = ModeEquations(system, segment, mode, force_modes)
+        now = equations.at(time, x)
+        lasting = (c for c in conditions(equations, now) if c.name in FORCE_CONDITIONS)
         worst = max(
             [
                 0.0,
                 *(-c.value / c.tolerance for c in lasting),
-                *_starts(system, mode, now, x, leg, time),
+                *_initial_violations(system, mode, now, x, segment, time),
             ]
         )
-        if worst <= SURE:
-            return stretch
-        if worst < least:  # never where it is no number
-            best, least = stretch, worst
+        if worst <= MODE_TOLERANCE:
+            return equations
+        if worst < least:  # never where it is NaN
+            best, least = equations, worst
     if best is None:
         raise SceneError(
-            f"rig {system.name}: at {time:.9g} s the reference lost its numbers; the scene's forces"
-            " are out of its range"
+            f"rig {system.name}: at {time:.9g} s the reference diverged; the scene's forces"
+            " are out of its range: lower masses, stiffness or damping"
         )
     return best
 
 
-def _modes(system: System, leg: Leg, time: float, x: State, touch: Touch | None):
-    """Yield the modes that a state's places and speeds allow, the most restful first."""
-    angle, spin = x[0], x[1]
-    still = abs(spin) <= SLOW
+def _modes(
+    system: System, segment: DriveSegment, time: float, x: State, contact: KeyUnderFingertip | None
+):
+    """Yield the modes that a state's positions and speeds allow, those at rest first."""
+    angle, omega = x[0], x[1]
+    still = abs(omega) <= SLOW
     rail = angle <= CLOSE and still
-    near = touch is not None and _meet(x, touch)
+    near = contact is not None and _in_contact(x, contact)
     holds = system.dry > 0 or any(jack.friction > 0 for jack in system.jacks)
-    slips = [_sign(spin)]
+    slips = [_sign(omega)]
     if still:
         slips = ([0] if rail or holds else []) + [1] + ([] if rail else [-1])
-    kinds = []
+    jack_modes = []
     for k, jack in enumerate(system.jacks):
-        rise, slope, _ = jack.foot(angle)
+        rise, slope, _ = jack.kinematics(angle)
         y, v = x[2 + 2 * k], x[3 + 2 * k]
-        stands = y - rise <= CLOSE and abs(v - slope * spin) <= SLOW
+        stands = y - rise <= CLOSE and abs(v - slope * omega) <= SLOW
         air = [JackMode(_sign(v))]
         if abs(v) <= SLOW:
             air = [JackMode.RISES, JackMode.FALLS]
             air = [JackMode.HANGS, *air] if jack.friction > 0 else air
-        kinds.append(([JackMode.STANDS] if stands else []) + air)
-    for touches in (True, False) if near else (False,):
-        ways = slips
-        if touches and leg.path:
-            ways = [0] if leg.path.still else [_led_sign(leg, time)]
-        for slip, jacks in product(ways, product(*kinds)):
-            yield Mode(slip, rail and not slip, touches, jacks)
+        jack_modes.append(([JackMode.STANDS] if stands else []) + air)
+    for touching in (True, False) if near else (False,):
+        directions = slips
+        if touching and segment.path:
+            directions = [0] if segment.path.still else [_prescribed_sign(segment, time)]
+        for slip, jacks in product(directions, product(*jack_modes)):
+            yield Mode(slip, rail and not slip, touching, jacks)
 
 
-def _led_sign(leg: Leg, time: float) -> int:
-    """Return which way an ideal finger is about to turn the key."""
-    if leg.path is None:
+def _prescribed_sign(segment: DriveSegment, time: float) -> int:
+    """Return the direction in which an ideal finger is about to turn the key."""
+    if segment.path is None:
         return 0
-    spin = leg.path.lead(time).touch.spin
-    if abs(spin) <= SLOW:
-        spin = leg.path.lead(time + 1e-6 * (leg.end - leg.start)).touch.spin
-    return _sign(spin)
+    omega = segment.path.key_motion(time).contact.angular_velocity
+    if abs(omega) <= SLOW:
+        later = time + 1e-6 * (segment.end - segment.start)
+        omega = segment.path.key_motion(later).contact.angular_velocity
+    return _sign(omega)
 
 
-def _starts(
-    system: System, mode: Mode, now: Instant, x: State, leg: Leg, time: float
+def _initial_violations(
+    system: System, mode: Mode, now: Instant, x: State, segment: DriveSegment, time: float
 ) -> list[float]:
-    """Return by how much what begins to move begins the wrong way, over what is allowed."""
+    """Return the accelerations of the wrong sign at the start of a motion, over their tolerance."""
     wrong = []
-    allowed = SHARE * system.moment_scale
-    led = mode.touch and leg.path is not None
-    if mode.slip and not led and abs(x[1]) <= SLOW:
+    allowed = FORCE * system.moment_scale
+    prescribed = mode.touching and segment.path is not None
+    if mode.slip and not prescribed and abs(x[1]) <= SLOW:
         wrong.append(-mode.slip * now.acceleration * system.inertia / allowed)
-    touch = now.touch
-    if touch and not mode.touch and _meet(x, touch):
-        if leg.path:
-            under = leg.path.lead(time).acceleration
+    contact = now.contact
+    if contact and not mode.touching and _in_contact(x, contact):
+        if segment.path:
+            under = segment.path.key_motion(time).acceleration
         else:
-            under = touch.slope1 * now.joints[0] + touch.slope2 * now.joints[1] + touch.bend
+            under = contact.slope1 * now.joints[0] + contact.slope2 * now.joints[1] + contact.bias
         wrong.append((under - now.acceleration) * system.inertia / allowed)
     for k, (jack, law) in enumerate(zip(now.jacks, system.jacks, strict=True)):
         if jack.mode is JackMode.STANDS:
             continue
-        own = law.mass / (SHARE * (law.mass * 9.8 + law.friction))
+        own = law.mass / (FORCE * (law.mass * 9.8 + law.friction))
         if jack.mode and abs(x[3 + 2 * k]) <= SLOW:
             wrong.append(-jack.mode * jack.acceleration * own)
-        gap, speed = jack.rise - jack.foot, x[3 + 2 * k] - jack.slope * now.spin
+        gap, speed = jack.rise - jack.key_rise, x[3 + 2 * k] - jack.slope * now.angular_velocity
         if gap <= CLOSE and abs(speed) <= SLOW:
-            foot = jack.slope * now.acceleration + jack.bend
-            wrong.append((foot - jack.acceleration) * own)
+            surface = jack.slope * now.acceleration + jack.bias
+            wrong.append((surface - jack.acceleration) * own)
     return wrong
 
 
-def _meet(x: State, touch: Touch) -> bool:
-    """Return whether the fingertip is at the key, and as fast."""
-    return x[0] - touch.angle <= CLOSE and abs(x[1] - touch.spin) <= SLOW
+def _in_contact(x: State, contact: KeyUnderFingertip) -> bool:
+    """Return whether fingertip and key are in contact with equal velocities."""
+    return x[0] - contact.angle <= CLOSE and abs(x[1] - contact.angular_velocity) <= SLOW
 
 
 def _sign(value: float) -> int:

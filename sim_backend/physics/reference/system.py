@@ -1,13 +1,13 @@
-"""The bench of a scene in numbers."""
+"""The parameters of a scene's bench."""
 
 import math
 from dataclasses import dataclass
 
 from sautereau.rig.schema import Rig
 from sautereau.rig.section import GRAVITY
+from sautereau.sim_backend.physics.reference.drive_segments import DriveSegment
 from sautereau.sim_backend.physics.reference.jack import JackLaw
-from sautereau.sim_backend.physics.reference.legs import Leg
-from sautereau.sim_backend.physics.reference.linkage import Linkage, Touch
+from sautereau.sim_backend.physics.reference.linkage import KeyUnderFingertip, Linkage
 from sautereau.sim_backend.scene import Scene
 
 State = list[float]
@@ -16,12 +16,12 @@ State = list[float]
 
 @dataclass(frozen=True)
 class System:
-    """The bench of a scene."""
+    """Parameters of the bench of a scene."""
 
     name: str
     inertia: float
     """kg m^2."""
-    heaviness: float
+    gravity_moment: float
     """N m."""
     viscous: float
     """N m s/rad."""
@@ -30,32 +30,32 @@ class System:
     press_arm: float
     """m."""
     dip: float
-    """rad, at which the front meets the felt; infinite for none."""
+    """rad, at first contact with the felt; infinite without a felt."""
     felt_stiffness: float
     """N m/rad."""
     felt_damping: float
     """N m s/rad."""
     jacks: tuple[JackLaw, ...]
     arm: Linkage | None
-    """Where it is a body of its own."""
+    """The arm, if it is simulated."""
 
     @classmethod
     def of(
         cls, rig: Rig, scene: Scene, jacks: tuple[JackLaw, ...], arm: Linkage | None
     ) -> "System":
-        """Return the bench in numbers.
+        """Return the parameters of a bench.
 
         Args:
-            rig: As it truly is.
-            scene: What of it is shown.
+            rig: The true bench.
+            scene: Which parts are enabled.
             jacks: Of the rig in this scene.
-            arm: Where it is a body of its own.
+            arm: The arm, if it is simulated.
         """
         key = rig.key
         return cls(
             name=rig.name,
             inertia=key.inertia,
-            heaviness=key.front_heaviness,
+            gravity_moment=key.front_heaviness,
             viscous=key.pivot_viscous_friction if scene.friction else 0.0,
             dry=key.pivot_coulomb_friction if scene.friction else 0.0,
             press_arm=key.press_arm,
@@ -68,16 +68,18 @@ class System:
 
     @property
     def moment_scale(self) -> float:
-        """N m, of the weights and the dry friction about the pin."""
+        """N m, sum of the weights and the dry friction about the pin."""
         load = sum((j.mass * GRAVITY + j.friction) * j.arm for j in self.jacks)
-        return abs(self.heaviness) + self.dry + load
+        return abs(self.gravity_moment) + self.dry + load
 
-    def felt(self, angle: float, spin: float) -> float:
-        """Return what the felt's spring and damper give [N m], pushing or not."""
-        return self.felt_stiffness * (angle - self.dip) + self.felt_damping * spin
+    def felt(self, angle: float, omega: float) -> float:
+        """Return the moment of the felt's spring and damper [N m]; negative if it would pull."""
+        return self.felt_stiffness * (angle - self.dip) + self.felt_damping * omega
 
-    def touch(self, leg: Leg, time: float, x: State) -> Touch | None:
-        """Return the key that the fingertip would touch, or None without a fingertip."""
+    def key_under_fingertip(
+        self, segment: DriveSegment, time: float, x: State
+    ) -> KeyUnderFingertip | None:
+        """Return the key in contact with the fingertip, or None without a fingertip."""
         if self.arm:
-            return self.arm.touch(*x[-4:])
-        return leg.path.lead(time).touch if leg.path else None
+            return self.arm.key_under_fingertip(*x[-4:])
+        return segment.path.key_motion(time).contact if segment.path else None

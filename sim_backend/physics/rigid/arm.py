@@ -24,7 +24,7 @@ from sautereau.sim_backend.physics.servo import PositionLoops
 from sautereau.trajectory.dynamics import armature
 
 SETTLED = 10
-"""Counts of following error at which a standing arm has settled."""
+"""Counts of following error below which an arm at rest has settled."""
 
 _ENDS = np.array([0.0, 1.0])
 
@@ -32,22 +32,22 @@ _ENDS = np.array([0.0, 1.0])
 class ServoFinger:
     """Two links, their motors under the controller's position loops.
 
-    Link 1 turns as joint 1 does, and carries its armature. That of joint 2 resists the
-    turning of one link against the other, which no rigid body does.
+    Link 1 rotates with joint 1 and carries its armature inertia. The armature of joint 2 resists
+    the relative rotation of the two links, which no rigid body can represent.
 
     Args:
         space: The world.
-        lever: The key's body.
+        lever: Body of the key.
         rig: The bench.
         start: rad, joints when power comes on.
-        servo: The loops.
+        servo: Gains of the loops.
 
     Raises:
         SceneError: The motor of joint 2 has a rotor.
     """
 
     moment = 0.0
-    stops = math.inf
+    push_end = math.inf
 
     def __init__(
         self,
@@ -79,13 +79,15 @@ class ServoFinger:
         space.add(*self._brakes)
         self._start = start
         self._powered = False
-        self._apart = False
+        self._separated = False
         self._error = (0.0, 0.0)
         self._torque = (0.0, 0.0)
-        self._late = (0.0, 0.0)
-        self._bound: list[tuple[pymunk.Body, pymunk.Vec2d, tuple[float, float], float, float]] = []
-        self._spins = (0.0, 0.0)
-        self._growth = (0.0, 0.0)
+        self._correction = (0.0, 0.0)
+        self._targets: list[
+            tuple[pymunk.Body, pymunk.Vec2d, tuple[float, float], float, float]
+        ] = []
+        self._omegas = (0.0, 0.0)
+        self._acceleration = (0.0, 0.0)
 
     def joints(self) -> tuple[float, float]:
         """Return the joint angles [rad]."""
@@ -97,7 +99,7 @@ class ServoFinger:
         return self._torque[0] / MM, self._torque[1] / MM
 
     def drive(self, offsets: tuple[float, float], limits: tuple[float, float]) -> None:
-        """Add torques [N m] to the loops' from now on, and limit [N m] what the motors get."""
+        """Add offsets [N m] to the loops' torques from now on, and limit the sum [N m]."""
         self._loops.offsets, self._loops.limits = offsets, limits
 
     @property
@@ -105,8 +107,8 @@ class ServoFinger:
         """Whether both loops are within `SETTLED` counts, or the motors are off."""
         return not self._powered or max(map(abs, self._error)) <= SETTLED
 
-    def begin(self, reference: Reference, powered: bool, time: float) -> bool:
-        """Read the encoders and set the torques for a controller sample; see `Driven`."""
+    def begin_sample(self, reference: Reference, powered: bool, time: float) -> bool:
+        """Read the encoders and set the torques for a controller sample; see `SteppedFinger`."""
         jumped = powered != self._powered
         if jumped:
             self._powered = powered
@@ -117,79 +119,81 @@ class ServoFinger:
                 self._space.add(*self._brakes)
         before = self._torque
         self._torque = self._set(reference) if powered else (0.0, 0.0)
-        if not jumped:  # half of the last kick was for this sample, with the torque before
+        if not jumped:  # half of the last impulse belongs to this sample but used the old torque
             (first, second), (a, b) = self._torque, before
-            self._late = (first - a) / 2, (second - b) / 2
+            self._correction = (first - a) / 2, (second - b) / 2
         return jumped
 
-    def act(self, elapsed: float, angle: float, ahead: float, step: float, share: float) -> None:
-        """Apply the motors' torques; see `Driven`."""
-        (first, second), (a, b) = self._torque, self._late
-        first, second = first * share + a, second * share + b
+    def apply_forces(
+        self, elapsed: float, angle: float, ahead: float, step: float, fraction: float
+    ) -> None:
+        """Apply the motors' torques; see `SteppedFinger`."""
+        (first, second), (a, b) = self._torque, self._correction
+        first, second = first * fraction + a, second * fraction + b
         set_torque(self.upper, first - second)
         set_torque(self.lower, second)
 
-    def push(self, weight: float) -> float:
-        """Return the force [N] on the key; see `Driven`."""
-        self._late = (0.0, 0.0)
-        first, second = self._spins
-        self._spins = a, b = self.upper.angular_velocity, self.lower.angular_velocity
-        self._growth = (a - first) / weight, (b - second) / weight
-        if self._apart:
+    def contact_force(self, weight: float) -> float:
+        """Return the force [N] on the key; see `SteppedFinger`."""
+        self._correction = (0.0, 0.0)
+        first, second = self._omegas
+        self._omegas = a, b = self.upper.angular_velocity, self.lower.angular_velocity
+        self._acceleration = (a - first) / weight, (b - second) / weight
+        if self._separated:
             return 0.0
         force = self._tip.impulse / weight
         if not force > 0:
-            self._apart = True
+            self._separated = True
             self._tip.max = 2 * FAR
         return force
 
-    def closes(self, angle: float, step: float) -> bool:
-        """Return whether a finger that is apart meets the key within a step; see `Driven`."""
-        if not self._apart:
+    def reaches_key(self, angle: float, step: float) -> bool:
+        """Return whether a separated finger reaches the key within a step; see `SteppedFinger`."""
+        if not self._separated:
             return False
-        a, b = self._spins
-        gap = self._above(self.upper.angle + a * step, self.lower.angle + b * step, angle)
+        a, b = self._omegas
+        gap = self._gap_at(self.upper.angle + a * step, self.lower.angle + b * step, angle)
         return gap < 0
 
     def gap(self, angle: float, time: float, ahead: float) -> float:
-        """Return the gap [mm] to the key some time ahead; see `Driven`."""
-        if not self._apart:
+        """Return the gap [mm] to the key at a later time; see `SteppedFinger`."""
+        if not self._separated:
             return math.inf
-        (a, b), (growth_a, growth_b) = self._spins, self._growth
+        (a, b), (acceleration1, acceleration2) = self._omegas, self._acceleration
         forward = (time - ahead) / 2
-        a, b = a + growth_a * forward, b + growth_b * forward
-        return self._above(self.upper.angle + a * time, self.lower.angle + b * time, angle)
+        a, b = a + acceleration1 * forward, b + acceleration2 * forward
+        return self._gap_at(self.upper.angle + a * time, self.lower.angle + b * time, angle)
 
-    def land(self, time: float) -> None:
-        """Touch the key from now on; see `Driven`."""
-        self._apart = False
+    def make_contact(self, time: float) -> None:
+        """Be in contact with the key from now on; see `SteppedFinger`."""
+        self._separated = False
         self._tip.max = FAR - REACH
 
-    def glide(self, back: float, drift: float) -> None:
-        """Take back what the last kick gave too much, and find where a drift leads."""
-        (a, b), (growth_a, growth_b) = self._spins, self._growth
-        self._spins = a, b = a - growth_a * back, b - growth_b * back
+    def correct_and_drift(self, back: float, drift: float) -> None:
+        """Undo the surplus of the last impulse and compute the state after a drift."""
+        (a, b), (acceleration1, acceleration2) = self._omegas, self._acceleration
+        self._omegas = a, b = a - acceleration1 * back, b - acceleration2 * back
         first, second = self.upper.angle, self.lower.angle
         l1, l2 = self._lengths
         x, z = -l1 * math.sin(first) * a, l1 * math.cos(first) * a
         end_x, end_z = -l2 / 2 * math.sin(second) * b, l2 / 2 * math.cos(second) * b
-        self._bound = [
-            (body, position + drift * pymunk.Vec2d(*speed), speed, angle + spin * drift, spin)
-            for body, position, speed, angle, spin in (
+        self._targets = [
+            (body, position + drift * pymunk.Vec2d(*speed), speed, angle + omega * drift, omega)
+            for body, position, speed, angle, omega in (
                 (self.upper, self.upper.position, (x / 2, z / 2), first, a),
                 (self.lower, self.lower.position, (x + end_x, z + end_z), second, b),
             )
         ]
 
-    def place(self, step: float) -> None:
-        """Put the links so that a step leads to where they shall be; see `Driven`."""
-        for body, place, speed, angle, spin in self._bound:
+    def set_bodies(self, step: float) -> None:
+        """Set the links so that a step ends in their target state; see `SteppedFinger`."""
+        for body, place, speed, angle, omega in self._targets:
             body.position = place - step * pymunk.Vec2d(*speed)
             body.velocity = speed
-            body.angle, body.angular_velocity = angle - spin * step, spin
+            body.angle, body.angular_velocity = angle - omega * step, omega
 
-    def rest(self, angle: float) -> tuple[float, float]:
-        """End a controller sample; see `Driven`."""
+    def end_sample(self, angle: float) -> tuple[float, float]:
+        """End a controller sample; see `SteppedFinger`."""
         l1, l2 = self._lengths
         first, second = self.upper.angle, self.lower.angle
         up_x, up_z = l1 / 2 * math.cos(first), l1 / 2 * math.sin(first)
@@ -199,26 +203,26 @@ class ServoFinger:
         hinge = math.hypot(x + up_x - lower_x + out_x, z + up_z - lower_z + out_z)
         tip_x, tip_z = lower_x + out_x, lower_z + out_z
         gap = tip_z * math.cos(angle) - tip_x * math.sin(angle) - self._height
-        if gap < 0 or (not self._apart and gap < REACH):
+        if gap < 0 or (not self._separated and gap < REACH):
             angle = touching_angle(self._rig, tip_x / MM, tip_z / MM)
         return angle, max(shoulder, hinge, -gap)
 
     def _set(self, reference: Reference) -> tuple[float, float]:
-        """Return the motors' torques [N mm] for the sample that begins."""
+        """Return the motors' torques [N mm] for the sample that starts."""
         counts, speeds = reference(_ENDS)
-        (wanted, _), (now, then) = counts.tolist(), speeds.tolist()
+        (requested, _), (now, then) = counts.tolist(), speeds.tolist()
         joints, radians = self.joints(), self._radians
         start = self._start
         self._error = error = (
-            wanted[0] - round((joints[0] - start[0]) / radians),
-            wanted[1] - round((joints[1] - start[1]) / radians),
+            requested[0] - round((joints[0] - start[0]) / radians),
+            requested[1] - round((joints[1] - start[1]) / radians),
         )
         per_sample = radians / self._period**2
-        growth = (then[0] - now[0]) * per_sample, (then[1] - now[1]) * per_sample
-        first, second = self._loops.torque(error, growth)
+        acceleration = (then[0] - now[0]) * per_sample, (then[1] - now[1]) * per_sample
+        first, second = self._loops.torque(error, acceleration)
         return first * MM, second * MM
 
-    def _above(self, first: float, second: float, angle: float) -> float:
+    def _gap_at(self, first: float, second: float, angle: float) -> float:
         """Return the gap [mm] of the fingertip to a key at an angle [rad]; links' angles."""
         l1, l2 = self._lengths
         x = self._base[0] + l1 * math.cos(first) + l2 * math.cos(second)

@@ -1,4 +1,4 @@
-"""The bodies of a scene put together; what the scene leaves out is not there."""
+"""The bodies of a scene, assembled; disabled parts have none."""
 
 import math
 from dataclasses import dataclass
@@ -12,7 +12,7 @@ from sautereau.rig.instrument import Choir
 from sautereau.rig.schema import Rig
 from sautereau.sim_backend.errors import SceneError
 from sautereau.sim_backend.physics.events import PluckEvents
-from sautereau.sim_backend.physics.finger import Driven, PushFinger
+from sautereau.sim_backend.physics.finger import PushFinger, SteppedFinger
 from sautereau.sim_backend.physics.rigid.arm import ServoFinger
 from sautereau.sim_backend.physics.rigid.bodies import (
     MM,
@@ -24,38 +24,38 @@ from sautereau.sim_backend.physics.rigid.bodies import (
 from sautereau.sim_backend.physics.rigid.division import Division
 from sautereau.sim_backend.physics.rigid.ideal import IdealFinger, touching_angle
 from sautereau.sim_backend.physics.rigid.jacks import CarriedJack
-from sautereau.sim_backend.physics.rigid.lever import KeyLoads
-from sautereau.sim_backend.physics.rigid.pluck import Plucked, Plucking
+from sautereau.sim_backend.physics.rigid.key_loads import KeyLoads
+from sautereau.sim_backend.physics.rigid.pluck import Plucking, StringForce
 from sautereau.sim_backend.scene import Scene
 from sautereau.trajectory.arm import fingertip_place
 
 
 @dataclass(frozen=True)
 class Assembly:
-    """The parts of a scene, joined."""
+    """The parts of a scene and the joints between them."""
 
     space: pymunk.Space
     key: pymunk.Body
     loads: KeyLoads
     jacks: list[CarriedJack]
-    finger: Driven
+    finger: SteppedFinger
     division: Division
     dry: list[tuple[Constraint, float]]
-    """Joints with dry friction, and its N mm or N."""
+    """Joints with dry friction, each with its limit [N mm or N]."""
 
-    def kick(self, step: float, share: float, iterations: int) -> None:
-        """Step the engine with a share of the weight and friction that it has by itself.
+    def kick(self, step: float, fraction: float, iterations: int) -> None:
+        """Step the engine with a fraction of its own weight and friction.
 
         Args:
-            step: ms, always the one that is in use.
-            share: 1.
+            step: ms, always the present step of the engine.
+            fraction: Dimensionless, of weight and dry friction.
             iterations: Of its solver.
         """
         across, down = WEIGHT
-        self.space.gravity = across, down * share
+        self.space.gravity = across, down * fraction
         self.space.iterations = iterations
         for joint, force in self.dry:
-            joint.max_force = force * share
+            joint.max_force = force * fraction
         self.space.step(step)
         for joint, force in self.dry:
             joint.max_force = force
@@ -63,16 +63,16 @@ class Assembly:
 
 
 def assemble(rig: Rig, scene: Scene, start: tuple[float, float], events: PluckEvents) -> Assembly:
-    """Put a scene's bodies together, at rest.
+    """Assemble the bodies of a scene, at rest.
 
     Args:
         rig: The true bench.
-        scene: With its step settled.
+        scene: With a chosen step.
         start: rad, of the arm's joints.
-        events: To which the strings add theirs.
+        events: List to which the strings append their events.
 
     Raises:
-        SceneError: A part is too stiff, or has no solution, or the finger is in the key.
+        SceneError: A part is too stiff, a choir has no pluck, or the finger starts inside the key.
     """
     space, steps = new_space(scene.iterations), _steps(rig, scene)
     angle = 0.0
@@ -82,8 +82,8 @@ def assemble(rig: Rig, scene: Scene, start: tuple[float, float], events: PluckEv
     key, loads = add_key(space, rig.key, angle), KeyLoads(rig.key, scene)
     if not angle < loads.bottom:
         raise SceneError(
-            f"start: the fingertip is in the key, which would have to be turned by {angle:.4g} rad"
-            f" to touch it, and {loads.bottom:.4g} rad is where it ends; start above the key"
+            f"start: the fingertip is in the key: contact needs a key angle of {angle:.4g} rad, and"
+            f" the key turns by {loads.bottom:.4g} rad at most; start above the key"
         )
     dry: list[tuple[Constraint, float]] = []
     if loads.friction:
@@ -99,11 +99,11 @@ def assemble(rig: Rig, scene: Scene, start: tuple[float, float], events: PluckEv
 
 
 def _steps(rig: Rig, scene: Scene) -> int:
-    """Return the longest steps in a controller sample."""
+    """Return the number of undivided steps in a controller sample."""
     return math.ceil(rig.controller.sample_period / (scene.step or math.inf) - 1e-9)
 
 
-def _string(scene: Scene, choir: Choir, number: int, events: PluckEvents) -> Plucked | None:
+def _string(scene: Scene, choir: Choir, number: int, events: PluckEvents) -> StringForce | None:
     if scene.plectrum == "none":
         return None
     if scene.string == "modal":
@@ -121,7 +121,7 @@ def _finger(
     key: pymunk.Body,
     steps: int,
     cells: int,
-) -> Driven:
+) -> SteppedFinger:
     if scene.push is not None:
         return PushFinger(scene.push, rig.key.press_arm, start, rig.controller.sample_period)
     if scene.servo is not None:

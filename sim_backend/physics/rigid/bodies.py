@@ -1,11 +1,11 @@
 """The bench as rigid bodies in pymunk, in millimetres, grams and milliseconds.
 
 In these units force is in newtons and speed in metres a second, and the engine's
-tolerances, made for worlds of order one, are small against the bench.
+tolerances, meant for lengths of order one, are small compared with the bench.
 
-What touches is held apart by one-sided joints and not by shapes that collide: they cost a
-third, tell their force for the asking, and have no overlap to play with. A plane is a joint
-to a point so far behind it (`FAR`) that the sphere about that point is flat on the bench.
+Contacts are unilateral joints instead of colliding shapes: they take a third of the time, report
+their force, and need no penetration. A plane is a joint to a point so far behind it (`FAR`)
+that the sphere about that point is flat on the scale of the bench.
 """
 
 import math
@@ -28,28 +28,28 @@ from sautereau.rig.schema import Arm
 from sautereau.rig.section import GRAVITY
 
 MM = 1e3
-"""Millimetres a metre; also N mm a N m, grams a kilogram, milliseconds a second."""
+"""Millimetres per metre; also N mm per N m, grams per kilogram, milliseconds per second."""
 INERTIA = 1e9
-"""g mm^2 a kg m^2."""
+"""g mm^2 per kg m^2."""
 WEIGHT = (0.0, -GRAVITY / MM)
 """mm/ms^2, of gravity."""
 FAR = 1e6
-"""mm, from a plane to the point that stands for it; over 1 mm the sphere falls by 5e-7 mm."""
+"""mm, from a plane to the centre of its sphere, which departs by 5e-7 mm over 1 mm."""
 REACH = 1e-3
-"""mm, by which surfaces that touch may drift apart and are still held to each other."""
+"""mm, numerical drift between surfaces in contact up to which their joint acts."""
 RAIL_REACH = 1e-9
-"""rad, of the key above its back rail at which they touch."""
+"""rad, angle of the key below which it counts as on its back rail."""
 
-# A body's properties by their setters: through the property each takes twice as long.
+# Setters of a body, called directly: through the property each takes twice as long.
 set_torque = cast(Callable[[pymunk.Body, float], None], pymunk.Body.torque.fset)
 set_force = cast(Callable[[pymunk.Body, tuple[float, float]], None], pymunk.Body.force.fset)
 set_angle = cast(Callable[[pymunk.Body, float], None], pymunk.Body.angle.fset)
 set_position = cast(Callable[[pymunk.Body, tuple[float, float]], None], pymunk.Body.position.fset)
 
 _HEAVY = 1e9
-"""g, of the key: its pin takes all of it, and it is the moment of inertia that turns."""
+"""g, of the key: the pin carries it, so only the moment of inertia matters."""
 _STILL = 1e-300
-"""Speed at which a one-sided joint would mend an overlap: none, for that would be a bounce."""
+"""Speed at which a unilateral joint corrects an overlap: none, which would be a rebound."""
 
 
 def new_space(iterations: int) -> pymunk.Space:
@@ -63,13 +63,13 @@ def new_space(iterations: int) -> pymunk.Space:
 def add_key(space: pymunk.Space, key: Key, angle: float) -> pymunk.Body:
     """Add the key on its pin and its back rail, at an angle [rad].
 
-    The centre of mass is at the pin: weight acts as the moment that the world applies.
+    The centre of mass is at the pin: weight acts as a moment that the engine applies.
     """
     body = pymunk.Body(_HEAVY, key.inertia * INERTIA)
     body.angle = angle
     pin = PivotJoint(space.static_body, body, (0, 0), (0, 0))
     rail = RotaryLimitJoint(space.static_body, body, RAIL_REACH, 2 * math.pi)
-    space.add(body, _hard(pin), _one_sided(rail))
+    space.add(body, _hard(pin), _unilateral(rail))
     return body
 
 
@@ -84,11 +84,11 @@ def add_pivot_friction(space: pymunk.Space, body: pymunk.Body, moment: float) ->
 def add_jack(
     space: pymunk.Space, lever: pymunk.Body, key: Key, jack: Jack, rise: float
 ) -> tuple[pymunk.Body, Constraint]:
-    """Add a jack, upright in its register, at a rise [mm]; returns it and its foot on the key.
+    """Add a jack, upright in its register, at a rise [mm]; returns it and its contact with the key.
 
     Args:
         space: The world.
-        lever: The key's body.
+        lever: Body of the key.
         key: The key as the lever under this jack.
         jack: The jack.
         rise: mm, above its rest.
@@ -97,10 +97,10 @@ def add_jack(
     body = pymunk.Body(jack.mass * MM, math.inf)
     body.position = (x, z + rise)
     register = GrooveJoint(space.static_body, body, (x, z - FAR), (x, z + FAR), (0, 0))
-    foot = SlideJoint(lever, body, (x, z - FAR), (0, 0), FAR + REACH, 2 * FAR)
-    _one_sided(foot)
-    space.add(body, _hard(register), foot)
-    return body, foot
+    foot_contact = SlideJoint(lever, body, (x, z - FAR), (0, 0), FAR + REACH, 2 * FAR)
+    _unilateral(foot_contact)
+    space.add(body, _hard(register), foot_contact)
+    return body, foot_contact
 
 
 def add_register_friction(space: pymunk.Space, body: pymunk.Body, force: float) -> Constraint:
@@ -114,10 +114,10 @@ def add_register_friction(space: pymunk.Space, body: pymunk.Body, force: float) 
 
 
 def add_driver(space: pymunk.Space, lever: pymunk.Body) -> tuple[pymunk.Body, Constraint]:
-    """Add a body whose turning the key may outrun and not lag; returns it and its contact."""
+    """Add a kinematic body, the lower bound of the key's angle; returns it and its contact."""
     body = pymunk.Body(body_type=pymunk.Body.KINEMATIC)
     contact = RotaryLimitJoint(body, lever, math.inf, math.inf)
-    space.add(body, _one_sided(contact))
+    space.add(body, _unilateral(contact))
     return body, contact
 
 
@@ -148,7 +148,7 @@ def add_fingertip(
     behind = (-key.press_arm * MM, height + FAR)
     end = (arm.lower_length * MM / 2, 0)
     tip = SlideJoint(lever, lower, behind, end, 0, FAR - REACH)
-    _one_sided(tip)
+    _unilateral(tip)
     space.add(tip)
     return tip
 
@@ -161,12 +161,12 @@ def brakes(
 
 
 def _hard(joint: Constraint) -> Constraint:
-    """Let a joint take back all of its drift in one step."""
+    """Let a joint correct all of its drift in one step."""
     joint.error_bias = 0.0
     return joint
 
 
-def _one_sided(joint: Constraint) -> Constraint:
-    """Let a joint hold speeds and not places: where it begins is found inside the step."""
+def _unilateral(joint: Constraint) -> Constraint:
+    """Make a joint unilateral in velocity only; its contact is located inside the step."""
     joint.max_bias = _STILL
     return joint

@@ -1,13 +1,13 @@
-"""The bench as rigid bodies: leap-frog steps, split where something is met or let go.
+"""The bench as rigid bodies: leap-frog steps, split at events.
 
-The engine moves first and kicks then, so a place is known before the forces that belong to
-it are set: this is the leap-frog scheme, whose speeds are half a step ahead of the places.
-What is met or let go inside a step is found on the parabola of that step. The bodies then
-go there and no further; the forces before act for half of the way there, those after for
-half of the way that is left, and what the kick before gave too much is taken back. Places
-are moved by hand in such a step, so that the engine itself never sees but one length of
-step: where that changes it begins with its old impulses, takes them for the new ones, and
-forgets to count the difference.
+Each step of pymunk first moves the bodies and then applies the impulses, so the forces can be
+set for the new positions: this is the leap-frog scheme, whose velocities are half a step ahead
+of the positions. Events inside a step (a contact, a release) are located on the parabola of
+that step. The bodies advance to the event only; the forces before it act over half of the time
+to the event, those after it over half of the remaining time, and the impulse that was applied
+beyond the event is undone. Positions are set directly in such a step, so that pymunk always
+takes steps of the same length: when the length changes, pymunk warm-starts its solver with the
+impulses of the old step and does not count the difference.
 """
 
 import math
@@ -21,26 +21,26 @@ from sautereau.sim_backend.physics.finger import Finger, Reference
 from sautereau.sim_backend.physics.rigid.assembly import assemble
 from sautereau.sim_backend.physics.rigid.bodies import MM, set_angle, set_torque
 from sautereau.sim_backend.physics.rigid.division import TICK, even_steps
-from sautereau.sim_backend.physics.rigid.lever import TURNED
-from sautereau.sim_backend.physics.rigid.step_event import Happening, earliest
+from sautereau.sim_backend.physics.rigid.key_loads import LARGEST_ANGLE
+from sautereau.sim_backend.physics.rigid.step_event import Event, earliest
 from sautereau.sim_backend.scene import Scene
 
 ITERATIONS = {"push": 30, "ideal": 30, "servo": 100}
-"""Least iterations where something happens, and once after: impulses are all new there."""
-CROWD = 1000
-"""Happenings in one controller sample after which the bench counts as lost."""
+"""Least solver iterations at an event and in the step after it: no impulse is warm-started."""
+MOST_EVENTS = 1000
+"""Events in one controller sample above which the simulation counts as diverged."""
 
 
 class RigidWorld:
     """The physics of a scene; the same `Scene`, rig and references give the same bits.
 
     Args:
-        rig: The nominal bench; the scene may make the true one differ.
-        scene: With its step settled.
+        rig: The nominal bench; the true one may differ by the scene's `truth`.
+        scene: With a chosen step.
         start: rad, joints when power comes on; None for home and the scene's offset.
 
     Raises:
-        SceneError: A part of the scene is too stiff, or has no solution.
+        SceneError: A part of the scene is too stiff, or a choir has no pluck.
     """
 
     def __init__(self, rig: Rig, scene: Scene, start: tuple[float, float] | None = None):
@@ -55,10 +55,10 @@ class RigidWorld:
         self._jacks, self._finger, self._division = parts.jacks, parts.finger, parts.division
         self._loaded = [jack for jack in self._jacks if jack.loaded]
         self._iterations = scene.iterations
-        self._thorough = max(scene.iterations, ITERATIONS[scene.finger])
+        self._most_iterations = max(scene.iterations, ITERATIONS[scene.finger])
         self._period = rig.controller.sample_period * MM
         self._step = self._ahead = self._engine_step = self._division.step()
-        self._angle, self._spin, self._growth = self._key.angle, 0.0, 0.0
+        self._angle, self._omega, self._acceleration = self._key.angle, 0.0, 0.0
         self._fresh = False
         self._elapsed = 0.0
         self._rows: list[tuple[float, float, float, float, float, float]] = []
@@ -67,7 +67,7 @@ class RigidWorld:
 
     @property
     def time(self) -> float:
-        """World's clock [s]: only motion and acquisition make it go."""
+        """Simulated time [s]; advanced by motion and acquisition only."""
         return self.samples * self.rig.controller.sample_period
 
     @property
@@ -80,26 +80,26 @@ class RigidWorld:
         finger, loads, time = self._finger, self._loads, self.time
         self._rows = []
         self._elapsed = 0.0
-        if finger.begin(reference, powered, time) or not self.samples:
+        if finger.begin_sample(reference, powered, time) or not self.samples:
             loads.steady = loads.weight + finger.moment
             self._split(0.0, None, self._period)
-        if finger.stops < self._period:
-            self._run(finger.stops)
+        if finger.push_end < self._period:
+            self._run(finger.push_end)
             finger.moment, loads.steady = 0.0, loads.weight
             self._split(0.0, None, self._period)
         self._run(self._period)
-        self._rest()
+        self._end_sample()
         self.samples += 1
         table = np.array(self._rows).T
         if not math.isfinite(sum(self._rows[-1])):
-            raise self._lost()
+            raise self._diverged()
         table[0] = time + table[0] / MM
         table[0, -1] = self.time
         return Motions(*table)
 
     def _run(self, end: float) -> None:
-        """Go on until some time [ms] into the controller sample."""
-        crowd = 0
+        """Advance to a time [ms] within the controller sample."""
+        event_count = 0
         while end - self._elapsed > TICK:
             count, drift = even_steps(end - self._elapsed, self._step)
             if drift == self._ahead == self._step:
@@ -107,25 +107,26 @@ class RigidWorld:
                     self._elapsed = end
                     return
                 count, drift = even_steps(end - self._elapsed, self._step)
-            time, happening = earliest(self._watched(drift), drift)
-            self._split(time, happening, end)
-            crowd += 1
-            if crowd > CROWD:
-                raise self._lost()
+            time, event = earliest(self._possible_events(drift), drift)
+            self._split(time, event, end)
+            event_count += 1
+            if event_count > MOST_EVENTS:
+                raise self._diverged()
 
     def _cruise(self, count: int) -> int:
-        """Take even steps; return how many were done before one in which something happens."""
+        """Take equal steps; return how many were done before the first one with an event."""
         space_step, key, finger, rows = self._space.step, self._key, self._finger, self._rows
         jacks, loaded, moment = self._jacks, self._loaded, self._loads.moment
         first, step, seconds = jacks[0], self._step, self._step / MM
-        act, push, closes = finger.act, finger.push, finger.closes
-        angle, spin, growth = self._angle, self._spin, self._growth
+        apply_forces, reaches_key = finger.apply_forces, finger.reaches_key
+        contact_force = finger.contact_force
+        angle, omega, acceleration = self._angle, self._omega, self._acceleration
         low, high = self._loads.bounds(angle)
-        begun, clock, elapsed, done = self._elapsed, self.time, self._elapsed, 0
+        clock, start, elapsed, done = self.time, self._elapsed, self._elapsed, 0
         sqrt, tan, fresh = math.sqrt, math.tan, self._fresh
         while done < count:
-            ahead = angle + spin * step
-            if not low < ahead < high or closes(ahead, step):
+            ahead = angle + omega * step
+            if not low < ahead < high or reaches_key(ahead, step):
                 break
             tangent = tan(ahead)
             secant = sqrt(1 + tangent * tangent)
@@ -139,53 +140,65 @@ class RigidWorld:
             for jack in loaded:
                 jack.load(clock + elapsed / MM, seconds)
                 pull += jack.pull
-            set_torque(key, moment(ahead, spin + growth * step / 2))
+            set_torque(key, moment(ahead, omega + acceleration * step / 2))
             done += 1
-            elapsed = begun + done * step
-            act(elapsed, ahead, step, step, 1.0)
+            elapsed = start + done * step
+            apply_forces(elapsed, ahead, step, step, 1.0)
             space_step(step)
             if fresh:
                 self._space.iterations, self._fresh, fresh = self._iterations, False, False
-            before, spin = spin, key.angular_velocity
-            growth = (spin - before) / step
+            before, omega = omega, key.angular_velocity
+            acceleration = (omega - before) / step
             for jack in jacks:
-                jack.settle(step)
+                jack.update(step)
             angle = ahead
             rows.append(
-                (elapsed, angle, (before + spin) / 2 * MM, first.rise / MM, push(step), pull)
+                (
+                    elapsed,
+                    angle,
+                    (before + omega) / 2 * MM,
+                    first.rise / MM,
+                    contact_force(step),
+                    pull,
+                )
             )
-        self._angle, self._spin, self._growth, self._elapsed = angle, spin, growth, elapsed
+        self._angle, self._omega, self._acceleration, self._elapsed = (
+            angle,
+            omega,
+            acceleration,
+            elapsed,
+        )
         return done
 
-    def _split(self, drift: float, happening: Happening | None, end: float) -> None:
-        """Drift for less than a step, or more, and change there what happens.
+    def _split(self, drift: float, event: Event | None, end: float) -> None:
+        """Advance by a time that need not be a step, and apply the event at its end.
 
         Args:
             drift: ms.
-            happening: What changes after it.
-            end: ms into the controller sample, at which the next steps shall end.
+            event: At the end of the drift; None for no change of mode.
+            end: ms into the controller sample, end of the next steps.
         """
         key, jacks, loads, finger = self._key, self._jacks, self._loads, self._finger
         back = (self._ahead - drift) / 2
-        self._spin -= self._growth * back
-        angle = self._angle + self._spin * drift
+        self._omega -= self._acceleration * back
+        angle = self._angle + self._omega * drift
         tangent = math.tan(angle)
         secant = math.sqrt(1 + tangent * tangent)
         for jack in jacks:
-            jack.glide(self._angle, self._spin, back)
+            jack.correct_and_drift(self._angle, self._omega, back)
             jack.stays(tangent, secant, drift)
         start = self.time + self._elapsed / MM
         self._elapsed += drift
-        node = self._spin + self._growth * drift / 2
+        node = self._omega + self._acceleration * drift / 2
         moment = loads.moment(angle, node)
         now = self.time + self._elapsed / MM
-        # A string may give a mean over the drift, of which its present force is a half.
+        # A string may return a mean force over the drift; its present force counts for half of it.
         forces = [
             2 * jack.forces(start, drift / MM) - jack.forces(now, 0.0) if drift else 0.0
             for jack in jacks
         ]
-        if happening is not None:
-            happening.change(now)
+        if event is not None:
+            event.change(now)
             self._step = self._division.step()
         left = end - self._elapsed
         ahead = even_steps(left, self._step)[1] if left > TICK else self._step
@@ -195,64 +208,68 @@ class RigidWorld:
             for jack, force in zip(jacks, forces, strict=True)
         ]
         mean = (moment * drift + loads.moment(angle, node) * ahead) / (2 * weight)
-        finger.glide(back, drift)
-        before = self._spin
+        finger.correct_and_drift(back, drift)
+        before = self._omega
         for _ in range(2 if self._step != self._engine_step else 1):
-            finger.place(self._step)
+            finger.set_bodies(self._step)
             key.angle, key.angular_velocity = angle - before * self._step, before
             set_torque(key, mean * weight / self._step)
             for jack, force in zip(jacks, means, strict=True):
-                jack.place(self._step, force * weight / self._step)
-            finger.act(self._elapsed, angle, ahead, self._step, weight / self._step)
-            self._parts.kick(self._step, weight / self._step, self._thorough)
+                jack.set_bodies(self._step, force * weight / self._step)
+            finger.apply_forces(self._elapsed, angle, ahead, self._step, weight / self._step)
+            self._parts.kick(self._step, weight / self._step, self._most_iterations)
         self._engine_step, self._fresh = self._step, True
         self._angle, self._ahead = angle, ahead
-        self._spin = key.angular_velocity
-        landed = happening is not None and happening.strikes
-        # Half of the kick was by what was before, and went on growing as it did.
-        grown = 2 * (self._spin - before) - self._growth * drift
-        self._growth = 0.0 if landed else grown / ahead
+        self._omega = key.angular_velocity
+        impact = event is not None and event.impact
+        # Half of the impulse is by the forces before the event, extrapolated to it.
+        grown = 2 * (self._omega - before) - self._acceleration * drift
+        self._acceleration = 0.0 if impact else grown / ahead
         for jack in jacks:
-            jack.settle(weight)
-        push = finger.push(weight)
+            jack.update(weight)
+        push = finger.contact_force(weight)
         if drift:
             pull = sum(jack.pull for jack in self._loaded)
-            speed = (self._spin if landed else node) * MM
+            speed = (self._omega if impact else node) * MM
             self._rows.append((self._elapsed, angle, speed, jacks[0].rise / MM, push, pull))
 
-    def _watched(self, drift: float) -> list[Happening]:
-        """Return what may happen in a drift [ms]."""
+    def _possible_events(self, drift: float) -> list[Event]:
+        """Return the events that may occur within a drift [ms]."""
         loads, finger = self._loads, self._finger
-        spin = self._spin - self._growth * self._ahead / 2
-        angle, growth = self._angle, self._growth
+        omega = self._omega - self._acceleration * self._ahead / 2
+        angle, acceleration = self._angle, self._acceleration
 
         def turned(time: float) -> float:
-            return angle + (spin + growth * time / 2) * time
+            return angle + (omega + acceleration * time / 2) * time
 
-        if not turned(drift) < TURNED:
-            raise self._lost()
-        watched = [
-            Happening(lambda t: finger.gap(turned(t), t, self._ahead), finger.land, strikes=True),
-            *loads.watched(angle, turned),
+        if not turned(drift) < LARGEST_ANGLE:
+            raise self._diverged()
+        possible = [
+            Event(
+                lambda t: finger.gap(turned(t), t, self._ahead), finger.make_contact, impact=True
+            ),
+            *loads.possible_events(angle, turned),
         ]
         for jack in self._jacks:
-            watched += jack.watched(turned, self._ahead)
-        return watched
+            possible += jack.possible_events(turned, self._ahead)
+        return possible
 
-    def _rest(self) -> None:
-        """End a controller sample: put back what has drifted, and note by how much."""
-        angle, worst = self._finger.rest(self._key.angle)
+    def _end_sample(self) -> None:
+        """End a controller sample: correct the drift of the constraints and record its size."""
+        angle, worst = self._finger.end_sample(self._key.angle)
         self._angle = angle
         set_angle(self._key, angle)
         tangent = math.tan(angle)
         secant = math.sqrt(1 + tangent * tangent)
         x, z = self._key.position
-        worst = max(worst, abs(x), abs(z), *[jack.rest(tangent, secant) for jack in self._jacks])
+        worst = max(
+            worst, abs(x), abs(z), *[jack.end_sample(tangent, secant) for jack in self._jacks]
+        )
         self.worst_gap = max(self.worst_gap, worst / MM)
 
-    def _lost(self) -> SceneError:
+    def _diverged(self) -> SceneError:
         return SceneError(
-            f"the simulated bench lost its numbers at {self.time:.6g} s with steps of"
-            f" {self._step * 1e3:.4g} us; lower the scene's step or the stiffness in it, or stop"
+            f"the simulation diverged at {self.time:.6g} s with steps of"
+            f" {self._step * 1e3:.4g} us; lower the scene's step or a stiffness, or stop"
             " the key with felt = true"
         )

@@ -1,4 +1,4 @@
-"""A fingertip exactly where the reference is, whatever meets it."""
+"""A fingertip exactly at the reference, whatever force acts on it."""
 
 import math
 
@@ -7,7 +7,7 @@ import pymunk
 
 from sautereau.rig.schema import Rig
 from sautereau.sim_backend.errors import SceneError
-from sautereau.sim_backend.physics.finger import PlacelessFinger, Reference
+from sautereau.sim_backend.physics.finger import BodilessFinger, Reference
 from sautereau.sim_backend.physics.rigid.bodies import MM, add_driver
 from sautereau.trajectory.arm import fingertip_place
 
@@ -16,7 +16,7 @@ def touching_angle(rig: Rig, x: float, z: float) -> float:
     """Return the angle [rad] at which the key touches a fingertip centred at (x, z) [m].
 
     Raises:
-        SceneError: The fingertip is too near the balance pin to touch the key.
+        SceneError: The fingertip is too close to the balance pin for a contact.
     """
     height = rig.key.surface_height + rig.arm.fingertip_radius
     squared = x * x + z * z - height * height
@@ -25,20 +25,20 @@ def touching_angle(rig: Rig, x: float, z: float) -> float:
     return math.atan2(-x, z) - math.atan2(math.sqrt(squared), height)
 
 
-class IdealFinger(PlacelessFinger):
-    """A fingertip that no force moves.
+class IdealFinger(BodilessFinger):
+    """A fingertip of prescribed motion.
 
-    The key may never be below the angle at which it touches the fingertip. So it may not turn
-    slower than leads to that angle, step by step: a kinematic body turns with that spin, and
-    a one-sided joint keeps the key from lagging it.
+    The key's angle is never below that of contact with the fingertip. In each step a kinematic
+    body rotates at the angular velocity that leads to the contact angle, and a unilateral joint
+    keeps the key from rotating more slowly.
 
     Args:
         space: The world.
-        lever: The key's body.
+        lever: Body of the key.
         rig: The bench.
         start: rad, joints when power comes on.
-        steps: Longest steps in a controller sample.
-        cells: Shortest steps in one.
+        steps: Undivided steps in a controller sample.
+        cells: Shortest steps in a controller sample.
     """
 
     def __init__(
@@ -64,8 +64,8 @@ class IdealFinger(PlacelessFinger):
         self._reaches: list[float] = []
         self._reach = 1.0
 
-    def begin(self, reference: Reference, powered: bool, time: float) -> bool:
-        """Work out the key's least angle over a controller sample; see `Driven`."""
+    def begin_sample(self, reference: Reference, powered: bool, time: float) -> bool:
+        """Compute the key's least angle over a controller sample; see `SteppedFinger`."""
         counts, _ = reference(self._fractions)
         joints = self._start + counts * self._radians
         place = fingertip_place(self._arm, joints)
@@ -80,27 +80,29 @@ class IdealFinger(PlacelessFinger):
         self._joints = (first, second)
         return False
 
-    def act(self, elapsed: float, angle: float, ahead: float, step: float, share: float) -> None:
-        """Turn as fast as the key has to; see `Driven`."""
-        if ahead < step / 4:  # the key takes its error back in no less time
+    def apply_forces(
+        self, elapsed: float, angle: float, ahead: float, step: float, fraction: float
+    ) -> None:
+        """Set the least angular velocity of the key; see `SteppedFinger`."""
+        if ahead < step / 4:  # the error is corrected over a quarter step at least
             now = self._least(elapsed)
-            spin = (self._least(elapsed + ahead) - now) / ahead + (now - angle) / (step / 4)
+            omega = (self._least(elapsed + ahead) - now) / ahead + (now - angle) / (step / 4)
         else:
-            spin = (self._least(elapsed + ahead) - angle) / ahead
-        self._body.angular_velocity = spin
+            omega = (self._least(elapsed + ahead) - angle) / ahead
+        self._body.angular_velocity = omega
         cell = min(int(elapsed * self._per_ms + 0.5), len(self._reaches) - 1)
         self._reach = self._reaches[cell]
 
-    def push(self, weight: float) -> float:
-        """Return the force [N] on the key; see `Driven`."""
+    def contact_force(self, weight: float) -> float:
+        """Return the force [N] on the key; see `SteppedFinger`."""
         return self._contact.impulse / (weight * self._reach)
 
-    def rest(self, angle: float) -> tuple[float, float]:
-        """Return the angle, and by how much [mm] the key is in the fingertip."""
+    def end_sample(self, angle: float) -> tuple[float, float]:
+        """Return the angle, and the overlap [mm] of key and fingertip."""
         return angle, max(0.0, (self._angles[self._end] - angle) * self._reaches[self._end])
 
     def _least(self, elapsed: float) -> float:
-        """Return the least angle [rad] of the key at a time [ms], by cubics between cells."""
+        """Return the least angle [rad] of the key at a time [ms], by cubic interpolation."""
         place = elapsed * self._per_ms
         cell = int(place + 0.5)
         u = place - cell
@@ -120,6 +122,6 @@ class IdealFinger(PlacelessFinger):
 
 def _too_near(height: float) -> SceneError:
     return SceneError(
-        f"contact: the fingertip comes within {height * 1e3:.4g} mm of the balance pin, where it"
-        " touches the key at no angle; start elsewhere, or move arm.base_x"
+        f"contact: the fingertip comes within {height * 1e3:.4g} mm of the balance pin, where no"
+        " angle of the key gives a contact; start elsewhere, or move arm.base_x"
     )

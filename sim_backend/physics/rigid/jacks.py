@@ -1,4 +1,4 @@
-"""A jack in the world: it stands on its key or flies, and carries plectrum and damper."""
+"""A jack: it stands on its key or flies, and carries plectrum and damper."""
 
 import math
 from collections.abc import Callable
@@ -18,24 +18,24 @@ from sautereau.sim_backend.physics.rigid.bodies import (
     set_force,
     set_position,
 )
-from sautereau.sim_backend.physics.rigid.pluck import Plucked
-from sautereau.sim_backend.physics.rigid.step_event import Happening
+from sautereau.sim_backend.physics.rigid.pluck import StringForce
+from sautereau.sim_backend.physics.rigid.step_event import Event
 from sautereau.sim_backend.scene import Scene
 
 
 class CarriedJack:
-    """One jack; mm and mm/ms. Its speed is that half a step ahead of its place.
+    """One jack, in mm and mm/ms; its speed is that half a step ahead of its position.
 
-    While it stands on the key its place follows from the key's, in closed form; the body is
-    put there at the end of each controller sample.
+    While it stands on the key its rise follows from the key's angle in closed form; the body is
+    moved there at the end of each controller sample.
 
     Args:
         space: The world.
         lever: The key's body.
         rig: The bench.
         choir: Of the jack.
-        scene: What it shows of it.
-        string: What its plectrum meets; None leaves it mute.
+        scene: Which of its parts are enabled.
+        string: String of its plectrum; None for a mute jack.
     """
 
     def __init__(
@@ -45,7 +45,7 @@ class CarriedJack:
         rig: Rig,
         choir: Choir,
         scene: Scene,
-        string: Plucked | None,
+        string: StringForce | None,
     ):
         key = key_of(rig, choir)
         self.arm, self.top = key.jack_arm * MM, key.jack_surface_height * MM
@@ -53,11 +53,11 @@ class CarriedJack:
         self.string = string
         tangent = math.tan(lever.angle)
         self.rise = self.next = self.surface(tangent, math.sqrt(1 + tangent * tangent))
-        self.speed = self.growth = 0.0
+        self.speed = self.acceleration = 0.0
         self.standing = True
         self.pull = 0.0
         """N, of the string, downwards."""
-        self.body, self.foot = add_jack(space, lever, key, choir.jack, self.rise)
+        self.body, self.foot_contact = add_jack(space, lever, key, choir.jack, self.rise)
         self.dry = None
         self.dry_force = choir.jack.register_friction
         if scene.friction and self.dry_force > 0:
@@ -77,7 +77,7 @@ class CarriedJack:
         return (self.arm + self.top * math.sin(angle)) / math.cos(angle) ** 2
 
     def stays(self, tangent: float, secant: float, step: float) -> bool:
-        """Go to the end of a step [ms]; return whether nothing changes on the way."""
+        """Advance to the end of a step [ms]; return whether no mode changes on the way."""
         rise = self.arm * tangent + self.top * (secant - 1)
         if not self.standing:
             surface = rise
@@ -89,27 +89,27 @@ class CarriedJack:
         state = self._state
         return state.low <= rise <= state.high
 
-    def glide(self, angle: float, spin: float, back: float) -> None:
-        """Take back what the last kick gave too much.
+    def correct_and_drift(self, angle: float, omega: float, back: float) -> None:
+        """Undo the part of the last impulse that lies beyond the event.
 
         Args:
             angle: rad, of the key, on which it may stand.
-            spin: rad/ms, of the key, which has taken its own back.
+            omega: rad/ms, of the key, already corrected.
             back: ms, by which the last forces acted too long.
         """
         if self.standing:
-            self.speed = self.slope(angle) * spin
+            self.speed = self.slope(angle) * omega
         else:
-            self.speed -= self.growth * back
+            self.speed -= self.acceleration * back
 
-    def place(self, step: float, force: float) -> None:
-        """Put the body so that a step [ms] of the engine leads to its place; push it down [N]."""
+    def set_bodies(self, step: float, force: float) -> None:
+        """Set the body so that a step [ms] of the engine ends at its position; push it down [N]."""
         self.body.position = self._x, self._z + self.next - self.speed * step
         self.body.velocity = 0.0, self.speed
         set_force(self.body, (0.0, -force))
 
     def load(self, time: float, step: float) -> None:
-        """Let string and damper act at the end of a step [s] that began at a time [s]."""
+        """Apply string and damper at the end of a step [s] that started at a time [s]."""
         if self.string is not None:
             self.pull = force = self.string.force(self.next, self.rise, time, step)
         else:
@@ -120,9 +120,9 @@ class CarriedJack:
             set_force(self.body, (0.0, -force))
 
     def forces(self, time: float, step: float) -> float:
-        """Return what string and damper push the jack down with [N], see `load`.
+        """Return the force of string and damper on the jack [N], downwards; see `load`.
 
-        Without a step it is what they push with now.
+        With a step of 0 it is the present force.
         """
         if self.string is not None:
             self.pull = self.string.force(self.next, self.rise, time, step)
@@ -130,35 +130,35 @@ class CarriedJack:
             return self.pull
         return self.pull - _carried(self._damper, self.next)
 
-    def watched(self, turned: Callable[[float], float], ahead: float) -> list[Happening]:
-        """Return what may happen to it.
+    def possible_events(self, turned: Callable[[float], float], ahead: float) -> list[Event]:
+        """Return the events that may occur to it.
 
         Args:
             turned: The key's angle [rad] after a time [ms].
-            ahead: ms, for half of which the last kick brought the speed forward.
+            ahead: ms, by half of which the last impulse advanced the speed.
         """
-        speed, growth, begun = self.speed - self.growth * ahead / 2, self.growth, self.rise
+        speed, acceleration = self.speed - self.acceleration * ahead / 2, self.acceleration
 
         def surface(time: float) -> float:
             tangent = math.tan(turned(time))
             return self.surface(tangent, math.sqrt(1 + tangent * tangent))
 
         def flown(time: float) -> float:
-            return begun + (speed + growth * time / 2) * time
+            return self.rise + (speed + acceleration * time / 2) * time
 
-        rise, watched = surface, []
+        rise, possible = surface, []
         if not self.standing:
             rise = flown
-            watched = [Happening(lambda t: flown(t) - surface(t), self._land, strikes=True)]
+            possible = [Event(lambda t: flown(t) - surface(t), self._make_contact, impact=True)]
         string = self.string
         if string is not None and math.isfinite(string.high):
-            watched.append(Happening(lambda t: string.high - rise(t), partial(string.cross, True)))
+            possible.append(Event(lambda t: string.high - rise(t), partial(string.cross, True)))
         if string is not None and math.isfinite(string.low):
-            watched.append(Happening(lambda t: rise(t) - string.low, partial(string.cross, False)))
-        return watched
+            possible.append(Event(lambda t: rise(t) - string.low, partial(string.cross, False)))
+        return possible
 
-    def settle(self, weight: float) -> None:
-        """See after a step where the jack is, and whether it stands.
+    def update(self, weight: float) -> None:
+        """Update position, speed and standing after a step.
 
         Args:
             weight: ms, for which the forces acted in it.
@@ -166,18 +166,18 @@ class CarriedJack:
         self.rise = self.next
         if not self.standing:
             before, self.speed = self.speed, self.body.velocity[1]
-            self.growth = (self.speed - before) / weight
-        elif not self.foot.impulse > 0:
+            self.acceleration = (self.speed - before) / weight
+        elif not self.foot_contact.impulse > 0:
             self.standing = False
-            self.speed, self.growth = self.body.velocity[1], 0.0
-            self.foot.min = 0.0
+            self.speed, self.acceleration = self.body.velocity[1], 0.0
+            self.foot_contact.min = 0.0
 
-    def _land(self, time: float) -> None:
+    def _make_contact(self, time: float) -> None:
         self.standing = True
-        self.foot.min = FAR + REACH
+        self.foot_contact.min = FAR + REACH
 
-    def rest(self, tangent: float, secant: float) -> float:
-        """Put the body where the jack is; return by how much [mm] it was not."""
+    def end_sample(self, tangent: float, secant: float) -> float:
+        """Move the body to the jack's position; return its error before [mm]."""
         x, z = self.body.position
         if self.standing:
             self.rise = self.surface(tangent, secant)

@@ -1,10 +1,11 @@
-"""A string that moves by its modes under its plectrum, and swings on when it is let go.
+"""A modal string under its plectrum, which continues to vibrate after its release.
 
-Where the plectrum may touch the string, both are solved together in steps that the modes can
-follow; elsewhere the string is carried in one jump when it is asked for. A string that still
-swings meets a rising plectrum below its rest and chatters on it; contacts are counted where
-the jack passes that rest all the same. A plectrum that falls back passes the string there,
-wherever the string has swung to, and the tongue's force does not move the string.
+Where the plectrum may touch the string, both are solved together in steps that resolve the
+modes; elsewhere the state of the free string is computed in closed form, only when needed. A
+vibrating string may touch a rising plectrum below the string's rest position, intermittently;
+a contact is nevertheless reported where the jack passes that rest position. A falling plectrum
+passes the string there too, wherever the string is, and the tongue's force does not move the
+string.
 """
 
 import math
@@ -25,26 +26,26 @@ from sautereau.sim_backend.scene import Scene
 
 @dataclass
 class Swing:
-    """A stretch in which no plectrum is in the string's way and its decay stays the same."""
+    """An interval of free vibration with constant decay."""
 
     start: float
-    """s on the world's clock, time 0 of `string`."""
+    """s of simulated time, time 0 of `string`."""
     string: FreeString
     end: float = math.inf
-    """s on the world's clock; infinite while it lasts."""
+    """s of simulated time; infinite until it ends."""
 
 
 class ModalPlucking:
-    """The moving string of one choir, which finds its release by itself.
+    """The modal string of one choir; it locates its own release.
 
-    Its states are those of the spring string; only what it is held by differs.
+    Its discrete modes are those of the spring string; only the held mode differs.
 
     Args:
         choir: String, plectrum and jack.
-        scene: Its level, and whether there are tongue and damper.
+        scene: Level of the plectrum; whether tongue and damper are enabled.
         number: Of the choir, 0 for the first.
-        events: To which contacts, releases and returns are added.
-        modes: Number of modes that move.
+        events: List to which contacts, releases and returns are appended.
+        modes: Number of dynamic modes.
 
     Raises:
         SceneError: The level has no pluck for this choir, or its damper is too strong.
@@ -72,47 +73,49 @@ class ModalPlucking:
         self._longest = SHARE / (choir.string.frequency * modes)
         self._stiff = -1 / contact.bend.at(contact.rest, 0.0)[9] / MM
         self._pull = 0.0
-        self._reach = 0.0  # m, below its rest
-        self._over = True  # the plectrum, or on it
-        self._swung: float | None = 0.0  # s, up to when; None where it may be touched
+        self._reach = 0.0  # m, below the rest position
+        self._over = True  # the string is above the plectrum, or on it
+        self._swung: float | None = (
+            0.0  # s, time of its state; None where the plectrum may touch it
+        )
         self.swings: list[Swing] = []
-        """Where the string has been, in order of time."""
+        """Intervals of free vibration, in order of time."""
         self.stiffest = max(self._states.stiffest, self._stiff)
         self._enter(holding=False, carries=True)
 
     def force(self, rise: float, previous: float, time: float, step: float) -> float:
-        """Return the force [N] on the jack at the end of a step, downwards; see `Plucked`.
+        """Return the force [N] on the jack at the end of a step, downwards; see `StringForce`.
 
-        Where the string is let go or struck within the step, it is the force that gives a
-        leap-frog scheme the momentum of what truly acted. Without a step it is the present one.
+        Where the string is released or hit within the step, the returned force gives a leap-frog
+        scheme the exact momentum of the step. With a step of 0 it is the present force.
 
         Raises:
-            SceneError: No place on the plectrum balances the string.
+            SceneError: No point of the plectrum balances the string.
         """
         down = rise < self._lift
         if not self._carries and (down == self._felt or step == 0):
             return self._states.force(rise, previous, time, step)
         if step == 0:
             return self._pull
-        before, momentum, begun, left = self._pull, 0.0, previous, step
+        before, momentum, began, left = self._pull, 0.0, previous, step
         if down != self._felt:
             if down != (previous < self._lift):
-                begun, left = self._lift, step * (rise - self._lift) / (rise - previous)
-                momentum = self._go(begun, previous, time, step - left)
+                began, left = self._lift, step * (rise - self._lift) / (rise - previous)
+                momentum = self._go(began, previous, time, step - left)
             time += step - left
             self._put_felt(down, time)
-        momentum += self._go(rise, begun, time, left)
+        momentum += self._go(rise, began, time, left)
         if not self._carries and momentum == 0.0:
             return self._states.force(rise, previous, time, step)
         return momentum / step + (self._pull - before) / 2
 
     def cross(self, upwards: bool, time: float) -> None:
-        """Go to the next state; see `Plucked`."""
+        """Enter the next mode; see `StringForce`."""
         returns = len(self._passed.returns)
         self._states.cross(upwards, time)
         if len(self._passed.returns) > returns:
             self.events.returns.append(self._passed.returns[-1])
-            self._over = False  # unless it turns out to be
+            self._over = False  # unless found otherwise below
             self._enter(holding=False, carries=True)
         elif self._carries and upwards:
             self._meet(time)
@@ -120,7 +123,7 @@ class ModalPlucking:
             self._enter(holding=False, carries=self._carries)
 
     def _enter(self, *, holding: bool, carries: bool) -> None:
-        """Take over the bounds of a state: held, below where it may carry too, or another."""
+        """Adopt the bounds of a mode: held, below (where the string may also push), or another."""
         self._holding, self._carries = holding, carries
         self.low, self.high = self._states.low, self._states.high
         self.stiffness = self._states.stiffness
@@ -131,17 +134,17 @@ class ModalPlucking:
         if self._over:
             self.events.contacts.append(StringEvent(time, self.number, self._pull))
             self._enter(holding=True, carries=True)
-        else:  # it has slid off before, and not swung over the plectrum since
+        else:  # it slid off before and has not been above the plectrum since
             self._rise_above(time)
 
     def _rise_above(self, time: float) -> None:
         self._states.cross(True, time)
         if self._swung is None:
-            self._begin_swing(time)
+            self._start_swing(time)
         self._enter(holding=False, carries=False)
 
     def _go(self, rise: float, previous: float, time: float, step: float) -> float:
-        """Carry the string through a step, and return the momentum [N s] that the jack lost."""
+        """Advance the string by a step; return the momentum [N s] that it took from the jack."""
         self._pull = 0.0
         if step <= 0 or self._out_of_reach((max(rise, previous) - self._clearance) / MM, time):
             return 0.0
@@ -150,17 +153,17 @@ class ModalPlucking:
             self._swung = None
         contact = self._contact
         count = max(1, math.ceil(step / self._longest - 1e-9))
-        part, growth = step / count, (rise - previous) / MM / count
+        part, increment = step / count, (rise - previous) / MM / count
         height, momentum = (previous - self._clearance) / MM, 0.0
         for i in range(count):
-            begin, end = height + growth * i, height + growth * (i + 1)
+            low, high = height + increment * i, height + increment * (i + 1)
             if not self._over:
                 contact.swing(part)
-                self._over = contact.lift >= end
+                self._over = contact.lift >= high
                 continue
             before = contact.found.up
             try:
-                taken = contact.advance(part, begin, end)
+                taken = contact.advance(part, low, high)
             except ModelError as error:
                 raise SceneError(f"{self._at}{error}") from error
             momentum += taken * (before + contact.found.up) / 2
@@ -173,7 +176,7 @@ class ModalPlucking:
         return momentum
 
     def _out_of_reach(self, height: float, time: float) -> bool:
-        """Return whether the plectrum will not touch the string up to a height [m]."""
+        """Return whether the plectrum cannot touch the string up to a height [m]."""
         if self._holding:
             return False
         if self._carries:
@@ -184,11 +187,11 @@ class ModalPlucking:
                 return False
             self._over = True
         if self._swung is None:
-            self._begin_swing(time)
+            self._start_swing(time)
         return True
 
     def _slip(self, time: float) -> None:
-        """Let the string slide off the tip, released if it was held."""
+        """Let the string slide off the tip; report a release if it was held."""
         force = self._contact.found.up
         self._over = False
         self._contact.leave()
@@ -197,15 +200,15 @@ class ModalPlucking:
             self._rise_above(time)
 
     def _put_felt(self, down: bool, time: float) -> None:
-        """Let the damper's felt down on the string, or lift it."""
+        """Lower the damper's felt onto the string, or lift it."""
         if self._swung is not None:
             self._end_swing(time)
         self._felt = down
         self._contact.string = self._damped if down else self._free
         if self._swung is not None:
-            self._begin_swing(time)
+            self._start_swing(time)
 
-    def _begin_swing(self, time: float) -> None:
+    def _start_swing(self, time: float) -> None:
         contact = self._contact
         contact.leave()
         self._swung, self._reach = time, contact.reach

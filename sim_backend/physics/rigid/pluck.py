@@ -1,4 +1,4 @@
-"""A spring string under its plectrum: the four states of docs/stand-in.md, in mm and N."""
+"""A spring string under its plectrum: the four modes of docs/stand-in.md, in mm and N."""
 
 import math
 from collections.abc import Callable
@@ -14,53 +14,53 @@ from sautereau.sim_backend.physics.events import PluckEvents, StringEvent
 from sautereau.sim_backend.scene import Scene
 
 TABLE = 2048
-"""Cells of the table of the force over the height."""
+"""Cells of the table of force over height."""
 MM = 1e3
 
 
-class Plucked(Protocol):
-    """A string and its plectrum, as a jack meets them."""
+class StringForce(Protocol):
+    """The force of a string, through its plectrum, on a jack."""
 
     low: float
-    """mm, rise of the jack below which the present state ends; -inf where it finds it itself."""
+    """mm, rise of the jack below which the present mode ends; -inf where no rise ends it."""
     high: float
-    """mm, rise of the jack above which the present state ends; inf where it finds it itself."""
+    """mm, rise of the jack above which the present mode ends; inf where no rise ends it."""
     stiffness: float
-    """N/mm, largest with which it holds the jack in its present state."""
+    """N/mm, largest stiffness against the jack in the present mode."""
     stiffest: float
-    """N/mm, largest in any state."""
+    """N/mm, largest in any mode."""
 
     def force(self, rise: float, previous: float, time: float, step: float) -> float:
         """Return the force [N] on the jack at the end of a step, downwards.
 
-        Called once for every step of the world, in order; the steps need not be even.
+        Call once for every step of the world, in order; the steps need not be equal.
 
         Args:
             rise: mm, of the jack at the end of the step.
             previous: mm, at its start.
-            time: s on the world's clock, of its start.
+            time: s of simulated time, at its start.
             step: s.
         """
         ...
 
     def cross(self, upwards: bool, time: float) -> None:
-        """Go to the next state: the jack has come to `high`, or else to `low`.
+        """Enter the next mode: the jack has reached `high`, or else `low`.
 
         Args:
-            upwards: Which of the two.
-            time: s on the world's clock.
+            upwards: Whether it has reached `high`.
+            time: s of simulated time.
         """
         ...
 
 
 class Plucking:
-    """The quasi-static string of one choir; the engine finds when the jack leaves a state.
+    """The quasi-static string of one choir; the engine locates the end of each mode.
 
     Args:
         choir: String, plectrum and jack.
-        scene: Its level, and whether there is a tongue.
+        scene: Level of the plectrum; whether the tongue is enabled.
         number: Of the choir, 0 for the first.
-        events: To which contacts, releases and returns are added.
+        events: List to which contacts, releases and returns are appended.
 
     Raises:
         SceneError: The level has no pluck for this choir.
@@ -79,7 +79,7 @@ class Plucking:
         heights = np.linspace(0, pluck.release_height, TABLE + 1)
         force = pluck.force_on_jack(heights)
         self._force = [*force.tolist(), float(force[-1])]
-        self._growth = [*np.diff(force).tolist(), 0.0]
+        self._rises = [*np.diff(force).tolist(), 0.0]
         self._per_mm = TABLE / self.release_height
         self._steepest = float(np.abs(np.diff(force)).max()) * self._per_mm
         self._travel, self._moment, self._turning, self._lever = _tongue(choir, scene)
@@ -88,11 +88,11 @@ class Plucking:
         self._go_below()
 
     def force(self, rise: float, previous: float, time: float, step: float) -> float:
-        """Return the force [N] on the jack, downwards; see `Plucked`."""
+        """Return the force [N] on the jack, downwards; see `StringForce`."""
         return self._law(rise)
 
     def cross(self, upwards: bool, time: float) -> None:
-        """Go to the next state; see `Plucked`."""
+        """Enter the next mode; see `StringForce`."""
         self._upwards[upwards](time)
 
     def _go_below(self) -> None:
@@ -104,13 +104,15 @@ class Plucking:
     def _contact(self, time: float) -> None:
         self.events.contacts.append(StringEvent(time, self.number, self._force[0]))
         top = self.clearance + self.release_height
-        self._enter(self._held, self.clearance, top, self._steepest, self._let_down, self._release)
+        self._enter(
+            self._held, self.clearance, top, self._steepest, self._lose_contact, self._release
+        )
 
     def _release(self, time: float) -> None:
         self.events.releases.append(StringEvent(time, self.number, self._force[TABLE]))
         self._go_above()
 
-    def _let_down(self, time: float) -> None:
+    def _lose_contact(self, time: float) -> None:
         self._go_below()
 
     def _reach_from_above(self, time: float) -> None:
@@ -130,8 +132,8 @@ class Plucking:
 
     def _never(self, time: float) -> None:
         raise SceneError(
-            f"choir {self.number}: the jack left a state of its string that has no such end, at"
-            f" {time:.6g} s; lower the scene's step"
+            f"choir {self.number}: at {time:.6g} s the jack left its string's mode on a side where"
+            " the mode has no end; lower the scene's step"
         )
 
     def _enter(
@@ -149,7 +151,7 @@ class Plucking:
     def _held(self, rise: float) -> float:
         cell = (rise - self.clearance) * self._per_mm
         low = min(max(int(cell), 0), TABLE)
-        return self._force[low] + (cell - low) * self._growth[low]
+        return self._force[low] + (cell - low) * self._rises[low]
 
     def _passing(self, rise: float) -> float:
         if self._travel == 0:

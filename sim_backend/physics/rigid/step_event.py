@@ -1,4 +1,4 @@
-"""What happens inside a step: found on the parabola of its motion."""
+"""Events inside a step, located on the parabola of its motion."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -6,33 +6,33 @@ from dataclasses import dataclass
 from scipy.optimize import brentq
 
 TOLERANCE = 1e-12
-"""ms, of the moment found."""
+"""ms, of an event's time."""
 
 
 @dataclass(frozen=True)
-class Happening:
-    """Something that may change in a step."""
+class Event:
+    """A possible change of mode within a step."""
 
     margin: Callable[[float], float]
-    """What is left of it after a time [ms]; below zero once it has happened."""
+    """Guard function of the time [ms]; negative once the event has occurred."""
     change: Callable[[float], None]
-    """Makes the change, at a time [s] on the world's clock."""
-    strikes: bool = False
-    """Whether speeds jump in it."""
+    """Applies the change, at a simulated time [s]."""
+    impact: bool = False
+    """Whether velocities jump in it."""
 
 
-def earliest(watched: list[Happening], drift: float) -> tuple[float, Happening | None]:
-    """Return the time [ms] of what happens first within a drift [ms], and what it is.
+def earliest(possible: list[Event], drift: float) -> tuple[float, Event | None]:
+    """Return the time [ms] of the first event within a drift [ms], and the event.
 
     Returns:
-        The drift itself and None if nothing happens.
+        The drift itself and None if there is no event.
     """
     time, first = drift, None
-    for happening in watched:
-        if happening.margin(time) >= 0:
+    for event in possible:
+        if event.margin(time) >= 0:
             continue
-        if happening.margin(0.0) <= 0:
-            return 0.0, happening
-        found: float = brentq(happening.margin, 0.0, time, xtol=TOLERANCE)  # pyright: ignore
-        time, first = found, happening
+        if event.margin(0.0) <= 0:
+            return 0.0, event
+        found: float = brentq(event.margin, 0.0, time, xtol=TOLERANCE)  # pyright: ignore
+        time, first = found, event
     return time, first

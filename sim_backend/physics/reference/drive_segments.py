@@ -1,4 +1,4 @@
-"""What the finger does from one discontinuity of its drive to the next."""
+"""Drive segments: the finger's action between two discontinuities of its drive."""
 
 import math
 from dataclasses import dataclass
@@ -9,22 +9,22 @@ import numpy as np
 from sautereau.rig.schema import Rig
 from sautereau.sim_backend.parts import Push, Servo
 from sautereau.sim_backend.physics.drive import Drive
-from sautereau.sim_backend.physics.reference.linkage import Linkage, Touch
+from sautereau.sim_backend.physics.reference.linkage import KeyUnderFingertip, Linkage
 
 Pair = tuple[float, float]
 
 
 @dataclass(frozen=True)
-class Lead:
-    """The key's motion under an ideal fingertip."""
+class PrescribedMotion:
+    """The key's motion in contact with an ideal fingertip."""
 
-    touch: Touch
+    contact: KeyUnderFingertip
     acceleration: float
     """rad/s^2, of the key."""
 
 
 @dataclass(frozen=True)
-class Leg:
+class DriveSegment:
     """An interval over which the finger acts smoothly."""
 
     start: float
@@ -34,12 +34,12 @@ class Leg:
     """N m, of a push on the key."""
     torques: Pair = (0.0, 0.0)
     """N m, of the servo's motors."""
-    path: "Path | None" = None
-    """Of an ideal finger."""
+    path: "FingerPath | None" = None
+    """Of an ideal finger; None for any other."""
 
 
 @dataclass(frozen=True)
-class Path:
+class FingerPath:
     """The cubics of both joints over one controller sample."""
 
     linkage: Linkage
@@ -52,15 +52,15 @@ class Path:
 
     @property
     def still(self) -> bool:
-        """Whether the finger stands."""
+        """Whether the finger is at rest."""
         return not any(any(cubic[1:]) for cubic in self.cubics)
 
-    def lead(self, time: float) -> Lead:
-        """Return the key that touches the fingertip at a time [s]."""
+    def key_motion(self, time: float) -> PrescribedMotion:
+        """Return the motion of a key in contact with the fingertip at a time [s]."""
         u = (time - self.start) / self.period
         (q1, d1, s1), (q2, d2, s2) = (self._joint(cubic, u) for cubic in self.cubics)
-        touch = self.linkage.touch(q1, q2, d1, d2)
-        return Lead(touch, touch.slope1 * s1 + touch.slope2 * s2 + touch.bend)
+        contact = self.linkage.key_under_fingertip(q1, q2, d1, d2)
+        return PrescribedMotion(contact, contact.slope1 * s1 + contact.slope2 * s2 + contact.bias)
 
     def _joint(self, cubic: tuple[float, float, float, float], u: float):
         p0, p1, p2, p3 = cubic
@@ -71,43 +71,43 @@ class Path:
         )
 
 
-class Hand(Protocol):
-    """Gives the legs of a drive, one after the other."""
+class SegmentSource(Protocol):
+    """Provides the segments of a drive, one after the other."""
 
     @property
     def linkage(self) -> Linkage | None:
-        """The arm, where it is a body of its own."""
+        """The arm, if it is simulated."""
         ...
 
-    def leg(self, time: float, joints: Pair) -> Leg | None:
-        """Return the leg that begins at a time [s], or None after the last one.
+    def next_segment(self, time: float, joints: Pair) -> DriveSegment | None:
+        """Return the segment that starts at a time [s], or None after the last one.
 
         Args:
             time: s.
-            joints: rad, of the arm, where it is a body of its own.
+            joints: rad, of the arm, if it is simulated.
         """
         ...
 
 
-class PushHand:
-    """A push and then none."""
+class PushSegments:
+    """A push, then no force."""
 
     linkage = None
 
     def __init__(self, rig: Rig, push: Push, end: float):
         self.moment, self.duration, self.end = rig.key.press_arm * push.force, push.duration, end
 
-    def leg(self, time: float, joints: Pair) -> Leg | None:
-        """Return the leg that begins at a time [s], or None after the last one."""
+    def next_segment(self, time: float, joints: Pair) -> DriveSegment | None:
+        """Return the segment that starts at a time [s], or None after the last one."""
         if time >= self.end:
             return None
         if time < self.duration:
-            return Leg(time, min(self.duration, self.end), self.moment)
-        return Leg(time, self.end)
+            return DriveSegment(time, min(self.duration, self.end), self.moment)
+        return DriveSegment(time, self.end)
 
 
-class _Sampled:
-    """Counts the controller's samples and asks for its reference."""
+class _SampledSegments:
+    """One segment per controller sample, from the drive's reference."""
 
     def __init__(self, rig: Rig, drive: Drive):
         self.drive = drive
@@ -116,7 +116,7 @@ class _Sampled:
         self.samples = 0
 
     def ends(self) -> tuple[Pair, tuple[list[float], list[float]], tuple[list[float], list[float]]]:
-        """Return start and end [s] of the next sample, with counts and counts a sample."""
+        """Return start and end [s] of the next sample, with counts and counts per sample."""
         sample = self.samples
         self.samples += 1
         counts, speeds = self.drive.reference(sample)(np.array([0.0, 1.0]))
@@ -125,17 +125,17 @@ class _Sampled:
         return (sample * self.period, self.samples * self.period), (first, last), (slow, fast)
 
 
-class IdealHand(_Sampled):
-    """A fingertip where the reference is: a cubic in each controller sample."""
+class IdealFingerSegments(_SampledSegments):
+    """A fingertip exactly at the reference: a cubic in each controller sample."""
 
     linkage = None
 
     def __init__(self, rig: Rig, drive: Drive):
         super().__init__(rig, drive)
-        self.way = Linkage(rig)
+        self._kinematics = Linkage(rig)
 
-    def leg(self, time: float, joints: Pair) -> Leg | None:
-        """Return the leg that begins at a time [s], or None after the last one."""
+    def next_segment(self, time: float, joints: Pair) -> DriveSegment | None:
+        """Return the segment that starts at a time [s], or None after the last one."""
         if self.samples == self.drive.samples:
             return None
         (start, end), (first, last), (slow, fast) = self.ends()
@@ -145,15 +145,16 @@ class IdealHand(_Sampled):
             p2, p3 = 3 * step - 2 * v0 - v1, v0 + v1 - 2 * step
             place = self.drive.start[j] + first[j] * self.radians
             cubics.append((place, v0 * self.radians, p2 * self.radians, p3 * self.radians))
-        return Leg(start, end, path=Path(self.way, start, self.period, (cubics[0], cubics[1])))
+        path = FingerPath(self._kinematics, start, self.period, (cubics[0], cubics[1]))
+        return DriveSegment(start, end, path=path)
 
 
-class ServoHand(_Sampled):
-    """The two position loops: PID on whole counts, whose torque stands over each sample.
+class ServoSegments(_SampledSegments):
+    """The two position loops: PID on integer counts, with constant torque over each sample.
 
-    Of joint j, with the lag e = (reference - encoder) and its change over a sample:
-    k e + c de/dt + J acceleration + integral, held to the limit; the integral k e dt / T
-    grows only while the limit is not reached, and begins with the arm's weight.
+    For joint j, with the following error e = reference - encoder and its change over a sample:
+    k e + c de/dt + J acceleration + integral, limited; the integral k e dt / T grows only while
+    the limit is not reached, and starts at the torque of the arm's weight.
     """
 
     linkage: Linkage
@@ -166,8 +167,8 @@ class ServoHand(_Sampled):
         self.lags = [0.0, 0.0]
         self.integrals = list(self.linkage.weight(*drive.start))
 
-    def leg(self, time: float, joints: Pair) -> Leg | None:
-        """Return the leg that begins at a time [s], or None after the last one."""
+    def next_segment(self, time: float, joints: Pair) -> DriveSegment | None:
+        """Return the segment that starts at a time [s], or None after the last one."""
         if self.samples == self.drive.samples:
             return None
         (start, end), (first, _), (slow, fast) = self.ends()
@@ -176,13 +177,13 @@ class ServoHand(_Sampled):
             encoder = round((joints[j] - self.drive.start[j]) / self.radians)
             acceleration = (fast[j] - slow[j]) * self.radians / self.period**2
             torques[j] = self._torque(j, (first[j] - encoder) * self.radians, acceleration)
-        return Leg(start, end, torques=(torques[0], torques[1]))
+        return DriveSegment(start, end, torques=(torques[0], torques[1]))
 
     def _torque(self, j: int, lag: float, acceleration: float) -> float:
         servo = self.servo
         change, self.lags[j] = lag - self.lags[j], lag
-        wanted = self.integrals[j] + servo.stiffness[j] * lag
-        wanted += servo.damping[j] * change / self.period + servo.feedforward[j] * acceleration
-        if abs(wanted) < self.limit:
+        torque = self.integrals[j] + servo.stiffness[j] * lag
+        torque += servo.damping[j] * change / self.period + servo.feedforward[j] * acceleration
+        if abs(torque) < self.limit:
             self.integrals[j] += servo.stiffness[j] * lag * self.period / servo.integral_time
-        return math.copysign(min(abs(wanted), self.limit), wanted)
+        return math.copysign(min(abs(torque), self.limit), torque)
