@@ -4,7 +4,6 @@ Force is measured against depression once. The arm's Jacobian turns it into join
 -J^T F, that a later press adds to those of its position loops; from release on they are held.
 """
 
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -12,27 +11,17 @@ import numpy as np
 from sautereau.analysis.phases import Phases, find_phases
 from sautereau.analysis.press.load import Press, load_press
 from sautereau.rig.schema import Rig
+from sautereau.robot.controller import TorqueTable
 from sautereau.robot.errors import RobotError
 from sautereau.trajectory.dynamics import joint_torques
 from sautereau.trajectory.expected import Expectation
 from sautereau.trajectory.key import surface_axes
-from sautereau.trajectory.motion import Floats
 from sautereau.trajectory.press import Trajectory
 
 BIN = 25e-6
 """m, of the jack's rise, over which the force is averaged."""
 SETTLED = 1e-3
 """s after release, when the finger's swing is over."""
-
-
-@dataclass(frozen=True)
-class TorqueTable:
-    """Torques that are added to those of the position loops."""
-
-    time: Floats
-    """s from the start of motion, increasing; shape (n,)."""
-    torques: Floats
-    """N m, of both joints; shape (n, 2)."""
 
 
 def force_of(recording: Path) -> Expectation:

@@ -14,9 +14,8 @@ from sautereau.daq.file.recorded import Joints
 from sautereau.daq.file.recording import Recording, SessionInfo
 from sautereau.daq.source.acquisition import Acquisition
 from sautereau.rig.schema import Rig
-from sautereau.robot.controller import Capture, MotionController
+from sautereau.robot.controller import Capture, MotionController, TorqueTable
 from sautereau.robot.errors import RobotError
-from sautereau.robot.experiment.feedforward import TorqueTable
 from sautereau.robot.experiment.monitor import Fault, Made, Samples, Stage, Watch
 from sautereau.trajectory.counts import to_angles
 from sautereau.trajectory.motion import Floats

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from sautereau.rig.schema import Rig
-    from sautereau.robot.experiment.feedforward import TorqueTable
+    from sautereau.robot.controller import TorqueTable
     from sautereau.robot.experiment.plan import Place
     from sautereau.robot.experiment.plan_table import Row
     from sautereau.robot.experiment.session_folder import SessionFolder

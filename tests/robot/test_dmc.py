@@ -7,8 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from sautereau.robot.drivers.galil.capture import plan_capture
 from sautereau.robot.drivers.galil.dmc import segment_commands, segments_from
-from sautereau.robot.drivers.galil.program import SETTLE, controller_program, plan_capture
+from sautereau.robot.drivers.galil.program import SETTLE, controller_program
 from sautereau.robot.errors import UnsafeRequest
 from sautereau.trajectory.counts import to_angles, to_counts
 from sautereau.trajectory.segments import Segments

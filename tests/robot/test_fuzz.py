@@ -148,7 +148,7 @@ def test_noise_into_the_line(kind, echo):
         lambda: line.ask("MG _TPA"),
         lambda: line.read("_TPA", "_TPB"),
         lambda: line.ask_packed(["PVA=1,2,3"] * 9),
-        lambda: line.insist(["AB", "MO AB"], "_MOA", "_MOB"),
+        lambda: line.send_unchecked(["AB", "MO AB"], "_MOA", "_MOB"),
         lambda: line.download(["#A", "EN"]),
     ]
     turns = 0

@@ -2,13 +2,13 @@
 
 import itertools
 import threading
+import time
 
 import numpy as np
 import pytest
 
 from sautereau.rig.load import load_rig, with_values
-from sautereau.robot.controller import MotionController
-from sautereau.robot.drivers.galil.driver import GalilController
+from sautereau.robot.controller import MotionController, TorqueTable
 from sautereau.robot.drivers.odrive.driver import OdriveController
 from sautereau.robot.drivers.odrive.line import checksum, framed
 from sautereau.robot.drivers.odrive.setpoints import INTERVAL
@@ -19,9 +19,9 @@ from sautereau.robot.errors import (
     NotReady,
     RobotError,
     SettingNotTaken,
+    SilentController,
     UnsafeRequest,
 )
-from sautereau.robot.experiment.feedforward import TorqueTable
 from sautereau.sim_backend.devices.odrive.firmware import OdriveFirmware
 from sautereau.trajectory.segments import Segments
 
@@ -148,7 +148,7 @@ def port(rig):
 
 @pytest.fixture
 def controller(rig, port):
-    return OdriveController(rig, open_port=port.open, renewing=NoRenewal)
+    return OdriveController(rig, open_port=port.open, keep_alive=NoRenewal)
 
 
 @pytest.fixture
@@ -176,9 +176,11 @@ def press(controller, segments):
         return controller.capture()
 
 
-def test_the_factory_takes_the_driver_that_the_rig_names(rig):
-    assert isinstance(motion_controller(rig), OdriveController)
-    assert isinstance(motion_controller(load_rig()), GalilController)
+def test_the_registry_makes_the_controller_that_the_rig_names(rig):
+    for named, first_question in ((rig, "'i'"), (load_rig(), "'EO 0'")):
+        at_nobody = {"controller.port": "loop://", "controller.timeout": "10 ms"}
+        with pytest.raises(SilentController, match=f"did not answer {first_question}"):
+            motion_controller(with_values(named, at_nobody)).connect()
 
 
 def test_a_press_through_the_seam(controller: MotionController, port, segments, rig):
@@ -325,7 +327,7 @@ def test_a_motion_says_exactly_this(controller, port, segments):
         ("r axis1.motor.config.torque_lim", "inf", "torque_lim is inf and should be 2"),
         ("r axis0.config.enable_watchdog", "0", "enable_watchdog is 0 and should be 1"),
         ("r axis0.controller.config.vel_limit", "invalid property", "refused .*invalid property"),
-        ("r axis0.controller.config.vel_limit", "nan", "1 numbers were due"),
+        ("r axis0.controller.config.vel_limit", "nan", "1 numbers were expected"),
     ],
 )  # fmt: skip
 def test_a_controller_that_is_not_set_up_is_refused(controller, port, sent, answer, said):
@@ -381,7 +383,7 @@ def test_each_state_names_the_way_out(controller, segments):
             with pytest.raises(NotReady, match="wait"):
                 controller.capture()
             with pytest.raises(NotReady, match="no motion was streamed"):
-                _ = controller.punctuality
+                _ = controller.driver.punctuality
 
 
 def test_a_move_out_of_the_limits_is_not_sent(controller, port):
@@ -403,7 +405,7 @@ def test_torques_are_refused(controller, segments):
 
 def test_a_line_that_is_too_slow_is_refused(rig, port, segments):
     slow = with_values(rig, {"controller.baud_rate": 115200})
-    controller = OdriveController(slow, open_port=port.open, renewing=NoRenewal)
+    controller = OdriveController(slow, open_port=port.open, keep_alive=NoRenewal)
     with controller, controller.powered():
         controller.home()
         with pytest.raises(UnsafeRequest, match=r"baud_rate is 115200: set both ends to 921600"):
@@ -479,12 +481,14 @@ def test_a_joint_that_does_not_follow_is_switched_off_at_once(controller, port, 
     far = Segments(
         segments.start, segments.steps * 20, segments.velocities * 6, segments.samples * 4
     )
-    with pytest.raises(MotionFault, match="off its plan, more than") as caught:  # noqa: PT012, SIM117
+    with pytest.raises(MotionFault, match="counts from its plan, more than") as caught:  # noqa: PT012, SIM117
         with controller, controller.powered():
             ready(controller, far)
             port.follows = False
             controller.start()
-            controller._stream._thread.join()
+            end = time.monotonic() + 20
+            while port.firmware.motors_on != (False, False) and time.monotonic() < end:
+                time.sleep(0.001)
             assert port.firmware.motors_on == (False, False)
             controller.wait()
     assert OFF in str(caught.value)
@@ -510,19 +514,18 @@ class Late:
 def test_a_late_host_catches_up_and_tells(controller, port, segments, late, gap, skipped):
     with controller, controller.powered():
         ready(controller, segments)
-        axes = controller._connection
-        wait, host = axes.sleep, Late(late)
-        axes.clock = host.clock
+        polling, host = controller.driver.polling, Late(late)
+        wait, polling.clock = polling.sleep, host.clock
 
         def sleep(seconds):
             before = host.now
             host.sleep(seconds)
             wait(host.now - before)
 
-        axes.sleep = sleep
+        polling.sleep = sleep
         controller.start()
         controller.wait()
-        found = controller.punctuality
+        found = controller.driver.punctuality
         assert found.largest_gap == pytest.approx(gap, abs=1e-9)
         assert found.skipped == skipped
         assert found.jitter > 0
@@ -533,10 +536,9 @@ def test_a_press_with_a_large_gap_is_refused(controller, port, segments):
     with pytest.raises(MotionFault, match=r"gap of 23\.9 ms .* 11\.7 ms are allowed") as caught:  # noqa: PT012, SIM117
         with controller, controller.powered():
             ready(controller, segments)
-            axes, host = controller._connection, Late({5: 0.020})
-            axes.clock = host.clock
-            wait = axes.sleep
-            axes.sleep = lambda seconds: (host.sleep(seconds), wait(seconds))
+            polling, host = controller.driver.polling, Late({5: 0.020})
+            wait, polling.clock = polling.sleep, host.clock
+            polling.sleep = lambda seconds: (host.sleep(seconds), wait(seconds))
             controller.start()
             controller.wait()
     assert OFF in str(caught.value)
@@ -546,16 +548,17 @@ def test_stop_in_mid_motion_decelerates_and_says_where(controller, port, segment
     gate = threading.Event()
     with controller, controller.powered():
         ready(controller, segments)
-        axes, wait, calls = controller._connection, controller._connection.sleep, []
+        polling, calls = controller.driver.polling, []
+        wait = polling.sleep
 
         def sleep(seconds):
             calls.append(seconds)
             if len(calls) == 10:
                 gate.set()
-                controller._stream._cancelled.wait(5)
+                controller.driver.stream.cancelled.wait(5)
             wait(seconds)
 
-        axes.sleep = sleep
+        polling.sleep = sleep
         controller.start()
         assert gate.wait(5)
         where = controller.stop()
@@ -589,7 +592,7 @@ def test_home_finds_the_switches_from_either_side(rig):
     for above in (19_099, -19_099, 0):
         port = Emulated(rig)
         port.counts = [above, -above]
-        controller = OdriveController(rig, open_port=port.open, renewing=NoRenewal)
+        controller = OdriveController(rig, open_port=port.open, keep_alive=NoRenewal)
         with controller, controller.powered():
             np.testing.assert_array_equal(controller.home(), [0, -500_000])
             np.testing.assert_allclose(port.counts, 0, atol=20)
@@ -598,7 +601,7 @@ def test_home_finds_the_switches_from_either_side(rig):
 def test_a_switch_that_never_opens(controller, port):
     port.home = (0, 10_000_000)
     with (
-        pytest.raises(MotionFault, match=r"home switch of joint 2 is still closed 0\.5 rad on"),
+        pytest.raises(MotionFault, match=r"home switch of joint 2 is still closed after 0\.5 rad"),
         controller,
         controller.powered(),
     ):

@@ -127,7 +127,7 @@ def test_a_motion_that_must_not_be_played_lists_every_fault(bench, lines, segmen
     )
     with homed(controller), pytest.raises(UnsafeRequest) as caught:
         controller.load(bad)
-    for said in ("a segment of 0 samples", "ends at 7, 7 counts/s", "joint 1 reaches 444490"):
+    for said in ("a segment has 0 samples", "ends at 7, 7 counts/s", "joint 1 reaches 444490"):
         assert said in str(caught.value)
 
 
@@ -174,13 +174,13 @@ def test_firmware_without_pvt(bench, lines):
 
 def test_something_that_is_no_galil_controller(bench, lines):
     controller, _ = bench(lines.connect[:1], [("\x12\x16", "Grbl 1.1h\r\n:")])
-    with pytest.raises(RobotError, match=r"this one says 'Grbl 1\.1h'"):
+    with pytest.raises(RobotError, match=r"this one answers 'Grbl 1\.1h'"):
         controller.connect()
 
 
 def test_a_controller_without_echo(bench, lines):
     controller, transcript = bench(lines.connect[:4], [("MG _EO", b" 1.0000\r\n:")])
-    with pytest.raises(SettingNotTaken, match="does not repeat what it hears"):
+    with pytest.raises(SettingNotTaken, match="does not echo what it receives"):
         controller.connect()
     assert transcript.closed
 

@@ -222,7 +222,7 @@ def test_a_refused_move_is_aborted(bench, lines):
         ("TC1", "22 Begin not possible due to limit switch\r\n:"),
     ]
     controller, _ = bench(lines.connect, lines.on, lines.home, refused, lines.abort)
-    with pytest.raises(CommandRefused, match=r"refused 'BG AB': 22 .*limit stands in") as caught:
+    with pytest.raises(CommandRefused, match=r"refused 'BG AB': 22 .*limit is active") as caught:
         home_and_move(controller)
     assert caught.value.code == 22
     assert OFF in str(caught.value)

@@ -33,7 +33,7 @@ def test_a_refused_call_names_the_state_and_the_way_out(state, call):
     assert f"{call}: the arm is {state}; " in str(caught.value)
     way = WAYS_OUT[state]
     if call == "powered" and state is not State.FAULTED:
-        way = "leave the first block first"
+        way = "leave the first powered() block first"
     assert way in str(caught.value)
 
 

@@ -281,22 +281,22 @@ def cable_out_after_the_press(desk):
     desk.press(rig={"controller.timeout": "0.6 s"}, cable_out={"press": 99})
 
 
-@fault("0.1 % of all bytes lost", HOST, "heard|did not answer|answered|refused")
+@fault("0.1 % of all bytes lost", HOST, "echoed|did not answer|answered|refused")
 def bytes_dropped(desk):
     desk.press(rig={"controller.timeout": "0.5 s"}, line={"dropped": 1e-3})
 
 
-@fault("0.05 % of the bytes to the controller with a bit flipped", HOST, "heard|refused|holds")
+@fault("0.05 % of the bytes to the controller with a bit flipped", HOST, "echoed|refused|holds")
 def bits_flipped_to_the_controller(desk):
     desk.press(line={"flipped": 5e-4, "towards": "controller"})
 
 
-@fault("0.05 % of the bytes to the host with a bit flipped", HOST, "heard|answer|refused|holds")
+@fault("0.05 % of the bytes to the host with a bit flipped", HOST, "echoed|answer|refused|holds")
 def bits_flipped_to_the_host(desk):
     desk.press(line={"flipped": 5e-4, "towards": "host"})
 
 
-@fault("5 % of all bytes lost from the trigger on", HOST, "heard|did not answer|answer|refused")
+@fault("5 % of all bytes lost from the trigger on", HOST, "echoed|did not answer|answer|refused")
 def bytes_dropped_in_the_press(desk):
     desk.at(1, 0.0, lambda: None)
     desk.press(rig={"controller.timeout": "0.5 s"}, line={"dropped": 0.05, "press": 1})
@@ -322,7 +322,7 @@ def controller_reset_before_the_press(desk):
     desk.press()
 
 
-@fault("BG answers ?, code 22", HOST, "refused 'BG AB'.*22.*limit stands in the way.*" + OFF)
+@fault("BG answers ?, code 22", HOST, "refused 'BG AB'.*22.*limit is active.*" + OFF)
 def command_refused(desk):
     desk.on_command("BG", lambda: refuse(22))
     desk.press()
@@ -364,7 +364,7 @@ def no_galil(desk):
     desk.press(controller=controller)
 
 
-@fault("EO 1 does nothing", SOON, "does not repeat what it hears")
+@fault("EO 1 does nothing", SOON, "does not echo what it receives")
 def no_echo(desk):
     desk.on_command("EO 1", lambda: False)
     desk.press()
@@ -567,7 +567,7 @@ def two_processes_on_one_port(desk):
             desk.attempt(second.connect)
 
 
-@fault("another program writes into the port in the press", HOST, "shares the line|heard|answered")
+@fault("another program writes into the port in the press", HOST, "shares the line|echoed|answered")
 def stray_writer_on_the_port(desk):
     def write():
         stray = os.open(desk.port, os.O_WRONLY | os.O_NOCTTY)
