@@ -64,8 +64,7 @@ def identify(rig: Rig, ask: Ask) -> Found:
         return Found(
             (
                 f"controller: {controller.identity}{simulated}, on {settings.port}",
-                "it plays preloaded motion, and has taken the limits and the program; its motors"
-                " are off",
+                "it has taken the rig's limits; its motors are off",
             )
         )
 
