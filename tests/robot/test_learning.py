@@ -1,4 +1,4 @@
-"""Learning on real recordings: it improves, stops in time, and keeps to what it learned for."""
+"""Iterative learning control on recordings of the stand-in, and the file of a correction."""
 
 import json
 
@@ -25,7 +25,7 @@ LAW = press_law(RIG.press)
 
 
 def bump(height):
-    """m, a correction that rises in the cruise and goes back before the return."""
+    """A correction (m) that rises during the cruise and is back at 0 before the return."""
     time = np.linspace(LAW.start, LAW.return_start, 30)
     rise = height * np.sin(np.pi * (time - LAW.start) / (LAW.return_start - LAW.start)) ** 2
     rise[[0, -1]] = 0
@@ -42,9 +42,15 @@ def learn_on(scene, out, presses, seed=0, measured=None, **changes):
     return learning, paths
 
 
-def test_the_jacks_speed_is_learned_in_a_few_presses(tmp_path):
-    learning, paths = learn_on("paper", tmp_path, 5)
-    assert len(paths) == len(learning.errors) == 5
+@pytest.fixture(scope="module")
+def learned(tmp_path_factory):
+    """Four presses on the paper's bench, each corrected by those before it."""
+    return learn_on("paper", tmp_path_factory.mktemp("learned"), 4)
+
+
+def test_the_jack_speed_is_learned_in_a_few_presses(learned, tmp_path):
+    learning, paths = learned
+    assert len(paths) == len(learning.errors) == 4
     assert learning.errors[0] > 0.05
     assert learning.errors[-1] < 0.01
     assert learning.best is not None
@@ -53,15 +59,15 @@ def test_the_jacks_speed_is_learned_in_a_few_presses(tmp_path):
         again = IterativeLearning(RIG, None, 1)
         make_presses(
             GalilController(stand_in.rig),
-            tmp_path / "again",
+            tmp_path,
             [Item(stand_in.rig, plan)],
             on_press=again.update,
         )
     assert again.errors[0] < 0.01
 
 
-def test_feed_forward_leaves_little_to_learn(tmp_path):
-    alone, (path,) = learn_on("paper", tmp_path, 1)
+def test_feed_forward_leaves_little_to_learn(learned, tmp_path):
+    alone, (path, *_) = learned
     pushed, paths = learn_on("paper", tmp_path, 3, seed=1, measured=force_of(path))
     assert pushed.errors[0] < 0.5 * alone.errors[0]
     assert pushed.errors[-1] < 0.01
@@ -80,7 +86,7 @@ def test_feed_forward_leaves_little_to_learn(tmp_path):
         {"truth": {"plectrum.thickness": "0.6 mm"}},
     ],
 )
-def test_what_the_rig_does_not_know_is_learned_as_well(tmp_path, changes):
+def test_a_deviation_from_the_rig_is_learned(tmp_path, changes):
     learning, _ = learn_on("paper", tmp_path, 6, **changes)
     assert min(learning.errors) < 0.01
     assert learning.errors[-1] <= 1.5 * min(learning.errors)
@@ -89,7 +95,7 @@ def test_what_the_rig_does_not_know_is_learned_as_well(tmp_path, changes):
 @pytest.mark.slow
 @pytest.mark.timeout(3600)
 @pytest.mark.parametrize("seed", range(20))
-def test_twenty_seeds_come_below_a_per_cent_and_never_diverge(tmp_path, seed):
+def test_no_seed_diverges(tmp_path, seed):
     learning, _ = learn_on("paper", tmp_path, 6, seed=seed)
     assert min(learning.errors) <= 0.01
     assert max(learning.errors[1:]) < learning.errors[0]
@@ -114,7 +120,7 @@ def test_a_correction_too_large_is_halved_until_it_can_be_pressed():
     assert not learning.stopped
 
 
-def test_what_was_pressed_before_is_kept_where_more_cannot_be_pressed():
+def test_the_last_correction_stays_where_a_larger_one_cannot_be_pressed():
     learning = IterativeLearning(RIG, None, 5)
     learning.plan(bump(0.4e-3))
     learning.plan(bump(8e-3))
@@ -122,7 +128,7 @@ def test_what_was_pressed_before_is_kept_where_more_cannot_be_pressed():
     assert rise > plan_press(RIG, None, bump(0.4e-3)).law.law.states[:, 0].max()
 
 
-def test_a_correction_that_no_halving_mends_ends_learning():
+def test_a_correction_that_cannot_be_pressed_after_halving_ends_learning():
     learning = IterativeLearning(RIG, None, 5)
     learning.plan(bump(0.2))
     assert f"not even halved {HALVINGS} times" in learning.stopped

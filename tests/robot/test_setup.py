@@ -138,12 +138,7 @@ def test_an_encoder_of_half_the_counts_is_seen(rig):
 
 @pytest.mark.parametrize(
     ("shares", "said"),
-    [
-        ((-1, 1), "joint 1 turns the wrong way; .*CE"),
-        ((1, 0), "joint 2 has not turned"),
-        ((1, 2), "both"),
-        ((-1, -1), "joint 1 .*joint 2 turns the wrong way"),
-    ],
+    [((-1, 0), "joint 1 turns the wrong way; .*CE.*joint 2 has not turned"), ((1, 2), "both")],
 )
 def test_joints_that_do_not(rig, shares, said):
     left = list(shares)
