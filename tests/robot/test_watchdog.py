@@ -1,7 +1,6 @@
 """A host that is lost: the controller switches the motors off by itself."""
 
 import contextlib
-import json
 import os
 import signal
 import subprocess
@@ -75,54 +74,13 @@ def test_a_dead_thread_gives_none():
 
 
 @contextlib.contextmanager
-def process(*args, **keywords):
-    with subprocess.Popen(
-        [sys.executable, "-m", *args], stdout=subprocess.PIPE, text=True, **keywords
-    ) as running:
+def pressing(port):
+    command = [sys.executable, "-m", "tests.robot.pressing_host", port]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as running:
         try:
             yield running
         finally:
             running.kill()
-
-
-def object_of(stream):
-    """Return the lines up to the end of a JSON object."""
-    text = ""
-    while "}" not in text:
-        line = stream.readline()
-        assert line, text
-        text += line
-    return text
-
-
-@POSIX
-@pytest.mark.parametrize(
-    "kind", [signal.SIGKILL, pytest.param(signal.SIGSTOP, marks=pytest.mark.slow)]
-)
-def test_a_host_that_is_killed_or_frozen_in_mid_press(kind):
-    with process("sautereau", "stand-in", "ideal", "--json") as served:
-        port = json.loads(object_of(served.stdout))["serial_port"]
-        with process("tests.robot.pressing_host", port) as host:
-            where = host.stdout.readline().split()
-            assert where[-1] == "moving"
-            os.kill(host.pid, kind)
-            if kind == signal.SIGKILL:
-                host.wait(timeout=10)
-                line = Line(open_port(port, 115200, 10.0), port, 10.0)
-            else:
-                import serial
-
-                line = Line(serial.Serial(port, 115200, timeout=10), port, 10.0)
-            line.send_unchecked([])
-            line.ask("EO 1")
-            line.echo = True
-            clock = iter(range(10_000)).__next__
-            Polling(clock, lambda seconds: None, "amplifiers").until(
-                lambda: line.read("_MOA", "_MOB") == [1, 1], "the watchdog", 9000
-            )
-            state = line.read("_XQ0", "_XQ1", "_SCA", "_SCB", "_OFA", "@OUT[1]", "wleft")
-            assert state == [-1, -1, 7, 7, 0, 0, 0]
-            line.close()
 
 
 @pytest.fixture
@@ -130,6 +88,35 @@ def paced():
     rig = with_values(load_rig(), {"controller.timeout": "10 s"})
     with StandIn(rig, load_scene("ideal"), paced=True) as stand_in:
         yield stand_in
+
+
+@POSIX
+@pytest.mark.parametrize(
+    "kind", [signal.SIGKILL, pytest.param(signal.SIGSTOP, marks=pytest.mark.slow)]
+)
+def test_a_host_that_is_killed_or_frozen_in_mid_press(paced, kind):
+    port = paced.serial_port
+    with pressing(port) as host:
+        where = host.stdout.readline().split()
+        assert where[-1] == "moving"
+        os.kill(host.pid, kind)
+        if kind == signal.SIGKILL:
+            host.wait(timeout=10)
+            line = Line(open_port(port, 115200, 10.0), port, 10.0)
+        else:
+            import serial
+
+            line = Line(serial.Serial(port, 115200, timeout=10), port, 10.0)
+        line.send_unchecked([])
+        line.ask("EO 1")
+        line.echo = True
+        clock = iter(range(10_000)).__next__
+        Polling(clock, lambda seconds: None, "amplifiers").until(
+            lambda: line.read("_MOA", "_MOB") == [1, 1], "the watchdog", 9000
+        )
+        state = line.read("_XQ0", "_XQ1", "_SCA", "_SCB", "_OFA", "@OUT[1]", "wleft")
+        assert state == [-1, -1, 7, 7, 0, 0, 0]
+        line.close()
 
 
 def test_a_host_without_signs_of_life_gets_the_reason(paced):
