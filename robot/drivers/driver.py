@@ -15,7 +15,7 @@ Sleep = Callable[[float], None]
 
 
 class Driver(Protocol):
-    """One connection to a controller: how it is told what `PoweredArm` decides.
+    """One connection to a controller: it sends what `PoweredArm` decides.
 
     It is made from an open port, and `set_up` is called first. `PoweredArm` checks the order
     of the calls and the arm's limits, and aborts after a failure: a method only does its work
@@ -103,7 +103,7 @@ class Driver(Protocol):
         ...
 
     def arm(self) -> None:
-        """Prepare capture, trigger and start; the arm is where the motion begins."""
+        """Prepare capture, trigger and start; the arm is where the motion starts."""
         ...
 
     def start(self) -> None:

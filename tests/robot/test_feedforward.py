@@ -91,7 +91,7 @@ def test_the_torques_begin_and_end_with_nothing_and_are_held_between(press, phas
 
 def test_more_than_a_joint_gives_is_refused():
     weak = with_values(RIG, {"arm.torque_limit": "0.5 N m"})
-    with pytest.raises(RobotError, match=r"joint 1 would take .* of at most 0\.5 N m"):
+    with pytest.raises(RobotError, match=r"joint 1 would need .* above arm.torque_limit, 0\.5 N m"):
         torque_table(weak, PLAN, expected(20.0))
 
 

@@ -106,7 +106,7 @@ def test_warm_up_comes_before_every_set_up():
 
 
 def test_a_plan_of_nothing_is_refused_with_all_its_faults():
-    with pytest.raises(RobotError, match=r"no press[\s\S]*-1 presses[\s\S]*nan s"):
+    with pytest.raises(RobotError, match=r"no press[\s\S]*-1 warm-up presses[\s\S]*nan s"):
         Plan(RIG, (), warm_up=-1, rest=float("nan"))
 
 
@@ -150,7 +150,7 @@ def test_a_folder_tells_what_is_done_from_the_recordings(tmp_path):
     folder = SessionFolder(tmp_path / "new" / "out", plan, None, 7)
     assert not folder.path.exists()
     assert (folder.done, folder.resumed, folder.seed) == ({}, False, 7)
-    folder.begin()
+    folder.start()
     made = [record(folder.path / f"press-000{i}.mcap", folder.session, i, i) for i in (1, 3)]
     record(folder.path / "press-0004.mcap", "another", 2)
     (folder.path / "press-0005.mcap.part").write_bytes(b"cut short")
@@ -159,14 +159,14 @@ def test_a_folder_tells_what_is_done_from_the_recordings(tmp_path):
     assert again.done == dict(zip((1, 3), made, strict=True))
     assert again.others == 1
     assert [path.name for path in again.left_behind] == ["press-0005.mcap.part"]
-    again.tell({"jack.mass": "7 g"})
+    again.note_set_up({"jack.mass": "7 g"})
     assert SessionFolder(folder.path, plan, 7, None).set_up == {"jack.mass": "7 g"}
 
 
 def test_a_press_that_is_there_twice_is_refused(tmp_path):
     plan = Plan(RIG, (Row(RIG, 2),))
     folder = SessionFolder(tmp_path, plan, None, None)
-    folder.begin()
+    folder.start()
     for number in (1, 2):
         record(tmp_path / f"press-000{number}.mcap", folder.session, 1)
     with pytest.raises(RobotError, match=r"press-0002\.mcap and press-0001\.mcap are both press 1"):

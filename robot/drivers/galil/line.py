@@ -49,11 +49,11 @@ class Line(Wire):
         """
         with self._lock.command() if keep_waiting is None else self._lock.keep_alive():
             with self._reaching("listen"):
-                said = self._waiting()
-            if said:
+                early = self._waiting()
+            if early:
                 self.resynchronise()
                 raise GarbledAnswer(
-                    f"controller on {self.name} sent {said!r} before it was asked"
+                    f"controller on {self.name} sent {early!r} before it was asked"
                     f" {';'.join(commands)!r}: its program failed, or another program shares the"
                     " line; look the message up, then connect() again"
                 )
