@@ -30,7 +30,7 @@ def test_segments_survive_the_wire(rows):
 
 
 @pytest.mark.parametrize("output", [1, 16])
-def test_capture_trigger_and_motion_begin_on_one_line(output):
+def test_capture_trigger_and_motion_start_on_one_line(output):
     program = controller_program(output)
     assert f"RC rate;SB {output};BT AB" in program
     assert max(map(len, program)) < 80
@@ -38,7 +38,7 @@ def test_capture_trigger_and_motion_begin_on_one_line(output):
 
 
 @given(st.integers(1, 20_000), st.integers(30, 1000))
-def test_a_capture_sees_the_whole_motion_and_is_full_before_it_ends(total, room):
+def test_a_capture_covers_the_motion_and_is_full_before_it_ends(total, room):
     plan = plan_capture(total, 16 * room)
     last = plan.interval * (plan.rows - 1)
     assert total + SETTLE - 3 * plan.interval < last <= total + SETTLE - plan.interval

@@ -72,7 +72,7 @@ WORDS = [
 
 
 class Still:
-    """Encoders of an arm that nothing moves."""
+    """Encoders of an arm at rest."""
 
     def __init__(self):
         self.driven = None
@@ -91,7 +91,7 @@ class Still:
 
 
 class Noise:
-    """A port that says random bytes, whatever it is told; it ends with silence."""
+    """A port that answers random bytes to everything, and is silent in the end."""
 
     def __init__(self, data, chunk):
         self._data, self._chunk, self._at = data, chunk, 0

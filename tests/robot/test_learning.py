@@ -71,8 +71,8 @@ def test_feed_forward_leaves_little_to_learn(learned, tmp_path):
     pushed, paths = learn_on("paper", tmp_path, 3, seed=1, measured=force_of(path))
     assert pushed.errors[0] < 0.5 * alone.errors[0]
     assert pushed.errors[-1] < 0.01
-    (told,) = (e for e in read_recording(paths[0]).events if e.kind == "feed-forward")
-    assert "N m at joint 1" in told.text
+    (event,) = (e for e in read_recording(paths[0]).events if e.kind == "feed-forward")
+    assert "N m at joint 1" in event.text
 
 
 @pytest.mark.slow

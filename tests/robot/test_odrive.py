@@ -1,4 +1,4 @@
-"""The driver of an ODrive: what it says, what it refuses, and how it leaves the arm."""
+"""The driver of an ODrive: what it sends, what it refuses, and how it leaves the arm."""
 
 import itertools
 import threading
@@ -83,11 +83,11 @@ class Emulated:
         if self.fault:
             raise self.fault
         for line in data.decode().splitlines():
-            text, star, told = line.rpartition("*")
+            text, star, sent = line.rpartition("*")
             if not star:
                 assert not line
                 continue
-            assert told == str(checksum(text)), line
+            assert sent == str(checksum(text)), line
             if text.startswith("u "):
                 assert self.firmware.receive(f"{line}\n".encode()) == b""
                 continue
@@ -116,8 +116,8 @@ class Emulated:
         self.closed = True
 
 
-class NoRenewal:
-    """Signs of life that nobody gives."""
+class NoKeepAlive:
+    """A keep-alive that gives no signs of life."""
 
     def __init__(self, renew, period):
         self.renew = renew
@@ -148,7 +148,7 @@ def port(rig):
 
 @pytest.fixture
 def controller(rig, port):
-    return OdriveController(rig, open_port=port.open, keep_alive=NoRenewal)
+    return OdriveController(rig, open_port=port.open, keep_alive=NoKeepAlive)
 
 
 @pytest.fixture
@@ -252,13 +252,13 @@ ABORT = ["w axis0.requested_state 1", "w axis1.requested_state 1", "w gpio1.stat
          "r axis0.current_state", "r axis1.current_state", "r gpio1.state"]  # fmt: skip
 
 
-def test_connecting_says_exactly_this(controller, port):
+def test_transcript_of_connecting(controller, port):
     assert "SIM" in controller.connect()
     assert controller.simulated
     assert port.said == CONNECT
 
 
-def test_switching_on_and_aborting_say_exactly_this(controller, port):
+def test_transcript_of_switching_on_and_aborting(controller, port):
     with controller:
         port.said.clear()
         with controller.powered():
@@ -271,7 +271,7 @@ def test_switching_on_and_aborting_say_exactly_this(controller, port):
         assert port.said == []
 
 
-def test_a_motion_says_exactly_this(controller, port, segments):
+def test_transcript_of_a_motion(controller, port, segments):
     with controller, controller.powered():
         ready(controller, segments)
         move = port.said.index("t 0 0.0005000")
@@ -337,7 +337,7 @@ def test_a_controller_that_is_not_set_up_is_refused(controller, port, sent, answ
     assert port.closed
 
 
-def test_settings_that_are_not_taken_are_told_all_at_once(controller, port):
+def test_all_settings_that_are_not_taken_are_listed_at_once(controller, port):
     port.replace |= {
         "r axis0.motor.config.torque_lim": "inf",
         "r axis1.controller.config.vel_limit": "2.0",
@@ -353,7 +353,7 @@ def test_another_firmware_is_refused(controller, port):
         controller.connect()
 
 
-def test_a_watchdog_that_was_switched_off_meanwhile_gets_no_power(controller, port):
+def test_with_the_watchdog_disabled_the_motors_stay_off(controller, port):
     with controller:
         port.firmware.axes[1].settings["config.enable_watchdog"] = 0.0
         with (
@@ -405,7 +405,7 @@ def test_torques_are_refused(controller, segments):
 
 def test_a_line_that_is_too_slow_is_refused(rig, port, segments):
     slow = with_values(rig, {"controller.baud_rate": 115200})
-    controller = OdriveController(slow, open_port=port.open, keep_alive=NoRenewal)
+    controller = OdriveController(slow, open_port=port.open, keep_alive=NoKeepAlive)
     with controller, controller.powered():
         controller.home()
         with pytest.raises(UnsafeRequest, match=r"baud_rate is 115200: set both ends to 921600"):
@@ -455,7 +455,9 @@ def test_any_exception_leaves_the_motors_off(controller, port, kind):
         ("controller.error", "1073741825", "OVERSPEED, 0x40000000"),
     ],
 )
-def test_an_error_of_an_axis_is_told_by_its_name(controller, port, segments, register, value, name):
+def test_an_error_of_an_axis_is_reported_by_its_name(
+    controller, port, segments, register, value, name
+):
     with pytest.raises(MotionFault, match=name) as caught, controller, controller.powered():  # noqa: PT012
         ready(controller, segments)
         controller.start()
@@ -495,7 +497,7 @@ def test_a_joint_that_does_not_follow_is_switched_off_at_once(controller, port, 
 
 
 class Late:
-    """A host's clock that now and then jumps."""
+    """A host's clock with occasional jumps."""
 
     def __init__(self, jumps):
         self.now, self.sleeps, self.jumps = 0.0, 0, jumps
@@ -511,7 +513,7 @@ class Late:
 @pytest.mark.parametrize(
     ("late", "gap", "skipped"), [({5: 0.002}, 0.00590625, 0), ({5: 0.007}, 0.01090625, 1)]
 )
-def test_a_late_host_catches_up_and_tells(controller, port, segments, late, gap, skipped):
+def test_a_late_host_catches_up_and_reports_it(controller, port, segments, late, gap, skipped):
     with controller, controller.powered():
         ready(controller, segments)
         polling, host = controller.driver.polling, Late(late)
@@ -544,7 +546,7 @@ def test_a_press_with_a_large_gap_is_refused(controller, port, segments):
     assert OFF in str(caught.value)
 
 
-def test_stop_in_mid_motion_decelerates_and_says_where(controller, port, segments):
+def test_stop_in_mid_motion_decelerates_and_returns_the_positions(controller, port, segments):
     gate = threading.Event()
     with controller, controller.powered():
         ready(controller, segments)
@@ -592,7 +594,7 @@ def test_home_finds_the_switches_from_either_side(rig):
     for above in (19_099, -19_099, 0):
         port = Emulated(rig)
         port.counts = [above, -above]
-        controller = OdriveController(rig, open_port=port.open, keep_alive=NoRenewal)
+        controller = OdriveController(rig, open_port=port.open, keep_alive=NoKeepAlive)
         with controller, controller.powered():
             np.testing.assert_array_equal(controller.home(), [0, -500_000])
             np.testing.assert_allclose(port.counts, 0, atol=20)
@@ -618,7 +620,7 @@ def test_a_homing_that_stops_early(controller, port):
         controller.home()
 
 
-def test_home_switches_are_where_they_were_or_not(controller, port):
+def test_a_moved_home_switch_is_found(controller, port):
     with controller, controller.powered():
         controller.home()
         controller.check_home()

@@ -54,7 +54,7 @@ class Fed:
         (framed("invalid property").encode(), RobotError),
     ],
 )
-def test_answers_that_are_none(answer, error):
+def test_invalid_answers(answer, error):
     with pytest.raises(error):
         OdriveLine(Fed(answer), "port", 0.1).read("axis0.error")
 
@@ -74,7 +74,7 @@ def test_noise_ends_in_errors_and_never_in_a_number(size):
     assert errors > size // 1000
 
 
-def test_something_said_unasked_is_not_taken_for_an_answer():
+def test_unrequested_text_is_not_taken_for_an_answer():
     port = Fed(framed("invalid property").encode())
     port.in_waiting = 18
     with pytest.raises(GarbledAnswer, match="before it was asked"):

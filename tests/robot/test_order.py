@@ -207,7 +207,7 @@ def test_settings_that_the_controller_does_not_take_keep_the_power_off(bench, li
         controller.connect()
 
 
-def test_limits_that_are_not_taken_back_after_homing(bench, lines):
+def test_limits_that_are_not_restored_after_homing(bench, lines):
     other = (lines.home[-1][0], " 444444.0000 -55556.0000 -444444.0000 0.0000\r\n:")
     controller, _ = bench(lines.connect, lines.on, lines.home[:-1], [other], lines.abort)
     with pytest.raises(SettingNotTaken, match="_BLB is 0 and should be -833333"):  # noqa: SIM117
@@ -224,7 +224,7 @@ def test_a_rig_that_the_controller_would_not_enforce(rig, lines, transcript_of):
     transcript.check()
 
 
-def test_the_rest_of_a_broken_line_is_forgiven(bench, lines):
+def test_the_rest_of_a_broken_off_line_is_ignored(bench, lines):
     spoilt = [("EO 0", "EO 0\r\n?"), ("TC1", "TC1\r\n1 Unrecognized command\r\n:")]
     controller, _ = bench(spoilt, lines.connect)
     controller.connect()

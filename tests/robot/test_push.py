@@ -1,4 +1,4 @@
-"""Torques that the controller plays by itself, following errors, torques and home checked again."""
+"""Feed-forward torques played by the controller, following errors, and the check of home."""
 
 import contextlib
 from dataclasses import replace
@@ -22,14 +22,14 @@ PUSHED = 0.4  # N m
 
 
 def still(start, samples=400):
-    """A motion of joint 1 there and back that takes long enough for a torque."""
+    """A motion of joint 1 there and back, long enough for a torque."""
     steps = np.array([[200, 0], [-200, 0]])
     each = np.array([samples // 2] * 2)
     return Segments(np.asarray(start), steps, np.zeros((2, 2), int), each)
 
 
 def pulse(motion, rig, torque=PUSHED, joint=0):
-    """A torque on a joint in the middle half of a motion, nothing at either end."""
+    """A torque on a joint in the middle half of a motion, 0 at both ends."""
     end = motion.total_samples * rig.controller.sample_period
     torques = np.zeros((6, 2))
     torques[2:4, joint] = torque
@@ -38,7 +38,7 @@ def pulse(motion, rig, torque=PUSHED, joint=0):
 
 @pytest.fixture
 def bench():
-    """The paper's servo arm without key, connected and homed."""
+    """The paper's servo arm without plectrum and string, connected."""
     with contextlib.ExitStack() as stack:
 
         def make(**faults):
@@ -81,7 +81,7 @@ def test_a_torque_is_played_from_the_start_of_motion_to_its_end(bench):
     assert pushed.following_errors[:, 0].min() < bare.following_errors[:, 0].min() - 100
 
 
-def test_what_was_sent_is_what_is_told(bench):
+def test_the_torques_that_were_sent_are_returned(bench):
     stand_in, controller = bench()
     with controller.powered():
         motion = still(controller.home())
@@ -91,8 +91,8 @@ def test_what_was_sent_is_what_is_told(bench):
         controller.load(motion)
         assert controller.loaded_torque is None
     assert len(sent.time) == motion.total_samples / LEAST_INTERVAL
-    wanted = np.interp(sent.time, table.time, table.torques[:, 1])
-    np.testing.assert_allclose(sent.torques[:, 1], wanted, atol=1e-4)
+    planned = np.interp(sent.time, table.time, table.torques[:, 1])
+    np.testing.assert_allclose(sent.torques[:, 1], planned, atol=1e-4)
     assert not sent.torques[:, 0].any()
 
 
@@ -127,7 +127,7 @@ def rig():
     return load_rig()
 
 
-def test_every_fault_of_a_table_is_told(rig):
+def test_every_fault_of_a_table_is_listed(rig):
     motion = still([0, 0])
     good = pulse(motion, rig)
     assert plan_push(rig, good, motion).volts.max() == pytest.approx(0.2 * 9.998, rel=1e-3)
@@ -156,7 +156,7 @@ def test_rows_cover_the_motion_and_are_few(rig, samples):
     assert np.abs(push.volts).max() <= 9.998
 
 
-def test_a_torque_that_the_controller_holds_otherwise(bench):
+def test_a_torque_that_the_controller_reads_back_differently(bench):
     stand_in, controller = bench()
     with controller.powered():
         motion = still(controller.home())

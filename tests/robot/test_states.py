@@ -1,4 +1,4 @@
-"""The arm's states: what may be asked in each, and the way out."""
+"""The arm's states: the calls that each allows, and the way out."""
 
 import pytest
 from hypothesis import settings
@@ -66,7 +66,7 @@ NEXT = {
 
 
 class WayOut(RuleBasedStateMachine):
-    """From every state the ways out lead to a press, whatever was called before."""
+    """From every state the ways out lead to a press, after any earlier calls."""
 
     def __init__(self):
         super().__init__()
