@@ -1,11 +1,7 @@
 """Limits, profiles and segments as commands of Galil's DMC language."""
 
-from collections.abc import Sequence
-
-import numpy as np
-
 from sautereau.robot.drivers.limits import Limits
-from sautereau.trajectory.segments import Counts, Segments
+from sautereau.trajectory.segments import Segments
 
 END_OF_MOTION = ("PVA=0,0,0", "PVB=0,0,0")
 """Ends PVT mode after the segments before it."""
@@ -92,17 +88,3 @@ def segment_commands(segments: Segments) -> list[str]:
         )
         for axis, step, velocity in zip("AB", steps, velocities, strict=True)
     ]
-
-
-def segments_from(commands: Sequence[str], start: Counts) -> Segments:
-    """Return the segments that `segment_commands` wrote; ``start`` is in counts, shape (2,)."""
-    numbers = np.array(
-        [[int(word) for word in command.partition("=")[2].split(",")] for command in commands],
-        dtype=np.int64,
-    ).reshape(-1, 2, 3)
-    return Segments(
-        start=np.array(start, dtype=np.int64),
-        steps=numbers[:, :, 0],
-        velocities=numbers[:, :, 1],
-        samples=numbers[:, 0, 2],
-    )

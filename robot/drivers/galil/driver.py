@@ -28,7 +28,6 @@ from sautereau.robot.drivers.galil.dmc import (
     halting,
     profile,
     segment_commands,
-    segments_from,
     software_limit_settings,
     software_limits,
 )
@@ -137,8 +136,7 @@ class GalilDriver:
         line, count = self.line, len(segments)
         self._motion = self._plan = self._push = None
         free = self._empty_fifo()
-        commands = segment_commands(segments)
-        line.ask_packed([*commands, *END_OF_MOTION])
+        line.ask_packed([*segment_commands(segments), *END_OF_MOTION])
         left = line.read("_PVA", "_PVB")
         falls = [before - after for before, after in zip(free, left, strict=True)]
         # The end may count as one, of both axes alike.
@@ -149,8 +147,8 @@ class GalilDriver:
             )
         self._plan = make_room(line, segments.total_samples, 0 if push is None else len(push.volts))
         self._push = write_push(line, push)
-        self._motion = segments_from(commands, segments.start)
-        return self._motion
+        self._motion = segments
+        return segments
 
     @property
     def loaded_torque(self) -> TorqueTable | None:

@@ -92,7 +92,13 @@ def find_contact(rig: Rig, ask: Ask, creep: Creep = GENTLY) -> Found:
         RobotError: There is no key within the approach, or its force exceeds the limit; the
             motors are off.
     """
-    ask_first(ask, "contact", _warning(creep, "the key"))
+    ask_first(
+        ask,
+        "contact",
+        f"The arm homes, moves above the key and approaches it in steps of {creep.step * 1e3:g} mm,"
+        f" until the force rises by {creep.sense * 1e3:g} mN; above {creep.limit:g} N the motors go"
+        " off. Is its way free?",
+    )
     with homed(rig) as controller:
         touch = touch_at(rig, controller, rig.key.press_arm, creep)
     away = f"{touch.height * 1e3:+.2f} mm from"
@@ -244,11 +250,3 @@ def _by_motors(
     _, lower = link_vectors(rig.arm.lower_length, joints.sum(keepdims=True))
     jacobian = np.stack([(upper + lower)[0], lower[0]])
     return abs(float(np.linalg.solve(jacobian, missing - before)[1])), before
-
-
-def _warning(creep: Creep, what: str) -> str:
-    return (
-        f"The arm homes, moves above {what} and approaches it in steps of"
-        f" {creep.step * 1e3:g} mm, until the force rises by {creep.sense * 1e3:g} mN; above"
-        f" {creep.limit:g} N the motors go off. Is its way free?"
-    )
