@@ -38,7 +38,7 @@ step = "1 ms"
 
 @pytest.fixture(scope="module")
 def rig():
-    return with_values(load_rig(), KIND)
+    return with_values(load_rig(), KIND | {"controller.timeout": "20 s"})  # on a busy machine
 
 
 def mute(**faults):
@@ -73,6 +73,7 @@ def test_a_press_has_the_phases_that_the_truth_has(rig, tmp_path):
 def test_the_command_line_presses_with_the_same_bytes_for_the_same_seed(rig, tmp_path, monkeypatch):
     text = resources.files("sautereau.rig").joinpath("paper.toml").read_text(encoding="utf-8")
     text = text.replace("baud_rate = 115200", 'kind = "odrive"\nbaud_rate = 921600')
+    text = text.replace('timeout = "1 s"', 'timeout = "20 s"', 1)
     (tmp_path / "rig.toml").write_text(text, encoding="utf-8")
     (tmp_path / "mute.toml").write_text(MUTE_SCENE, encoding="utf-8")
     monkeypatch.chdir(tmp_path)
