@@ -33,7 +33,7 @@ test-all: $(VENV)/peers lint
 
 faults: $(VENV)/installed  ## inject every fault, and write docs/faults.md
 	SAUTEREAU_FAULTS=docs/faults.md $(BIN)/python -m pytest -q -m "slow or not slow" \
-	  tests/robot/test_thirty_faults.py
+	  tests/robot/test_faults.py
 
 lint: $(VENV)/installed links
 	$(BIN)/ruff check .

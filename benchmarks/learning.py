@@ -53,7 +53,7 @@ def _errors(
     """Return the rms speed error of every press that learns [%]."""
     from sautereau.robot.drivers.galil.driver import GalilController
     from sautereau.robot.experiment.feedforward import force_of
-    from sautereau.robot.experiment.learning import Lesson
+    from sautereau.robot.experiment.learning import IterativeLearning
     from sautereau.robot.experiment.session import make_presses, run_session
     from sautereau.sim_backend.bench import StandIn
     from sautereau.sim_backend.scene import load_scene
@@ -66,6 +66,8 @@ def _errors(
         if feed_forward:
             (path,) = run_session(bench, plan_press(bench), GalilController(bench), out, 1)
             measured = force_of(path)
-        lesson = Lesson(rig, None, PRESSES, measured=measured)
-        make_presses(GalilController(bench), out, lesson.on(bench), on_press=lesson.saw)
-    return [100 * error for error in lesson.errors]
+        learning = IterativeLearning(rig, None, PRESSES, measured=measured)
+        make_presses(
+            GalilController(bench), out, learning.presses_on(bench), on_press=learning.update
+        )
+    return [100 * error for error in learning.errors]

@@ -14,7 +14,7 @@ from pathlib import Path
 from sautereau.analysis.press.load import Press, load_press
 from sautereau.rig.load import load_rig
 from sautereau.robot.drivers.registry import motion_controller
-from sautereau.robot.experiment.learning import Lesson
+from sautereau.robot.experiment.learning import IterativeLearning
 from sautereau.robot.experiment.session import make_presses
 from sautereau.sim_backend.bench import StandIn
 from sautereau.sim_backend.scene import load_scene
@@ -32,13 +32,16 @@ class Learning:
 def study(n: int = 4, seed: int = 1) -> Learning:
     """Simulate learning over at most n presses."""
     rig = load_rig()
-    lesson = Lesson(rig, None, n)
+    learning = IterativeLearning(rig, None, n)
     with tempfile.TemporaryDirectory() as out, StandIn(rig, load_scene("paper"), seed) as served:
         paths = make_presses(
-            motion_controller(served.rig), Path(out), lesson.on(served.rig), on_press=lesson.saw
+            motion_controller(served.rig),
+            Path(out),
+            learning.presses_on(served.rig),
+            on_press=learning.update,
         )
-        best = min(range(len(paths)), key=lesson.errors.__getitem__)
-        return Learning(lesson.errors, load_press(paths[0]), load_press(paths[best]))
+        best = min(range(len(paths)), key=learning.errors.__getitem__)
+        return Learning(learning.errors, load_press(paths[0]), load_press(paths[best]))
 
 
 def plot(path: str | Path, studied: Learning) -> None:

@@ -11,9 +11,10 @@ import math
 from itertools import pairwise
 from typing import Annotated, Literal
 
-from pydantic import Field, model_validator
+from pydantic import AfterValidator, Field, model_validator
 
 from sautereau.rig.acquisition import Daq
+from sautereau.rig.controllers import known_kind
 from sautereau.rig.instrument import Choir, Jack, Key, Plectrum, String
 from sautereau.rig.section import (
     GRAVITY,
@@ -173,8 +174,8 @@ class Arm(Section):
 class Controller(Section):
     """The motor controller."""
 
-    kind: Literal["galil", "odrive"] = "galil"
-    """A Galil DMC-4x, or an ODrive 3.x with firmware 0.5.x."""
+    kind: Annotated[str, AfterValidator(known_kind)] = "galil"
+    """`galil` (DMC-4x), `odrive` (3.x with firmware 0.5.x), or a kind of another package."""
     port: str = Field(min_length=1)
     """Serial device, or any URL that pyserial takes."""
     baud_rate: int = Field(strict=True, gt=0)

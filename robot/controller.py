@@ -1,63 +1,72 @@
-"""What a motion controller must be able to do for a press, whoever made it."""
+"""The interface of every motion controller, and the data that it takes and returns."""
 
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol, Self
+from typing import Protocol, Self
 
 import numpy as np
 
 from sautereau.trajectory.motion import Floats
 from sautereau.trajectory.segments import Counts, Segments
 
-if TYPE_CHECKING:
-    from sautereau.robot.experiment.feedforward import TorqueTable
+
+@dataclass(frozen=True)
+class TorqueTable:
+    """Torques that are added to those of the position loops."""
+
+    time: Floats
+    """s from the start of motion, increasing; shape (n,)."""
+    torques: Floats
+    """N m, of both joints; shape (n, 2)."""
 
 
 @dataclass(frozen=True)
 class Capture:
-    """What the controller recorded of one motion on its own clock."""
+    """The record of one motion, on the controller's clock."""
 
     samples: Counts
-    """Controller samples since the capture and the motion began; shape (n,)."""
+    """Controller samples since the capture and the motion started; shape (n,)."""
     counts: Counts
     """Counts, absolute joint positions; shape (n, 2)."""
     sample_period: float
     """s, of one controller sample."""
     following_errors: Counts | None = None
-    """Counts, by which the joints are short of where they should be; shape (n, 2). None where
-    the controller does not record them."""
+    """Counts, target minus measured positions; shape (n, 2). None where the controller does not
+    record them."""
     torques: Floats | None = None
-    """N m, that the controller asked the amplifiers for; shape (n, 2). None as above."""
+    """N m, commanded to the amplifiers; shape (n, 2). None as above."""
 
     def __len__(self) -> int:
         return len(self.samples)
 
     @property
     def times(self) -> Floats:
-        """s, since the motion began; shape (n,)."""
+        """s, since the motion started; shape (n,)."""
         return self.samples.astype(np.float64) * self.sample_period
 
 
 class MotionController(Protocol):
     """Two joints that play a loaded motion.
 
-    A controller that keeps motions (`GalilController`) plays them by itself: it starts one,
-    raises the trigger output in the same sample and records the encoders, and the host's
-    timing does not matter. To one that keeps none the host streams the motion, and the times
-    of a press are the host's (`OdriveController`).
-    A press: ``connect``, ``powered``, ``home``, ``move_to`` its start, ``load``, ``arm``,
-    ``start``, ``wait``, ``capture``. The controller itself is a context manager for the
-    connection. Every call raises `RobotError`, `NotReady` where it is out of order.
+    A controller that stores motions (Galil) plays them by itself: it starts the motion, raises
+    the trigger output in the same sample and records the encoders, and the host's timing does
+    not matter. To one that stores none (ODrive) the host streams the motion, and the times of
+    a press are the host's.
+
+    Calls of a press: ``connect``, ``powered``, ``home``, ``move_to`` its start, ``load``,
+    ``arm``, ``start``, ``wait``, ``capture``. The controller is a context manager for the
+    connection. Every call raises `RobotError`, and `NotReady` where it is out of order.
+    `sautereau.robot.drivers.powered_arm.PoweredArm` implements it for a small `Driver`.
     """
 
     @property
     def identity(self) -> str:
-        """Model and firmware, as the controller says them."""
+        """Model and firmware, as the controller reports them."""
         ...
 
     @property
     def simulated(self) -> bool:
-        """Whether the controller says of itself that it is a stand-in."""
+        """Whether the controller identifies itself as a stand-in."""
         ...
 
     def connect(self) -> str:
@@ -69,7 +78,7 @@ class MotionController(Protocol):
         ...
 
     def powered(self) -> AbstractContextManager[Self]:
-        """Switch the motors on; leaving, by whatever way, stops and switches them off."""
+        """Switch the motors on; leaving the block in any way stops them and switches them off."""
         ...
 
     def home(self) -> Counts:
@@ -77,18 +86,18 @@ class MotionController(Protocol):
         ...
 
     def move_to(self, counts: Counts, speed_counts_per_s: float) -> Counts:
-        """Move both joints from point to point, and wait until they stand there.
+        """Move both joints from point to point, and wait until they have settled there.
 
         Args:
             counts: Counts, absolute target of each joint; shape (2,).
-            speed_counts_per_s: Counts a second, largest of either joint.
+            speed_counts_per_s: Counts per second, largest of either joint.
 
         Returns:
             Counts, target as it was sent; shape (2,).
         """
         ...
 
-    def load(self, segments: Segments, torque: "TorqueTable | None" = None) -> Segments:
+    def load(self, segments: Segments, torque: TorqueTable | None = None) -> Segments:
         """Load a motion; return what was really sent.
 
         Args:
@@ -99,8 +108,8 @@ class MotionController(Protocol):
         ...
 
     @property
-    def loaded_torque(self) -> "TorqueTable | None":
-        """The torques that the loaded motion takes, as the controller holds them; None for none."""
+    def loaded_torque(self) -> TorqueTable | None:
+        """The torques of the loaded motion, as the controller holds them; None for none."""
         ...
 
     def arm(self) -> None:
@@ -108,7 +117,7 @@ class MotionController(Protocol):
         ...
 
     def start(self) -> None:
-        """Let the controller start the motion and return at once."""
+        """Start the motion and return at once."""
         ...
 
     def wait(self) -> None:
@@ -116,11 +125,11 @@ class MotionController(Protocol):
         ...
 
     def capture(self) -> Capture:
-        """Read what was recorded of the last whole motion."""
+        """Read what was recorded of the last complete motion."""
         ...
 
     def check_home(self) -> None:
-        """Go back to the home switches, and refuse to go on if they are not where they were."""
+        """Check that the home switches are where they were found; raise where they are not."""
         ...
 
     def positions(self) -> Counts:
@@ -128,7 +137,7 @@ class MotionController(Protocol):
         ...
 
     def stop(self) -> Counts:
-        """Decelerate to a stand, motors on; return where (counts, shape (2,))."""
+        """Decelerate to a standstill, motors on; return the positions (counts, shape (2,))."""
         ...
 
     def abort(self) -> None:

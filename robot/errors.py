@@ -1,25 +1,25 @@
-"""What can go wrong between a trajectory and a press."""
+"""Errors of the robot and of its controller."""
 
-# ruff: noqa: N818 - the names say what happened
+# ruff: noqa: N818 - the names state what happened
 
 from sautereau.rig.errors import SautereauError
 
 
 class RobotError(SautereauError):
-    """A fault of the robot or of its controller; the message says what to do.
+    """A fault of the robot or of its controller; the message gives the way to fix it.
 
-    Where the arm may have been moving, ``aftermath`` says whether it is known to stand.
+    Where the motors may have been on, ``aftermath`` reports whether they are known to be off.
     """
 
     aftermath: str = ""
-    """What was done to make the arm safe, and whether the controller confirmed it."""
+    """How the arm was made safe, and whether the controller confirmed it."""
 
     def __str__(self) -> str:
         return f"{super().__str__()}\n{self.aftermath}".rstrip()
 
 
 class PortUnavailable(RobotError):
-    """The serial port does not exist, is not ours, or is taken."""
+    """The serial port does not exist, may not be used, or is used by another program."""
 
 
 class LineLost(RobotError):
@@ -31,7 +31,7 @@ class SilentController(RobotError):
 
 
 class GarbledAnswer(RobotError):
-    """The controller said something that is no answer to what was asked."""
+    """The controller sent something that does not answer what was asked."""
 
 
 class CommandRefused(RobotError):
@@ -40,14 +40,14 @@ class CommandRefused(RobotError):
     Args:
         controller: Port of the controller, for the message.
         command: The command refused; those before it on its line were executed.
-        code: As `TC1` gives it.
-        text: As `TC1` gives it.
+        code: Of the error, from `TC1`.
+        text: Of the error, from `TC1`.
     """
 
     def __init__(self, controller: str, command: str, code: int, text: str):
         self.controller, self.command, self.code, self.text = controller, command, code, text
-        remedy = _REMEDIES.get(code, f"look up code {code} under TC in the command reference")
-        super().__init__(f"controller on {controller} refused {command!r}: {code} {text}; {remedy}")
+        fix = _FIXES.get(code, f"look up code {code} under TC in the command reference")
+        super().__init__(f"controller on {controller} refused {command!r}: {code} {text}; {fix}")
 
     def __reduce__(self):
         return type(self), (self.controller, self.command, self.code, self.text)
@@ -62,18 +62,18 @@ class UnsafeRequest(RobotError):
 
 
 class SettingNotTaken(RobotError):
-    """The controller accepted a setting, and reads back another."""
+    """The controller accepted a setting, and reads back another value."""
 
 
 class MotionFault(RobotError):
-    """A motion that did not end where and as it should."""
+    """A motion that did not end where and as planned."""
 
 
-_REMEDIES = {
+_FIXES = {
     1: "this firmware does not know the command: check the controller's model and revision",
     6: "a number is out of the controller's range: compare the rig file with the manual",
     7: "a motion is running: call wait() or stop() first",
     20: "the motors are off: check the emergency stop, then enter powered() again",
-    82: "what was loaded is lost, as after a reset: check its power, then connect() again",
-    22: "a limit stands in the way: move the arm off it by hand, then home()",
+    82: "its program and arrays are lost, as after a reset: check its power, then connect() again",
+    22: "a limit is active: move the arm off it by hand, then home()",
 }

@@ -1,4 +1,4 @@
-"""The host's sign of life, which the controller's watchdog waits for."""
+"""The keep-alive: signs of life from the host, which the controller's watchdog waits for."""
 
 import threading
 from collections.abc import Callable
@@ -13,14 +13,15 @@ _RENEWALS = 4
 """Signs of life in a period, so that one may be lost."""
 
 
-class Renewing:
-    """A context manager that gives signs of life as long as the thread that entered it lives.
+class KeepAlive:
+    """A context manager that gives signs of life while the thread that entered it is alive.
 
-    A busy host goes on giving them, from a thread of its own; a dead process, a dead thread
-    or a stopped one does not.
+    They come from a thread of its own, so that a busy host continues to give them; a dead
+    process, a dead thread and a stopped process give none.
 
     Args:
-        renew: Gives one sign of life; told how to learn whether to go on waiting for its answer.
+        renew: Gives one sign of life; its argument returns whether to continue to wait for the
+            controller's answer.
         period: s, of the watchdog.
     """
 
@@ -30,7 +31,7 @@ class Renewing:
 
     def __enter__(self) -> Self:
         self._owner = threading.current_thread()
-        self._thread = threading.Thread(target=self._run, name="watchdog renewal", daemon=True)
+        self._thread = threading.Thread(target=self._run, name="watchdog keep-alive", daemon=True)
         self._thread.start()
         return self
 
@@ -47,5 +48,5 @@ class Renewing:
         while not self._over.wait(self._interval) and self._owner.is_alive():
             try:
                 self._renew(lambda: not self._over.is_set())
-            except RobotError:  # the next may come through; if none does, the controller acts
+            except RobotError:  # the next may arrive; if none does, the watchdog trips
                 continue

@@ -1,15 +1,14 @@
-"""Which driver a rig's controller needs."""
+"""The motion controller that a rig names, by `controller.kind`."""
 
+from sautereau.rig.controllers import CONTROLLERS
 from sautereau.rig.schema import Rig
 from sautereau.robot.controller import MotionController
 
 
 def motion_controller(rig: Rig) -> MotionController:
-    """Return the driver of the controller of a rig, not yet connected."""
-    if rig.controller.kind == "odrive":
-        from sautereau.robot.drivers.odrive.driver import OdriveController
+    """Return the controller of a rig, not yet connected.
 
-        return OdriveController(rig)
-    from sautereau.robot.drivers.galil.driver import GalilController
-
-    return GalilController(rig)
+    Raises:
+        RigError: No installed package provides `controller.kind`, or importing it failed.
+    """
+    return CONTROLLERS.get(rig.controller.kind)(rig)

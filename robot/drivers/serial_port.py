@@ -1,4 +1,4 @@
-"""Open a serial port, or say which ports there are and what to do."""
+"""Open a serial port, or list the ports of this machine and how to fix it."""
 
 import errno
 from typing import Protocol
@@ -7,7 +7,7 @@ from sautereau.robot.errors import PortUnavailable
 
 
 class Port(Protocol):
-    """What a request/answer line needs of a serial port."""
+    """The part of a serial port that a request/answer line uses."""
 
     @property
     def in_waiting(self) -> int:
@@ -23,24 +23,24 @@ class Port(Protocol):
         ...
 
     def reset_input_buffer(self) -> None:
-        """Forget what has come in."""
+        """Discard what has come in."""
         ...
 
     def close(self) -> None:
-        """Give the port back."""
+        """Release the port."""
         ...
 
 
 def open_port(name: str, baud_rate: int, timeout: float) -> Port:
-    """Open a serial device, or any URL that pyserial takes, for this program alone.
+    """Open a serial device, or any URL that pyserial takes, for exclusive use.
 
     Args:
         name: Device or URL.
-        baud_rate: Bits a second.
+        baud_rate: Bits per second.
         timeout: s, of reading and of writing.
 
     Raises:
-        PortUnavailable: Names the port, the reason, the ports there are and the remedy.
+        PortUnavailable: Names the port, the reason, how to fix it and the ports of this machine.
     """
     import serial
 
@@ -50,12 +50,12 @@ def open_port(name: str, baud_rate: int, timeout: float) -> Port:
         )
     except (OSError, ValueError) as error:  # SerialException is an OSError
         raise PortUnavailable(
-            f"port {name}: cannot be opened: {error}; {_remedy(error)}; {_ports()}"
+            f"port {name}: cannot be opened: {error}; {_fix(error)}; {_ports()}"
         ) from error
 
 
 def port_errors() -> tuple[type[Exception], ...]:
-    """Return what pyserial raises where a port has gone away."""
+    """Return the errors that pyserial raises for a port that has gone away."""
     try:
         import termios
     except ImportError:  # Windows
@@ -63,11 +63,13 @@ def port_errors() -> tuple[type[Exception], ...]:
     return (OSError, termios.error)
 
 
-def _remedy(error: Exception) -> str:
+def _fix(error: Exception) -> str:
     number = getattr(error, "errno", None)
     text = str(error).lower()
     if number in (errno.EACCES, errno.EPERM) or "access is denied" in text:
-        return "you may not use it: add yourself to its group (often dialout), then log in again"
+        return (
+            "you have no permission: add yourself to its group (often dialout), then log in again"
+        )
     if number in (errno.EBUSY, errno.EAGAIN) or "lock" in text:
         return "another program uses it: end that program"
     return "plug the controller in and switch it on, or correct controller.port in the rig file"

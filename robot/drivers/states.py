@@ -1,4 +1,4 @@
-"""What state the arm is in, what may be asked of it there, and the way out."""
+"""The state of the arm, the calls that each state allows, and the way out of it."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -8,20 +8,20 @@ from sautereau.robot.errors import NotReady
 
 
 class State(StrEnum):
-    """Of the arm, as far as the host knows it."""
+    """State of the arm, as far as the host knows it."""
 
     OFF = "off"
     """Motors off, confirmed by the controller."""
     STOPPED = "stopped"
-    """Motors on, standing; where is not known for certain."""
+    """Motors on, at a standstill; the positions are not known for certain."""
     HOMED = "homed"
-    """Motors on, standing, at positions that are known."""
+    """Motors on, at a standstill, at known positions."""
     LOADED = "loaded"
     """Homed, with a motion in the controller."""
     ARMED = "armed"
     """Loaded, with capture and trigger prepared."""
     MOVING = "moving"
-    """On its way."""
+    """In motion."""
     FAULTED = "faulted"
     """Unknown: the controller has not confirmed that the motors are off."""
 
@@ -31,11 +31,11 @@ WAYS_OUT = {
     State.STOPPED: "the joints' positions are unknown: call home() first",
     State.HOMED: "no motion is loaded: call load() first",
     State.LOADED: "the motion is not armed: call arm() first",
-    State.ARMED: "the motion has not begun: call start() first",
+    State.ARMED: "the motion has not started: call start() first",
     State.MOVING: "a motion is running: call wait() or stop() first",
     State.FAULTED: "press the emergency stop, then call disconnect() and connect()",
 }
-"""What to do in a state where a call was refused."""
+"""What to do where a call was refused, by state."""
 
 _STANDING = frozenset({State.HOMED, State.LOADED, State.ARMED})
 _ON = _STANDING | {State.STOPPED, State.MOVING}
@@ -51,7 +51,7 @@ _CALLS: dict[str, frozenset[State]] = {
     "capture": _STANDING | {State.OFF, State.STOPPED},
     "stop": _ON,
 }
-"""In which states a call may be made."""
+"""States in which a call may be made."""
 
 
 class States:
@@ -74,16 +74,16 @@ class States:
         if self.now not in _CALLS[call]:
             way = WAYS_OUT[self.now]
             if call == "powered" and self.now is not State.FAULTED:
-                way = "the motors are on already: leave the first block first"
+                way = "the motors are on already: leave the first powered() block first"
             raise NotReady(f"{call}: the arm is {self.now}; {way}")
 
     def enter(self, state: State) -> None:
-        """Be in another state from now on."""
+        """Change the state."""
         self.now = state
 
     @contextmanager
     def moving(self, to: State) -> Iterator[None]:
-        """Move while in the block, and be in another state behind it unless it fails."""
+        """Be MOVING in the block, and in state ``to`` after it unless it fails."""
         self.now = State.MOVING
         yield
         self.now = to

@@ -1,4 +1,4 @@
-"""A serial port behind a controller's line: what every protocol needs of it."""
+"""Reading and closing a serial port, for the lines of all controllers."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -8,7 +8,7 @@ from sautereau.robot.errors import LineLost, SilentController
 
 
 class Wire:
-    """Bytes to a controller and back.
+    """Bytes to a controller and from it.
 
     Args:
         port: An open serial port, whose reads end after its timeout.
@@ -29,7 +29,7 @@ class Wire:
 
     @contextmanager
     def _reaching(self, asked: str) -> Iterator[None]:
-        """Say of a port that goes away in the block that it was lost, and at what."""
+        """Report a port that goes away in the block as lost, with what was asked."""
         try:
             yield
         except self._gone as error:
@@ -45,11 +45,11 @@ class Wire:
         return (self._port.read(count) or b"") if count else b""
 
     def _read(self) -> bytes:
-        """Return what comes in, at least a byte; none after the port's timeout."""
+        """Return at least one byte, or none after the port's timeout."""
         return self._port.read(max(1, self._port.in_waiting)) or b""
 
     def _silence(self, asked: str, so_far: str) -> SilentController:
-        """Return the error of a controller that says no more; ``so_far`` is what it has said."""
+        """Return the error of a controller that does not answer; ``so_far`` is what came in."""
         return SilentController(
             f"controller on {self.name} did not answer {asked!r} within"
             f" {self.timeout:g} s{f' after {so_far}' if so_far else ''}; check its power, the"

@@ -1,10 +1,9 @@
-"""Push against the force that an earlier press has measured, before the loops notice it.
+"""Feed-forward of the key's force, as measured in an earlier press.
 
-Force is measured against depression once. The arm's Jacobian turns it into joint torques,
--J^T F, that a later press adds to those of its position loops; from release on they are held.
+The measured force against depression becomes joint torques, -J^T F with the arm's Jacobian J,
+that a later press adds to those of its position loops. From release on they are constant.
 """
 
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -12,27 +11,17 @@ import numpy as np
 from sautereau.analysis.phases import Phases, find_phases
 from sautereau.analysis.press.load import Press, load_press
 from sautereau.rig.schema import Rig
+from sautereau.robot.controller import TorqueTable
 from sautereau.robot.errors import RobotError
 from sautereau.trajectory.dynamics import joint_torques
 from sautereau.trajectory.expected import Expectation
 from sautereau.trajectory.key import surface_axes
-from sautereau.trajectory.motion import Floats
 from sautereau.trajectory.press import Trajectory
 
 BIN = 25e-6
-"""m, of the jack's rise, over which the force is averaged."""
+"""m of jack rise, over which the force is averaged."""
 SETTLED = 1e-3
-"""s after release, when the finger's swing is over."""
-
-
-@dataclass(frozen=True)
-class TorqueTable:
-    """Torques that are added to those of the position loops."""
-
-    time: Floats
-    """s from the start of motion, increasing; shape (n,)."""
-    torques: Floats
-    """N m, of both joints; shape (n, 2)."""
+"""s after release, when the finger's oscillation has decayed."""
 
 
 def force_of(recording: Path) -> Expectation:
@@ -42,9 +31,9 @@ def force_of(recording: Path) -> Expectation:
 
 
 def measured_force(press: Press, phases: Phases) -> Expectation:
-    """Return the force against depression that a press has measured on its way down.
+    """Return the force against depression that a press has measured while going down.
 
-    Beyond release it is the mean force from there to the deepest point.
+    Beyond release it is the mean force from release to the deepest point.
 
     Raises:
         RobotError: The press has no pluck.
@@ -53,14 +42,14 @@ def measured_force(press: Press, phases: Phases) -> Expectation:
     time = press.data.index.to_numpy()
     if not phases.plucks:
         raise RobotError(
-            f"feed-forward from {press.path}: it has no pluck to push against; give the recording"
-            " of a press with one"
+            f"feed-forward from {press.path}: it has no pluck; give the recording of a press with"
+            " one"
         )
     pluck = phases.plucks[0]
     first, bottom = int(np.argmax(rise > BIN)), int(np.argmax(rise))
     release = int(np.searchsorted(time, pluck.release))
     after = int(np.searchsorted(time, pluck.release + SETTLED))
-    at_rest = float(force[: first // 2 + 1].mean())  # before the run-up bends it
+    at_rest = float(force[: first // 2 + 1].mean())  # before the run-up changes it
     contact_rise, release_rise = np.interp([pluck.contact, pluck.release], time, rise)
     places = np.floor(rise[first:release] / BIN).astype(int)
     kept = (places >= 0) & (places < int(release_rise / BIN))
@@ -78,14 +67,14 @@ def measured_force(press: Press, phases: Phases) -> Expectation:
 
 
 def torque_table(rig: Rig, trajectory: Trajectory, measured: Expectation) -> TorqueTable:
-    """Return the torques that push against a measured force, nothing at either end.
+    """Return the torques that balance a measured force; they are 0 at the start and the end.
 
-    They follow the depression that is planned up to its deepest, are held there, and fall with
-    the rise on the way back, where key and jacks push by themselves.
+    They follow the planned depression down to its deepest point, are constant there, and fall
+    in proportion to the rise on the way back, where the key returns by itself.
 
     Args:
         rig: The bench.
-        trajectory: The press in which they are to be added.
+        trajectory: The press to which they are added.
         measured: As `measured_force` returns it.
 
     Raises:
@@ -101,7 +90,8 @@ def torque_table(rig: Rig, trajectory: Trajectory, measured: Expectation) -> Tor
     loaded = joint_torques(rig.arm, trajectory.joints, force[:, None] * normal)
     peaks = np.abs(loaded).max(axis=0)
     faults = [
-        f"joint {j} would take {peak:.4g} N m of at most {rig.arm.torque_limit:.4g} N m"
+        f"joint {j} would need {peak:.4g} N m, above arm.torque_limit,"
+        f" {rig.arm.torque_limit:.4g} N m"
         for j, peak in enumerate(peaks, 1)
         if peak > rig.arm.torque_limit
     ]

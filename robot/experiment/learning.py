@@ -1,4 +1,4 @@
-"""Presses that learn: each is planned with the correction that the one before it taught."""
+"""Iterative learning control: each press is planned with a correction from those before it."""
 
 import json
 from collections.abc import Iterator
@@ -23,15 +23,15 @@ from sautereau.trajectory.press import Trajectory, plan_press
 from sautereau.trajectory.timing import press_law
 
 HALVINGS = 4
-"""Times that what a correction adds to the last one is halved, where it cannot be pressed."""
+"""Times that the change of a correction is halved where the press cannot be planned."""
 _SECTIONS = ("press", "arm", "controller")
 _ADDRESS = "port"
 
 
-class Lesson:
-    """Presses of one plan, of which each learns from those before it.
+class IterativeLearning:
+    """Presses of one plan, each corrected from the recordings of those before it.
 
-    `on` yields the presses; tell the recording of each to `saw` before the next one is asked for.
+    `presses_on` yields the presses; pass the recording of each to `update` before taking the next.
     """
 
     def __init__(
@@ -47,17 +47,17 @@ class Lesson:
 
         Args:
             rig: The bench.
-            expected: What the finger is expected to meet; None for an empty key.
-            presses: At most.
-            measured: Force to push against, as `measured_force` returns it; None for none.
+            expected: Expected force on the finger; None for a key without jacks.
+            presses: Largest number of presses.
+            measured: Force for the feed-forward, as `measured_force` returns it; None for none.
             notes: The operator's.
 
         Raises:
             TrajectoryError: The press cannot be made even without a correction.
-            RobotError: No presses are asked for.
+            RobotError: Fewer than 1 press is requested.
         """
         if presses < 1:
-            raise RobotError(f"learning: {presses} presses were asked for; ask for 1 or more")
+            raise RobotError(f"learning: {presses} presses were requested; request 1 or more")
         self._rig, self._expected, self._presses, self._notes = rig, expected, presses, notes
         self._measured = measured
         self._used: Correction | None = None
@@ -73,21 +73,21 @@ class Lesson:
 
     @property
     def errors(self) -> list[float]:
-        """1, rms of the jack's speed error over the cruise, of every press so far."""
+        """RMS relative error of the jack speed over the cruise, of every press so far."""
         return self._learner.errors
 
     @property
     def stopped(self) -> str:
-        """Why learning has ended before all presses were made; empty else."""
+        """Why learning has ended before the last press; empty if it has not."""
         return self._stopped or self._learner.stopped
 
     @property
     def best(self) -> Correction | None:
-        """With which the error was least; None for the plan itself."""
+        """The correction with the smallest error; None for the plan itself."""
         return self._learner.best
 
-    def on(self, rig: Rig) -> Iterator[Item]:
-        """Yield the presses, on the bench with the addresses to use."""
+    def presses_on(self, rig: Rig) -> Iterator[Item]:
+        """Yield the presses, on the bench with the addresses of its devices."""
         for number in range(1, self._presses + 1):
             if self._trajectory is None:
                 return
@@ -96,11 +96,11 @@ class Lesson:
                 torques = torque_table(self._rig, self._trajectory, self._measured)
             yield Item(rig, self._trajectory, number, notes=self._notes, torques=torques)
 
-    def saw(self, item: Item, path: Path) -> None:
-        """Learn from a press's recording.
+    def update(self, item: Item, path: Path) -> None:
+        """Compute the next correction from the recording of a press, and plan with it.
 
         Raises:
-            SautereauError: The recording tells no speed over the whole press.
+            SautereauError: The recording has no speed over the complete press.
         """
         press = load_press(path)
         time = press.data.index.to_numpy(dtype=float)
@@ -111,7 +111,7 @@ class Lesson:
             self.plan(correction)
 
     def plan(self, correction: Correction) -> None:
-        """Plan the next press; a correction beyond a limit goes half the way back to the last."""
+        """Plan the next press; halve the change of a correction that cannot be planned."""
         self._trajectory, reason = None, ""
         last = np.zeros_like(correction.rise)
         if self._used is not None:
@@ -125,22 +125,22 @@ class Lesson:
             else:
                 self._used = correction
                 return
-        self._stopped = f"what was learned cannot be pressed, not even halved {HALVINGS} times: "
+        self._stopped = f"the correction cannot be pressed, not even halved {HALVINGS} times: "
         self._stopped += reason
 
 
 @dataclass(frozen=True)
 class Learned:
-    """A correction, and what it was learned for."""
+    """A correction, and the conditions that it was learned for."""
 
     correction: Correction
     errors: tuple[float, ...]
-    """1, rms of the jack's speed error over the cruise, of every press that taught it."""
+    """RMS relative error of the jack speed over the cruise, of every press of the learning."""
     feed_forward: str = ""
-    """SHA-256 of the recording whose force the presses pushed against; empty for none."""
+    """SHA-256 of the recording that the feed-forward came from; empty for none."""
 
     def write(self, path: Path, rig: Rig) -> None:
-        """Write it into a new file, with the press, arm and controller it was learned for.
+        """Write it into a new file, with the press, arm and controller that it was learned for.
 
         Raises:
             RobotError: The file exists, or cannot be written.
@@ -167,12 +167,12 @@ def read_learned(path: Path, rig: Rig, feed_forward: str = "") -> Correction:
     Args:
         path: Of the file.
         rig: The bench.
-        feed_forward: SHA-256 of the recording whose force is pushed against; empty for none.
+        feed_forward: SHA-256 of the recording of the feed-forward; empty for none.
 
     Raises:
         RobotError: The file cannot be read, or it was learned for another press, arm or
             controller.
-        TrajectoryError: What it holds is no correction.
+        TrajectoryError: It holds no valid correction.
     """
     try:
         found = json.loads(path.read_text(encoding="utf-8"))
@@ -187,7 +187,7 @@ def read_learned(path: Path, rig: Rig, feed_forward: str = "") -> Correction:
         raise RobotError(
             f"learned correction {path}: it was learned for another press:\n  "
             + "\n  ".join(changes)
-            + "\nlearn anew, or press as it was learned"
+            + "\nlearn again, or press as it was learned"
         )
     return Correction(time, rise)
 

@@ -1,4 +1,4 @@
-"""What a session is to make, written into its folder before anything is made."""
+"""The manifest of a session: its plan, written into its folder before the first press."""
 
 import json
 from collections.abc import Iterator, Mapping
@@ -13,25 +13,25 @@ MANIFEST = "session.json"
 """Name of the file in the session's folder."""
 VERSION = 1
 """Of the file."""
-MOST_TOLD = 8
-"""Differences that one message names."""
+MOST_LISTED = 8
+"""Differences that one message lists."""
 _ABSENT = "nothing"
 
 
 @dataclass(frozen=True)
 class Manifest:
-    """One session: who it is, what it makes, and for what the instrument is set up."""
+    """One session: its identity, its plan, and how the instrument is set up."""
 
     session: str
-    """Identity, which every recording of the session carries."""
+    """Identity, which every recording of the session contains."""
     started: str
     """ISO 8601 with the time zone."""
     seed: int | None
     """Of the stand-in's random numbers; None on the hardware."""
     plan: Mapping[str, Any]
-    """What the session makes, as JSON holds it."""
+    """The plan, as JSON holds it."""
     set_up: Mapping[str, Any]
-    """What the operator was last told to set on the instrument, by the rig's dotted key."""
+    """What the operator was last asked to set on the instrument, by the rig's dotted key."""
 
 
 def read_manifest(folder: Path) -> Manifest | None:
@@ -45,21 +45,21 @@ def read_manifest(folder: Path) -> Manifest | None:
         found = json.loads(path.read_text(encoding="utf-8"))
         if found["version"] != VERSION:
             raise RobotError(
-                f"session {path}: it is of version {found['version']!r}, not {VERSION}; go on with"
-                " the version of sautereau that began it, or give another folder"
+                f"session {path}: it is of version {found['version']!r}, not {VERSION}; continue"
+                " with the version of sautereau that started it, or give another folder"
             )
         return Manifest(**{name: found[name] for name in Manifest.__dataclass_fields__})
     except FileNotFoundError:
         return None
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise RobotError(
-            f"session {path}: cannot be read: {type(error).__name__}: {error}; put it back from a"
-            " copy, or give another folder"
+            f"session {path}: cannot be read: {type(error).__name__}: {error}; restore it from"
+            " a copy, or give another folder"
         ) from error
 
 
 def write_manifest(folder: Path, manifest: Manifest) -> None:
-    """Write a folder's manifest: the old one or the new one is there, never a part of it.
+    """Write a folder's manifest, so that it is always complete: the old one or the new one.
 
     Raises:
         RobotError: It cannot be written.
@@ -78,36 +78,36 @@ def write_manifest(folder: Path, manifest: Manifest) -> None:
         ) from error
 
 
-def check_same(folder: Path, begun: Mapping[str, Any], asked: Mapping[str, Any]) -> None:
-    """Refuse another plan than that with which a session began.
+def check_same(folder: Path, started: Mapping[str, Any], asked: Mapping[str, Any]) -> None:
+    """Refuse another plan than that with which a session started.
 
     Raises:
         RobotError: Names the differences, and the way out.
     """
-    found = list(differences(begun, asked))
+    found = list(differences(started, asked))
     if not found:
         return
-    more = f"\n  and {len(found) - MOST_TOLD} more" if len(found) > MOST_TOLD else ""
+    more = f"\n  and {len(found) - MOST_LISTED} more" if len(found) > MOST_LISTED else ""
     raise RobotError(
-        f"session folder {folder}: the session in it was begun with another plan\n  "
-        + "\n  ".join(found[:MOST_TOLD])
+        f"session folder {folder}: the session in it was started with another plan\n  "
+        + "\n  ".join(found[:MOST_LISTED])
         + more
-        + "\ngive the command as it was to go on with that session, or another --out for this one"
+        + "\ngive the command as it was to continue that session, or another --out for this one"
     )
 
 
-def differences(begun: Any, asked: Any, at: str = "") -> Iterator[str]:
-    """Yield where two plain documents differ, by dotted key, then and now."""
-    if isinstance(begun, list) and isinstance(asked, list):
-        begun, asked = (dict(enumerate(values, 1)) for values in (begun, asked))
-    if isinstance(begun, Mapping) and isinstance(asked, Mapping):
-        for key in dict.fromkeys([*begun, *asked]):
+def differences(started: Any, asked: Any, at: str = "") -> Iterator[str]:
+    """Yield the differences of two JSON documents, by dotted key, with both values."""
+    if isinstance(started, list) and isinstance(asked, list):
+        started, asked = (dict(enumerate(values, 1)) for values in (started, asked))
+    if isinstance(started, Mapping) and isinstance(asked, Mapping):
+        for key in dict.fromkeys([*started, *asked]):
             place = f"{at}.{key}" if at else str(key)
-            yield from differences(begun.get(key, _ABSENT), asked.get(key, _ABSENT), place)
-    elif begun != asked:
-        yield f"{at}: {_said(begun)} then, {_said(asked)} now"
+            yield from differences(started.get(key, _ABSENT), asked.get(key, _ABSENT), place)
+    elif started != asked:
+        yield f"{at}: {_shown(started)} then, {_shown(asked)} now"
 
 
-def _said(value: Any) -> str:
+def _shown(value: Any) -> str:
     text = value if value is _ABSENT else json.dumps(value)
     return text if len(text) <= 60 else f"{text[:57]}..."

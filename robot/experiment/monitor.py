@@ -1,4 +1,4 @@
-"""What is seen of a session while it goes on, handed to views that it never waits for."""
+"""The events of a running session, passed to live views without waiting for them."""
 
 import threading
 from collections.abc import Callable, Sequence
@@ -11,21 +11,21 @@ from sautereau.daq.block import Block
 from sautereau.rig.acquisition import Channel
 
 PERIOD = 0.1
-"""s, between two looks of the views."""
+"""s, between two updates of the views."""
 DEPTH = 512
-"""Things seen that may wait for the views: 10 s of samples at 51.2 kHz."""
+"""Events that may wait for the views: 10 s of samples at 51.2 kHz."""
 PATIENCE = 2.0
-"""s, that the end of a session waits for the views to have shown all."""
+"""s, that the end of a session waits for the views to show everything."""
 
 
 @dataclass(frozen=True)
 class Stage:
-    """How far a session is."""
+    """The stage that a session has reached."""
 
     arm: str
-    """What the arm does."""
+    """Activity of the arm."""
     daq: str
-    """What the acquisition does."""
+    """Activity of the acquisition."""
     press: int | None = None
     """Number of the press's file; None between presses."""
 
@@ -44,7 +44,7 @@ class Samples:
 
 @dataclass(frozen=True)
 class Made:
-    """A press whose recording is whole and on the disk."""
+    """A press whose recording is complete and on the disk."""
 
     press: int
     path: Path
@@ -52,55 +52,55 @@ class Made:
 
 @dataclass(frozen=True)
 class Fault:
-    """What ended the session."""
+    """The error that ended the session."""
 
     text: str
 
 
 Seen = Stage | Samples | Made | Fault
 Watch = Callable[[Seen], None]
-"""Is told what happens; must neither wait nor fail."""
+"""Called with each event; must neither wait nor fail."""
 
 
 class View(Protocol):
-    """Shows a session to somebody."""
+    """Displays a session."""
 
     def show(self, seen: Sequence[Seen], dropped: int) -> None:
-        """Show what has come since the last call, maybe nothing.
+        """Show the events since the last call; there may be none.
 
         Args:
-            seen: In the order in which it happened.
-            dropped: How much has not come, of all that happened so far.
+            seen: In order of time.
+            dropped: Number of events since the start that are missing.
         """
         ...
 
 
 class Feed:
-    """Takes what happens without ever waiting, and shows it in a thread of its own.
+    """Takes events without waiting, and shows them from a thread of its own.
 
-    What comes while its queue is full is dropped and counted. A view that fails is shown
-    nothing more; the session goes on. Use it as a context manager.
+    Events that come while its queue is full are dropped and counted. A view that fails gets no
+    more events; the session continues. Use it as a context manager.
     """
 
     def __init__(self, views: Sequence[View], depth: int = DEPTH, period: float = PERIOD):
         """Prepare.
 
         Args:
-            views: All are shown the same.
+            views: All get the same events.
             depth: Of the queue.
-            period: s, between two looks.
+            period: s, between two updates.
         """
         self._views, self._period = list(views), period
         self._queue: Queue[Seen] = Queue(depth)
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self._run, name="live view", daemon=True)
         self.dropped = 0
-        """Things that happened and were not shown."""
+        """Events that were not shown."""
         self.faults: list[str] = []
-        """Why a view has ended before the session."""
+        """Errors of views that ended before the session."""
 
     def __call__(self, seen: Seen) -> None:
-        """Take what has happened; return at once."""
+        """Take an event; return at once."""
         try:
             self._queue.put_nowait(seen)
         except Full:
@@ -131,6 +131,6 @@ class Feed:
         for view in list(self._views):
             try:
                 view.show(seen, self.dropped)
-            except Exception as error:  # noqa: BLE001 - whoever began the session is told
+            except Exception as error:  # noqa: BLE001 - reported in `faults`
                 self._views.remove(view)
                 self.faults.append(f"{type(view).__name__}: {type(error).__name__}: {error}")

@@ -1,4 +1,4 @@
-"""The plan of a session: which presses, in which order, and where the operator must act."""
+"""The plan of a session: its presses in order, and where the operator must act."""
 
 import hashlib
 import json
@@ -17,7 +17,7 @@ from sautereau.trajectory.errors import TrajectoryError
 from sautereau.trajectory.press import Trajectory
 
 _ADDRESSES = (("controller", "port"), ("daq", "address"))
-"""What may change while a session rests: where its devices are plugged in."""
+"""What may change before a session is resumed: where its devices are connected."""
 
 
 @dataclass(frozen=True)
@@ -33,26 +33,26 @@ class Place:
 
 @dataclass(frozen=True)
 class Plan:
-    """What a session makes."""
+    """The presses of a session."""
 
     rig: Rig
-    """The bench, which the rows change."""
+    """The bench; the rows change its values."""
     rows: tuple[Row, ...]
     warm_up: int = 0
-    """Presses before the first of every set-up of the instrument."""
+    """Presses before the first of each set-up of the instrument."""
     rest: float = 0.0
     """s, between presses."""
     scene: str = ""
     """Of the stand-in, as JSON text; empty on the hardware."""
     files: Mapping[str, str] | None = None
-    """SHA-256 of the files that the presses follow, by what they are."""
+    """SHA-256 of the files that the presses use, by the role of each."""
 
     def __post_init__(self):
         faults = []
         if not self.rows or min(row.repeats for row in self.rows) < 1:
-            faults.append("it has no press; ask for 1 or more")
+            faults.append("it has no press; request 1 or more")
         if self.warm_up < 0:
-            faults.append(f"{self.warm_up} presses for warming up; ask for 0 or more")
+            faults.append(f"{self.warm_up} warm-up presses; request 0 or more")
         if not 0 <= self.rest < float("inf"):
             faults.append(f"a rest of {self.rest:g} s; give 0 s or more")
         if faults:
@@ -60,25 +60,25 @@ class Plan:
 
     @property
     def set_ups(self) -> list[list[Place]]:
-        """The presses in order, parted where the instrument changes."""
+        """The presses in order, divided where the instrument changes."""
         numbers = count(1)
-        parted = []
+        divided = []
         indices = range(len(self.rows))
         for _, same in groupby(indices, lambda i: _instrument(self.rows[i].rig, self.rig)):
             rows = list(same)
             places = [Place(next(numbers), rows[0], True) for _ in range(self.warm_up)]
             for row in rows:
                 places += [Place(next(numbers), row, False) for _ in range(self.rows[row].repeats)]
-            parted.append(places)
-        return parted
+            divided.append(places)
+        return divided
 
     @property
     def presses(self) -> int:
-        """How many there are, for warming up and in earnest."""
+        """Number of presses, including warm-up."""
         return sum(map(len, self.set_ups))
 
     def document(self) -> dict[str, Any]:
-        """Return the plan as JSON holds it, the same for the same plan."""
+        """Return the plan as a JSON document; equal plans give equal documents."""
         rig = rig_document(self.rig)
         for section, name in _ADDRESSES:
             del rig[section][name]
@@ -97,15 +97,15 @@ class Plan:
 
 
 def plan_rows(rows: Sequence[Row], plan_one: Callable[[Rig], Trajectory]) -> list[Trajectory]:
-    """Plan the press of every row, before any is made.
+    """Plan the press of every row, before the first is made.
 
     Args:
         rows: Of the plan.
-        plan_one: Plans the press of a row's rig.
+        plan_one: Returns the press of a row's rig.
 
     Raises:
-        RobotError: Lists every row whose press cannot be made.
-        TrajectoryError: The only press cannot be made.
+        RobotError: Lists every row whose press cannot be planned.
+        TrajectoryError: The only press cannot be planned.
     """
     planned, faults = [], []
     for row in rows:
@@ -121,7 +121,7 @@ def plan_rows(rows: Sequence[Row], plan_one: Callable[[Rig], Trajectory]) -> lis
 
 
 def digest(path: Path) -> str:
-    """Return the SHA-256 of a file that presses follow.
+    """Return the SHA-256 of a file that presses use.
 
     Raises:
         RobotError: It cannot be read.
@@ -133,23 +133,23 @@ def digest(path: Path) -> str:
 
 
 def _instrument(rig: Rig, base: Rig) -> Rig:
-    """Return a bench whose way to press is that of another, so that all else compares."""
+    """Return a bench with the press of another, so that the rest can be compared."""
     return rig.model_copy(update={"press": base.press})
 
 
-def to_set(rig: Rig, told: Mapping[str, Any], row: Row) -> dict[str, Any]:
-    """Return what the operator has to set before a row's presses, by the rig's dotted key.
+def to_set(rig: Rig, set_before: Mapping[str, Any], row: Row) -> dict[str, Any]:
+    """Return what the operator must set before a row's presses, by the rig's dotted key.
 
     Args:
-        rig: The session's.
-        told: What was set before, where it differs from the rig.
-        row: Whose presses come next; what it leaves as the rig has it is set back.
+        rig: Of the session.
+        set_before: Current settings that differ from the rig.
+        row: Of the next presses; settings that it does not change return to the rig's.
     """
     document = rig_document(rig)
-    wanted = {}
-    for key in dict.fromkeys([*told, *row.set_up]):
+    needed = {}
+    for key in dict.fromkeys([*set_before, *row.set_up]):
         own: Any = document
         for part in key.split("."):
             own = own[part]
-        wanted[key] = row.set_up.get(key, own)
-    return {key: value for key, value in wanted.items() if told.get(key) != value}
+        needed[key] = row.set_up.get(key, own)
+    return {key: value for key, value in needed.items() if set_before.get(key) != value}

@@ -1,4 +1,4 @@
-"""A session's plan as a table: each row a press with some of the rig's values changed."""
+"""A session's plan as a table: each row is a press with some values of the rig changed."""
 
 import csv
 from collections.abc import Iterator, Mapping
@@ -19,14 +19,14 @@ MOST_PRESSES = 100_000
 
 @dataclass(frozen=True)
 class Row:
-    """Equal presses."""
+    """One or more equal presses."""
 
     rig: Rig
-    """The bench as the row wants it."""
+    """The bench with the row's values."""
     repeats: int = 1
-    """Presses, beside those for warming up."""
+    """Presses, without those for warm-up."""
     values: Mapping[str, str | int | float] = field(default_factory=dict)
-    """What differs from the rig file, as with_values takes it, by dotted key."""
+    """Values that differ from the rig file, as `with_values` takes them, by dotted key."""
     notes: str = ""
     """The operator's."""
     line: int | None = None
@@ -34,11 +34,11 @@ class Row:
 
     @property
     def set_up(self) -> dict[str, str | int | float]:
-        """What of `values` the operator has to set on the instrument."""
+        """Those of `values` that the operator must set on the instrument."""
         return {key: value for key, value in self.values.items() if not _is_press(key)}
 
     def on(self, rig: Rig) -> Rig:
-        """Return another bench, as that of a stand-in, with this row's way to press."""
+        """Return another bench, such as a stand-in's, with the `press` values of this row."""
         return with_values(rig, {k: v for k, v in self.values.items() if _is_press(k)})
 
 
@@ -48,10 +48,10 @@ def read_plan_table(path: Path, rig: Rig, repeats: int, notes: str = "") -> tupl
     An empty cell leaves a value as the rig has it.
 
     Args:
-        path: The file, UTF-8; the first row names the columns, and cells hold their units.
+        path: The file, UTF-8; the first row names the columns, and cells contain their units.
         rig: The bench that the rows change.
-        repeats: Presses of a row whose `repeats` is empty.
-        notes: The operator's, for all rows; a row's own follow them.
+        repeats: Presses of a row with an empty `repeats`.
+        notes: The operator's, for all rows; those of a row are appended.
 
     Raises:
         RobotError: Lists every fault of the table, with its line.
@@ -74,17 +74,17 @@ def read_plan_table(path: Path, rig: Rig, repeats: int, notes: str = "") -> tupl
         if len(texts) > len(columns):
             faults.append(
                 f"line {line}: {len(texts)} cells under {len(columns)} columns; quote a cell that"
-                " holds a comma"
+                " contains a comma"
             )
             continue
         given = {name: text for name, text in zip(columns, texts, strict=False) if text}
         count = given.pop("repeats", str(repeats))
         if not (count.isdecimal() and 1 <= int(count) <= MOST_PRESSES):
             faults.append(
-                f"line {line}: repeats: {count!r} is refused: give a whole number from 1 to"
+                f"line {line}: repeats: {count!r} is refused: give an integer from 1 to"
                 f" {MOST_PRESSES}"
             )
-        said = "; ".join(filter(None, (notes, given.pop("notes", ""))))
+        joined = "; ".join(filter(None, (notes, given.pop("notes", ""))))
         values = {key: _value(key, text) for key, text in given.items()}
         known = {key: value for key, value in values.items() if key in set(model_keys(Rig))}
         try:
@@ -93,31 +93,31 @@ def read_plan_table(path: Path, rig: Rig, repeats: int, notes: str = "") -> tupl
             faults += [f"line {line}: {fault}" for fault in _single(str(error), rig)]
             continue
         if not faults:
-            rows.append(Row(changed, int(count), values, said, line))
+            rows.append(Row(changed, int(count), values, joined, line))
     if not rows and not faults:
-        faults.append("it has no row; add one for each kind of press")
+        faults.append("it has no row; add a row for each set of equal presses")
     if faults:
         raise RobotError(fault_list(origin, faults))
     return tuple(rows)
 
 
 def _column_faults(columns: list[str]) -> Iterator[str]:
-    """Say what is wrong with the first row."""
+    """Yield the faults of the first row."""
     if not any(columns):
-        yield f'line 1: no columns; begin the file as in "{EXAMPLE}"'
+        yield f'line 1: no columns; start the file like "{EXAMPLE}"'
         return
     known = set(model_keys(Rig))
     for place, name in enumerate(columns, 1):
         if not name:
-            yield f"line 1: column {place} has no name; give it one, or take it out"
+            yield f"line 1: column {place} has no name; name it, or remove it"
         elif columns.index(name) < place - 1:
-            yield f"line 1: column {name} is there twice; take one out"
+            yield f"line 1: column {name} occurs twice; remove one"
         elif name not in known | {"repeats", "notes"}:
             yield f"line 1: {name}: no such quantity in a rig{near_miss(name, sorted(known))}"
 
 
 def _value(key: str, text: str) -> Any:
-    """Return a cell as TOML would hold it: a quantity is a text, a bare number is none."""
+    """Return a cell as TOML would hold it: quantities are texts, bare numbers are not."""
     if unit_of(Rig, key.split(".")) is None:
         for kind in (int, float):
             try:
@@ -128,7 +128,7 @@ def _value(key: str, text: str) -> Any:
 
 
 def _single(message: str, rig: Rig) -> list[str]:
-    """Return the faults of a list of them one by one."""
+    """Return the faults of a message one by one."""
     head, *more = message.split("\n")
     return [line.strip() for line in more] or [head.removeprefix(f"rig {rig.name}: ")]
 

@@ -1,4 +1,4 @@
-"""Presses one after the other, each recorded, the arm made safe by whatever way they end."""
+"""A sequence of recorded presses; the arm is made safe in whatever way it ends."""
 
 import re
 import time
@@ -14,9 +14,8 @@ from sautereau.daq.file.recorded import Joints
 from sautereau.daq.file.recording import Recording, SessionInfo
 from sautereau.daq.source.acquisition import Acquisition
 from sautereau.rig.schema import Rig
-from sautereau.robot.controller import Capture, MotionController
+from sautereau.robot.controller import Capture, MotionController, TorqueTable
 from sautereau.robot.errors import RobotError
-from sautereau.robot.experiment.feedforward import TorqueTable
 from sautereau.robot.experiment.monitor import Fault, Made, Samples, Stage, Watch
 from sautereau.trajectory.counts import to_angles
 from sautereau.trajectory.motion import Floats
@@ -29,24 +28,24 @@ _NAME = re.compile(r"press-(\d+)\.mcap")
 
 @dataclass(frozen=True)
 class Item:
-    """One press to be made, and what its recording says of it."""
+    """One press to be made, and what is recorded about it."""
 
     rig: Rig
-    """The bench, with the addresses to use."""
+    """The bench, with the addresses of its devices."""
     trajectory: Trajectory
     number: int | None = None
     """Of the press in the session's plan, from 1; None without a plan."""
     warm_up: bool = False
-    """Whether it only warms the arm up."""
+    """Whether it only warms up the arm."""
     notes: str = ""
     """The operator's."""
     torques: TorqueTable | None = None
-    """Added to those of the position loops; None for nothing."""
+    """Added to those of the position loops; None for none."""
 
 
 @dataclass(frozen=True)
 class Origin:
-    """What all recordings of a session say alike."""
+    """What all recordings of a session have in common."""
 
     session: str = ""
     """Identity of the session."""
@@ -65,21 +64,21 @@ def run_session(
     *,
     on_press: Callable[[Path], None] = lambda path: None,
 ) -> list[Path]:
-    """Make n equal presses and record each in a file of its own; see `make_presses`.
+    """Make n equal presses, each recorded in a file of its own; see `make_presses`.
 
     Args:
         rig: The bench.
-        trajectory: What each press does.
+        trajectory: Of each press.
         controller: Not yet connected.
-        out: Folder of the recordings; it is made.
+        out: Folder of the recordings; it is created.
         n: Presses.
         on_press: Called with each finished recording.
 
     Raises:
-        SautereauError: Whatever went wrong; the arm has been stopped and switched off.
+        SautereauError: Of any kind; the arm has been stopped and switched off.
     """
     if n < 1:
-        raise RobotError(f"session: {n} presses were asked for; ask for 1 or more")
+        raise RobotError(f"session: {n} presses were requested; request 1 or more")
     items = [Item(rig, trajectory)] * n
     return make_presses(controller, out, items, on_press=lambda item, path: on_press(path))
 
@@ -96,78 +95,78 @@ def make_presses(
     watch: Watch = lambda seen: None,
     sleep: Callable[[float], None] = time.sleep,
 ) -> list[Path]:
-    """Make presses with the motors on throughout, and record each in a file of its own.
+    """Make presses with the motors on throughout, each recorded in a file of its own.
 
-    A press is durable before the next begins. Numbers go on from the highest that the
-    folder holds, so that nothing already made is ever overwritten.
+    A press is on the disk before the next starts. Numbers continue from the highest in the
+    folder, so that no earlier recording is ever overwritten.
 
     Args:
         controller: Not yet connected.
-        out: Folder of the recordings; it is made.
-        items: The presses; the next one may depend on what `on_press` has seen.
-        origin: What all recordings say alike.
-        rest: s, that the arm stands still between presses.
-        on_ready: Called once, with the folder there and the motors still off.
+        out: Folder of the recordings; it is created.
+        items: The presses; the next one may depend on earlier calls of `on_press`.
+        origin: What all recordings have in common.
+        rest: s, pause between presses.
+        on_ready: Called once, when the folder exists and before the motors go on.
         on_press: Called with each press and its finished recording.
-        watch: Told what happens meanwhile, as it happens.
+        watch: Called with each event of the session.
         sleep: Wait for seconds.
 
     Raises:
-        SautereauError: Whatever went wrong; the arm has been stopped and switched off.
+        SautereauError: Of any kind; the arm has been stopped and switched off.
     """
     made: list[Path] = []
-    with _faults_told(watch), controller:
+    with _faults_watched(watch), controller:
         watch(Stage("motors off", "idle"))
         number = _free_number(out)
         on_ready()
         with controller.powered():
-            stands: Trajectory | None = None
+            last: Trajectory | None = None
             for item in items:
-                if stands is not None and rest:
+                if last is not None and rest:
                     sleep(rest)
                 watch(Stage("going to the start", "idle"))
-                _go_to(controller, item, stands)
-                stands = item.trajectory
+                _go_to(controller, item, last)
+                last = item.trajectory
                 path = out / FILE.format(number)
                 _press(controller, item, path, number, origin, watch)
                 watch(Made(number, path))
                 made.append(path)
                 number += 1
                 on_press(item, path)
-            if stands is not None:
+            if last is not None:
                 watch(Stage("going home", "idle"))
-                _play(controller, stands.retreat)
+                _play(controller, last.retreat)
                 controller.check_home()
         watch(Stage("motors off", "idle"))
     return made
 
 
 @contextmanager
-def _faults_told(watch: Watch) -> Iterator[None]:
+def _faults_watched(watch: Watch) -> Iterator[None]:
     try:
         yield
     except BaseException as error:
-        told = f"{type(error).__name__}: {error}".removesuffix(": ")
-        watch(Fault("\n".join([told, *getattr(error, "__notes__", [])])))
+        message = f"{type(error).__name__}: {error}".removesuffix(": ")
+        watch(Fault("\n".join([message, *getattr(error, "__notes__", [])])))
         raise
 
 
-def _go_to(controller: MotionController, item: Item, stands: Trajectory | None) -> None:
-    """Bring the finger to where a press begins, from home or from the last press's end."""
-    wanted = item.trajectory
-    if stands is None:
+def _go_to(controller: MotionController, item: Item, last: Trajectory | None) -> None:
+    """Move the finger to the start of a press, from home or from the end of the last press."""
+    trajectory = item.trajectory
+    if last is None:
         controller.home()
-    elif (stands.segments.end == wanted.segments.start).all():
+    elif (last.segments.end == trajectory.segments.start).all():
         return
     else:
-        _play(controller, stands.retreat)
-    per_radian = item.rig.arm.counts_per_revolution / (2 * np.pi)
-    controller.move_to(wanted.hover, item.rig.arm.approach_speed * per_radian)
-    _play(controller, wanted.approach)
+        _play(controller, last.retreat)
+    arm = item.rig.arm
+    controller.move_to(trajectory.hover, arm.approach_speed / arm.radians_per_count)
+    _play(controller, trajectory.approach)
 
 
 def _play(controller: MotionController, motion: Segments) -> None:
-    """Make a motion that nothing records; its trigger's edge goes unheard."""
+    """Make a motion that is not recorded; nothing listens to its trigger."""
     controller.load(motion)
     controller.arm()
     controller.start()
@@ -211,14 +210,14 @@ def _press(
                 recording.write_block(block)
                 watch(Samples(number, rig.daq.channels, acquisition.rate, block))
             watch(Stage("moving", "complete", number))
-            # An event flushes, and what follows may take a while.
+            # An event flushes the file, and the rest may take a while.
             recording.event("trigger", f"edge on {rig.daq.trigger_source}", 0.0)
             controller.wait()
             watch(Stage("standing", "complete", number))
             if item.torques is not None:
                 first, second = np.abs(item.torques.torques).max(axis=0)
-                pushed = f"up to {first:.4g} N m at joint 1 and {second:.4g} N m at joint 2"
-                recording.event("feed-forward", pushed, 0.0)
+                largest = f"up to {first:.4g} N m at joint 1 and {second:.4g} N m at joint 2"
+                recording.event("feed-forward", largest, 0.0)
             joints = trajectory.joints.position
             recording.write_plan(
                 trajectory.time, joints[:, 0], joints[:, 1], trajectory.rise.position
@@ -239,7 +238,7 @@ def _joints(capture: Capture, rig: Rig) -> Joints:
 
 
 def _free_number(out: Path) -> int:
-    """Return the first press number that a folder has free; it is made if it is not there."""
+    """Return the first free press number of a folder, which is created if it is missing."""
     try:
         out.mkdir(parents=True, exist_ok=True)
         names = [path.name for path in out.iterdir()]

@@ -1,4 +1,4 @@
-"""A session's folder: what is planned, what is made, what is left."""
+"""A session's folder: its plan, and the presses that are made."""
 
 import uuid
 from collections.abc import Mapping
@@ -15,34 +15,34 @@ from sautereau.robot.experiment.plan import Plan
 
 
 class SessionFolder:
-    """The folder of one session, begun or to be begun.
+    """The folder of one session, new or started.
 
-    What is done is found from the recordings themselves: one that has its name is whole.
+    The presses that are made are found from the recordings: one with its final name is complete.
     """
 
     def __init__(self, path: Path, plan: Plan, seed: int | None, fresh_seed: int | None):
-        """Look into the folder; nothing is written.
+        """Read the folder; nothing is written.
 
         Args:
-            path: Of the folder, which need not be there.
-            plan: What the session makes.
-            seed: Of the stand-in's random numbers, as asked for; None for that of the session.
-            fresh_seed: That of a session that is begun without one; None on the hardware.
+            path: Of the folder, which need not exist.
+            plan: Of the session.
+            seed: Of the stand-in's random numbers, as requested; None for that of the session.
+            fresh_seed: Of a new session without a requested seed; None on the hardware.
 
         Raises:
-            RobotError: Another session is in it.
+            RobotError: It contains another session.
             daq.errors.RecordingError: A recording in it cannot be read.
         """
         self.path = path
         self.plan = plan
-        begun = read_manifest(path)
+        started = read_manifest(path)
         asked = plan.document()
-        self.resumed = begun is not None
-        """Whether the session was begun before."""
-        if begun is not None:
-            wanted = begun.seed if seed is None else seed
-            check_same(path, {**begun.plan, "seed": begun.seed}, {**asked, "seed": wanted})
-        self._manifest = begun or Manifest(
+        self.resumed = started is not None
+        """Whether the session was started before."""
+        if started is not None:
+            requested = started.seed if seed is None else seed
+            check_same(path, {**started.plan, "seed": started.seed}, {**asked, "seed": requested})
+        self._manifest = started or Manifest(
             session=uuid.uuid4().hex,
             started=datetime.now(UTC).isoformat(timespec="milliseconds"),
             seed=fresh_seed if seed is None else seed,
@@ -52,12 +52,12 @@ class SessionFolder:
         self.done: dict[int, Path] = {}
         """Recordings by the number of the press in the plan."""
         self.others = 0
-        """Recordings in the folder that are none of this session."""
+        """Recordings in the folder that do not belong to this session."""
         self._find()
 
     @property
     def session(self) -> str:
-        """Identity, which every recording of the session carries."""
+        """Identity, which every recording of the session contains."""
         return self._manifest.session
 
     @property
@@ -67,37 +67,37 @@ class SessionFolder:
 
     @property
     def set_up(self) -> Mapping[str, Any]:
-        """What the operator was last told to set on the instrument."""
+        """What the operator was last asked to set on the instrument."""
         return self._manifest.set_up
 
     @property
     def left_behind(self) -> list[Path]:
-        """Recordings that were cut short; they stay."""
+        """Incomplete recordings; they are kept."""
         return sorted(self.path.glob(f"*.mcap{PART}"))
 
-    def begin(self) -> None:
-        """Write the manifest of a session that is not begun yet."""
+    def start(self) -> None:
+        """Write the manifest of a new session."""
         if not self.resumed:
             self.path.mkdir(parents=True, exist_ok=True)
             write_manifest(self.path, self._manifest)
             self.resumed = True
 
-    def tell(self, set_up: Mapping[str, Any]) -> None:
-        """Note what the operator was told to set on the instrument."""
-        self.begin()
+    def note_set_up(self, set_up: Mapping[str, Any]) -> None:
+        """Note what the operator was asked to set on the instrument."""
+        self.start()
         self._manifest = replace(self._manifest, set_up=dict(set_up))
         write_manifest(self.path, self._manifest)
 
     def _find(self) -> None:
-        """Find what is made already, from the head of every recording."""
+        """Find the presses that are made, from the head of every recording."""
         for path in sorted(self.path.glob("*.mcap")) if self.path.is_dir() else []:
-            told = read_session(path)
-            if told.session != self.session or told.item is None:
+            found = read_session(path)
+            if found.session != self.session or found.item is None:
                 self.others += 1
-            elif told.item in self.done:
+            elif found.item in self.done:
                 raise RobotError(
-                    f"session folder {self.path}: {path.name} and {self.done[told.item].name} are"
-                    f" both press {told.item} of the session; move one of them away"
+                    f"session folder {self.path}: {path.name} and {self.done[found.item].name} are"
+                    f" both press {found.item} of the session; move one of them away"
                 )
             else:
-                self.done[told.item] = path
+                self.done[found.item] = path

@@ -50,7 +50,7 @@ def learn(
     from sautereau.robot.drivers.registry import motion_controller
     from sautereau.robot.errors import RobotError
     from sautereau.robot.experiment.feedforward import force_of
-    from sautereau.robot.experiment.learning import Learned, Lesson
+    from sautereau.robot.experiment.learning import IterativeLearning, Learned
     from sautereau.robot.experiment.plan import digest
     from sautereau.robot.experiment.session import Item, Origin, make_presses
 
@@ -61,7 +61,7 @@ def learn(
         raise RobotError(f"learning: {file} is there and is not overwritten; give another --out")
     pushed = digest(feed_forward) if feed_forward else ""
     measured = force_of(feed_forward) if feed_forward else None
-    lesson = Lesson(nominal, expected, n, measured=measured, notes=notes)
+    lesson = IterativeLearning(nominal, expected, n, measured=measured, notes=notes)
     for warning in (*doubts, *lesson.warnings):
         say(not json, f"warning: {warning}")
     with signals_stop(), hardware(nominal, simulation) as bench, bar(n) as step:
@@ -69,14 +69,14 @@ def learn(
 
         def done(item: Item, path: Path) -> None:
             bench.keep_truth(path)
-            lesson.saw(item, path)
+            lesson.update(item, path)
             say(not json, f"{path.name:<18} {lesson.errors[-1]:>8.2%}")
             step()
 
         recordings = make_presses(
             motion_controller(bench.rig),
             out,
-            lesson.on(bench.rig),
+            lesson.presses_on(bench.rig),
             Origin(uuid.uuid4().hex, bench.scene, bench.seed),
             on_press=done,
         )

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from sautereau.rig.schema import Rig
-    from sautereau.robot.experiment.feedforward import TorqueTable
+    from sautereau.robot.controller import TorqueTable
     from sautereau.robot.experiment.plan import Place
     from sautereau.robot.experiment.plan_table import Row
     from sautereau.robot.experiment.session_folder import SessionFolder
@@ -204,7 +204,7 @@ def _press(
             items(),
             Origin(folder.session, bench.scene, bench.seed),
             rest=plan.rest,
-            on_ready=folder.begin,
+            on_ready=folder.start,
             on_press=done,
             watch=watch,
         )
@@ -222,9 +222,9 @@ def _instrument_to_set(folder: "SessionFolder", row: "Row", simulated: bool) -> 
         sys.stderr.write(f"Set the instrument: {text}. Enter goes on, Ctrl-C ends here. ")
         sys.stderr.flush()
         if sys.stdin.readline():
-            folder.tell(row.set_up)
+            folder.note_set_up(row.set_up)
             return {}
-    folder.tell(row.set_up)
+    folder.note_set_up(row.set_up)
     return changes
 
 

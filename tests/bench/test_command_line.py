@@ -355,6 +355,6 @@ def test_learn_answers_the_keys_of_the_contract_and_is_pressed_again(sautereau, 
     assert speeds["held"] == pytest.approx(0.072, rel=0.02)  # 0.065 without
     other = rig_file(jack_speed='"0.08 m/s"')
     done = sautereau("press", other, "--sim", "--learned", "out/learned.json", "--out", "other")
-    refused(done, "press.jack_speed", "0.072", "0.08", "learn anew")
+    refused(done, "press.jack_speed", "0.072", "0.08", "learn again")
     refused(sautereau("press", "--sim", "--learned", "none.json", "--out", "x"), "none.json")
     refused(sautereau("press", "--sim", "--out", "again"), "files.learned", "--out")

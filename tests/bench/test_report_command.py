@@ -27,7 +27,7 @@ def started(write_session, tmp_path):
     scene = load_scene("ideal").model_dump_json()
     path = tmp_path / "it's; an evening"
     folder = SessionFolder(path, Plan(rig, (Row(rig, 3),), warm_up=1, scene=scene), 5, 5)
-    folder.begin()
+    folder.start()
     return folder
 
 

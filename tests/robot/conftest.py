@@ -276,7 +276,7 @@ def bench(rig):
             open_port=transcript.open,
             clock=time.clock,
             sleep=time.sleep,
-            renewing=lambda renew, period: contextlib.nullcontext(),
+            keep_alive=lambda renew, period: contextlib.nullcontext(),
         )
         made.append(transcript)
         return controller, transcript
@@ -295,7 +295,7 @@ def terminal(rig):
         end = Terminal([pair for part in parts for pair in part])
         made.append(end)
         at = with_values(rig, {"controller.port": end.port})
-        return GalilController(at, renewing=lambda *_: contextlib.nullcontext()), end
+        return GalilController(at, keep_alive=lambda *_: contextlib.nullcontext()), end
 
     yield make
     for end in made:

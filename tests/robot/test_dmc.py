@@ -7,8 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sautereau.robot.drivers.galil.dmc import segment_commands, segments_from
-from sautereau.robot.drivers.galil.program import SETTLE, controller_program, plan_capture
+from sautereau.robot.drivers.galil.capture import plan_capture
+from sautereau.robot.drivers.galil.dmc import segment_commands
+from sautereau.robot.drivers.galil.program import SETTLE, controller_program
 from sautereau.robot.errors import UnsafeRequest
 from sautereau.trajectory.counts import to_angles, to_counts
 from sautereau.trajectory.segments import Segments
@@ -20,16 +21,21 @@ row = st.tuples(
 
 
 @given(st.lists(row, min_size=1, max_size=20))
-def test_segments_survive_the_wire(rows):
+def test_each_segment_is_one_command_of_each_axis(rows):
     table = np.array(rows, dtype=np.int64)
     segments = Segments(np.array([5, -5]), table[:, :2], table[:, 2:4], table[:, 4])
-    back = segments_from(segment_commands(segments), segments.start)
-    for name in ("start", "steps", "velocities", "samples"):
-        np.testing.assert_array_equal(getattr(back, name), getattr(segments, name))
+    assert segment_commands(segments) == [
+        command
+        for first, second, first_speed, second_speed, samples in rows
+        for command in (
+            f"PVA={first},{first_speed},{samples}",
+            f"PVB={second},{second_speed},{samples}",
+        )
+    ]
 
 
 @pytest.mark.parametrize("output", [1, 16])
-def test_capture_trigger_and_motion_begin_on_one_line(output):
+def test_capture_trigger_and_motion_start_on_one_line(output):
     program = controller_program(output)
     assert f"RC rate;SB {output};BT AB" in program
     assert max(map(len, program)) < 80
@@ -37,7 +43,7 @@ def test_capture_trigger_and_motion_begin_on_one_line(output):
 
 
 @given(st.integers(1, 20_000), st.integers(30, 1000))
-def test_a_capture_sees_the_whole_motion_and_is_full_before_it_ends(total, room):
+def test_a_capture_covers_the_motion_and_is_full_before_it_ends(total, room):
     plan = plan_capture(total, 16 * room)
     last = plan.interval * (plan.rows - 1)
     assert total + SETTLE - 3 * plan.interval < last <= total + SETTLE - plan.interval

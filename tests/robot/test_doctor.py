@@ -1,4 +1,4 @@
-"""What the doctor finds, where all is well and where it is not."""
+"""The findings of the doctor on a good machine and on faulty ones."""
 
 import os
 import sys
@@ -19,7 +19,7 @@ def found(rig, folder):
     return {finding.name: finding for finding in examine(rig, folder)}
 
 
-def test_whatever_is_missing_has_a_remedy(tmp_path):
+def test_everything_missing_has_a_fix(tmp_path):
     findings = found(with_values(RIG, {"controller.port": "/dev/nowhere"}), tmp_path)
     assert not findings["controller"].ok
     assert "/dev/nowhere is not there" in findings["controller"].detail
@@ -28,7 +28,7 @@ def test_whatever_is_missing_has_a_remedy(tmp_path):
     assert not list(tmp_path.iterdir())
 
 
-def test_every_package_of_the_installation_is_looked_for(tmp_path, monkeypatch):
+def test_every_package_of_the_installation_is_checked(tmp_path, monkeypatch):
     monkeypatch.setattr(
         doctor.metadata,
         "requires",
@@ -46,7 +46,7 @@ def test_every_package_of_the_installation_is_looked_for(tmp_path, monkeypatch):
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="ports of Windows have no permissions")
-def test_a_port_that_is_not_yours_is_told_with_its_group(tmp_path, monkeypatch):
+def test_a_port_without_permission_is_reported_with_its_group(tmp_path, monkeypatch):
     port = tmp_path / "ttyUSB9"
     port.touch()
     # Who runs the tests may be root, who may open everything.
@@ -56,14 +56,14 @@ def test_a_port_that_is_not_yours_is_told_with_its_group(tmp_path, monkeypatch):
     assert f"usermod -aG {port.group()}" in finding.remedy
 
 
-def test_a_folder_that_cannot_be_written_is_told(tmp_path):
+def test_a_folder_that_cannot_be_written_is_reported(tmp_path):
     finding = disk_speed(tmp_path / "none", RIG.daq)
     assert not finding.ok
     assert "nothing can be written" in finding.detail
     assert finding.remedy
 
 
-def test_a_disk_slower_than_the_channels_is_told(tmp_path, monkeypatch):
+def test_a_disk_slower_than_the_channels_is_reported(tmp_path, monkeypatch):
     assert disk_speed(tmp_path, RIG.daq).ok
     monkeypatch.setattr(machine, "DISK_MARGIN", 1e9)
     finding = disk_speed(tmp_path, RIG.daq)
@@ -71,7 +71,7 @@ def test_a_disk_slower_than_the_channels_is_told(tmp_path, monkeypatch):
     assert "bring 0.819 MB/s" in finding.detail
 
 
-def test_a_full_disk_is_told(tmp_path, monkeypatch):
+def test_a_full_disk_is_reported(tmp_path, monkeypatch):
     assert disk_room(tmp_path).detail.endswith(str(tmp_path.resolve()))
     monkeypatch.setattr(machine, "LEAST_SPACE", 1e18)
     assert not disk_room(tmp_path).ok
@@ -91,7 +91,7 @@ def test_a_clock_before_the_program_is_wrong():
         ("exit 1", True, "not known"),
     ],
 )
-def test_what_systemd_says_of_the_clock_is_told(tmp_path, monkeypatch, script, ok, words):
+def test_the_state_of_the_clock_is_reported(tmp_path, monkeypatch, script, ok, words):
     asked = tmp_path / "timedatectl"
     asked.write_text(f"#!/bin/sh\n{script}\n")
     asked.chmod(0o755)

@@ -1,4 +1,4 @@
-"""Torques against a measured force: virtual work, limits, and the curve itself."""
+"""Torques from a measured force: virtual work, limits, and the force curve."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -79,7 +79,7 @@ def test_the_torques_do_the_work_of_the_force(press, phases):
     assert (-force * speed).max() > 0.03  # downwards: the finger pushes
 
 
-def test_the_torques_begin_and_end_with_nothing_and_are_held_between(press, phases):
+def test_the_torques_are_zero_at_both_ends_and_constant_after_release(press, phases):
     table = torque_table(RIG, PLAN, measured_force(press, phases))
     assert np.abs(table.torques[[0, -1]]).max() < 1e-6
     hold = (PLAN.time > PLAN.law.bottom) & (PLAN.time < PLAN.law.return_start)
@@ -89,9 +89,9 @@ def test_the_torques_begin_and_end_with_nothing_and_are_held_between(press, phas
     assert (np.diff(np.abs(table.torques[PLAN.time > PLAN.law.return_start, 0])) <= 1e-12).all()
 
 
-def test_more_than_a_joint_gives_is_refused():
+def test_torques_above_the_limit_are_refused():
     weak = with_values(RIG, {"arm.torque_limit": "0.5 N m"})
-    with pytest.raises(RobotError, match=r"joint 1 would take .* of at most 0\.5 N m"):
+    with pytest.raises(RobotError, match=r"joint 1 would need .* above arm.torque_limit, 0\.5 N m"):
         torque_table(weak, PLAN, expected(20.0))
 
 

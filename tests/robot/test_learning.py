@@ -1,4 +1,4 @@
-"""Learning on real recordings: it improves, stops in time, and keeps to what it learned for."""
+"""Iterative learning control on recordings of the stand-in, and the file of a correction."""
 
 import json
 
@@ -10,7 +10,7 @@ from sautereau.rig.load import load_rig, with_values
 from sautereau.robot.drivers.galil.driver import GalilController
 from sautereau.robot.errors import RobotError
 from sautereau.robot.experiment.feedforward import force_of
-from sautereau.robot.experiment.learning import HALVINGS, Learned, Lesson, read_learned
+from sautereau.robot.experiment.learning import HALVINGS, IterativeLearning, Learned, read_learned
 from sautereau.robot.experiment.session import Item, make_presses
 from sautereau.sim_backend.bench import StandIn
 from sautereau.sim_backend.scene import load_scene
@@ -25,48 +25,54 @@ LAW = press_law(RIG.press)
 
 
 def bump(height):
-    """m, a correction that rises in the cruise and goes back before the return."""
+    """A correction (m) that rises during the cruise and is back at 0 before the return."""
     time = np.linspace(LAW.start, LAW.return_start, 30)
     rise = height * np.sin(np.pi * (time - LAW.start) / (LAW.return_start - LAW.start)) ** 2
     rise[[0, -1]] = 0
     return Correction(time, rise)
 
 
-def lesson_on(scene, out, presses, seed=0, measured=None, **changes):
-    """Learn on the stand-in; return the lesson and the recordings."""
-    lesson = Lesson(RIG, None, presses, measured=measured)
+def learn_on(scene, out, presses, seed=0, measured=None, **changes):
+    """Learn on the stand-in; return the learning and the recordings."""
+    learning = IterativeLearning(RIG, None, presses, measured=measured)
     scene = load_scene(scene).model_copy(update=changes)
     with StandIn(RIG, scene, seed) as stand_in:
-        items = lesson.on(stand_in.rig)
-        paths = make_presses(GalilController(stand_in.rig), out, items, on_press=lesson.saw)
-    return lesson, paths
+        items = learning.presses_on(stand_in.rig)
+        paths = make_presses(GalilController(stand_in.rig), out, items, on_press=learning.update)
+    return learning, paths
 
 
-def test_the_jacks_speed_is_learned_in_a_few_presses(tmp_path):
-    lesson, paths = lesson_on("paper", tmp_path, 5)
-    assert len(paths) == len(lesson.errors) == 5
-    assert lesson.errors[0] > 0.05
-    assert lesson.errors[-1] < 0.01
-    assert lesson.best is not None
+@pytest.fixture(scope="module")
+def learned(tmp_path_factory):
+    """Four presses on the paper's bench, each corrected by those before it."""
+    return learn_on("paper", tmp_path_factory.mktemp("learned"), 4)
+
+
+def test_the_jack_speed_is_learned_in_a_few_presses(learned, tmp_path):
+    learning, paths = learned
+    assert len(paths) == len(learning.errors) == 4
+    assert learning.errors[0] > 0.05
+    assert learning.errors[-1] < 0.01
+    assert learning.best is not None
     with StandIn(RIG, load_scene("paper"), 9) as stand_in:
-        plan = plan_press(stand_in.rig, None, lesson.best)
-        again = Lesson(RIG, None, 1)
+        plan = plan_press(stand_in.rig, None, learning.best)
+        again = IterativeLearning(RIG, None, 1)
         make_presses(
             GalilController(stand_in.rig),
-            tmp_path / "again",
+            tmp_path,
             [Item(stand_in.rig, plan)],
-            on_press=again.saw,
+            on_press=again.update,
         )
     assert again.errors[0] < 0.01
 
 
-def test_feed_forward_leaves_little_to_learn(tmp_path):
-    alone, (path,) = lesson_on("paper", tmp_path, 1)
-    pushed, paths = lesson_on("paper", tmp_path, 3, seed=1, measured=force_of(path))
+def test_feed_forward_leaves_little_to_learn(learned, tmp_path):
+    alone, (path, *_) = learned
+    pushed, paths = learn_on("paper", tmp_path, 3, seed=1, measured=force_of(path))
     assert pushed.errors[0] < 0.5 * alone.errors[0]
     assert pushed.errors[-1] < 0.01
-    (told,) = (e for e in read_recording(paths[0]).events if e.kind == "feed-forward")
-    assert "N m at joint 1" in told.text
+    (event,) = (e for e in read_recording(paths[0]).events if e.kind == "feed-forward")
+    assert "N m at joint 1" in event.text
 
 
 @pytest.mark.slow
@@ -80,59 +86,59 @@ def test_feed_forward_leaves_little_to_learn(tmp_path):
         {"truth": {"plectrum.thickness": "0.6 mm"}},
     ],
 )
-def test_what_the_rig_does_not_know_is_learned_as_well(tmp_path, changes):
-    lesson, _ = lesson_on("paper", tmp_path, 6, **changes)
-    assert min(lesson.errors) < 0.01
-    assert lesson.errors[-1] <= 1.5 * min(lesson.errors)
+def test_a_deviation_from_the_rig_is_learned(tmp_path, changes):
+    learning, _ = learn_on("paper", tmp_path, 6, **changes)
+    assert min(learning.errors) < 0.01
+    assert learning.errors[-1] <= 1.5 * min(learning.errors)
 
 
 @pytest.mark.slow
 @pytest.mark.timeout(3600)
 @pytest.mark.parametrize("seed", range(20))
-def test_twenty_seeds_come_below_a_per_cent_and_never_diverge(tmp_path, seed):
-    lesson, _ = lesson_on("paper", tmp_path, 6, seed=seed)
-    assert min(lesson.errors) <= 0.01
-    assert max(lesson.errors[1:]) < lesson.errors[0]
+def test_no_seed_diverges(tmp_path, seed):
+    learning, _ = learn_on("paper", tmp_path, 6, seed=seed)
+    assert min(learning.errors) <= 0.01
+    assert max(learning.errors[1:]) < learning.errors[0]
 
 
 def test_an_ideal_finger_has_nothing_to_learn(tmp_path):
-    lesson, paths = lesson_on("ideal", tmp_path, 6)
+    learning, paths = learn_on("ideal", tmp_path, 6)
     assert len(paths) < 6
-    assert lesson.stopped
-    assert max(lesson.errors) < 0.005
+    assert learning.stopped
+    assert max(learning.errors) < 0.005
 
 
 def test_a_correction_too_large_is_halved_until_it_can_be_pressed():
-    lesson = Lesson(RIG, None, 5)
+    learning = IterativeLearning(RIG, None, 5)
     largest = bump(8e-3)  # beyond the dip, 1 mm is not
     with pytest.raises(TrajectoryError, match="depth of the key"):
         plan_press(RIG, None, largest)
-    lesson.plan(largest)
-    items = lesson.on(RIG)
+    learning.plan(largest)
+    items = learning.presses_on(RIG)
     rise = next(items).trajectory.law.law.states[:, 0].max()
     assert RIG.press.jack_rise < rise < RIG.press.jack_rise + 0.6e-3
-    assert not lesson.stopped
+    assert not learning.stopped
 
 
-def test_what_was_pressed_before_is_kept_where_more_cannot_be_pressed():
-    lesson = Lesson(RIG, None, 5)
-    lesson.plan(bump(0.4e-3))
-    lesson.plan(bump(8e-3))
-    rise = next(lesson.on(RIG)).trajectory.law.law.states[:, 0].max()
+def test_the_last_correction_stays_where_a_larger_one_cannot_be_pressed():
+    learning = IterativeLearning(RIG, None, 5)
+    learning.plan(bump(0.4e-3))
+    learning.plan(bump(8e-3))
+    rise = next(learning.presses_on(RIG)).trajectory.law.law.states[:, 0].max()
     assert rise > plan_press(RIG, None, bump(0.4e-3)).law.law.states[:, 0].max()
 
 
-def test_a_correction_that_no_halving_mends_ends_learning():
-    lesson = Lesson(RIG, None, 5)
-    lesson.plan(bump(0.2))
-    assert f"not even halved {HALVINGS} times" in lesson.stopped
-    assert "press cannot be made" in lesson.stopped
-    assert list(lesson.on(RIG)) == []
+def test_a_correction_that_cannot_be_pressed_after_halving_ends_learning():
+    learning = IterativeLearning(RIG, None, 5)
+    learning.plan(bump(0.2))
+    assert f"not even halved {HALVINGS} times" in learning.stopped
+    assert "press cannot be made" in learning.stopped
+    assert list(learning.presses_on(RIG)) == []
 
 
 def test_no_presses_are_refused():
     with pytest.raises(RobotError, match="0 presses"):
-        Lesson(RIG, None, 0)
+        IterativeLearning(RIG, None, 0)
 
 
 def test_what_was_learned_is_written_and_read_back(tmp_path):
@@ -163,7 +169,7 @@ def test_it_is_refused_for_another_press_arm_or_controller(tmp_path):
     )
     with pytest.raises(RobotError) as caught:
         read_learned(path, other)
-    for key in ("press.jack_speed", "arm.lower_mass", "controller.sample_period", "learn anew"):
+    for key in ("press.jack_speed", "arm.lower_mass", "controller.sample_period", "learn again"):
         assert key in str(caught.value)
 
 

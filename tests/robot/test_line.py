@@ -1,4 +1,4 @@
-"""The request/answer line: what comes back, and what does not."""
+"""The request/answer line: valid and invalid answers, silence, and downloads."""
 
 import pickle
 
@@ -19,7 +19,7 @@ def line(bench, lines):
     def make(*pairs):
         controller, transcript = bench(lines.connect, pairs)
         controller.connect()
-        return controller._connection.line, transcript
+        return controller.driver.line, transcript
 
     return make
 
@@ -31,7 +31,7 @@ def test_a_refused_command_is_named_with_its_code(line):
     assert str(pickle.loads(pickle.dumps(caught.value))) == str(caught.value)
 
 
-def test_an_unknown_code_says_where_to_look(line):
+def test_an_unknown_code_names_the_reference(line):
     refused, _ = line(("XX", "?"), ("TC1", "150 Odd\r\n:"))
     with pytest.raises(CommandRefused, match="look up code 150 under TC"):
         refused.ask("XX")
@@ -44,7 +44,7 @@ def test_a_refusal_without_a_code(line, answer):
         refused.ask("XX")
 
 
-def test_silence_names_command_timeout_and_remedy(line):
+def test_silence_names_command_timeout_and_fix(line):
     silent, _ = line(("MG _TPA", " 12.00"))
     with pytest.raises(
         SilentController, match=r"'MG _TPA' within 0\.2 s after '.* 12\.00'; check its power"
@@ -62,7 +62,7 @@ def test_bytes_that_are_no_text(line, answer):
 @pytest.mark.parametrize("answer", ["1.0 2.0\r\n:", "one\r\n:", "\r\n:", ":", "1.0.0\r\n:"])
 def test_answers_that_are_not_the_numbers_asked_for(line, answer):
     garbled, _ = line(("MG _TPA", answer))
-    with pytest.raises(GarbledAnswer, match="1 numbers were due"):
+    with pytest.raises(GarbledAnswer, match="1 numbers were expected"):
         garbled.read("_TPA")
 
 
@@ -73,28 +73,28 @@ def test_more_than_was_asked(line):
 
 
 @pytest.mark.parametrize("heard", ["SH CB", "SHAB", "", "SH AB\x7fB"])
-def test_something_else_heard_than_sent(line, heard):
+def test_another_echo_than_what_was_sent(line, heard):
     garbled, _ = line(("SH AB", f"{heard}\r:".encode()))
-    with pytest.raises(GarbledAnswer, match=r"was sent 'SH AB' and heard|no text"):
+    with pytest.raises(GarbledAnswer, match=r"was sent 'SH AB' and echoed|no text"):
         garbled.ask("SH AB")
 
 
 def test_a_changed_command_that_is_refused_is_no_refusal(line):
     garbled, _ = line(("SH AB", b"XH AB\r?"))
-    with pytest.raises(GarbledAnswer, match="heard 'XH AB'"):
+    with pytest.raises(GarbledAnswer, match="echoed 'XH AB'"):
         garbled.ask("SH AB")
 
 
-def test_something_said_unasked_is_not_taken_for_an_answer(line):
+def test_unrequested_text_is_not_taken_for_an_answer(line):
     unasked, port = line()
     port.incoming = b"?7 BT AB\r\n"
-    with pytest.raises(GarbledAnswer, match=r"said b'\?7 BT AB.*before it was asked 'SH AB'"):
+    with pytest.raises(GarbledAnswer, match=r"sent b'\?7 BT AB.*before it was asked 'SH AB'"):
         unasked.ask("SH AB")
 
 
 def test_an_answer_without_end(line):
     endless, _ = line(("MG _TPA", "1" * 600_000))
-    with pytest.raises(GarbledAnswer, match="without end"):
+    with pytest.raises(GarbledAnswer, match="with more than 262144"):
         endless.read("_TPA")
 
 

@@ -1,4 +1,4 @@
-"""What is seen of a session is handed over without waiting, and no view does a press any harm."""
+"""Live views get the events of a session without delaying it, and cannot disturb a press."""
 
 import threading
 from pathlib import Path
@@ -39,14 +39,14 @@ class Failing:
 
 
 class Stuck:
-    """Shows nothing until it is let go, as a terminal does that Ctrl-S has stopped."""
+    """Shows nothing until it is released, like a terminal stopped by Ctrl-S."""
 
     def __init__(self):
-        self.reached, self.let_go = threading.Event(), threading.Event()
+        self.reached, self.released = threading.Event(), threading.Event()
 
     def show(self, seen, dropped):
         self.reached.set()
-        self.let_go.wait()
+        self.released.wait()
 
 
 def stages(n):
@@ -63,19 +63,19 @@ def test_all_is_shown_in_order():
 
 
 def test_what_does_not_fit_is_dropped_and_counted():
-    """A view that has stopped lets the queue fill up; nobody waits for it."""
+    """A view that has stopped lets the queue fill up; the session does not wait for it."""
     stuck, keeping = Stuck(), Keeping()
     with Feed([stuck, keeping], depth=10, period=1e-3) as feed:
         assert stuck.reached.wait(20)
         for stage in stages(500):
             feed(stage)
         assert feed.dropped == 490
-        stuck.let_go.set()
+        stuck.released.set()
     assert keeping.seen == stages(500)[:10]
     assert keeping.dropped == 490
 
 
-def test_a_view_that_fails_is_told_of_and_the_others_go_on():
+def test_a_view_that_fails_is_reported_and_the_others_continue():
     view = Keeping()
     with Feed([Failing(), view], period=1e-3) as feed:
         feed(Fault("a"))
@@ -89,7 +89,7 @@ def test_a_view_that_never_ends_does_not_hold_the_session(monkeypatch):
     with Feed([stuck], period=1e-3) as feed:
         assert stuck.reached.wait(20)
     assert feed.faults == ["a view has not shown the end of the session in 0.05 s"]
-    stuck.let_go.set()
+    stuck.released.set()
 
 
 def press(out, watch, n=2):
@@ -99,10 +99,16 @@ def press(out, watch, n=2):
         return make_presses(GalilController(stand_in.rig), out, [item] * n, watch=watch)
 
 
-def test_a_session_tells_what_it_does(tmp_path):
+@pytest.fixture(scope="module")
+def plain(tmp_path_factory):
+    """Two presses, and what was seen of them."""
     seen = []
-    paths = press(tmp_path, seen.append)
-    told = [(s.arm, s.daq, s.press) for s in seen if isinstance(s, Stage)]
+    return press(tmp_path_factory.mktemp("plain"), seen.append), seen
+
+
+def test_a_session_reports_its_stages(plain):
+    paths, seen = plain
+    stages = [(s.arm, s.daq, s.press) for s in seen if isinstance(s, Stage)]
     one = [
         ("loading", "idle"),
         ("armed", "armed"),
@@ -110,7 +116,7 @@ def test_a_session_tells_what_it_does(tmp_path):
         ("moving", "complete"),
         ("standing", "complete"),
     ]
-    assert told == [
+    assert stages == [
         ("motors off", "idle", None),
         ("going to the start", "idle", None),
         *((*stage, 1) for stage in one),
@@ -127,15 +133,14 @@ def test_a_session_tells_what_it_does(tmp_path):
         np.testing.assert_array_equal(volts, [recorded["velocity"], recorded["force"]])
 
 
-def test_views_that_fail_or_hang_change_no_sample(tmp_path, monkeypatch):
+def test_views_that_fail_or_hang_change_no_sample(plain, tmp_path, monkeypatch):
     monkeypatch.setattr(live, "PATIENCE", 0.05)
-    plain = press(tmp_path / "plain", lambda seen: None)
     stuck = Stuck()
     with Feed([Failing(), stuck], depth=4, period=1e-3) as feed:
         watched = press(tmp_path / "watched", feed)
-    stuck.let_go.set()
+    stuck.released.set()
     assert feed.dropped > 0
-    for one, other in zip(plain, watched, strict=True):
+    for one, other in zip(plain[0], watched, strict=True):
         for name, volts in read_recording(one).volts.items():
             assert volts.tobytes() == read_recording(other).volts[name].tobytes()
 
@@ -150,7 +155,7 @@ def test_what_ends_a_session_is_seen(tmp_path):
     assert Path(tmp_path / "file").read_text() == ""
 
 
-def test_an_interrupted_session_says_what_became_of_the_motors(tmp_path):
+def test_an_interrupted_session_reports_the_motors(tmp_path):
     seen = []
 
     def interrupt(one):

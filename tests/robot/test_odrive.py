@@ -1,14 +1,14 @@
-"""The driver of an ODrive: what it says, what it refuses, and how it leaves the arm."""
+"""The driver of an ODrive: what it sends, what it refuses, and how it leaves the arm."""
 
 import itertools
 import threading
+import time
 
 import numpy as np
 import pytest
 
 from sautereau.rig.load import load_rig, with_values
-from sautereau.robot.controller import MotionController
-from sautereau.robot.drivers.galil.driver import GalilController
+from sautereau.robot.controller import MotionController, TorqueTable
 from sautereau.robot.drivers.odrive.driver import OdriveController
 from sautereau.robot.drivers.odrive.line import checksum, framed
 from sautereau.robot.drivers.odrive.setpoints import INTERVAL
@@ -19,9 +19,9 @@ from sautereau.robot.errors import (
     NotReady,
     RobotError,
     SettingNotTaken,
+    SilentController,
     UnsafeRequest,
 )
-from sautereau.robot.experiment.feedforward import TorqueTable
 from sautereau.sim_backend.devices.odrive.firmware import OdriveFirmware
 from sautereau.trajectory.segments import Segments
 
@@ -83,11 +83,11 @@ class Emulated:
         if self.fault:
             raise self.fault
         for line in data.decode().splitlines():
-            text, star, told = line.rpartition("*")
+            text, star, sent = line.rpartition("*")
             if not star:
                 assert not line
                 continue
-            assert told == str(checksum(text)), line
+            assert sent == str(checksum(text)), line
             if text.startswith("u "):
                 assert self.firmware.receive(f"{line}\n".encode()) == b""
                 continue
@@ -116,8 +116,8 @@ class Emulated:
         self.closed = True
 
 
-class NoRenewal:
-    """Signs of life that nobody gives."""
+class NoKeepAlive:
+    """A keep-alive that gives no signs of life."""
 
     def __init__(self, renew, period):
         self.renew = renew
@@ -148,7 +148,7 @@ def port(rig):
 
 @pytest.fixture
 def controller(rig, port):
-    return OdriveController(rig, open_port=port.open, renewing=NoRenewal)
+    return OdriveController(rig, open_port=port.open, keep_alive=NoKeepAlive)
 
 
 @pytest.fixture
@@ -176,9 +176,11 @@ def press(controller, segments):
         return controller.capture()
 
 
-def test_the_factory_takes_the_driver_that_the_rig_names(rig):
-    assert isinstance(motion_controller(rig), OdriveController)
-    assert isinstance(motion_controller(load_rig()), GalilController)
+def test_the_registry_makes_the_controller_that_the_rig_names(rig):
+    for named, first_question in ((rig, "'i'"), (load_rig(), "'EO 0'")):
+        at_nobody = {"controller.port": "loop://", "controller.timeout": "10 ms"}
+        with pytest.raises(SilentController, match=f"did not answer {first_question}"):
+            motion_controller(with_values(named, at_nobody)).connect()
 
 
 def test_a_press_through_the_seam(controller: MotionController, port, segments, rig):
@@ -250,13 +252,13 @@ ABORT = ["w axis0.requested_state 1", "w axis1.requested_state 1", "w gpio1.stat
          "r axis0.current_state", "r axis1.current_state", "r gpio1.state"]  # fmt: skip
 
 
-def test_connecting_says_exactly_this(controller, port):
+def test_transcript_of_connecting(controller, port):
     assert "SIM" in controller.connect()
     assert controller.simulated
     assert port.said == CONNECT
 
 
-def test_switching_on_and_aborting_say_exactly_this(controller, port):
+def test_transcript_of_switching_on_and_aborting(controller, port):
     with controller:
         port.said.clear()
         with controller.powered():
@@ -269,7 +271,7 @@ def test_switching_on_and_aborting_say_exactly_this(controller, port):
         assert port.said == []
 
 
-def test_a_motion_says_exactly_this(controller, port, segments):
+def test_transcript_of_a_motion(controller, port, segments):
     with controller, controller.powered():
         ready(controller, segments)
         move = port.said.index("t 0 0.0005000")
@@ -325,7 +327,7 @@ def test_a_motion_says_exactly_this(controller, port, segments):
         ("r axis1.motor.config.torque_lim", "inf", "torque_lim is inf and should be 2"),
         ("r axis0.config.enable_watchdog", "0", "enable_watchdog is 0 and should be 1"),
         ("r axis0.controller.config.vel_limit", "invalid property", "refused .*invalid property"),
-        ("r axis0.controller.config.vel_limit", "nan", "1 numbers were due"),
+        ("r axis0.controller.config.vel_limit", "nan", "1 numbers were expected"),
     ],
 )  # fmt: skip
 def test_a_controller_that_is_not_set_up_is_refused(controller, port, sent, answer, said):
@@ -335,7 +337,7 @@ def test_a_controller_that_is_not_set_up_is_refused(controller, port, sent, answ
     assert port.closed
 
 
-def test_settings_that_are_not_taken_are_told_all_at_once(controller, port):
+def test_all_settings_that_are_not_taken_are_listed_at_once(controller, port):
     port.replace |= {
         "r axis0.motor.config.torque_lim": "inf",
         "r axis1.controller.config.vel_limit": "2.0",
@@ -351,7 +353,7 @@ def test_another_firmware_is_refused(controller, port):
         controller.connect()
 
 
-def test_a_watchdog_that_was_switched_off_meanwhile_gets_no_power(controller, port):
+def test_with_the_watchdog_disabled_the_motors_stay_off(controller, port):
     with controller:
         port.firmware.axes[1].settings["config.enable_watchdog"] = 0.0
         with (
@@ -381,7 +383,7 @@ def test_each_state_names_the_way_out(controller, segments):
             with pytest.raises(NotReady, match="wait"):
                 controller.capture()
             with pytest.raises(NotReady, match="no motion was streamed"):
-                _ = controller.punctuality
+                _ = controller.driver.punctuality
 
 
 def test_a_move_out_of_the_limits_is_not_sent(controller, port):
@@ -403,7 +405,7 @@ def test_torques_are_refused(controller, segments):
 
 def test_a_line_that_is_too_slow_is_refused(rig, port, segments):
     slow = with_values(rig, {"controller.baud_rate": 115200})
-    controller = OdriveController(slow, open_port=port.open, renewing=NoRenewal)
+    controller = OdriveController(slow, open_port=port.open, keep_alive=NoKeepAlive)
     with controller, controller.powered():
         controller.home()
         with pytest.raises(UnsafeRequest, match=r"baud_rate is 115200: set both ends to 921600"):
@@ -453,7 +455,9 @@ def test_any_exception_leaves_the_motors_off(controller, port, kind):
         ("controller.error", "1073741825", "OVERSPEED, 0x40000000"),
     ],
 )
-def test_an_error_of_an_axis_is_told_by_its_name(controller, port, segments, register, value, name):
+def test_an_error_of_an_axis_is_reported_by_its_name(
+    controller, port, segments, register, value, name
+):
     with pytest.raises(MotionFault, match=name) as caught, controller, controller.powered():  # noqa: PT012
         ready(controller, segments)
         controller.start()
@@ -479,19 +483,21 @@ def test_a_joint_that_does_not_follow_is_switched_off_at_once(controller, port, 
     far = Segments(
         segments.start, segments.steps * 20, segments.velocities * 6, segments.samples * 4
     )
-    with pytest.raises(MotionFault, match="off its plan, more than") as caught:  # noqa: PT012, SIM117
+    with pytest.raises(MotionFault, match="counts from its plan, more than") as caught:  # noqa: PT012, SIM117
         with controller, controller.powered():
             ready(controller, far)
             port.follows = False
             controller.start()
-            controller._stream._thread.join()
+            end = time.monotonic() + 20
+            while port.firmware.motors_on != (False, False) and time.monotonic() < end:
+                time.sleep(0.001)
             assert port.firmware.motors_on == (False, False)
             controller.wait()
     assert OFF in str(caught.value)
 
 
 class Late:
-    """A host's clock that now and then jumps."""
+    """A host's clock with occasional jumps."""
 
     def __init__(self, jumps):
         self.now, self.sleeps, self.jumps = 0.0, 0, jumps
@@ -507,22 +513,21 @@ class Late:
 @pytest.mark.parametrize(
     ("late", "gap", "skipped"), [({5: 0.002}, 0.00590625, 0), ({5: 0.007}, 0.01090625, 1)]
 )
-def test_a_late_host_catches_up_and_tells(controller, port, segments, late, gap, skipped):
+def test_a_late_host_catches_up_and_reports_it(controller, port, segments, late, gap, skipped):
     with controller, controller.powered():
         ready(controller, segments)
-        axes = controller._connection
-        wait, host = axes.sleep, Late(late)
-        axes.clock = host.clock
+        polling, host = controller.driver.polling, Late(late)
+        wait, polling.clock = polling.sleep, host.clock
 
         def sleep(seconds):
             before = host.now
             host.sleep(seconds)
             wait(host.now - before)
 
-        axes.sleep = sleep
+        polling.sleep = sleep
         controller.start()
         controller.wait()
-        found = controller.punctuality
+        found = controller.driver.punctuality
         assert found.largest_gap == pytest.approx(gap, abs=1e-9)
         assert found.skipped == skipped
         assert found.jitter > 0
@@ -533,29 +538,29 @@ def test_a_press_with_a_large_gap_is_refused(controller, port, segments):
     with pytest.raises(MotionFault, match=r"gap of 23\.9 ms .* 11\.7 ms are allowed") as caught:  # noqa: PT012, SIM117
         with controller, controller.powered():
             ready(controller, segments)
-            axes, host = controller._connection, Late({5: 0.020})
-            axes.clock = host.clock
-            wait = axes.sleep
-            axes.sleep = lambda seconds: (host.sleep(seconds), wait(seconds))
+            polling, host = controller.driver.polling, Late({5: 0.020})
+            wait, polling.clock = polling.sleep, host.clock
+            polling.sleep = lambda seconds: (host.sleep(seconds), wait(seconds))
             controller.start()
             controller.wait()
     assert OFF in str(caught.value)
 
 
-def test_stop_in_mid_motion_decelerates_and_says_where(controller, port, segments):
+def test_stop_in_mid_motion_decelerates_and_returns_the_positions(controller, port, segments):
     gate = threading.Event()
     with controller, controller.powered():
         ready(controller, segments)
-        axes, wait, calls = controller._connection, controller._connection.sleep, []
+        polling, calls = controller.driver.polling, []
+        wait = polling.sleep
 
         def sleep(seconds):
             calls.append(seconds)
             if len(calls) == 10:
                 gate.set()
-                controller._stream._cancelled.wait(5)
+                controller.driver.stream.cancelled.wait(5)
             wait(seconds)
 
-        axes.sleep = sleep
+        polling.sleep = sleep
         controller.start()
         assert gate.wait(5)
         where = controller.stop()
@@ -589,7 +594,7 @@ def test_home_finds_the_switches_from_either_side(rig):
     for above in (19_099, -19_099, 0):
         port = Emulated(rig)
         port.counts = [above, -above]
-        controller = OdriveController(rig, open_port=port.open, renewing=NoRenewal)
+        controller = OdriveController(rig, open_port=port.open, keep_alive=NoKeepAlive)
         with controller, controller.powered():
             np.testing.assert_array_equal(controller.home(), [0, -500_000])
             np.testing.assert_allclose(port.counts, 0, atol=20)
@@ -598,7 +603,7 @@ def test_home_finds_the_switches_from_either_side(rig):
 def test_a_switch_that_never_opens(controller, port):
     port.home = (0, 10_000_000)
     with (
-        pytest.raises(MotionFault, match=r"home switch of joint 2 is still closed 0\.5 rad on"),
+        pytest.raises(MotionFault, match=r"home switch of joint 2 is still closed after 0\.5 rad"),
         controller,
         controller.powered(),
     ):
@@ -615,7 +620,7 @@ def test_a_homing_that_stops_early(controller, port):
         controller.home()
 
 
-def test_home_switches_are_where_they_were_or_not(controller, port):
+def test_a_moved_home_switch_is_found(controller, port):
     with controller, controller.powered():
         controller.home()
         controller.check_home()

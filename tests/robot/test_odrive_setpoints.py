@@ -54,7 +54,7 @@ def test_a_motion_that_runs_out_comes_to_rest_where_it_says(rig):
     setpoints = Setpoints.of(plan_press(rig).segments, rig.controller.sample_period)
     width, row = bandwidth(rig.controller.sample_period), len(setpoints) // 3
     for joint in (0, 1):
-        told = Setpoint(setpoints.positions[row, joint], setpoints.velocities[row, joint])
-        rest, settled = filtered(Setpoint(setpoints.planned[row, joint], 0.0), told, width, 2.0)
+        sent = Setpoint(setpoints.positions[row, joint], setpoints.velocities[row, joint])
+        rest, settled = filtered(Setpoint(setpoints.planned[row, joint], 0.0), sent, width, 2.0)
         assert settled
         assert rest.position == pytest.approx(setpoints.run_out[row, joint], abs=0.6)

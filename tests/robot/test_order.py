@@ -127,7 +127,7 @@ def test_a_motion_that_must_not_be_played_lists_every_fault(bench, lines, segmen
     )
     with homed(controller), pytest.raises(UnsafeRequest) as caught:
         controller.load(bad)
-    for said in ("a segment of 0 samples", "ends at 7, 7 counts/s", "joint 1 reaches 444490"):
+    for said in ("a segment has 0 samples", "ends at 7, 7 counts/s", "joint 1 reaches 444490"):
         assert said in str(caught.value)
 
 
@@ -174,13 +174,13 @@ def test_firmware_without_pvt(bench, lines):
 
 def test_something_that_is_no_galil_controller(bench, lines):
     controller, _ = bench(lines.connect[:1], [("\x12\x16", "Grbl 1.1h\r\n:")])
-    with pytest.raises(RobotError, match=r"this one says 'Grbl 1\.1h'"):
+    with pytest.raises(RobotError, match=r"this one answers 'Grbl 1\.1h'"):
         controller.connect()
 
 
 def test_a_controller_without_echo(bench, lines):
     controller, transcript = bench(lines.connect[:4], [("MG _EO", b" 1.0000\r\n:")])
-    with pytest.raises(SettingNotTaken, match="does not repeat what it hears"):
+    with pytest.raises(SettingNotTaken, match="does not echo what it receives"):
         controller.connect()
     assert transcript.closed
 
@@ -207,7 +207,7 @@ def test_settings_that_the_controller_does_not_take_keep_the_power_off(bench, li
         controller.connect()
 
 
-def test_limits_that_are_not_taken_back_after_homing(bench, lines):
+def test_limits_that_are_not_restored_after_homing(bench, lines):
     other = (lines.home[-1][0], " 444444.0000 -55556.0000 -444444.0000 0.0000\r\n:")
     controller, _ = bench(lines.connect, lines.on, lines.home[:-1], [other], lines.abort)
     with pytest.raises(SettingNotTaken, match="_BLB is 0 and should be -833333"):  # noqa: SIM117
@@ -224,7 +224,7 @@ def test_a_rig_that_the_controller_would_not_enforce(rig, lines, transcript_of):
     transcript.check()
 
 
-def test_the_rest_of_a_broken_line_is_forgiven(bench, lines):
+def test_the_rest_of_a_broken_off_line_is_ignored(bench, lines):
     spoilt = [("EO 0", "EO 0\r\n?"), ("TC1", "TC1\r\n1 Unrecognized command\r\n:")]
     controller, _ = bench(spoilt, lines.connect)
     controller.connect()

@@ -1,4 +1,4 @@
-"""Ports that are not there, not ours or not free; and real pyserial where nobody answers."""
+"""Ports that are missing, forbidden or in use, and real pyserial without an answer."""
 
 import pytest
 import serial
@@ -10,7 +10,7 @@ from sautereau.robot.errors import GarbledAnswer, LineLost, PortUnavailable, Sil
 
 
 @pytest.mark.parametrize("name", ["/dev/no_such_port", "odd://thing", "socket://127.0.0.1:1"])
-def test_a_missing_port_is_named_with_the_ports_there_are(rig, name):
+def test_a_missing_port_is_named_with_the_ports_of_this_machine(rig, name):
     controller = GalilController(with_values(rig, {"controller.port": name}))
     with pytest.raises(PortUnavailable) as caught:
         controller.connect()
@@ -19,19 +19,19 @@ def test_a_missing_port_is_named_with_the_ports_there_are(rig, name):
 
 
 @pytest.mark.parametrize(
-    ("number", "text", "remedy"),
+    ("number", "text", "fix"),
     [
         (13, "Permission denied", "dialout"),
         (16, "Device or resource busy", "another program"),
         (11, "Could not exclusively lock port", "another program"),
     ],
 )
-def test_a_port_that_is_not_ours(monkeypatch, number, text, remedy):
+def test_a_port_that_may_not_be_opened(monkeypatch, number, text, fix):
     def refuse(*_, **__):
         raise serial.SerialException(number, text)
 
     monkeypatch.setattr(serial, "serial_for_url", refuse)
-    with pytest.raises(PortUnavailable, match=remedy):
+    with pytest.raises(PortUnavailable, match=fix):
         open_port("/dev/ttyUSB0", 115200, 0.1)
 
 

@@ -1,4 +1,4 @@
-"""A whole press, byte for byte: as a transcript and over a real pseudo-terminal."""
+"""A complete press, byte for byte: as a transcript and over a real pseudo-terminal."""
 
 import numpy as np
 import pytest
@@ -19,7 +19,7 @@ def press(controller: MotionController, segments):
 
 
 @pytest.mark.parametrize("through", ["bench", "terminal"])
-def test_a_press_says_exactly_this_and_takes_exactly_that(request, through, lines, segments, rig):
+def test_transcript_of_a_press(request, through, lines, segments, rig):
     controller, _ = request.getfixturevalue(through)(lines.press)
     sent, capture = press(controller, segments)
     for name in ("start", "steps", "velocities", "samples"):
@@ -70,7 +70,7 @@ def test_positions_and_identity(bench, lines):
     controller.disconnect()
 
 
-def test_stop_keeps_the_motors_on_and_says_where(bench, lines):
+def test_stop_keeps_the_motors_on_and_returns_the_positions(bench, lines):
     where = ("MG _TPA,_TPB", " 1.0000 2.0000\r\n:")
     controller, _ = bench(lines.connect, lines.on, lines.stop, [where], lines.off)
     with controller, controller.powered():

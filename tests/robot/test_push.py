@@ -1,4 +1,4 @@
-"""Torques that the controller plays by itself, following errors, torques and home checked again."""
+"""Feed-forward torques played by the controller, following errors, and the check of home."""
 
 import contextlib
 from dataclasses import replace
@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from sautereau.rig.load import load_rig, with_values
+from sautereau.robot.controller import TorqueTable
 from sautereau.robot.drivers.galil.driver import GalilController
 from sautereau.robot.drivers.galil.push import LEAST_INTERVAL, MOST_ROWS, plan_push
 from sautereau.robot.drivers.states import State
 from sautereau.robot.errors import MotionFault, SettingNotTaken, UnsafeRequest
-from sautereau.robot.experiment.feedforward import TorqueTable
 from sautereau.sim_backend.bench import StandIn
 from sautereau.sim_backend.faults.tables import Faults
 from sautereau.sim_backend.scene import load_scene
@@ -22,14 +22,14 @@ PUSHED = 0.4  # N m
 
 
 def still(start, samples=400):
-    """A motion of joint 1 there and back that takes long enough for a torque."""
+    """A motion of joint 1 there and back, long enough for a torque."""
     steps = np.array([[200, 0], [-200, 0]])
     each = np.array([samples // 2] * 2)
     return Segments(np.asarray(start), steps, np.zeros((2, 2), int), each)
 
 
 def pulse(motion, rig, torque=PUSHED, joint=0):
-    """A torque on a joint in the middle half of a motion, nothing at either end."""
+    """A torque on a joint in the middle half of a motion, 0 at both ends."""
     end = motion.total_samples * rig.controller.sample_period
     torques = np.zeros((6, 2))
     torques[2:4, joint] = torque
@@ -38,7 +38,7 @@ def pulse(motion, rig, torque=PUSHED, joint=0):
 
 @pytest.fixture
 def bench():
-    """The paper's servo arm without key, connected and homed."""
+    """The paper's servo arm without plectrum and string, connected."""
     with contextlib.ExitStack() as stack:
 
         def make(**faults):
@@ -66,7 +66,7 @@ def test_a_torque_is_played_from_the_start_of_motion_to_its_end(bench):
         motion = still(controller.home())
         bare = play(controller, motion)
         pushed = play(controller, motion, pulse(motion, stand_in.rig))
-        offsets = controller._connection.line.read("_OFA", "_OFB")
+        offsets = controller.driver.line.read("_OFA", "_OFB")
     assert offsets == [0, 0]
     assert bare.torques.shape == pushed.torques.shape == (len(bare), 2)
     # The moment the torque comes the loop has not answered: all of it shows. So when it goes.
@@ -81,7 +81,7 @@ def test_a_torque_is_played_from_the_start_of_motion_to_its_end(bench):
     assert pushed.following_errors[:, 0].min() < bare.following_errors[:, 0].min() - 100
 
 
-def test_what_was_sent_is_what_is_told(bench):
+def test_the_torques_that_were_sent_are_returned(bench):
     stand_in, controller = bench()
     with controller.powered():
         motion = still(controller.home())
@@ -91,8 +91,8 @@ def test_what_was_sent_is_what_is_told(bench):
         controller.load(motion)
         assert controller.loaded_torque is None
     assert len(sent.time) == motion.total_samples / LEAST_INTERVAL
-    wanted = np.interp(sent.time, table.time, table.torques[:, 1])
-    np.testing.assert_allclose(sent.torques[:, 1], wanted, atol=1e-4)
+    planned = np.interp(sent.time, table.time, table.torques[:, 1])
+    np.testing.assert_allclose(sent.torques[:, 1], planned, atol=1e-4)
     assert not sent.torques[:, 0].any()
 
 
@@ -102,23 +102,23 @@ def test_no_torque_is_left_on_any_way_out(bench, way):
     stand_in, controller = bench(**faults)
     raised = MotionFault if way == "poserr" else ZeroDivisionError
     with pytest.raises(raised), controller.powered():  # noqa: PT012
-        motion = still(controller.home(), samples=4000)
+        motion = still(controller.home(), samples=1200)
         controller.load(motion, pulse(motion, stand_in.rig))
         controller.arm()
         if way == "poserr":
             stand_in.bench._strikes.begin_press()
-            controller._connection.line.ask("ER 5,5")
+            controller.driver.line.ask("ER 5,5")
         controller.start()
         if way == "stop":
             controller.stop()
             assert controller.state is State.STOPPED
-            assert controller._connection.line.read("_OFA", "_XQ2", "@OUT[1]") == [0, -1, 0]
+            assert controller.driver.line.read("_OFA", "_XQ2", "@OUT[1]") == [0, -1, 0]
         elif way == "abort":
             controller.abort()
         elif way == "poserr":
             controller.wait()
         raise ZeroDivisionError
-    line = controller._connection.line
+    line = controller.driver.line
     assert line.read("_MOA", "_MOB", "_OFA", "_OFB", "@OUT[1]", "_XQ2") == [1, 1, 0, 0, 0, -1]
 
 
@@ -127,14 +127,14 @@ def rig():
     return load_rig()
 
 
-def test_every_fault_of_a_table_is_told(rig):
+def test_every_fault_of_a_table_is_listed(rig):
     motion = still([0, 0])
     good = pulse(motion, rig)
     assert plan_push(rig, good, motion).volts.max() == pytest.approx(0.2 * 9.998, rel=1e-3)
     late = replace(good, time=good.time[::-1] + 1.0, torques=good.torques * 6)
     with pytest.raises(UnsafeRequest) as caught:
         plan_push(rig, late, motion)
-    for said in ("do not increase", "it lasts 1 s and the motion", "joint 1 gets 2.4 N m of at"):
+    for said in ("do not increase", "it lasts 1 s, longer than the", "joint 1 gets 2.4 N m, above"):
         assert said in str(caught.value)
     for bad in (
         replace(good, torques=good.torques * np.nan),
@@ -156,20 +156,19 @@ def test_rows_cover_the_motion_and_are_few(rig, samples):
     assert np.abs(push.volts).max() <= 9.998
 
 
-def test_a_torque_that_the_controller_holds_otherwise(bench):
+def test_a_torque_that_the_controller_reads_back_differently(bench):
     stand_in, controller = bench()
     with controller.powered():
         motion = still(controller.home())
-        line, numbers = controller._connection.line, controller._connection.line.numbers
+        line, numbers = controller.driver.line, controller.driver.line.numbers
         line.numbers = lambda *asked: [value + 0.01 for value in numbers(*asked)]
         line.read = lambda *names: numbers(f"MG {','.join(names)}", len(names))
-        with pytest.raises(SettingNotTaken, match=r"0\.01 V off"):
+        with pytest.raises(SettingNotTaken, match=r"differs by 0\.01 V"):
             controller.load(motion, pulse(motion, stand_in.rig))
         assert controller.state is State.HOMED
 
 
-@pytest.mark.parametrize("counts", [300, 3000, -300])
-@pytest.mark.parametrize("joint", [1, 2])
+@pytest.mark.parametrize(("joint", "counts"), [(1, 300), (2, -300), (2, 3000)])
 def test_an_encoder_that_has_slipped_is_found_at_the_home_switch(bench, joint, counts):
     stand_in, controller = bench(slip={"press": 1, "joint": joint, "counts": counts})
     with pytest.raises(MotionFault, match=f"home switch of joint {joint} is not") as caught:  # noqa: PT012, SIM117
@@ -189,6 +188,6 @@ def test_a_torque_limit_in_the_controller_limits_the_motors(bench):
     stand_in, controller = bench()
     with controller.powered():
         motion = still(controller.home())
-        controller._connection.line.ask("TL 2.5,2.5")
+        controller.driver.line.ask("TL 2.5,2.5")
         capture = play(controller, motion, pulse(motion, stand_in.rig))
     assert capture.torques.max() == pytest.approx(2.5 / 9.998 * 2.0)

@@ -1,4 +1,4 @@
-"""Whatever goes wrong, the motors end up off, and the error says whether that is known."""
+"""After every fault the motors are off, and the error reports whether that is confirmed."""
 
 import pytest
 
@@ -63,7 +63,7 @@ def test_motors_that_stay_off_are_an_error(bench, lines):
             pass
 
 
-def test_a_refused_abort_is_said_again_in_case_half_a_line_spoilt_it(bench, lines):
+def test_a_refused_abort_is_sent_again_after_a_broken_off_line(bench, lines):
     on = (lines.abort[-1][0], " 4711.0000 0.0000 0.0000 1.0000 0.0000 0.0000 0.0000\r\n:")
     spoilt = [("AB", b"xxAB\r?"), *lines.abort[1:-1], on]
     controller, _ = bench(lines.connect, spoilt, lines.abort)
@@ -72,7 +72,7 @@ def test_a_refused_abort_is_said_again_in_case_half_a_line_spoilt_it(bench, line
 
 
 @pytest.mark.parametrize("noise", [b"", b"\x00\xff", b"4711.0000 1.0000\r\n:?::"])
-def test_an_abort_does_not_mind_what_is_said_before_its_own_question(bench, lines, noise):
+def test_an_abort_ignores_answers_before_its_own_question(bench, lines, noise):
     script = [(sent, noise) for sent, _ in lines.abort[:-1]]
     again = [lines.abort[-1]] if b"\xff" in noise else []
     controller, _ = bench(lines.connect, script, [lines.abort[-1]], again)
@@ -102,13 +102,13 @@ def test_a_press_that_breaks_off_names_the_joint_and_the_reason(
 
 @pytest.mark.parametrize("watch", ["-1.0000 0.0000", "43.0000 0.0000", "-1.0000 9.0000"])
 def test_a_press_that_the_watchdog_ended(bench, lines, segments, watch):
-    """Its thread has ended, or is about to, or something else has ended it."""
+    """Its thread has ended, or is about to end, or was ended by something else."""
     script = [*lines.press[: -len(lines.wait + lines.capture + lines.off)]]
-    struck = [
+    expired = [
         (lines.wait[0][0], " 0.0000 0.0000 7.0000 7.0000 -1.0000 -1.0000\r\n:"),
         (lines.wait[3][0], f" 7.0000 7.0000 {watch}\r\n:"),
     ]
-    controller, _ = bench(script, struck, lines.abort)
+    controller, _ = bench(script, expired, lines.abort)
     with pytest.raises(MotionFault, match="watchdog has switched the motors off") as caught:
         run_to_wait(controller, segments)
     assert OFF in str(caught.value)
@@ -192,8 +192,8 @@ def test_a_silent_controller_in_mid_motion(terminal, lines, segments):
     assert "emergency stop" in str(caught.value)
 
 
-def test_a_controller_that_only_hears(terminal, lines, segments):
-    """Silent to the poll, then it answers again: the abort is confirmed."""
+def test_a_controller_that_answers_again_confirms_the_abort(terminal, lines, segments):
+    """It is silent to the poll, then answers again."""
     script = [*lines.press[: -len(lines.wait + lines.capture + lines.off)]]
     controller, _ = terminal(script, [(lines.wait[0][0], "")], lines.abort)
     with pytest.raises(SilentController) as caught:
@@ -222,7 +222,7 @@ def test_a_refused_move_is_aborted(bench, lines):
         ("TC1", "22 Begin not possible due to limit switch\r\n:"),
     ]
     controller, _ = bench(lines.connect, lines.on, lines.home, refused, lines.abort)
-    with pytest.raises(CommandRefused, match=r"refused 'BG AB': 22 .*limit stands in") as caught:
+    with pytest.raises(CommandRefused, match=r"refused 'BG AB': 22 .*limit is active") as caught:
         home_and_move(controller)
     assert caught.value.code == 22
     assert OFF in str(caught.value)

@@ -1,4 +1,4 @@
-"""Plans, tables and manifests: what a session is before anything moves."""
+"""Plans, tables and manifests of sessions."""
 
 import json
 from datetime import UTC, datetime
@@ -35,7 +35,7 @@ def table(tmp_path):
 
 
 def record(path, session, item, number=1):
-    """Write a whole recording of a press."""
+    """Write a complete recording of a press."""
     import numpy as np
 
     info = SessionInfo(
@@ -46,7 +46,7 @@ def record(path, session, item, number=1):
     return path
 
 
-def test_a_table_changes_what_its_cells_say(table):
+def test_a_table_changes_the_values_of_its_cells(table):
     first, second = table(
         "\ufeffpress.jack_speed, jack.mass, press.speed_tolerance, press.hold, repeats, notes\n"
         '0.1 m/s, , 0.004, normal, 3, "a, b"\n'
@@ -77,14 +77,14 @@ def test_a_table_changes_what_its_cells_say(table):
         ('press.jack_speed\n"0.1 m/s\n', ["cannot be read"]),
     ],
 )
-def test_every_fault_of_a_table_is_told(table, text, words):
+def test_every_fault_of_a_table_is_listed(table, text, words):
     with pytest.raises(RobotError) as caught:
         table(text)
     for word in words:
         assert word in str(caught.value)
 
 
-def test_a_table_that_is_not_there(tmp_path):
+def test_a_missing_table(tmp_path):
     with pytest.raises(RobotError, match=r"none\.csv: cannot be read"):
         read_plan_table(tmp_path / "none.csv", RIG, 1)
 
@@ -105,19 +105,19 @@ def test_warm_up_comes_before_every_set_up():
     assert to_set(RIG, mass, plan.rows[3]) == {"jack.mass": "0.006 kg"}
 
 
-def test_a_plan_of_nothing_is_refused_with_all_its_faults():
-    with pytest.raises(RobotError, match=r"no press[\s\S]*-1 presses[\s\S]*nan s"):
+def test_an_empty_plan_is_refused_with_all_its_faults():
+    with pytest.raises(RobotError, match=r"no press[\s\S]*-1 warm-up presses[\s\S]*nan s"):
         Plan(RIG, (), warm_up=-1, rest=float("nan"))
 
 
-def test_where_devices_are_plugged_in_is_no_part_of_a_plan():
+def test_addresses_of_devices_are_no_part_of_a_plan():
     moved = with_values(RIG, {"controller.port": "/dev/other", "daq.address": "host:1"})
     plan, other = Plan(RIG, (Row(RIG),)), Plan(moved, (Row(moved),))
     assert plan.document() == other.document()
     assert json.loads(json.dumps(plan.document())) == plan.document()
 
 
-def test_a_manifest_is_read_back_and_replaced_whole(tmp_path):
+def test_a_manifest_is_read_back_and_replaced(tmp_path):
     assert read_manifest(tmp_path) is None
     manifest = Manifest("id", "2026-01-01T00:00:00Z", 3, Plan(RIG, (Row(RIG),)).document(), {})
     write_manifest(tmp_path, manifest)
@@ -138,19 +138,19 @@ def test_a_damaged_manifest_is_refused(tmp_path, text):
 
 def test_differences_are_named_and_counted(tmp_path):
     check_same(tmp_path, {"a": [1, {"b": None}]}, {"a": [1, {"b": None}]})
-    begun, asked = {str(i): i for i in range(20)}, {str(i): -i for i in range(20)}
+    started, asked = {str(i): i for i in range(20)}, {str(i): -i for i in range(20)}
     with pytest.raises(RobotError, match=r"1: 1 then, -1 now[\s\S]*and 11 more[\s\S]*--out"):
-        check_same(tmp_path, begun, asked)
+        check_same(tmp_path, started, asked)
     with pytest.raises(RobotError, match=r"a\.2: 3 then, nothing now"):
         check_same(tmp_path, {"a": [1, 3]}, {"a": [1]})
 
 
-def test_a_folder_tells_what_is_done_from_the_recordings(tmp_path):
+def test_a_folder_finds_its_presses_from_the_recordings(tmp_path):
     plan = Plan(RIG, (Row(RIG, 4),))
     folder = SessionFolder(tmp_path / "new" / "out", plan, None, 7)
     assert not folder.path.exists()
     assert (folder.done, folder.resumed, folder.seed) == ({}, False, 7)
-    folder.begin()
+    folder.start()
     made = [record(folder.path / f"press-000{i}.mcap", folder.session, i, i) for i in (1, 3)]
     record(folder.path / "press-0004.mcap", "another", 2)
     (folder.path / "press-0005.mcap.part").write_bytes(b"cut short")
@@ -159,23 +159,23 @@ def test_a_folder_tells_what_is_done_from_the_recordings(tmp_path):
     assert again.done == dict(zip((1, 3), made, strict=True))
     assert again.others == 1
     assert [path.name for path in again.left_behind] == ["press-0005.mcap.part"]
-    again.tell({"jack.mass": "7 g"})
+    again.note_set_up({"jack.mass": "7 g"})
     assert SessionFolder(folder.path, plan, 7, None).set_up == {"jack.mass": "7 g"}
 
 
-def test_a_press_that_is_there_twice_is_refused(tmp_path):
+def test_a_press_that_exists_twice_is_refused(tmp_path):
     plan = Plan(RIG, (Row(RIG, 2),))
     folder = SessionFolder(tmp_path, plan, None, None)
-    folder.begin()
+    folder.start()
     for number in (1, 2):
         record(tmp_path / f"press-000{number}.mcap", folder.session, 1)
     with pytest.raises(RobotError, match=r"press-0002\.mcap and press-0001\.mcap are both press 1"):
         SessionFolder(tmp_path, plan, None, None)
 
 
-def test_the_head_alone_tells_the_session(tmp_path):
+def test_the_session_is_read_from_the_head_alone(tmp_path):
     path = record(tmp_path / "press-0001.mcap", "id", 5)
-    told = read_session(path)
-    assert (told.session, told.item, told.warm_up) == ("id", 5, False)
+    found = read_session(path)
+    assert (found.session, found.item, found.warm_up) == ("id", 5, False)
     path.write_bytes(path.read_bytes()[:20_000])
-    assert read_session(path) == told
+    assert read_session(path) == found

@@ -23,7 +23,7 @@ SHORT = Creep(above=0.3e-3, below=0.6e-3)
 
 
 class Person:
-    """Somebody who agrees, or not, and measures what he is told to say."""
+    """An operator who agrees or not, and measures given values."""
 
     def __init__(self, agrees=True, measures=None):
         self.agrees, self.measures = agrees, measures
@@ -40,7 +40,7 @@ class Person:
 
 @pytest.fixture(scope="module")
 def stand_in():
-    """A stand-in whose key lies 0.3 mm lower than the rig has it, seen from the base."""
+    """A stand-in whose key is 0.3 mm lower than in the rig, relative to the base."""
     rig = with_values(load_rig(), {"controller.timeout": "60 s"})
     scene = load_scene("ideal")
     truth = {"arm.base_z": f"{rig.arm.base_z + 0.3e-3!r} m"}
@@ -57,7 +57,7 @@ def rig(stand_in):
 
 
 @pytest.mark.parametrize("name", [name for name in STEPS if name not in ("port", "controller")])
-def test_nothing_moves_before_somebody_has_agreed(stand_in, rig, name):
+def test_nothing_moves_before_the_operator_has_agreed(stand_in, rig, name):
     before = stand_in.bench._plant.encoder_counts()
     person = Person(agrees=False)
     with pytest.raises(Declined, match=f"setup {name}: not agreed to"):
@@ -67,7 +67,7 @@ def test_nothing_moves_before_somebody_has_agreed(stand_in, rig, name):
     assert stand_in.bench._plant.encoder_counts() == before
 
 
-def test_a_step_that_is_none_names_those_there_are(rig):
+def test_an_unknown_step_names_the_known_ones(rig):
     with pytest.raises(RobotError, match="no step 'hom'; the steps are port, controller, home"):
         list(make_steps(rig, Person(), "hom"))
 
@@ -83,7 +83,7 @@ def test_the_port_of_the_rig_is_looked_at_first_and_unasked(rig):
     assert "DMC4020" in found.lines[0]
 
 
-def test_another_port_is_found_and_told(rig):
+def test_another_port_is_found(rig):
     wrong = with_values(rig, {"controller.port": "/dev/ttyNONE", "controller.baud_rate": 9600})
     person = Person()
     found = find_port(wrong, person, [rig.controller.port])
@@ -91,7 +91,7 @@ def test_another_port_is_found_and_told(rig):
     assert rig.controller.port in person.asked[0]
 
 
-def test_what_every_port_has_said_is_told(rig):
+def test_the_answer_of_every_port_is_reported(rig):
     master, slave = os.openpty()
     wrong = with_values(rig, {"controller.port": "/dev/ttyNONE", "controller.timeout": "10 ms"})
     try:
@@ -100,7 +100,7 @@ def test_what_every_port_has_said_is_told(rig):
     finally:
         os.close(master)
         os.close(slave)
-    assert "/dev/ttyNONE (controller.port) is not there" in str(caught.value)
+    assert "/dev/ttyNONE (controller.port) does not exist" in str(caught.value)
     assert "did not answer" in str(caught.value)
 
 
@@ -124,7 +124,7 @@ def test_home_is_found_twice(rig):
     assert "found twice" in find_home(rig, Person()).lines[0]
 
 
-def test_joints_that_turn_as_they_say(rig):
+def test_joints_with_correct_encoders(rig):
     found = check_encoders(rig, Person(measures=lambda expected: expected * 1.02))
     assert found.values == {}
     assert found.figures["joint_1_scale"] == pytest.approx(1.02)
@@ -137,21 +137,16 @@ def test_an_encoder_of_half_the_counts_is_seen(rig):
 
 
 @pytest.mark.parametrize(
-    ("shares", "said"),
-    [
-        ((-1, 1), "joint 1 turns the wrong way; .*CE"),
-        ((1, 0), "joint 2 has not turned"),
-        ((1, 2), "both"),
-        ((-1, -1), "joint 1 .*joint 2 turns the wrong way"),
-    ],
+    ("fractions", "said"),
+    [((-1, 0), "joint 1 turns the wrong way; .*CE.*joint 2 has not turned"), ((1, 2), "both")],
 )
-def test_joints_that_do_not(rig, shares, said):
-    left = list(shares)
+def test_joints_with_wrong_encoders(rig, fractions, said):
+    left = list(fractions)
     with pytest.raises(MotionFault, match=said):
         check_encoders(rig, Person(measures=lambda expected: expected * left.pop(0)))
 
 
-def test_an_encoder_that_nobody_looks_at_is_not_checked(rig):
+def test_an_encoder_that_is_not_measured_is_not_checked(rig):
     found = check_encoders(rig, Person())
     assert found.warnings == ("direction and scale of the encoders are not checked",)
     assert found.values == {}
@@ -175,16 +170,16 @@ def test_the_finger_is_not_pushed_beyond_the_limit(rig):
 
 
 def test_a_key_that_is_not_there(rig):
-    with pytest.raises(MotionFault, match=r"no touch down to 0\.1 mm under"):
+    with pytest.raises(MotionFault, match=r"no contact down to 0\.1 mm below"):
         find_contact(rig, Person(), Creep(above=0.5e-3, below=0.1e-3))
 
 
-def test_without_a_force_channel_the_motors_tell(rig):
-    """Of a finger that follows exactly no torque is known; it goes on to its end."""
+def test_without_a_force_channel_the_motors_torques_are_used(rig):
+    """An ideal finger has no motor torques, so the approach continues to its end."""
     mute = rig.model_copy(
         update={"daq": rig.daq.model_copy(update={"channels": rig.daq.channels[:1]})}
     )
-    with pytest.raises(MotionFault, match="no touch"):
+    with pytest.raises(MotionFault, match="no contact"):
         find_contact(mute, Person(), SHORT)
 
 
@@ -199,7 +194,7 @@ def test_a_servo_feels_the_key_by_its_torques():
     assert "torques" in found.lines[0]
 
 
-def test_every_fault_of_a_creep_is_told():
+def test_every_fault_of_an_approach_is_listed():
     with pytest.raises(RobotError) as caught:
         Creep(above=0, step=-1e-3, speed=math.nan, sense=1.0, limit=0.5)
     for name in ("above", "step", "speed", "limit"):
@@ -214,10 +209,10 @@ def test_the_base_is_found_from_touches(rig):
 
 
 @pytest.mark.slow
-def test_where_nobody_measures_the_base_stays_along_the_key(rig):
+def test_without_measured_distances_base_x_is_unchanged(rig):
     found = locate_by_touch(rig, Person(), SHORT)
     assert set(found.values) == {"arm.base_z"}
-    assert "nobody measured" in found.warnings[-1]
+    assert "were not measured" in found.warnings[-1]
 
 
 # In the air.
@@ -245,5 +240,5 @@ def test_something_in_the_way_is_noticed(rig):
     low = with_values(
         rig, {"arm.base_z": f"{rig.arm.base_z + 0.02!r} m", "press.run_up_acceleration": "6 m/s^2"}
     )
-    with pytest.raises(MotionFault, match=r"felt .* in the air"):
+    with pytest.raises(MotionFault, match=r"the force reached .* in the air"):
         play_in_air(low, Person())

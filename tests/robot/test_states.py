@@ -1,4 +1,4 @@
-"""The arm's states: what may be asked in each, and the way out."""
+"""The arm's states: the calls that each allows, and the way out."""
 
 import pytest
 from hypothesis import settings
@@ -33,7 +33,7 @@ def test_a_refused_call_names_the_state_and_the_way_out(state, call):
     assert f"{call}: the arm is {state}; " in str(caught.value)
     way = WAYS_OUT[state]
     if call == "powered" and state is not State.FAULTED:
-        way = "leave the first block first"
+        way = "leave the first powered() block first"
     assert way in str(caught.value)
 
 
@@ -66,7 +66,7 @@ NEXT = {
 
 
 class WayOut(RuleBasedStateMachine):
-    """From every state the ways out lead to a press, whatever was called before."""
+    """From every state the ways out lead to a press, after any earlier calls."""
 
     def __init__(self):
         super().__init__()

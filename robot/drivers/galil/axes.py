@@ -1,4 +1,4 @@
-"""The two motors behind a Galil controller: on and off, moving and standing."""
+"""The two motors behind a Galil controller: on and off, stopping and standstill."""
 
 from collections.abc import Callable, Collection
 
@@ -8,8 +8,8 @@ from sautereau.robot.drivers.galil.dmc import stop_reason
 from sautereau.robot.drivers.galil.handshake import verify
 from sautereau.robot.drivers.galil.line import Line
 from sautereau.robot.drivers.galil.program import LEFT, PRESS, TICK, TORQUES, WATCH
-from sautereau.robot.drivers.joint_axes import STOPPING, JointAxes
 from sautereau.robot.drivers.keep_alive import TICKS
+from sautereau.robot.drivers.polling import STOPPING, Polling
 from sautereau.robot.errors import (
     CommandRefused,
     GarbledAnswer,
@@ -18,52 +18,43 @@ from sautereau.robot.errors import (
 )
 from sautereau.trajectory.segments import Counts
 
-_QUIET = (f"HX {PRESS}", f"HX {TORQUES}", "OF 0,0", "RC 0")
 _STATE = ("_MOA", "_MOB", "_BGA", "_BGB", "_OFA", "_OFB")
 _SAFE = [1, 1, 0, 0, 0, 0]
 
 
-class Axes(JointAxes[Line]):
-    """Axes A and B.
+class Axes:
+    """Axes A and B, which turn joints 1 and 2.
 
     Args:
         line: To the controller.
+        polling: Waits for it.
         trigger_output: Digital output that an aborted program leaves high.
-        halting: Sets how hard a stop decelerates; Galil takes it of moving axes too [confirm].
-        clock: Seconds, of any origin.
-        sleep: Wait for seconds.
+        halting: DC of a stop; a Galil accepts it while its axes move [confirm].
     """
 
-    _SUPPLY = "amplifiers"
-
-    def __init__(
-        self,
-        line: Line,
-        trigger_output: int,
-        halting: str,
-        clock: Callable[[], float],
-        sleep: Callable[[float], None],
-    ):
-        super().__init__(line, clock, sleep)
-        self.trigger_output = trigger_output
+    def __init__(self, line: Line, polling: Polling, trigger_output: int, halting: str):
+        self.line, self.polling = line, polling
         self._halting = halting
+        # Ends everything that the program does except its watchdog.
+        self._quiet = (f"HX {PRESS}", f"HX {TORQUES}", "OF 0,0", "RC 0", f"CB {trigger_output}")
 
     def positions(self) -> Counts:
         """Read the encoders: counts, shape (2,)."""
         return np.rint(self.line.read("_TPA", "_TPB")).astype(np.int64)
 
-    def await_standing(self, what: str, patience: float) -> None:
-        """Wait until both axes stand, ``patience`` seconds at most; ``what`` names the motion."""
-        self.await_(lambda: not any(self.line.read("_BGA", "_BGB")), what, patience)
+    def await_standstill(self, what: str, limit: float) -> None:
+        """Wait until both axes are at rest, ``limit`` seconds at most; ``what`` is the motion."""
+        self.polling.until(lambda: not any(self.line.read("_BGA", "_BGB")), what, limit)
 
     def check_stop(self, what: str, normal: Collection[int]) -> None:
-        """Refuse a motion that stopped for another reason than ``normal`` stop codes say."""
+        """Refuse a motion that stopped for another reason than the stop codes ``normal``."""
         *codes, watch, left = self.line.read("_SCA", "_SCB", f"_XQ{WATCH}", LEFT)
-        if watch < 0 or left <= 0:  # it has struck, or is about to end after its strike
+        if watch < 0 or left <= 0:  # it has tripped, or is about to end after tripping
             raise MotionFault(
-                f"{what} broke off: the controller's watchdog has switched the motors off, for"
-                " the host was too long without a sign of life (controller.watchdog_period);"
-                " take load off this machine, then home() again"
+                f"{what} broke off: the controller's watchdog has switched the motors off,"
+                " because the host gave no sign of life for too long"
+                " (controller.watchdog_period); reduce the load on this machine, then home()"
+                " again"
             )
         if faults := [
             f"joint {joint} {stop_reason(code)}"
@@ -75,16 +66,16 @@ class Axes(JointAxes[Line]):
             )
 
     def switch_on(self, watchdog_period: float) -> None:
-        """Let the watchdog run and see it count; then switch the motors on, and verify.
+        """Start the watchdog and see it count; then switch the motors on, and verify.
 
         Args:
-            watchdog_period: s without `renew` until the watchdog strikes.
+            watchdog_period: s without `renew` until the watchdog trips.
         """
         tick = round(watchdog_period * 1e3 / TICKS)
         self.line.ask(f"{TICK}={tick}", f"{LEFT}={TICKS}")
         verify(self.line, {TICK: tick, LEFT: TICKS})
         self.line.ask(f"XQ #WATCH,{WATCH}")
-        self.await_(lambda: self._watched() < TICKS, "the watchdog's first count", STOPPING)
+        self.polling.until(lambda: self._watched() < TICKS, "the watchdog's first count", STOPPING)
         self.renew()
         self.line.ask("SH AB")
         if any(self.line.read("_MOA", "_MOB")):
@@ -102,16 +93,16 @@ class Axes(JointAxes[Line]):
             )
         return left
 
-    def renew(self, patient: Callable[[], bool] | None = None) -> None:
-        """Give the watchdog a sign of life; ``patient`` as for `Line.ask`."""
-        self.line.ask(f"{LEFT}={TICKS}", patient=patient)
+    def renew(self, keep_waiting: Callable[[], bool] | None = None) -> None:
+        """Give the watchdog a sign of life; ``keep_waiting`` as for `Line.ask`."""
+        self.line.ask(f"{LEFT}={TICKS}", keep_waiting=keep_waiting)
 
     def stop(self) -> None:
-        """Decelerate to a stand, motors on, without a torque from the program."""
+        """Decelerate to a standstill, motors on, without a torque from the program."""
         self.line.resynchronise()
-        self._insist(self._halting, "ST AB")
-        self._insist(*self._quiet)
-        self.await_standing("the stop", STOPPING)
+        self._ask_with_retry(self._halting, "ST AB")
+        self._ask_with_retry(*self._quiet)
+        self.await_standstill("the stop", STOPPING)
 
     def abort(self) -> None:
         """Stop at once, switch motors and trigger off, and verify by reading back.
@@ -122,26 +113,25 @@ class Axes(JointAxes[Line]):
         state: list[float] = []
         for _ in range(2):  # what was sent before may have spoilt the first
             try:
-                state = self.line.insist(("AB", "MO AB", ";".join(self._quiet)), *_STATE)
+                state = self.line.send_unchecked(self._abort_commands, *_STATE)
             except GarbledAnswer:
-                state = self.line.insist((), *_STATE)
+                state = self.line.send_unchecked((), *_STATE)
             if state == _SAFE:
                 return
         raise MotionFault(
-            f"the controller reads {','.join(_STATE)} = {state}, not motors off and standing"
+            f"the controller reads {','.join(_STATE)} = {state}, not motors off and at rest"
         )
 
-    def shout(self) -> None:
-        """Say once more what `abort` says to a controller that does not answer."""
-        self.line.shout("AB", "MO AB", ";".join(self._quiet))
+    def send_abort(self) -> None:
+        """Send what `abort` sends, unacknowledged."""
+        self.line.send_unacknowledged(*self._abort_commands)
 
     @property
-    def _quiet(self) -> tuple[str, ...]:
-        """What ends the program's doings but its watchdog's."""
-        return (*_QUIET, f"CB {self.trigger_output}")
+    def _abort_commands(self) -> tuple[str, ...]:
+        return ("AB", "MO AB", ";".join(self._quiet))
 
-    def _insist(self, *commands: str) -> None:
-        """Send commands, again where a broken-off line before them spoilt the first."""
+    def _ask_with_retry(self, *commands: str) -> None:
+        """Send commands, twice where a broken-off line before them spoilt the first."""
         try:
             self.line.ask(*commands)
         except (CommandRefused, GarbledAnswer):

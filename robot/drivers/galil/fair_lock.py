@@ -1,4 +1,4 @@
-"""Turns of threads at one line: who waits patiently gives way, and tells what it met."""
+"""A lock for the line, shared by the commands of the host and by its keep-alive."""
 
 import threading
 from collections.abc import Iterator
@@ -7,23 +7,23 @@ from contextlib import contextmanager
 from sautereau.robot.errors import SilentController
 
 
-class Turns:
-    """One thread at a time; urgent ones make a patient one end its waiting."""
+class FairLock:
+    """One thread at a time; a command that waits ends the keep-alive's wait for an answer."""
 
     def __init__(self) -> None:
         self.lock = threading.RLock()
-        """Held by the thread whose turn it is."""
-        self._wanted = threading.Event()
+        """Held by the thread that uses the line."""
+        self._command_waits = threading.Event()
         self._silent: SilentController | None = None
 
     @property
-    def wanted(self) -> bool:
-        """Whether an urgent thread waits."""
-        return self._wanted.is_set()
+    def command_waits(self) -> bool:
+        """Whether a command waits for the lock."""
+        return self._command_waits.is_set()
 
     @contextmanager
-    def patient(self) -> Iterator[None]:
-        """Have the line to oneself; a silence met in the block is told the next urgent thread."""
+    def keep_alive(self) -> Iterator[None]:
+        """Hold the lock; a silent controller found in the block is reported to the next command."""
         with self.lock:
             try:
                 yield
@@ -32,22 +32,22 @@ class Turns:
                 raise
 
     @contextmanager
-    def urgent(self) -> Iterator[None]:
-        """Have the line to oneself soon.
+    def command(self) -> Iterator[None]:
+        """Hold the lock, taken from a waiting keep-alive.
 
         Raises:
-            SilentController: A patient thread met it, and nobody has had the line since.
+            SilentController: The keep-alive found it so, and no command was sent since.
         """
-        with self.at_any_price() as error:
+        with self.command_despite_silence() as error:
             if error is not None:
                 raise error
             yield
 
     @contextmanager
-    def at_any_price(self) -> Iterator[SilentController | None]:
-        """Have the line to oneself soon; enter with the silence that a patient thread met."""
-        self._wanted.set()
+    def command_despite_silence(self) -> Iterator[SilentController | None]:
+        """Hold the lock as `command` does; yield the keep-alive's error instead of raising it."""
+        self._command_waits.set()
         with self.lock:
-            self._wanted.clear()
+            self._command_waits.clear()
             error, self._silent = self._silent, None
             yield error

@@ -1,8 +1,9 @@
-"""Make sure of the controller at the other end, and set what a press relies on."""
+"""Identify the controller, and set and verify what a press relies on."""
 
 from collections.abc import Mapping
 
 from sautereau.rig.schema import Controller, Rig
+from sautereau.robot.drivers.galil.dmc import software_limit_settings, software_limits
 from sautereau.robot.drivers.galil.line import Line
 from sautereau.robot.drivers.limits import Limits
 from sautereau.robot.errors import CommandRefused, GarbledAnswer, RobotError, SettingNotTaken
@@ -12,13 +13,13 @@ _VOLTAGE_STEP = 5e-4  # V, to which the controller rounds TL and OF
 
 
 def introduce(line: Line, settings: Controller) -> str:
-    """Identify the controller, and let it repeat from now on what it hears.
+    """Identify the controller, and switch its echo on.
 
     Returns:
-        Model and firmware, as the controller says them.
+        Model and firmware, as the controller reports them.
 
     Raises:
-        RobotError: No Galil controller with PVT mode, or it has no echo.
+        RobotError: It is no Galil controller with PVT mode, or it has no echo.
     """
     line.resynchronise()
     try:
@@ -28,7 +29,7 @@ def introduce(line: Line, settings: Controller) -> str:
     identity = " ".join(line.ask("\x12\x16").split())
     if "DMC" not in identity:
         raise GarbledAnswer(
-            f"port {line.name}: a Galil controller gives its revision as DMC..., this one says"
+            f"port {line.name}: a Galil controller gives its revision as DMC..., this one answers"
             f" {identity[:40]!r}; correct controller.port in the rig file"
         )
     try:
@@ -44,8 +45,8 @@ def introduce(line: Line, settings: Controller) -> str:
         verify(line, {"_EO": 1})
     except GarbledAnswer as error:
         raise SettingNotTaken(
-            f"controller on {line.name}: {identity} does not repeat what it hears, so that a"
-            f" command that changes on its way would be carried out ({error}); connect it by a"
+            f"controller on {line.name}: {identity} does not echo what it receives, so that a"
+            f" command corrupted on the line would be executed ({error}); connect it by a"
             " serial line or USB"
         ) from error
     return identity
@@ -55,8 +56,8 @@ def set_limits(line: Line, rig: Rig, limits: Limits) -> None:
     """Set sample period, following error, torque and software limits, and read them back.
 
     Raises:
-        RobotError: The rig asks for what the controller would not enforce, or it does not
-            take the settings.
+        RobotError: The controller would not enforce a limit of the rig, or it does not take
+            the settings.
     """
     settings, error = rig.controller, rig.controller.position_error_limit
     faults = []
@@ -69,28 +70,28 @@ def set_limits(line: Line, rig: Rig, limits: Limits) -> None:
     room = int((limits.upper - limits.lower).min()) // 2
     if error > room:
         faults.append(
-            f"controller.position_error_limit is {error} counts, and within half of a joint's"
-            f" range, {room} counts, it must strike; lower it"
+            f"controller.position_error_limit is {error} counts, more than half of the smaller"
+            f" joint range, {room} counts; lower it"
         )
     if faults:
         raise RobotError(f"rig: {'; '.join(faults)}")
     line.ask("TM 1000")
     line.ask(f"ER {error},{error}", "OE 1,1")
     line.ask(f"TL {settings.full_torque:.4f},{settings.full_torque:.4f}", "OF 0,0")
-    line.ask(*limits.software())
+    line.ask(*software_limits(limits))
     verify(line, {"_TM": 1000, "_ERA": error, "_ERB": error, "_OEA": 1, "_OEB": 1})
     torque = settings.full_torque
     verify(line, {"_TLA": torque, "_TLB": torque, "_OFA": 0, "_OFB": 0}, _VOLTAGE_STEP)
-    verify(line, limits.software_settings())
+    verify(line, software_limit_settings(limits))
 
 
 def verify(line: Line, settings: Mapping[str, float], tolerance: float = 0.0) -> None:
-    """Read operands back and refuse a controller that has not taken their values."""
+    """Read operands back, and refuse a controller that has not taken their values."""
     values = line.read(*settings)
     faults = [
-        f"{name} is {value:g} and should be {wanted:g}"
-        for (name, wanted), value in zip(settings.items(), values, strict=True)
-        if abs(value - wanted) > tolerance
+        f"{name} is {value:g} and should be {due:g}"
+        for (name, due), value in zip(settings.items(), values, strict=True)
+        if abs(value - due) > tolerance
     ]
     if faults:
         raise SettingNotTaken(

@@ -1,14 +1,14 @@
 """The request/answer line of a Galil controller: commands out, `:` or `?` back.
 
-With its echo on the controller says what it has heard, and every command is held to that:
-a byte that changed on its way is never taken for what was sent.
+With its echo on, the controller repeats what it has received, and every command is compared
+with that: a corrupted byte is always noticed.
 """
 
 import contextlib
 import re
 from collections.abc import Callable, Iterable, Iterator
 
-from sautereau.robot.drivers.galil.fair_lock import Turns
+from sautereau.robot.drivers.galil.fair_lock import FairLock
 from sautereau.robot.drivers.serial_port import Port
 from sautereau.robot.drivers.wire import Wire
 from sautereau.robot.errors import CommandRefused, GarbledAnswer, LineLost, SettingNotTaken
@@ -21,7 +21,7 @@ _MARKED = re.compile(rf"{_MARK}(?:\.0*)?((?: +-?[0-9.]+)*)\s*:$")
 
 
 class Line(Wire):
-    """Ask one thing at a time and read exactly its answer; threads take turns.
+    """Ask one thing at a time and read exactly its answer; threads share the line.
 
     Arguments as for `Wire`.
     """
@@ -29,49 +29,49 @@ class Line(Wire):
     def __init__(self, port: Port, name: str, timeout: float):
         super().__init__(port, name, timeout)
         self.echo = False
-        """Whether the controller repeats what it hears, and is held to it."""
-        self._turns = Turns()
+        """Whether the controller repeats what it receives, and the host compares it."""
+        self._lock = FairLock()
 
-    def ask(self, *commands: str, patient: Callable[[], bool] | None = None) -> str:
+    def ask(self, *commands: str, keep_waiting: Callable[[], bool] | None = None) -> str:
         """Send commands on one line and return the text that they answer.
 
         Args:
             commands: What to send.
-            patient: Asked after each timeout whether to go on waiting for the answer, which
-                ends when another thread has wanted the line for as long.
+            keep_waiting: Of the keep-alive: returns after each timeout whether to wait longer
+                for the answer. The wait ends early where a command waits for the line.
 
         Raises:
             CommandRefused: With the code and text of `TC1`.
             SilentController: No byte came within the timeout.
             GarbledAnswer: Bytes that no controller sends, or that nobody asked for, or the
-                controller heard something else than was sent.
+                controller received something else than was sent.
             LineLost: The port has gone away.
         """
-        with self._turns.urgent() if patient is None else self._turns.patient():
+        with self._lock.command() if keep_waiting is None else self._lock.keep_alive():
             with self._reaching("listen"):
-                said = self._waiting()
-            if said:
+                early = self._waiting()
+            if early:
                 self.resynchronise()
                 raise GarbledAnswer(
-                    f"controller on {self.name} said {said!r} before it was asked"
+                    f"controller on {self.name} sent {early!r} before it was asked"
                     f" {';'.join(commands)!r}: its program failed, or another program shares the"
                     " line; look the message up, then connect() again"
                 )
             self._send(";".join(commands))
-            return self._answer(commands, patient)
+            return self._answer(commands, keep_waiting)
 
     def numbers(self, command: str, count: int | None = None) -> list[float]:
-        """Ask a query and return the numbers that it answers; ``count`` is how many to demand."""
+        """Return the numbers that a query answers; refuse another number of them than ``count``."""
         text = self.ask(command)
         try:
             values = [float(word) for word in text.replace(",", " ").split()]
         except ValueError:
             values = []
         if not values or (count is not None and len(values) != count):
-            wanted = "numbers" if count is None else f"{count} numbers"
+            due = "numbers" if count is None else f"{count} numbers"
             raise GarbledAnswer(
                 f"controller on {self.name} answered {command!r} with {_short(text)}, where"
-                f" {wanted} were due; check the baud rate and the firmware's revision"
+                f" {due} were expected; check the baud rate and the firmware's revision"
             )
         return values
 
@@ -84,25 +84,25 @@ class Line(Wire):
         for line in pack(commands):
             self.ask(*line)
 
-    def shout(self, *commands: str) -> None:
-        """Send commands, a line each, and expect neither an answer nor that they arrive."""
-        with self._turns.lock, contextlib.suppress(LineLost):
+    def send_unacknowledged(self, *commands: str) -> None:
+        """Send commands, a line each; their answers and a lost line are ignored."""
+        with self._lock.lock, contextlib.suppress(LineLost):
             for command in commands:
                 self._send(command)
 
-    def insist(self, commands: Iterable[str], *operands: str) -> list[float]:
-        """Send commands, a line each, whatever is said to them; return operands read behind them.
+    def send_unchecked(self, commands: Iterable[str], *operands: str) -> list[float]:
+        """Send commands, a line each, ignore their answers, and return operands read after them.
 
-        For when the line cannot be trusted and there is no time for one answer after another.
+        For a line that cannot be trusted, where there is no time to wait for each answer.
         """
-        with self._turns.at_any_price():
+        with self._lock.command_despite_silence():
             self.resynchronise()
             for command in commands:
                 self._send(command)
             return self._after_mark(operands)[0]
 
     def _after_mark(self, operands: tuple[str, ...]) -> tuple[list[float], str]:
-        """Ask for a number of our own and operands; return them, and all that was said."""
+        """Ask for a number of our own and operands; return the operands, and all that came in."""
         self._send(f"MG {','.join((_MARK, *operands))}")
         received = ""
         while True:
@@ -113,19 +113,19 @@ class Line(Wire):
     def download(self, program: Iterable[str]) -> None:
         """Replace the controller's program.
 
-        How many `:` a download answers differs between firmwares, so a number of our own
-        is asked for afterwards and everything before it belongs to the download. Then the
+        The number of `:` that a download answers differs between firmwares, so a number of our
+        own is asked for after it: everything before that number answers the download. Then the
         program is listed and compared.
 
         Raises:
             SettingNotTaken: The controller holds another program.
         """
         program = list(program)
-        with self._turns.urgent():
+        with self._lock.command():
             for text in ("DL", *program, "\\"):
                 self._send(text)
-            _, said = self._after_mark(())
-            if "?" in said:
+            _, answer = self._after_mark(())
+            if "?" in answer:
                 self._refuse("DL")
             held = [line.partition(" ")[2] for line in self.ask("LS").split("\r\n")]
         if held != program:
@@ -135,7 +135,7 @@ class Line(Wire):
             )
 
     def resynchronise(self) -> None:
-        """Forget whatever the controller has said so far."""
+        """Discard what has come in so far."""
         with self._reaching("reset"):
             self._port.reset_input_buffer()
 
@@ -143,45 +143,49 @@ class Line(Wire):
         with self._reaching(text):
             self._port.write(f"{text}\r".encode("ascii"))
 
-    def _answer(self, commands: tuple[str, ...], patient: Callable[[], bool] | None = None) -> str:
+    def _answer(
+        self, commands: tuple[str, ...], keep_waiting: Callable[[], bool] | None = None
+    ) -> str:
         sent, received = ";".join(commands), ""
         while received.count(":") < len(commands):
-            received += self._more(sent, received, patient)
+            received += self._more(sent, received, keep_waiting)
             if "?" in received:
-                done = self._heard_of(sent, received.partition("?")[0]).count(":")
+                done = self._after_echo(sent, received.partition("?")[0]).count(":")
                 if done < len(commands):
                     self._refuse(commands[done])
                 break
-        told = self._heard_of(sent, received)
-        if not told.endswith(":") or told.count(":") != len(commands):
+        answer = self._after_echo(sent, received)
+        if not answer.endswith(":") or answer.count(":") != len(commands):
             raise GarbledAnswer(
                 f"controller on {self.name} answered {sent!r} with"
                 f" {_short(received)}, more than was asked; check that no other program shares"
                 " the line, then connect() again"
             )
-        return told.replace(":", "").strip()
+        return answer.replace(":", "").strip()
 
-    def _heard_of(self, sent: str, received: str) -> str:
+    def _after_echo(self, sent: str, received: str) -> str:
         """Return what follows the echo of what was sent."""
         if not self.echo:
             return received
-        heard, told = received[: len(sent)], received[len(sent) :]
-        if heard != sent or not told.startswith("\r"):
+        echo, answer = received[: len(sent)], received[len(sent) :]
+        if echo != sent or not answer.startswith("\r"):
             self.resynchronise()
             raise GarbledAnswer(
-                f"controller on {self.name} was sent {_short(sent)} and heard"
+                f"controller on {self.name} was sent {_short(sent)} and echoed"
                 f" {_short(received.partition(chr(13))[0])}; check the cable's shield and"
                 " controller.baud_rate"
             )
-        return told
+        return answer
 
-    def _more(self, asked: str, received: str, patient: Callable[[], bool] | None = None) -> str:
+    def _more(
+        self, asked: str, received: str, keep_waiting: Callable[[], bool] | None = None
+    ) -> str:
         """Return at least one character more of an answer."""
         while True:
-            wanted = self._turns.wanted
+            needed = self._lock.command_waits
             with self._reaching(asked):
                 data = self._read()
-            if data or wanted or patient is None or not patient():
+            if data or needed or keep_waiting is None or not keep_waiting():
                 break
         if not data:
             raise self._silence(asked, _short(received) if received else "")
@@ -193,7 +197,7 @@ class Line(Wire):
             )
         if len(received) + len(data) > _LONGEST_ANSWER:
             raise GarbledAnswer(
-                f"controller on {self.name} answers {asked!r} without end, more than"
+                f"controller on {self.name} answers {asked!r} with more than"
                 f" {_LONGEST_ANSWER} characters; check that controller.port is the controller"
             )
         return data.decode("ascii")

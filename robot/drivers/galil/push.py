@@ -1,29 +1,28 @@
-"""Torques over time, as the controller adds them to those of its position loops."""
-
-from __future__ import annotations
+"""Feed-forward torques, as offsets that the controller adds to its amplifiers' commands."""
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from sautereau.rig.schema import Rig
+from sautereau.robot.controller import TorqueTable
+from sautereau.robot.drivers.galil.handshake import verify
+from sautereau.robot.drivers.galil.line import Line
 from sautereau.robot.drivers.galil.program import PUSH, PUSH_EVERY, PUSHES
-from sautereau.robot.errors import UnsafeRequest
+from sautereau.robot.errors import SettingNotTaken, UnsafeRequest
 from sautereau.trajectory.motion import Floats
-
-if TYPE_CHECKING:
-    from sautereau.robot.experiment.feedforward import TorqueTable
-    from sautereau.trajectory.segments import Segments
+from sautereau.trajectory.segments import Segments
 
 LEAST_INTERVAL = 4
-"""Controller samples a row, of a program of some lines a row."""
+"""Controller samples of a row; the program needs a few lines for each row."""
 MOST_ROWS = 256
+_VOLTAGE_STEP = 1e-4
+"""V, resolution of the arrays."""
 
 
 @dataclass(frozen=True)
 class Push:
-    """Offsets of the two amplifiers' commands, held for an interval each."""
+    """Offsets of the two amplifiers' commands, each held for an interval."""
 
     volts: Floats
     """V, from the start of motion on, in steps that the controller takes; shape (n, 2)."""
@@ -42,15 +41,15 @@ class Push:
 def plan_push(rig: Rig, torque: TorqueTable, motion: Segments) -> Push:
     """Return the offsets that play a table of torques during a motion.
 
-    A row holds what the table says at its middle; outside the table there is no torque.
+    A row holds the table's value at the middle of the row; outside the table the torque is 0.
 
     Args:
-        rig: Its arm and controller say which volts make which torque, and how much is allowed.
+        rig: Its arm and controller give the volts of a torque, and the limit.
         torque: N m of both joints, over s from the start of motion.
-        motion: During which it is played.
+        motion: The motion during which it is played.
 
     Raises:
-        UnsafeRequest: Lists everything that is wrong with the table.
+        UnsafeRequest: Lists every fault of the table.
     """
     time, torques = np.asarray(torque.time), np.asarray(torque.torques)
     limit, period = rig.arm.torque_limit, rig.controller.sample_period
@@ -64,14 +63,16 @@ def plan_push(rig: Rig, torque: TorqueTable, motion: Segments) -> Push:
         if (np.diff(time) <= 0).any() or time[0] < 0:
             faults.append("the times do not increase from 0 s or later")
         if time[-1] > duration + period:
-            faults.append(f"it lasts {time[-1]:.4g} s and the motion {duration:.4g} s")
+            faults.append(f"it lasts {time[-1]:.4g} s, longer than the motion, {duration:.4g} s")
         faults += [
-            f"joint {joint} gets {peak:.4g} N m of at most {limit:.4g} N m (arm.torque_limit)"
+            f"joint {joint} gets {peak:.4g} N m, above arm.torque_limit, {limit:.4g} N m"
             for joint, peak in enumerate(np.abs(torques).max(axis=0), 1)
             if peak > limit
         ]
     if faults:
-        raise UnsafeRequest(f"load: torque table: {'; '.join(faults)}; make it anew for this press")
+        raise UnsafeRequest(
+            f"load: torque table: {'; '.join(faults)}; make a new one for this press"
+        )
     interval = max(LEAST_INTERVAL, -(-motion.total_samples // MOST_ROWS))
     rows = -(-motion.total_samples // interval)
     middles = (np.arange(rows) + 0.5) * interval * period
@@ -80,3 +81,30 @@ def plan_push(rig: Rig, torque: TorqueTable, motion: Segments) -> Push:
         for column in torques.T
     ]
     return Push(np.array(np.round(np.transpose(volts), 4) + 0.0, dtype=np.float64), interval)
+
+
+def write_push(line: Line, push: Push | None) -> Push | None:
+    """Write the offsets into the controller, and return what it holds; None for no offsets."""
+    if push is None:
+        line.ask(f"{PUSHES}=0")
+        verify(line, {PUSHES: 0})
+        return None
+    line.ask_packed(push.commands())
+    rows = len(push.volts)
+    verify(line, {PUSHES: rows, PUSH_EVERY: -push.interval})
+    held = np.column_stack([line.numbers(f"QU {name}[],0,{rows - 1},1", rows) for name in PUSH])
+    if (wrong := np.abs(held - push.volts).max()) > _VOLTAGE_STEP:
+        raise SettingNotTaken(
+            f"controller on {line.name}: a torque that it holds differs by {wrong:.4g} V from"
+            " what was sent; load() again, and check the cable's shield"
+        )
+    return Push(held, push.interval)
+
+
+def table_of(push: Push, rig: Rig) -> TorqueTable:
+    """Return the torques of offsets, at the middles of their rows."""
+    middles = np.arange(len(push.volts), dtype=np.float64) + 0.5
+    return TorqueTable(
+        middles * push.interval * rig.controller.sample_period,
+        push.volts * (rig.arm.torque_limit / rig.controller.full_torque),
+    )

@@ -1,10 +1,10 @@
-"""The time of a stand-in for an ODrive that waits for the host, see docs/decisions/0006."""
+"""The clock of a stand-in for an ODrive that waits for the host, see docs/decisions/0006."""
 
 from sautereau.robot.drivers.odrive.line import OdriveLine
 
 
 class HostTime:
-    """Time that goes on while the host says that it waits, and only then.
+    """Simulated time, which advances only while the host waits.
 
     Args:
         line: To the stand-in.
@@ -15,7 +15,7 @@ class HostTime:
 
     @staticmethod
     def is_kept_by(identity: str) -> bool:
-        """Whether the controller says of itself that its time waits for the host."""
+        """Whether the identity of a controller names such a stand-in."""
         return "SIM" in identity and "stepped" in identity
 
     def clock(self) -> float:
@@ -23,6 +23,6 @@ class HostTime:
         return self._now
 
     def sleep(self, seconds: float) -> None:
-        """Let the stand-in's time go on for seconds."""
+        """Advance the stand-in's time by seconds."""
         self._line.ask(f"w stand_in.wait {seconds:.9f}")
         self._now += seconds

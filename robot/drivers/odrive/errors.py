@@ -1,4 +1,4 @@
-"""What an ODrive's axes tell of their errors, by name."""
+"""The errors of an ODrive's axes, by name."""
 
 from sautereau.robot.drivers.odrive.line import OdriveLine
 from sautereau.robot.errors import MotionFault
@@ -36,7 +36,7 @@ _ERRORS = {
         0x80: "SPINOUT_DETECTED",
     },
 }
-"""Bits of the error properties in firmware 0.5.x, recalled: others are given as numbers."""
+"""Bits of the error properties in firmware 0.5.x, from memory: others are given as numbers."""
 
 
 def error_names(register: str, value: int) -> str:
@@ -48,7 +48,7 @@ def error_names(register: str, value: int) -> str:
 
 
 def check_errors(line: OdriveLine, what: str) -> None:
-    """Refuse to go on with ``what`` where an axis tells an error, by name.
+    """Refuse to continue with ``what`` where an axis reports an error.
 
     Raises:
         MotionFault: Lists the errors of both joints.

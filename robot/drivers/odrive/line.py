@@ -1,7 +1,7 @@
 """The line to an ODrive: ASCII lines out, each with its checksum; answers only to questions.
 
-A line whose checksum is wrong is ignored by the controller, so a spoilt one moves nothing.
-A line that asks nothing is answered only where it is refused.
+The controller ignores a line with a wrong checksum, so a corrupted line moves nothing. It
+answers a line that asks nothing only to refuse it.
 """
 
 import math
@@ -18,18 +18,18 @@ _REFUSALS = (
     "not implemented",
     "unknown command",
 )
-_HEARD = "r vbus_voltage"
-"""Any question will do."""
+_QUESTION = "r vbus_voltage"
+"""Asked to confirm the commands before it; any question would do."""
 _LONGEST_ANSWER = 64
 """Characters that the firmware cuts an answer to."""
 
 
 class LineRefused(RobotError):  # noqa: N818 - the name says what happened
-    """The controller knows a command, a property or an axis not, or takes no such value."""
+    """The controller does not know a command, property or axis, or does not take the value."""
 
 
 class OdriveLine(Wire):
-    """Say and ask whole lines; several threads may, and each answer goes to who asked.
+    """Send commands and questions from several threads; each thread gets its own answers.
 
     Arguments as for `Wire`.
     """
@@ -37,7 +37,7 @@ class OdriveLine(Wire):
     def __init__(self, port: Port, name: str, timeout: float):
         super().__init__(port, name, timeout)
         self._lock = threading.RLock()
-        self._heard = b""
+        self._received = b""
 
     def say(self, *commands: str) -> None:
         """Send commands that answer nothing.
@@ -47,25 +47,25 @@ class OdriveLine(Wire):
         """
         self.exchange(commands, 0)
 
-    def tell(self, *commands: str) -> None:
-        """Send commands that answer nothing, and make sure that they were heard.
+    def confirmed(self, *commands: str) -> None:
+        """Send commands that answer nothing, and make sure that they were received.
 
         Raises:
             RobotError: See `exchange`.
         """
-        self.exchange((*commands, _HEARD), 1)
+        self.exchange((*commands, _QUESTION), 1)
 
     def ask(self, command: str, answers: int = 1) -> list[str]:
         """Send a question and return the lines that it answers; see `exchange`."""
         return self.exchange((command,), answers)
 
     def exchange(self, commands: tuple[str, ...], answers: int) -> list[str]:
-        """Send commands at once and return so many lines of answers.
+        """Send commands in one write, and return ``answers`` lines of answers.
 
         Raises:
             LineRefused: The firmware refuses a command.
             SilentController: No byte came within the timeout.
-            GarbledAnswer: Bytes that no ODrive sends, or that nobody asked for.
+            GarbledAnswer: Bytes that no ODrive sends, or that were not asked for.
             LineLost: The port has gone away.
         """
         asked = "; ".join(commands)
@@ -76,7 +76,7 @@ class OdriveLine(Wire):
                 self._port.write("".join(map(framed, commands)).encode("ascii"))
                 return [self._answer(asked) for _ in range(answers)]
             except (GarbledAnswer, LineRefused):
-                self._forget()  # what follows belongs to this exchange
+                self._discard()  # what follows belongs to this exchange
                 raise
 
     def read(self, name: str) -> float:
@@ -95,11 +95,11 @@ class OdriveLine(Wire):
         except ValueError:
             values = []
         if len(values) != count or any(map(math.isnan, values)):
-            raise self._garbled(command, text, f"{count} numbers were due")
+            raise self._garbled(command, text, f"{count} numbers were expected")
         return values
 
     def set(self, settings: dict[str, float]) -> None:
-        """Write properties, read each back, and refuse with all that were not taken."""
+        """Write properties, read each back, and list all that were not taken in one error."""
         faults = []
         for name, value in settings.items():
             (text,) = self.exchange((f"w {name} {value:.9g}", f"r {name}"), 1)
@@ -110,7 +110,7 @@ class OdriveLine(Wire):
         self.refuse(faults)
 
     def refuse(self, faults: list[str]) -> None:
-        """Refuse a controller whose settings have faults, if there are any."""
+        """Refuse a controller if its settings have faults."""
         if faults:
             raise SettingNotTaken(
                 f"controller on {self.name} did not take its settings: {', '.join(faults)};"
@@ -118,40 +118,40 @@ class OdriveLine(Wire):
             )
 
     def resynchronise(self) -> None:
-        """End a broken-off line, and forget whatever the controller has said so far."""
+        """End a broken-off line, and discard what has come in so far."""
         with self._lock, self._reaching("a line's end"):
             self._port.write(b"\n")
-            self._forget()
+            self._discard()
 
-    def _forget(self) -> None:
-        self._heard = b""
+    def _discard(self) -> None:
+        self._received = b""
         self._port.reset_input_buffer()
 
     def _refuse_unasked(self, asked: str) -> None:
-        said = self._heard + self._waiting()
-        self._heard = b""
-        if said:
+        early = self._received + self._waiting()
+        self._received = b""
+        if early:
             raise GarbledAnswer(
-                f"controller on {self.name} said {said[:60]!r} before it was asked {asked!r}: it"
+                f"controller on {self.name} sent {early[:60]!r} before it was asked {asked!r}: it"
                 " refused an earlier line, or another program shares the port; end that program,"
                 " check the firmware's version, then connect() again"
             )
 
     def _answer(self, asked: str) -> str:
-        while b"\n" not in self._heard:
+        while b"\n" not in self._received:
             if not (data := self._read()):
-                raise self._silence(asked, repr(self._heard) if self._heard else "")
-            self._heard += data
-            if len(self._heard) > _LONGEST_ANSWER and b"\n" not in self._heard:
-                raise self._garbled(asked, self._heard, "no answer is so long")
-        received, _, self._heard = self._heard.partition(b"\n")
-        text, star, told = received.decode("latin-1").strip().rpartition("*")
-        if not star or told != str(checksum(text)):
+                raise self._silence(asked, repr(self._received) if self._received else "")
+            self._received += data
+            if len(self._received) > _LONGEST_ANSWER and b"\n" not in self._received:
+                raise self._garbled(asked, self._received, "it is longer than any answer")
+        received, _, self._received = self._received.partition(b"\n")
+        text, star, sent = received.decode("latin-1").strip().rpartition("*")
+        if not star or sent != str(checksum(text)):
             raise self._garbled(asked, received, "its checksum is missing or wrong")
         if text.startswith(_REFUSALS):
             raise LineRefused(
-                f"controller on {self.name} refused {asked!r}: {text}; this driver speaks with"
-                " the firmwares 0.5.x: update the controller's, or correct the rig file"
+                f"controller on {self.name} refused {asked!r}: {text}; this driver is for"
+                " firmware 0.5.x: update the controller's, or correct the rig file"
             )
         return text
 
@@ -171,5 +171,5 @@ def checksum(text: str) -> int:
 
 
 def framed(command: str) -> str:
-    """Return a command as it stands on the wire."""
+    """Return a command as it is sent, with its checksum."""
     return f"{command}*{checksum(command)}\n"

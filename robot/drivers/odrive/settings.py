@@ -1,4 +1,4 @@
-"""What an ODrive is set to before it gets power, and what must be set in it already."""
+"""Settings of an ODrive: those made before the motors go on, and those it must have already."""
 
 import math
 
@@ -12,23 +12,23 @@ _POSITION_CONTROL = 3
 
 
 def set_limits(line: OdriveLine, rig: Rig) -> None:
-    """Set limits, filter and watchdog of both axes; the watchdog does not run yet.
+    """Set limits, filter and watchdog timeout of both axes; the watchdog does not run yet.
 
     Nothing is saved in the controller.
 
     Raises:
-        RobotError: Lists everything that the controller does not take, or that is not as the
-            rig file says.
+        RobotError: Lists every setting that the controller does not take, or that differs from
+            the rig file.
     """
     arm, controller = rig.arm, rig.controller
     faults, settings = [], {}
     for name, ratio in zip(AXES, arm.gear_ratios, strict=True):
-        for told, wanted in (
+        for key, due in (
             (f"{name}.encoder.config.cpr", arm.counts_per_revolution / ratio),
             (f"{name}.controller.config.circular_setpoints", 0.0),
         ):
-            if (value := line.read(told)) != wanted:
-                faults.append(f"{told} is {value:g} and should be {wanted:.9g}")
+            if (value := line.read(key)) != due:
+                faults.append(f"{key} is {value:g} and should be {due:.9g}")
         settings |= {
             f"{name}.config.watchdog_timeout": controller.watchdog_period,
             f"{name}.controller.config.control_mode": _POSITION_CONTROL,

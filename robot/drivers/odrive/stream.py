@@ -1,14 +1,13 @@
-"""Setpoints sent one by one by a thread of their own, and how punctual that was."""
+"""Setpoints sent one by one from a thread of their own, and the timing that was achieved."""
 
 import threading
-from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
 
-from sautereau.robot.drivers.odrive.axes import OdriveAxes
+from sautereau.robot.drivers.odrive.axes import Axes
 from sautereau.robot.drivers.odrive.setpoints import Setpoints
-from sautereau.robot.errors import MotionFault, RobotError
+from sautereau.robot.errors import MotionFault
 from sautereau.trajectory.motion import Floats
 from sautereau.trajectory.segments import Counts
 
@@ -18,20 +17,20 @@ LARGEST_GAP = 3.0
 
 @dataclass(frozen=True)
 class Punctuality:
-    """How well the host kept the time of a motion."""
+    """Timing of the setpoints of one motion."""
 
     largest_gap: float
     """s, longest time between two setpoints."""
     jitter: float
-    """s rms, of setpoints about the time when they were due."""
+    """s RMS, of the setpoints about their due times."""
     skipped: int
-    """Setpoints that were not sent, because the next one was due."""
+    """Setpoints that were not sent because the next one was due."""
 
 
 class Stream:
-    """One motion, on its way as soon as it is started.
+    """The setpoints of one motion.
 
-    Where it fails the motors are told to go off at once, not only when somebody waits.
+    Where it fails, the command to switch off is sent at once, before anybody waits.
 
     Args:
         axes: Follow setpoints already.
@@ -39,30 +38,31 @@ class Stream:
         error_limit: Counts between a joint and its plan at which the motors go off.
     """
 
-    def __init__(self, axes: OdriveAxes, setpoints: Setpoints, error_limit: int):
+    def __init__(self, axes: Axes, setpoints: Setpoints, error_limit: int):
         self._axes, self._setpoints, self._error_limit = axes, setpoints, error_limit
         self._commands = axes.setpoints(setpoints)
         self._sent: list[int] = []
         self._times: list[float] = []
         self._counts: list[Counts] = []
         self._torques: list[Floats] = []
-        self._cancelled = threading.Event()
+        self.cancelled = threading.Event()
+        """Set by `cancel`."""
         self._fault: BaseException | None = None
         self._thread = threading.Thread(target=self._run, name="ODrive setpoints", daemon=True)
 
     def start(self) -> None:
-        """Begin, and return at once."""
+        """Start, and return at once."""
         self._thread.start()
 
     def wait(self) -> None:
-        """Wait for the end; raise what went wrong meanwhile."""
+        """Wait for the end; raise the error of the motion."""
         self._thread.join()
         if self._fault is not None:
             raise self._fault
 
     def cancel(self) -> None:
-        """Send no more setpoints; what went wrong does not matter any more."""
-        self._cancelled.set()
+        """Send no more setpoints, and ignore an error of the motion."""
+        self.cancelled.set()
         if self._thread.is_alive():
             self._thread.join()
 
@@ -73,22 +73,22 @@ class Stream:
 
     @property
     def counts(self) -> Counts:
-        """Counts, where the joints were then; shape (n, 2)."""
+        """Counts, joint positions at those times; shape (n, 2)."""
         return np.array(self._counts)
 
     @property
     def following_errors(self) -> Counts:
-        """Counts, by which they were short of their plan; shape (n, 2)."""
+        """Counts, planned minus measured positions; shape (n, 2)."""
         return np.rint(self._setpoints.planned[self._sent]).astype(np.int64) - self.counts
 
     @property
     def torques(self) -> Floats:
-        """N m, that the joints' motors were asked for; shape (n, 2)."""
+        """N m, commanded motor torques at the joints; shape (n, 2)."""
         return np.array(self._torques)
 
     @property
     def punctuality(self) -> Punctuality:
-        """How well the time was kept so far."""
+        """The timing so far."""
         late = self.times - np.array(self._sent) * self._setpoints.interval
         return Punctuality(
             float(np.diff(self.times).max(initial=0.0)),
@@ -97,12 +97,12 @@ class Stream:
         )
 
     def check_punctuality(self) -> None:
-        """Refuse a motion whose setpoints came too far apart."""
+        """Refuse a motion with too large a gap between setpoints."""
         found, limit = self.punctuality, LARGEST_GAP * self._setpoints.interval
         if found.largest_gap > limit * (1 + 1e-9):
             raise MotionFault(
                 f"the motion had a gap of {found.largest_gap * 1e3:.3g} ms between two setpoints"
-                f" and {limit * 1e3:.3g} ms are allowed ({found.jitter * 1e3:.3g} ms rms of"
+                f" and {limit * 1e3:.3g} ms are allowed ({found.jitter * 1e3:.3g} ms RMS"
                 f" jitter, {found.skipped} setpoints skipped), so its speed was not the planned"
                 " one; end other programs on this computer, then press again"
             )
@@ -112,15 +112,14 @@ class Stream:
             self._send()
         except BaseException as error:  # noqa: BLE001 - `wait` raises it
             self._fault = error
-            with suppress(RobotError):  # `wait` leads to an abort, which reads back
-                self._axes.line.say(*self._axes.off)
+            self._axes.power.send_abort()  # `wait` leads to an abort, which reads back
 
     def _send(self) -> None:
         axes, interval, last = self._axes, self._setpoints.interval, len(self._setpoints) - 1
-        start, index = axes.clock(), 0
-        while index <= last and not self._cancelled.is_set():
-            edge = () if self._sent else (axes.edge(True),)
-            now = axes.clock() - start
+        start, index = axes.polling.clock(), 0
+        while index <= last and not self.cancelled.is_set():
+            edge = () if self._sent else (axes.power.edge(True),)
+            now = axes.polling.clock() - start
             index = max(index, min(int(now / interval), last))  # what is due, if it is late
             counts, torques = axes.observe(*edge, *self._commands[index])
             self._sent.append(index)
@@ -129,16 +128,16 @@ class Stream:
             self._torques.append(torques)
             self._check_followed(index)
             index += 1
-            if (ahead := start + index * interval - axes.clock()) > 0:
-                axes.sleep(ahead)
-        axes.line.tell(axes.edge(False))
+            if (ahead := start + index * interval - axes.polling.clock()) > 0:
+                axes.polling.sleep(ahead)
+        axes.line.confirmed(axes.power.edge(False))
 
     def _check_followed(self, index: int) -> None:
         away = np.abs(self._counts[-1] - self._setpoints.planned[index])
         if (away > self._error_limit).any():
             joint = int(away.argmax())
             raise MotionFault(
-                f"joint {joint + 1} is {away[joint]:.0f} counts off its plan, more than"
+                f"joint {joint + 1} is {away[joint]:.0f} counts from its plan, more than"
                 f" controller.position_error_limit, {self._error_limit} counts; remove what is"
                 " in its way, then home() again"
             )

@@ -1,1 +1,1 @@
-"""Setting up a bench, step by step: what is found, and what goes into the rig file of it."""
+"""Setting up a bench, step by step: find its values, and write them into the rig file."""

@@ -1,4 +1,4 @@
-"""Bring the finger down on the key little by little, and stop at the first touch."""
+"""Lower the finger onto the key in small steps, and stop at the first contact."""
 
 import math
 from dataclasses import dataclass, replace
@@ -13,37 +13,37 @@ from sautereau.robot.experiment.setup.step import (
     Found,
     approach_speed,
     ask_first,
-    counts_per_radian,
     homed,
 )
 from sautereau.trajectory.arm import joints_holding_point, link_vectors
+from sautereau.trajectory.counts import to_counts
 from sautereau.trajectory.dynamics import gravity_torque
 from sautereau.trajectory.motion import Floats, Motion
 from sautereau.trajectory.segments import Counts, Segments
 
 _REST = 0.04
-"""s, that the finger stands before and after each step; the mean of half of it is taken,
-which is a period of the mains."""
+"""s, that the finger rests before and after each step; the force is averaged over half of it,
+one period of the mains."""
 FINER = 4
-"""By which the steps are smaller the second time."""
+"""Factor by which the steps of the second approach are smaller."""
 
 
 @dataclass(frozen=True)
 class Creep:
-    """How the finger goes down."""
+    """How the finger approaches the key."""
 
     above: float = 4e-3
-    """m, over the surface as the rig has it, where it begins."""
+    """m, start above the surface given by the rig."""
     below: float = 2e-3
-    """m, under that surface, where it gives up."""
+    """m, end below that surface."""
     step: float = 0.2e-3
-    """m, between two looks at the force; the second time a quarter of it."""
+    """m, between two measurements of force; a quarter of it the second time."""
     speed: float = 5e-3
-    """m/s, mean in a step."""
+    """m/s, mean speed of a step."""
     sense: float = 0.02
-    """N, rise of the force in a step that is a touch."""
+    """N, rise of the force in a step that counts as contact."""
     limit: float = 0.5
-    """N, that must not be passed: beyond it the motors are switched off."""
+    """N, limit of the force, beyond which the motors are switched off."""
 
     def __post_init__(self) -> None:
         faults = [
@@ -58,58 +58,62 @@ class Creep:
             if not (math.isfinite(value) and value > 0)
         ]
         if not self.limit > self.sense:
-            faults.append(
-                f"limit is {self.limit:g} N, not above the touch's {self.sense:g} N; raise it"
-            )
+            faults.append(f"limit is {self.limit:g} N, not above sense, {self.sense:g} N; raise it")
         if faults:
             raise RobotError(f"setup contact: {'; '.join(faults)}")
 
 
 GENTLY = Creep()
-"""How it goes down unless something else is said."""
+"""The default."""
 
 
 @dataclass(frozen=True)
 class Touch:
-    """A first touch."""
+    """A first contact."""
 
     along: float
-    """m, in front of the balance pin, as the rig has it."""
+    """m, in front of the balance pin, from the rig's geometry."""
     height: float
-    """m, of the key's surface over where the rig has it."""
+    """m, of the key's surface above the one given by the rig."""
     joints: tuple[float, float]
-    """rad, as the encoders have them."""
+    """rad, from the encoders."""
     force: float
-    """N, at the end."""
+    """N, at the end of the last step."""
     uncertainty: float
-    """m, standard, of the height: the touch is somewhere in the last step."""
+    """m, standard uncertainty of the height: the contact is somewhere in the last step."""
     by: str
-    """What told: the force channel, or the motors' torques."""
+    """What measured it: the force channel, or the motors' torques."""
 
 
 def find_contact(rig: Rig, ask: Ask, creep: Creep = GENTLY) -> Found:
-    """Touch the key where it is pressed, and take the finger up again.
+    """Touch the key where it is pressed, and lift the finger again.
 
     Raises:
-        RobotError: There is no key within reach of the creep, or it pushes back with more than
-            the limit; the motors are off.
+        RobotError: There is no key within the approach, or its force exceeds the limit; the
+            motors are off.
     """
-    ask_first(ask, "contact", _warning(creep, "the key"))
+    ask_first(
+        ask,
+        "contact",
+        f"The arm homes, moves above the key and approaches it in steps of {creep.step * 1e3:g} mm,"
+        f" until the force rises by {creep.sense * 1e3:g} mN; above {creep.limit:g} N the motors go"
+        " off. Is its way free?",
+    )
     with homed(rig) as controller:
         touch = touch_at(rig, controller, rig.key.press_arm, creep)
     away = f"{touch.height * 1e3:+.2f} mm from"
     lines = (
-        f"contact: {away} where the rig has the surface, +-{touch.uncertainty * 1e3:.2f} mm,"
+        f"contact: {away} the surface given by the rig, +-{touch.uncertainty * 1e3:.2f} mm,"
         f" at {touch.force * 1e3:.0f} mN, by {touch.by}",
     )
     figures = {"height": touch.height, "uncertainty": touch.uncertainty, "force": touch.force}
     near = abs(touch.height) <= max(3 * touch.uncertainty, creep.step)
-    doubt = "the rig has the surface elsewhere: do the step touch, which finds where the base is"
+    doubt = "the surface differs from the rig: run the step touch, which finds the base"
     return Found(lines, figures=figures, warnings=() if near else (doubt,))
 
 
 def touch_at(rig: Rig, controller: MotionController, along: float, creep: Creep) -> Touch:
-    """Creep down on a point of the key, once more in finer steps, and take the finger up again.
+    """Approach a point of the key, again in finer steps, and lift the finger.
 
     Args:
         rig: The bench.
@@ -118,7 +122,7 @@ def touch_at(rig: Rig, controller: MotionController, along: float, creep: Creep)
         creep: How.
 
     Raises:
-        RobotError: There is no touch within the creep, or more than its limit.
+        RobotError: There is no contact within the approach, or the force exceeds its limit.
     """
     hover = over_key(rig, along, np.array([rig.press.hover]))[0]
     controller.move_to(hover, approach_speed(rig))
@@ -126,9 +130,9 @@ def touch_at(rig: Rig, controller: MotionController, along: float, creep: Creep)
     if touch is None:
         controller.move_to(hover, approach_speed(rig))
         raise MotionFault(
-            f"setup contact: no touch down to {creep.below * 1e3:g} mm under where the rig has the"
-            f" surface, {along * 1e3:.4g} mm in front of the pin; look where the finger is, correct"
-            " arm.base_x and arm.base_z by hand, or creep further down"
+            f"setup contact: no contact down to {creep.below * 1e3:g} mm below the surface given by"
+            f" the rig, {along * 1e3:.4g} mm in front of the pin; look where the finger is, and"
+            " correct arm.base_x and arm.base_z by hand"
         )
     fine = replace(creep, step=creep.step / FINER)
     first, last = touch.height + 1.5 * creep.step, touch.height - creep.step
@@ -140,7 +144,7 @@ def touch_at(rig: Rig, controller: MotionController, along: float, creep: Creep)
 def _creep_down(
     rig: Rig, controller: MotionController, along: float, first: float, last: float, creep: Creep
 ) -> Touch | None:
-    """Creep from one height [m] to another; return the touch, with the finger still there."""
+    """Approach from one height [m] to another; return the contact, with the finger still there."""
     n = math.ceil((first - last) / creep.step)
     heights = first - creep.step * np.arange(n + 1, dtype=np.float64)
     counts = over_key(rig, along, heights)
@@ -149,15 +153,14 @@ def _creep_down(
     for i in range(n):
         segments = _one_step(rig, counts[i], counts[i + 1], creep)
         capture, measured = play_measured(rig, controller, segments)
-        angles = np.stack([counts[i], counts[i + 1]]) / counts_per_radian(rig)
+        angles = np.stack([counts[i], counts[i + 1]]) * rig.arm.radians_per_count
         by_motors, torque_before = _by_motors(rig, angles[1], capture, torque_before)
         by_sensor = None if measured is None else abs(_rise(measured, rig.daq.sample_rate))
         force = by_motors if by_sensor is None else by_sensor
         if (largest := max(force, by_motors)) > creep.limit:
             raise MotionFault(
-                f"setup contact: {largest:.3g} N at {heights[i + 1] * 1e3:.2f} mm over the surface,"
-                f" and the limit is {creep.limit:g} N; see what is in the way, or take a smaller"
-                " step"
+                f"setup contact: {largest:.3g} N at {heights[i + 1] * 1e3:.2f} mm above the"
+                f" surface, and the limit is {creep.limit:g} N; remove what is in the way"
             )
         if force >= creep.sense:
             joint1, joint2 = angles.mean(axis=0)
@@ -173,27 +176,27 @@ def _creep_down(
 
 
 def over_key(rig: Rig, along: float, heights: Floats) -> Counts:
-    """Return the joints [counts, (n, 2)] with the fingertip over the key at rest.
+    """Return the joint positions [counts, (n, 2)] with the fingertip above the key at rest.
 
     Args:
         rig: The bench.
         along: m, in front of the balance pin.
-        heights: m, of the fingertip over the surface; shape (n,).
+        heights: m, of the fingertip above the surface; shape (n,).
     """
     z = rig.key.surface_height + rig.arm.fingertip_radius + heights
     centre = np.stack([np.full_like(z, -along), z], -1)
     still = np.zeros_like(centre)
-    joints = joints_holding_point(rig.arm, Motion(centre, still, still), "the way down to the key")
-    return np.rint(joints.position * counts_per_radian(rig)).astype(np.int64)
+    joints = joints_holding_point(rig.arm, Motion(centre, still, still), "the approach of the key")
+    return to_counts(joints.position, rig.arm.counts_per_revolution)
 
 
 def play_measured(
     rig: Rig, controller: MotionController, segments: Segments
 ) -> tuple[Capture, Floats | None]:
-    """Play a motion from where the arm stands; return what the controller recorded of it.
+    """Play a motion from the arm's position; return the controller's record of it, and the force.
 
-    The second is the force [N] from the motion's start to its end, shape (n,); None where the
-    rig has no force channel.
+    The force [N] is from the motion's start to its end, shape (n,); None where the rig has no
+    force channel.
     """
     from sautereau.daq.source.acquisition import Acquisition
 
@@ -228,7 +231,7 @@ def _one_step(rig: Rig, start: Counts, end: Counts, creep: Creep) -> Segments:
 
 
 def _rise(force: Floats, rate: float) -> float:
-    """Return by how much the force [N] is more in the last rest than in the first."""
+    """Return the force [N] in the last rest minus that in the first."""
     half = round(_REST / 2 * rate)
     return float(force[-half:].mean() - force[half : 2 * half].mean())
 
@@ -236,7 +239,7 @@ def _rise(force: Floats, rate: float) -> float:
 def _by_motors(
     rig: Rig, joints: Floats, capture: Capture, before: Floats | None
 ) -> tuple[float, Floats | None]:
-    """Return how much more [N] the motors bear up than in the first step, and what that was."""
+    """Return the vertical force [N] relative to the first step, and the first step's torques."""
     if capture.torques is None:
         return 0.0, None
     late = capture.times >= capture.times[-1] - _REST / 2
@@ -247,11 +250,3 @@ def _by_motors(
     _, lower = link_vectors(rig.arm.lower_length, joints.sum(keepdims=True))
     jacobian = np.stack([(upper + lower)[0], lower[0]])
     return abs(float(np.linalg.solve(jacobian, missing - before)[1])), before
-
-
-def _warning(creep: Creep, what: str) -> str:
-    return (
-        f"The arm homes, goes over {what} and creeps down on it in steps of"
-        f" {creep.step * 1e3:g} mm, until it feels {creep.sense * 1e3:g} mN; at more than"
-        f" {creep.limit:g} N the motors go off. Is its way free?"
-    )

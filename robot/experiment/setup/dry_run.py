@@ -10,21 +10,21 @@ from sautereau.robot.experiment.setup.step import Ask, Found, approach_speed, as
 from sautereau.trajectory.press import Trajectory, plan_press
 
 TOUCHED = 0.2
-"""N, at which the finger has met something in the air."""
+"""N, above which the finger has touched something in the air."""
 
 
 def play_in_air(rig: Rig, ask: Ask) -> Found:
     """Play approach, press and retreat so high that the finger stays `press.hover` off the key.
 
     Raises:
-        RobotError: The motion broke off, or the finger met something; the motors are off.
-        TrajectoryError: The press cannot be made so high.
+        RobotError: The motion broke off, or the finger touched something; the motors are off.
+        TrajectoryError: The press cannot be planned at that height.
     """
     trajectory, lift = raised(rig)
     ask_first(
         ask,
         "dry-run",
-        f"The arm homes and plays the press {lift * 1e3:.1f} mm higher than it will be. Is its way"
+        f"The arm homes and plays the press, {lift * 1e3:.1f} mm higher than in earnest. Is its way"
         " free?",
     )
     with homed(rig) as controller:
@@ -38,28 +38,28 @@ def play_in_air(rig: Rig, ask: Ask) -> Found:
                 forces.append(float(np.abs(force).max()))
         if forces and max(forces) > TOUCHED:
             raise MotionFault(
-                f"setup dry-run: the finger felt {max(forces):.3g} N in the air, and more than"
-                f" {TOUCHED:g} N is a touch; see what is in its way, or whether the force channel's"
-                " cable moves with the arm"
+                f"setup dry-run: the force reached {max(forces):.3g} N in the air, above"
+                f" {TOUCHED:g} N; check what is in the way, and whether the force channel's cable"
+                " moves with the arm"
             )
-    lines = [f"dry-run: the press was played {lift * 1e3:.1f} mm higher, to its end"]
+    lines = [f"dry-run: the complete press was played, {lift * 1e3:.1f} mm higher"]
     figures = {"lift": lift}
     if errors:
         counts = float(max(errors))
         limit = rig.controller.position_error_limit
-        lines.append(f"the joints were {counts:.0f} counts behind at most, of {limit} allowed")
+        lines.append(f"largest following error: {counts:.0f} counts, limit {limit}")
         figures["following_error"] = counts * rig.arm.radians_per_count
     if forces:
-        lines.append(f"the force channel showed {max(forces) * 1e3:.0f} mN at most")
+        lines.append(f"largest force: {max(forces) * 1e3:.0f} mN")
         figures["force"] = max(forces)
     return Found(tuple(lines), figures=figures)
 
 
 def raised(rig: Rig) -> tuple[Trajectory, float]:
-    """Return the press as it is played in the air, and how much higher [m] that is.
+    """Return the press as it is played in the air, and by how much it is raised [m].
 
-    It is planned for a base that stands so much lower: the joints then do the same, and the
-    real finger is higher.
+    It is planned for a base that is lower by that much, so that the real finger moves higher by
+    it.
     """
     heights = plan_press(rig).fingertip.position[:, 1]
     lift = float(heights[0] - heights.min()) + rig.press.hover

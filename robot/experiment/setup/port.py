@@ -1,4 +1,4 @@
-"""Find the port of the motor controller, and tell which controller it is."""
+"""Find the port of the motor controller, and identify the controller."""
 
 from collections.abc import Iterable
 from pathlib import Path
@@ -10,53 +10,53 @@ from sautereau.robot.errors import RobotError
 from sautereau.robot.experiment.setup.step import Ask, Found, ask_first
 
 BAUD_RATES = (115_200, 19_200, 57_600, 38_400, 9_600)
-"""Bits a second that controllers are set to, the usual ones first."""
+"""Bits per second that controllers are set to, the usual ones first."""
 
 
 def find_port(rig: Rig, ask: Ask, ports: Iterable[str] | None = None) -> Found:
-    """Ask every serial port of this machine, that of the rig first, who is there.
+    """Try to connect at every serial port of this machine, that of the rig first.
 
     Args:
         rig: The bench.
         ask: Asked before anything is sent to a port that is not the rig's.
-        ports: Those to try; None for all that this machine has.
+        ports: Those to try; None for all of this machine.
 
     Raises:
-        RobotError: No port has a controller that can be used, with what each one said.
+        RobotError: No port has a usable controller; the message lists the answer of each.
     """
     mine = rig.controller.port
     others = [port for port in (_ports() if ports is None else ports) if port != mine]
-    said = []
+    answers = []
     if "://" in mine or Path(mine).exists():
-        found = _try(rig, mine, said)
+        found = _try(rig, mine, answers)
         if found is not None:
             return found
     else:
-        said.append(f"{mine} (controller.port) is not there")
+        answers.append(f"{mine} (controller.port) does not exist")
     if others:
         ask_first(
             ask,
             "port",
             f"Send {', '.join(others)} a question that only a {rig.controller.kind} controller"
-            " understands? Whatever else hangs there may take it for something else.",
+            " understands? Any other device on them may misinterpret it.",
         )
     for port in others:
-        found = _try(rig, port, said)
+        found = _try(rig, port, answers)
         if found is not None:
             return found
     raise RobotError(
-        "setup port: no controller that can be used was found; plug it in and switch it on, or"
-        " mend what was said:\n  " + "\n  ".join(said)
+        "setup port: no usable controller was found; plug it in and switch it on, or fix what was"
+        " reported:\n  " + "\n  ".join(answers)
     )
 
 
 def identify(rig: Rig, ask: Ask) -> Found:
-    """Connect as a press does: identity, PVT mode, limits and program are set and read back.
+    """Connect as a press does: the controller is identified, and its limits are set and verified.
 
-    Nothing moves, and nothing is asked; the motors are switched off.
+    Nothing moves, and the operator is not asked; the motors are switched off.
 
     Raises:
-        RobotError: No controller, or it lacks what a press needs.
+        RobotError: There is no controller, or a press cannot be made with it.
     """
     with motion_controller(rig) as controller:
         settings = rig.controller
@@ -64,8 +64,7 @@ def identify(rig: Rig, ask: Ask) -> Found:
         return Found(
             (
                 f"controller: {controller.identity}{simulated}, on {settings.port}",
-                "it plays preloaded motion, and has taken the limits and the program; its motors"
-                " are off",
+                "it has taken the rig's limits; its motors are off",
             )
         )
 
@@ -76,8 +75,8 @@ def _ports() -> list[str]:
     return sorted(port.device for port in list_ports.comports())
 
 
-def _try(rig: Rig, port: str, said: list[str]) -> Found | None:
-    """Return what is at a port, at whatever baud rate; else add why it is no use."""
+def _try(rig: Rig, port: str, answers: list[str]) -> Found | None:
+    """Return what is at a port, at any baud rate; None with the reasons added to ``answers``."""
     settings = rig.controller
     rates = dict.fromkeys((settings.baud_rate, *BAUD_RATES))
     if "://" in port:
@@ -94,5 +93,5 @@ def _try(rig: Rig, port: str, said: list[str]) -> Found | None:
         now = {"controller.port": settings.port, "controller.baud_rate": settings.baud_rate}
         changed = {key: value for key, value in values.items() if value != now[key]}
         return Found((f"port: {port} at {rate} baud is {identity}",), changed)
-    said += [f"at {', '.join(map(str, at))} baud: {reason}" for reason, at in reasons.items()]
+    answers += [f"at {', '.join(map(str, at))} baud: {reason}" for reason, at in reasons.items()]
     return None

@@ -1,4 +1,4 @@
-"""What a step of the set-up asks, and what it gives."""
+"""A step of the set-up: its questions to the operator and its results."""
 
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
@@ -11,76 +11,69 @@ from sautereau.robot.drivers.registry import motion_controller
 from sautereau.robot.errors import RobotError
 
 
-class Declined(RobotError):  # noqa: N818 - the name says what happened
-    """Whoever was asked said no; nothing was done."""
+class Declined(RobotError):  # noqa: N818 - the name states what happened
+    """The operator did not agree; nothing was done."""
 
 
 class Ask(Protocol):
-    """Somebody at the bench, or who stands for him."""
+    """Asks the operator, or answers for them."""
 
     def confirm(self, question: str) -> bool:
         """Return whether the answer is yes."""
         ...
 
     def number(self, question: str, unit: str, expected: float) -> float | None:
-        """Return what was measured.
+        """Return a measured value.
 
         Args:
             question: What to measure.
-            unit: SI unit of the answer and of what is expected.
-            expected: What it should be.
+            unit: SI unit of the answer and of the expected value.
+            expected: Expected value.
 
         Returns:
-            The quantity in that unit; None where nobody can measure it.
+            The value in that unit; None where it cannot be measured.
         """
         ...
 
 
 @dataclass(frozen=True)
 class Found:
-    """What a step has found."""
+    """The results of a step."""
 
     lines: tuple[str, ...]
-    """For the reader."""
+    """Text for the operator."""
     values: Mapping[str, str | int] = field(default_factory=dict)
-    """For the rig file, by dotted key; empty where it holds them already."""
+    """For the rig file, by dotted key; empty where it contains them already."""
     figures: Mapping[str, float] = field(default_factory=dict)
     """SI, by name."""
     warnings: tuple[str, ...] = ()
-    """What is doubtful."""
+    """Doubts about the results."""
 
 
 Step = Callable[[Rig, Ask], Found]
 
 
 def ask_first(ask: Ask, step: str, what: str) -> None:
-    """Go on only where the answer is yes.
+    """Continue only where the answer is yes.
 
     Raises:
-        Declined: It is no.
+        Declined: The answer is no.
     """
     if not ask.confirm(what):
         raise Declined(
-            f"setup {step}: not agreed to, so nothing was done; make the bench ready and give the"
+            f"setup {step}: not agreed to, so nothing was done; prepare the bench and give the"
             " command again"
         )
 
 
 @contextmanager
 def homed(rig: Rig) -> Iterator[MotionController]:
-    """Yield the arm with its motors on and at home; they are off afterwards, whatever happens."""
+    """Yield the arm at home with its motors on; they are off after the block in any case."""
     with motion_controller(rig) as controller, controller.powered():
         controller.home()
         yield controller
 
 
 def approach_speed(rig: Rig) -> float:
-    """Return `arm.approach_speed` in counts a second."""
-    return rig.arm.approach_speed * counts_per_radian(rig)
-
-
-def counts_per_radian(rig: Rig) -> float:
-    """Return the encoder counts of a radian."""
-    from math import pi
-
-    return rig.arm.counts_per_revolution / (2 * pi)
+    """Return `arm.approach_speed` in counts per second."""
+    return rig.arm.approach_speed / rig.arm.radians_per_count

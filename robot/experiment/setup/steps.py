@@ -1,4 +1,4 @@
-"""The steps of the set-up in their order; each can be made alone."""
+"""The steps of the set-up in order; each can be run alone."""
 
 from collections.abc import Iterator
 
@@ -25,7 +25,7 @@ STEPS: dict[str, Step] = {
 
 
 def make_steps(rig: Rig, ask: Ask, step: str | None = None) -> Iterator[tuple[str, Found]]:
-    """Make one step, or all, each on the rig as those before it have found it.
+    """Run one step, or all, each with the values that those before it have found.
 
     Args:
         rig: The bench.

@@ -1,4 +1,4 @@
-"""Touch the key at a few points, and find where the base of the robot really is."""
+"""Touch the key at a few points, and estimate the position of the robot's base."""
 
 import math
 
@@ -9,26 +9,26 @@ from sautereau.robot.experiment.setup.contact import GENTLY, Creep, Touch, touch
 from sautereau.robot.experiment.setup.step import Ask, Found, ask_first, homed
 from sautereau.trajectory.mount.locate import Located, locate_base
 
-SHARES = (1.0, 0.9, 0.8)
-"""Of the pressing point's distance from the pin, where the key is touched."""
+FRACTIONS = (1.0, 0.9, 0.8)
+"""Points where the key is touched, as fractions of the pressing point's distance from the pin."""
 
 
 def locate_by_touch(rig: Rig, ask: Ask, creep: Creep = GENTLY) -> Found:
-    """Touch the key at three points, and estimate where the base is.
+    """Touch the key at three points, and estimate the position of the base.
 
-    The joints' zeros are taken as true.
+    The zeros of the joints are assumed to be exact.
 
     Raises:
         RobotError: A touch fails; the motors are off.
-        TrajectoryError: The touches determine nothing.
+        TrajectoryError: The base is not identifiable from the contacts.
     """
-    points = [share * rig.key.press_arm for share in SHARES]
+    points = [fraction * rig.key.press_arm for fraction in FRACTIONS]
     ask_first(
         ask,
         "touch",
-        f"The arm homes and creeps down on the key at {len(points)} points, until it feels"
-        f" {creep.sense * 1e3:g} mN; at more than {creep.limit:g} N the motors go off. Is its way"
-        " free, and is a rule at hand?",
+        f"The arm homes and approaches the key at {len(points)} points, until the force rises by"
+        f" {creep.sense * 1e3:g} mN; above {creep.limit:g} N the motors go off. Is its way free,"
+        " and is a rule at hand?",
     )
     touches: list[Touch] = []
     where: list[float | None] = []
@@ -37,7 +37,7 @@ def locate_by_touch(rig: Rig, ask: Ask, creep: Creep = GENTLY) -> Found:
             touches.append(touch_at(rig, controller, point, creep))
             where.append(
                 ask.number(
-                    "How far in front of the balance pin has the fingertip touched the key?",
+                    "How far in front of the balance pin did the fingertip touch the key?",
                     "m",
                     point,
                 )
@@ -49,7 +49,7 @@ def locate_by_touch(rig: Rig, ask: Ask, creep: Creep = GENTLY) -> Found:
 
 
 def _found(rig: Rig, located: Located, touches: list[Touch], measured: bool) -> Found:
-    """Return what goes into the rig, which is what differs by more than its uncertainty."""
+    """Return the values for the rig: those that differ from it by more than their uncertainty."""
     base_x = located.base_x if measured else rig.arm.base_x
     away = math.hypot(base_x - rig.arm.base_x, located.base_z - rig.arm.base_z)
     values: dict[str, str | int] = {}
@@ -60,14 +60,14 @@ def _found(rig: Rig, located: Located, touches: list[Touch], measured: bool) -> 
         values["arm.base_x"] = f"{base_x * 1e3:.3f} mm"
     doubts = list(located.warnings)
     if not measured:
-        doubts.append("nobody measured where along the key it was touched: base_x is as it was")
-    along = f"+-{std_x * 1e3:.2f}" if measured else "as it was"
+        doubts.append("the points of contact along the key were not measured: base_x is unchanged")
+    along = f"+-{std_x * 1e3:.2f}" if measured else "unchanged"
     heights = [touch.height for touch in touches]
     return Found(
         (
             f"touch: the base is at x = {base_x * 1e3:.2f} mm ({along}), z ="
             f" {located.base_z * 1e3:.2f} mm (+-{std_z * 1e3:.2f}), {away * 1e3:.2f} mm from"
-            " where the rig has it",
+            " its place in the rig",
         ),
         values,
         {

@@ -1,0 +1,355 @@
+"""A powered arm: connection, power, homing, moves and presses, for every controller alike.
+
+Whatever happens while the motors are on, they end off. What differs between controllers is
+in the `Driver` that the arm holds.
+"""
+
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager
+from typing import Generic, Self, TypeVar
+
+import numpy as np
+
+from sautereau.rig.schema import Rig
+from sautereau.robot.controller import Capture, TorqueTable
+from sautereau.robot.drivers.driver import Clock, Driver, Sleep
+from sautereau.robot.drivers.keep_alive import KeepAlive
+from sautereau.robot.drivers.limits import Limits
+from sautereau.robot.drivers.serial_port import Port, open_port
+from sautereau.robot.drivers.states import State, States
+from sautereau.robot.errors import MotionFault, NotReady, RobotError
+from sautereau.trajectory.counts import to_counts
+from sautereau.trajectory.segments import Counts, Segments
+
+_SAFE = "The arm was stopped and its motors are off: the controller confirms it."
+
+MakeKeepAlive = Callable[
+    [Callable[[Callable[[], bool]], None], float], AbstractContextManager[object]
+]
+"""Makes what gives the watchdog its signs of life; called as `KeepAlive` is."""
+DriverT = TypeVar("DriverT", bound=Driver)
+
+
+class PoweredArm(Generic[DriverT]):
+    """Two joints that can be powered, homed, moved and stopped: a `MotionController`.
+
+    Args:
+        driver: Class of the driver; an instance is made for each connection.
+        rig: Its controller and arm are used.
+        open_port: Opens the port: name, baud rate, timeout in seconds.
+        clock: Seconds, of any origin.
+        sleep: Wait for seconds.
+        keep_alive: Gives the controller's watchdog signs of life while the motors are on.
+    """
+
+    def __init__(
+        self,
+        driver: Callable[[Rig, Port, Clock, Sleep], DriverT],
+        rig: Rig,
+        *,
+        open_port: Callable[[str, int, float], Port] = open_port,
+        clock: Clock = time.monotonic,
+        sleep: Sleep = time.sleep,
+        keep_alive: MakeKeepAlive = KeepAlive,
+    ):
+        self._rig, self._settings = rig, rig.controller
+        self._limits = Limits(rig.arm)
+        self._home = to_counts(rig.arm.home_angles, rig.arm.counts_per_revolution)
+        self._make_driver, self._open_port = driver, open_port
+        self._clock, self._sleep, self._keep_alive = clock, sleep, keep_alive
+        self._driver: DriverT | None = None
+        self._identity = ""
+        self._states = States()
+        self._motion: Segments | None = None
+        self._played = False
+
+    # Connection.
+
+    @property
+    def identity(self) -> str:
+        """Model and firmware, as the controller reports them."""
+        self._connected("identity")
+        return self._identity
+
+    @property
+    def simulated(self) -> bool:
+        """Whether the controller identifies itself as a stand-in."""
+        return "SIM" in self.identity
+
+    @property
+    def state(self) -> State:
+        """State of the arm; see `sautereau.robot.drivers.states`."""
+        return self._states.now
+
+    @property
+    def driver(self) -> DriverT:
+        """The driver of this connection."""
+        return self._connected("driver")
+
+    def connect(self) -> str:
+        """Open the port, switch off, set the limits, and return the identity."""
+        if self._driver is not None:
+            raise NotReady("connect: already connected; call disconnect() first")
+        settings = self._settings
+        port = self._open_port(settings.port, settings.baud_rate, settings.timeout)
+        driver = self._make_driver(self._rig, port, self._clock, self._sleep)
+        try:
+            self._identity = driver.set_up()
+        except BaseException:
+            driver.close()
+            raise
+        self._states.enter(State.OFF)
+        self._driver, self._motion, self._played = driver, None, False
+        return self._identity
+
+    def disconnect(self) -> None:
+        """Switch off what is on, and close the port; never hides an earlier error."""
+        driver, earlier = self._driver, sys.exception()
+        if driver is None:
+            return
+        try:
+            if self._states.now is State.FAULTED:
+                driver.send_abort()
+            elif self._states.on:
+                if earlier is None:
+                    self._switch_off(driver)
+                else:
+                    self._make_safe(earlier, lambda: self._switch_off(driver))
+        finally:
+            self._driver = None
+            self._states.enter(State.OFF)
+            driver.close()
+
+    def __enter__(self) -> Self:
+        self.connect()
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self.disconnect()
+
+    # Power.
+
+    @contextmanager
+    def powered(self) -> Iterator[Self]:
+        """Switch the motors on; leaving the block in any way stops them and switches them off."""
+        driver = self._ready("powered")
+        self._states.enter(State.STOPPED)
+        try:
+            driver.switch_on()
+            with self._keep_alive(driver.renew, self._settings.watchdog_period):
+                yield self
+        except BaseException as error:
+            if self._states.on and self._states.now is not State.FAULTED:
+                self._make_safe(error, lambda: self._switch_off(driver))
+            raise
+        else:
+            if self._states.on:
+                self._switch_off(driver)
+
+    def positions(self) -> Counts:
+        """Read the joint positions: counts, shape (2,)."""
+        return self._connected("positions").positions()
+
+    def stop(self) -> Counts:
+        """Decelerate to a standstill, motors on; return the positions (counts, shape (2,))."""
+        driver = self._ready("stop")
+        with self._guarded(driver):
+            driver.halt()
+            self._states.enter(State.STOPPED)
+            return driver.positions()
+
+    def abort(self) -> None:
+        """Stop at once and switch the motors off; raise where this is not confirmed."""
+        self._confirm(self._connected("abort").abort)
+
+    # Homing and moves.
+
+    def home(self) -> Counts:
+        """Find the home switches; return the joint positions (counts, (2,)) set there."""
+        driver = self._ready("home")
+        with self._guarded(driver), self._states.moving(State.HOMED):
+            driver.find_home(self._home)
+        return self._home.copy()
+
+    def check_home(self) -> None:
+        """Check that the home switches are where they were found.
+
+        The arm moves to either side of them, `controller.home_tolerance` away.
+
+        Raises:
+            MotionFault: An encoder has slipped, or a switch has moved; the motors are off.
+        """
+        driver = self._ready("check_home")
+        tolerance = self._settings.home_tolerance
+        speed = self._limits.in_counts(self._rig.arm.approach_speed)
+        levels = []
+        for side in (-1, 1):
+            self.move_to(self._home + side * tolerance, speed)
+            with self._guarded(driver, "home_levels"):
+                levels.append(driver.home_levels())
+        slipped = [
+            f"joint {joint}"
+            for joint, (before, behind) in enumerate(zip(*levels, strict=True), 1)
+            if (before, behind) != (0, 1)
+        ]
+        if slipped:
+            with self._guarded(driver):
+                raise MotionFault(
+                    f"the home switch of {' and '.join(slipped)} is not within {tolerance} counts"
+                    " of where it was found (controller.home_tolerance): an encoder has slipped or"
+                    " a switch has moved; distrust what was recorded since home(), check coupling"
+                    " and switch, then home() again"
+                )
+
+    def move_to(self, counts: Counts, speed_counts_per_s: float) -> Counts:
+        """Move both joints from point to point, and wait until they have settled there.
+
+        Args:
+            counts: Counts, absolute target of each joint; shape (2,).
+            speed_counts_per_s: Counts per second, largest of either joint; lowered to the next
+                that the controller takes.
+
+        Returns:
+            Counts, target as it was sent; shape (2,).
+        """
+        driver = self._ready("move_to")
+        target = np.rint(counts).astype(np.int64)
+        self._limits.check_move(target, speed_counts_per_s)
+        after = State.HOMED if self._states.now is State.HOMED else State.LOADED
+        with self._guarded(driver), self._states.moving(after):
+            driver.go(target, speed_counts_per_s)
+        return target
+
+    # A press.
+
+    def load(self, segments: Segments, torque: TorqueTable | None = None) -> Segments:
+        """Load a motion; return what was really sent.
+
+        Args:
+            segments: The motion.
+            torque: Joint torques over time that the controller adds to those of its position
+                loops, from the start of motion on; None for none.
+
+        Raises:
+            UnsafeRequest: The limits or the controller forbid it; nothing was sent.
+        """
+        driver = self._ready("load")
+        settings = self._settings
+        self._limits.check_motion(segments, settings.segment_limit, settings.sample_period)
+        driver.plan(segments, torque)
+        self._states.enter(State.HOMED)
+        self._motion, self._played = None, False
+        self._motion = driver.load()
+        self._states.enter(State.LOADED)
+        return self._motion
+
+    @property
+    def loaded_torque(self) -> TorqueTable | None:
+        """The torques of the loaded motion, as the controller holds them; None for none."""
+        return None if self._driver is None else self._driver.loaded_torque
+
+    def arm(self) -> None:
+        """Prepare capture, trigger and start; refuse where the arm is not at the start."""
+        driver = self._ready("arm")
+        if self._motion is None:
+            raise NotReady("arm: no motion is loaded; call load() first")
+        self._limits.check_at(driver.positions(), self._motion.start, "arm: the arm")
+        with self._guarded(driver, "arm"):
+            driver.arm()
+        self._states.enter(State.ARMED)
+
+    def start(self) -> None:
+        """Start the motion and return at once."""
+        driver = self._ready("start")
+        self._states.enter(State.MOVING)
+        with self._guarded(driver):
+            driver.start()
+
+    def wait(self) -> None:
+        """Wait until the motion has ended, and verify that it ended as it should."""
+        driver = self._ready("wait")
+        with self._guarded(driver):
+            driver.wait()
+        self._motion, self._played = None, True
+        self._states.enter(State.HOMED)
+
+    def capture(self) -> Capture:
+        """Read what was recorded of the last complete motion."""
+        driver = self._ready("capture")
+        if not self._played:
+            raise NotReady("capture: no motion is done; wait() for the end of one first")
+        return driver.capture()
+
+    # Safety.
+
+    def _connected(self, call: str) -> DriverT:
+        """Return the driver of the connection."""
+        if self._driver is None:
+            raise NotReady(f"{call}: not connected; call connect() first")
+        return self._driver
+
+    def _ready(self, call: str) -> DriverT:
+        """Return the driver, or refuse a call that the arm's state does not allow."""
+        driver = self._connected(call)
+        self._states.require(call)
+        return driver
+
+    @contextmanager
+    def _guarded(self, driver: DriverT, call: str = "") -> Iterator[None]:
+        """Abort a motion that fails, and report the outcome in the error.
+
+        Args:
+            driver: Of the connection.
+            call: Method that only some drivers want guarded; empty for every driver.
+        """
+        try:
+            yield
+        except RobotError as error:
+            if not call or call in driver.ABORT_AFTER:
+                self._make_safe(error, lambda: self._confirm(driver.abort))
+            raise
+
+    def _switch_off(self, driver: DriverT) -> None:
+        """Stop with deceleration where possible, then abort."""
+
+        def off() -> None:
+            try:
+                driver.halt()
+            except RobotError:  # abort reports the outcome
+                pass
+            finally:
+                driver.abort()
+
+        try:
+            self._confirm(off)
+        except KeyboardInterrupt:  # a second Ctrl-C must not leave the motors on
+            self._confirm(off)
+            raise
+
+    def _confirm(self, switch_off: Callable[[], None]) -> None:
+        """Switch off, and report a controller that does not confirm it."""
+        self._states.enter(State.FAULTED)
+        try:
+            switch_off()
+        except RobotError as error:
+            error.aftermath = self._not_safe("see above")
+            raise
+        self._states.enter(State.OFF)
+
+    def _make_safe(self, error: BaseException, switch_off: Callable[[], None]) -> None:
+        """Switch off, and add the outcome to an error that is being raised."""
+        try:
+            switch_off()
+            outcome = _SAFE
+        except RobotError as fault:
+            outcome = self._not_safe(fault.args[0])
+        if isinstance(error, RobotError):
+            error.aftermath = outcome
+        else:
+            error.add_note(outcome)
+
+    def _not_safe(self, reason: str) -> str:
+        meanwhile = self.driver.WITHOUT_HOST.format(period=self._settings.watchdog_period)
+        return f"The motors are NOT confirmed off ({reason}): press the emergency stop. {meanwhile}"
