@@ -1,6 +1,5 @@
 """The bench in process: choices made for it, truth, and what it keeps."""
 
-import math
 from types import SimpleNamespace
 
 import pytest
@@ -56,19 +55,19 @@ def test_an_event_on_the_edge_belongs_to_the_press_that_it_begins():
     assert one.contacts == other.contacts == (0.0,)
 
 
-def test_an_accuracy_is_settled_and_told(monkeypatch):
+def test_a_solver_is_selected_for_an_accuracy(monkeypatch):
     """What is built is the scene that the choice has made."""
-    from sautereau.sim_backend.trade import choose
+    from sautereau.sim_backend.trade import select
 
-    class Settled(SimpleNamespace):
+    class Selected(SimpleNamespace):
         def __str__(self):
             return "1 us"
 
-    def settle(rig, scene):
+    def select_solver(rig, scene):
         assert scene.accuracy == "10 us"
-        return Settled(scene=mute_scene())
+        return Selected(scene=mute_scene())
 
-    monkeypatch.setattr(choose, "settle", settle)
+    monkeypatch.setattr(select, "select_solver", select_solver)
     scene = load_scene("ideal").model_copy(update={"step": None, "accuracy": "10 us"})
     bench = Bench(load_rig(), scene)
     assert bench.reached == "1 us"
@@ -76,21 +75,13 @@ def test_an_accuracy_is_settled_and_told(monkeypatch):
     assert Bench(load_rig(), mute_scene()).reached == ""
 
 
-def test_the_force_of_the_finger_can_be_asked_for():
-    bench = Bench(load_rig(), mute_scene())
-    bench.receive(b"SH AB\r")
-    for _ in range(5):
-        bench.tick()
-    assert math.isfinite(bench.finger_force)
-
-
 def test_an_acquisition_that_is_over_is_not_kept():
     """So that a long session costs no memory and no time."""
     bench = Bench(load_rig(), mute_scene())
     for _ in range(50):
-        run = bench.start(TaskSetup(("ai0", "ai1"), 51_200.0, 10, None))
+        run = bench.card.start(TaskSetup(("ai0", "ai1"), 51_200.0, 10, None))
         while bench.busy:
             bench.tick()
         assert run.read(0, 10).shape == (2, 10)
-    assert len(bench._runs) == 1
+    assert len(bench.card.runs) == 1
     assert len(bench.truth()) == 50

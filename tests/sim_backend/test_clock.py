@@ -5,14 +5,14 @@ import threading
 import pytest
 
 from sautereau.sim_backend.clock import Clock
-from sautereau.sim_backend.fair_lock import Turns
+from sautereau.sim_backend.fair_lock import FairLock
 
 
 class Count:
     """A bench that is busy until a number of ticks is done."""
 
     def __init__(self, wanted=0):
-        self.turns = Turns()
+        self.lock = FairLock()
         self.ticks, self.wanted = 0, wanted
         self.awaited = False
         self.failed = []
@@ -32,14 +32,14 @@ class Count:
 
     def go(self, ticks):
         """Let it be busy, and wait until it is not."""
-        with self.turns:
+        with self.lock:
             self.wanted += ticks
-            self.turns.notify_all()
-            assert self.turns.wait_for(lambda: not self.busy or self.failed, 10)
+            self.lock.notify_all()
+            assert self.lock.wait_for(lambda: not self.busy or self.failed, 10)
 
 
 def clock(bench, paced=False):
-    return Clock(bench, bench.turns, paced, bench.failed.append)
+    return Clock(bench, bench.lock, paced, bench.failed.append)
 
 
 @pytest.mark.parametrize("paced", [False, True])
@@ -64,7 +64,7 @@ def test_a_host_gets_its_turn_while_time_goes_on():
     seen = []
     with clock(bench):
         while len(seen) < 100 or seen[-1] == 0:
-            with bench.turns:
+            with bench.lock:
                 seen.append(bench.ticks)
     assert sorted(seen) == seen
 
@@ -85,20 +85,20 @@ def test_a_failing_bench_is_told_and_goes_no_further():
     assert bench.ticks == 777
 
 
-def test_turns_are_had_in_turn():
+def test_waiting_threads_get_the_lock_in_order():
     """A thread that takes the lock again at once does not keep it from one that waits."""
-    turns, greedy, done = Turns(), [0], threading.Event()
+    lock, greedy, done = FairLock(), [0], threading.Event()
 
     def take():
         while not done.is_set():
-            with turns:
+            with lock:
                 greedy[0] += 1
 
     thread = threading.Thread(target=take)
     thread.start()
     try:
         for _ in range(200):
-            with turns:
+            with lock:
                 pass
     finally:
         done.set()
@@ -107,14 +107,14 @@ def test_turns_are_had_in_turn():
 
 
 def test_a_condition_is_waited_for_without_the_lock():
-    turns, state = Turns(), []
+    lock, state = FairLock(), []
 
     def meet():
-        with turns:
+        with lock:
             state.append(1)
-            turns.notify_all()
+            lock.notify_all()
 
-    with turns:
+    with lock:
         threading.Thread(target=meet).start()
-        assert turns.wait_for(lambda: bool(state), 10)
-        assert not turns.wait_for(lambda: False, 0.0)
+        assert lock.wait_for(lambda: bool(state), 10)
+        assert not lock.wait_for(lambda: False, 0.0)

@@ -7,11 +7,12 @@ from sautereau.rig.load import load_rig
 from sautereau.sim_backend.bench import Bench
 from sautereau.sim_backend.devices.serial_port import PortGone
 from sautereau.sim_backend.errors import SceneError
+from sautereau.sim_backend.fault_tables import Drift, Faults, Overload, Speckle
 from sautereau.sim_backend.faults.line import BadLine, bad_line, disturbed
-from sautereau.sim_backend.faults.sensing import Drifting, DropOuts, Overloading
-from sautereau.sim_backend.faults.tables import Drift, Faults, Overload, Speckle
 from sautereau.sim_backend.scene import Scene, load_scene, parse_scene
-from sautereau.sim_backend.sensors import SensorChain
+from sautereau.sim_backend.sensors.chain import SensorChain
+from sautereau.sim_backend.sensors.force import Drifting, Overloading
+from sautereau.sim_backend.sensors.velocity import DropOuts
 
 IDEAL = """
 finger = "ideal"
@@ -99,7 +100,7 @@ joint = 3
         ),
         (
             {"server_gone": {"press": 1, "sample": 5}, "overrun": {"press": 2, "sample": 5}},
-            "the card is gone since server_gone in press 1",
+            "the card is gone after server_gone in press 1",
         ),
     ],
 )

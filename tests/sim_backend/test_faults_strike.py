@@ -25,7 +25,7 @@ from sautereau.robot.errors import (
 from sautereau.robot.experiment.session import run_session
 from sautereau.sim_backend.bench import Bench, StandIn
 from sautereau.sim_backend.errors import SceneError
-from sautereau.sim_backend.faults.tables import Faults
+from sautereau.sim_backend.fault_tables import Faults
 from sautereau.sim_backend.scene import load_scene
 from sautereau.trajectory.press import plan_press
 
@@ -222,23 +222,23 @@ def arm():
 def test_a_stalled_motor_pushes_with_all_it_has_and_does_not_move(arm):
     """Without OE it stays on: the error grows, the torque goes to the limit."""
     bench = arm(stall={"joint": 1})
-    bench._strikes.begin_press()
+    bench.injection.begin_press()
     bench.receive(b"AC 10240000;JG 200000;BG A\r")
     for _ in range(50):
         bench.tick()
-    before = bench._plant.encoder_counts()
+    before = bench.plant.encoder_counts()
     for _ in range(200):
         bench.tick()
-    after = bench._plant.encoder_counts()
+    after = bench.plant.encoder_counts()
     assert abs(after[0] - before[0]) <= 1
-    assert bench._plant.torque_volts()[0] == pytest.approx(9.998)
+    assert bench.plant.torque_volts()[0] == pytest.approx(9.998)
     assert float(bench.firmware.receive(b"MG _TEA\r").strip(b":\r\n ")) > 20_000
     assert bench.firmware.motors_on == (True, True)
 
 
 def test_a_stalled_motor_goes_off_where_oe_says_so(arm):
     bench = arm(stall={"joint": 1})
-    bench._strikes.begin_press()
+    bench.injection.begin_press()
     bench.receive(b"OE 1,1;AC 10240000;JG 200000;BG A\r")
     for _ in range(300):
         bench.tick()
@@ -250,15 +250,15 @@ def test_a_slipped_encoder_moves_the_arm_and_not_its_reading(arm):
     bench = arm(slip={"joint": 1, "counts": 500, "at": "10 ms"})
     for _ in range(300):
         bench.tick()
-    bench._strikes.begin_press()
-    counts, joints = bench._plant.encoder_counts(), bench.world.finger.joints()
-    home = bench._plant.home_counts()
+    bench.injection.begin_press()
+    counts, joints = bench.plant.encoder_counts(), bench.world.finger.joints()
+    home = bench.plant.home_counts()
     for _ in range(2000):
         bench.tick()
-    assert np.abs(np.subtract(bench._plant.encoder_counts(), counts)).max() <= 3
+    assert np.abs(np.subtract(bench.plant.encoder_counts(), counts)).max() <= 3
     moved = np.subtract(bench.world.finger.joints(), joints) / bench.world.radians_per_count
     np.testing.assert_allclose(moved, [-500, 0], atol=3)
-    assert np.subtract(bench._plant.home_counts(), home).tolist() == [500, 0]
+    assert np.subtract(bench.plant.home_counts(), home).tolist() == [500, 0]
 
 
 # The sensors.
@@ -295,7 +295,7 @@ def test_a_stand_in_that_fails_says_so_wherever_it_is_asked(tmp_path, monkeypatc
             advance = world.advance
 
             def lose(reference, powered):
-                if stand_in.bench._runs:
+                if stand_in.bench.card.runs:
                     raise SceneError("lost its numbers")
                 return advance(reference, powered)
 

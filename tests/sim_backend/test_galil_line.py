@@ -4,7 +4,7 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from sautereau.sim_backend.devices.galil.commands import COMMANDS
+from sautereau.sim_backend.devices.galil.commands.table import COMMANDS
 from sautereau.sim_backend.devices.galil.firmware import GalilFirmware
 
 REVISION = "DMC4020 Rev 1.3a-SIM sautereau stand-in"

@@ -12,7 +12,7 @@ from sautereau.sim_backend.errors import SceneError
 from sautereau.sim_backend.physics.observation import drive_of, errors, observe
 from sautereau.sim_backend.physics.reference.observe import reference
 from sautereau.sim_backend.scene import Scene
-from sautereau.sim_backend.trade.choose import settle
+from sautereau.sim_backend.trade.select import select_solver
 
 DRAWN = ("key.", "jack.", "plectrum.")
 """Tables of the rig whose assumed ranges are drawn from."""
@@ -80,7 +80,7 @@ def broken_promises(n, seed, solve):
         scene = random_scene(rng, rig)
         try:
             drive = drive_of(rig, scene)
-            settled = settle(rig, scene, drive, solve=solve)
+            settled = select_solver(rig, scene, drive, solve=solve)
         except SceneError as error:
             refused.append((i, str(error)))
             continue

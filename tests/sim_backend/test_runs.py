@@ -9,8 +9,8 @@ import pytest
 
 from sautereau.rig.load import load_rig
 from sautereau.sim_backend.devices.daqmx.runs import RunFault, SampledRun
-from sautereau.sim_backend.fair_lock import Turns
-from sautereau.sim_backend.faults.tables import Drift, Faults
+from sautereau.sim_backend.fair_lock import FairLock
+from sautereau.sim_backend.fault_tables import Drift, Faults
 from sautereau.sim_backend.physics.events import Motions
 from sautereau.sim_backend.scene import load_scene
 
@@ -42,7 +42,8 @@ def armed(rig, *, n=2000, terminals=("ai0", "ai1"), rate=51_200.0, **others):
     sensors, faults = others.get("sensors"), others.get("faults")
     rig = rig if sensors else load_scene("ideal").as_wired(rig)
     seed = others.get("seed", 5)
-    return SampledRun(rig, terminals, rate, n, sensors, seed, 0, 0.3, Turns(), faults)
+    rest = Motions(*np.zeros((4, 1)), np.array([0.3]), np.zeros(1))
+    return SampledRun(rig, terminals, rate, n, sensors, seed, 0, rest, FairLock(), faults)
 
 
 def play(run, samples, first=0, releases=()):
@@ -237,13 +238,13 @@ def test_somebody_who_waits_is_seen(rig):
     run.trigger(0.0)
     waiter = threading.Thread(target=run.wait_for, args=(200, 10))
     waiter.start()
-    while not run._wanted:
+    while not run._requested:
         time.sleep(1e-3)
     play(run, 2)
     assert not run.due
     play(run, 6, first=2)
     assert run.due
-    with run._turns:
-        run._turns.notify_all()
+    with run._lock:
+        run._lock.notify_all()
     waiter.join()
     assert not run.due

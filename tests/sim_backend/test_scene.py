@@ -101,8 +101,8 @@ def test_all_faults_are_told_at_once():
         ('"100 us"', '"nan s"', "step"),
         ('"100 us"', '"1 mm"', "step"),
         ("= 10", "= 0", "iterations"),
-        ('plectrum = "none"', 'plectrum = "elastica"', "leave out both or neither"),
-        ('"ideal"', '"servo"', r"table \[servo\] do not go together"),
+        ('plectrum = "none"', 'plectrum = "elastica"', "set both or neither"),
+        ('"ideal"', '"servo"', r"needs the table \[servo\]"),
         ('"ideal"', '"servo"\nsensors = { hum = "1 V" }', r"sensors\.hum"),
     ],
 )
@@ -116,11 +116,11 @@ def test_a_fault_names_its_key(old, new, words):
     [
         ('step = "100 us"', "", "step, accuracy: neither is given"),
         ("iterations = 10", 'accuracy = "10 us"', "step, accuracy: both are given"),
-        ("iterations = 10", 'engine = "auto"', 'engine: "auto" is chosen by the accuracy'),
+        ("iterations = 10", 'engine = "auto"', 'engine: "auto" is chosen by the requested accuracy'),
         ('step = "100 us"', 'accuracy = "5 mm"', r"accuracy: '5 mm' has the dimension \[length\]"),
         ('step = "100 us"', 'accuracy = "20 ms"', "accuracy: '20 ms' must lie between 0 and 10 ms"),
-        ('"ideal"', '"servo"\nengine = "reduced"', r'engine: "reduced" is .*take engine = "rigid"'),
-        ('"ideal"', '"push"', r'finger: "push" and the table \[push\] do not go together'),
+        ('"ideal"', '"servo"\nengine = "reduced"', r'engine: "reduced" is .*use engine = "rigid"'),
+        ('"ideal"', '"push"', r'finger: "push" needs the table \[push\]'),
     ],
 )
 def test_parts_that_do_not_fit_are_told(old, new, words):
@@ -139,7 +139,7 @@ def test_a_part_without_numbers_is_told(rig, part):
 
 def test_both_misfits_are_told():
     text = MUTE.replace('"ideal"', '"servo"').replace('string = "none"', 'string = "spring"')
-    with pytest.raises(SceneError, match=r"(?s)2 faults.*\[servo\].*leave out both"):
+    with pytest.raises(SceneError, match=r"(?s)2 faults.*\[servo\].*set both"):
         parse_scene(text)
 
 

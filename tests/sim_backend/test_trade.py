@@ -9,12 +9,18 @@ from hypothesis import strategies as st
 from sautereau.rig.load import load_rig
 from sautereau.sim_backend.errors import SceneError
 from sautereau.sim_backend.scene import load_scene
-from sautereau.sim_backend.trade import cache, measure, stopwatch
-from sautereau.sim_backend.trade.measure import recommended, run_trade
-from sautereau.sim_backend.trade.pareto import pareto
-from sautereau.sim_backend.trade.picture import plot_trade, trade_figure
-from sautereau.sim_backend.trade.points import Point, Trade
-from sautereau.sim_backend.trade.summary import trade_document, trade_text
+from sautereau.sim_backend.trade import study
+from sautereau.sim_backend.trade.results import (
+    Point,
+    Trade,
+    pareto_front,
+    plot_trade,
+    recommended,
+    trade_document,
+    trade_figure,
+    trade_text,
+)
+from sautereau.sim_backend.trade.study import run_trade, store_trade, stored_trade
 
 POINT = Point("a push", 1e-4, "rigid", "elastica", "spring", 4, 1e-6, 1e-4, 10.0)
 FAILED = replace(POINT, error=None, force_error=None, real_time_factor=None, failed="it blew up")
@@ -25,7 +31,7 @@ few = st.lists(st.tuples(st.integers(0, 5), st.integers(1, 5)), max_size=12)
 @given(few)
 def test_a_point_is_kept_if_no_other_beats_it(points):
     errors, speeds = [p[0] for p in points], [p[1] for p in points]
-    kept = pareto(errors, speeds)
+    kept = pareto_front(errors, speeds)
     for i, (error, speed) in enumerate(points):
         better = [
             j
@@ -37,8 +43,8 @@ def test_a_point_is_kept_if_no_other_beats_it(points):
 
 
 def test_a_speed_that_a_clock_does_not_tell_apart_is_none():
-    assert pareto([1.0, 2.0], [10.0, 10.5], 0.1) == [0]
-    assert pareto([1.0, 2.0], [10.0, 11.5], 0.1) == [0, 1]
+    assert pareto_front([1.0, 2.0], [10.0, 10.5], 0.1) == [0]
+    assert pareto_front([1.0, 2.0], [10.0, 11.5], 0.1) == [0, 1]
 
 
 def test_the_fastest_within_what_is_wanted_is_recommended():
@@ -56,9 +62,9 @@ def test_the_fastest_within_what_is_wanted_is_recommended():
 def trade(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patched:
         patched.setenv("XDG_CACHE_HOME", str(tmp_path_factory.mktemp("cache")))
-        patched.setattr(measure, "STEPS", {"rigid": (1, 8), "reduced": (1, 8)})
-        patched.setattr(measure, "ITERATIONS", (1,))
-        patched.setattr(stopwatch, "RUNS", (1, 3))
+        patched.setattr(study, "STEPS", {"rigid": (1, 8), "reduced": (1, 8)})
+        patched.setattr(study, "ITERATIONS", (1,))
+        patched.setattr(study, "RUNS", (1, 3))
         first = run_trade(load_rig(), load_scene("pluck"))
         assert not first.cached
         again = run_trade(load_rig(), load_scene("pluck"))
@@ -79,7 +85,7 @@ def test_a_trade_holds_every_way_against_the_reference(trade):
 
 def test_what_is_recommended_is_accurate_and_what_is_kept_is_not_beaten(trade):
     chosen = trade.points[trade.recommended]
-    assert chosen.error <= trade.wanted == 0.5 / load_rig().daq.sample_rate
+    assert chosen.error <= trade.requested == 0.5 / load_rig().daq.sample_rate
     best = trade.points[trade.pareto[0]]
     assert best.error == min(p.error for p in trade.points)
 
@@ -88,8 +94,8 @@ def test_an_engine_that_fails_is_not_fast(monkeypatch):
     def fail(rig, scene, drive):
         raise SceneError("it blew up")
 
-    monkeypatch.setattr(measure, "timed", fail)
-    monkeypatch.setattr(measure, "store_trade", lambda *args: None)
+    monkeypatch.setattr(study, "timed", fail)
+    monkeypatch.setattr(study, "store_trade", lambda *args: None)
     trade = run_trade(load_rig(), load_scene("pluck"), fresh=True)
     assert {p.failed for p in trade.points} == {"it blew up"}
     assert trade.pareto == ()
@@ -103,13 +109,13 @@ def test_events_that_are_missed_are_a_failure(monkeypatch):
         found.events.releases.clear()
         return found, factor
 
-    real = measure.timed
-    monkeypatch.setattr(measure, "timed", miss)
-    monkeypatch.setattr(measure, "store_trade", lambda *args: None)
-    monkeypatch.setattr(measure, "STEPS", {"rigid": (8,), "reduced": (1,)})
-    monkeypatch.setattr(stopwatch, "RUNS", (1, 1))
+    real = study.timed
+    monkeypatch.setattr(study, "timed", miss)
+    monkeypatch.setattr(study, "store_trade", lambda *args: None)
+    monkeypatch.setattr(study, "STEPS", {"rigid": (8,), "reduced": (1,)})
+    monkeypatch.setattr(study, "RUNS", (1, 1))
     trade = run_trade(load_rig(), load_scene("pluck"), fresh=True)
-    assert all("misses" in p.failed for p in trade.points)
+    assert all("are missing" in p.failed for p in trade.points)
 
 
 def made(*points):
@@ -142,15 +148,15 @@ def test_a_picture_is_labelled_and_logarithmic(tmp_path):
 def test_a_damaged_cache_is_measured_anew(monkeypatch, tmp_path, damage):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     rig, scene = load_rig(), load_scene("pluck")
-    cache.store_trade(rig, scene, made(POINT))
-    assert cache.stored_trade(rig, scene) == replace(made(POINT), cached=True)
+    store_trade(rig, scene, made(POINT))
+    assert stored_trade(rig, scene) == replace(made(POINT), cached=True)
     (path,) = tmp_path.rglob("*.json")
     path.write_text(damage)
-    assert cache.stored_trade(rig, scene) is None
+    assert stored_trade(rig, scene) is None
 
 
 def test_without_a_cache_it_is_only_slower(monkeypatch, tmp_path):
     (tmp_path / "file").write_text("")
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "file"))
-    cache.store_trade(load_rig(), load_scene("pluck"), made(POINT))
-    assert cache.stored_trade(load_rig(), load_scene("pluck")) is None
+    store_trade(load_rig(), load_scene("pluck"), made(POINT))
+    assert stored_trade(load_rig(), load_scene("pluck")) is None

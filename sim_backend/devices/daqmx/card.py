@@ -61,7 +61,7 @@ class Run(Protocol):
         ...
 
 
-class AroundRun(Run, Protocol):
+class PreTriggerAcquisition(Run, Protocol):
     """A started acquisition around an edge; what it waits for and reads counts from the first
     sample before the edge that is kept, and is there when the whole is."""
 
@@ -95,10 +95,10 @@ class Card(Protocol):
 
 
 @runtime_checkable
-class AroundCard(Card, Protocol):
+class PreTriggerCard(Card, Protocol):
     """A DAQ device with a reference trigger, which not all have."""
 
-    def start_around(self, setup: TaskSetup, before: int) -> AroundRun:
+    def start_pretrigger(self, setup: TaskSetup, before: int) -> PreTriggerAcquisition:
         """Start an acquisition of which so many samples lie before the edge of its trigger.
 
         An edge that comes before there are so many goes unheard.

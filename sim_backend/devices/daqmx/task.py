@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from sautereau.sim_backend.devices.daqmx.card import (
     ENDLESS,
-    AroundCard,
-    AroundRun,
     Card,
     DaqmxError,
+    PreTriggerAcquisition,
+    PreTriggerCard,
     Run,
     TaskSetup,
     physical_channels,
@@ -58,7 +58,7 @@ class CardTask:
     relative: int = _CURRENT
     """To what a read is relative: the last one, or the first sample before the edge."""
     run: Run | None = None
-    around: AroundRun | None = None
+    around: PreTriggerAcquisition | None = None
     """The run, where it has a reference trigger."""
     position: int = 0
     """Samples of each channel read so far."""
@@ -175,7 +175,7 @@ class CardTask:
                 raise DaqmxError(-200452, "A trigger needs a sample clock.")
         if self.before is None:
             return
-        if not isinstance(self.card, AroundCard):
+        if not isinstance(self.card, PreTriggerCard):
             raise DaqmxError(-200452, "This device has no reference trigger.")
         if self.mode != FINITE:
             raise DaqmxError(-200358, "A reference trigger needs a finite acquisition.")
@@ -270,8 +270,8 @@ class CardTask:
     def _launch(self, rate: float, n_samples: int, trigger: str | None) -> None:
         setup = TaskSetup(tuple(self.channels.values()), rate, n_samples, trigger)
         self.position, self.around = 0, None
-        if self.before is not None and isinstance(self.card, AroundCard):
-            self.run = self.around = self.card.start_around(setup, self.before)
+        if self.before is not None and isinstance(self.card, PreTriggerCard):
+            self.run = self.around = self.card.start_pretrigger(setup, self.before)
         else:
             self.run = self.card.start(setup)
 

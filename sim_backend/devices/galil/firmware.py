@@ -6,18 +6,21 @@ tells, each refused one ``?``, and a line stops there. Behind it are the grammar
 the profilers (`motion`). The firmware knows no clock but `GalilFirmware.tick`.
 """
 
-from collections.abc import Callable
-
+from sautereau.rig.schema import Rig
 from sautereau.sim_backend.devices.cubic import along
-from sautereau.sim_backend.devices.galil.commands import execute, execute_in_program
+from sautereau.sim_backend.devices.emulators import OnOutput, Plant
+from sautereau.sim_backend.devices.galil.commands.table import execute, execute_in_program
 from sautereau.sim_backend.devices.galil.faults import CommandError
-from sautereau.sim_backend.devices.galil.machine import Machine, Plant
+from sautereau.sim_backend.devices.galil.machine import Machine
 from sautereau.sim_backend.devices.galil.program import LINE_LENGTH, Program, split_commands
 from sautereau.trajectory.motion import Floats
 
-__all__ = ["GalilFirmware", "Plant"]
-
 _RETURN, _FEED, _BACKSLASH = b"\r\n\\"
+
+
+def emulate(rig: Rig, plant: Plant, on_output: OnOutput, paced: bool) -> "GalilFirmware":
+    """Return the controller at power-up; arguments of `new_emulator`."""
+    return GalilFirmware(plant, on_output=on_output, host_waits=not paced)
 
 
 class GalilFirmware:
@@ -39,7 +42,7 @@ class GalilFirmware:
         plant: Plant,
         *,
         revision: str = "DMC4020 Rev 1.3a-SIM sautereau stand-in",
-        on_output: Callable[[int, bool], None],
+        on_output: OnOutput,
         host_waits: bool = False,
     ) -> None:
         self._machine = Machine(plant, revision, on_output, execute_in_program, host_waits)
@@ -67,6 +70,11 @@ class GalilFirmware:
     def watching(self) -> bool:
         """Whether a program runs, of whatever kind."""
         return bool(self._machine.threads)
+
+    @property
+    def held(self) -> bool:
+        """Whether simulated time must not advance: never, all motions are in the controller."""
+        return False
 
     @property
     def sample_period(self) -> float:

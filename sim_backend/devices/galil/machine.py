@@ -1,8 +1,8 @@
 """The controller's state, and what it does with it in every sample."""
 
 from collections.abc import Callable
-from typing import Protocol
 
+from sautereau.sim_backend.devices.emulators import OnOutput, Plant
 from sautereau.sim_backend.devices.galil.arrays import Arrays, Capture
 from sautereau.sim_backend.devices.galil.axis import Axis
 from sautereau.sim_backend.devices.galil.faults import CommandError
@@ -15,26 +15,6 @@ INPUTS = 8
 """Digital inputs, numbered from 1."""
 VARIABLES = 510
 """Variables that there may be."""
-
-
-class Plant(Protocol):
-    """What the amplifiers and encoders are wired to; axes A and B."""
-
-    def encoder_counts(self) -> tuple[int, int]:
-        """Return the raw encoder counts since power-up."""
-        ...
-
-    def home_counts(self) -> tuple[int, int]:
-        """Return the raw encoder counts at the home switches."""
-        ...
-
-    def torque_volts(self) -> tuple[float, float]:
-        """Return the commands to the amplifiers, in volts."""
-        ...
-
-    def drive(self, offsets: tuple[float, float], limits: tuple[float, float]) -> None:
-        """Add offsets [V] to the loops' commands from now on, and limit [V] what goes out."""
-        ...
 
 
 class Machine:
@@ -53,7 +33,7 @@ class Machine:
         self,
         plant: Plant,
         revision: str,
-        on_output: Callable[[int, bool], None],
+        on_output: OnOutput,
         execute: Callable[["Machine", str, Thread], None],
         host_waits: bool,
     ) -> None:

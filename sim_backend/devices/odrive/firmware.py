@@ -11,6 +11,8 @@ Two properties are the stand-in's own, for no stock firmware has them: `gpio1.st
 
 from collections.abc import Callable
 
+from sautereau.rig.schema import Rig
+from sautereau.sim_backend.devices.emulators import AMPLIFIER_VOLTS, OnOutput, Plant
 from sautereau.sim_backend.devices.odrive.machine import Machine
 from sautereau.sim_backend.devices.odrive.properties import value_of, write
 from sautereau.sim_backend.devices.odrive.words import checksum, number, numbers
@@ -20,6 +22,22 @@ _LINE = 256
 _ANSWER = 63
 _VALUE = 9
 """Characters of a property's value."""
+
+
+def emulate(rig: Rig, plant: Plant, on_output: OnOutput, paced: bool) -> "OdriveFirmware":
+    """Return the controller at power-up; arguments of `new_emulator`."""
+    counts = rig.arm.counts_per_revolution
+    first, second = rig.arm.gear_ratios
+    per_volt = rig.arm.torque_limit / AMPLIFIER_VOLTS
+    return OdriveFirmware(
+        plant,
+        per_turn=(counts / first, counts / second),
+        period=rig.controller.sample_period,
+        stepped=not paced,
+        trigger=rig.controller.trigger_output,
+        torque_per_volt=(per_volt / first, per_volt / second),
+        on_output=on_output,
+    )
 
 
 class OdriveFirmware(Machine):

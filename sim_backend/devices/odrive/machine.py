@@ -1,10 +1,9 @@
 """The state of the emulated ODrive, and what it does with it in every sample."""
 
-from collections.abc import Callable
 from dataclasses import KW_ONLY, dataclass
 
 from sautereau.sim_backend.devices.cubic import along
-from sautereau.sim_backend.devices.galil.machine import Plant
+from sautereau.sim_backend.devices.emulators import OnOutput, Plant
 from sautereau.sim_backend.devices.odrive.axis import OdriveAxis
 from sautereau.trajectory.motion import Floats
 
@@ -29,7 +28,7 @@ class Machine:
     """Number of that output."""
     torque_per_volt: tuple[float, float]
     """N m of each motor that the plant's commands [V] stand for."""
-    on_output: Callable[[int, bool], None]
+    on_output: OnOutput
     """Called with number (from 1) and level when a digital output changes."""
 
     def __post_init__(self):

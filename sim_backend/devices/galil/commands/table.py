@@ -2,10 +2,9 @@
 
 from collections.abc import Callable
 
-from sautereau.sim_backend.devices.galil import array_commands as arrays
-from sautereau.sim_backend.devices.galil import motion_commands as motion
-from sautereau.sim_backend.devices.galil import program_commands as programs
 from sautereau.sim_backend.devices.galil.axis import SETTINGS
+from sautereau.sim_backend.devices.galil.commands import arrays, motion
+from sautereau.sim_backend.devices.galil.commands import program as programs
 from sautereau.sim_backend.devices.galil.faults import TEXTS, CommandError
 from sautereau.sim_backend.devices.galil.grammar import (
     evaluate,
