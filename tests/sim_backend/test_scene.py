@@ -116,7 +116,11 @@ def test_a_fault_names_its_key(old, new, words):
     [
         ('step = "100 us"', "", "step, accuracy: neither is given"),
         ("iterations = 10", 'accuracy = "10 us"', "step, accuracy: both are given"),
-        ("iterations = 10", 'engine = "auto"', 'engine: "auto" is chosen by the requested accuracy'),
+        (
+            "iterations = 10",
+            'engine = "auto"',
+            'engine: "auto" is chosen by the requested accuracy',
+        ),
         ('step = "100 us"', 'accuracy = "5 mm"', r"accuracy: '5 mm' has the dimension \[length\]"),
         ('step = "100 us"', 'accuracy = "20 ms"', "accuracy: '20 ms' must lie between 0 and 10 ms"),
         ('"ideal"', '"servo"\nengine = "reduced"', r'engine: "reduced" is .*use engine = "rigid"'),
