@@ -95,9 +95,7 @@ def test_its_scale_has_the_dimension_of_its_quantity(install):
 
 def test_an_unknown_quantity_is_refused_by_its_name(install):
     Path("rig.toml").write_text(_with_channel())
-    with pytest.raises(
-        RigError, match="quantity 'acceleration' is unknown.*velocity, force.*group"
-    ):
+    with pytest.raises(RigError, match=r"'acceleration' is unknown; known: velocity, force"):
         load_rig("rig.toml")
 
 

@@ -23,13 +23,13 @@ from sautereau.sim_backend.trade.results import (
 from sautereau.sim_backend.trade.study import run_trade, store_trade, stored_trade
 
 POINT = Point("a push", 1e-4, "rigid", "elastica", "spring", 4, 1e-6, 1e-4, 10.0)
-FAILED = replace(POINT, error=None, force_error=None, real_time_factor=None, failed="it blew up")
+FAILED = replace(POINT, error=None, force_error=None, real_time_factor=None, failed="it diverged")
 
 few = st.lists(st.tuples(st.integers(0, 5), st.integers(1, 5)), max_size=12)
 
 
 @given(few)
-def test_a_point_is_kept_if_no_other_beats_it(points):
+def test_a_point_is_kept_if_it_is_pareto_optimal(points):
     errors, speeds = [p[0] for p in points], [p[1] for p in points]
     kept = pareto_front(errors, speeds)
     for i, (error, speed) in enumerate(points):
@@ -42,12 +42,12 @@ def test_a_point_is_kept_if_no_other_beats_it(points):
     assert [errors[i] for i in kept] == sorted({errors[i] for i in kept})
 
 
-def test_a_speed_that_a_clock_does_not_tell_apart_is_none():
+def test_speeds_within_the_margin_count_as_equal():
     assert pareto_front([1.0, 2.0], [10.0, 10.5], 0.1) == [0]
     assert pareto_front([1.0, 2.0], [10.0, 11.5], 0.1) == [0, 1]
 
 
-def test_the_fastest_within_what_is_wanted_is_recommended():
+def test_the_fastest_point_within_the_requested_error_is_recommended():
     points = [
         replace(POINT, error=1e-6, real_time_factor=10.0),
         replace(POINT, error=5e-6, real_time_factor=20.0),
@@ -74,7 +74,7 @@ def trade(tmp_path_factory):
         return fresh
 
 
-def test_a_trade_holds_every_way_against_the_reference(trade):
+def test_every_way_is_compared_with_the_reference(trade):
     by = {(p.engine, p.level, round(p.dt * 1e6), p.iterations): p for p in trade.points}
     assert by["rigid", "elastica", 122, 4].error < 2e-6
     assert by["reduced", "elastica", 977, 4].error < 1e-6
@@ -83,7 +83,7 @@ def test_a_trade_holds_every_way_against_the_reference(trade):
     assert all(p.real_time_factor > 0 for p in trade.points)
 
 
-def test_what_is_recommended_is_accurate_and_what_is_kept_is_not_beaten(trade):
+def test_the_recommended_point_is_accurate_and_the_front_starts_with_the_best(trade):
     chosen = trade.points[trade.recommended]
     assert chosen.error <= trade.requested == 0.5 / load_rig().daq.sample_rate
     best = trade.points[trade.pareto[0]]
@@ -92,25 +92,25 @@ def test_what_is_recommended_is_accurate_and_what_is_kept_is_not_beaten(trade):
 
 def test_an_engine_that_fails_is_not_fast(monkeypatch):
     def fail(rig, scene, drive):
-        raise SceneError("it blew up")
+        raise SceneError("it diverged")
 
     monkeypatch.setattr(study, "timed", fail)
     monkeypatch.setattr(study, "store_trade", lambda *args: None)
     trade = run_trade(load_rig(), load_scene("pluck"), fresh=True)
-    assert {p.failed for p in trade.points} == {"it blew up"}
+    assert {p.failed for p in trade.points} == {"it diverged"}
     assert trade.pareto == ()
     assert trade.recommended is None
-    assert "failed: it blew up" in "\n".join(trade_text(trade))
+    assert "failed: it diverged" in "\n".join(trade_text(trade))
 
 
-def test_events_that_are_missed_are_a_failure(monkeypatch):
-    def miss(rig, scene, drive):
+def test_missing_events_are_a_failure(monkeypatch):
+    def clear(rig, scene, drive):
         found, factor = real(rig, scene, drive)
         found.events.releases.clear()
         return found, factor
 
     real = study.timed
-    monkeypatch.setattr(study, "timed", miss)
+    monkeypatch.setattr(study, "timed", clear)
     monkeypatch.setattr(study, "store_trade", lambda *args: None)
     monkeypatch.setattr(study, "STEPS", {"rigid": (8,), "reduced": (1,)})
     monkeypatch.setattr(study, "RUNS", (1, 1))
@@ -145,7 +145,7 @@ def test_a_picture_is_labelled_and_logarithmic(tmp_path):
 
 
 @pytest.mark.parametrize("damage", ["", "{", "[]", '{"points": 3}', '{"points": [{}]}', "\0"])
-def test_a_damaged_cache_is_measured_anew(monkeypatch, tmp_path, damage):
+def test_a_damaged_cache_is_ignored(monkeypatch, tmp_path, damage):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     rig, scene = load_rig(), load_scene("pluck")
     store_trade(rig, scene, made(POINT))
