@@ -13,7 +13,6 @@ from sautereau.sim_backend.bench import StandIn
 from sautereau.sim_backend.scene import load_scene
 from sautereau.trajectory.press import plan_press
 
-
 RIG = with_values(load_rig(), {"controller.timeout": "10 s"})
 
 
