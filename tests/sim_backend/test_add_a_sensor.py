@@ -66,6 +66,11 @@ def run_page():
             _, source, _, target = words
             with Path(target).open("a") as file:
                 file.write(Path(source).read_text())
+        if "init" in words:  # so that no answer is too late on a busy machine
+            rig = Path("my-rig.toml")
+            text, n = re.subn(r"(?m)^timeout = .*$", 'timeout = "10 s"', rig.read_text())
+            assert n == 1
+            rig.write_text(text)
 
 
 def test_a_third_channel_is_recorded(install, monkeypatch, capsys):
