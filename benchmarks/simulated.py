@@ -1,5 +1,6 @@
 """Presses made in process: a world's motion, through the sensor chain, straight to a `Press`."""
 
+from dataclasses import fields
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -14,10 +15,11 @@ from sautereau.rig.load import load_rig, with_values
 from sautereau.rig.schema import Rig
 from sautereau.sim_backend.devices.daqmx.runs import SampledRun
 from sautereau.sim_backend.errors import SceneError
-from sautereau.sim_backend.fair_lock import Turns
-from sautereau.sim_backend.faults.tables import Faults
+from sautereau.sim_backend.fair_lock import FairLock
+from sautereau.sim_backend.fault_tables import Faults
 from sautereau.sim_backend.parts import Push, Sensors
 from sautereau.sim_backend.physics.drive import LEAD, PressDrive, drive_of
+from sautereau.sim_backend.physics.events import Motions
 from sautereau.sim_backend.physics.observation import Observation, observe
 from sautereau.sim_backend.physics.world import new_world
 from sautereau.sim_backend.scene import Scene, load_scene
@@ -62,10 +64,13 @@ def acquired(rig: Rig, scene: Scene, seen: Observation, seed: int = 0) -> tuple[
     )
     rate, motions = rig.daq.sample_rate, seen.motions
     before = motions.time <= edge
-    rest = float(motions.finger_force[before][-1]) if before.any() else 0.0
+    parts = {f.name: getattr(motions, f.name)[before] for f in fields(motions)}
+    rest = Motions(**parts) if before.any() else None
     terminals = tuple(channel.terminal for channel in wired.daq.channels)
     n = int((motions.time[-1] - edge) * rate)
-    run = SampledRun(wired, terminals, rate, n, scene.sensors, seed, 0, rest, Turns(), scene.faults)
+    run = SampledRun(
+        wired, terminals, rate, n, scene.sensors, seed, 0, rest, FairLock(), scene.faults
+    )
     run.trigger(edge)
     sudden = (*seen.events.releases, *seen.events.returns)
     run.feed(motions, sorted(event.time for event in sudden if event.time > edge))

@@ -13,8 +13,8 @@ from sautereau.sim_backend.physics.observation import errors, observe
 from sautereau.sim_backend.physics.reduced.sweep import Ending, sweep
 from sautereau.sim_backend.physics.reference.observe import reference
 from sautereau.sim_backend.scene import Scene, load_scene
-from sautereau.sim_backend.trade.choose import settle
-from sautereau.sim_backend.trade.stopwatch import timed
+from sautereau.sim_backend.trade.select import select_solver
+from sautereau.sim_backend.trade.study import timed
 
 STEPS = 10
 """Of the rigid engine in a controller sample: 98 us each."""
@@ -108,7 +108,7 @@ def _settling(rig: Rig) -> list[Figure]:
         scene = load_scene(name)
         asked = scene.model_copy(update={"step": None, "accuracy": "10 us", "engine": "auto"})
         begun = time.perf_counter()
-        settled = settle(rig, asked)
+        settled = select_solver(rig, asked)
         spent = time.perf_counter() - begun
         drive = drive_of(rig, settled.scene)
         found = errors(observe(rig, settled.scene, drive), reference(rig, settled.scene, drive))

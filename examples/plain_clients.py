@@ -32,7 +32,7 @@ with (
         while float(send("MG _BGA+_BGB")) > 0:
             pass
 
-    send("EO 0")  # the controller answers what it is told, without repeating it
+    send("EO 0")  # the controller answers without repeating the command
     send("SH AB")
     begin("HM AB")
     send("DP {},{}".format(*plan["home"]))

@@ -6,17 +6,19 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from sautereau.rig.section import (
-    Frequency,
-    Section,
-    Time,
-    Voltage,
-)
-from sautereau.rig.units import Unit
+from sautereau.rig.measured import MEASURED, measured_quantity
+from sautereau.rig.registry import NameIn
+from sautereau.rig.section import Frequency, Section, Time, Voltage
+from sautereau.rig.units import Unit, UnitBy
 
 
-class _Channel(Section):
-    """One analog input with what its sensor's calibration chart says."""
+def _scale_unit(quantity: str) -> Unit:
+    measured = measured_quantity(quantity)
+    return Unit(measured.scale_unit, measured.example)
+
+
+class Channel(Section):
+    """One analog input: what it measures, and the calibration of its sensor."""
 
     name: str = Field(pattern=r"^[a-z][a-z0-9_]*$")
     """Name of the signal, and of its topic in a recording."""
@@ -38,7 +40,12 @@ class _Channel(Section):
     serial_number: str = ""
     """As engraved on the sensor."""
     calibrated: date | None = None
-    """Date of the calibration chart."""
+    """Date of the calibration."""
+    quantity: Annotated[str, NameIn(MEASURED)]
+    """What the channel measures: `velocity` of the key's front, positive downwards; `force` of
+    the finger on the key, positive where it presses; or a quantity of another package."""
+    scale: Annotated[float, UnitBy("quantity", MEASURED.names, _scale_unit)] = Field(gt=0)
+    """Of the sensor: measured quantity per volt."""
 
     @model_validator(mode="after")
     def _corners_in_order(self):
@@ -55,6 +62,11 @@ class _Channel(Section):
         return self
 
     @property
+    def unit(self) -> str:
+        """SI unit of the signal."""
+        return measured_quantity(self.quantity).unit
+
+    @property
     def coupling(self) -> Literal["AC", "DC"]:
         """Whether a constant passes."""
         return "AC" if self.high_pass else "DC"
@@ -69,37 +81,6 @@ class _Channel(Section):
             return self.delay
         corner = 2 * math.pi * self.low_pass
         return self.delay + 1 / (corner * math.sin(math.pi / (2 * self.low_pass_order)))
-
-
-class VelocityChannel(_Channel):
-    """A vibrometer; positive where the key's front goes down."""
-
-    quantity: Literal["velocity"]
-    """What the channel measures."""
-    scale: Annotated[float, Unit("m/s/V", "25 mm/s/V")] = Field(gt=0)
-    """m/s a volt."""
-
-    @property
-    def unit(self) -> str:
-        """SI unit of the signal."""
-        return "m/s"
-
-
-class ForceChannel(_Channel):
-    """A force transducer; positive where the finger presses on the key."""
-
-    quantity: Literal["force"]
-    """What the channel measures."""
-    scale: Annotated[float, Unit("N/V", "1 N/V")] = Field(gt=0)
-    """N a volt."""
-
-    @property
-    def unit(self) -> str:
-        """SI unit of the signal."""
-        return "N"
-
-
-Channel = Annotated[VelocityChannel | ForceChannel, Field(discriminator="quantity")]
 
 
 class Tls(Section):
@@ -168,6 +149,6 @@ class Daq(Section):
             )
         return self
 
-    def channel(self, quantity: str) -> VelocityChannel | ForceChannel | None:
+    def channel(self, quantity: str) -> Channel | None:
         """Return the first channel that measures ``quantity``, or None."""
         return next((c for c in self.channels if c.quantity == quantity), None)

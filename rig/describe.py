@@ -17,6 +17,7 @@ from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
 from sautereau.rig.faults import unit_of
+from sautereau.rig.registry import NameIn
 from sautereau.rig.schema import Rig
 from sautereau.rig.units import format_quantity
 
@@ -103,9 +104,7 @@ def _said(key: str, model: type[BaseModel]) -> Entry:
         if head != " " and meaning.startswith(head):
             meaning = meaning.removeprefix(head)
             break
-    return Entry(
-        key, unit, _kind(field.annotation, name), _default(field, name), _limits(field), meaning
-    )
+    return Entry(key, unit, _kind(field, name), _default(field, name), _limits(field), meaning)
 
 
 @cache
@@ -151,14 +150,21 @@ def _bare(annotation: Any) -> Any:
     return annotation
 
 
-def _kind(annotation: Any, unit: str | None) -> str:
+def _kind(field: FieldInfo, unit: str | None) -> str:
+    registries = [item.registry for item in field.metadata if isinstance(item, NameIn)]
+    if registries:
+        return "one of " + ", ".join(registries[0].names())
+    return _kind_of(field.annotation, unit)
+
+
+def _kind_of(annotation: Any, unit: str | None) -> str:
     bare = _bare(annotation)
     if get_origin(bare) is Literal:
         return "one of " + ", ".join(map(str, get_args(bare)))
     if get_origin(bare) is tuple:
         items = get_args(bare)
         many = "list" if Ellipsis in items else f"list of {len(items)}"
-        return f"{many}: {_kind(items[0], unit)}"
+        return f"{many}: {_kind_of(items[0], unit)}"
     return "quantity" if unit else _KINDS[bare]
 
 

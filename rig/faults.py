@@ -7,7 +7,7 @@ from typing import Any
 
 from pydantic import BaseModel, ValidationError
 
-from sautereau.rig.units import Unit, shown
+from sautereau.rig.units import Unit, UnitBy, shown
 
 
 def fault_list(origin: str, faults: list[str]) -> str:
@@ -21,9 +21,7 @@ def validation_faults(error: ValidationError, model: type[BaseModel], text: str)
     """Turn pydantic's errors into lines: place, key, value, what is allowed, remedy."""
     faults = []
     for item in error.errors(include_url=False):
-        location = _without_tags(item["loc"])
-        if item["type"] in ("union_tag_invalid", "union_tag_not_found"):
-            location.append(item.get("ctx", {})["discriminator"].strip("'"))
+        location = list(item["loc"])
         key = ".".join(map(str, location))
         if item["type"] == "value_error":
             for fault in str(item.get("ctx", {})["error"]).split("\n"):
@@ -36,28 +34,16 @@ def validation_faults(error: ValidationError, model: type[BaseModel], text: str)
     return [at_line(line, fault) for line, fault in faults]
 
 
-def _without_tags(location: tuple[int | str, ...]) -> list[int | str]:
-    """Return the place of a fault without the tag that pydantic puts after a list's index."""
-    places, tagged = [], False
-    for part in location:
-        if not (tagged and part in ("velocity", "force")):
-            places.append(part)
-        tagged = isinstance(part, int)
-    return places
-
-
 def _message(item: Any, model: type[BaseModel], location: list[int | str]) -> str:
     """Return what is wrong at one place, and what would be right."""
     kind, value = item["type"], item["input"]
     if kind == "extra_forbidden":
         key = ".".join(map(str, location))
         return f"unknown key{near_miss(key, list(model_keys(model))) or '; remove it'}"
-    if kind in ("missing", "union_tag_not_found"):
+    if kind == "missing":
         return "missing; add it"
-    if kind == "quantity":
+    if kind in ("quantity", "unknown_name"):
         return item["msg"]
-    if kind == "union_tag_invalid":
-        return f"{shown(item['ctx']['tag'])} is none of {item['ctx']['expected_tags']}"
     if kind in ("model_type", "model_attributes_type", "dict_type"):
         return f"{shown(value)} is refused: a table is needed"
     if kind == "tuple_type":
@@ -118,26 +104,45 @@ def _submodels(annotation: Any) -> list[type[BaseModel]]:
     return found
 
 
-def unit_of(model: type[BaseModel], location: list[Any]) -> str | None:
-    """Return the SI unit of the field at a location in a model, or None."""
+def unit_of(model: type[BaseModel], location: list[Any], values: Any = None) -> str | None:
+    """Return the SI unit of the field at a location in a model, or None.
+
+    Args:
+        model: The table to begin with.
+        location: Names of fields, and indices of lists.
+        values: What the table holds, a document or an instance. Where a unit follows from
+            another field and there is no such value, the result names all: `m/s/V or N/V`.
+    """
     models = [model]
     unit = None
     for part in location:
         if str(part).isdigit():
+            values = values[int(part)] if isinstance(values, list | tuple) else None
             continue
         unit, following = None, []
         for candidate in models:
             if field := candidate.model_fields.get(str(part)):
                 unit = unit or _find_unit(field.metadata) or _find_unit([field.annotation])
                 following += _submodels(field.annotation)
-        models = following
-    return unit
+        if isinstance(unit, UnitBy):
+            unit = _resolved(unit, values)
+        models, values = following, _value(values, str(part))
+    return unit.name if unit else None
 
 
-def _find_unit(items: Any) -> str | None:
+def _resolved(unit: UnitBy, values: Any) -> Unit | UnitBy:
+    name = _value(values, unit.field)
+    return unit.unit(name) if name in unit.names() else unit
+
+
+def _value(values: Any, name: str) -> Any:
+    return values.get(name) if isinstance(values, dict) else getattr(values, name, None)
+
+
+def _find_unit(items: Any) -> Unit | UnitBy | None:
     for item in items:
-        if isinstance(item, Unit):
-            return item.name
+        if isinstance(item, Unit | UnitBy):
+            return item
         inner = [*getattr(item, "__metadata__", ()), *getattr(item, "__args__", ())]
         if not isinstance(item, type) and (found := _find_unit(inner)):
             return found

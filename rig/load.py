@@ -56,7 +56,7 @@ def parse_rig(text: str, origin: str = "rig", folder: Path | None = None) -> Rig
     """
     values, assumed, sources, faults = _split_origins(read_toml(text, origin, RigError))
     faults += _read_files(values, folder or Path())
-    ranges, range_faults = _ranges(assumed)
+    ranges, range_faults = _ranges(assumed, values)
     faults = [
         at_line(line_of(text, key), f"{key}: {fault}") for key, fault in faults + range_faults
     ]
@@ -207,7 +207,7 @@ def _split_origins(document: dict[str, Any]):
     return values, assumed, sources, faults
 
 
-def _ranges(assumed: dict[str, tuple[Any, Any]]):
+def _ranges(assumed: dict[str, tuple[Any, Any]], values: dict[str, Any]):
     """Return the assumed ranges [SI] by dotted key, and the faults in them."""
     known = set(model_keys(Rig))
     ranges: dict[str, tuple[float, float]] = {}
@@ -216,7 +216,7 @@ def _ranges(assumed: dict[str, tuple[Any, Any]]):
         if re.sub(r"\.\d+(?=\.|$)", "", key) not in known:
             continue  # which is a fault of the key, and reported as such
         try:
-            ranges[key] = _range(unit_of(Rig, key.split(".")), value, pair)
+            ranges[key] = _range(unit_of(Rig, key.split("."), values), value, pair)
         except ValueError as error:
             faults.append((key, str(error)))
     return ranges, faults
@@ -252,7 +252,7 @@ def _document(model: BaseModel, kind: type[BaseModel]) -> dict[str, Any]:
     document: dict[str, Any] = {}
     for name, field in kind.model_fields.items():
         if not field.exclude:
-            document[name] = _plain(getattr(model, name), unit_of(kind, [name]))
+            document[name] = _plain(getattr(model, name), unit_of(kind, [name], model))
     return document
 
 

@@ -2,8 +2,12 @@
 
 import difflib
 from collections.abc import Mapping
+from dataclasses import dataclass
 from importlib.metadata import EntryPoint, entry_points
 from typing import Any
+
+from pydantic import GetCoreSchemaHandler
+from pydantic_core import PydanticCustomError, core_schema
 
 from sautereau.rig.errors import SautereauError
 
@@ -59,3 +63,22 @@ class Registry:
                 f"{self.what} {name!r} cannot be imported from {point.value!r}: {error}; reinstall"
                 " the package that provides it"
             ) from error
+
+
+@dataclass(frozen=True)
+class NameIn:
+    """Annotation of a text field that holds a name of a registry."""
+
+    registry: Registry
+
+    def __get_pydantic_core_schema__(
+        self, source: Any, handler: GetCoreSchemaHandler
+    ) -> core_schema.CoreSchema:
+        return core_schema.no_info_after_validator_function(self._known, handler(source))
+
+    def _known(self, name: str) -> str:
+        try:
+            self.registry.get(name)
+        except SautereauError as error:
+            raise PydanticCustomError("unknown_name", "{fault}", {"fault": str(error)}) from error
+        return name

@@ -62,7 +62,7 @@ def _with_origin(value: Any, rig: Rig, dotted: str) -> "InlineTable":
     table = tomlkit.inline_table()
     table["value"] = value
     if dotted in rig.assumed:
-        unit = unit_of(Rig, dotted.split(".")) or ""
+        unit = unit_of(Rig, dotted.split("."), rig) or ""
         table["assumed"] = [format_quantity(end, unit) for end in rig.assumed[dotted]]
     if dotted in rig.sources:
         table["source"] = rig.sources[dotted]

@@ -2,11 +2,12 @@
 
 import math
 import re
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
-from pydantic import GetCoreSchemaHandler
+from pydantic import GetCoreSchemaHandler, ValidationInfo
 from pydantic_core import PydanticCustomError, core_schema
 
 _NUMBER_AND_UNIT = re.compile(
@@ -92,14 +93,47 @@ class Unit:
         return core_schema.no_info_before_validator_function(self._read, handler(source))
 
     def _read(self, value: object) -> object:
-        try:
-            if isinstance(value, str):
-                return parse_quantity(value, self.name)
-            number = isinstance(value, int | float) and not isinstance(value, bool)
-            raise ValueError(f"{shown(value)} {'has no unit' if number else 'is no quantity'}")
-        except ValueError as error:
-            raise PydanticCustomError(
-                "quantity",
-                '{fault}; a quantity in {unit} is needed, written like "{example}"',
-                {"fault": str(error), "unit": self.name, "example": self.example},
-            ) from error
+        return _read(value, self.name, self.example)
+
+
+@dataclass(frozen=True)
+class UnitBy:
+    """Annotation of a float field whose SI unit follows from another field of its table."""
+
+    field: str
+    """Name of that field, which stands before this one."""
+    names: Callable[[], list[str]]
+    """Returns all values that the other field may have."""
+    unit: Callable[[str], Unit]
+    """Returns the unit that follows from one of them; raises where it is none of them."""
+
+    @property
+    def name(self) -> str:
+        """All units that there are: `m/s/V or N/V`."""
+        return " or ".join(dict.fromkeys(self.unit(name).name for name in self.names()))
+
+    def __get_pydantic_core_schema__(
+        self, source: Any, handler: GetCoreSchemaHandler
+    ) -> core_schema.CoreSchema:
+        return core_schema.with_info_before_validator_function(self._read, handler(source))
+
+    def _read(self, value: object, info: ValidationInfo) -> object:
+        if self.field not in info.data:
+            return 1.0  # the other field is refused, and the table with it
+        unit = self.unit(info.data[self.field])
+        return _read(value, unit.name, unit.example)
+
+
+def _read(value: object, unit: str, example: str) -> object:
+    """Return the SI value of a quantity in TOML; a float inside a model is refused."""
+    try:
+        if isinstance(value, str):
+            return parse_quantity(value, unit)
+        number = isinstance(value, int | float) and not isinstance(value, bool)
+        raise ValueError(f"{shown(value)} {'has no unit' if number else 'is no quantity'}")
+    except ValueError as error:
+        raise PydanticCustomError(
+            "quantity",
+            '{fault}; a quantity in {unit} is needed, written like "{example}"',
+            {"fault": str(error), "unit": unit, "example": example},
+        ) from error

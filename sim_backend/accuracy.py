@@ -1,4 +1,4 @@
-"""The accuracy that a scene asks for in place of a step."""
+"""The accuracy that a scene may ask for instead of a step."""
 
 from dataclasses import dataclass
 
@@ -12,23 +12,21 @@ class Accuracy:
     time: float | None
     """s."""
     force: float | None
-    """1, of the largest force."""
+    """Dimensionless, fraction of the largest force."""
 
     @classmethod
     def parse(cls, text: str) -> "Accuracy":
         """Read "10 us" or "0.1 %".
 
         Raises:
-            ValueError: It is neither a time nor a share, or not positive.
+            ValueError: It is neither a time nor a percentage, or not positive.
         """
-        share = text.strip().endswith("%")
-        value = (
-            parse_quantity(text.replace("%", "percent"), "") if share else parse_quantity(text, "s")
-        )
-        if not 0 < value < (1 if share else 1e-2):
-            limits = "between 0 and 100 %" if share else "between 0 and 10 ms"
+        of_force = text.strip().endswith("%")
+        value = parse_quantity(text.replace("%", "percent"), "" if of_force else "s")
+        if not 0 < value < (1 if of_force else 1e-2):
+            limits = "between 0 and 100 %" if of_force else "between 0 and 10 ms"
             raise ValueError(f"accuracy: {text!r} must lie {limits}; change it")
-        return cls(None, value) if share else cls(value, None)
+        return cls(None, value) if of_force else cls(value, None)
 
     def __str__(self) -> str:
         if self.time is None:

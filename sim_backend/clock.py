@@ -1,32 +1,32 @@
-"""The stand-in's clock: it goes while something is going on, as fast as it can or in real time."""
+"""The stand-in's clock: simulated time advances while the bench is busy, at full speed or paced."""
 
 import threading
 import time
 from collections.abc import Callable
 from typing import Protocol
 
-from sautereau.sim_backend.fair_lock import Turns
+from sautereau.sim_backend.fair_lock import FairLock
 
 SLICE = 2e-3
-"""s on the wall's clock, after which the others get a word in, whatever is going on."""
+"""s of real time, after which the clock releases the lock to the other threads."""
 
 
 class Clocked(Protocol):
-    """What a clock makes go, one controller sample at a time."""
+    """What a clock advances, one controller sample at a time."""
 
     @property
     def time(self) -> float:
-        """s, simulated."""
+        """Simulated time [s]."""
         ...
 
     @property
     def busy(self) -> bool:
-        """Whether time must go on."""
+        """Whether simulated time must advance."""
         ...
 
     @property
     def awaited(self) -> bool:
-        """Whether somebody waits for what is there now."""
+        """Whether a thread waits for samples that are complete."""
         ...
 
     def tick(self) -> None:
@@ -35,19 +35,19 @@ class Clocked(Protocol):
 
 
 class Clock:
-    """A thread that makes time go on while that is needed; a context manager.
+    """A thread that advances simulated time while the bench is busy; a context manager.
 
     Args:
-        bench: What goes.
-        turns: Had while it goes; notified when somebody may go on.
-        paced: Whether simulated time keeps to the wall's.
-        on_failure: Called, with its turn, when the bench has failed.
+        bench: What it advances.
+        lock: Held while it advances; notified after each slice.
+        paced: Whether simulated time follows real time.
+        on_failure: Called, under the lock, when the bench has failed.
     """
 
     def __init__(
-        self, bench: Clocked, turns: Turns, paced: bool, on_failure: Callable[[Exception], None]
+        self, bench: Clocked, lock: FairLock, paced: bool, on_failure: Callable[[Exception], None]
     ):
-        self._bench, self._turns, self._paced = bench, turns, paced
+        self._bench, self._lock, self._paced = bench, lock, paced
         self._on_failure = on_failure
         self._stopping = False
         self._thread = threading.Thread(target=self._run, name="stand-in clock", daemon=True)
@@ -57,32 +57,32 @@ class Clock:
         return self
 
     def __exit__(self, *exception: object) -> None:
-        with self._turns:
+        with self._lock:
             self._stopping = True
-            self._turns.notify_all()
+            self._lock.notify_all()
         self._thread.join()
 
     def _run(self) -> None:
         bench, ahead = self._bench, 0.0
         while True:
-            with self._turns:
+            with self._lock:
                 idle = not bench.busy
-                self._turns.wait_for(lambda: bench.busy or self._stopping)
+                self._lock.wait_for(lambda: bench.busy or self._stopping)
                 if self._stopping:
                     return
                 if idle:
                     ahead = time.monotonic() - bench.time
                 try:
-                    self._go_on()
-                except Exception as error:  # noqa: BLE001 - handed to whoever asks next
+                    self._advance()
+                except Exception as error:  # noqa: BLE001 - reported by the bench's next call
                     self._stopping = True
                     self._on_failure(error)
-                self._turns.notify_all()
-            # Without its turn, and long enough to let waiting threads run.
+                self._lock.notify_all()
+            # Outside the lock, and long enough for waiting threads to run.
             time.sleep(max(0.0, ahead + bench.time - time.monotonic()) if self._paced else 0)
 
-    def _go_on(self) -> None:
-        """Go until somebody waits for what is there, or at most for `SLICE`."""
+    def _advance(self) -> None:
+        """Do one sample if paced; else as many as `SLICE` allows while no thread waits."""
         bench = self._bench
         bench.tick()
         if self._paced:

@@ -1,4 +1,4 @@
-"""Faults of scenes and of the stand-in."""
+"""Errors of scenes and of the stand-in."""
 
 from sautereau.rig.errors import SautereauError
 

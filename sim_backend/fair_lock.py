@@ -1,14 +1,15 @@
-"""A lock that who needs it all the time cannot keep from the others."""
+"""Fair lock: waiting threads get it in order of arrival."""
 
 import threading
 from collections.abc import Callable
 
 
-class Turns:
-    """A lock that is had in turn, not twice by one thread, and on which one may wait.
+class FairLock:
+    """A lock that waiting threads get in order of arrival, with a condition to wait for.
 
-    Plain locks go to whoever is quickest, which is a thread that lets go and takes again.
-    Here who asks first holds the gate until the lock is free, and the others queue there.
+    A plain lock goes to the quickest thread, which is often the one that has just released it.
+    Here the thread that asks first holds a gate until the lock is free; the others queue at
+    the gate. It is not reentrant.
     """
 
     def __init__(self) -> None:
@@ -22,10 +23,10 @@ class Turns:
     def __exit__(self, *exception: object) -> None:
         self._condition.release()
 
-    def wait_for(self, met: Callable[[], bool], timeout: float | None = None) -> bool:
-        """Let the lock go until a condition is met or timeout [s] has passed."""
-        return self._condition.wait_for(met, timeout)
+    def wait_for(self, holds: Callable[[], bool], timeout: float | None = None) -> bool:
+        """Release the lock until a condition holds or timeout [s] has passed."""
+        return self._condition.wait_for(holds, timeout)
 
     def notify_all(self) -> None:
-        """Let everybody who waits look at his condition again."""
+        """Make all waiting threads check their conditions again."""
         self._condition.notify_all()

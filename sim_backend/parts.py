@@ -1,4 +1,4 @@
-"""What a scene may contain: the arm's servo, the sensors, a weight on the key."""
+"""The parts of a scene: the arm's servo, the sensors, a weight on the key."""
 
 from typing import Annotated
 
@@ -22,11 +22,11 @@ class Servo(Section):
     integral_time: Time = Field(gt=0)
     """s, of the integral term."""
     feedforward: tuple[JointInertia, JointInertia]
-    """kg m^2, torque for each unit of commanded acceleration."""
+    """kg m^2, torque per commanded acceleration."""
 
 
 class Sensors(Section):
-    """What the sensors add to the truth; delay, filters and range are the rig's."""
+    """Noise and hum of the sensors; their delay, filters and range are the rig's."""
 
     velocity_noise: Annotated[float, Unit("m/s", "0.05 mm/s")] = Field(ge=0)
     """m/s rms over the sensor's band."""
@@ -39,11 +39,11 @@ class Sensors(Section):
 
 
 class Push(Section):
-    """A constant force on the key, as of a weight put on it, from the first instant."""
+    """A constant force on the key from the start, like that of a weight."""
 
     force: Force = Field(ge=0, le=100)
     """N, normal to the key at the pressing point."""
     duration: Time = Field(gt=0, le=10)
-    """s, after which it is taken away."""
+    """s, after which it is removed."""
     rest: Time = Field(default=0.0, ge=0, le=10)
-    """s, for which the key is left to itself after that."""
+    """s, for which the simulation continues after that."""

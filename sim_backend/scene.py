@@ -1,4 +1,4 @@
-"""A scene: what the stand-in models, and how finely or how accurately."""
+"""A scene: what the stand-in simulates, and with which step or accuracy."""
 
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -13,7 +13,7 @@ from sautereau.rig.schema import Rig
 from sautereau.rig.section import Angle, Section, Time
 from sautereau.sim_backend.accuracy import Accuracy
 from sautereau.sim_backend.errors import SceneError
-from sautereau.sim_backend.faults.tables import Faults
+from sautereau.sim_backend.fault_tables import Faults
 from sautereau.sim_backend.parts import Push, Sensors, Servo
 
 
@@ -23,63 +23,66 @@ def _accuracy(text: str) -> str:
 
 
 class Scene(Section):
-    """What is simulated; what it leaves out costs nothing."""
+    """What is simulated; a part that is disabled costs nothing."""
 
     description: str = ""
-    """What the scene is for."""
+    """Purpose of the scene."""
     finger: Literal["push", "ideal", "servo"]
     """`push` is a constant force, `ideal` follows the controller's reference exactly, `servo`
-    is two driven links."""
+    has two links with motors."""
     plectrum: Literal["none", "auto", "elastica", "rods", "beam", "two-beam", "fe"]
-    """Level of the plectrum; `none` leaves the strings mute."""
+    """Plectrum bending model; `none` for no plucking."""
     string: Literal["none", "auto", "spring", "modal"]
-    """The strings that the plectra meet."""
+    """String model."""
     friction: bool
-    """Whether pivot and registers have their friction."""
+    """Whether pivot and registers have friction."""
     felt: bool
-    """Whether the key's front felt is there."""
+    """Whether the key has its front felt."""
     tongue: bool = False
-    """Whether a falling plectrum has to pass the string; else it is out of its reach."""
+    """Whether a falling plectrum must pass the string; else it passes without a force."""
     damper: bool = False
     """Whether the jacks carry their dampers."""
     engine: Literal["auto", "rigid", "reduced"] = "rigid"
     """`rigid` bodies, or the `reduced` equation of a key that a push or an ideal finger moves."""
     step: Time | None = Field(default=None, ge=1e-7, le=2e-3)
-    """s, longest step; the one taken divides the controller's sample."""
+    """s, longest step; the step used divides the controller's sample period."""
     accuracy: Annotated[str, AfterValidator(_accuracy)] | None = None
-    """In place of a step: largest error of events ("10 us") or of forces ("0.1 %")."""
+    """Instead of a step: largest error of events ("10 us") or of forces ("0.1 %")."""
     iterations: int = Field(default=10, ge=1, le=1000)
-    """Of the rigid bodies' constraint solver, each step."""
+    """Iterations of the rigid bodies' constraint solver, per step."""
     push: Push | None = None
-    """The force; needed by `finger = "push"` alone."""
+    """The force; only with `finger = "push"`, which needs it."""
     servo: Servo | None = None
-    """The arm's servo; needed by `finger = "servo"` alone."""
+    """The arm's servo; only with `finger = "servo"`, which needs it."""
     sensors: Sensors | None = None
-    """The sensor chain; without it every sensor gives the truth, at once."""
+    """The sensor chain; without it all sensors are exact and without delay."""
     faults: Faults | None = None
-    """What goes wrong; without it nothing does."""
+    """Faults to inject."""
     start_offset: tuple[Angle, Angle] = (0.03, -0.03)
-    """rad, of the joints from their home switches when power comes on."""
+    """rad, of the joints from their home switches at power-up."""
     more_choirs: tuple[Choir, ...] | None = None
-    """The simulated instrument's further choirs, in place of the rig's."""
+    """The simulated instrument's further choirs, instead of the rig's."""
     truth: dict[str, Any] = Field(default_factory=dict)
     """Where the simulated instrument differs from the rig: values by dotted key."""
     record_truth: bool = False
-    """Whether a file with the true events is left beside every recording, for tests."""
+    """Whether a file with the true events is written beside every recording, for tests."""
 
     @model_validator(mode="after")
     def _parts_fit(self):
         faults = []
         for part in ("push", "servo"):
-            if (self.finger == part) != (getattr(self, part) is not None):
+            given = getattr(self, part) is not None
+            if self.finger == part and not given:
+                faults.append(f'finger: "{part}" needs the table [{part}]; add it')
+            if self.finger != part and given:
                 faults.append(
-                    f'finger: "{self.finger}" and the table [{part}] do not go together;'
-                    f' finger = "{part}" needs it, and only that; add or remove the table'
+                    f'{part}: only finger = "{part}" uses this table, and finger is'
+                    f' "{self.finger}"; remove it, or change finger'
                 )
         if (self.plectrum == "none") != (self.string == "none"):
             faults.append(
-                f'plectrum: "{self.plectrum}" and string "{self.string}" do not go together;'
-                " leave out both or neither"
+                f'plectrum: "{self.plectrum}" and string = "{self.string}" contradict each other;'
+                ' set both or neither to "none"'
             )
         if (self.step is None) == (self.accuracy is None):
             given = "neither is" if self.step is None else "both are"
@@ -88,28 +91,28 @@ class Scene(Section):
             for name in ("engine", "plectrum", "string"):
                 if getattr(self, name) == "auto":
                     faults.append(
-                        f'{name}: "auto" is chosen by the accuracy asked for; give accuracy in'
-                        f" place of step, or choose the {name}"
+                        f'{name}: "auto" is chosen by the requested accuracy; give accuracy'
+                        f" instead of step, or choose the {name}"
                     )
         if self.engine == "reduced" and self.finger == "servo":
             faults.append(
                 'engine: "reduced" is an equation of the key alone, and a servo\'s arm has two'
-                ' joints more; take engine = "rigid"'
+                ' more joints; use engine = "rigid"'
             )
         if self.engine == "reduced" and self.string == "modal":
             faults.append(
                 'engine: "reduced" is an equation of the key alone, and a modal string moves by'
-                ' itself; take engine = "rigid" or string = "spring"'
+                ' itself; use engine = "rigid" or string = "spring"'
             )
         if faults:
             raise ValueError("\n".join(faults))
         return self
 
     def true_rig(self, rig: Rig) -> Rig:
-        """Return the bench as it is in this scene, which the rig only supposes.
+        """Return the simulated bench: the rig with the scene's `truth` and `more_choirs`.
 
         Raises:
-            SceneError: The scene shows a part of which the rig has no numbers.
+            SceneError: The scene has a part of which the rig has no values.
         """
         if self.more_choirs is not None:
             rig = rig.model_copy(update={"more_choirs": self.more_choirs})
@@ -120,7 +123,7 @@ class Scene(Section):
             for part in ("tongue", "damper"):
                 if getattr(self, part) and getattr(jack, part) is None:
                     faults.append(
-                        f"rig {rig.name}: the scene shows the {part}, and the rig has no table"
+                        f"rig {rig.name}: the scene has {part} = true, and the rig has no table"
                         f" [{at}.{part}]; add it, or set {part} = false in the scene"
                     )
         if faults:
@@ -128,23 +131,23 @@ class Scene(Section):
         return rig
 
     def as_wired(self, rig: Rig) -> Rig:
-        """Return the rig with the calibration charts of this scene's sensors.
+        """Return the rig with the calibrations of this scene's sensors.
 
-        What a chart said of a value, its source or its range, does not hold for an ideal sensor's.
+        For ideal sensors the sources and assumed ranges of the changed values are removed.
         """
         if self.sensors is not None:
             return rig
         ideal = {"delay": "0 s", "low_pass": "0 Hz", "high_pass": "0 Hz"}
-        charts = {
+        changed = {
             f"daq.channels.{i}.{name}": value
             for i in range(len(rig.daq.channels))
             for name, value in ideal.items()
         }
         origins = {
-            kind: {key: said for key, said in getattr(rig, kind).items() if key not in charts}
+            kind: {key: said for key, said in getattr(rig, kind).items() if key not in changed}
             for kind in ("assumed", "sources")
         }
-        return with_values(rig, charts).model_copy(update=origins)
+        return with_values(rig, changed).model_copy(update=origins)
 
 
 def load_scene(name: str | Path = "paper") -> Scene:

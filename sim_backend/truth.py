@@ -1,4 +1,4 @@
-"""What really happened after each trigger, which no recording tells."""
+"""The true events after each trigger, which no recording holds."""
 
 from bisect import bisect_left
 from dataclasses import dataclass, replace
@@ -9,23 +9,23 @@ from sautereau.sim_backend.physics.events import PluckEvents, StringEvent
 
 @dataclass(frozen=True)
 class Truth:
-    """What the strings met after one trigger edge; times in s from it."""
+    """The true events after one trigger edge; times in s from it."""
 
     contact_events: tuple[StringEvent, ...]
-    """Strings met, in order of time."""
+    """Contacts, in order of time."""
     release_events: tuple[StringEvent, ...]
-    """Strings let go."""
+    """Releases."""
     return_events: tuple[StringEvent, ...]
-    """Strings passed on the way down."""
+    """Returns of plectra below their strings."""
 
     @property
     def contacts(self) -> tuple[float, ...]:
-        """s from the edge, of the contacts of all choirs."""
+        """s from the edge, contacts of all choirs."""
         return tuple(event.time for event in self.contact_events)
 
     @property
     def releases(self) -> tuple[float, ...]:
-        """s from the edge, of the releases of all choirs."""
+        """s from the edge, releases of all choirs."""
         return tuple(event.time for event in self.release_events)
 
     @property
@@ -39,7 +39,7 @@ class Truth:
         return tuple(event.force for event in self.release_events)
 
     def choir(self, number: int) -> "Truth":
-        """Return what happened at one choir, 0 for the first one."""
+        """Return the events of one choir, 0 for the first one."""
         return Truth(
             *(
                 tuple(event for event in events if event.choir == number)
@@ -49,11 +49,11 @@ class Truth:
 
 
 def truths(events: PluckEvents, edges: list[float]) -> list[Truth]:
-    """Return what happened from each trigger edge to the next.
+    """Return the events from each trigger edge to the next.
 
     Args:
         events: Of the world so far.
-        edges: s on the world's clock, in order.
+        edges: s, simulated, in order.
     """
     return [
         Truth(

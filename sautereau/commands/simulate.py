@@ -81,14 +81,13 @@ def trade(
         Map where the engines stand and where they refuse, in place of the trade.
     """
     from sautereau.sim_backend.scene import load_scene
-    from sautereau.sim_backend.trade.measure import run_trade
-    from sautereau.sim_backend.trade.picture import plot_trade
+    from sautereau.sim_backend.trade.results import plot_trade, trade_document, trade_text
     from sautereau.sim_backend.trade.stability import (
         run_stability,
         stability_document,
         stability_text,
     )
-    from sautereau.sim_backend.trade.summary import trade_document, trade_text
+    from sautereau.sim_backend.trade.study import run_trade
 
     bench = load_rig(rig)
     if stability:

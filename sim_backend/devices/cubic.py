@@ -7,7 +7,7 @@ import numpy as np
 from sautereau.trajectory.motion import Floats
 
 Cubic = tuple[float, float, float, float]
-"""Coefficients a0 + a1 f + a2 f^2 + a3 f^3 over a sample's fraction f, in counts."""
+"""Coefficients of a0 + a1 f + a2 f^2 + a3 f^3 [counts], where f is the fraction of a sample."""
 
 
 def along(cubics: Iterable[Cubic], fractions: Floats) -> tuple[Floats, Floats]:
@@ -15,12 +15,12 @@ def along(cubics: Iterable[Cubic], fractions: Floats) -> tuple[Floats, Floats]:
 
     Args:
         cubics: Of both axes.
-        fractions (array): shape (k,), of the sample, 0 to 1; past 1 the cubics go on.
+        fractions (array): shape (k,), of the sample, 0 to 1; also extrapolated beyond 1.
 
     Returns:
-        Positions [counts] and velocities [counts a sample], shapes (k, 2).
+        Positions [counts] and velocities [counts per sample], shapes (k, 2).
     """
-    # In plain floats: for the few fractions of a sample, numpy takes four times as long.
+    # In plain floats: numpy takes four times as long for the few fractions of a sample.
     (a0, a1, a2, a3), (b0, b1, b2, b3) = cubics
     positions, velocities = [], []
     for f in fractions.tolist():

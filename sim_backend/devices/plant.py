@@ -1,7 +1,8 @@
-"""The simulated arm as the controller's cables show it: encoders, switches, amplifiers."""
+"""The simulated arm as the controller sees it: encoders, home switches, amplifiers."""
 
 import numpy as np
 
+from sautereau.sim_backend.devices.emulators import AMPLIFIER_VOLTS
 from sautereau.sim_backend.errors import SceneError
 from sautereau.sim_backend.physics.finger import Reference
 from sautereau.sim_backend.physics.rigid.arm import ServoFinger
@@ -9,12 +10,9 @@ from sautereau.sim_backend.physics.rigid.bodies import brakes
 from sautereau.sim_backend.physics.world import World
 from sautereau.trajectory.motion import Floats
 
-AMPLIFIER_VOLTS = 9.998
-"""V, command of an amplifier at the torque limit."""
-
 
 class ArmPlant:
-    """Motors and encoders of a world's arm, which may slip and stall."""
+    """Motors and encoders of a world's arm; encoders may slip and motors stall."""
 
     def __init__(self, world: World):
         self._world = world
@@ -22,7 +20,7 @@ class ArmPlant:
         self._encoders = self._counts(world.finger.joints())
 
     def encoder_counts(self) -> tuple[int, int]:
-        """Return the raw encoder counts since power-up, as they were at the last `sample`."""
+        """Return the raw encoder counts since power-up, as of the last `sample`."""
         return self._encoders
 
     def home_counts(self) -> tuple[int, int]:
@@ -36,7 +34,7 @@ class ArmPlant:
         return first / limit * AMPLIFIER_VOLTS, second / limit * AMPLIFIER_VOLTS
 
     def drive(self, offsets: tuple[float, float], limits: tuple[float, float]) -> None:
-        """Add offsets [V] to the loops' commands from now on, and limit [V] what goes out."""
+        """Add offsets [V] to the loops' commands from now on, and limit [V] the sums."""
         volt = self._world.rig.arm.torque_limit / AMPLIFIER_VOLTS
         finger = self._world.finger
         if isinstance(finger, ServoFinger):
@@ -45,25 +43,25 @@ class ArmPlant:
             )
 
     def sample(self) -> None:
-        """Read the encoders where the world is now."""
+        """Read the encoders now."""
         self._encoders = self._counts(self._world.finger.joints())
 
     def slip(self, joint: int, counts: int) -> None:
-        """Let the encoder of a joint (1 or 2) read so much more from now on."""
+        """Offset the readings of a joint's (1 or 2) encoder by ``counts`` from now on."""
         self._slipped[joint - 1] += counts
         self.sample()
 
     def stall(self, joint: int) -> None:
-        """Let the motor of a joint (1 or 2) stand from now on."""
+        """Block the motor of a joint (1 or 2) from now on."""
         finger = self._world.finger
         if not isinstance(finger, ServoFinger) or (space := finger.upper.space) is None:
             raise SceneError("faults.stall: the arm has no motors; remove the table")
         space.add(brakes(space, finger.upper, finger.lower)[joint - 1])
 
     def wired(self, reference: Reference) -> Reference:
-        """Return the controller's reference as the loops close on it.
+        """Return the controller's reference as the position loops apply it to the arm.
 
-        They follow the encoders, so what those read too much the arm stands short of it.
+        The loops follow the encoders, so the arm is off by the negative of the encoders' slip.
         """
         if not self._slipped.any():
             return reference

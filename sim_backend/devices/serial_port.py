@@ -1,7 +1,7 @@
 """Serial lines for the stand-in: a pseudo-terminal, or a socket on loopback.
 
-Each is a context manager with a `url` that pyserial opens, and a thread that hands
-what comes in to a handler and sends back what that returns.
+Each is a context manager with a `url` that pyserial opens, and a thread that passes the received
+bytes to a handler and sends back its answer.
 """
 
 import contextlib
@@ -14,21 +14,21 @@ from types import TracebackType
 from typing import Self
 
 Handler = Callable[[bytes], bytes]
-"""Takes the bytes that came in and returns those to answer; called in the port's thread."""
+"""Takes the received bytes and returns the answer; called in the port's thread."""
 
 _CHUNK = 4096
 
 
 class PortGone(Exception):  # noqa: N818 - the name says what happened
-    """Raised by a handler whose line is gone for good: the port closes without a word."""
+    """Raised by a handler whose line is gone for good: the port closes without an answer."""
 
 
 class _Port:
-    """The thread, and its bookkeeping: subclasses open, wait, read and write."""
+    """The thread and its state: subclasses open, wait, read and write."""
 
     def __init__(self, handler: Handler) -> None:
         self.url = ""
-        """What pyserial opens; known once the port is entered."""
+        """URL for pyserial; known once the port is entered."""
         self._handler = handler
         self._failure: Exception | None = None
         self._stopping = self._gone = False
@@ -52,10 +52,10 @@ class _Port:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        """Close the line; what the host has not read yet may be lost.
+        """Close the line; bytes that the host has not read may be lost.
 
         Raises:
-            Exception: What the handler raised, which ended the thread.
+            Exception: The handler's, which ended the thread.
         """
         self._stopping = True
         self._waker.send(b"x")
@@ -73,7 +73,7 @@ class _Port:
         except PortGone:
             self._gone = True
             self._close()
-        except Exception as error:  # noqa: BLE001 - the thread has nobody else to tell; __exit__ raises it
+        except Exception as error:  # noqa: BLE001 - raised by __exit__
             self._failure = error
 
     def _open(self) -> None:
@@ -90,13 +90,13 @@ class PtyPort(_Port):
     """A pseudo-terminal; the host may close it and open it again.
 
     Args:
-        handler: Takes what comes in, returns what to answer.
+        handler: Takes the received bytes, returns the answer.
     """
 
     def _open(self) -> None:
-        import tty  # there is none on Windows
+        import tty  # absent on Windows
 
-        # The port keeps the host's end open as well: without it a host that closes would hang up.
+        # The host's end stays open here too, for otherwise a host that closes it would hang up.
         self._ours, self._theirs = os.openpty()
         tty.setraw(self._theirs)
         os.set_blocking(self._ours, False)
@@ -122,10 +122,10 @@ class PtyPort(_Port):
 
 
 class SocketPort(_Port):
-    """A TCP port on loopback, for one host at a time; the next may come when it has gone.
+    """A TCP port on loopback, for one host at a time.
 
     Args:
-        handler: Takes what comes in, returns what to answer.
+        handler: Takes the received bytes, returns the answer.
     """
 
     def _open(self) -> None:

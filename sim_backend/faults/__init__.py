@@ -1,1 +1,1 @@
-"""Faults on demand: what a scene's table `[faults]` lets go wrong, and when."""
+"""Fault injection: the faults of a scene's table `[faults]`, and when they occur."""

@@ -1,1 +1,1 @@
-"""Accuracy against speed: what a scene needs for the accuracy it asks, and what that costs."""
+"""Work-precision studies: which step and models reach an accuracy, and what they cost."""

@@ -1,4 +1,4 @@
-"""The cases of the stability map: a grid over each axis, and random points over all of them."""
+"""The cases of the stability map: a grid along each parameter, and random combinations."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -22,13 +22,13 @@ SPEEDS = (0.005, 0.02, 0.072, 0.3, 1.0)
 FORCES = (0.01, 0.3, 1.2, 10.0, 100.0)
 """N, of a push."""
 MASS_RATIOS = (1.0, 10.0, 1e2, 1e3, 1e4)
-"""1, the key's inertia over the jack's about the pin."""
+"""Dimensionless, the key's inertia over the jack's about the pin."""
 STIFFNESSES = (1e-3, 0.1, 10.0, 1e3)
-"""1, times the rig's."""
+"""Dimensionless factors on the rig's."""
 OVERLAPS = (0.01e-3, 0.1e-3, 0.5e-3, 2e-3)
 """m."""
 MIDDLE, SLOW = 100e-6, 500e-6
-"""s, steps of the cases that vary something else; of those that last long."""
+"""s, steps of the cases that vary other parameters, and of long ones."""
 
 
 @dataclass(frozen=True)
@@ -38,11 +38,11 @@ class Case:
     name: str
     scene: Scene
     values: Values = field(default_factory=dict)
-    """In which its bench differs."""
+    """Values in which its bench differs from the rig."""
 
 
 def grid(rig: Rig) -> Iterator[Case]:
-    """Yield the cases of each axis alone, for every engine that does them."""
+    """Yield the cases of each parameter alone, for both engines."""
     for engine in ENGINES:
         for step in STEPS:
             yield Case(f"push, step {step * 1e6:g} us", _push(engine, step))
@@ -88,10 +88,10 @@ def _frictions(rig: Rig, engine: Engine) -> Iterator[Case]:
 
 def _stops(rig: Rig, engine: Engine) -> Iterator[Case]:
     balance = rig.jack.mass * GRAVITY * rig.key.jack_arm
-    for name, share in (("no front heaviness", 0.0), ("nearly balanced", 0.999), ("balanced", 1.0)):
-        values: Values = {"key.front_heaviness": f"{share * balance!r} N m"}
+    for name, ratio in (("unweighted", 0.0), ("nearly balanced", 0.999), ("balanced", 1.0)):
+        values: Values = {"key.front_heaviness": f"{ratio * balance!r} N m"}
         yield Case(f"key {name}", _push(engine), values)
-        yield Case(f"key {name}, left alone", _push(engine, force=0.0), values)
+        yield Case(f"key {name}, not pressed", _push(engine, force=0.0), values)
     yield Case("key on its felt", _push(engine, duration=0.15))
     yield Case("key thrown on its felt", _push(engine, force=20.0, duration=0.1))
     hard: Values = {"key.felt_stiffness": "1e6 N/m", "key.felt_damping": "0 N*s/m"}
@@ -109,7 +109,7 @@ def _stops(rig: Rig, engine: Engine) -> Iterator[Case]:
 
 
 def random_cases(rig: Rig, n: int, seed: int = 0) -> Iterator[Case]:
-    """Yield cases with everything drawn at once, each over all of its axis."""
+    """Yield cases with all parameters drawn at random, each over its complete range."""
     rng = np.random.default_rng(seed)
 
     def log(low: float, high: float) -> float:
@@ -140,7 +140,7 @@ def random_cases(rig: Rig, n: int, seed: int = 0) -> Iterator[Case]:
 
 
 def at_speed(rig: Rig, speed: float) -> Values:
-    """Return the changes of a bench that presses at a jack speed [m/s], in as much of a rise."""
+    """Return the changes for a jack speed [m/s] that is reached within the same rise."""
     press, times = rig.press, max(speed / rig.press.jack_speed, 1.0)
     return {
         "press.jack_speed": f"{speed!r} m/s",
@@ -153,9 +153,9 @@ def at_speed(rig: Rig, speed: float) -> Values:
 
 
 def mass_ratio(rig: Rig, ratio: float) -> Values:
-    """Return the changes of a bench that make its key so many times as heavy as its jack.
+    """Return the changes for a ratio of the key's inertia to its jack's.
 
-    The key stays as far from lifting its jack as it was.
+    The key's static gravity moment keeps its ratio to that of the jack.
     """
     key, jack = rig.key, rig.jack
     mass = key.inertia / key.jack_arm**2 / ratio
@@ -164,12 +164,12 @@ def mass_ratio(rig: Rig, ratio: float) -> Values:
 
 
 def string_times(rig: Rig, times: float) -> Values:
-    """Return the change of a bench that makes its string so many times as stiff."""
+    """Return the change that multiplies the stiffness of the string."""
     return {"string.tension": f"{rig.string.tension * times!r} N"}
 
 
 def modulus_times(rig: Rig, times: float) -> Values:
-    """Return the change of a bench that makes its plectrum so many times as stiff."""
+    """Return the change that multiplies the stiffness of the plectrum."""
     return {"plectrum.youngs_modulus": f"{rig.plectrum.youngs_modulus * times!r} Pa"}
 
 
@@ -179,7 +179,7 @@ _LIMITLESS: Values = {
     "arm.jerk_limit": "1e10 rad/s^3",
     "arm.torque_limit": "1e4 N m",
 }
-"""An ideal finger's arm may be as fast as it has to."""
+"""An ideal finger's arm needs no limits."""
 
 
 def _push(

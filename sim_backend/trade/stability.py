@@ -1,4 +1,4 @@
-"""Where the engines stand: every case is as accurate as they claim, or refused with a reason."""
+"""Stability map: every case is as accurate as the engine claims, or refused with a reason."""
 
 import math
 from collections.abc import Callable, Iterable
@@ -14,51 +14,50 @@ from sautereau.sim_backend.physics.drive import drive_of
 from sautereau.sim_backend.physics.observation import Errors, Observation, errors, observe
 from sautereau.sim_backend.scene import Scene
 from sautereau.sim_backend.trade.cases import Case, grid, random_cases
-from sautereau.sim_backend.trade.choose import settle
-from sautereau.sim_backend.trade.settled import reached
+from sautereau.sim_backend.trade.select import reached, select_solver
 
 RANDOM = 40
-"""Random cases of the whole map."""
+"""Random cases of the complete map."""
 Verdict = Literal["converged", "refused", "failed"]
 
 
 @dataclass(frozen=True)
 class Cell:
-    """What became of a case."""
+    """The outcome of a case."""
 
     case: Case
     verdict: Verdict
     claim: Errors | None = None
-    """The error that was claimed; None for a case that was refused."""
+    """The claimed error; None for a case that was refused."""
     error: Errors | None = None
-    """The error that there was."""
+    """The error found."""
     reason: str = ""
     """Of a refusal or a failure."""
 
 
 @dataclass(frozen=True)
 class Map:
-    """What became of every case."""
+    """The outcome of every case."""
 
     cells: tuple[Cell, ...]
 
     @property
     def silent_failures(self) -> tuple[Cell, ...]:
-        """Cases whose error is larger than was claimed, without a word."""
+        """Cases whose error is larger than claimed."""
         return tuple(cell for cell in self.cells if cell.verdict == "failed")
 
 
 def run_stability(
     rig: Rig,
     cases: Iterable[Case] | None = None,
-    progress: Callable[[float], None] = lambda share: None,
+    progress: Callable[[float], None] = lambda fraction: None,
 ) -> Map:
-    """Run cases through their engines and hold each against the reference.
+    """Run cases through their engines and compare each with the reference solution.
 
     Args:
         rig: The bench from which the cases differ.
-        cases: None for the whole grid and `RANDOM` random ones.
-        progress: Told the share that is done, from 0 to 1.
+        cases: None for the complete grid and `RANDOM` random ones.
+        progress: Called with the fraction that is done, from 0 to 1.
     """
     chosen = [*grid(rig), *random_cases(rig, RANDOM)] if cases is None else list(cases)
     cells = []
@@ -70,17 +69,17 @@ def run_stability(
 
 
 def judge(rig: Rig, case: Case) -> Cell:
-    """Run one case and say what became of it."""
+    """Run one case and return its outcome."""
     try:
         bench = with_values(rig, case.values)
         drive = drive_of(bench, case.scene)
-        settled = settle(bench, case.scene, drive)
-        found = observe(bench, settled.scene, drive)
+        selected = select_solver(bench, case.scene, drive)
+        found = observe(bench, selected.scene, drive)
     except SautereauError as error:
         return Cell(case, "refused", reason=str(error))
     except Exception as error:  # noqa: BLE001 - an untyped error is what this map looks for
         return Cell(case, "failed", reason=f"{type(error).__name__}: {error}")
-    claim = settled.errors
+    claim = selected.errors
     if not math.isfinite(claim.time):
         return Cell(case, "refused", reason=reached(claim))
     fault = _fault(found)
@@ -89,14 +88,19 @@ def judge(rig: Rig, case: Case) -> Cell:
     try:
         error = errors(found, _truth(bench, case.scene))
     except SautereauError as refusal:
-        return Cell(case, "failed", claim, reason=f"it goes on, and the reference not: {refusal}")
+        return Cell(
+            case,
+            "failed",
+            claim,
+            reason=f"simulated, but refused by the reference solver: {refusal}",
+        )
     if error.time <= claim.time and error.force <= claim.force:
         return Cell(case, "converged", claim, error)
     return Cell(case, "failed", claim, error, "less accurate than claimed")
 
 
 def stability_document(found: Map) -> dict[str, Any]:
-    """Return the JSON object of a map; errors in s and 1, null where they are none."""
+    """Return the JSON object of a map; errors in s and dimensionless, null where there is none."""
     return {
         "cases": [_document(cell) for cell in found.cells],
         "converged": _count(found, "converged"),
@@ -122,13 +126,13 @@ def _truth(bench: Rig, scene: Scene) -> Observation:
 
 
 def _fault(found: Observation) -> str:
-    """Return what is no motion in an observation: no number, or time that goes back."""
+    """Return the reason why an observation is no motion; empty where it is one."""
     motions = found.motions
     for name in ("time", "angle", "angular_velocity", "rise", "finger_force", "string_force"):
         if not np.isfinite(getattr(motions, name)).all():
-            return f"{name} is no number"
+            return f"{name} is not finite"
     if not (np.diff(motions.time) > 0).all():
-        return "time goes back"
+        return "time decreases"
     return ""
 
 

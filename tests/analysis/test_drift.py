@@ -9,7 +9,7 @@ from sautereau.daq.signals.delays import undelayed
 from sautereau.daq.signals.sensors import correct, undo_high_pass
 from sautereau.rig.load import load_rig
 from sautereau.sim_backend.scene import load_scene
-from sautereau.sim_backend.sensors import SensorChain
+from sautereau.sim_backend.sensors.chain import SensorChain
 
 RATE = 51_200.0
 VELOCITY, FORCE = load_rig("paper").daq.channels

@@ -13,7 +13,7 @@ from sautereau.daq.file.recording import Recording
 from sautereau.daq.file.session_info import SessionInfo
 from sautereau.rig.load import with_values
 from sautereau.sim_backend.scene import load_scene
-from sautereau.sim_backend.sensors import SensorChain
+from sautereau.sim_backend.sensors.chain import SensorChain
 
 RATE = 51_200.0
 

@@ -10,7 +10,7 @@ from sautereau.daq.file.recording import Recording
 from sautereau.daq.source.acquisition import Acquisition
 from sautereau.rig.load import load_rig, with_values
 from sautereau.sim_backend.bench import StandIn
-from sautereau.sim_backend.faults.tables import Faults
+from sautereau.sim_backend.fault_tables import Faults
 from sautereau.sim_backend.scene import load_scene
 
 AT = 3000

@@ -59,7 +59,7 @@ class RampCard:
         self.runs.append(RampRun(self, setup))
         return self.runs[-1]
 
-    def start_around(self, setup, before):
+    def start_pretrigger(self, setup, before):
         self.runs.append(RampRun(self, setup, before))
         return self.runs[-1]
 

@@ -90,7 +90,7 @@ def test_the_steps_of_the_workflow_work(read_page, server, tmp_path):
     script = [PROLOGUE, "set -x", "sautereau init my-rig.toml", *own]
     done = _bash("\n".join(script), tmp_path, server)
     assert done.returncode == 0, done.stdout
-    assert "ideal.json: predicted over measured time" in done.stdout
+    assert "ideal.json: pluck duration, model error" in done.stdout
 
 
 def _bash(script: str, folder: Path, server: str) -> subprocess.CompletedProcess[str]:

@@ -160,7 +160,7 @@ def test_rules_between_fields_are_reported_together(changed):
     ("old", "new", "message"),
     [
         ('quantity = "force"', "", ".quantity: missing; add it"),
-        ('quantity = "force"', 'quantity = "mood"', ".quantity: 'mood' is none of 'velocity'"),
+        ('quantity = "force"', 'quantity = "mood"', ".quantity: measured quantity 'mood' is"),
         ('scale = { value = "1 N/V"', 'scale = { value = "1 m/s/V"', ".scale: '1 m/s/V' has the"),
         ('terminal = "ai1"', 'terminl = "ai1"', ".terminl: unknown key; did you mean 'terminal'?"),
         ('terminal = "ai1"', 'terminal = "ai1"\nforce = 1', ".force: unknown key"),

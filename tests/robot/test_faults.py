@@ -30,7 +30,7 @@ from sautereau.robot.experiment.session_folder import SessionFolder
 from sautereau.sim_backend.bench import StandIn
 from sautereau.sim_backend.devices.galil.faults import CommandError
 from sautereau.sim_backend.devices.galil.motion import StopCode
-from sautereau.sim_backend.faults.tables import Faults
+from sautereau.sim_backend.fault_tables import Faults
 from sautereau.sim_backend.scene import load_scene
 from sautereau.trajectory.press import plan_press
 
@@ -117,10 +117,9 @@ class Desk:
             self.on, self.was_on = on, on or self.was_on
 
         def ticked():
-            edges = bench._strikes._edges
             for each in list(self.due):
                 press, later, do = each
-                if len(edges) >= press and bench.time >= edges[press - 1] + later:
+                if bench.injection.past(press, later):
                     self.due.remove(each)
                     self.note_fault()
                     do()
@@ -447,7 +446,7 @@ def encoder_slips_a_little(desk):
             with controller, controller.powered():
                 controller.home()
                 desk.note_fault()
-                desk.bench._plant.slip(1, 500)
+                desk.bench.plant.slip(1, 500)
                 controller.check_home()
 
         desk.attempt(look)

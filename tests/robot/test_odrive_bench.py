@@ -19,7 +19,7 @@ from sautereau.robot.drivers.odrive.driver import OdriveController
 from sautereau.robot.errors import LineLost, PortUnavailable, SilentController
 from sautereau.robot.experiment.session import run_session
 from sautereau.sim_backend.bench import StandIn
-from sautereau.sim_backend.faults.tables import Faults
+from sautereau.sim_backend.fault_tables import Faults
 from sautereau.sim_backend.scene import load_scene
 from sautereau.trajectory.press import plan_press
 

@@ -13,7 +13,7 @@ from sautereau.robot.drivers.galil.push import LEAST_INTERVAL, MOST_ROWS, plan_p
 from sautereau.robot.drivers.states import State
 from sautereau.robot.errors import MotionFault, SettingNotTaken, UnsafeRequest
 from sautereau.sim_backend.bench import StandIn
-from sautereau.sim_backend.faults.tables import Faults
+from sautereau.sim_backend.fault_tables import Faults
 from sautereau.sim_backend.scene import load_scene
 from sautereau.trajectory.press import plan_press
 from sautereau.trajectory.segments import Segments
@@ -106,7 +106,7 @@ def test_no_torque_is_left_on_any_way_out(bench, way):
         controller.load(motion, pulse(motion, stand_in.rig))
         controller.arm()
         if way == "poserr":
-            stand_in.bench._strikes.begin_press()
+            stand_in.bench.injection.begin_press()
             controller.driver.line.ask("ER 5,5")
         controller.start()
         if way == "stop":
@@ -177,7 +177,7 @@ def test_an_encoder_that_has_slipped_is_found_at_the_home_switch(bench, joint, c
             controller.check_home()
             plan = plan_press(stand_in.rig)
             controller.move_to(plan.hover, 100_000)
-            stand_in.bench._strikes.begin_press()
+            stand_in.bench.injection.begin_press()
             play(controller, plan.approach)
             controller.check_home()
     assert "confirms it" in str(caught.value)

@@ -58,13 +58,13 @@ def rig(stand_in):
 
 @pytest.mark.parametrize("name", [name for name in STEPS if name not in ("port", "controller")])
 def test_nothing_moves_before_the_operator_has_agreed(stand_in, rig, name):
-    before = stand_in.bench._plant.encoder_counts()
+    before = stand_in.bench.plant.encoder_counts()
     person = Person(agrees=False)
     with pytest.raises(Declined, match=f"setup {name}: not agreed to"):
         STEPS[name](rig, person)
     assert len(person.asked) == 1
     assert "free?" in person.asked[0] or "at hand?" in person.asked[0]
-    assert stand_in.bench._plant.encoder_counts() == before
+    assert stand_in.bench.plant.encoder_counts() == before
 
 
 def test_an_unknown_step_names_the_known_ones(rig):

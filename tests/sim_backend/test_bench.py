@@ -1,6 +1,5 @@
-"""The bench in process: choices made for it, truth, and what it keeps."""
+"""The bench in this process: choices, truth, and memory."""
 
-import math
 from types import SimpleNamespace
 
 import pytest
@@ -8,6 +7,7 @@ import pytest
 from sautereau.rig.load import load_rig
 from sautereau.sim_backend.bench import Bench
 from sautereau.sim_backend.devices.daqmx.card import TaskSetup
+from sautereau.sim_backend.errors import SceneError
 from sautereau.sim_backend.physics.events import PluckEvents, StringEvent
 from sautereau.sim_backend.scene import load_scene
 from sautereau.sim_backend.truth import truths
@@ -23,7 +23,7 @@ def event(time, choir=0, force=0.0):
     return StringEvent(time, choir, force)
 
 
-def test_truth_is_told_from_each_edge_to_the_next():
+def test_truth_is_given_from_each_edge_to_the_next():
     events = PluckEvents(
         contacts=[event(0.5), event(1.1), event(1.2, 1), event(2.5)],
         releases=[event(1.3, 0, 0.4), event(1.35, 1, 0.6)],
@@ -47,28 +47,28 @@ def test_truth_of_one_choir():
     assert truth.choir(2).contacts == ()
 
 
-def test_no_edge_no_truth():
+def test_without_an_edge_there_is_no_truth():
     assert truths(PluckEvents([event(0.1)], [], []), []) == []
 
 
-def test_an_event_on_the_edge_belongs_to_the_press_that_it_begins():
+def test_an_event_on_the_edge_belongs_to_the_press_that_it_starts():
     one, other = truths(PluckEvents([event(1.0), event(2.0)], [], []), [1.0, 2.0])
     assert one.contacts == other.contacts == (0.0,)
 
 
-def test_an_accuracy_is_settled_and_told(monkeypatch):
-    """What is built is the scene that the choice has made."""
-    from sautereau.sim_backend.trade import choose
+def test_a_solver_is_selected_for_an_accuracy(monkeypatch):
+    """The bench simulates the scene that was selected."""
+    from sautereau.sim_backend.trade import select
 
-    class Settled(SimpleNamespace):
+    class Selected(SimpleNamespace):
         def __str__(self):
             return "1 us"
 
-    def settle(rig, scene):
+    def select_solver(rig, scene):
         assert scene.accuracy == "10 us"
-        return Settled(scene=mute_scene())
+        return Selected(scene=mute_scene())
 
-    monkeypatch.setattr(choose, "settle", settle)
+    monkeypatch.setattr(select, "select_solver", select_solver)
     scene = load_scene("ideal").model_copy(update={"step": None, "accuracy": "10 us"})
     bench = Bench(load_rig(), scene)
     assert bench.reached == "1 us"
@@ -76,21 +76,41 @@ def test_an_accuracy_is_settled_and_told(monkeypatch):
     assert Bench(load_rig(), mute_scene()).reached == ""
 
 
-def test_the_force_of_the_finger_can_be_asked_for():
-    bench = Bench(load_rig(), mute_scene())
-    bench.receive(b"SH AB\r")
-    for _ in range(5):
-        bench.tick()
-    assert math.isfinite(bench.finger_force)
-
-
 def test_an_acquisition_that_is_over_is_not_kept():
-    """So that a long session costs no memory and no time."""
+    """So that memory and time do not grow in a long session."""
     bench = Bench(load_rig(), mute_scene())
     for _ in range(50):
-        run = bench.start(TaskSetup(("ai0", "ai1"), 51_200.0, 10, None))
+        run = bench.card.start(TaskSetup(("ai0", "ai1"), 51_200.0, 10, None))
         while bench.busy:
             bench.tick()
         assert run.read(0, 10).shape == (2, 10)
-    assert len(bench._runs) == 1
+    assert len(bench.card.runs) == 1
     assert len(bench.truth()) == 50
+
+
+NOISY = mute_scene(sensors=load_scene("paper").sensors)
+
+
+def toy_rig():
+    rig = load_rig()
+    return rig.model_copy(update={"controller": rig.controller.model_copy(update={"kind": "toy"})})
+
+
+def test_a_controller_without_an_emulator_is_refused_by_its_name():
+    with pytest.raises(SceneError, match="emulated controller 'toy' is unknown; known: galil, odr"):
+        Bench(toy_rig(), NOISY)
+
+
+def test_another_package_adds_the_emulator_of_a_controller(tmp_path, monkeypatch):
+    info = tmp_path / "toy-1.0.dist-info"
+    info.mkdir()
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: toy\nVersion: 1.0\n")
+    (info / "entry_points.txt").write_text("[sautereau.emulators]\ntoy = toy_emulator:emulate\n")
+    (tmp_path / "toy_emulator.py").write_text(
+        "from sautereau.sim_backend.devices.galil.firmware import GalilFirmware\n"
+        "def emulate(rig, plant, on_output, paced):\n"
+        "    return GalilFirmware(plant, revision='TOY', on_output=on_output)\n"
+    )
+    monkeypatch.syspath_prepend(tmp_path)
+    bench = Bench(toy_rig(), NOISY)
+    assert b"TOY" in bench.receive(b"\x12\x16\r")

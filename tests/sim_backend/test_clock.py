@@ -1,19 +1,19 @@
-"""The stand-in's clock and the turns in which it is had, without a wall's clock in the asserts."""
+"""The stand-in's clock and its fair lock, without real time in the asserts."""
 
 import threading
 
 import pytest
 
 from sautereau.sim_backend.clock import Clock
-from sautereau.sim_backend.fair_lock import Turns
+from sautereau.sim_backend.fair_lock import FairLock
 
 
 class Count:
     """A bench that is busy until a number of ticks is done."""
 
-    def __init__(self, wanted=0):
-        self.turns = Turns()
-        self.ticks, self.wanted = 0, wanted
+    def __init__(self, goal=0):
+        self.lock = FairLock()
+        self.ticks, self.goal = 0, goal
         self.awaited = False
         self.failed = []
 
@@ -23,36 +23,36 @@ class Count:
 
     @property
     def busy(self):
-        return self.ticks < self.wanted
+        return self.ticks < self.goal
 
     def tick(self):
         self.ticks += 1
         if self.ticks == 777:
-            raise ValueError("lost its numbers")
+            raise ValueError("diverged")
 
     def go(self, ticks):
-        """Let it be busy, and wait until it is not."""
-        with self.turns:
-            self.wanted += ticks
-            self.turns.notify_all()
-            assert self.turns.wait_for(lambda: not self.busy or self.failed, 10)
+        """Make it busy, and wait until it is not."""
+        with self.lock:
+            self.goal += ticks
+            self.lock.notify_all()
+            assert self.lock.wait_for(lambda: not self.busy or self.failed, 10)
 
 
 def clock(bench, paced=False):
-    return Clock(bench, bench.turns, paced, bench.failed.append)
+    return Clock(bench, bench.lock, paced, bench.failed.append)
 
 
 @pytest.mark.parametrize("paced", [False, True])
-def test_time_goes_while_something_goes_on_and_no_further(paced):
+def test_time_advances_while_the_bench_is_busy_and_no_further(paced):
     bench = Count()
     with clock(bench, paced):
         for ticks in (1, 3, 50):
             bench.go(ticks)
-            assert bench.ticks == bench.wanted
+            assert bench.ticks == bench.goal
 
 
-def test_a_host_gets_its_turn_while_time_goes_on():
-    """As often as it wants, from a clock that is always busy."""
+def test_a_host_gets_the_lock_while_time_advances():
+    """Again and again, from a clock that is always busy."""
 
     class Endless(Count):
         busy = True
@@ -64,12 +64,12 @@ def test_a_host_gets_its_turn_while_time_goes_on():
     seen = []
     with clock(bench):
         while len(seen) < 100 or seen[-1] == 0:
-            with bench.turns:
+            with bench.lock:
                 seen.append(bench.ticks)
     assert sorted(seen) == seen
 
 
-def test_it_stops_at_once_where_somebody_waits_for_what_is_there():
+def test_it_stops_at_once_for_a_thread_that_waits_for_complete_samples():
     bench = Count()
     bench.awaited = True
     with clock(bench):
@@ -77,28 +77,28 @@ def test_it_stops_at_once_where_somebody_waits_for_what_is_there():
     assert bench.ticks == 20
 
 
-def test_a_failing_bench_is_told_and_goes_no_further():
+def test_a_failing_bench_is_reported_and_not_advanced():
     bench = Count()
     with clock(bench):
         bench.go(2000)
-    assert [str(error) for error in bench.failed] == ["lost its numbers"]
+    assert [str(error) for error in bench.failed] == ["diverged"]
     assert bench.ticks == 777
 
 
-def test_turns_are_had_in_turn():
+def test_waiting_threads_get_the_lock_in_order():
     """A thread that takes the lock again at once does not keep it from one that waits."""
-    turns, greedy, done = Turns(), [0], threading.Event()
+    lock, greedy, done = FairLock(), [0], threading.Event()
 
     def take():
         while not done.is_set():
-            with turns:
+            with lock:
                 greedy[0] += 1
 
     thread = threading.Thread(target=take)
     thread.start()
     try:
         for _ in range(200):
-            with turns:
+            with lock:
                 pass
     finally:
         done.set()
@@ -107,14 +107,14 @@ def test_turns_are_had_in_turn():
 
 
 def test_a_condition_is_waited_for_without_the_lock():
-    turns, state = Turns(), []
+    lock, state = FairLock(), []
 
-    def meet():
-        with turns:
+    def fulfil():
+        with lock:
             state.append(1)
-            turns.notify_all()
+            lock.notify_all()
 
-    with turns:
-        threading.Thread(target=meet).start()
-        assert turns.wait_for(lambda: bool(state), 10)
-        assert not turns.wait_for(lambda: False, 0.0)
+    with lock:
+        threading.Thread(target=fulfil).start()
+        assert lock.wait_for(lambda: bool(state), 10)
+        assert not lock.wait_for(lambda: False, 0.0)

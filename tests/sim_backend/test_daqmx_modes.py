@@ -49,8 +49,8 @@ class PlainCard:
         return CountingRun(self)
 
 
-class AroundCard(PlainCard):
-    def start_around(self, setup, before):
+class PreTriggerCard(PlainCard):
+    def start_pretrigger(self, setup, before):
         self.setup = setup
         self.run = CountingRun(self, before)
         return self.run
@@ -149,7 +149,7 @@ def around(task, before=20):
 
 
 def test_a_reference_trigger_keeps_what_was_before(task_on):
-    card = AroundCard()
+    card = PreTriggerCard()
     task = task_on(card, 100, AcquisitionType.FINITE)
     around(task)
     task.in_stream.relative_to = ReadRelativeTo.CURRENT_READ_POSITION
@@ -165,7 +165,7 @@ def test_a_reference_trigger_keeps_what_was_before(task_on):
 
 
 def test_by_default_every_read_begins_at_the_first_sample_before_the_edge(task_on):
-    card = AroundCard()
+    card = PreTriggerCard()
     task = task_on(card, 100, AcquisitionType.FINITE)
     around(task)
     assert task.in_stream.relative_to == ReadRelativeTo.FIRST_PRETRIGGER_SAMPLE
@@ -175,7 +175,7 @@ def test_by_default_every_read_begins_at_the_first_sample_before_the_edge(task_o
 
 
 def test_reference_triggers_that_are_not_possible(task_on):
-    task = task_on(AroundCard(), 100, AcquisitionType.FINITE)
+    task = task_on(PreTriggerCard(), 100, AcquisitionType.FINITE)
     assert code_of(around, task, 1) == DAQmxErrors.INVALID_ATTRIBUTE_VALUE
     around(task, 99)
     assert code_of(task.start) == DAQmxErrors.TOO_MANY_PRETRIG_PLUS_MIN_POST_TRIG_SAMPS

@@ -1,4 +1,4 @@
-"""Faults on demand: their table, and each by itself against its own rule."""
+"""The table of faults, and each fault by itself against its definition."""
 
 import numpy as np
 import pytest
@@ -7,11 +7,12 @@ from sautereau.rig.load import load_rig
 from sautereau.sim_backend.bench import Bench
 from sautereau.sim_backend.devices.serial_port import PortGone
 from sautereau.sim_backend.errors import SceneError
+from sautereau.sim_backend.fault_tables import Drift, Faults, Overload, Speckle
 from sautereau.sim_backend.faults.line import BadLine, bad_line, disturbed
-from sautereau.sim_backend.faults.sensing import Drifting, DropOuts, Overloading
-from sautereau.sim_backend.faults.tables import Drift, Faults, Overload, Speckle
 from sautereau.sim_backend.scene import Scene, load_scene, parse_scene
-from sautereau.sim_backend.sensors import SensorChain
+from sautereau.sim_backend.sensors.chain import SensorChain
+from sautereau.sim_backend.sensors.force import Drifting, Overloading
+from sautereau.sim_backend.sensors.velocity import DropOuts
 
 IDEAL = """
 finger = "ideal"
@@ -57,7 +58,7 @@ spike = "20 mm/s"
     assert found.line is None
 
 
-def test_every_fault_of_a_table_is_told_at_once():
+def test_every_fault_of_a_table_is_reported_at_once():
     with pytest.raises(SceneError) as caught:
         parse_scene(
             IDEAL
@@ -99,16 +100,16 @@ joint = 3
         ),
         (
             {"server_gone": {"press": 1, "sample": 5}, "overrun": {"press": 2, "sample": 5}},
-            "the card is gone since server_gone in press 1",
+            "the card is gone after server_gone in press 1",
         ),
     ],
 )
-def test_faults_that_cannot_all_strike_are_refused(tables, said):
+def test_faults_that_cannot_all_occur_are_refused(tables, said):
     with pytest.raises(ValueError, match=said):
         faults(**tables)
 
 
-def test_what_the_bench_has_not_cannot_fail():
+def test_a_fault_of_an_absent_part_is_refused():
     rig = load_rig()
     (velocity,) = (c for c in rig.daq.channels if c.quantity == "velocity")
     rig = rig.model_copy(update={"daq": rig.daq.model_copy(update={"channels": (velocity,)})})
@@ -130,7 +131,7 @@ def test_a_push_is_no_scene_for_a_controller():
 DATA = bytes(range(256)) * 200
 
 
-def test_bytes_are_lost_and_changed_as_often_as_said():
+def test_bytes_are_lost_and_changed_with_their_probabilities():
     n = len(DATA)
     lost = disturbed(DATA, 0.01, 0.0, np.random.default_rng(1))
     assert len(lost) == pytest.approx(0.99 * n, abs=4 * np.sqrt(0.01 * n))
@@ -161,7 +162,7 @@ def echo_line(past=lambda press, at: False, seed=0, **tables) -> BadLine:
     return line
 
 
-def test_the_two_directions_are_each_others_strangers():
+def test_the_two_directions_are_independent():
     """What the host hears does not depend on how often it asks."""
     tables = {"line": {"dropped": 0.2, "towards": "host"}}
     one, other = echo_line(**tables), echo_line(**tables)
@@ -178,7 +179,7 @@ def test_only_the_direction_asked_for_is_bad(towards):
     assert heard == [b"" if towards == "controller" else b"TP\r"]
 
 
-def test_the_cable_comes_out_after_so_many_bytes():
+def test_the_cable_is_disconnected_after_a_number_of_bytes():
     heard = []
     line = echo_line(cable_out={"after_bytes": 5})
     assert line.carry(b"TP\r", lambda data: heard.append(data) or b":") == b":"
@@ -223,7 +224,7 @@ def dropouts(seed=0, **fault) -> DropOuts:
     return DropOuts(Speckle.model_validate(fault), np.random.default_rng(seed))
 
 
-def test_light_is_lost_as_often_and_as_long_as_said():
+def test_drop_outs_have_their_rate_and_duration():
     """Poisson's drop-outs, each after the other's end: dark for r d / (1 + r d) of the time."""
     shown = dropouts(rate="200 Hz").disturb(TIMES, np.ones_like(TIMES))
     assert set(shown) == {0.0, 1.0}
@@ -235,7 +236,7 @@ def test_light_is_lost_as_often_and_as_long_as_said():
     assert np.mean(shown == 0) == pytest.approx(0.2 / 1.2, rel=4 / np.sqrt(number))
 
 
-def test_a_share_and_a_false_velocity_are_shown_meanwhile():
+def test_a_drop_out_scales_and_offsets_the_velocity():
     shown = dropouts(level=0.25, spike="0.5 m/s").disturb(TIMES, np.ones_like(TIMES))
     false = np.unique(shown[shown != 1.0]) - 0.25
     assert len(false) > 10
@@ -255,7 +256,7 @@ def test_blocks_do_not_change_a_drop_out(block):
     np.testing.assert_array_equal(np.concatenate(found), whole)
 
 
-def test_a_drop_out_shorter_than_a_sample_is_mostly_missed():
+def test_a_drop_out_shorter_than_a_sample_is_mostly_not_sampled():
     shown = dropouts(rate="1000 Hz", duration="1 ns").disturb(TIMES, np.ones_like(TIMES))
     assert np.count_nonzero(shown != 1) < 5
 

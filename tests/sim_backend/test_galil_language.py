@@ -8,7 +8,7 @@ from sautereau.sim_backend.devices.galil.firmware import GalilFirmware
 
 @pytest.fixture
 def run(bench):
-    """Run a program; tell where it ended, by what it said."""
+    """Run a program; return where it ended, by its message."""
 
     def go(*lines, limit=5000):
         text = "\r".join(("DL", "#A", *lines))
@@ -87,7 +87,7 @@ def test_loops_and_subroutines(run, bench):
     assert bench.number("sum") == 65
 
 
-def test_a_subroutine_may_be_left_out(run, bench):
+def test_a_subroutine_may_be_skipped(run, bench):
     run("x=1", "JS #SUB,x>1", "JS #SUB,x=1", "EN", "#SUB", "x=x+10", "EN")
     assert bench.number("x") == 11
 
@@ -117,7 +117,7 @@ def test_at_keeps_time_however_long_the_lines_take(run, bench):
     assert np.diff(rises)[1:].tolist() == [7] * 18
 
 
-def test_time_is_told_in_samples(run, bench):
+def test_time_is_given_in_samples(run, bench):
     run("t0=TIME", "WT 100", "t1=TIME-t0", "EN")
     assert bench.number("t1") == pytest.approx(100, abs=1)
 
@@ -136,7 +136,7 @@ def test_a_watchdog_that_is_not_renewed_switches_off(bench):
     assert not bench.firmware.watching
 
 
-def test_a_program_that_goes_round_for_the_host_makes_no_time_go_on(bench):
+def test_a_looping_program_of_the_host_does_not_advance_time(bench):
     bench.firmware.receive(b"DL\r#W\rWT 10\rn=n+1\rJP #W\rEN\r\\\r")
     bench.accept("n=0", "XQ #W")
     assert bench.run() < 20
@@ -145,7 +145,7 @@ def test_a_program_that_goes_round_for_the_host_makes_no_time_go_on(bench):
     assert bench.number("n") == pytest.approx(10, abs=1)
 
 
-def test_it_stands_still_where_the_host_waits_for_time_to_stop(bench):
+def test_it_waits_while_the_host_waits_for_rest(bench):
     firmware = bench.firmware = GalilFirmware(bench, on_output=bench._note_output, host_waits=True)
     firmware.receive(b"EO 0\rDL\r#W\rWT 10\rn=n+1\rJP #W\rEN\r#POSERR\rSB 3\rRE 1\r\\\r")
     bench.accept("n=0", "SH", "ER 50", "XQ #W")

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from sautereau.sim_backend.devices.galil.commands import COMMANDS
+from sautereau.sim_backend.devices.galil.commands.table import COMMANDS
 from sautereau.sim_backend.devices.galil.firmware import GalilFirmware
 
 REVISION = "DMC4020 Rev 1.3a-SIM sautereau stand-in"
@@ -127,7 +127,7 @@ def test_echo_is_on_at_power_up_and_line_feeds_are_ignored(bench):
     assert firmware.receive(b"\r") == b" 0, 0\r\n:"
 
 
-def test_outputs_tell_only_changes(bench):
+def test_outputs_report_only_changes(bench):
     bench.accept("SB 3", "SB 3", "CB 1", "CB 3", "OP 129")
     assert bench.outputs == [(0, 3, True), (0, 3, False), (0, 1, True), (0, 8, True)]
 
@@ -149,18 +149,19 @@ def test_random_bytes_neither_crash_nor_move(make_bench, data):
     _still(bench)
 
 
-@given(
-    st.lists(
-        st.tuples(
-            st.sampled_from(sorted(set(COMMANDS) - {"SH"})),
-            st.sampled_from(["", "A", "AB", "A=", " ", "#P", "X[]", "X[", " _TPA", "1,", "*="]),
-            st.text(alphabet='AB01259-+*/%&|()[]"?,.$_@XTPM ', max_size=12),
-            st.sampled_from(["\r", ";", "\r#P\r", "\\"]),
-        ),
-        max_size=12,
-    )
+command_lines = st.lists(
+    st.tuples(
+        st.sampled_from(sorted(set(COMMANDS) - {"SH"})),
+        st.sampled_from(["", "A", "AB", "A=", " ", "#P", "X[]", "X[", " _TPA", "1,", "*="]),
+        st.text(alphabet='AB01259-+*/%&|()[]"?,.$_@XTPM ', max_size=12),
+        st.sampled_from(["\r", ";", "\r#P\r", "\\"]),
+    ),
+    max_size=12,
 )
-@settings(max_examples=200, deadline=None)
+
+
+@given(command_lines)
+@settings(max_examples=60, deadline=None)
 def test_random_commands_neither_crash_nor_move_without_power(make_bench, parts):
     bench = make_bench()
     bench.firmware.receive(b"DM X[10]\r")
@@ -168,3 +169,12 @@ def test_random_commands_neither_crash_nor_move_without_power(make_bench, parts)
         bench.firmware.receive("".join(part).encode())
         bench.tick()
     _still(bench)
+
+
+@pytest.mark.slow
+@given(command_lines)
+@settings(max_examples=2000, deadline=None)
+def test_many_random_commands_neither_crash_nor_move_without_power(make_bench, parts):
+    test_random_commands_neither_crash_nor_move_without_power.hypothesis.inner_test(
+        make_bench, parts
+    )

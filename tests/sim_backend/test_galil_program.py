@@ -53,7 +53,7 @@ def test_a_press_triggers_starts_and_captures_in_one_sample(bench):
     assert bench.counts == [1000, -1000]
 
 
-def test_capture_stops_when_full_or_told_and_records_every_power_of_two(bench):
+def test_capture_stops_when_full_or_stopped_and_records_every_power_of_two(bench):
     bench.accept("SH", "JGA=8192", "BGA")
     capture(bench, "_RPA")
     bench.accept("RC 3,5")
@@ -132,7 +132,7 @@ def test_which_stops_end_the_programs_too(bench, line, left):
     bench.run()
 
 
-def test_a_refused_command_ends_the_program_and_is_told(bench):
+def test_a_refused_command_ends_the_program_and_is_reported(bench):
     download(bench, "#A", "SB 1;BT AB;SB 2", "EN")
     bench.accept("XQ #A")
     bench.run()

@@ -37,15 +37,17 @@ def test_pvt_is_scipys_cubic_hermite_spline(make_bench, moves, start, seed):
     knots = start + np.cumsum([0] + [distance for distance, _, _ in moves])
     slopes = np.array([0] + [velocity for _, velocity, _ in moves]) / RATE
     spline = CubicHermiteSpline(times, knots, slopes)
-    random = np.random.default_rng(seed)
-    for sample in range(times[-1]):
+    fractions = np.random.default_rng(seed).uniform(0, 1, (times[-1], 4))
+    found = []
+    for each in fractions:
         assert bench.firmware.moving
         bench.tick()
-        fractions = random.uniform(0, 1, 4)
-        positions, velocities = bench.firmware.reference(fractions)
-        assert positions.shape == velocities.shape == (4, 2)
-        np.testing.assert_allclose(positions[:, 0], spline(sample + fractions), atol=1e-6)
-        np.testing.assert_allclose(velocities[:, 0], spline(sample + fractions, 1), atol=1e-8)
+        found.append(bench.firmware.reference(each))
+    positions, velocities = np.swapaxes(found, 0, 1)
+    assert positions.shape == velocities.shape == (times[-1], 4, 2)
+    at = np.arange(times[-1])[:, None] + fractions
+    np.testing.assert_allclose(positions[..., 0], spline(at), atol=1e-6)
+    np.testing.assert_allclose(velocities[..., 0], spline(at, 1), atol=1e-8)
     assert not bench.firmware.moving
     assert bench.number("_SCA") == 31
     assert bench.number("_BTA") == len(moves) + 1
@@ -53,7 +55,7 @@ def test_pvt_is_scipys_cubic_hermite_spline(make_bench, moves, start, seed):
     bench.assert_smooth()
 
 
-def test_a_polynomial_goes_on_beyond_its_sample(bench):
+def test_a_polynomial_is_extrapolated_beyond_its_sample(bench):
     bench.accept("SH")
     queue(bench, "A", [(64, 0, 8)])
     bench.accept("BTA")
@@ -77,7 +79,7 @@ def test_both_axes_start_and_end_in_step(bench):
     assert bench.send("SC;MG _PVA,_BGA") == " 31, 31\r\n: 255.0000 0.0000\r\n:"
 
 
-def test_fifo_holds_255_segments_and_goes_on_being_filled(bench):
+def test_fifo_holds_255_segments_and_can_be_refilled(bench):
     bench.accept("SH", *["PVA=1,0,2"] * 255)
     assert bench.number("_PVA") == 0
     assert bench.refusal("PVA=1,0,2") == 32
@@ -104,7 +106,7 @@ def test_what_follows_the_end_of_a_sequence_is_dropped(bench):
 def test_a_sequence_that_ends_at_speed_brakes(bench, ending, code):
     bench.accept("SH", "DC 1024000", "PVA=400,8192,100", *ending, "BTA")
     samples = bench.run()
-    # v = 8 counts a sample, a = 1000/1024 counts a sample squared
+    # v = 8 counts per sample, a = 1000/1024 counts per sample squared
     assert samples == 100 + int(np.ceil(8 / (1000 / 1024)))
     assert bench.positions[-1][-1, 0] == pytest.approx(400 + 8**2 / (2 * 1000 / 1024))
     assert bench.number("_SCA") == code

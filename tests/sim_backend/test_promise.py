@@ -1,4 +1,4 @@
-"""The accuracy that a scene asks for is kept, or refused, on benches drawn at random."""
+"""The requested accuracy is reached, or refused, on benches drawn at random."""
 
 import numpy as np
 import pytest
@@ -13,14 +13,14 @@ from sautereau.sim_backend.physics.drive import drive_of
 from sautereau.sim_backend.physics.observation import errors, observe
 from sautereau.sim_backend.physics.reference.observe import reference
 from sautereau.sim_backend.scene import Scene
-from sautereau.sim_backend.trade.choose import settle
+from sautereau.sim_backend.trade.select import select_solver
 
 DRAWN = ("key.", "jack.", "plectrum.")
-"""Tables of the rig whose assumed ranges are drawn from."""
+"""Tables of the rig from whose assumed ranges values are drawn."""
 PLANNED = ("key.dip", "key.neighbour_height", "key.surface_height")
-"""Quantities for which the press was planned, and which stay."""
+"""Quantities that the planned press depends on; they are kept."""
 TIGHT = 1e-12
-"""1, of a reference that the choice was not made by."""
+"""Dimensionless tolerance of a reference solution that was not used for the choice."""
 
 
 def log(rng, low, high):
@@ -73,7 +73,7 @@ def random_scene(rng, rig):
 
 
 def broken_promises(n, seed, solve):
-    """Return which of n random scenes are less accurate than they asked, and how many refuse."""
+    """Return which of n random scenes are less accurate than requested, and which are refused."""
     rng = np.random.default_rng(seed)
     broken, refused = [], []
     for i in range(n):
@@ -81,28 +81,28 @@ def broken_promises(n, seed, solve):
         scene = random_scene(rng, rig)
         try:
             drive = drive_of(rig, scene)
-            settled = settle(rig, scene, drive, solve=solve)
+            selected = select_solver(rig, scene, drive, solve=solve)
         except SceneError as error:
             refused.append((i, str(error)))
             continue
         try:
-            true = reference(rig, settled.scene, drive, tolerance=TIGHT)
+            true = reference(rig, selected.scene, drive, tolerance=TIGHT)
         except SceneError as error:
-            broken.append((i, settled, error))
+            broken.append((i, selected, error))
             continue
-        error = errors(observe(rig, settled.scene, drive), true)
-        asked = settled.asked
+        error = errors(observe(rig, selected.scene, drive), true)
+        asked = selected.asked
         if asked.time is not None and not error.time <= asked.time:
-            broken.append((i, settled, error))
+            broken.append((i, selected, error))
         if asked.force is not None and not error.force <= asked.force:
-            broken.append((i, settled, error))
+            broken.append((i, selected, error))
     return broken, refused
 
 
-def test_an_accuracy_asked_for_is_kept():
-    broken, refused = broken_promises(8, 1, reference)
+def test_a_requested_accuracy_is_reached():
+    broken, refused = broken_promises(2, 1, reference)
     assert not broken
-    assert len(refused) < 8
+    assert not refused
 
 
 @pytest.mark.slow
@@ -110,7 +110,7 @@ def test_an_accuracy_asked_for_is_kept():
 @pytest.mark.parametrize(
     ("solve", "n"), [(reference, 300), (None, 100)], ids=["measured", "estimated"]
 )
-def test_accuracies_asked_for_are_kept(solve, n):
+def test_requested_accuracies_are_reached(solve, n):
     broken, refused = broken_promises(n, 2, solve)
     assert len(broken) <= n / 100, broken
     assert len(refused) <= n / 10, refused

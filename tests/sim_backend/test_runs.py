@@ -1,4 +1,4 @@
-"""Acquisitions fed by hand, sample by controller sample."""
+"""Acquisitions that are fed here, one controller sample at a time."""
 
 import threading
 import time
@@ -9,13 +9,14 @@ import pytest
 
 from sautereau.rig.load import load_rig
 from sautereau.sim_backend.devices.daqmx.runs import RunFault, SampledRun
-from sautereau.sim_backend.fair_lock import Turns
-from sautereau.sim_backend.faults.tables import Drift, Faults
+from sautereau.sim_backend.fair_lock import FairLock
+from sautereau.sim_backend.fault_tables import Drift, Faults, Speckle
 from sautereau.sim_backend.physics.events import Motions
 from sautereau.sim_backend.scene import load_scene
 
 PERIOD, STEPS = 976.5625e-6, 10
 SENSORS = load_scene("paper").sensors
+SPECKLE = Speckle.model_validate({"rate": "200 Hz", "duration": "1 ms", "spike": "20 mm/s"})
 
 
 @pytest.fixture
@@ -32,7 +33,7 @@ def force(time):
 
 
 def motions(sample):
-    """What happens in one controller sample of a bench that is two formulas."""
+    """The motion of one controller sample, by two formulas."""
     time = sample * PERIOD + np.arange(1, STEPS + 1) * PERIOD / STEPS
     still = np.zeros(STEPS)
     return Motions(time, still, spin(time), still, force(time), still)
@@ -42,7 +43,8 @@ def armed(rig, *, n=2000, terminals=("ai0", "ai1"), rate=51_200.0, **others):
     sensors, faults = others.get("sensors"), others.get("faults")
     rig = rig if sensors else load_scene("ideal").as_wired(rig)
     seed = others.get("seed", 5)
-    return SampledRun(rig, terminals, rate, n, sensors, seed, 0, 0.3, Turns(), faults)
+    rest = Motions(*np.zeros((4, 1)), np.array([0.3]), np.zeros(1))
+    return SampledRun(rig, terminals, rate, n, sensors, seed, 0, rest, FairLock(), faults)
 
 
 def play(run, samples, first=0, releases=()):
@@ -138,8 +140,10 @@ def test_a_release_is_sharp(rig):
     np.testing.assert_allclose(newtons[time > release], 0.1, rtol=1e-9)
 
 
-def test_the_same_seed_gives_the_same_bits_whatever_is_read(rig):
-    one, other, third = (armed(rig, sensors=SENSORS, seed=seed) for seed in (5, 5, 6))
+@pytest.mark.parametrize("random", [{"sensors": SENSORS}, {"faults": Faults(speckle=SPECKLE)}])
+def test_the_same_seed_gives_the_same_bits_whatever_is_read(rig, random):
+    """Of the noise, and of the drop-outs."""
+    one, other, third = (armed(rig, **random, seed=seed) for seed in (5, 5, 6))
     for run in (one, other, third):
         run.trigger(0.0)
     for sample in range(30):
@@ -186,8 +190,8 @@ def test_a_stopped_run_is_not_triggered(rig):
     assert run.trigger_time is None
 
 
-def test_a_run_that_nobody_reads_computes_nothing(rig):
-    """And one that is read in pieces, in any order, shows the samples of one read at once."""
+def test_a_run_that_is_not_read_computes_nothing(rig):
+    """And one that is read in pieces, in any order, has the samples of one complete read."""
     whole, parts = armed(rig, sensors=SENSORS), armed(rig, sensors=SENSORS)
     for run in (whole, parts):
         run.trigger(0.0)
@@ -232,18 +236,18 @@ def test_a_fault_of_the_sensor_is_in_the_samples(rig):
     np.testing.assert_allclose(off[1], 2 * np.arange(900) / 51_200, atol=1e-12)
 
 
-def test_somebody_who_waits_is_seen(rig):
+def test_a_waiting_thread_is_noticed(rig):
     run = armed(rig)
     run.trigger(0.0)
     waiter = threading.Thread(target=run.wait_for, args=(200, 10))
     waiter.start()
-    while not run._wanted:
+    while not run._requested:
         time.sleep(1e-3)
     play(run, 2)
     assert not run.due
     play(run, 6, first=2)
     assert run.due
-    with run._turns:
-        run._turns.notify_all()
+    with run._lock:
+        run._lock.notify_all()
     waiter.join()
     assert not run.due

@@ -1,4 +1,4 @@
-"""Scenes: the shipped ones, every fault of a file at once, truth and charts."""
+"""Scenes: the shipped ones, every fault of a file at once, truth and calibrations."""
 
 import pytest
 
@@ -78,7 +78,7 @@ def test_a_file_that_is_no_text(tmp_path):
         load_scene(path)
 
 
-def test_all_faults_are_told_at_once():
+def test_all_faults_are_reported_at_once():
     text = MUTE.replace('"ideal"', '"glove"').replace('"100 us"', '"3 ms"')
     text = text.replace("iterations = 10", "iteration = 10").replace("felt = false", "")
     with pytest.raises(SceneError) as caught:
@@ -101,8 +101,8 @@ def test_all_faults_are_told_at_once():
         ('"100 us"', '"nan s"', "step"),
         ('"100 us"', '"1 mm"', "step"),
         ("= 10", "= 0", "iterations"),
-        ('plectrum = "none"', 'plectrum = "elastica"', "leave out both or neither"),
-        ('"ideal"', '"servo"', r"table \[servo\] do not go together"),
+        ('plectrum = "none"', 'plectrum = "elastica"', "set both or neither"),
+        ('"ideal"', '"servo"', r"needs the table \[servo\]"),
         ('"ideal"', '"servo"\nsensors = { hum = "1 V" }', r"sensors\.hum"),
     ],
 )
@@ -116,20 +116,24 @@ def test_a_fault_names_its_key(old, new, words):
     [
         ('step = "100 us"', "", "step, accuracy: neither is given"),
         ("iterations = 10", 'accuracy = "10 us"', "step, accuracy: both are given"),
-        ("iterations = 10", 'engine = "auto"', 'engine: "auto" is chosen by the accuracy'),
+        (
+            "iterations = 10",
+            'engine = "auto"',
+            '"auto" is chosen by the requested accuracy',
+        ),
         ('step = "100 us"', 'accuracy = "5 mm"', r"accuracy: '5 mm' has the dimension \[length\]"),
         ('step = "100 us"', 'accuracy = "20 ms"', "accuracy: '20 ms' must lie between 0 and 10 ms"),
-        ('"ideal"', '"servo"\nengine = "reduced"', r'engine: "reduced" is .*take engine = "rigid"'),
-        ('"ideal"', '"push"', r'finger: "push" and the table \[push\] do not go together'),
+        ('"ideal"', '"servo"\nengine = "reduced"', r'engine: "reduced" is .*use engine = "rigid"'),
+        ('"ideal"', '"push"', r'finger: "push" needs the table \[push\]'),
     ],
 )
-def test_parts_that_do_not_fit_are_told(old, new, words):
+def test_contradicting_parts_are_refused(old, new, words):
     with pytest.raises(SceneError, match=words):
         parse_scene(MUTE.replace(old, new))
 
 
 @pytest.mark.parametrize("part", ["tongue", "damper"])
-def test_a_part_without_numbers_is_told(rig, part):
+def test_a_part_without_values_is_refused(rig, part):
     bare = rig.model_copy(update={"jack": rig.jack.model_copy(update={part: None})})
     scene = load_scene("return")
     scene.true_rig(rig)
@@ -137,9 +141,9 @@ def test_a_part_without_numbers_is_told(rig, part):
         scene.true_rig(bare)
 
 
-def test_both_misfits_are_told():
+def test_both_contradictions_are_reported():
     text = MUTE.replace('"ideal"', '"servo"').replace('string = "none"', 'string = "spring"')
-    with pytest.raises(SceneError, match=r"(?s)2 faults.*\[servo\].*leave out both"):
+    with pytest.raises(SceneError, match=r"(?s)2 faults.*\[servo\].*set both"):
         parse_scene(text)
 
 
@@ -159,7 +163,7 @@ def test_truth_that_is_no_part_of_a_rig(rig):
         scene.true_rig(rig)
 
 
-def test_without_sensors_the_charts_are_those_of_ideal_ones(rig):
+def test_without_sensors_the_calibrations_are_those_of_ideal_ones(rig):
     for channel, chart in zip(
         load_scene("ideal").as_wired(rig).daq.channels, rig.daq.channels, strict=True
     ):
@@ -170,6 +174,6 @@ def test_without_sensors_the_charts_are_those_of_ideal_ones(rig):
     assert load_scene("paper").as_wired(rig) is rig
 
 
-def test_a_rig_with_ideal_charts_is_a_rig_file_that_reads_back(rig):
+def test_a_rig_with_ideal_calibrations_is_a_rig_file_that_reads_back(rig):
     wired = load_scene("ideal").as_wired(rig)
     assert parse_rig(rig_text(wired)) == wired

@@ -8,7 +8,7 @@ import pytest
 from sautereau.daq.signals.sensors import correct
 from sautereau.rig.load import load_rig
 from sautereau.sim_backend.scene import load_scene
-from sautereau.sim_backend.sensors import ADC_RANGE, SensorChain, Signal
+from sautereau.sim_backend.sensors.chain import ADC_RANGE, SensorChain, Signal
 
 RATE = 51_200.0
 SILENT = load_scene("paper").sensors.model_copy(

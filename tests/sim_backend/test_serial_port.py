@@ -60,7 +60,7 @@ def test_a_host_that_goes_away_in_mid_answer_harms_nobody(port_class):
             assert line.read(10) == b"x" * 10
 
 
-def test_a_failing_handler_is_told_on_leaving(port_class):
+def test_a_failing_handler_is_reported_at_the_end(port_class):
     called = threading.Event()
 
     def fail(data):

@@ -26,7 +26,7 @@ QUICK = [
 
 
 def test_pushes_converge_or_are_refused_and_never_fail_silently():
-    found = run_stability(RIG, QUICK[::6])
+    found = run_stability(RIG, QUICK[::20])
     assert not found.silent_failures, stability_text(found)
     assert sum(cell.verdict == "converged" for cell in found.cells) > len(found.cells) / 2
 
@@ -72,7 +72,7 @@ def test_no_number_is_a_failure(monkeypatch):
     real = stability.observe
     monkeypatch.setattr(stability, "observe", lost)
     cell = judge(RIG, GRID["push of 1.2 N", "rigid"])
-    assert (cell.verdict, cell.reason) == ("failed", "spin is no number")
+    assert (cell.verdict, cell.reason) == ("failed", "spin is not finite")
 
 
 def test_document_and_text_count_every_case():
@@ -120,6 +120,6 @@ def test_without_friction_no_energy_is_made_or_lost(engine, steps):
 
 @pytest.mark.slow
 @pytest.mark.timeout(1800)
-def test_the_whole_map_has_no_silent_failure():
+def test_the_complete_map_has_no_silent_failure():
     found = run_stability(RIG)
     assert not found.silent_failures, "\n".join(stability_text(found))

@@ -9,23 +9,29 @@ from hypothesis import strategies as st
 from sautereau.rig.load import load_rig
 from sautereau.sim_backend.errors import SceneError
 from sautereau.sim_backend.scene import load_scene
-from sautereau.sim_backend.trade import cache, measure, stopwatch
-from sautereau.sim_backend.trade.measure import recommended, run_trade
-from sautereau.sim_backend.trade.pareto import pareto
-from sautereau.sim_backend.trade.picture import plot_trade, trade_figure
-from sautereau.sim_backend.trade.points import Point, Trade
-from sautereau.sim_backend.trade.summary import trade_document, trade_text
+from sautereau.sim_backend.trade import study
+from sautereau.sim_backend.trade.results import (
+    Point,
+    Trade,
+    pareto_front,
+    plot_trade,
+    recommended,
+    trade_document,
+    trade_figure,
+    trade_text,
+)
+from sautereau.sim_backend.trade.study import run_trade, store_trade, stored_trade
 
 POINT = Point("a push", 1e-4, "rigid", "elastica", "spring", 4, 1e-6, 1e-4, 10.0)
-FAILED = replace(POINT, error=None, force_error=None, real_time_factor=None, failed="it blew up")
+FAILED = replace(POINT, error=None, force_error=None, real_time_factor=None, failed="it diverged")
 
 few = st.lists(st.tuples(st.integers(0, 5), st.integers(1, 5)), max_size=12)
 
 
 @given(few)
-def test_a_point_is_kept_if_no_other_beats_it(points):
+def test_a_point_is_kept_if_it_is_pareto_optimal(points):
     errors, speeds = [p[0] for p in points], [p[1] for p in points]
-    kept = pareto(errors, speeds)
+    kept = pareto_front(errors, speeds)
     for i, (error, speed) in enumerate(points):
         better = [
             j
@@ -36,12 +42,12 @@ def test_a_point_is_kept_if_no_other_beats_it(points):
     assert [errors[i] for i in kept] == sorted({errors[i] for i in kept})
 
 
-def test_a_speed_that_a_clock_does_not_tell_apart_is_none():
-    assert pareto([1.0, 2.0], [10.0, 10.5], 0.1) == [0]
-    assert pareto([1.0, 2.0], [10.0, 11.5], 0.1) == [0, 1]
+def test_speeds_within_the_margin_count_as_equal():
+    assert pareto_front([1.0, 2.0], [10.0, 10.5], 0.1) == [0]
+    assert pareto_front([1.0, 2.0], [10.0, 11.5], 0.1) == [0, 1]
 
 
-def test_the_fastest_within_what_is_wanted_is_recommended():
+def test_the_fastest_point_within_the_requested_error_is_recommended():
     points = [
         replace(POINT, error=1e-6, real_time_factor=10.0),
         replace(POINT, error=5e-6, real_time_factor=20.0),
@@ -56,9 +62,9 @@ def test_the_fastest_within_what_is_wanted_is_recommended():
 def trade(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patched:
         patched.setenv("XDG_CACHE_HOME", str(tmp_path_factory.mktemp("cache")))
-        patched.setattr(measure, "STEPS", {"rigid": (1, 8), "reduced": (1, 8)})
-        patched.setattr(measure, "ITERATIONS", (1,))
-        patched.setattr(stopwatch, "RUNS", (1, 3))
+        patched.setattr(study, "STEPS", {"rigid": (1, 8), "reduced": (1, 8)})
+        patched.setattr(study, "ITERATIONS", (1,))
+        patched.setattr(study, "RUNS", (1, 3))
         first = run_trade(load_rig(), load_scene("pluck"))
         assert not first.cached
         again = run_trade(load_rig(), load_scene("pluck"))
@@ -68,7 +74,7 @@ def trade(tmp_path_factory):
         return fresh
 
 
-def test_a_trade_holds_every_way_against_the_reference(trade):
+def test_every_way_is_compared_with_the_reference(trade):
     by = {(p.engine, p.level, round(p.dt * 1e6), p.iterations): p for p in trade.points}
     assert by["rigid", "elastica", 122, 4].error < 2e-6
     assert by["reduced", "elastica", 977, 4].error < 1e-6
@@ -77,39 +83,39 @@ def test_a_trade_holds_every_way_against_the_reference(trade):
     assert all(p.real_time_factor > 0 for p in trade.points)
 
 
-def test_what_is_recommended_is_accurate_and_what_is_kept_is_not_beaten(trade):
+def test_the_recommended_point_is_accurate_and_the_front_starts_with_the_best(trade):
     chosen = trade.points[trade.recommended]
-    assert chosen.error <= trade.wanted == 0.5 / load_rig().daq.sample_rate
+    assert chosen.error <= trade.requested == 0.5 / load_rig().daq.sample_rate
     best = trade.points[trade.pareto[0]]
     assert best.error == min(p.error for p in trade.points)
 
 
 def test_an_engine_that_fails_is_not_fast(monkeypatch):
     def fail(rig, scene, drive):
-        raise SceneError("it blew up")
+        raise SceneError("it diverged")
 
-    monkeypatch.setattr(measure, "timed", fail)
-    monkeypatch.setattr(measure, "store_trade", lambda *args: None)
+    monkeypatch.setattr(study, "timed", fail)
+    monkeypatch.setattr(study, "store_trade", lambda *args: None)
     trade = run_trade(load_rig(), load_scene("pluck"), fresh=True)
-    assert {p.failed for p in trade.points} == {"it blew up"}
+    assert {p.failed for p in trade.points} == {"it diverged"}
     assert trade.pareto == ()
     assert trade.recommended is None
-    assert "failed: it blew up" in "\n".join(trade_text(trade))
+    assert "failed: it diverged" in "\n".join(trade_text(trade))
 
 
-def test_events_that_are_missed_are_a_failure(monkeypatch):
-    def miss(rig, scene, drive):
+def test_missing_events_are_a_failure(monkeypatch):
+    def clear(rig, scene, drive):
         found, factor = real(rig, scene, drive)
         found.events.releases.clear()
         return found, factor
 
-    real = measure.timed
-    monkeypatch.setattr(measure, "timed", miss)
-    monkeypatch.setattr(measure, "store_trade", lambda *args: None)
-    monkeypatch.setattr(measure, "STEPS", {"rigid": (8,), "reduced": (1,)})
-    monkeypatch.setattr(stopwatch, "RUNS", (1, 1))
+    real = study.timed
+    monkeypatch.setattr(study, "timed", clear)
+    monkeypatch.setattr(study, "store_trade", lambda *args: None)
+    monkeypatch.setattr(study, "STEPS", {"rigid": (8,), "reduced": (1,)})
+    monkeypatch.setattr(study, "RUNS", (1, 1))
     trade = run_trade(load_rig(), load_scene("pluck"), fresh=True)
-    assert all("misses" in p.failed for p in trade.points)
+    assert all("are missing" in p.failed for p in trade.points)
 
 
 def made(*points):
@@ -139,18 +145,18 @@ def test_a_picture_is_labelled_and_logarithmic(tmp_path):
 
 
 @pytest.mark.parametrize("damage", ["", "{", "[]", '{"points": 3}', '{"points": [{}]}', "\0"])
-def test_a_damaged_cache_is_measured_anew(monkeypatch, tmp_path, damage):
+def test_a_damaged_cache_is_ignored(monkeypatch, tmp_path, damage):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     rig, scene = load_rig(), load_scene("pluck")
-    cache.store_trade(rig, scene, made(POINT))
-    assert cache.stored_trade(rig, scene) == replace(made(POINT), cached=True)
+    store_trade(rig, scene, made(POINT))
+    assert stored_trade(rig, scene) == replace(made(POINT), cached=True)
     (path,) = tmp_path.rglob("*.json")
     path.write_text(damage)
-    assert cache.stored_trade(rig, scene) is None
+    assert stored_trade(rig, scene) is None
 
 
 def test_without_a_cache_it_is_only_slower(monkeypatch, tmp_path):
     (tmp_path / "file").write_text("")
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "file"))
-    cache.store_trade(load_rig(), load_scene("pluck"), made(POINT))
-    assert cache.stored_trade(load_rig(), load_scene("pluck")) is None
+    store_trade(load_rig(), load_scene("pluck"), made(POINT))
+    assert stored_trade(load_rig(), load_scene("pluck")) is None

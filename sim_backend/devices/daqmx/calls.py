@@ -16,7 +16,7 @@ _NOT_YET_AVAILABLE = -200284
 
 
 class Servicer(Properties):
-    """The whole stand-in; each method is the call of nidaqmx.proto of that name."""
+    """The complete stand-in; each method is the call of nidaqmx.proto of that name."""
 
     def __init__(self, card: Card):
         super().__init__(card)
@@ -88,8 +88,7 @@ class Servicer(Properties):
     @call
     def SetBufferAttributeUInt32(self, request, context):  # noqa: N802
         task = self._task(request)
-        look_up({0x186C: lambda: None}, request)
-        task.set_buffer(request.value)
+        look_up({0x186C: task}, request).set_buffer(request.value)
         return pb.SetBufferAttributeUInt32Response()
 
     # Running it
@@ -182,12 +181,12 @@ class Servicer(Properties):
                 f" {n} of {len(task.channels)} channels.",
             )
         volts, complete = self._read(task, n, request.timeout, context)
-        # As the driver does, a partial read keeps the layout of the whole one.
-        whole = np.zeros((len(task.channels), n))
-        whole[:, : volts.shape[1]] = volts
+        # As with the driver, a partial read keeps the layout of a complete one.
+        padded = np.zeros((len(task.channels), n))
+        padded[:, : volts.shape[1]] = volts
         return pb.ReadAnalogF64Response(
             status=0 if complete else _NOT_YET_AVAILABLE,
-            read_array=(whole if fill == _BY_CHANNEL else whole.T).ravel().tolist(),
+            read_array=(padded if fill == _BY_CHANNEL else padded.T).ravel().tolist(),
             samps_per_chan_read=volts.shape[1],
         )
 

@@ -1,4 +1,4 @@
-"""What the DAQmx stand-in speaks for: a card, its runs, and the driver's errors."""
+"""The interface between the DAQmx stand-in and a card: its runs, and the driver's errors."""
 
 import re
 from dataclasses import dataclass
@@ -15,20 +15,20 @@ class DaqmxError(Exception):
         super().__init__(message)
         self.code = code
         self.samples_read: int | None = None
-        """Samples of each channel that a failed read gave; None where nothing was read."""
+        """Samples of each channel that a failed read returned; None where nothing was read."""
 
 
 class ServerGone(Exception):  # noqa: N818 - the name says what happened
-    """Raised by a card whose server is to be gone from now on: no call is answered any more."""
+    """Raised by a card whose server stops: no later call is answered."""
 
 
 ENDLESS = 2**62
-"""Samples that no acquisition comes to."""
+"""More samples than any acquisition reaches."""
 
 
 @dataclass(frozen=True)
 class TaskSetup:
-    """What a task asks of the card when it starts."""
+    """What a task requests of the card when it starts."""
 
     terminals: tuple[str, ...]
     """Physical channels without the device, in the task's order: ``("ai0", "ai1")``."""
@@ -45,10 +45,10 @@ class Run(Protocol):
     """A started acquisition."""
 
     def wait_for(self, n: int, timeout: float) -> int:
-        """Return the samples of each channel now there, after waiting for ``n`` of them.
+        """Return the number of acquired samples per channel, after waiting for ``n`` of them.
 
-        Returns before ``timeout`` (s, of the wall clock) only with ``n`` samples or more,
-        or after `stop`. May raise `DaqmxError` or `ServerGone`.
+        Returns before ``timeout`` (s of real time) only with ``n`` samples or more, or after
+        `stop`. May raise `DaqmxError` or `ServerGone`.
         """
         ...
 
@@ -61,13 +61,16 @@ class Run(Protocol):
         ...
 
 
-class AroundRun(Run, Protocol):
-    """A started acquisition around an edge; what it waits for and reads counts from the first
-    sample before the edge that is kept, and is there when the whole is."""
+class PreTriggerAcquisition(Run, Protocol):
+    """A started pre-trigger acquisition.
+
+    Samples are counted from the first one kept, before the edge, and can be read once all of
+    them are acquired.
+    """
 
     @property
     def acquired(self) -> int:
-        """Samples of each channel acquired since it was started, kept or not."""
+        """Samples of each channel acquired since the start, kept or not."""
         ...
 
 
@@ -81,12 +84,12 @@ class Card(Protocol):
 
     @property
     def terminals(self) -> tuple[str, ...]:
-        """Its analog inputs, ``("ai0", "ai1")``; raises `DaqmxError` where the device is gone."""
+        """Its analog inputs, ``("ai0", "ai1")``; raises `DaqmxError` if it is disconnected."""
         ...
 
     @property
     def paced(self) -> bool:
-        """Whether samples come whether or not they are read, so that a buffer can run over."""
+        """Whether samples are acquired even if they are not read, so that a buffer can overflow."""
         ...
 
     def start(self, setup: TaskSetup) -> Run:
@@ -95,13 +98,13 @@ class Card(Protocol):
 
 
 @runtime_checkable
-class AroundCard(Card, Protocol):
-    """A DAQ device with a reference trigger, which not all have."""
+class PreTriggerCard(Card, Protocol):
+    """A DAQ device with a reference trigger, which not all devices have."""
 
-    def start_around(self, setup: TaskSetup, before: int) -> AroundRun:
-        """Start an acquisition of which so many samples lie before the edge of its trigger.
+    def start_pretrigger(self, setup: TaskSetup, before: int) -> PreTriggerAcquisition:
+        """Start an acquisition that keeps ``before`` samples before its trigger's edge.
 
-        An edge that comes before there are so many goes unheard.
+        An edge that comes earlier is ignored.
         """
         ...
 

@@ -1,4 +1,4 @@
-"""The properties that the DAQmx stand-in tells: of system, device, task, read, timing, channel."""
+"""The properties that the DAQmx stand-in reports, of system, device, task and channel."""
 
 import threading
 from collections.abc import Callable
@@ -14,12 +14,10 @@ from sautereau.sim_backend.devices.daqmx.task import MAX_RATE, MAX_VOLTAGE, Card
 
 PRODUCT_TYPE = "sautereau stand-in"
 SERIAL_NUMBER = 0x5A07E2EA
-_DRIVER_VERSION = {0x1272: 25, 0x1923: 0, 0x2F22: 0}
 _ANALOG_INPUT, _VOLTAGE, _UNKNOWN_PRODUCT = 10100, 10322, 12588
 _GONE = "Socket closed"
 
-Value = TypeVar("Value")
-Table = dict[int, Callable[[], Value]]
+Entry = TypeVar("Entry")
 
 
 def call(method: Callable[..., Any]) -> Callable[..., Any]:
@@ -47,15 +45,16 @@ def call(method: Callable[..., Any]) -> Callable[..., Any]:
     return answer
 
 
-def look_up(table: Table[Value], request: Any) -> Value:
+def look_up(table: dict[int, Entry], request: Any) -> Entry:
+    """Return the entry of the attribute that a request names."""
     attribute = request.attribute_raw or request.attribute
     if attribute not in table:
         raise DaqmxError(-200197, f"Property {attribute:#x} is not supported by the stand-in.")
-    return table[attribute]()
+    return table[attribute]
 
 
 class Properties(nidaqmx_pb2_grpc.NiDAQmxServicer):
-    """The calls that only tell; each method is the call of nidaqmx.proto of that name."""
+    """The calls about properties; those that only read are added from `READABLE`."""
 
     def __init__(self, card: Card):
         self._card = card
@@ -63,183 +62,135 @@ class Properties(nidaqmx_pb2_grpc.NiDAQmxServicer):
         self._lock = threading.Lock()
         self._gone = False
 
+    def _system(self, request: Any) -> Card:
+        return self._card
+
+    def _device(self, request: Any) -> Card:
+        """Return the card, if the request names it and it is connected."""
+        if request.device_name.lower() != self._card.name.lower():
+            raise DaqmxError(
+                -200220, f"Device identifier is invalid. Device: {request.device_name}"
+            )
+        _ = self._card.terminals
+        return self._card
+
     def _task(self, request: Any) -> CardTask:
         task = self._tasks.get(request.task.name)
         if task is None:
             raise DaqmxError(-200088, "Task specified is invalid or does not exist.")
         return task
 
-    def _device(self, request: Any) -> tuple[str, ...]:
-        """Return the inputs of the device asked about."""
-        if request.device_name.lower() != self._card.name.lower():
-            raise DaqmxError(
-                -200220, f"Device identifier is invalid. Device: {request.device_name}"
-            )
-        return self._card.terminals
-
-    # System and device
-
-    @call
-    def GetSystemInfoAttributeUInt32(self, request, context):  # noqa: N802
-        table: Table[int] = {k: lambda v=v: v for k, v in _DRIVER_VERSION.items()}
-        return pb.GetSystemInfoAttributeUInt32Response(value=look_up(table, request))
-
-    @call
-    def GetSystemInfoAttributeString(self, request, context):  # noqa: N802
-        table: Table[str] = {
-            0x193B: lambda: self._card.name,
-            0x1267: lambda: "",
-            0x1265: lambda: "",
-            0x1266: lambda: "",
-        }
-        return pb.GetSystemInfoAttributeStringResponse(value=look_up(table, request))
-
-    @call
-    def GetDeviceAttributeString(self, request, context):  # noqa: N802
-        terminals = self._device(request)
-        inputs = ", ".join(f"{self._card.name}/{terminal}" for terminal in terminals)
-        table: Table[str] = {0x631: lambda: PRODUCT_TYPE, 0x231E: lambda: inputs}
-        # It has no analog outputs, digital lines, digital ports, nor counters.
-        table |= {k: lambda: "" for k in (0x231F, 0x2320, 0x2321, 0x2322, 0x2323, 0x2324, 0x2325)}
-        return pb.GetDeviceAttributeStringResponse(value=look_up(table, request))
-
-    @call
-    def GetDeviceAttributeUInt32(self, request, context):  # noqa: N802
-        self._device(request)
-        table: Table[int] = {0x632: lambda: SERIAL_NUMBER, 0x231D: lambda: 0}
-        return pb.GetDeviceAttributeUInt32Response(value=look_up(table, request))
-
-    @call
-    def GetDeviceAttributeInt32(self, request, context):  # noqa: N802
-        self._device(request)
-        table: Table[int] = {0x29A9: lambda: _UNKNOWN_PRODUCT}
-        return pb.GetDeviceAttributeInt32Response(value_raw=look_up(table, request))
-
-    @call
-    def GetDeviceAttributeBool(self, request, context):  # noqa: N802
-        self._device(request)
-        return pb.GetDeviceAttributeBoolResponse(value=look_up({0x22CA: lambda: True}, request))
-
-    @call
-    def GetDeviceAttributeDouble(self, request, context):  # noqa: N802
-        self._device(request)
-        table: Table[float] = {0x298C: lambda: MAX_RATE, 0x298D: lambda: MAX_RATE}
-        return pb.GetDeviceAttributeDoubleResponse(value=look_up(table, request))
-
-    @call
-    def GetDeviceAttributeDoubleArray(self, request, context):  # noqa: N802
-        self._device(request)
-        table: Table[list[float]] = {0x2990: lambda: [-MAX_VOLTAGE, MAX_VOLTAGE]}
-        return pb.GetDeviceAttributeDoubleArrayResponse(value=look_up(table, request))
-
-    # Task, channel, timing, read
-
-    @call
-    def GetTaskAttributeString(self, request, context):  # noqa: N802
-        task = self._task(request)
-        table: Table[str] = {
-            0x1276: lambda: task.name,
-            0x1273: lambda: ", ".join(task.channels),
-            0x230E: lambda: self._card.name if task.channels else "",
-        }
-        return pb.GetTaskAttributeStringResponse(value=look_up(table, request))
-
-    @call
-    def GetTaskAttributeUInt32(self, request, context):  # noqa: N802
-        task = self._task(request)
-        table: Table[int] = {0x2181: lambda: len(task.channels), 0x29BA: lambda: 1}
-        return pb.GetTaskAttributeUInt32Response(value=look_up(table, request))
-
-    @call
-    def GetChanAttributeInt32(self, request, context):  # noqa: N802
-        self._channel(request)
-        table: Table[int] = {0x187F: lambda: _ANALOG_INPUT, 0x695: lambda: _VOLTAGE}
-        return pb.GetChanAttributeInt32Response(value_raw=look_up(table, request))
-
-    @call
-    def GetChanAttributeString(self, request, context):  # noqa: N802
-        terminals = self._channel(request)
-        physical = ", ".join(f"{self._card.name}/{terminal}" for terminal in terminals)
-        return pb.GetChanAttributeStringResponse(value=look_up({0x18F5: lambda: physical}, request))
-
-    @call
-    def GetChanAttributeDouble(self, request, context):  # noqa: N802
-        self._channel(request)
-        table: Table[float] = {0x1815: lambda: MAX_VOLTAGE, 0x1816: lambda: -MAX_VOLTAGE}
-        return pb.GetChanAttributeDoubleResponse(value=look_up(table, request))
-
-    def _channel(self, request: Any) -> list[str]:
-        """Return the terminals of the channels asked about, all where none is named."""
+    def _channels(self, request: Any) -> list[str]:
+        """Return the physical channels that a request names; all where it names none."""
         channels = self._task(request).channels
         names = [name.strip() for name in request.channel.split(",") if name.strip()]
         for name in names:
             if name not in channels:
                 raise DaqmxError(-200428, f"Channel {name} is not in the task.")
-        return [channels[name] for name in names or channels]
-
-    @call
-    def GetTimingAttributeDouble(self, request, context):  # noqa: N802
-        task = self._task(request)
-        table: Table[float] = {0x1344: lambda: task.rate or 0.0}
-        return pb.GetTimingAttributeDoubleResponse(value=look_up(table, request))
-
-    @call
-    def GetTimingAttributeInt32(self, request, context):  # noqa: N802
-        task = self._task(request)
-        table: Table[int] = {0x1300: lambda: task.mode}
-        return pb.GetTimingAttributeInt32Response(value_raw=look_up(table, request))
-
-    @call
-    def GetTimingAttributeUInt64(self, request, context):  # noqa: N802
-        task = self._task(request)
-        table: Table[int] = {0x1310: lambda: task.n_samples}
-        return pb.GetTimingAttributeUInt64Response(value=look_up(table, request))
+        return [f"{self._card.name}/{channels[name]}" for name in names or channels]
 
     @call
     def SetReadAttributeInt32(self, request, context):  # noqa: N802
         task = self._task(request)
-        value = request.value_raw or request.value
-        look_up({0x190A: lambda: task.read_from(value)}, request)
+        look_up({0x190A: task}, request).read_from(request.value_raw or request.value)
         return pb.SetReadAttributeInt32Response()
 
-    @call
-    def GetReadAttributeInt32(self, request, context):  # noqa: N802
-        task = self._task(request)
-        table: Table[int] = {0x190A: lambda: task.relative}
-        return pb.GetReadAttributeInt32Response(value_raw=look_up(table, request))
 
-    @call
-    def GetReadAttributeString(self, request, context):  # noqa: N802
-        task = self._task(request)
-        table: Table[str] = {0x1823: lambda: ", ".join(task.channels)}
-        return pb.GetReadAttributeStringResponse(value=look_up(table, request))
+def _inputs(card: Card) -> str:
+    return ", ".join(f"{card.name}/{terminal}" for terminal in card.terminals)
 
-    @call
-    def GetReadAttributeUInt32(self, request, context):  # noqa: N802
-        task = self._task(request)
-        table: Table[int] = {
-            0x217B: lambda: len(task.channels),
-            0x1223: task.available,
-            0x31E8: task.remaining,
-        }
-        return pb.GetReadAttributeUInt32Response(value=look_up(table, request))
 
-    @call
-    def GetReadAttributeUInt64(self, request, context):  # noqa: N802
-        task = self._task(request)
-        table: Table[int] = {
-            0x1221: lambda: task.position,
-            0x192A: task.acquired,
-        }
-        return pb.GetReadAttributeUInt64Response(value=look_up(table, request))
+def _names(task: CardTask) -> str:
+    return ", ".join(task.channels)
 
-    @call
-    def GetReadAttributeBool(self, request, context):  # noqa: N802
-        self._task(request)
-        return pb.GetReadAttributeBoolResponse(value=look_up({0x1215: lambda: False}, request))
 
-    @call
-    def GetBufferAttributeUInt32(self, request, context):  # noqa: N802
-        task = self._task(request)
-        table: Table[int] = {0x186C: lambda: task.buffer_size}
-        return pb.GetBufferAttributeUInt32Response(value=look_up(table, request))
+# Analog outputs, digital lines and ports, counters: the device has none.
+_ABSENT = {key: lambda card: "" for key in range(0x231F, 0x2326)}
+
+READABLE: dict[str, tuple[Callable[[Any, Any], Any], dict[int, Callable[[Any], Any]]]] = {
+    "GetSystemInfoAttributeUInt32": (
+        Properties._system,
+        {0x1272: lambda card: 25, 0x1923: lambda card: 0, 0x2F22: lambda card: 0},
+    ),
+    "GetSystemInfoAttributeString": (
+        Properties._system,
+        {0x193B: lambda card: card.name}
+        | {key: lambda card: "" for key in (0x1267, 0x1265, 0x1266)},
+    ),
+    "GetDeviceAttributeString": (
+        Properties._device,
+        {0x631: lambda card: PRODUCT_TYPE, 0x231E: _inputs, **_ABSENT},
+    ),
+    "GetDeviceAttributeUInt32": (
+        Properties._device,
+        {0x632: lambda card: SERIAL_NUMBER, 0x231D: lambda card: 0},
+    ),
+    "GetDeviceAttributeInt32": (Properties._device, {0x29A9: lambda card: _UNKNOWN_PRODUCT}),
+    "GetDeviceAttributeBool": (Properties._device, {0x22CA: lambda card: True}),
+    "GetDeviceAttributeDouble": (
+        Properties._device,
+        {0x298C: lambda card: MAX_RATE, 0x298D: lambda card: MAX_RATE},
+    ),
+    "GetDeviceAttributeDoubleArray": (
+        Properties._device,
+        {0x2990: lambda card: [-MAX_VOLTAGE, MAX_VOLTAGE]},
+    ),
+    "GetTaskAttributeString": (
+        Properties._task,
+        {
+            0x1276: lambda task: task.name,
+            0x1273: _names,
+            0x230E: lambda task: task.card.name if task.channels else "",
+        },
+    ),
+    "GetTaskAttributeUInt32": (
+        Properties._task,
+        {0x2181: lambda task: len(task.channels), 0x29BA: lambda task: 1},
+    ),
+    "GetChanAttributeInt32": (
+        Properties._channels,
+        {0x187F: lambda channels: _ANALOG_INPUT, 0x695: lambda channels: _VOLTAGE},
+    ),
+    "GetChanAttributeString": (Properties._channels, {0x18F5: ", ".join}),
+    "GetChanAttributeDouble": (
+        Properties._channels,
+        {0x1815: lambda channels: MAX_VOLTAGE, 0x1816: lambda channels: -MAX_VOLTAGE},
+    ),
+    "GetTimingAttributeDouble": (Properties._task, {0x1344: lambda task: task.rate or 0.0}),
+    "GetTimingAttributeInt32": (Properties._task, {0x1300: lambda task: task.mode}),
+    "GetTimingAttributeUInt64": (Properties._task, {0x1310: lambda task: task.n_samples}),
+    "GetReadAttributeInt32": (Properties._task, {0x190A: lambda task: task.relative}),
+    "GetReadAttributeString": (Properties._task, {0x1823: _names}),
+    "GetReadAttributeUInt32": (
+        Properties._task,
+        {
+            0x217B: lambda task: len(task.channels),
+            0x1223: CardTask.available,
+            0x31E8: CardTask.remaining,
+        },
+    ),
+    "GetReadAttributeUInt64": (
+        Properties._task,
+        {0x1221: lambda task: task.position, 0x192A: CardTask.acquired},
+    ),
+    "GetReadAttributeBool": (Properties._task, {0x1215: lambda task: False}),
+    "GetBufferAttributeUInt32": (Properties._task, {0x186C: lambda task: task.buffer_size}),
+}
+"""By the call of nidaqmx.proto: what it is about, and how its attributes are read."""
+
+
+def _reader(
+    name: str, subject: Callable[[Any, Any], Any], table: dict[int, Callable[[Any], Any]]
+) -> Callable[..., Any]:
+    response = getattr(pb, f"{name}Response")
+    field = "value_raw" if name.endswith("AttributeInt32") else "value"
+
+    def read(self: Properties, request: Any, context: grpc.ServicerContext) -> Any:
+        found = subject(self, request)
+        return response(**{field: look_up(table, request)(found)})
+
+    return call(read)
+
+
+for _name, (_subject, _table) in READABLE.items():
+    setattr(Properties, _name, _reader(_name, _subject, _table))

@@ -1,48 +1,48 @@
-"""An acquisition on the simulated card: armed, triggered, sampled as far as it is read."""
+"""An acquisition on the simulated card: armed, triggered, and computed when it is read."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 
 from sautereau.rig.schema import Rig
 from sautereau.sim_backend.devices.daqmx.card import ENDLESS
-from sautereau.sim_backend.fair_lock import Turns
-from sautereau.sim_backend.faults.sensing import disturbances
-from sautereau.sim_backend.faults.tables import Faults
+from sautereau.sim_backend.fair_lock import FairLock
+from sautereau.sim_backend.fault_tables import Faults
 from sautereau.sim_backend.parts import Sensors
 from sautereau.sim_backend.physics.events import Motions
-from sautereau.sim_backend.sensors import SensorChain
+from sautereau.sim_backend.sensors.chain import SensorChain
+from sautereau.sim_backend.sensors.simulated import simulated_quantity
 from sautereau.trajectory.motion import Floats
 
 AHEAD = 10_000
-"""Samples, by which time goes on for a continuous acquisition before somebody reads them."""
+"""Samples by which simulated time may run ahead of the reader of a continuous acquisition."""
 
 
 @dataclass(frozen=True)
 class RunFault:
-    """An end of an acquisition before its time."""
+    """A premature end of an acquisition."""
 
     sample: int
-    """Number of the first sample that does not come."""
-    strike: Callable[[], Exception]
-    """Makes what a read of it, or of a later one, raises."""
+    """Number of the first sample that is not acquired."""
+    error: Callable[[], Exception]
+    """Makes the error that a read of it, or of a later sample, raises."""
 
 
 class SampledRun:
-    """Samples of the bench; they are computed when somebody reads them.
+    """Samples of the bench, computed when they are read.
 
     Args:
-        rig: The bench as it is wired, with its sensors' charts.
-        terminals: Which inputs, in order.
+        rig: The simulated bench, with the calibrations of its sensors.
+        terminals: Analog inputs, in order.
         rate: Hz.
         n_samples: Samples of each channel.
-        sensors: What the sensors add to the truth.
+        sensors: Noise and hum; None for ideal sensors.
         seed: Of the noise.
-        number: Of the run, so that each has a noise of its own.
-        rest: Force of the finger before the trigger [N].
-        turns: Notified whenever somebody's samples are there; guards the bench.
-        faults: What goes wrong in the sensors.
+        number: Of the run, so that each has different noise.
+        rest: Motion of the bench just before; None where it has been at rest without a force.
+        lock: Guards the bench; notified whenever requested samples are complete.
+        faults: Of the sensors.
     """
 
     def __init__(
@@ -54,43 +54,44 @@ class SampledRun:
         sensors: Sensors | None,
         seed: int,
         number: int,
-        rest: float,
-        turns: Turns,
+        rest: Motions | None,
+        lock: FairLock,
         faults: Faults | None = None,
     ):
         self.n_samples = n_samples
         self.rate = rate
         self.trigger_time: float | None = None
-        """s on the world's clock."""
+        """s, simulated."""
         self.stopped = False
         self.unwired = False
-        """Whether it waits for a terminal to which nothing is wired."""
+        """Whether nothing is wired to the terminal of its trigger."""
         self._fault: RunFault | None = None
         self._end = n_samples
-        self._laser_arm = rig.key.laser_arm
-        self._turns = turns
+        self._lock = lock
         by_terminal = {channel.terminal: channel for channel in rig.daq.channels}
-        self._chains = [
-            SensorChain(
-                channel := by_terminal[name],
-                sensors,
-                rate,
-                rest if channel.quantity == "force" else 0.0,
-                np.random.default_rng([seed, number, i]),
-                disturbances(faults, channel.quantity, seed, number, i),
+        self._chains: list[SensorChain] = []
+        self._simulated = [simulated_quantity(by_terminal[name].quantity) for name in terminals]
+        self._sources = [simulated.source(rig) for simulated in self._simulated]
+        for i, (name, simulated) in enumerate(zip(terminals, self._simulated, strict=True)):
+            value = 0.0
+            if simulated.static and rest is not None:
+                value = float(simulated.source(rig)(rest)[-1])
+            key = np.random.SeedSequence(seed, spawn_key=(2, number, i))
+            disturbances = simulated.faults(faults, np.random.default_rng(key)) if faults else ()
+            random = np.random.default_rng([seed, number, i])
+            self._chains.append(
+                SensorChain(by_terminal[name], sensors, rate, value, random, disturbances)
             )
-            for i, name in enumerate(terminals)
-        ]
         self._fed: list[tuple[Motions, Sequence[float]]] = []
         self._volts = np.empty((len(terminals), 0))
         self._computed = self._done = 0
-        self._wanted: list[int] = []
-        self._wished = n_samples if n_samples < ENDLESS else 0
+        self._requested: list[int] = []
+        self._goal = n_samples if n_samples < ENDLESS else 0
 
     @property
     def waiting_for_time(self) -> bool:
-        """Whether samples will come as soon as time goes on."""
-        end = min(self._end, self._wished + AHEAD)
+        """Whether samples will be acquired as soon as simulated time advances."""
+        end = min(self._end, self._goal + AHEAD)
         return self.trigger_time is not None and self._done < end and not self.stopped
 
     @property
@@ -100,17 +101,17 @@ class SampledRun:
 
     @property
     def over(self) -> bool:
-        """Whether no sample will come any more."""
+        """Whether no further sample will be acquired."""
         return self.stopped or self._done >= self._end
 
     @property
     def due(self) -> bool:
-        """Whether somebody waits for samples that are there."""
-        return bool(self._wanted) and min(self._wanted) <= self._shown
+        """Whether a thread waits for samples that are complete."""
+        return bool(self._requested) and min(self._requested) <= self._readable
 
     @property
-    def _shown(self) -> int:
-        """Samples that a read can have."""
+    def _readable(self) -> int:
+        """Samples that can be read."""
         return self._done
 
     @property
@@ -119,18 +120,18 @@ class SampledRun:
         return self._end
 
     def trigger(self, time: float, fault: RunFault | None = None) -> None:
-        """Begin at a moment [s] of the world's clock; a second edge changes nothing."""
+        """Start at a simulated time [s]; a second edge changes nothing."""
         if self.trigger_time is None and not self.stopped:
             self.trigger_time = time
             self._fault = fault
             self._end = self.n_samples if fault is None else min(fault.sample, self.n_samples)
 
     def feed(self, motions: Motions, jumps: Sequence[float] = ()) -> None:
-        """Note what happened in one controller sample.
+        """Store the motion of one controller sample.
 
         Args:
-            motions: What happened.
-            jumps: s on the world's clock, at which the finger's force jumped meanwhile.
+            motions: Of the bench.
+            jumps: s, simulated times at which forces jumped meanwhile.
         """
         if self.trigger_time is None or self.over:
             return
@@ -139,62 +140,60 @@ class SampledRun:
         self._done = min(self._last, int(elapsed * self.rate * (1 + 1e-12)) + 1)
 
     def wait_for(self, n: int, timeout: float | None) -> int:
-        """Return the samples now there, after waiting for n of them or timeout [s]."""
-        with self._turns:
-            self._wanted.append(n)
-            if n > self._wished:  # for which a clock that had gone far enough must go on
-                self._wished = n
-                self._turns.notify_all()
+        """Return the number of readable samples, after waiting for n of them or timeout [s]."""
+        with self._lock:
+            self._requested.append(n)
+            if n > self._goal:  # the clock may have stopped at the previous goal
+                self._goal = n
+                self._lock.notify_all()
             try:
-                self._turns.wait_for(lambda: self._shown >= n or self.over, timeout)
+                self._lock.wait_for(lambda: self._readable >= n or self.over, timeout)
             finally:
-                self._wanted.remove(n)
+                self._requested.remove(n)
             if self._fault is not None and self._done >= self._end and n > self._fault.sample:
-                raise self._fault.strike()
-            return self._shown
+                raise self._fault.error()
+            return self._readable
 
     def read(self, first: int, n: int) -> Floats:
         """Return samples first to first + n [V], shape (n_channels, n)."""
-        with self._turns:
+        with self._lock:
             stop = min(first + n, self._done)
             if stop > self._computed:
                 self._compute(stop)
             return self._volts[:, first:stop].copy()
 
-    def fail(self, strike: Callable[[], Exception]) -> None:
-        """End the acquisition where it is; whoever waits for more is raised what this makes."""
+    def fail(self, error: Callable[[], Exception]) -> None:
+        """End the acquisition now; a read of a later sample raises what ``error`` makes."""
         if not self.over:
             self._end = self._done
-            self._fault = RunFault(self._done, strike)
+            self._fault = RunFault(self._done, error)
 
     def stop(self) -> None:
         """End the acquisition; harmless when it has ended."""
-        with self._turns:
+        with self._lock:
             self.stopped = True
-            self._turns.notify_all()
+            self._lock.notify_all()
 
     def _compute(self, stop: int) -> None:
-        """Let the sensors show the samples from the last computed one to ``stop``."""
-        self._hand_over()
+        """Compute the samples from the last computed one to ``stop``."""
+        self._feed_chains()
         first, room = self._computed, self._volts.shape[1]
-        if stop > room:  # doubled, so that many small reads copy no sample often
+        if stop > room:  # doubled, so that many small reads rarely copy a sample
             more = np.empty((len(self._chains), max(stop - room, room)))
             self._volts = np.concatenate([self._volts, more], axis=1)
         for row, chain in zip(self._volts, self._chains, strict=True):
             row[first:stop] = chain.volts(first, stop - first)
         self._computed = stop
 
-    def _hand_over(self) -> None:
-        """Give what was noted to the sensors."""
+    def _feed_chains(self) -> None:
+        """Pass the stored motion to the sensors."""
         fed, self._fed = self._fed, []
         if not fed or self.trigger_time is None:
             return
-        times = np.concatenate([motions.time for motions, _ in fed]) - self.trigger_time
+        joined = (np.concatenate([getattr(m, f.name) for m, _ in fed]) for f in fields(Motions))
+        motions = Motions(*joined)
+        times = motions.time - self.trigger_time
         jumps = [jump - self.trigger_time for _, jumps in fed for jump in jumps]
-        for chain in self._chains:
-            if chain.channel.quantity == "force":
-                force = np.concatenate([motions.finger_force for motions, _ in fed])
-                chain.input.extend(times, force, jumps)
-            else:
-                spin = np.concatenate([motions.angular_velocity for motions, _ in fed])
-                chain.input.extend(times, spin * self._laser_arm, ())
+        parts = zip(self._chains, self._sources, self._simulated, strict=True)
+        for chain, source, simulated in parts:
+            chain.input.extend(times, source(motions), jumps if simulated.jumps else ())

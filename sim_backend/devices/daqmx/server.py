@@ -1,8 +1,8 @@
 """Serve a simulated card as NI's gRPC device server would, on loopback.
 
-The servicer is the one that ships in nidaqmx, so that its real client runs unmodified.
-Calls that are not built answer UNIMPLEMENTED by the base class, and a failing one answers
-as the real server: a status with the driver's code in the trailing metadata ``ni-error``.
+The servicer derives from the one that ships in nidaqmx, so that the real client runs
+unmodified. Calls that are not implemented answer UNIMPLEMENTED by the base class. A failing call
+answers as the real server: a status, with the driver's code in the trailing metadata ``ni-error``.
 """
 
 from concurrent.futures import ThreadPoolExecutor

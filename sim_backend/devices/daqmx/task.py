@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from sautereau.sim_backend.devices.daqmx.card import (
     ENDLESS,
-    AroundCard,
-    AroundRun,
     Card,
     DaqmxError,
+    PreTriggerAcquisition,
+    PreTriggerCard,
     Run,
     TaskSetup,
     physical_channels,
@@ -27,13 +27,13 @@ MAX_VOLTAGE = 10.0
 ON_DEMAND_RATE = 1000.0
 """Hz, at which reads of a task without a sample clock are timed."""
 _SLICE = 0.1
-"""s, after which a waiting read looks whether anyone still wants it."""
+"""s, after which a waiting read checks whether its client is still there."""
 
 FINITE, CONTINUOUS = 10178, 10123
 _CURRENT, _FIRST_BEFORE = 10425, 10427
 _RISING, _VOLTS = 10280, 10348
 _BUFFERS = ((100.0, 1_000), (10e3, 10_000), (1e6, 100_000))
-"""Hz and samples: the buffer that a continuous task has up to a rate, where none is asked for."""
+"""Hz and samples: the default buffer of a continuous task up to a rate."""
 _TERMINAL_CONFIGURATIONS = (-1, 10083, 10078, 10106, 12529)
 
 
@@ -49,16 +49,16 @@ class CardTask:
     """Hz; None without a sample clock."""
     mode: int = FINITE
     n_samples: int = 0
-    """Samples of each channel, of a finite acquisition; the buffer wanted, of a continuous one."""
+    """Samples of each channel of a finite acquisition; requested buffer of a continuous one."""
     buffer: int | None = None
-    """Samples of each channel, as set; None for the driver's choice."""
+    """Samples of each channel, as set; None for the driver's default."""
     trigger: str | None = None
     before: int | None = None
     """Samples before the edge of a reference trigger; None where the trigger starts."""
     relative: int = _CURRENT
-    """To what a read is relative: the last one, or the first sample before the edge."""
+    """Reference of a read: the last sample read, or the first one before the edge."""
     run: Run | None = None
-    around: AroundRun | None = None
+    around: PreTriggerAcquisition | None = None
     """The run, where it has a reference trigger."""
     position: int = 0
     """Samples of each channel read so far."""
@@ -106,7 +106,7 @@ class CardTask:
         self.rate, self.mode, self.n_samples = rate, mode, n_samples
 
     def set_trigger(self, source: str, edge: int, before: int | None = None) -> None:
-        """Start on a rising digital edge, or keep so many samples before it.
+        """Start on a rising digital edge, or keep ``before`` samples before it.
 
         The route is checked when the task starts.
         """
@@ -120,14 +120,14 @@ class CardTask:
             self.relative = _FIRST_BEFORE
 
     def remove_trigger(self, *, reference: bool) -> None:
-        """Forget the start trigger or the reference trigger, where there is one."""
+        """Remove the start trigger or the reference trigger, if there is one."""
         self._must_be_idle()
         if reference == (self.before is not None):
             self.trigger = self.before = None
             self.relative = _CURRENT
 
     def read_from(self, relative: int) -> None:
-        """Set to what a read is relative."""
+        """Set the reference of a read."""
         if relative not in (_CURRENT, _FIRST_BEFORE):
             raise DaqmxError(-200077, f"Reading relative to {relative} is not supported.")
         if relative == _FIRST_BEFORE and self.before is None:
@@ -147,7 +147,7 @@ class CardTask:
 
     @property
     def length(self) -> int:
-        """Samples of each channel that come; `ENDLESS` of a continuous acquisition."""
+        """Samples of each channel; `ENDLESS` for a continuous acquisition."""
         return self.n_samples if self.mode == FINITE else ENDLESS
 
     @property
@@ -166,7 +166,7 @@ class CardTask:
             self._launch(self.rate, self.length, self._route())
 
     def check(self) -> None:
-        """Refuse a task that could not start."""
+        """Refuse a task that cannot start."""
         if not self.channels:
             raise DaqmxError(-200460, "There are no input channels in this task.")
         if self.trigger is not None:
@@ -175,7 +175,7 @@ class CardTask:
                 raise DaqmxError(-200452, "A trigger needs a sample clock.")
         if self.before is None:
             return
-        if not isinstance(self.card, AroundCard):
+        if not isinstance(self.card, PreTriggerCard):
             raise DaqmxError(-200452, "This device has no reference trigger.")
         if self.mode != FINITE:
             raise DaqmxError(-200358, "A reference trigger needs a finite acquisition.")
@@ -192,22 +192,22 @@ class CardTask:
         if run is not None:
             run.stop()
 
-    def wait(self, n: int, timeout: float, wanted: Callable[[], bool]) -> int:
-        """Return the samples there after waiting for ``n``; ``timeout`` in s, -1 for ever."""
+    def wait(self, n: int, timeout: float, alive: Callable[[], bool]) -> int:
+        """Return the number of samples after waiting for ``n``; ``timeout`` in s, -1 for ever."""
         if timeout < 0 and timeout != -1:
             raise DaqmxError(-200453, f"Timeout {timeout:g} s is not valid: -1, 0 or more.")
         deadline = math.inf if timeout == -1 else time.monotonic() + timeout
         while (run := self.run) is not None:
             left = deadline - time.monotonic()
             there = run.wait_for(n, max(0.0, min(left, _SLICE)))
-            if there >= n or left <= 0 or not wanted():
+            if there >= n or left <= 0 or not alive():
                 return there
         raise DaqmxError(-200983, "The task is not running: it was stopped or never started.")
 
     def read(
-        self, n: int, timeout: float, wanted: Callable[[], bool]
+        self, n: int, timeout: float, alive: Callable[[], bool]
     ) -> tuple[NDArray[np.float64], bool]:
-        """Return the next samples, shape (n_channels, at most n), and whether that is all."""
+        """Return the next samples, shape (n_channels, at most n), and whether they are complete."""
         if n < 0:
             n = self.remaining()
         if implicit := self.run is None:
@@ -226,7 +226,7 @@ class CardTask:
                     "Attempted to read a sample beyond the final sample acquired."
                     f" Asked: {self.position + n} samples. Acquired in all: {length}.",
                 )
-            there = self.wait(self.position + n, timeout, wanted)
+            there = self.wait(self.position + n, timeout, alive)
             run = self.run
             if run is None:
                 raise DaqmxError(-200983, "The task was stopped while it was read.")
@@ -250,7 +250,7 @@ class CardTask:
             )
 
     def remaining(self) -> int:
-        """Return the samples of each channel that a read of all would take."""
+        """Return the samples of each channel that a read of all would return."""
         if self.rate is None:
             return 1
         if self.mode == CONTINUOUS:
@@ -270,8 +270,8 @@ class CardTask:
     def _launch(self, rate: float, n_samples: int, trigger: str | None) -> None:
         setup = TaskSetup(tuple(self.channels.values()), rate, n_samples, trigger)
         self.position, self.around = 0, None
-        if self.before is not None and isinstance(self.card, AroundCard):
-            self.run = self.around = self.card.start_around(setup, self.before)
+        if self.before is not None and isinstance(self.card, PreTriggerCard):
+            self.run = self.around = self.card.start_pretrigger(setup, self.before)
         else:
             self.run = self.card.start(setup)
 

@@ -1,4 +1,4 @@
-"""The controller's arrays, and the capture that fills them sample by sample."""
+"""The controller's arrays, and the capture that fills them, sample by sample."""
 
 import re
 from collections.abc import Callable
@@ -21,14 +21,14 @@ class Arrays:
 
     @property
     def free(self) -> int:
-        """Elements not yet given to an array."""
+        """Elements that are not in use."""
         return ELEMENTS - sum(map(len, self._values.values()))
 
     def define(self, sizes: dict[str, int]) -> None:
         """Define arrays of zeros, all of them or none.
 
         Raises:
-            CommandError: A name is bad or taken, or there is no room.
+            CommandError: A name is invalid or in use, or the memory is full.
         """
         for name, size in sizes.items():
             if not _NAME.fullmatch(name) or name in self._values:
@@ -42,14 +42,14 @@ class Arrays:
         self._values.update({name: [0.0] * size for name, size in sizes.items()})
 
     def remove(self, name: str) -> None:
-        """Give an array's memory back; ``*`` means all of them."""
+        """Free an array's memory; ``*`` means all arrays."""
         if name == "*":
             self._values.clear()
         else:
             del self._values[self._known(name)]
 
     def values(self, name: str) -> list[float]:
-        """Return an array itself, which a capture writes into."""
+        """Return an array itself, into which a capture writes."""
         return self._values[self._known(name)]
 
     def element(self, name: str, index: float) -> float:
@@ -75,7 +75,7 @@ class Arrays:
 
 
 class Capture:
-    """RA, RD and RC: every 2^n samples, one number a source into one array a source."""
+    """RA, RD and RC: every 2^n samples, one number of each source into its array."""
 
     def __init__(self) -> None:
         self.arrays: list[list[float]] = []
@@ -91,7 +91,7 @@ class Capture:
 
         Args:
             exponent: 1 to 8; one record every 2^exponent samples.
-            count: Records to take; 0 fills the arrays, a negative number goes round and round.
+            count: Records to take; 0 fills the arrays, a negative number wraps around.
 
         Raises:
             CommandError: A capture runs, has no arrays or sources, or the arrays are too short.
@@ -112,7 +112,7 @@ class Capture:
         self.running = False
 
     def sample(self) -> None:
-        """Record, if it is time to: the first sample after the start is the first record."""
+        """Record, if it is due: the first sample after the start is the first record."""
         if self._countdown > 0:
             self._countdown -= 1
             return

@@ -1,4 +1,4 @@
-"""One axis of the controller: its settings, its reference, and what it is doing."""
+"""One axis of the controller: its settings, its reference, and its state."""
 
 from collections import deque
 from dataclasses import dataclass
@@ -22,13 +22,13 @@ LARGEST = 2**31 - 1
 
 @dataclass(frozen=True)
 class Setting:
-    """A number that an axis keeps: the command `SP 1000`, the operand `_SPA`."""
+    """A number stored for an axis: the command `SP 1000`, the operand `_SPA`."""
 
     default: float
     low: float
     high: float
     step: float = 0.0
-    """What the controller rounds it down to a multiple of; 0 keeps the fraction."""
+    """The controller rounds down to a multiple of this; 0 keeps the fraction."""
 
 
 SETTINGS = {
@@ -60,17 +60,17 @@ class Axis:
         self.settings = {name: setting.default for name, setting in SETTINGS.items()}
         self.motor_on = False
         self.position, self.velocity = float(counts), 0.0
-        """Raw reference at the end of the sample last ticked: counts, counts a sample."""
+        """Raw reference at the end of the sample last ticked: counts, counts per sample."""
         self.offset = 0
-        """Counts, that reported positions are above raw ones."""
+        """Counts, reported positions minus raw ones."""
         self.auxiliary = 0
-        """Counts of the auxiliary encoder, which nothing turns."""
+        """Counts of the auxiliary encoder, which does not move."""
         self.stop_code = StopCode.AT_TARGET
         self.fifo: deque[Segment] = deque()
         self.executed = 0
         """PVT segments executed since the last BT."""
         self.mode = "PR"
-        """Which of PA, PR, JG and HM the next BG begins."""
+        """Which of PA, PR, JG and HM the next BG starts."""
         self.target = 0
         """Counts, operand of PA or PR; counts/s of JG."""
         self.profile: Profile | None = None
@@ -85,11 +85,11 @@ class Axis:
 
     @property
     def free(self) -> int:
-        """PVT segments that the buffer still takes."""
+        """Free places in the PVT buffer."""
         return FIFO_LENGTH - len(self.fifo)
 
     def begin_pvt(self) -> None:
-        """Start on the PVT buffer with the next sample."""
+        """Start the PVT sequence with the next sample."""
         self.executed = 0
         self._start(Pvt(self.position, self.fifo, self._rate("DC")))
 
@@ -109,7 +109,7 @@ class Axis:
         self.homing = home
 
     def stop(self, code: StopCode) -> None:
-        """Brake from the present velocity at DC, and forget the PVT buffer."""
+        """Decelerate from the present velocity at DC, and clear the PVT buffer."""
         if self.profile is None:
             return
         pieces = brake(self.velocity, self._rate("DC"))
@@ -117,7 +117,7 @@ class Axis:
         self.fifo.clear()
 
     def halt(self, code: StopCode) -> None:
-        """Stop dead, and forget the PVT buffer."""
+        """Stop at once, and clear the PVT buffer."""
         if self.profile is not None:
             self.stop_code = code
         self.profile = None
@@ -126,15 +126,15 @@ class Axis:
         self.fifo.clear()
 
     def follow(self, counts: int) -> None:
-        """Put the reference where the raw encoder is, at rest."""
+        """Set the reference to the raw encoder's position, at rest."""
         self.position, self.velocity = float(counts), 0.0
 
     def exceeds_error_limit(self, counts: int) -> bool:
-        """Return whether the raw encoder is further off the reference than ER allows."""
+        """Return whether the distance of raw encoder and reference exceeds ER."""
         return 0 <= self.settings["ER"] < abs(self.position - counts)
 
     def step(self) -> None:
-        """Go one sample on."""
+        """Advance by one sample."""
         position, velocity = self.position, self.velocity
         if self.profile is None:
             self.cubic = (position, 0.0, 0.0, 0.0)

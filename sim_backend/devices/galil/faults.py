@@ -1,4 +1,4 @@
-"""What the controller refuses, and the codes by which TC tells why."""
+"""Refused commands, and the error codes that TC reports."""
 
 TEXTS = {
     0: "",

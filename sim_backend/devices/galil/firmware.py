@@ -1,37 +1,39 @@
 """The firmware of a Galil DMC-4020 with two axes, as its serial line shows it.
 
-Lines end with a carriage return. Each accepted command answers ``:`` after what it
-tells, each refused one ``?``, and a line stops there. Behind it are the grammar
-(`grammar`), the commands (`commands`), the state (`machine`) and
-the profilers (`motion`). The firmware knows no clock but `GalilFirmware.tick`.
+Lines end with a carriage return. The answer to each accepted command ends with ``:``; a refused
+one is answered with ``?``, and the rest of its line is ignored. The layers below are the grammar
+(`grammar`), the commands (`commands`), the state (`machine`) and the profilers (`motion`). The
+only clock of the firmware is `GalilFirmware.tick`.
 """
 
-from collections.abc import Callable
-
+from sautereau.rig.schema import Rig
 from sautereau.sim_backend.devices.cubic import along
-from sautereau.sim_backend.devices.galil.commands import execute, execute_in_program
+from sautereau.sim_backend.devices.emulators import OnOutput, Plant
+from sautereau.sim_backend.devices.galil.commands.table import execute, execute_in_program
 from sautereau.sim_backend.devices.galil.faults import CommandError
-from sautereau.sim_backend.devices.galil.machine import Machine, Plant
+from sautereau.sim_backend.devices.galil.machine import Machine
 from sautereau.sim_backend.devices.galil.program import LINE_LENGTH, Program, split_commands
 from sautereau.trajectory.motion import Floats
 
-__all__ = ["GalilFirmware", "Plant"]
-
 _RETURN, _FEED, _BACKSLASH = b"\r\n\\"
+
+
+def emulate(rig: Rig, plant: Plant, on_output: OnOutput, paced: bool) -> "GalilFirmware":
+    """Return the controller at power-up; arguments of `new_emulator`."""
+    return GalilFirmware(plant, on_output=on_output, host_waits=not paced)
 
 
 class GalilFirmware:
     """A controller at power-up: motors off, outputs low, echo on.
 
-    It is not safe for threads: whoever calls `receive` from one and `tick` from
-    another holds a lock around both.
+    It is not thread-safe: guard `receive` and `tick` by one lock.
 
     Args:
-        plant: What amplifiers and encoders are wired to.
+        plant: Motors and encoders.
         revision: Answer to ^R^V.
         on_output: Called with number (from 1) and level when a digital output changes.
-        host_waits: Whether the host only speaks when nothing moves, however long that takes:
-            then programs that go round and round waiting for it stand still.
+        host_waits: Whether the host sends only while simulated time is stopped: then a looping
+            program that the host started runs one iteration, and waits for the next command.
     """
 
     def __init__(
@@ -39,7 +41,7 @@ class GalilFirmware:
         plant: Plant,
         *,
         revision: str = "DMC4020 Rev 1.3a-SIM sautereau stand-in",
-        on_output: Callable[[int, bool], None],
+        on_output: OnOutput,
         host_waits: bool = False,
     ) -> None:
         self._machine = Machine(plant, revision, on_output, execute_in_program, host_waits)
@@ -54,9 +56,9 @@ class GalilFirmware:
 
     @property
     def moving(self) -> bool:
-        """Whether a profile, a program or a capture runs: time must go on.
+        """Whether a profile, a program or a capture runs, so that time must advance.
 
-        A program that the host began and that goes round and round, such as a watchdog, is none.
+        A looping program that the host started, such as a watchdog, does not count.
         """
         machine = self._machine
         if machine.in_motion or machine.capture.running:
@@ -65,8 +67,13 @@ class GalilFirmware:
 
     @property
     def watching(self) -> bool:
-        """Whether a program runs, of whatever kind."""
+        """Whether any program runs."""
         return bool(self._machine.threads)
+
+    @property
+    def held(self) -> bool:
+        """Whether simulated time must not advance: never, all motions are in the controller."""
+        return False
 
     @property
     def sample_period(self) -> float:
@@ -85,28 +92,28 @@ class GalilFirmware:
     def tick(self) -> None:
         """Do one controller sample.
 
-        Programs, the error limit and the capture see the encoders as they are now, at
-        its beginning; the motion then goes from here to its end.
+        Programs, the error limit and the capture see the encoders at the start of the sample;
+        the profilers then advance to its end.
         """
         self._machine.tick()
 
     def reference(self, fractions: Floats) -> tuple[Floats, Floats]:
         """Return the reference within the sample last ticked, before any tick its start.
 
-        With a motor off it is where the encoder was at that tick.
+        With a motor off it is the encoder's position at that tick.
 
         Args:
-            fractions (array): shape (k,), of the sample, 0 to 1; past 1 the cubic goes on.
+            fractions (array): shape (k,), of the sample, 0 to 1; also extrapolated beyond 1.
 
         Returns:
-            Positions [raw encoder counts] and velocities [counts a sample], shapes (k, 2).
+            Positions [raw encoder counts] and velocities [counts per sample], shapes (k, 2).
         """
         return along((axis.cubic for axis in self._machine.axes), fractions)
 
     def receive(self, data: bytes) -> bytes:
         """Take bytes from the host; return what the controller sends back.
 
-        What programs have said since the last call comes first.
+        Messages of programs since the last call come first.
         """
         machine = self._machine
         answer = bytearray(machine.unsolicited.encode("latin-1", "replace"))
@@ -139,19 +146,19 @@ class GalilFirmware:
         answer = ""
         for command in split_commands(line):
             try:
-                told = execute(machine, command)
+                reply = execute(machine, command)
             except CommandError as error:
                 machine.error_code = error.code
                 return (answer + "?").encode("latin-1")
             if machine.download is not None:
                 return answer.encode("latin-1")
-            answer += ":" if told is None else f"{told}\r\n:"
+            answer += ":" if reply is None else f"{reply}\r\n:"
         return (answer or ":").encode("latin-1")
 
     def _download(self, byte: int) -> bytes:
-        """Take a byte of a program; a backslash ends it, with the return behind it if there is one.
+        """Take a byte of a program, which a backslash ends, together with a return after it.
 
-        Nothing is echoed or answered before that.
+        Nothing is echoed or answered before the end.
         """
         machine = self._machine
         if machine.download is not None and byte != _BACKSLASH:

@@ -7,7 +7,7 @@ from sautereau.sim_backend.devices.galil.faults import CommandError
 
 AXES = "AB"
 LARGEST_NUMBER = 2.0**31
-"""Magnitude that no number of the controller exceeds."""
+"""Largest magnitude of a number in the controller."""
 QUERY = "?"
 
 _TOKEN = re.compile(
@@ -24,14 +24,14 @@ _ASSIGNMENT = re.compile(
 
 
 class Names(Protocol):
-    """What an expression can refer to. A refusal is a `CommandError`."""
+    """The names that an expression can contain. Unknown ones raise `CommandError`."""
 
     def operand(self, name: str) -> float:
-        """Return the value of ``_TPA`` and its like."""
+        """Return the value of an operand such as ``_TPA``."""
         ...
 
     def function(self, name: str, argument: float) -> float:
-        """Return the value of ``@OUT[n]`` and its like."""
+        """Return the value of a function such as ``@OUT[n]``."""
         ...
 
     def element(self, name: str, index: float) -> float:
@@ -44,9 +44,9 @@ class Names(Protocol):
 
 
 class _Expression:
-    """A text being evaluated from left to right; no operator goes before another.
+    """A text being evaluated from left to right, without precedence of operators.
 
-    A comparison is 1 where it holds, and 0 where it does not.
+    A comparison is 1 if it holds, otherwise 0.
     """
 
     def __init__(self, text: str, names: Names) -> None:
@@ -149,7 +149,7 @@ def evaluate(text: str, names: Names) -> float:
     """Return the value of an expression.
 
     Raises:
-        CommandError: It is none, or its value exceeds the controller's numbers.
+        CommandError: It is not an expression, or its value is too large for the controller.
     """
     if not text.strip(" "):
         raise CommandError(50)
@@ -163,14 +163,14 @@ def parse_assignment(text: str) -> tuple[str, str | None, str] | None:
 
 
 def whole(value: float, low: float, high: float) -> int:
-    """Return ``value`` as an integer between ``low`` and ``high``; else refuse with code 6."""
+    """Return ``value`` as an integer between ``low`` and ``high``; otherwise refuse with code 6."""
     if value != int(value) or not low <= value <= high:
         raise CommandError(6)
     return int(value)
 
 
 def parse_axes(args: str) -> list[int]:
-    """Return the axes that letters name, 0 for A; none given means all."""
+    """Return the axes that letters name, 0 for A; no letter means all axes."""
     letters = args.replace(" ", "").replace("X", "A").replace("Y", "B")
     if letters in ("", "*"):
         return list(range(len(AXES)))
@@ -180,10 +180,10 @@ def parse_axes(args: str) -> list[int]:
 
 
 def parse_list(args: str, names: Names) -> dict[int, float | None]:
-    """Return the values of ``1,2``, ``,2``, ``A=1`` or ``*=1`` by axis; None where it asks ``?``.
+    """Return the values of ``1,2``, ``,2``, ``A=1`` or ``*=1`` by axis; None for ``?``.
 
     Raises:
-        CommandError: An axis or a value is bad, or there is none.
+        CommandError: An axis or a value is invalid, or there is none.
     """
     named = re.match(r" *([A-Z*]+) *=", args)
     if named:
@@ -206,7 +206,7 @@ def parse_list(args: str, names: Names) -> dict[int, float | None]:
 
 
 def split_arguments(args: str) -> list[str]:
-    """Split at the commas outside strings and brackets; blanks around an argument go."""
+    """Split at the commas outside strings and brackets; blanks around an argument are dropped."""
     parts, depth, quoted = [""], 0, False
     for character in args:
         quoted ^= character == '"'
@@ -221,11 +221,11 @@ def split_arguments(args: str) -> list[str]:
 
 
 def write_number(value: float, decimals: int = 4) -> str:
-    """Write a number as the controller does: a blank for the plus sign."""
+    """Write a number as the controller does, with a blank for the plus sign."""
     text = f"{value: .{decimals}f}"
     return text if float(text) or not text.startswith("-") else " " + text[1:]
 
 
 def write_list(values: list[float], decimals: int = 0) -> str:
-    """Write the answer of a command that tells one number an axis."""
+    """Write the answer of a command that reports one number per axis."""
     return ",".join(write_number(value, decimals) for value in values)

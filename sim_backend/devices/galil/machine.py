@@ -1,8 +1,8 @@
-"""The controller's state, and what it does with it in every sample."""
+"""The controller's state, and its update in every sample."""
 
 from collections.abc import Callable
-from typing import Protocol
 
+from sautereau.sim_backend.devices.emulators import OnOutput, Plant
 from sautereau.sim_backend.devices.galil.arrays import Arrays, Capture
 from sautereau.sim_backend.devices.galil.axis import Axis
 from sautereau.sim_backend.devices.galil.faults import CommandError
@@ -14,79 +14,59 @@ OUTPUTS = 8
 INPUTS = 8
 """Digital inputs, numbered from 1."""
 VARIABLES = 510
-"""Variables that there may be."""
-
-
-class Plant(Protocol):
-    """What the amplifiers and encoders are wired to; axes A and B."""
-
-    def encoder_counts(self) -> tuple[int, int]:
-        """Return the raw encoder counts since power-up."""
-        ...
-
-    def home_counts(self) -> tuple[int, int]:
-        """Return the raw encoder counts at the home switches."""
-        ...
-
-    def torque_volts(self) -> tuple[float, float]:
-        """Return the commands to the amplifiers, in volts."""
-        ...
-
-    def drive(self, offsets: tuple[float, float], limits: tuple[float, float]) -> None:
-        """Add offsets [V] to the loops' commands from now on, and limit [V] what goes out."""
-        ...
+"""Largest number of variables."""
 
 
 class Machine:
-    """Everything that the firmware remembers from one sample to the next.
+    """The state of the firmware from one sample to the next.
 
     Args:
         plant: The motors and encoders.
         revision: Answer to ^R^V.
         on_output: Called with number and level when a digital output changes.
         execute: Carries out one command of a program's thread.
-        host_waits: Whether the host only speaks when nothing moves, however long that takes:
-            then resident threads, which wait for it, stand still.
+        host_waits: Whether the host sends only while simulated time is stopped: then resident
+            threads, which wait for it, do not run.
     """
 
     def __init__(
         self,
         plant: Plant,
         revision: str,
-        on_output: Callable[[int, bool], None],
+        on_output: OnOutput,
         execute: Callable[["Machine", str, Thread], None],
         host_waits: bool,
     ) -> None:
         self.plant = plant
         self.revision = revision
         self.burned = Program()
-        """What is left of programs at power-up."""
+        """The program that survives power-off."""
         self.inputs = [True] * INPUTS
         self.outputs = [False] * OUTPUTS
         self.samples = 0
-        """Samples since it was made."""
+        """Samples since the start of the emulation."""
         self._on_output = on_output
         self._execute = execute
         self.host_waits = host_waits
         self.power_up()
 
     def power_up(self) -> None:
-        """Begin anew: motors and outputs off, only the program that was burned is remembered."""
+        """Reset: motors and outputs off; only the burned program remains."""
         self.axes = [Axis(counts) for counts in self.plant.encoder_counts()]
         self.sample_time = 1000
-        """TM; microseconds of 1/1024 s a thousand."""
+        """TM, in units of 1/1024 ms."""
         self.error_code = 0
         """Of the last refused command, for TC."""
         self.echo = True
         self.download: str | None = None
-        """Text of the program that is coming in; None outside DL."""
+        """Text of the program being downloaded; None outside DL."""
         self.program = self.burned
         self.threads: dict[int, Thread] = {}
         self.variables: dict[str, float] = {}
         self.arrays = Arrays()
         self.capture = Capture()
         self.unsolicited = ""
-        """What programs have said and no host has read yet."""
+        """Messages of programs that the host has not read yet."""
         self._lines, self._served = 0.0, -1
         for number in range(1, OUTPUTS + 1):
             self.set_output(number, False)
@@ -101,21 +81,21 @@ class Machine:
         return first.profile is not None or second.profile is not None
 
     def position(self, axis: int) -> int:
-        """Return the counts that TP tells."""
+        """Return the counts that TP reports."""
         return self.plant.encoder_counts()[axis] + self.axes[axis].offset
 
     def reference(self, axis: int) -> int:
-        """Return the counts that RP tells; with the motor off that is the position."""
+        """Return the counts that RP reports; with the motor off those of the position."""
         if not self.axes[axis].motor_on:
             return self.position(axis)
         return self.axes[axis].reported
 
     def error(self, axis: int) -> int:
-        """Return the following error that TE tells, in counts."""
+        """Return the following error that TE reports [counts]."""
         return self.reference(axis) - self.position(axis)
 
     def set_variable(self, name: str, value: float) -> None:
-        """Set a variable; the first time makes it.
+        """Set a variable; the first assignment creates it.
 
         Raises:
             CommandError: There are too many.
@@ -125,24 +105,24 @@ class Machine:
         self.variables[name] = value
 
     def drive(self) -> None:
-        """Tell the amplifiers OF and TL."""
+        """Pass OF and TL to the amplifiers."""
         offsets, limits = ([axis.settings[name] for axis in self.axes] for name in ("OF", "TL"))
         self.plant.drive((offsets[0], offsets[1]), (limits[0], limits[1]))
 
     def set_output(self, number: int, level: bool) -> None:
-        """Set a digital output, and tell if that changes it."""
+        """Set a digital output, and report a change."""
         if self.outputs[number - 1] != level:
             self.outputs[number - 1] = level
             self._on_output(number, level)
 
     def motor_off(self, axis: Axis, code: StopCode) -> None:
-        """Switch an axis off, and say why."""
+        """Switch an axis off, and store the reason."""
         axis.halt(code)
         axis.stop_code = code
         axis.motor_on = False
 
     def abort(self, *, programs: bool) -> None:
-        """Stop both axes dead; where OE is 1 the motor goes off as well."""
+        """Stop both axes at once; where OE is 1 the motor is switched off as well."""
         for axis in self.axes:
             axis.halt(StopCode.ABORTED)
             if axis.settings["OE"]:
@@ -151,7 +131,7 @@ class Machine:
             self.halt_threads(range(THREADS))
 
     def halt_threads(self, numbers: range | list[int]) -> None:
-        """End threads; those that do not run are no matter."""
+        """End threads, if they run."""
         for number in numbers:
             if number in self.threads:
                 self.threads.pop(number).running = False
@@ -159,7 +139,7 @@ class Machine:
     def tick(self) -> None:
         """Do one sample: programs, safety, capture, and then the profilers.
 
-        The first three see the instant at which the sample begins.
+        The first three see the start of the sample.
         """
         counts = self.plant.encoder_counts()
         for axis, raw in zip(self.axes, counts, strict=True):
@@ -181,12 +161,12 @@ class Machine:
         self.samples += 1
 
     def _run_threads(self) -> None:
-        """Let the threads take turns, a line each, as many lines as a sample has time for."""
+        """Run the threads alternately, line by line, as many lines as fit into a sample."""
         self._lines = self._lines % 1 + self.sample_time * 1e-3 / 1024 / LINE_TIME
         held = {number for number, thread in self.threads.items() if not self._may_run(thread)}
         for number, thread in sorted(self.threads.items()):
             if number not in held and thread.wait is not None and not thread.waiting:
-                self._run_line(number, thread)  # the rest of a line whose time was taken before
+                self._run_line(number, thread)  # the rest of a line whose time has been counted
         while self._lines >= 1:
             ready = [n for n, each in self.threads.items() if n not in held and not each.waiting]
             if not ready:
@@ -197,7 +177,7 @@ class Machine:
             self._run_line(self._served, self.threads[self._served])
 
     def _may_run(self, thread: Thread) -> bool:
-        """Whether a thread has time: a resident one has the host's, if that stands still."""
+        """Return whether a thread may run: a resident one not while the host waits for rest."""
         return not (self.host_waits and thread.resident)
 
     def _run_line(self, number: int, thread: Thread) -> None:

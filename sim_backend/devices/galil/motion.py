@@ -1,9 +1,9 @@
 """The profilers of one axis: PVT segments, trapezoids, jogs and decelerated stops.
 
-Everything here is in the raw encoder's frame and in the controller's own time:
-counts, counts a sample, counts a sample squared. A profile is asked for the state
-one sample on; between two samples the reference is the cubic with those positions
-and velocities at its ends, which inside a PVT segment is the segment's own cubic.
+Everything here is in the raw encoder's frame and in the controller's own time: counts, counts
+per sample, counts per sample squared. A profile returns the state at the end of a sample; between
+two samples the reference is the cubic with those positions and velocities at its ends, which
+inside a PVT segment is the segment's own cubic.
 """
 
 import math
@@ -12,14 +12,14 @@ from enum import IntEnum
 from typing import NamedTuple, Protocol
 
 SAMPLES_PER_SECOND = 1024
-"""The firmware's fixed ratio between counts a second and counts a sample, at any TM."""
+"""The firmware's fixed ratio between counts per second and counts per sample, at any TM."""
 
 FIFO_LENGTH = 255
-"""PVT segments that an axis can hold besides the one under way."""
+"""PVT segments that an axis can buffer besides the one being executed."""
 
 
 class StopCode(IntEnum):
-    """What SC answers."""
+    """The answers of SC."""
 
     RUNNING = 0
     AT_TARGET = 1
@@ -40,33 +40,33 @@ class Segment(NamedTuple):
     distance: int
     """Counts, relative."""
     velocity: int
-    """Counts a second, at the segment's end."""
+    """Counts per second, at the segment's end."""
     samples: int
     """Controller samples; 0 ends the sequence."""
 
 
 class Profile(Protocol):
-    """A motion under way."""
+    """A motion being executed."""
 
     code: StopCode
-    """What SC answers while it runs and after it has ended."""
+    """Answer of SC while it runs and after its end."""
     done: bool
     """Whether the axis is at rest at the end of the last step."""
 
     def step(self) -> tuple[float, float]:
-        """Go one sample on; return position [counts] and velocity [counts a sample]."""
+        """Advance by one sample; return position [counts] and velocity [counts per sample]."""
         ...
 
 
 class Ramp:
-    """A motion of constant accelerations, one after the other, that ends at rest.
+    """A motion of piecewise constant acceleration that ends at rest.
 
     Args:
         position: Counts, at the start.
-        velocity: Counts a sample, at the start.
-        pieces: Durations [samples] and accelerations [counts a sample squared].
+        velocity: Counts per sample, at the start.
+        pieces: Durations [samples] and accelerations [counts per sample squared].
         code: Stop code of the motion and of its end.
-        target: Counts, of the end; None takes what the pieces add up to.
+        target: Counts, of the end; None for the sum of the pieces.
     """
 
     def __init__(
@@ -84,7 +84,7 @@ class Ramp:
         self._target = target
 
     def step(self) -> tuple[float, float]:
-        """Go one sample on; return position [counts] and velocity [counts a sample]."""
+        """Advance by one sample; return position [counts] and velocity [counts per sample]."""
         left = 1.0
         pieces = self._pieces
         while pieces:
@@ -116,7 +116,7 @@ def trapezoid(
 ) -> list[tuple[float, float]]:
     """Return the pieces of a `Ramp` from rest to rest over ``distance`` counts.
 
-    A speed of 0 holds still until it is stopped, as the controller does.
+    At a speed of 0 it waits until it is stopped, as the controller does.
     """
     if distance == 0:
         return []
@@ -136,7 +136,7 @@ def trapezoid(
 def jog(
     velocity: float, goal: float, acceleration: float, deceleration: float
 ) -> list[tuple[float, float]]:
-    """Return the pieces of a `Ramp` from ``velocity`` to ``goal``, held until stopped."""
+    """Return the pieces of a `Ramp` from ``velocity`` to ``goal``, which is held until a stop."""
     pieces: list[tuple[float, float]] = []
     if velocity * goal < 0:
         pieces = brake(velocity, deceleration)
@@ -147,21 +147,21 @@ def jog(
 
 
 class Pvt:
-    """The PVT buffer of an axis being worked through.
+    """The execution of an axis's PVT buffer.
 
-    Where the buffer runs dry, or its end comes at speed, the axis brakes.
+    If the buffer becomes empty, or the sequence ends at speed, the axis decelerates.
 
     Args:
-        position: Counts, where the first segment starts, at rest.
-        fifo: The buffer, shared with the axis, which goes on filling it.
-        deceleration: Counts a sample squared, of the braking.
+        position: Counts, start of the first segment, at rest.
+        fifo: The buffer, shared with the axis, which adds segments to it.
+        deceleration: Counts per sample squared, of that deceleration.
     """
 
     def __init__(self, position: float, fifo: deque[Segment], deceleration: float) -> None:
         self.code = StopCode.PVT_RUNNING
         self.done = False
         self.executed = 0
-        """Segments worked off; the closing zero segment counts as one."""
+        """Segments executed; the closing zero segment counts as one."""
         self._fifo, self._deceleration = fifo, deceleration
         self._start, self._start_velocity = position, 0.0
         self._distance, self._velocity = 0.0, 0.0
@@ -169,7 +169,7 @@ class Pvt:
         self._brake: Ramp | None = None
 
     def step(self) -> tuple[float, float]:
-        """Go one sample on; return position [counts] and velocity [counts a sample]."""
+        """Advance by one sample; return position [counts] and velocity [counts per sample]."""
         if self._brake is None and self._sample == self._samples:
             self._next_segment()
         if self._brake is not None:

@@ -1,4 +1,4 @@
-"""What MG and expressions can ask for: operands, functions, keywords."""
+"""The names in expressions and MG: operands, functions, keywords."""
 
 from collections.abc import Callable
 
@@ -58,26 +58,26 @@ OPERANDS: dict[str, Callable[[Machine], float]] = {
     "OP": lambda machine: sum(level << bit for bit, level in enumerate(machine.outputs)),
     "TI": lambda machine: sum(level << bit for bit, level in enumerate(machine.inputs)),
 }
-"""Operands of the whole controller."""
+"""Operands of the controller."""
 
 
 class Operands:
-    """The names that expressions of one controller refer to."""
+    """The values of one controller's names."""
 
     def __init__(self, machine: Machine) -> None:
         self._machine = machine
 
     def operand(self, name: str) -> float:
         """Return the value of an operand, given without its underscore."""
-        machine, code, suffix = self._machine, name[:2], name[2:]
-        if code in ("XQ", "HX") and (suffix or "0") in "01234567"[:THREADS]:
-            thread = machine.threads.get(int(suffix or 0))
+        machine, code, index = self._machine, name[:2], name[2:]
+        if code in ("XQ", "HX") and (index or "0") in "01234567"[:THREADS]:
+            thread = machine.threads.get(int(index or 0))
             if code == "HX":
                 return float(thread is not None)
             return float(-1 if thread is None else thread.line)
-        if not suffix and code in OPERANDS:
+        if not index and code in OPERANDS:
             return float(OPERANDS[code](machine))
-        axis = AXES.find(suffix.replace("X", "A").replace("Y", "B")) if suffix else -1
+        axis = AXES.find(index.replace("X", "A").replace("Y", "B")) if index else -1
         if axis >= 0 and code in AXIS_OPERANDS:
             return float(AXIS_OPERANDS[code](machine, axis))
         if axis >= 0 and code in SETTINGS:
@@ -103,7 +103,7 @@ class Operands:
         return self._machine.arrays.element(name, index)
 
     def variable(self, name: str) -> float:
-        """Return a variable, or TIME: samples since power-up, round a 32-bit counter."""
+        """Return a variable, or TIME: samples since power-up, modulo 2^31."""
         if name == "TIME":
             return float(self._machine.samples % 2**31)
         if name not in self._machine.variables:
@@ -115,7 +115,7 @@ def integers(machine: Machine, args: str, *limits: tuple[float, float]) -> list[
     """Return the integer arguments, at least one, each within its limits.
 
     Raises:
-        CommandError: One is no such number, or there are too many.
+        CommandError: An argument is out of its limits, or there are too many.
     """
     parts = split_arguments(args)
     if len(parts) > len(limits):

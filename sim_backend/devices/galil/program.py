@@ -1,4 +1,4 @@
-"""Programs downloaded into the controller, and the threads that run them."""
+"""Programs downloaded to the controller, and the threads that run them."""
 
 import re
 from collections.abc import Callable
@@ -7,30 +7,30 @@ from dataclasses import dataclass, field
 from sautereau.sim_backend.devices.galil.faults import CommandError
 
 LINE_LENGTH = 80
-"""Characters that a line may have, of a program as of a host's command."""
+"""Largest number of characters in a line of a program or of a host's command."""
 LINES = 2000
-"""Lines that a program may have."""
+"""Largest number of lines of a program."""
 LABELS = 510
-"""Labels that a program may have."""
+"""Largest number of labels of a program."""
 THREADS = 8
 """Threads, numbered from 0."""
 DEPTH = 16
-"""Subroutines that may wait for one another."""
+"""Largest depth of nested subroutines."""
 LINE_TIME = 250e-6
-"""s that a line of a program takes, whatever it says; the threads take turns."""
+"""s, duration of any line of a program; the threads run alternately."""
 
 _LABEL = re.compile(r"#[A-Za-z0-9]{1,7}")
 
 
 def split_commands(line: str) -> list[str]:
-    """Split a line at the semicolons outside strings; blanks around a command go."""
+    """Split a line at the semicolons outside strings; blanks around a command are dropped."""
     parts = re.findall(r'(?:"[^"]*"|[^;"]|")+', line)
     return [part.strip(" ") for part in parts if part.strip(" ")]
 
 
 @dataclass(frozen=True)
 class Program:
-    """Lines and where their labels stand."""
+    """Lines, and the positions of their labels."""
 
     lines: tuple[str, ...] = ()
     labels: dict[str, int] = field(default_factory=dict)
@@ -38,10 +38,10 @@ class Program:
 
     @classmethod
     def parse(cls, text: str) -> "Program":
-        """Read a download: lines that end with a carriage return; blank ones are dropped.
+        """Parse a download: lines that end with a carriage return; blank ones are dropped.
 
         Raises:
-            CommandError: A line is too long, a label bad or twice there, or there are too many.
+            CommandError: A line is too long, a label is invalid or repeated, or there are too many.
         """
         lines = tuple(line for line in text.split("\r") if line.strip(" "))
         if len(lines) > LINES or any(len(line) > LINE_LENGTH for line in lines):
@@ -59,7 +59,7 @@ class Program:
         return cls(lines, labels)
 
     def line_of(self, place: str) -> int:
-        """Return the line number of a ``#LABEL``, of a line's number, or of nothing: 0.
+        """Return the line number of a ``#LABEL`` or of a number; 0 for an empty text.
 
         Raises:
             CommandError: There is no such label or line.
@@ -78,7 +78,7 @@ class Program:
 
 @dataclass(frozen=True)
 class _Frame:
-    """Where a thread goes on after a subroutine."""
+    """Where a thread continues after a subroutine."""
 
     next_line: int
     rest: tuple[str, ...]
@@ -87,27 +87,27 @@ class _Frame:
 
 
 class Thread:
-    """One strand of execution: a line in one go.
+    """A thread of execution; it runs one line at a time.
 
-    A trip point (AM, WT, AI, AT) sets `wait`; the rest of its line runs in the sample in
-    which that becomes true.
+    A trip point (AM, WT, AI, AT) sets `wait`; the rest of its line runs in the sample in which
+    that becomes true.
 
     Args:
-        program: What it runs.
+        program: The program.
         line: Number of the first line.
-        hosted: Whether the host began it, and not a program.
+        hosted: Whether the host started it, and not a program.
     """
 
     def __init__(self, program: Program, line: int, *, hosted: bool) -> None:
         self.line = line
-        """Number of the line under way."""
+        """Number of the present line."""
         self.running = True
         self.wait: Callable[[], bool] | None = None
-        """What a trip point waits for."""
+        """Condition of a trip point; None where there is none."""
         self.command = ""
-        """The command under way."""
+        """The present command."""
         self.reference = 0
-        """Sample that AT counts from."""
+        """Sample from which AT counts."""
         self._program = program
         self._next_line = line
         self._rest: list[str] = []
@@ -121,7 +121,7 @@ class Thread:
 
     @property
     def resident(self) -> bool:
-        """Whether it was begun by the host, goes round and round, and nothing interrupts it."""
+        """Whether the host started it, it loops, and no subroutine interrupts it."""
         return self._hosted and self._looped and not self.interrupted
 
     @property
@@ -130,13 +130,13 @@ class Thread:
         return self.wait is not None and not self.wait()
 
     def run_line(self, execute: Callable[[str, "Thread"], None]) -> None:
-        """Run one line, or what a trip point has left of it, as far as trip points allow.
+        """Run one line, or its rest after a trip point, up to the next trip point.
 
         Args:
             execute: Carries out one command.
 
         Raises:
-            CommandError: The program has come to its end without EN.
+            CommandError: The program ends without EN.
         """
         if self.wait is None and not self._rest:
             self._fetch()
@@ -150,27 +150,27 @@ class Thread:
             execute(self.command, self)
 
     def jump(self, place: str) -> None:
-        """Go on at a label or a line."""
+        """Continue at a label or a line."""
         line = self._program.line_of(place)
         self._looped |= line <= self.line
         self._next_line, self._rest = line, []
 
     def call(self, place: str) -> None:
-        """Run a subroutine, and go on behind the command under way."""
+        """Run a subroutine, then continue after the present command."""
         if len(self._frames) == DEPTH:
             raise CommandError(12)
         line = self._program.line_of(place)
         self._push(line, automatic=False)
 
     def interrupt(self, place: str) -> bool:
-        """Run an automatic subroutine, where the program has it and none runs already."""
+        """Run an automatic subroutine, if the program has it and none runs already."""
         if self.interrupted or place not in self._program.labels:
             return False
         self._push(self._program.labels[place], automatic=True)
         return True
 
     def end(self) -> None:
-        """Return from a subroutine, or come to the end."""
+        """Return from a subroutine, or end the thread."""
         if not self._frames:
             self.running = False
         else:
@@ -187,7 +187,7 @@ class Thread:
         self._pop(keep_trip_point)
 
     def skip(self, *ends: str) -> None:
-        """Go on behind the ELSE or ENDIF that belongs to the IF or ELSE under way."""
+        """Continue after the ELSE or ENDIF that belongs to the present IF or ELSE."""
         depth = 0
         while True:
             while not self._rest:

@@ -1,4 +1,4 @@
-"""One axis of the emulated ODrive: its state, its setpoint, its watchdog; turns of the motor."""
+"""One axis of the emulated ODrive: state, setpoint and watchdog, in turns of the motor."""
 
 from enum import IntEnum
 
@@ -6,7 +6,7 @@ from sautereau.sim_backend.devices.odrive.setpoint import Setpoint, Trapezoid, f
 
 
 class State(IntEnum):
-    """Of an axis, in the firmware's words."""
+    """State of an axis, in the firmware's words."""
 
     IDLE = 1
     CLOSED_LOOP_CONTROL = 8
@@ -32,7 +32,7 @@ class OdriveAxis:
     """An axis at power-up: idle, no watchdog.
 
     Args:
-        per_turn: Encoder counts a turn of the motor.
+        per_turn: Encoder counts per turn of the motor.
         raw: Encoder counts now.
         home: Encoder counts at and below which the min endstop is pressed.
     """
@@ -41,11 +41,11 @@ class OdriveAxis:
         self.per_turn, self.home = per_turn, home
         self.raw = raw
         self.zero = float(raw)
-        """Encoder counts at 0 turns; the firmware begins there."""
+        """Encoder counts at 0 turns, where the firmware starts."""
         self.state = State.IDLE
         self.error = 0
         self.velocity = 0.0
-        """Turns a second, estimate."""
+        """Turns per second, estimate."""
         self.settings = {
             "config.enable_watchdog": 0.0,
             "config.watchdog_timeout": 0.0,
@@ -69,7 +69,7 @@ class OdriveAxis:
         self.input = Setpoint(0.0, 0.0)
         self.setpoint = Setpoint(0.0, 0.0)
         self.homed = False
-        """Whether the last homing came to its end."""
+        """Whether the last homing has succeeded."""
         self._was_pressed = False
         self.done = True
         """Whether the last trapezoid has ended."""
@@ -77,7 +77,7 @@ class OdriveAxis:
         self._elapsed = 0.0
         self._watch = 0.0
         self.cubic = (float(raw), 0.0, 0.0, 0.0)
-        """Of the reference over the sample last ticked, in encoder counts."""
+        """Coefficients of the reference over the sample last ticked, in encoder counts."""
 
     @property
     def position(self) -> float:
@@ -86,7 +86,7 @@ class OdriveAxis:
 
     @property
     def pressed(self) -> bool:
-        """Whether the min endstop is, as far as the firmware looks at it."""
+        """Whether the min endstop is pressed and enabled."""
         return bool(self.settings["min_endstop.config.enabled"]) and self.raw <= self.home
 
     @property
@@ -109,7 +109,7 @@ class OdriveAxis:
         return self.on and bool(self.settings["config.enable_watchdog"])
 
     def request(self, state: int) -> None:
-        """Go into a state; one that this axis does not have is an error and ends idle."""
+        """Enter a state; an unknown one is an error, and the axis becomes idle."""
         self.state = State.IDLE
         if state == State.HOMING and not self.settings["min_endstop.config.enabled"]:
             self.error |= HOMING_WITHOUT_ENDSTOP
@@ -127,33 +127,33 @@ class OdriveAxis:
         self._watch = self.settings["config.watchdog_timeout"]
 
     def follow(self, position: float, velocity: float | None) -> None:
-        """Take a new input: `p`, and what `t` has in common with it."""
+        """Set a new input: `p`, and the common part of `t`."""
         self.input = Setpoint(position, self.input.velocity if velocity is None else velocity)
         if self._mode == Input.TRAP_TRAJ:
             self._plan()
         self.feed()
 
     def move(self, goal: float) -> None:
-        """Begin a trapezoid to a goal [turns]: `t`."""
+        """Start a trapezoid to a goal [turns]: `t`."""
         self.settings["controller.config.input_mode"] = float(Input.TRAP_TRAJ)
         self.follow(goal, None)
 
     def look(self, raw: int, home: int, period: float) -> None:
-        """See the encoder, and the endstop there, at the beginning of a sample."""
+        """Read encoder and endstop at the start of a sample."""
         self.home = home
         self.velocity = (raw - self.raw) / self.per_turn / period
         self.raw = raw
         self.look_at_endstop()
 
     def look_at_endstop(self) -> None:
-        """See the endstop, whose closing counts as an error but while homing."""
+        """Read the endstop; pressing it is an error, except during homing."""
         if self.pressed and not self._was_pressed and self.state != State.HOMING:
             self.error |= ENDSTOP_PRESSED
             self.state = State.IDLE
         self._was_pressed = self.pressed
 
     def watch(self, period: float) -> None:
-        """Let the watchdog run for a sample [s]; it ends in the idle state."""
+        """Advance the watchdog by a sample [s]; when it expires the axis becomes idle."""
         if not self.settings["config.enable_watchdog"]:
             return
         self._watch -= period
@@ -162,7 +162,7 @@ class OdriveAxis:
             self.state = State.IDLE
 
     def step(self, period: float) -> None:
-        """Make the setpoint go on for a sample [s]."""
+        """Advance the setpoint by a sample [s]."""
         if self.state == State.HOMING and self.pressed:
             self._end_homing()
         before = self.setpoint
@@ -176,10 +176,10 @@ class OdriveAxis:
             width = self.settings["controller.config.input_filter_bandwidth"]
             self.setpoint, _ = filtered(self.setpoint, self.input, max(width, 1e-3), period)
         elif self._mode == Input.TRAP_TRAJ:
-            self._go_on(period)
+            self._follow_trapezoid(period)
         else:
             self.setpoint = self.input
-        self._draw(before, period)
+        self._set_cubic(before, period)
 
     @property
     def _mode(self) -> int:
@@ -200,7 +200,7 @@ class OdriveAxis:
         self._trapezoid = Trapezoid(self.setpoint, self.input.position, *limits)
         self._elapsed, self.done = 0.0, False
 
-    def _go_on(self, period: float) -> None:
+    def _follow_trapezoid(self, period: float) -> None:
         if self._trapezoid is None:
             return
         self._elapsed += period
@@ -209,10 +209,10 @@ class OdriveAxis:
             self._trapezoid, self.done = None, True
 
     def _creep(self, period: float) -> None:
-        """Go towards the min endstop at the homing speed, ramped."""
+        """Move towards the min endstop at the homing speed, with a ramp."""
         most = self.settings["controller.config.vel_ramp_rate"] * period
-        wanted = -self.settings["controller.config.homing_speed"]
-        change = max(-most, min(most, wanted - self.setpoint.velocity))
+        goal = -self.settings["controller.config.homing_speed"]
+        change = max(-most, min(most, goal - self.setpoint.velocity))
         speed = self.setpoint.velocity + change
         mean = speed - change / 2
         self.setpoint = Setpoint(self.setpoint.position + mean * period, speed)
@@ -221,8 +221,8 @@ class OdriveAxis:
         self.zero = self.raw - self.settings["min_endstop.config.offset"] * self.per_turn
         self.state, self.homed = State.IDLE, True
 
-    def _draw(self, before: Setpoint, period: float) -> None:
-        """Draw the cubic from the setpoint before a sample to that after it."""
+    def _set_cubic(self, before: Setpoint, period: float) -> None:
+        """Set the cubic from the setpoint before a sample to that after it."""
         start = self.zero + before.position * self.per_turn
         step = (self.setpoint.position - before.position) * self.per_turn
         v0, v1 = (s.velocity * self.per_turn * period for s in (before, self.setpoint))

@@ -1,31 +1,48 @@
 """The ASCII protocol of the emulated ODrive, byte by byte.
 
-Lines end with a line feed, a carriage return or `!`; what follows a `;` is a comment. A line
-with a checksum (`*` and the exclusive or of the bytes before it) is answered with one, and
-ignored where it is wrong. Only questions and refused lines are answered.
+Lines end with a line feed, a carriage return or `!`; a `;` starts a comment. A line with a
+checksum (`*` and the exclusive or of the bytes before it) is answered with one, and ignored if
+the checksum is wrong. Only queries and refused lines are answered.
 
-Two properties are the stand-in's own, for no stock firmware has them: `gpio1.state` to
-`gpio8.state` set a digital output, and `stand_in.wait` lets simulated time go on
-(docs/decisions/0006).
+Two properties are the stand-in's own, which no stock firmware has: `gpio1.state` to `gpio8.state`
+set a digital output, and `stand_in.wait` advances simulated time (docs/decisions/0006).
 """
 
 from collections.abc import Callable
 
+from sautereau.rig.schema import Rig
+from sautereau.sim_backend.devices.emulators import AMPLIFIER_VOLTS, OnOutput, Plant
 from sautereau.sim_backend.devices.odrive.machine import Machine
 from sautereau.sim_backend.devices.odrive.properties import value_of, write
 from sautereau.sim_backend.devices.odrive.words import checksum, number, numbers
 
 _LINE = 256
-"""Bytes of a line that the firmware takes; a longer one is lost to its end."""
+"""Largest number of bytes in a line; a longer one is ignored."""
 _ANSWER = 63
 _VALUE = 9
 """Characters of a property's value."""
 
 
-class OdriveFirmware(Machine):
-    """A controller that is spoken to over its serial line.
+def emulate(rig: Rig, plant: Plant, on_output: OnOutput, paced: bool) -> "OdriveFirmware":
+    """Return the controller at power-up; arguments of `new_emulator`."""
+    counts = rig.arm.counts_per_revolution
+    first, second = rig.arm.gear_ratios
+    per_volt = rig.arm.torque_limit / AMPLIFIER_VOLTS
+    return OdriveFirmware(
+        plant,
+        per_turn=(counts / first, counts / second),
+        period=rig.controller.sample_period,
+        stepped=not paced,
+        trigger=rig.controller.trigger_output,
+        torque_per_volt=(per_volt / first, per_volt / second),
+        on_output=on_output,
+    )
 
-    It is not safe for threads; see `GalilFirmware`.
+
+class OdriveFirmware(Machine):
+    """A controller as its serial line shows it.
+
+    It is not thread-safe; see `GalilFirmware`.
     """
 
     def __post_init__(self):
@@ -55,8 +72,8 @@ class OdriveFirmware(Machine):
         return bytes(answer)
 
     def _answer(self, line: str) -> bytes:
-        text, star, told = line.partition(";")[0].partition("*")
-        if star and not (told.strip().isdecimal() and int(told) == checksum(text)):
+        text, star, given = line.partition(";")[0].partition("*")
+        if star and not (given.strip().isdecimal() and int(given) == checksum(text)):
             return b""
         if not text:
             return b""
@@ -128,7 +145,7 @@ class OdriveFirmware(Machine):
         return write(self, name, word)
 
     def _wait(self, seconds: float | None) -> list[str]:
-        """Let time go on; answered, so that the host says nothing before it has gone."""
+        """Advance time; the answer makes the host wait until that is done."""
         if seconds is None or not self.stepped or not 0 <= seconds <= 60:
             return ["not implemented"]
         self.grant(seconds)
@@ -136,7 +153,7 @@ class OdriveFirmware(Machine):
 
 
 def _axis_and_numbers(text: str, least: int) -> list[float] | str:
-    """Return a command's numbers, the first of them an axis, or what the firmware says instead."""
+    """Return a command's numbers, the first an axis, or the firmware's error message."""
     found = numbers(text)
     if len(found) < least:
         return "invalid command format"

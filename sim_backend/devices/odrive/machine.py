@@ -1,10 +1,9 @@
-"""The state of the emulated ODrive, and what it does with it in every sample."""
+"""The state of the emulated ODrive, and its update in every sample."""
 
-from collections.abc import Callable
 from dataclasses import KW_ONLY, dataclass
 
 from sautereau.sim_backend.devices.cubic import along
-from sautereau.sim_backend.devices.galil.machine import Plant
+from sautereau.sim_backend.devices.emulators import OnOutput, Plant
 from sautereau.sim_backend.devices.odrive.axis import OdriveAxis
 from sautereau.trajectory.motion import Floats
 
@@ -17,10 +16,10 @@ class Machine:
     """A controller at power-up: motors off, outputs low."""
 
     plant: Plant
-    """What motors and encoders are wired to."""
+    """Motors and encoders."""
     _: KW_ONLY
     per_turn: tuple[float, float]
-    """Encoder counts a turn of each motor."""
+    """Encoder counts per turn of each motor."""
     period: float
     """s, of one sample of the bench."""
     stepped: bool
@@ -28,8 +27,8 @@ class Machine:
     trigger: int
     """Number of that output."""
     torque_per_volt: tuple[float, float]
-    """N m of each motor that the plant's commands [V] stand for."""
-    on_output: Callable[[int, bool], None]
+    """N m/V of each motor, for the plant's commands [V]."""
+    on_output: OnOutput
     """Called with number (from 1) and level when a digital output changes."""
 
     def __post_init__(self):
@@ -53,12 +52,12 @@ class Machine:
 
     @property
     def held(self) -> bool:
-        """Whether time waits for the host: it streams setpoints."""
+        """Whether time waits for the host, which streams setpoints."""
         return self.stepped and self.outputs[self.trigger - 1] and not self._granted
 
     @property
     def moving(self) -> bool:
-        """Whether time must go on, because a setpoint changes or the host waits."""
+        """Whether time must advance, because a setpoint changes or the host waits."""
         if self.held:
             return False
         return self._granted > 0 or any(axis.moving for axis in self.axes)
@@ -74,7 +73,7 @@ class Machine:
             axis.look(raw, home, self.period)
             if streamed or not self.stepped:
                 axis.watch(self.period)
-            else:  # the host is infinitely slow, and not dead
+            else:  # the host is infinitely slow, but alive
                 axis.feed()
             axis.step(self.period)
 
@@ -83,7 +82,7 @@ class Machine:
         return along((axis.cubic for axis in self.axes), fractions)
 
     def grant(self, seconds: float) -> None:
-        """Let time go on for seconds, a sample at least."""
+        """Allow time to advance by ``seconds``, at least by a sample."""
         self._granted += max(1, round(seconds / self.period))
 
     def set_output(self, number: int, level: bool) -> None:
@@ -93,11 +92,11 @@ class Machine:
             self.on_output(number, level)
 
     def seen(self, index: int) -> OdriveAxis:
-        """Return an axis that has just looked at its encoder."""
+        """Return an axis that has just read its encoder."""
         axis = self.axes[index]
         axis.raw = self.plant.encoder_counts()[index]
         return axis
 
     def torque(self, index: int) -> float:
-        """Return the torque [N m] that an axis asks its motor for."""
+        """Return the torque [N m] that an axis commands."""
         return self.plant.torque_volts()[index] * self.torque_per_volt[index]

@@ -8,7 +8,7 @@ from sautereau.sim_backend.devices.odrive.machine import OUTPUTS, Machine
 from sautereau.sim_backend.devices.odrive.words import number
 
 _SUPPLY = 24.0  # V
-_WHOLE = frozenset(
+_INTEGERS = frozenset(
     {
         "config.enable_watchdog",
         "controller.config.circular_setpoints",
@@ -21,7 +21,7 @@ _WHOLE = frozenset(
 
 
 def value_of(machine: Machine, name: str) -> str | None:
-    """Return the value of a property as it is told, or None where there is none."""
+    """Return the value of a property as text, or None if there is none."""
     if (output := _output(name)) is not None:
         return str(int(machine.outputs[output - 1]))
     if name == "vbus_voltage":
@@ -31,7 +31,7 @@ def value_of(machine: Machine, name: str) -> str | None:
         return None
     if rest == "motor.current_control.Iq_setpoint":
         return f"{machine.torque(index) / TORQUE_CONSTANT:.6f}"
-    whole = {
+    integers = {
         "current_state": axis.state,
         "error": axis.error,
         "motor.error": 0,
@@ -41,16 +41,16 @@ def value_of(machine: Machine, name: str) -> str | None:
         "is_homed": axis.homed,
         "min_endstop.endstop_state": axis.pressed,
     }
-    if rest in whole:
-        return str(int(whole[rest]))
+    if rest in integers:
+        return str(int(integers[rest]))
     if rest not in axis.settings:
         return None
     value = axis.settings[rest]
-    return str(int(value)) if rest in _WHOLE else f"{value:.6f}"
+    return str(int(value)) if rest in _INTEGERS else f"{value:.6f}"
 
 
 def write(machine: Machine, name: str, word: str | None) -> list[str]:
-    """Give a property the value of a word; return what the firmware has against it."""
+    """Set a property to the value of a word; return the firmware's error messages."""
     value = None if word is None else number(word)
     output = _output(name)
     _, axis, rest = _named(machine, name)
@@ -66,7 +66,7 @@ def write(machine: Machine, name: str, word: str | None) -> list[str]:
     elif axis is not None and rest == "requested_state":
         axis.request(int(value))
     elif axis is not None:
-        axis.settings[rest] = float(int(value)) if rest in _WHOLE else value
+        axis.settings[rest] = float(int(value)) if rest in _INTEGERS else value
         if rest == "config.watchdog_timeout":
             axis.feed()
         axis.look_at_endstop()
@@ -74,7 +74,7 @@ def write(machine: Machine, name: str, word: str | None) -> list[str]:
 
 
 def _named(machine: Machine, name: str) -> tuple[int, OdriveAxis | None, str]:
-    """Return the axis that a property's name begins with, and the rest of the name."""
+    """Return number and axis from the head of a property's name, and the rest of the name."""
     head, _, rest = name.partition(".")
     for index, axis in enumerate(machine.axes):
         if head == f"axis{index}":
@@ -83,7 +83,7 @@ def _named(machine: Machine, name: str) -> tuple[int, OdriveAxis | None, str]:
 
 
 def _output(name: str) -> int | None:
-    """Return the number of the output that a property is the level of."""
+    """Return the number of the output whose level a property is."""
     for output in range(1, OUTPUTS + 1):
         if name == f"gpio{output}.state":
             return output

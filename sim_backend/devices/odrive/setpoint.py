@@ -1,4 +1,4 @@
-"""The laws by which an axis makes its setpoint of its inputs; any unit of length, s."""
+"""The filters from an axis's input to its setpoint; any unit of length, s."""
 
 import math
 from dataclasses import dataclass
@@ -6,29 +6,29 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Setpoint:
-    """Where an axis should be."""
+    """Position and velocity that an axis should have."""
 
     position: float
     velocity: float
 
 
 def filtered(
-    now: Setpoint, wanted: Setpoint, bandwidth: float, elapsed: float
+    now: Setpoint, goal: Setpoint, bandwidth: float, elapsed: float
 ) -> tuple[Setpoint, bool]:
-    """Follow an input that stays, by the critically damped filter of second order.
+    """Follow a constant input by the critically damped filter of second order.
 
-    x'' = b^2 (u - x) + 2 b (w - x'), solved exactly; the firmware takes 8,000 steps a second.
+    x'' = b^2 (u - x) + 2 b (w - x'), solved exactly; the firmware takes 8,000 steps per second.
 
     Args:
         now: The setpoint.
-        wanted: The input, u and w.
+        goal: The input, u and w.
         bandwidth: b [1/s].
         elapsed: s.
 
     Returns:
-        The setpoint after that, and whether it stands where it will stay.
+        The setpoint after that time, and whether it has reached its limit.
     """
-    rest = wanted.position + 2 * wanted.velocity / bandwidth
+    rest = goal.position + 2 * goal.velocity / bandwidth
     away = now.position - rest
     drive = now.velocity + bandwidth * away
     fall = math.exp(-bandwidth * elapsed)
@@ -43,9 +43,9 @@ class Trapezoid:
     """A move from a setpoint to a goal, by the firmware's trapezoidal planner.
 
     Args:
-        start: The setpoint at its beginning.
-        goal: Where it ends at rest.
-        speed: Largest, positive.
+        start: The setpoint at the start.
+        goal: Position at the end, at rest.
+        speed: Largest speed, positive.
         acceleration: Positive.
         deceleration: Positive.
     """
@@ -60,7 +60,7 @@ class Trapezoid:
         rate = sign * (acceleration if sign * first <= speed else -acceleration)
         rising, falling = (top - first) / rate, top / falling_rate
         cruise = (way - (rising * (top + first) + falling * top) / 2) / top
-        if cruise < 0:  # it does not come to its speed
+        if cruise < 0:  # it does not reach its speed
             squared = (2 * way + first**2 / rate) / (1 / rate + 1 / falling_rate)
             top, cruise = sign * math.sqrt(max(0.0, squared)), 0.0
             rising, falling = max(0.0, (top - first) / rate), top / falling_rate
@@ -71,7 +71,7 @@ class Trapezoid:
         """s."""
 
     def at(self, elapsed: float) -> Setpoint:
-        """Return the setpoint some seconds after the beginning."""
+        """Return the setpoint ``elapsed`` s after the start."""
         if elapsed >= self.duration:
             return Setpoint(self._goal, 0.0)
         start, rising = self._start, self._rising

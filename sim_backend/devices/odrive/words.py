@@ -1,7 +1,7 @@
-"""The words of a line of the ASCII protocol: its checksum and its numbers."""
+"""Checksum and numbers in a line of the ASCII protocol."""
 
 LARGEST = 1e10
-"""Of a number here: what is more is nothing of this bench."""
+"""Largest magnitude of a number that is accepted."""
 
 
 def checksum(text: str) -> int:
@@ -13,7 +13,7 @@ def checksum(text: str) -> int:
 
 
 def number(word: str) -> float | None:
-    """Return a number, or None for what is none or too large for this bench."""
+    """Return a number, or None for a text that is none, or too large a number."""
     try:
         value = float(word)
     except ValueError:
@@ -22,7 +22,7 @@ def number(word: str) -> float | None:
 
 
 def numbers(text: str) -> list[float]:
-    """Return the leading numbers behind a command's letter."""
+    """Return the leading numbers after a command's letter."""
     found = []
     for word in text[1:].split():
         if (value := number(word)) is None:

@@ -30,7 +30,7 @@ def assign(machine: Machine, text: str) -> bool:
 
 
 def download(machine: Machine, args: str, thread: Thread | None) -> None:
-    """DL: take the lines that follow as the program."""
+    """DL: read the following lines as the program."""
     if args:
         raise CommandError(4)
     if machine.threads:
@@ -39,24 +39,24 @@ def download(machine: Machine, args: str, thread: Thread | None) -> None:
 
 
 def list_program(machine: Machine, args: str, thread: Thread | None) -> str:
-    """LS: tell the program with its line numbers."""
+    """LS: print the program with its line numbers."""
     return "\r\n".join(f"{number} {line}" for number, line in enumerate(machine.program.lines))
 
 
 def burn(machine: Machine, args: str, thread: Thread | None) -> None:
-    """BP: keep the program when the power goes."""
+    """BP: store the program so that it survives power-off."""
     if machine.threads:
         raise CommandError(17)
     machine.burned = machine.program
 
 
 def reset(machine: Machine, args: str, thread: Thread | None) -> None:
-    """RS: do what switching off and on does; ``#AUTO`` of the program that was kept runs."""
+    """RS: reset as by switching off and on; ``#AUTO`` of the stored program runs."""
     machine.power_up()
 
 
 def run(machine: Machine, args: str, thread: Thread | None) -> None:
-    """XQ: run the program from a label on, in a thread."""
+    """XQ: run the program from a label, in a thread."""
     place, *rest = split_arguments(args)
     (number,) = integers(machine, ",".join(rest), (0, THREADS - 1)) if rest else (0,)
     if number in machine.threads:
@@ -78,58 +78,58 @@ def end(machine: Machine, args: str, thread: Thread | None) -> None:
 
 
 def end_of_error(machine: Machine, args: str, thread: Thread | None) -> None:
-    """RE: return from #POSERR; with 1 the trip point that it interrupted goes on."""
+    """RE: return from #POSERR; with 1 the interrupted trip point continues."""
     (keep,) = integers(machine, args or "0", (0, 1))
     if thread is not None:
         thread.end_interrupt(keep_trip_point=bool(keep))
 
 
 def jump(machine: Machine, args: str, thread: Thread | None) -> None:
-    """JP: go on at a label, where the condition holds."""
+    """JP: continue at a label, if the condition holds."""
     place, holds = _conditional(machine, args)
     if thread is not None and holds:
         thread.jump(place)
 
 
 def call(machine: Machine, args: str, thread: Thread | None) -> None:
-    """JS: run a subroutine, where the condition holds."""
+    """JS: run a subroutine, if the condition holds."""
     place, holds = _conditional(machine, args)
     if thread is not None and holds:
         thread.call(place)
 
 
 def branch(machine: Machine, args: str, thread: Thread | None) -> None:
-    """IF: go on, or behind ELSE or ENDIF where the condition does not hold."""
+    """IF: continue after ELSE or ENDIF if the condition does not hold."""
     if not evaluate(args, Operands(machine)) and thread is not None:
         thread.skip("ELSE", "ENDIF")
 
 
 def otherwise(machine: Machine, args: str, thread: Thread | None) -> None:
-    """ELSE: the branch before it was taken; go on behind ENDIF."""
+    """ELSE: the branch before it has run; continue after ENDIF."""
     if thread is not None:
         thread.skip("ENDIF")
 
 
 def end_branch(machine: Machine, args: str, thread: Thread | None) -> None:
-    """ENDIF: go on."""
+    """ENDIF: do nothing."""
 
 
 def after_motion(machine: Machine, args: str, thread: Thread | None) -> None:
-    """AM: wait until the axes' profiles are over."""
+    """AM: wait until the axes' profiles have ended."""
     axes = [machine.axes[index] for index in parse_axes(args)]
     if thread is not None:
         thread.wait = lambda: all(axis.profile is None for axis in axes)
 
 
 def wait(machine: Machine, args: str, thread: Thread | None) -> None:
-    """WT n: wait n samples; at TM 1000 those are the milliseconds of 1/1024 s of the manual."""
+    """WT n: wait n samples; at TM 1000 they are the manual's milliseconds of 1/1024 s."""
     until = machine.samples + integers(machine, args, (0, LARGEST_NUMBER - 1), (0, 1))[0]
     if thread is not None:
         thread.wait = lambda: machine.samples >= until
 
 
 def at_time(machine: Machine, args: str, thread: Thread | None) -> None:
-    """AT n: wait until n samples after the reference; 0 sets it, -n moves it on by n."""
+    """AT n: wait until n samples after the reference; 0 sets it, -n advances it by n."""
     limits = (1 - LARGEST_NUMBER, LARGEST_NUMBER - 1), (0, 1)
     after = integers(machine, args, *limits)[0]
     if thread is None:

@@ -1,59 +1,64 @@
-"""When the faults of a scene strike: presses are counted by their trigger edges."""
+"""Fault injection: the faults of a scene occur in the press and at the time that it gives."""
 
 from collections.abc import Callable
 from typing import Protocol
 
 from sautereau.sim_backend.devices.daqmx.card import DaqmxError, ServerGone
 from sautereau.sim_backend.devices.daqmx.runs import RunFault
-from sautereau.sim_backend.faults.tables import Faults
+from sautereau.sim_backend.fault_tables import Faults
 
 
 class Joints(Protocol):
-    """An arm whose motors stall and whose encoders slip."""
+    """An arm whose motors can stall and whose encoders can slip."""
 
     def stall(self, joint: int) -> None:
-        """Let the motor of a joint (1 or 2) stand from now on."""
+        """Block the motor of a joint (1 or 2) from now on."""
         ...
 
     def slip(self, joint: int, counts: int) -> None:
-        """Let the encoder of a joint (1 or 2) read so much more from now on."""
+        """Offset the readings of a joint's (1 or 2) encoder by ``counts`` from now on."""
         ...
 
 
-class Strikes:
-    """Count presses, and let strike what is due.
+class FaultInjection:
+    """Counts presses by their trigger edges, and injects the faults that are due.
 
     Args:
         faults: Of the scene, if any.
-        joints: Of its arm.
-        now: Tells the world's clock [s].
+        joints: The arm.
+        now: Returns the simulated time [s].
     """
 
     def __init__(self, faults: Faults | None, joints: Joints, now: Callable[[], float]):
         self.unplugged = False
-        """Whether the card is gone."""
+        """Whether the card is disconnected."""
         self._faults, self._joints, self._now = faults or Faults.model_construct(), joints, now
         self._edges: list[float] = []
         self._due: list[tuple[float, Callable[[], None]]] = []
 
+    @property
+    def presses(self) -> int:
+        """Trigger edges so far."""
+        return len(self._edges)
+
     def past(self, press: int, at: float) -> bool:
-        """Return whether so many s have passed since the trigger edge of a press, from 1."""
-        return len(self._edges) >= press and self._now() >= self._edges[press - 1] + at
+        """Return whether ``at`` s have passed since the trigger edge of a press, from 1."""
+        return self.presses >= press and self._now() >= self._edges[press - 1] + at
 
     def begin_press(self) -> bool:
-        """Note the trigger edge of a press; return whether it comes to the card."""
+        """Count the trigger edge of a press; return whether the card receives it."""
         now, faults, joints = self._now(), self._faults, self._joints
         self._edges.append(now)
-        if (stall := faults.stall) and stall.press == len(self._edges):
+        if (stall := faults.stall) and stall.press == self.presses:
             self._due.append((now + stall.at, lambda: joints.stall(stall.joint)))
-        if (slip := faults.slip) and slip.press == len(self._edges):
+        if (slip := faults.slip) and slip.press == self.presses:
             self._due.append((now + slip.at, lambda: joints.slip(slip.joint, slip.counts)))
         missing = faults.trigger_missing
-        return missing is None or missing.press != len(self._edges)
+        return missing is None or missing.press != self.presses
 
     def of_run(self) -> RunFault | None:
-        """Return what ends the acquisition of the press that has just begun."""
-        faults, press = self._faults, len(self._edges)
+        """Return the fault that ends the acquisition of the present press, if any."""
+        faults, press = self._faults, self.presses
         if (fault := faults.overrun) and fault.press == press:
             return RunFault(fault.sample, _overrun)
         if (fault := faults.server_gone) and fault.press == press:
@@ -62,21 +67,21 @@ class Strikes:
             return RunFault(fault.sample, self._unplug)
         return None
 
-    def strike(self) -> None:
-        """Let strike what is due in the controller sample that begins."""
+    def inject(self) -> None:
+        """Inject what is due at the start of this controller sample."""
         if not self._due:
             return
         now = self._now()
-        due = [strike for at, strike in self._due if at <= now]
+        due = [inject for at, inject in self._due if at <= now]
         self._due = [each for each in self._due if each[0] > now]
-        for strike in due:
-            strike()
+        for inject in due:
+            inject()
 
     def check_plugged(self) -> None:
         """Refuse a call that needs the card.
 
         Raises:
-            DaqmxError: It is unplugged.
+            DaqmxError: The card is disconnected.
         """
         if self.unplugged:
             raise _no_device()

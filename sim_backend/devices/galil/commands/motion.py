@@ -20,13 +20,13 @@ from sautereau.sim_backend.devices.galil.program import THREADS, Thread
 SEGMENT_DISTANCE = 44_000_000
 """Counts, the longest PVT segment."""
 SEGMENT_VELOCITY = 22_000_000
-"""Counts a second, the largest velocity at a PVT segment's end."""
+"""Counts per second, the largest velocity at a PVT segment's end."""
 SEGMENT_SAMPLES = 2048
 """Samples, the longest duration of a PVT segment."""
 
 
 def setting(machine: Machine, name: str, args: str) -> str | None:
-    """Set or tell a number that every axis keeps."""
+    """Set or report a number stored for every axis."""
     limits = SETTINGS[name]
     values = parse_list(args, Operands(machine))
     for value in values.values():
@@ -45,7 +45,7 @@ def setting(machine: Machine, name: str, args: str) -> str | None:
 
 
 def tell(machine: Machine, name: str, args: str) -> str:
-    """Tell one number of each axis."""
+    """Report one number of each axis."""
     value = AXIS_OPERANDS[name]
     return write_list(
         [value(machine, index) for index in parse_axes(args)], 4 if name == "TT" else 0
@@ -53,13 +53,13 @@ def tell(machine: Machine, name: str, args: str) -> str:
 
 
 def motor_off(machine: Machine, args: str, thread: Thread | None) -> None:
-    """MO: switch motors off; why the axes stand is told as before."""
+    """MO: switch motors off; the stop codes do not change."""
     for axis in _resting(machine, args):
         axis.motor_on = False
 
 
 def servo_here(machine: Machine, args: str, thread: Thread | None) -> None:
-    """SH: switch motors on, with the reference where the encoder is."""
+    """SH: switch motors on, with the reference at the encoder's position."""
     counts = machine.plant.encoder_counts()
     for index in parse_axes(args):
         axis = machine.axes[index]
@@ -71,7 +71,7 @@ def servo_here(machine: Machine, args: str, thread: Thread | None) -> None:
 
 
 def define_position(machine: Machine, args: str, thread: Thread | None) -> str | None:
-    """DP: say what the reference's position is called from now on; nothing moves."""
+    """DP: redefine the reported position of the reference; nothing moves."""
     values = parse_list(args, Operands(machine))
     new = {i: whole(v, -LARGEST - 1, LARGEST) for i, v in values.items() if v is not None}
     if any(machine.axes[index].profile is not None for index in new):
@@ -111,13 +111,13 @@ def aim(machine: Machine, mode: str, args: str) -> str | None:
 
 
 def home(machine: Machine, args: str, thread: Thread | None) -> None:
-    """HM: let the next BG go to the home switch, which then is position 0."""
+    """HM: make the next BG move to the home switch, which becomes position 0."""
     for axis in _resting(machine, args):
         axis.mode = "HM"
 
 
 def begin(machine: Machine, args: str, thread: Thread | None) -> None:
-    """BG: begin what PA, PR, JG or HM has chosen, on all the axes in the same sample."""
+    """BG: start the motions chosen by PA, PR, JG or HM, on all axes in the same sample."""
     indices = parse_axes(args)
     moves = {index: _destination(machine, index) for index in indices}
     for index, distance in moves.items():
@@ -133,7 +133,7 @@ def begin(machine: Machine, args: str, thread: Thread | None) -> None:
 
 
 def _destination(machine: Machine, index: int) -> int:
-    """Return the counts that the axis would go, or any number of the right sign."""
+    """Return the distance [counts] of the motion, or any number of its sign."""
     axis = machine.axes[index]
     if axis.mode == "PA":
         return axis.target - machine.reference(index)
@@ -154,7 +154,7 @@ def _check_begin(machine: Machine, index: int, distance: float) -> None:
 
 
 def segment(machine: Machine, args: str, thread: Thread | None) -> None:
-    """PV: put a segment into an axis's buffer; ``0,0,0`` ends the sequence, ``0,0,-1`` empties it.
+    """PV: add a segment to an axis's buffer; ``0,0,0`` ends the sequence, ``0,0,-1`` clears it.
 
     Both axes read their buffers independently.
     """
@@ -181,7 +181,7 @@ def segment(machine: Machine, args: str, thread: Thread | None) -> None:
 
 
 def begin_pvt(machine: Machine, args: str, thread: Thread | None) -> None:
-    """BT: begin the PVT sequences of all the axes in the same sample."""
+    """BT: start the PVT sequences of all axes in the same sample."""
     indices = parse_axes(args)
     for index in indices:
         fifo = machine.axes[index].fifo
@@ -193,7 +193,7 @@ def begin_pvt(machine: Machine, args: str, thread: Thread | None) -> None:
 
 
 def stop(machine: Machine, args: str, thread: Thread | None) -> None:
-    """ST: brake; from the host and without axes it ends the programs as well."""
+    """ST: decelerate; from the host and without axes it ends the programs as well."""
     for index in parse_axes(args):
         machine.axes[index].stop(StopCode.STOPPED)
     if not args and thread is None:
@@ -201,7 +201,7 @@ def stop(machine: Machine, args: str, thread: Thread | None) -> None:
 
 
 def abort(machine: Machine, args: str, thread: Thread | None) -> None:
-    """AB: stop dead and end the programs; AB1 leaves the programs alone."""
+    """AB: stop at once and end the programs; AB1 does not end the programs."""
     if args not in ("", "0", "1"):
         raise CommandError(4)
     machine.abort(programs=args != "1")

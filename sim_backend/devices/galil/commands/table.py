@@ -2,10 +2,9 @@
 
 from collections.abc import Callable
 
-from sautereau.sim_backend.devices.galil import array_commands as arrays
-from sautereau.sim_backend.devices.galil import motion_commands as motion
-from sautereau.sim_backend.devices.galil import program_commands as programs
 from sautereau.sim_backend.devices.galil.axis import SETTINGS
+from sautereau.sim_backend.devices.galil.commands import arrays, motion
+from sautereau.sim_backend.devices.galil.commands import program as programs
 from sautereau.sim_backend.devices.galil.faults import TEXTS, CommandError
 from sautereau.sim_backend.devices.galil.grammar import (
     evaluate,
@@ -21,7 +20,7 @@ Command = Callable[[Machine, str, Thread | None], str | None]
 
 
 def execute(machine: Machine, text: str, thread: Thread | None = None) -> str | None:
-    """Carry out one command of the host's or of a program's; return its answer, if it has one.
+    """Carry out one command of the host or of a program; return its answer, if it has one.
 
     Raises:
         CommandError: It is refused; nothing has changed.
@@ -44,7 +43,7 @@ def execute(machine: Machine, text: str, thread: Thread | None = None) -> str | 
 
 
 def execute_in_program(machine: Machine, text: str, thread: Thread) -> None:
-    """Carry out one command of a program; what it says goes to whoever reads next."""
+    """Carry out one command of a program; its answer is sent with the host's next read."""
     answer = execute(machine, text, thread)
     if answer is not None:
         machine.unsolicited += answer + "\r\n"
@@ -100,7 +99,7 @@ def _tell_inputs(machine: Machine, args: str, thread: Thread | None) -> str:
 
 
 def _no_operation(machine: Machine, args: str, thread: Thread | None) -> None:
-    """Do nothing: NO begins a comment."""
+    """Do nothing: NO starts a comment."""
 
 
 def _of(function: Callable[[Machine, str, str], str | None], name: str) -> Command:
@@ -154,7 +153,7 @@ COMMANDS: dict[str, Command] = {
     "RS": programs.reset,
     "NO": _no_operation,
 }
-"""Every command by its two letters, and two by their words."""
+"""Every command by its two letters; ELSE and ENDIF by their words."""
 
 PROGRAM_ONLY = frozenset({"EN", "AM", "WT", "AI", "AT", "JP", "JS", "IF", "ELSE", "ENDIF", "RE"})
 """Commands that the host may not give."""

@@ -6,8 +6,8 @@ from sautereau.sim_backend.errors import SceneError
 from sautereau.sim_backend.physics.events import Motions, PluckEvents, StringEvent
 from sautereau.sim_backend.physics.observation import Observation
 from sautereau.sim_backend.scene import parse_scene
-from sautereau.sim_backend.trade.choose import best_level, settle
-from sautereau.sim_backend.trade.ladder import LOST, Ladder
+from sautereau.sim_backend.trade.refinement import DIVERGED, StepRefinement
+from sautereau.sim_backend.trade.select import best_level, select_solver
 
 PERIOD = load_rig().controller.sample_period
 PUSH = '[push]\nforce = "1.2 N"\nduration = "40 ms"\n'
@@ -39,7 +39,7 @@ def events_at(contact, release, force=0.5):
 
 
 class Toy:
-    """Engines whose errors are known: of the second order, and a spring string's own."""
+    """Engines of second order with known errors, and a spring string with an error of its own."""
 
     rigid, reduced, spring = 20.0, 0.5, 30e-6
 
@@ -59,119 +59,119 @@ class Toy:
         return getattr(self, scene.engine) * scene.step**2
 
 
-def toy_settle(toy, scene):
-    return settle(load_rig(), scene, observe=toy, solve=toy.solve if toy.has_exact else None)
+def toy_selected(toy, scene):
+    return select_solver(load_rig(), scene, observe=toy, solve=toy.solve if toy.has_exact else None)
 
 
 @pytest.mark.parametrize("order", [1.0, 2.0, 4.0])
 def test_an_estimate_is_never_below_the_error(order):
-    ladder = Ladder(lambda n: events_at(0.01, 0.02 + 1e-3 * n**-order), 1, 1 << 20)
-    for rung in range(6):
-        true = 1e-3 * ladder.steps(rung) ** -order
-        assert true <= ladder.estimate(rung).time <= 2 * true + 1.1e-8
+    refinement = StepRefinement(lambda n: events_at(0.01, 0.02 + 1e-3 * n**-order), 1, 1 << 20)
+    for level in range(6):
+        true = 1e-3 * refinement.steps(level) ** -order
+        assert true <= refinement.estimate(level).time <= 2 * true + 1.1e-8
 
 
-def test_events_that_come_and_go_have_no_estimate():
+def test_events_that_depend_on_the_step_have_no_estimate():
     def observe(n):
         found = events_at(0.01, 0.02)
         if n == 4:
             found.events.releases.clear()
         return found
 
-    assert Ladder(observe, 1, 64).estimate(0) == LOST
-    assert Ladder(observe, 8, 64).estimate(0).time < 2e-8
+    assert StepRefinement(observe, 1, 64).estimate(0) == DIVERGED
+    assert StepRefinement(observe, 8, 64).estimate(0).time < 2e-8
 
 
-def test_a_step_that_is_lost_has_no_estimate_and_all_lost_say_why():
+def test_a_diverging_step_has_no_estimate_and_the_reason_is_reported():
     def observe(n):
         if n < 4:
-            raise SceneError(f"{n} steps are lost")
+            raise SceneError(f"{n} steps diverge")
         return events_at(0.01, 0.02)
 
-    assert Ladder(observe, 1, 64).estimate(0) == LOST
-    with pytest.raises(SceneError, match="1 steps are lost"):
-        Ladder(lambda n: observe(1), 1, 64).estimate(0)
+    assert StepRefinement(observe, 1, 64).estimate(0) == DIVERGED
+    with pytest.raises(SceneError, match="1 steps diverge"):
+        StepRefinement(lambda n: observe(1), 1, 64).estimate(0)
 
 
-def test_neighbours_that_come_to_the_same_do_not_hide_an_error():
+def test_equal_neighbouring_results_do_not_hide_an_error():
     error = {1: 0.8e-6, 2: 0.5e-6, 4: 0.5e-6, 8: 0.1e-6}
-    ladder = Ladder(lambda n: events_at(0.01, 0.02 + error.get(n, 0.0)), 1, 1 << 20)
-    for rung in range(3):
-        assert error[ladder.steps(rung)] <= ladder.estimate(rung).time
+    refinement = StepRefinement(lambda n: events_at(0.01, 0.02 + error.get(n, 0.0)), 1, 1 << 20)
+    for level in range(3):
+        assert error[refinement.steps(level)] <= refinement.estimate(level).time
 
 
-def test_a_blow_has_no_force_that_a_step_tells():
+def test_the_force_of_a_blow_has_no_estimate():
     def observe(n):
         found = events_at(0.01, 0.02)
         found.motions.finger_force[1] = 1.2 * n
         return found
 
-    found = Ladder(observe, 1, 64).estimate(0)
+    found = StepRefinement(observe, 1, 64).estimate(0)
     assert found.time < 2e-8
     assert found.force == float("inf")
 
 
 @pytest.mark.parametrize("exact", [True, False])
 @pytest.mark.parametrize("want", ["1 us", "10 us", "100 us"])
-def test_the_longest_step_of_the_cheapest_engine_is_taken(want, exact):
+def test_the_longest_step_of_the_cheapest_engine_is_selected(want, exact):
     toy = Toy(exact)
-    settled = toy_settle(toy, scene(want=f'accuracy = "{want}"'))
-    asked, taken = settled.asked.time, settled.scene
+    selected = toy_selected(toy, scene(want=f'accuracy = "{want}"'))
+    asked, taken = selected.asked.time, selected.scene
     assert taken.engine == "reduced"
     assert taken.accuracy is None
-    assert toy.error(taken) <= settled.errors.time <= asked
+    assert toy.error(taken) <= selected.errors.time <= asked
     longer = taken.model_copy(update={"step": 2 * taken.step})
     assert taken.step == PERIOD or (1 if exact else 2) * toy.error(longer) > asked - 1e-8
 
 
-def test_luck_is_no_accuracy():
+def test_a_coincidence_is_no_accuracy():
     toy = Toy()
     toy.error = lambda scene: 0.0 if scene.step > 0.9 * PERIOD else 10 * scene.step**2
-    settled = toy_settle(toy, scene(want='accuracy = "1 us"'))
-    assert settled.scene.step <= PERIOD / 2
-    assert toy.error(settled.scene) <= 1e-6
+    selected = toy_selected(toy, scene(want='accuracy = "1 us"'))
+    assert selected.scene.step <= PERIOD / 2
+    assert toy.error(selected.scene) <= 1e-6
 
 
 def test_explicit_choices_are_kept():
     toy = Toy()
-    settled = toy_settle(toy, scene("rigid", "spring", "rods"))
-    taken = settled.scene
+    selected = toy_selected(toy, scene("rigid", "spring", "rods"))
+    taken = selected.scene
     assert (taken.engine, taken.string, taken.plectrum) == ("rigid", "spring", "rods")
     assert {run.engine for run in toy.runs} == {"rigid"}
 
 
 @pytest.mark.parametrize(("want", "string"), [("10 us", "modal"), ("100 us", "spring")])
-def test_a_spring_string_is_taken_where_its_own_error_allows(want, string):
-    found = toy_settle(Toy(), scene("auto", "auto", "auto", f'accuracy = "{want}"'))
+def test_a_spring_string_is_selected_where_its_own_error_allows(want, string):
+    found = toy_selected(Toy(), scene("auto", "auto", "auto", f'accuracy = "{want}"'))
     assert found.scene.string == string
     assert found.scene.engine == ("rigid" if string == "modal" else "reduced")
     assert found.scene.plectrum == "elastica"
 
 
-def test_a_carved_plectrum_asks_for_finite_elements():
+def test_a_carved_plectrum_needs_finite_elements():
     plectrum = load_rig().plectrum
     carved = plectrum.model_copy(update={"outline": "an outline"})
     assert (best_level(plectrum), best_level(carved)) == ("elastica", "fe")
 
 
 @pytest.mark.parametrize("exact", [True, False])
-def test_what_is_out_of_reach_is_said_with_what_was_reached(exact):
+def test_an_accuracy_out_of_reach_is_refused_with_the_best_one(exact):
     toy = Toy(exact)
     toy.rigid = 1e8
     with pytest.raises(SceneError, match=r"1 us is out of reach.*events to .* us.*ask for"):
-        toy_settle(toy, scene("rigid", want='accuracy = "1 us"'))
+        toy_selected(toy, scene("rigid", want='accuracy = "1 us"'))
 
 
 def test_a_step_given_is_kept_and_estimated():
     toy = Toy()
-    settled = toy_settle(toy, scene("rigid", want='step = "100 us"'))
-    assert settled.scene.step == PERIOD / 10
-    assert toy.error(settled.scene) <= settled.errors.time
-    assert settled.asked is None
+    selected = toy_selected(toy, scene("rigid", want='step = "100 us"'))
+    assert selected.scene.step == PERIOD / 10
+    assert toy.error(selected.scene) <= selected.errors.time
+    assert selected.asked is None
 
 
 def test_the_choice_is_the_same_each_time():
-    first, second = (toy_settle(Toy(), scene()) for _ in range(2))
+    first, second = (toy_selected(Toy(), scene()) for _ in range(2))
     assert first == second
     assert str(first) == str(second)
     assert "reduced" in str(first)

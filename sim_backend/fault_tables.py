@@ -1,7 +1,7 @@
-"""The table `[faults]` of a scene: one table inside it for each fault; none costs nothing.
+"""The table `[faults]` of a scene: one table inside it for each fault; absent ones cost nothing.
 
-A press is counted by its trigger edge: press 2 begins with the second edge for which an
-acquisition has waited, whether or not the card noticed it. Whatever is random comes from the
+A press is counted by its trigger edge: press 2 starts with the second edge for which an
+acquisition has waited, whether or not the card received it. All random numbers come from the
 stand-in's seed.
 """
 
@@ -13,37 +13,37 @@ from pydantic import Field, model_validator
 from sautereau.rig.section import Force, Frequency, Section, Time
 from sautereau.rig.units import Unit
 
-Share = Annotated[float, Field(ge=0, le=1)]
+Fraction = Annotated[float, Field(ge=0, le=1)]
 
 
 class _InPress(Section):
     press: int = Field(default=1, ge=1)
-    """Press in which it strikes, from 1."""
+    """Press in which it occurs, from 1."""
 
 
 class _AtSample(_InPress):
     sample: int = Field(ge=0)
-    """Number of the first sample that no longer comes."""
+    """Number of the first sample that is not acquired."""
 
 
 class _AtTime(_InPress):
     at: Time = Field(default=0.0, ge=0, le=60)
-    """s after the trigger edge; it strikes with the next controller sample."""
+    """s after the trigger edge; it occurs with the next controller sample."""
 
 
 class LineFault(Section):
     """A bad serial line: bytes are lost or changed, answers are late."""
 
-    dropped: Share = 0.0
-    """1, probability of a byte to be lost."""
-    flipped: Share = 0.0
-    """1, probability of a byte to arrive with one bit, any of the eight, the other way."""
+    dropped: Fraction = 0.0
+    """Probability that a byte is lost."""
+    flipped: Fraction = 0.0
+    """Probability that a byte arrives with one random bit inverted."""
     towards: Literal["both", "controller", "host"] = "both"
-    """Where the bytes go that are lost or changed."""
+    """Direction of the bytes that are lost or changed."""
     delay: Time = Field(default=0.0, ge=0, le=60)
-    """s on the wall's clock, by which every answer is late."""
+    """s of real time, by which every answer is late."""
     press: int = Field(default=0, ge=0)
-    """Press from whose trigger edge on; 0 from the first byte."""
+    """Press at whose trigger edge the fault starts; 0 for the first byte."""
 
     @model_validator(mode="after")
     def _does_something(self):
@@ -53,19 +53,19 @@ class LineFault(Section):
 
 
 class CableOut(Section):
-    """The controller's cable comes out, and stays out."""
+    """The controller's cable is disconnected for good."""
 
     after_bytes: int | None = Field(default=None, ge=0)
-    """Bytes that the controller still hears; in place of a press."""
+    """Bytes that the controller still receives; instead of a press."""
     press: int | None = Field(default=None, ge=1)
-    """Press in which it comes out, from 1; in place of a number of bytes."""
+    """Press in which it is disconnected, from 1; instead of a number of bytes."""
     at: Time = Field(default=0.0, ge=0, le=60)
     """s after the press's trigger edge."""
     port_closes: bool = False
-    """Whether the port goes as well, as an adapter's does that is pulled; else it is silent."""
+    """Whether the port disappears as well, as that of a USB adapter; else it is silent."""
 
     @model_validator(mode="after")
-    def _strikes_once(self):
+    def _occurs_once(self):
         if (self.after_bytes is None) == (self.press is None):
             given = "neither is" if self.press is None else "both are"
             raise ValueError(f"after_bytes, press: {given} given; give one of them")
@@ -73,7 +73,7 @@ class CableOut(Section):
 
 
 class TriggerMissing(_InPress):
-    """The trigger's edge does not come to the card."""
+    """The trigger's edge does not reach the card."""
 
 
 class Overrun(_AtSample):
@@ -81,33 +81,33 @@ class Overrun(_AtSample):
 
 
 class ServerGone(_AtSample):
-    """The card's gRPC server answers every call UNAVAILABLE from then on."""
+    """The card's gRPC server answers every later call with UNAVAILABLE."""
 
 
 class DeviceGone(_AtSample):
-    """The card is unplugged: error -201003 for every call that needs it."""
+    """The card is disconnected: error -201003 for every call that needs it."""
 
 
 class Speckle(Section):
-    """The vibrometer loses its light now and then."""
+    """Drop-outs of the vibrometer, which loses its light."""
 
     rate: Frequency = Field(gt=0, le=1e5)
-    """Hz, drop-outs a second on average, at random times."""
+    """Hz, mean rate of the drop-outs, which come at random times."""
     duration: Time = Field(gt=0, le=1)
     """s, of each."""
-    level: Share = 0.0
-    """1, share of the velocity that is still shown meanwhile."""
+    level: Fraction = 0.0
+    """Fraction of the velocity that remains in a drop-out."""
     spike: Annotated[float, Unit("m/s", "20 mm/s")] = Field(default=0.0, ge=0)
-    """m/s, largest false velocity shown besides; each drop-out has one of its own."""
+    """m/s, largest false velocity that is added; it differs from drop-out to drop-out."""
 
 
 class Overload(Section):
     """The force transducer's amplifier overloads."""
 
     force: Force = Field(gt=0)
-    """N, magnitude from which on it shows nothing but this force."""
+    """N, magnitude at which the output is limited."""
     recovery: Time = Field(ge=0, le=60)
-    """s, for which it goes on showing that after the force has fallen."""
+    """s, for which the output stays at the limit after the force has fallen."""
 
 
 class Drift(Section):
@@ -118,7 +118,7 @@ class Drift(Section):
 
 
 class Stall(_AtTime):
-    """A motor stalls for good: its joint stands, whatever its torque."""
+    """A motor is blocked for good: its joint does not move, whatever its torque."""
 
     joint: Literal[1, 2]
     """Of the arm."""
@@ -130,37 +130,37 @@ class Slip(_AtTime):
     joint: Literal[1, 2]
     """Of the arm."""
     counts: int = Field(ge=-1_000_000, le=1_000_000)
-    """By which it then reads too much."""
+    """Offset of its readings from then on."""
 
 
 class Faults(Section):
-    """Everything that goes wrong in a scene."""
+    """The faults of a scene."""
 
     line: LineFault | None = None
     """A bad serial line."""
     cable_out: CableOut | None = None
-    """The controller's cable comes out."""
+    """The controller's cable is disconnected."""
     trigger_missing: TriggerMissing | None = None
-    """The card does not see an edge."""
+    """The card does not receive an edge."""
     overrun: Overrun | None = None
     """The card loses samples."""
     server_gone: ServerGone | None = None
-    """The card's server dies."""
+    """The card's server stops answering."""
     device_gone: DeviceGone | None = None
-    """The card is unplugged."""
+    """The card is disconnected."""
     speckle: Speckle | None = None
-    """The vibrometer's drop-outs."""
+    """The vibrometer has drop-outs."""
     overload: Overload | None = None
     """The force transducer overloads."""
     drift: Drift | None = None
     """The force transducer drifts."""
     stall: Stall | None = None
-    """A motor stalls."""
+    """A motor is blocked."""
     slip: Slip | None = None
     """An encoder slips."""
 
     @model_validator(mode="after")
-    def _can_all_strike(self):
+    def _can_all_occur(self):
         faults = []
         names = ("trigger_missing", "overrun", "server_gone", "device_gone")
         of_card = {name: fault for name in names if (fault := getattr(self, name)) is not None}
@@ -169,13 +169,13 @@ class Faults(Section):
         ):
             if fault.press == later.press:
                 faults.append(
-                    f"{other}: press {later.press} has {name} already, and one press ends by one"
-                    " fault of the card; give another press, or remove one of them"
+                    f"{other}: press {later.press} has {name} already, and only one fault of the"
+                    " card can end a press; give another press, or remove one of them"
                 )
             elif name in ("server_gone", "device_gone"):
                 faults.append(
-                    f"{other}: the card is gone since {name} in press {fault.press}, so nothing"
-                    f" strikes in press {later.press}; give an earlier press, or remove one of them"
+                    f"{other}: the card is gone after {name} in press {fault.press}, so it cannot"
+                    f" occur in press {later.press}; give an earlier press, or remove one of them"
                 )
         if not any(getattr(self, name) is not None for name in type(self).model_fields):
             faults.append("faults: the table is empty; add a fault, or remove the table")
@@ -183,8 +183,8 @@ class Faults(Section):
             raise ValueError("\n".join(faults))
         return self
 
-    def misfits(self, finger: str, quantities: set[str]) -> list[str]:
-        """Return what of this cannot strike on a bench.
+    def conflicts(self, finger: str, quantities: set[str]) -> list[str]:
+        """Return the faults that cannot occur on a bench, each with how to fix it.
 
         Args:
             finger: Of the scene.
@@ -194,7 +194,7 @@ class Faults(Section):
         for name in ("stall", "slip"):
             if getattr(self, name) is not None and finger != "servo":
                 faults.append(
-                    f'faults.{name}: finger = "{finger}" has no motors and encoders; take'
+                    f'faults.{name}: finger = "{finger}" has no motors and encoders; use'
                     ' finger = "servo", or remove the table'
                 )
         needed = {"speckle": "velocity", "overload": "force", "drift": "force"}

@@ -28,7 +28,7 @@ def define(machine: Machine, args: str, thread: Thread | None) -> None:
 
 
 def remove(machine: Machine, args: str, thread: Thread | None) -> None:
-    """DA: give the memory of arrays back, ``X[]`` or ``*[]``."""
+    """DA: free the memory of arrays, ``X[]`` or ``*[]``."""
     names = _array_names(args)
     if machine.capture.running:
         raise CommandError(80)
@@ -41,7 +41,7 @@ def remove(machine: Machine, args: str, thread: Thread | None) -> None:
 
 
 def record_arrays(machine: Machine, args: str, thread: Thread | None) -> None:
-    """RA: choose the arrays to record into."""
+    """RA: choose the arrays into which to record."""
     arrays = [machine.arrays.values(name) for name in _array_names(args)]
     if machine.capture.running:
         raise CommandError(80)
@@ -49,7 +49,7 @@ def record_arrays(machine: Machine, args: str, thread: Thread | None) -> None:
 
 
 def record_data(machine: Machine, args: str, thread: Thread | None) -> None:
-    """RD: choose what to record into them."""
+    """RD: choose the quantities to record into them."""
     sources = [_source(machine, part) for part in split_arguments(args)]
     if machine.capture.running:
         raise CommandError(80)
@@ -77,7 +77,7 @@ def record(machine: Machine, args: str, thread: Thread | None) -> None:
 
 
 def upload(machine: Machine, args: str, thread: Thread | None) -> str:
-    """QU name[],first,last,comma: tell an array, a line each or with commas."""
+    """QU name[],first,last,comma: print an array, one element per line or with commas."""
     array, *numbers = split_arguments(args)
     (name,) = _array_names(array)
     values = machine.arrays.values(name)

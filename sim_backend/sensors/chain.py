@@ -1,4 +1,4 @@
-"""The sensor chain: from what happens on the bench to volts at the terminal block."""
+"""The sensor chain of one channel: from the measured quantity to volts at the terminal block."""
 
 from collections.abc import Sequence
 
@@ -6,9 +6,9 @@ import numpy as np
 from numpy.random import Generator
 from scipy import signal
 
-from sautereau.rig.acquisition import ForceChannel, VelocityChannel
-from sautereau.sim_backend.faults.sensing import Disturbance
+from sautereau.rig.acquisition import Channel
 from sautereau.sim_backend.parts import Sensors
+from sautereau.sim_backend.sensors.simulated import Disturbance, simulated_quantity
 from sautereau.trajectory.motion import Floats
 
 ADC_RANGE = 10.0
@@ -17,13 +17,13 @@ ADC_BITS = 24
 
 
 class Signal:
-    """A quantity of the bench over time, linear between instants, with jumps."""
+    """A quantity over time, linear between instants, with jumps."""
 
     def __init__(self, value: float):
         self._times, self._values = np.zeros(1), np.array([value])
 
     def extend(self, times: Floats, values: Floats, jumps: Sequence[float]) -> None:
-        """Append instants [s from the trigger]; at a jump both sides are carried on."""
+        """Append instants [s from the trigger]; at a jump both sides are extrapolated."""
         for jump in jumps:
             k = int(np.searchsorted(times, jump))
             t, v = self._two_before(times, values, k)
@@ -38,7 +38,7 @@ class Signal:
     def at(self, times: Floats) -> Floats:
         """Return the value at times [s] that only grow; before the first instant, that at rest.
 
-        Instants that are no longer needed, save two for a slope, are let go.
+        Earlier instants are dropped, except two for a slope.
         """
         if len(times):
             past = max(0, int(np.searchsorted(self._times, times[0])) - 2)
@@ -46,7 +46,7 @@ class Signal:
         return np.interp(times, self._times, self._values)
 
     def _two_before(self, times: Floats, values: Floats, k: int) -> tuple[Floats, Floats]:
-        """Return times and values of the two instants before instant k of those to append."""
+        """Return times and values of the last two instants before number k of the appended ones."""
         if k >= 2:
             return times[k - 2 : k], values[k - 2 : k]
         t = np.concatenate([self._times[-2:], times[:k]])[-2:]
@@ -57,17 +57,17 @@ class SensorChain:
     """One channel: delay, low-pass, AC coupling, noise, hum, range and conversion.
 
     Args:
-        channel: Calibration chart of the sensor, true to the simulated one.
-        sensors: What is added to the truth; None for a sensor that adds nothing.
+        channel: Calibration of the sensor, which holds for the simulated one.
+        sensors: Noise and hum; None for a sensor without noise, range and converter.
         rate: Hz.
         rest: Value [SI] of the quantity before the trigger.
         random: Source of the noise.
-        disturbances: What goes wrong in the sensor, in its order.
+        disturbances: Faults of the sensor, in the order in which they act.
     """
 
     def __init__(
         self,
-        channel: VelocityChannel | ForceChannel,
+        channel: Channel,
         sensors: Sensors | None,
         rate: float,
         rest: float,
@@ -75,7 +75,7 @@ class SensorChain:
         disturbances: Sequence[Disturbance] = (),
     ):
         self.channel = channel
-        self.sensors = sensors
+        self._sensors = sensors
         self.rate = rate
         self.input = Signal(rest)
         self._random = random
@@ -92,8 +92,8 @@ class SensorChain:
         self._filters.append([b, a, signal.lfilter_zi(b, a) * rest])
 
     def volts(self, first: int, n: int) -> Floats:
-        """Return n samples [V], the next after ``first``; call it in order."""
-        if n == 0:  # of nothing, lfilter returns a state that it has not set
+        """Return n samples [V] from sample ``first`` on; call it in order."""
+        if n == 0:  # for no samples, lfilter returns a state that it has not set
             return np.zeros(0)
         times = np.arange(first, first + n) / self.rate
         value = self.input.at(times - self.channel.delay)
@@ -102,15 +102,13 @@ class SensorChain:
         for state in self._filters:
             b, a, zi = state
             value, state[2] = signal.lfilter(b, a, value, zi=zi)
-        sensors = self.sensors
+        sensors = self._sensors
         if sensors is None:
             return value / self.channel.scale
-        noise = self._random.standard_normal(n)
-        if self.channel.quantity == "velocity":
-            value = value + sensors.velocity_noise * noise
-        else:
-            hum = np.sin(2 * np.pi * sensors.hum_frequency * times + self._phase)
-            value = value + sensors.force_noise * noise + sensors.hum * hum
+        simulated = simulated_quantity(self.channel.quantity)
+        value = value + simulated.noise(sensors) * self._random.standard_normal(n)
+        if hum := simulated.hum(sensors):
+            value += hum * np.sin(2 * np.pi * sensors.hum_frequency * times + self._phase)
         volts = np.clip(value / self.channel.scale, -self.channel.range, self.channel.range)
         step = 2 * ADC_RANGE / 2**ADC_BITS
         return np.clip(np.rint(volts / step) * step, -ADC_RANGE, ADC_RANGE - step)

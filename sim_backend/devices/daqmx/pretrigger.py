@@ -1,4 +1,4 @@
-"""An acquisition on the simulated card that keeps what was before its trigger's edge."""
+"""Pre-trigger acquisition on the simulated card: samples before and after the trigger's edge."""
 
 import math
 
@@ -7,14 +7,14 @@ from sautereau.sim_backend.devices.daqmx.runs import RunFault, SampledRun
 from sautereau.trajectory.motion import Floats
 
 
-class AroundSampledRun(SampledRun):
-    """Samples of the bench from its start on, of which those around an edge are shown.
+class PreTriggerRun(SampledRun):
+    """Samples of the bench from its start on; those around the edge are kept.
 
-    Make one as a `SampledRun`, then `begin` it.
+    Construct it as a `SampledRun`, then call `begin`.
     """
 
     def begin(self, time: float, before: int) -> None:
-        """Sample from a moment [s] of the world's clock on; keep so many before the edge."""
+        """Sample from a simulated time [s] on; keep ``before`` samples before the edge."""
         self._before = before
         self._first: int | None = None
         super().trigger(time)
@@ -27,16 +27,16 @@ class AroundSampledRun(SampledRun):
 
     @property
     def waiting_for_trigger(self) -> bool:
-        """Whether an edge on the trigger's terminal would be heard."""
+        """Whether an edge on the trigger's terminal would be accepted."""
         return self._first is None and not self.stopped and not self.unwired
 
     @property
     def over(self) -> bool:
-        """Whether no sample will come any more."""
+        """Whether no further sample will be acquired."""
         return self.stopped or (self._first is not None and self._done >= self._end)
 
     def trigger(self, time: float, fault: RunFault | None = None) -> None:
-        """Hear the edge [s of the world's clock], if there are enough samples before it."""
+        """Accept an edge at a simulated time [s], if enough samples lie before it."""
         if self._first is not None or self.stopped or self.trigger_time is None:
             return
         edge = math.ceil((time - self.trigger_time) * self.rate * (1 - 1e-12))
@@ -48,10 +48,10 @@ class AroundSampledRun(SampledRun):
         self._end = self._first + kept
 
     @property
-    def _shown(self) -> int:
-        """All samples when they are there, and none before."""
-        whole = self._first is not None and self._done >= self._end
-        return self._end - (self._first or 0) if whole else 0
+    def _readable(self) -> int:
+        """All samples once they are complete, none before."""
+        complete = self._first is not None and self._done >= self._end
+        return self._end - (self._first or 0) if complete else 0
 
     @property
     def _last(self) -> int:
@@ -59,5 +59,5 @@ class AroundSampledRun(SampledRun):
         return ENDLESS if self._first is None else self._end
 
     def read(self, first: int, n: int) -> Floats:
-        """Return samples [V], counted from the first that is kept, shape (n_channels, n)."""
+        """Return samples [V], counted from the first one kept, shape (n_channels, n)."""
         return super().read(first + (self._first or 0), n)

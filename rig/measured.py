@@ -1,0 +1,63 @@
+"""The quantities that an analog input can measure: velocity and force, and those of other packages.
+
+A channel of the acquisition names its quantity; unit and dimension of its `scale` follow from it.
+"""
+
+from dataclasses import dataclass
+
+from sautereau.rig.errors import RigError
+from sautereau.rig.registry import Registry
+
+
+@dataclass(frozen=True)
+class MeasuredQuantity:
+    """What a sensor measures."""
+
+    name: str
+    """As in the rig file: `velocity`."""
+    unit: str
+    """SI unit of the signal, as pint spells it: `m/s`."""
+    meaning: str
+    """What is measured, and where."""
+    positive: str
+    """Sign convention: what a positive value means."""
+    example: str
+    """A scale as the rig file writes it: `25 mm/s/V`."""
+
+    @property
+    def scale_unit(self) -> str:
+        """SI unit of a sensor's scale: `m/s/V`."""
+        return f"{self.unit}/V"
+
+
+VELOCITY = MeasuredQuantity(
+    "velocity",
+    "m/s",
+    "velocity of the key's front, under the vibrometer's laser",
+    "the key's front moves down",
+    "25 mm/s/V",
+)
+FORCE = MeasuredQuantity(
+    "force",
+    "N",
+    "force of the finger on the key, normal to it",
+    "the finger presses on the key",
+    "1 N/V",
+)
+
+MEASURED = Registry(
+    "sautereau.measured_quantities",
+    "measured quantity",
+    {name: f"sautereau.rig.measured:{name.upper()}" for name in ("velocity", "force")},
+    RigError,
+)
+"""Measured quantities by name."""
+
+
+def measured_quantity(name: str) -> MeasuredQuantity:
+    """Return a measured quantity.
+
+    Raises:
+        RigError: No package provides one of this name.
+    """
+    return MEASURED.get(name)

@@ -1,0 +1,146 @@
+"""The bench's DAQ card: it arms acquisitions, and feeds them with the motion of the bench."""
+
+from collections.abc import Callable, Sequence
+from typing import TypeVar
+
+from sautereau.rig.schema import Rig
+from sautereau.sim_backend.devices.daqmx.card import DaqmxError, TaskSetup
+from sautereau.sim_backend.devices.daqmx.pretrigger import PreTriggerRun
+from sautereau.sim_backend.devices.daqmx.runs import SampledRun
+from sautereau.sim_backend.fair_lock import FairLock
+from sautereau.sim_backend.faults.injection import FaultInjection
+from sautereau.sim_backend.physics.events import Motions
+from sautereau.sim_backend.scene import Scene
+
+AnyRun = TypeVar("AnyRun", bound=SampledRun)
+
+
+class BenchCard:
+    """A DAQmx device whose analog inputs are wired to the sensors of the bench.
+
+    Args:
+        rig: The simulated bench, as wired.
+        scene: Its sensors and faults.
+        seed: Of all noise.
+        paced: Whether simulated time follows real time, so that a buffer can overflow.
+        lock: Guards the bench.
+        injection: Of the scene's faults.
+        now: Returns the simulated time [s].
+    """
+
+    def __init__(
+        self,
+        rig: Rig,
+        scene: Scene,
+        seed: int,
+        paced: bool,
+        lock: FairLock,
+        injection: FaultInjection,
+        now: Callable[[], float],
+    ):
+        self.name = rig.daq.device
+        self.paced = paced
+        self.runs: list[SampledRun] = []
+        """Acquisitions that are not over, and those that ended since the last start."""
+        self.starts: list[float] = []
+        """s, simulated times at which acquisitions started, by their edges or by themselves."""
+        self._rig, self._scene, self._seed = rig, scene, seed
+        self._lock, self._injection, self._now = lock, injection, now
+        self._armed = 0
+        self._last: Motions | None = None
+        self._failure: Callable[[], DaqmxError] | None = None
+
+    @property
+    def terminals(self) -> tuple[str, ...]:
+        """The analog inputs.
+
+        Raises:
+            DaqmxError: The card is disconnected.
+        """
+        self._injection.check_plugged()
+        return tuple(channel.terminal for channel in self._rig.daq.channels)
+
+    def start(self, setup: TaskSetup) -> SampledRun:
+        """Arm an acquisition.
+
+        Raises:
+            DaqmxError: The card is disconnected, or the bench has failed.
+        """
+        with self._lock:
+            run = self._new_run(SampledRun, setup)
+            if setup.trigger is None:
+                self.starts.append(self._now())
+                run.trigger(self._now())
+            self._lock.notify_all()
+            return run
+
+    def start_pretrigger(self, setup: TaskSetup, before: int) -> PreTriggerRun:
+        """Start an acquisition that keeps ``before`` samples before its trigger's edge.
+
+        Raises:
+            DaqmxError: The card is disconnected, or the bench has failed.
+        """
+        with self._lock:
+            run = self._new_run(PreTriggerRun, setup)
+            run.begin(self._now(), before)
+            self._lock.notify_all()
+            return run
+
+    def _new_run(self, kind: type[AnyRun], setup: TaskSetup) -> AnyRun:
+        self._injection.check_plugged()
+        if self._failure is not None:
+            raise self._failure()
+        run = kind(
+            self._rig,
+            setup.terminals,
+            setup.rate,
+            setup.n_samples,
+            self._scene.sensors,
+            self._seed,
+            self._armed,
+            self._last,
+            self._lock,
+            self._scene.faults,
+        )
+        self._armed += 1
+        self.runs = [*(other for other in self.runs if not other.over), run]
+        trigger = setup.trigger or self._rig.daq.trigger_source
+        run.unwired = trigger.rpartition("/")[2] != self._rig.daq.trigger_source
+        return run
+
+    # Called by the bench, under the lock.
+
+    def edge(self) -> None:
+        """Receive a rising edge at the trigger input; it counts as a press if one waits for it."""
+        waiting = [run for run in self.runs if run.waiting_for_trigger]
+        if waiting and self._injection.begin_press():
+            self.starts.append(self._now())
+            for run in waiting:
+                run.trigger(self._now(), self._injection.of_run())
+
+    def feed(self, motions: Motions, jumps: Sequence[float]) -> None:
+        """Receive the motion of one controller sample, and the times [s] at which forces jumped."""
+        self._last = motions
+        for run in self.runs:
+            run.feed(motions, jumps)
+
+    @property
+    def busy(self) -> bool:
+        """Whether an acquisition needs simulated time to advance."""
+        return any(run.waiting_for_time for run in self.runs)
+
+    @property
+    def awaited(self) -> bool:
+        """Whether a thread waits for samples that are complete."""
+        return any(run.due for run in self.runs)
+
+    def stop(self) -> None:
+        """End all acquisitions."""
+        for run in self.runs:
+            run.stopped = True
+
+    def fail(self, error: Exception) -> None:
+        """End all acquisitions, and refuse new ones, because the bench has failed."""
+        self._failure = lambda: DaqmxError(-50150, f"The stand-in has failed: {error}")
+        for run in self.runs:
+            run.fail(self._failure)

@@ -1,0 +1,1 @@
+"""The commands of the emulated Galil controller, grouped by what they act on."""

@@ -1,0 +1,192 @@
+"""Step refinement: the error of a step, measured or estimated by shorter steps."""
+
+import math
+from collections.abc import Callable, Iterator
+
+from sautereau.rig.schema import Rig
+from sautereau.sim_backend.errors import SceneError
+from sautereau.sim_backend.physics.drive import Drive
+from sautereau.sim_backend.physics.observation import Errors, Observation, errors
+from sautereau.sim_backend.scene import Scene
+
+FINER = 3
+"""Halvings of a step from which its error is estimated."""
+SAFETY = Errors(time=1.5, force=3.0)
+"""Dimensionless factors on the estimates; forces jump, and converge more slowly."""
+BLOW = 1.3
+"""Dimensionless growth of the largest force with half the step, above which it is a blow's."""
+ROUNDING = Errors(time=1e-8, force=1e-5)
+"""Added to every error: rounding, tables and the reference solution itself."""
+DIVERGED = Errors(math.inf, math.inf)
+"""Error of a step with which the engine found no motion."""
+SHORTEST, LONGEST = 1e-7, 2e-3
+"""s, limits of a scene's step."""
+CHECKED = 3
+"""Steps, each half the one before, of which the largest error counts as that of the longest: one
+step may be accurate by coincidence."""
+MOST = {"rigid": 600_000, "reduced": 4_000_000}
+"""Largest number of steps of one drive that is tried with an engine."""
+
+Observe = Callable[[Rig, Scene, Drive | None], Observation]
+"""Runs a drive through a world; `sautereau.sim_backend.physics.observation.observe`."""
+
+
+class StepRefinement:
+    """One drive observed with 1, 2, 4, ... times as many steps, each at most once.
+
+    Args:
+        observe: Runs the drive with a number of steps per controller sample.
+        first: Steps per controller sample at level 0.
+        most: Largest number of steps per controller sample.
+    """
+
+    def __init__(self, observe: Callable[[int], Observation], first: int, most: int):
+        self._observe = observe
+        self.first = first
+        self.most = most
+        self._runs: dict[int, Observation] = {}
+        self._diverged: dict[int, SceneError] = {}
+
+    def steps(self, level: int) -> int:
+        """Return the steps per controller sample at a level."""
+        return self.first << level
+
+    def reaches(self, level: int) -> bool:
+        """Return whether the error at a level can be estimated, which takes `FINER` more."""
+        return self.steps(level + FINER) <= self.most
+
+    def estimate(self, level: int) -> Errors:
+        """Return the error at a level; infinite where events depend on the step.
+
+        If errors at least halve from the second finest level to the finest, the error of the
+        finest is at most the distance of these two (Richardson extrapolation). More than one
+        level lies between, because engines divide a step themselves while something stiff is in
+        contact, so that two neighbouring levels may give the same result.
+
+        Raises:
+            SceneError: None of the levels can be simulated.
+        """
+        runs = [self.run(level + i) for i in range(FINER + 1)]
+        here, before, last = runs[0], runs[-2], runs[-1]
+        if here is None or before is None or last is None:
+            if not any(runs):
+                raise self._diverged[level]
+            return DIVERGED
+        found = total(_distance(here, last), _distance(before, last), ROUNDING)
+        return Errors(found.time, math.inf) if _is_blow(before, last) else found
+
+    def run(self, level: int) -> Observation | None:
+        """Return the observation at a level; None where the engine diverged."""
+        if level not in self._runs and level not in self._diverged:
+            try:
+                self._runs[level] = self._observe(self.steps(level))
+            except SceneError as error:
+                self._diverged[level] = error
+        return self._runs.get(level)
+
+
+class Trial:
+    """Runs of one drive on one bench, with an engine and steps of several lengths.
+
+    Args:
+        rig: The nominal bench.
+        true: The simulated bench.
+        drive: What is played.
+        observe: Runs a drive through a world.
+        solve: Solves it exactly; None to estimate all errors by shorter steps.
+    """
+
+    def __init__(self, rig: Rig, true: Rig, drive: Drive, observe: Observe, solve: Observe | None):
+        self.true = true
+        self._rig, self._drive = rig, drive
+        self._observe, self._solve = observe, solve
+        self._exact: Observation | None = None
+
+    def run(self, scene: Scene, steps: int) -> Observation:
+        """Return what is observed with a number of steps per controller sample."""
+        return self._observe(self._rig, stepped(self.true, scene, steps), self._drive)
+
+    def errors(self, scene: Scene) -> Iterator[tuple[int, Errors]]:
+        """Yield steps per controller sample and their errors, from the longest step down.
+
+        Errors are measured against the exact solution; for modal strings, which have none, they
+        are estimated.
+
+        Raises:
+            SceneError: There is no exact solution of the scene, or it cannot be simulated.
+        """
+        refinement = self._refinement(scene, fewest(self.true))
+        if self._solve is None or scene.string == "modal":
+            level = 0
+            while refinement.reaches(level):
+                yield refinement.steps(level), refinement.estimate(level)
+                level += 1
+            return
+        if self._exact is None:
+            self._exact = self._solve(self._rig, scene, self._drive)
+        found: list[Errors] = []
+        while refinement.steps(len(found)) <= refinement.most:
+            run = refinement.run(len(found))
+            found.append(DIVERGED if run is None else total(errors(run, self._exact), ROUNDING))
+            if len(found) >= CHECKED:
+                last = found[-CHECKED:]
+                worst = Errors(max(e.time for e in last), max(e.force for e in last))
+                yield refinement.steps(len(found) - CHECKED), worst
+
+    def estimate(self, scene: Scene, steps: int) -> Errors:
+        """Return the error of a number of steps per controller sample, by shorter steps."""
+        return self._refinement(scene, steps).estimate(0)
+
+    def too_long(self, scene: Scene) -> SceneError:
+        """Return the error of a drive that is too long to be tried with the scene's engine."""
+        return SceneError(
+            f"accuracy: a drive of {self._drive.samples} controller samples is too long to be tried"
+            f" with the engine {scene.engine}; give a step instead of accuracy"
+        )
+
+    def _refinement(self, scene: Scene, first: int) -> StepRefinement:
+        most = MOST[scene.engine] // self._drive.samples
+        most = min(most, int(self.true.controller.sample_period / SHORTEST))
+        return StepRefinement(lambda steps: self.run(scene, steps), first, most)
+
+
+def stepped(true: Rig, scene: Scene, steps: int, **changes: str | int) -> Scene:
+    """Return a scene with a number of steps per controller sample, and other changes."""
+    step = true.controller.sample_period / steps
+    return scene.model_copy(update={"step": step, "accuracy": None, **changes})
+
+
+def fewest(true: Rig, step: float = LONGEST) -> int:
+    """Return the least number of steps per controller sample, each at most ``step`` [s] long."""
+    return math.ceil(true.controller.sample_period / step - 1e-9)
+
+
+def total(*parts: Errors) -> Errors:
+    """Return the sum of errors, which may all have the same sign."""
+    return Errors(sum(part.time for part in parts), sum(part.force for part in parts))
+
+
+def _is_blow(before: Observation, last: Observation) -> bool:
+    """Return whether the finger strikes the key while a string is held.
+
+    The force of a blow grows as the step shrinks.
+    """
+    return _largest_force(last) > BLOW * _largest_force(before)
+
+
+def _largest_force(run: Observation) -> float:
+    """Return the largest force [N] of the finger in the middle 80 % of all plucks."""
+    time, force = run.motions.time, run.motions.finger_force
+    largest = 0.0
+    for contact, release in zip(run.events.contacts, run.events.releases, strict=False):
+        margin = 0.1 * (release.time - contact.time)
+        held = (time > contact.time + margin) & (time < release.time - margin)
+        largest = max(largest, float(force[held].max(initial=0.0)))
+    return largest
+
+
+def _distance(one: Observation, last: Observation) -> Errors:
+    """Return how far two runs are apart, whichever of them is the truth."""
+    there, back = errors(one, last), errors(last, one)
+    time, force = max(there.time, back.time), max(there.force, back.force)
+    return Errors(SAFETY.time * time, SAFETY.force * force)

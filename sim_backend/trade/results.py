@@ -1,0 +1,198 @@
+"""The result of a work-precision study: its points, as JSON, as text and as a plot."""
+
+from collections import defaultdict
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+HEADER = "  engine   plectrum  string  iterations        step       error  force error  x real time"
+LEAST = 1e-10
+"""s, error at which a point without one is drawn, for the axis is logarithmic."""
+
+
+@dataclass(frozen=True)
+class Point:
+    """A scene simulated one way: its error and its speed."""
+
+    scene: str
+    """Description of the scene, or of another simulator."""
+    dt: float
+    """s, of a step."""
+    engine: str
+    level: str
+    """Of the plectrum."""
+    string: str
+    iterations: int
+    """Of the solver, per step."""
+    error: float | None
+    """s, largest of all events; None where the point failed."""
+    force_error: float | None
+    """Dimensionless, of the largest force; None where the point failed."""
+    real_time_factor: float | None
+    """Dimensionless, simulated over real time, the median of repeats; None where it failed."""
+    failed: str = ""
+    """Reason of the failure: events missing or additional, or the engine's error."""
+
+
+@dataclass(frozen=True)
+class Trade:
+    """Errors and speeds of the ways to simulate a scene, on one machine."""
+
+    scene: str
+    """Description of the scene."""
+    machine: str
+    """On which they were measured."""
+    requested: float
+    """s, error of events for which a point is recommended."""
+    points: tuple[Point, ...]
+    pareto: tuple[int, ...]
+    """Indices of the Pareto-optimal points, the most accurate first."""
+    recommended: int | None
+    """Index of the fastest point that is accurate enough; None if there is none."""
+    cached: bool = False
+    """Whether it was measured before."""
+
+
+def pareto_front(errors: Sequence[float], speeds: Sequence[float], margin: float = 0) -> list[int]:
+    """Return the indices of the Pareto-optimal points, the most accurate first.
+
+    Of equal points only the first is one.
+
+    Args:
+        errors: Finite, to be small.
+        speeds: Positive and finite, to be large.
+        margin: Fraction by which a less accurate point must be faster.
+    """
+    order = sorted(range(len(errors)), key=lambda i: (errors[i], -speeds[i], i))
+    kept: list[int] = []
+    for i in order:
+        if not kept or speeds[i] > (1 + margin) * speeds[kept[-1]]:
+            kept.append(i)
+    return kept
+
+
+def recommended(points: Sequence[Point], requested: float) -> int | None:
+    """Return the index of the fastest point whose error is at most the requested one [s]."""
+    fit = [i for i, p in enumerate(points) if p.error is not None and p.error <= requested]
+    return max(fit, key=lambda i: points[i].real_time_factor or 0.0, default=None)
+
+
+def trade_document(trade: Trade) -> dict[str, Any]:
+    """Return the JSON object of a study; errors in s and dimensionless, null where one failed."""
+    points = [
+        asdict(point) | {"failed": bool(point.failed), "reason": point.failed or None}
+        for point in trade.points
+    ]
+    return {
+        "scene": trade.scene,
+        "machine": trade.machine,
+        "requested_error": trade.requested,
+        "points": points,
+        "pareto": [points[i] for i in trade.pareto],
+        "recommended": None if trade.recommended is None else points[trade.recommended],
+    }
+
+
+def trade_text(trade: Trade) -> list[str]:
+    """Return the lines of a study: points, Pareto-optimal ones marked, and a recommendation."""
+    lines = [f"{trade.scene or 'scene'}: error against the reference solution, and speed", HEADER]
+    for i in sorted(range(len(trade.points)), key=lambda i: _order(trade.points[i])):
+        mark = ">" if i == trade.recommended else "*" if i in trade.pareto else " "
+        lines.append(f"{mark} {_row(trade.points[i])}")
+    lines.append("* Pareto-optimal: no other is both faster and more accurate")
+    requested = f"{trade.requested * 1e6:.3g} us"
+    if trade.recommended is None:
+        lines.append(f"none is accurate to {requested}: use the first of the table")
+    else:
+        lines.append(f"> recommended: the fastest one that is accurate to {requested}")
+    again = "; measured before, --fresh measures again" if trade.cached else ""
+    lines.append(f"on {trade.machine}{again}")
+    return lines
+
+
+def _order(point: Point) -> tuple[bool, float, float]:
+    return point.error is None, point.error or 0.0, -(point.real_time_factor or 0.0)
+
+
+def _row(point: Point) -> str:
+    what = (
+        f"{point.engine:8} {point.level:9} {point.string:7} {point.iterations:10d}"
+        f" {point.dt * 1e6:8.4g} us"
+    )
+    if point.error is None or point.force_error is None or point.real_time_factor is None:
+        return f"{what}  failed: {point.failed}"
+    return (
+        f"{what} {point.error * 1e6:8.3g} us {100 * point.force_error:10.2g} %"
+        f" {point.real_time_factor:12.3g}"
+    )
+
+
+def plot_trade(trade: Trade, path: str | Path, peers: Sequence[Point] = ()) -> None:
+    """Save `trade_figure` to a file.
+
+    Args:
+        trade: What was measured.
+        path: Of the file; its extension chooses the format.
+        peers: Points of other simulators, measured on the same scene and machine.
+    """
+    trade_figure(trade, peers).savefig(path, dpi=120)
+
+
+def trade_figure(trade: Trade, peers: Sequence[Point] = ()) -> "Figure":
+    """Return the work-precision diagram: error of events over real-time factor, logarithmic.
+
+    One colour is one way to simulate the scene with steps of several lengths; the grey line
+    joins the Pareto-optimal points. Points that failed are not drawn.
+    """
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(9, 6), layout="constrained")
+    axes = figure.add_subplot()
+    lines: dict[str, list[Point]] = defaultdict(list)
+    for point in [*trade.points, *peers]:
+        if not point.failed:
+            lines[f"{point.engine}, {point.level}, {point.string}"].append(point)
+    speeds, errors = _coordinates([point for points in lines.values() for point in points])
+    axes.set(
+        xscale="log",
+        yscale="log",
+        xlim=_limits(speeds or [1.0]),
+        ylim=_limits([*errors, trade.requested]),
+        xlabel="simulated over real time (1)",
+        ylabel="largest error of an event (s)",
+        title=f"{trade.scene or 'scene'}\n{trade.machine}",
+    )
+    best = _coordinates([trade.points[i] for i in trade.pareto])
+    axes.plot(*best, color="0.8", linewidth=6, label="Pareto-optimal", zorder=1)
+    for name, points in lines.items():
+        axes.plot(*_coordinates(points), "o", markersize=5, label=name, zorder=2)
+    if trade.recommended is not None:
+        chosen = trade.points[trade.recommended]
+        (x,), (y,) = _coordinates([chosen])
+        axes.plot(x, y, "o", markersize=14, fillstyle="none", color="black", zorder=3)
+        axes.annotate(
+            f"recommended: {chosen.engine}, {chosen.dt * 1e6:.4g} us",
+            (x, y),
+            xytext=(0, 14),
+            textcoords="offset points",
+            ha="center",
+        )
+    axes.axhline(trade.requested, color="0.5", linestyle=":", label="requested")
+    axes.grid(visible=True, which="both", alpha=0.2)
+    axes.legend()
+    return figure
+
+
+def _coordinates(points: Sequence[Point]) -> tuple[list[float], list[float]]:
+    return (
+        [point.real_time_factor or 1.0 for point in points],
+        [max(point.error or 0.0, LEAST) for point in points],
+    )
+
+
+def _limits(values: Sequence[float]) -> tuple[float, float]:
+    return min(values) / 3, 3 * max(values)

@@ -1,0 +1,235 @@
+"""Select the cheapest engine, string model and step that reach the accuracy of a scene."""
+
+import math
+from dataclasses import dataclass
+
+from sautereau.rig.instrument import Plectrum
+from sautereau.rig.schema import Rig
+from sautereau.sim_backend.accuracy import Accuracy
+from sautereau.sim_backend.errors import SceneError
+from sautereau.sim_backend.physics.drive import Drive
+from sautereau.sim_backend.physics.observation import Errors, drive_of, errors, observe
+from sautereau.sim_backend.physics.reference.observe import reference
+from sautereau.sim_backend.scene import Scene
+from sautereau.sim_backend.trade.refinement import (
+    DIVERGED,
+    LONGEST,
+    Observe,
+    Trial,
+    fewest,
+    stepped,
+    total,
+)
+
+STRING_STEP = 50e-6
+"""s, at which a spring string is compared with a modal one."""
+STEP = {"rigid": 10e-6, "reduced": 1e-6}
+"""s, cost of one step of an engine with one choir; measured on one machine, once."""
+SAMPLE = {"rigid": 50e-6, "reduced": 25e-6}
+"""s, additional cost of every controller sample."""
+FINGER = {"push": 0.0, "ideal": 100e-6, "servo": 100e-6}
+"""s, cost of the finger's reference in every controller sample."""
+MODAL = 10e-6
+"""s, cost of one step of a modal string and its plectrum."""
+
+
+@dataclass(frozen=True)
+class Selected:
+    """A scene with every choice made, and its accuracy by its own measurement."""
+
+    scene: Scene
+    """With a step, an engine, a plectrum level and a string."""
+    asked: Accuracy | None
+    """None where the scene gives a step."""
+    errors: Errors
+    """Upper bound for the scene's drive, against the exact solution."""
+    real_time_factor: float
+    """Dimensionless, simulated over real time, by a fixed rule and not by a clock."""
+
+    def __str__(self) -> str:
+        scene = self.scene
+        asked = f" for the {self.asked} asked" if self.asked else ""
+        return (
+            f"selected engine {scene.engine}, plectrum {scene.plectrum}, string {scene.string},"
+            f" steps of {micro(scene.step or 0.0)}: {reached(self.errors)}{asked};"
+            f" about {self.real_time_factor:.2g} x real time"
+        )
+
+
+def select_solver(
+    rig: Rig,
+    scene: Scene,
+    drive: Drive | None = None,
+    *,
+    observe: Observe = observe,
+    solve: Observe | None = reference,
+) -> Selected:
+    """Choose what a scene leaves open by the accuracy that it asks for.
+
+    Candidates are run through the scene's own drive and compared with its exact solution;
+    where there is none, as for modal strings, and for a scene that gives a step, the error is
+    estimated by shorter steps. The choice depends on the arguments alone, never on the speed of
+    the machine.
+
+    Args:
+        rig: The nominal bench.
+        scene: What it chooses itself is kept.
+        drive: What will be played; None for `drive_of` the scene.
+        observe: Runs a drive through a world.
+        solve: Solves it exactly; None to estimate all errors by shorter steps.
+
+    Raises:
+        SceneError: The scene cannot be simulated, or not with the accuracy that it asks for.
+    """
+    true = scene.true_rig(rig)
+    trial = Trial(rig, true, drive or drive_of(rig, scene), observe, solve)
+    if scene.accuracy is None:
+        steps = fewest(true, scene.step or LONGEST)
+        return _selected(true, scene, steps, None, trial.estimate(scene, steps))
+    asked = Accuracy.parse(scene.accuracy)
+    best: Selected | None = None
+    closest: Selected | None = None
+    refusals: list[SceneError] = []
+    spring_error = _spring_error(trial, scene)
+    for candidate in _candidates(true, scene):
+        own = spring_error if candidate.string == "spring" else Errors(0.0, 0.0)
+        if not meets(own, asked):
+            continue
+        if best and cost(true, candidate, fewest(true)) >= 1 / best.real_time_factor:
+            continue
+        try:
+            found = _refined(trial, candidate, asked, own)
+        except SceneError as error:
+            refusals.append(error)
+            continue
+        if meets(found.errors, asked):
+            if best is None or found.real_time_factor > best.real_time_factor:
+                best = found
+        elif closest is None or excess(found.errors, asked) < excess(closest.errors, asked):
+            closest = found
+    if best:
+        return best
+    if closest:
+        raise SceneError(_out_of_reach(closest, asked))
+    raise refusals[0]
+
+
+def cost(rig: Rig, scene: Scene, steps: int) -> float:
+    """Return the computing time [s] per simulated second by a fixed rule.
+
+    Args:
+        rig: The simulated bench.
+        scene: With its engine and string chosen.
+        steps: Per controller sample.
+    """
+    step = STEP[scene.engine]
+    if scene.string == "modal":
+        step += MODAL * (1 + len(rig.more_choirs))
+    sample = steps * step + SAMPLE[scene.engine] + FINGER[scene.finger]
+    return sample / rig.controller.sample_period
+
+
+def best_level(plectrum: Plectrum) -> str:
+    """Return the level that is exact for a plectrum, the faster one of two."""
+    return "fe" if plectrum.outline is not None else "elastica"
+
+
+def best_models(true: Rig, scene: Scene) -> Scene:
+    """Return the scene with the best plectrum level and string where it says "auto".
+
+    Args:
+        true: The simulated bench.
+        scene: Of any kind.
+    """
+    level = best_level(true.plectrum) if scene.plectrum == "auto" else scene.plectrum
+    string = "modal" if scene.string == "auto" else scene.string
+    return scene.model_copy(update={"plectrum": level, "string": string})
+
+
+def excess(found: Errors, asked: Accuracy) -> float:
+    """Return the error over the one asked for, dimensionless."""
+    if asked.time is not None:
+        return found.time / asked.time
+    return found.force / (asked.force or math.inf)
+
+
+def meets(found: Errors, asked: Accuracy) -> bool:
+    """Return whether an error is at most the one asked for."""
+    return found != DIVERGED and excess(found, asked) <= 1
+
+
+def reached(found: Errors) -> str:
+    """Return the text of an error."""
+    if not math.isfinite(found.time):
+        return "events that depend on the step"
+    return f"events to {found.time * 1e6:.2g} us and forces to {100 * found.force:.2g} %"
+
+
+def micro(seconds: float) -> str:
+    """Return a time in microseconds, with its unit."""
+    return f"{seconds * 1e6:.4g} us"
+
+
+def _refined(trial: Trial, scene: Scene, asked: Accuracy, own: Errors) -> Selected:
+    """Return the longest step that meets what is asked, or the best that was tried.
+
+    Args:
+        trial: Of the scene's drive.
+        scene: With its engine and string chosen.
+        asked: Accuracy.
+        own: Error of the string model.
+    """
+    closest = None
+    for steps, error in trial.errors(scene):
+        found = _selected(trial.true, scene, steps, asked, total(error, own))
+        if closest is None or excess(found.errors, asked) < excess(closest.errors, asked):
+            closest = found
+        if meets(found.errors, asked):
+            break
+    if closest is None:
+        raise trial.too_long(scene)
+    return closest
+
+
+def _selected(
+    true: Rig, scene: Scene, steps: int, asked: Accuracy | None, found: Errors
+) -> Selected:
+    return Selected(stepped(true, scene, steps), asked, found, 1 / cost(true, scene, steps))
+
+
+def _candidates(true: Rig, scene: Scene) -> list[Scene]:
+    """Return the scene with every engine and string that it leaves open, the cheapest first."""
+    base = best_models(true, scene)
+    strings = ("spring", "modal") if scene.string == "auto" else (base.string,)
+    engines = ("reduced", "rigid") if scene.engine == "auto" else (scene.engine,)
+    return [
+        base.model_copy(update={"engine": engine, "string": string})
+        for string in strings
+        for engine in engines
+        if engine == "rigid" or not (scene.finger == "servo" or string == "modal")
+    ]
+
+
+def _spring_error(trial: Trial, scene: Scene) -> Errors:
+    """Return the error of a spring string against a modal one, where the scene allows both."""
+    if scene.string != "auto":
+        return Errors(0.0, 0.0)
+    steps = math.ceil(trial.true.controller.sample_period / STRING_STEP)
+    modal = best_models(trial.true, scene).model_copy(update={"engine": "rigid"})
+    spring = modal.model_copy(update={"string": "spring"})
+    return errors(trial.run(spring, steps), trial.run(modal, steps))
+
+
+def _out_of_reach(closest: Selected, asked: Accuracy) -> str:
+    scene, times = closest.scene, excess(closest.errors, asked)
+    if math.isfinite(times):
+        fix = f"ask for {times:.3g} times as much"
+    else:
+        fix = (
+            "a contact, release or return nearly does not happen: change the drive, or give a step"
+        )
+    return (
+        f"accuracy: {asked} is out of reach: engine {scene.engine}, string {scene.string}"
+        f" and steps of {micro(scene.step or 0.0)} reach {reached(closest.errors)}; {fix}, or"
+        " choose another engine or string"
+    )

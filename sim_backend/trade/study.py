@@ -1,0 +1,228 @@
+"""Work-precision study: error and speed of a scene on this machine, simulated in every way."""
+
+import contextlib
+import hashlib
+import json
+import math
+import os
+import platform
+import statistics
+import tempfile
+import time
+from collections.abc import Callable
+from dataclasses import asdict, replace
+from importlib.metadata import version
+from pathlib import Path
+
+from sautereau.analysis.errors import ModelError
+from sautereau.rig.load import rig_json
+from sautereau.rig.schema import Rig
+from sautereau.sim_backend.accuracy import Accuracy
+from sautereau.sim_backend.errors import SceneError
+from sautereau.sim_backend.physics.drive import Drive
+from sautereau.sim_backend.physics.finger import Reference
+from sautereau.sim_backend.physics.observation import Observation, drive_of, errors, observe
+from sautereau.sim_backend.scene import Scene
+from sautereau.sim_backend.trade.refinement import stepped
+from sautereau.sim_backend.trade.results import Point, Trade, pareto_front, recommended
+from sautereau.sim_backend.trade.select import best_models
+
+STEPS = {"rigid": (1, 2, 4, 8, 16, 32, 64), "reduced": (1, 2, 4, 8, 16)}
+"""Steps per controller sample that are tried with an engine."""
+FEW = (1, 8)
+"""Those that simpler levels and strings are tried with: a step does not improve a model."""
+ITERATIONS = (1, 3, 30, 100)
+"""Of the rigid bodies' solver, tried beside the scene's own with `MIDDLE` steps per sample."""
+MIDDLE = 8
+MARGIN = 0.1
+"""Fraction of a speed below which measured speeds count as equal."""
+RUNS = (3, 99)
+"""Least and largest number of runs whose median speed counts."""
+ENOUGH = 0.3
+"""s, total duration of runs after which there are no more."""
+
+
+def run_trade(
+    rig: Rig,
+    scene: Scene,
+    fresh: bool = False,
+    progress: Callable[[float], None] = lambda fraction: None,
+) -> Trade:
+    """Measure error and speed of a scene over engine, step, iterations, level and string.
+
+    The truth is the reference solution of the scene, with the best level and string where it
+    says "auto"; simpler ones than those are tried, but no better ones.
+
+    Args:
+        rig: The nominal bench.
+        scene: With a step or an accuracy, which only affects the recommendation.
+        fresh: Measure again, even if the result is in the cache.
+        progress: Called with the fraction that is done, from 0 to 1.
+
+    Raises:
+        SceneError: The scene cannot be simulated.
+    """
+    found = None if fresh else stored_trade(rig, scene)
+    if found is None:
+        found = _measured(rig, scene, progress)
+        store_trade(rig, scene, found)
+    progress(1.0)
+    return found
+
+
+def stored_trade(rig: Rig, scene: Scene) -> Trade | None:
+    """Return the study in the user's cache, or None where there is none or it is damaged."""
+    try:
+        document = json.loads(_path(rig, scene).read_text(encoding="utf-8"))
+        points = tuple(Point(**point) for point in document.pop("points"))
+        pareto = tuple(document.pop("pareto"))
+        return replace(Trade(points=points, pareto=pareto, **document), cached=True)
+    except (OSError, ValueError, TypeError, KeyError):
+        return None
+
+
+def store_trade(rig: Rig, scene: Scene, trade: Trade) -> None:
+    """Write a study to the cache, so that no other process ever reads an incomplete file."""
+    path = _path(rig, scene)
+    with contextlib.suppress(OSError):  # without a cache it is only slower
+        path.parent.mkdir(parents=True, exist_ok=True)
+        handle, name = tempfile.mkstemp(dir=path.parent, suffix=".part")
+        with os.fdopen(handle, "w", encoding="utf-8") as file:
+            json.dump(asdict(trade), file)
+        Path(name).replace(path)
+
+
+def timed(rig: Rig, scene: Scene, drive: Drive) -> tuple[Observation, float]:
+    """Return what is observed in a drive, and the median of simulated over real time.
+
+    The time to build the world does not count.
+
+    Args:
+        rig: The nominal bench.
+        scene: With its step and engine chosen.
+        drive: What is played.
+
+    Raises:
+        SceneError: The scene cannot be simulated.
+    """
+    simulated = drive.samples * rig.controller.sample_period
+    least, most = RUNS
+    times: list[float] = []
+    while True:
+        watch = _TimedDrive(drive)
+        found = observe(rig, scene, watch)
+        ended = time.perf_counter()
+        times.append(ended - (ended if watch.started is None else watch.started))
+        if len(times) == most or (len(times) >= least and sum(times) > ENOUGH):
+            return found, simulated / max(statistics.median(times), 1e-9)
+
+
+class _TimedDrive:
+    """A drive that notes the time of its first sample, when the world has been built."""
+
+    def __init__(self, drive: Drive):
+        self.start = drive.start
+        self.samples = drive.samples
+        self.started: float | None = None
+        """s of `time.perf_counter`; None before."""
+        self._drive = drive
+
+    def reference(self, sample: int) -> Reference:
+        """Return the drive's own reference."""
+        if self.started is None:
+            self.started = time.perf_counter()
+        return self._drive.reference(sample)
+
+
+def _machine() -> str:
+    """Return a description of this machine, without its name."""
+    system = f"{platform.system()}, Python {platform.python_version()}"
+    return f"{platform.machine()}, {os.cpu_count()} cores, {system}"
+
+
+def _path(rig: Rig, scene: Scene) -> Path:
+    import platformdirs
+
+    parts = [version("sautereau"), platform.node(), _machine(), rig_json(rig), repr(scene)]
+    name = hashlib.sha256("\n".join(parts).encode()).hexdigest()
+    return platformdirs.user_cache_path("sautereau", appauthor=False) / "trade" / f"{name}.json"
+
+
+def _measured(rig: Rig, scene: Scene, progress: Callable[[float], None]) -> Trade:
+    from sautereau.sim_backend.physics.reference.observe import reference
+
+    true = scene.true_rig(rig)
+    drive = drive_of(rig, scene)
+    exact = best_models(true, scene)
+    truth = reference(rig, exact, drive)
+    ways = _ways(true, exact)
+    points = []
+    for i, way in enumerate(ways):
+        progress(i / len(ways))
+        points.append(_point(rig, way, drive, truth))
+    good = [i for i, point in enumerate(points) if not point.failed]
+    front = pareto_front(
+        [points[i].error or 0.0 for i in good],
+        [points[i].real_time_factor or 0.0 for i in good],
+        MARGIN,
+    )
+    asked = Accuracy.parse(scene.accuracy).time if scene.accuracy else None
+    requested = asked or 0.5 / rig.daq.sample_rate  # half a sample, which no recording resolves
+    return Trade(
+        scene=scene.description,
+        machine=_machine(),
+        requested=requested,
+        points=tuple(points),
+        pareto=tuple(good[i] for i in front),
+        recommended=recommended(points, requested),
+    )
+
+
+def _ways(true: Rig, exact: Scene) -> list[Scene]:
+    """Return complete scenes: all steps of the exact one, and a few of each simpler model."""
+    engines = ["rigid"] if exact.finger == "servo" else ["rigid", "reduced"]
+    ways = [stepped(true, exact, n, engine=engine) for engine in engines for n in STEPS[engine]]
+    ways += [
+        stepped(true, exact, MIDDLE, engine="rigid", iterations=n)
+        for n in ITERATIONS
+        if n != exact.iterations
+    ]
+    simpler = [{"plectrum": level} for level in _simpler_levels(true, exact)]
+    if exact.string == "modal":
+        simpler.append({"string": "spring"})
+    ways += [
+        stepped(true, exact, n, engine=engine, **change)
+        for change in simpler
+        for engine in engines
+        for n in FEW
+    ]
+    return [way for way in ways if not (way.engine == "reduced" and way.string == "modal")]
+
+
+def _simpler_levels(true: Rig, exact: Scene) -> list[str]:
+    if exact.plectrum not in ("elastica", "fe"):
+        return []
+    simpler = ["rods", "beam"] if exact.plectrum == "elastica" else ["elastica", "rods", "beam"]
+    return [*simpler, "two-beam"] if true.plectrum.tip_thickness is not None else simpler
+
+
+def _point(rig: Rig, way: Scene, drive: Drive, truth: Observation) -> Point:
+    blank = Point(
+        scene=way.description,
+        dt=way.step or 0.0,
+        engine=way.engine,
+        level=way.plectrum,
+        string=way.string,
+        iterations=way.iterations,
+        error=None,
+        force_error=None,
+        real_time_factor=None,
+    )
+    try:
+        found, factor = timed(rig, way, drive)
+    except (SceneError, ModelError) as error:
+        return replace(blank, failed=str(error))
+    error = errors(found, truth)
+    if not math.isfinite(error.time + error.force):
+        return replace(blank, failed="contacts or releases are missing, or there are too many")
+    return replace(blank, error=error.time, force_error=error.force, real_time_factor=factor)
