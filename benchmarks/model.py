@@ -42,7 +42,7 @@ def _one(rig: Rig) -> list[Figure]:
             force / exact.vertical_force[-1] - exact.vertical_force / exact.vertical_force[-1]
         ).max()
     )
-    error = max(error, abs(found.contact_duration * speed / exact.release_height - 1))
+    error = max(error, abs(found.pluck_duration * speed / exact.release_height - 1))
     assert error < SAME
     spent = median_time(lambda: predict(rig)) * 1e3
     return [
@@ -92,7 +92,7 @@ def _error(rig: Rig, values: dict, found, case: int) -> float:
         )
     update = {s: getattr(rig, s).model_copy(update=fields) for s, fields in sections.items()}
     expected = predict(rig.model_copy(update=update))
-    names = ("contact_duration", "release_force", "release_lift", "release_angle", "v_osc")
+    names = ("pluck_duration", "plectrum_force", "release_lift", "release_angle", "v_osc")
     return max(abs(getattr(found, n)[case] / getattr(expected, n) - 1) for n in names)
 
 

@@ -44,12 +44,12 @@ def _errors(rig: Rig) -> list[Figure]:
     for known, percent in EXPECTED.items():
         assert speed != known or percent / FACTOR < -error < percent * FACTOR
     force = float(static.force[-1])
-    by = (force / modal.release_force - 1) * 100
+    by = (force / modal.plectrum_force - 1) * 100
     held = f"{speed:.3g} m/s: string held as modes, spring {error:+.2f} % off"
     left = f"{speed:.3g} m/s: force at release, spring {by:+.2f} % off"
     return [
         Figure(held, modal.release * 1e3, "ms", "spring", duration * 1e3),
-        Figure(left, modal.release_force, "N", "spring", force),
+        Figure(left, modal.plectrum_force, "N", "spring", force),
         Figure(f"{speed:.3g} m/s: time", modal_time * 1e3, "ms", "spring", static_time * 1e3),
     ]
 

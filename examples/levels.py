@@ -14,7 +14,7 @@ from sautereau.rig.schema import Rig
 
 def study(rig: Rig) -> dict[str, float]:
     """Return the time [s] for which the string is held, by level."""
-    return {level: predict(rig, level).contact_duration for level in LEVELS}
+    return {level: predict(rig, level).pluck_duration for level in LEVELS}
 
 
 def plot(path: str | Path, rig: Rig) -> None:

@@ -25,7 +25,7 @@ from sautereau.trajectory.motion import Floats
 if TYPE_CHECKING:
     import pandas as pd
 
-FELT = {"threshold": "peak_force", "slope": "force_slope", "drop": "force_step"}
+FELT = {"threshold": "release_force", "slope": "force_slope", "drop": "force_drop"}
 """Columns of a campaign that hold what is felt: the force at which the string is let go, its
 growth with the key's deflection under the laser before, and its fall at release."""
 UNITS = {"threshold": "N", "slope": "N/m", "drop": "N"}

@@ -83,7 +83,7 @@ def _over_time(top, below, press: Press, phases: Phases, prediction: Prediction)
     below.set_xlim(0, end)
     inside = press.data["force"].to_numpy()[time <= end]
     below.set_ylim(
-        min(0.0, inside.min()) - 0.05, max(inside.max(), prediction.finger_force_peak) * 1.15
+        min(0.0, inside.min()) - 0.05, max(inside.max(), prediction.peak_force) * 1.15
     )
     edges = [0.0, end]
     names = ["free"]

@@ -41,7 +41,7 @@ class ChoirPluck:
     """s."""
     release: float
     """s."""
-    release_force: float
+    plectrum_force: float
     """N, between plectrum and string."""
     release_lift: float
     """m, of the string."""
@@ -57,7 +57,7 @@ class ChoirPluck:
     """Whether the plectrum gave way before the string had come to its tip."""
 
     @property
-    def contact_duration(self) -> float:
+    def pluck_duration(self) -> float:
         """Time the string is held [s]."""
         return self.release - self.contact
 
@@ -156,7 +156,7 @@ def plucked(rig: Rig, held: Held, string_force: Floats) -> ChoirPluck:
         string_force=string_force,
         contact=held.contact / speed,
         release=held.release / speed,
-        release_force=float(pluck.force[-1]),
+        plectrum_force=float(pluck.force[-1]),
         release_lift=lift,
         release_angle=float(pluck.angle[-1]),
         released_string=StringState(float(pluck.shift[-1]), lift, out * own_speed, up * own_speed),

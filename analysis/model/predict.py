@@ -50,7 +50,7 @@ class Prediction:
     """s."""
     release: float
     """s."""
-    release_force: float
+    plectrum_force: float
     """N, between plectrum and string."""
     release_lift: float
     """m, of the string."""
@@ -62,12 +62,12 @@ class Prediction:
     """Of every choir, the first one first."""
 
     @property
-    def contact_duration(self) -> float:
+    def pluck_duration(self) -> float:
         """Time the string is held [s]."""
         return self.release - self.contact
 
     @property
-    def finger_force_peak(self) -> float:
+    def peak_force(self) -> float:
         """Largest force of the finger [N]."""
         return float(self.finger_force.max())
 
@@ -141,7 +141,7 @@ def predict(rig: Rig, level: str = "elastica", *, rollover: bool = False) -> Pre
         finger_force=finger_force(rig, angle, forces),
         contact=first.contact,
         release=first.release,
-        release_force=first.release_force,
+        plectrum_force=first.plectrum_force,
         release_lift=first.release_lift,
         release_angle=first.release_angle,
         v_osc=first.v_osc,

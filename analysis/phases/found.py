@@ -15,9 +15,9 @@ class HeldString:
     """s, standard uncertainty."""
     contact_force: float
     """N, of the finger at contact."""
-    peak_force: float
+    release_force: float
     """N, of the finger just before release."""
-    force_step: float
+    force_drop: float
     """N, by which it falls at release."""
     slope: float
     """N/m, of the finger's force on the key's deflection while the string is held."""

@@ -48,7 +48,7 @@ def measured(signals: Signals, contact: Contact, release: Release) -> HeldString
         contact_std=contact.std,
         release_std=release.std,
         contact_force=float(force[max(0, first - m) : max(1, first)].mean()),
-        peak_force=before,
-        force_step=before - after,
+        release_force=before,
+        force_drop=before - after,
         slope=float(travel @ force[first:last] / (travel @ travel)),
     )

@@ -27,13 +27,13 @@ UNITS = {
     "contact_std": "s",
     "release": "s",
     "release_std": "s",
-    "contact_duration": "s",
+    "pluck_duration": "s",
     "contact_rise": "m",
     "release_rise": "m",
     "held_deflection": "m",
     "contact_force": "N",
-    "peak_force": "N",
-    "force_step": "N",
+    "release_force": "N",
+    "force_drop": "N",
     "force_slope": "N/m",
     "held_work": "J",
     "press_work": "J",
@@ -54,7 +54,7 @@ class PluckFeatures:
     release: float | None = None
     release_std: float | None = None
     """s, standard uncertainty."""
-    contact_duration: float | None = None
+    pluck_duration: float | None = None
     """s, for which the string is held."""
     contact_rise: float | None = None
     """m, of the jack at contact."""
@@ -64,9 +64,9 @@ class PluckFeatures:
     """m, of the key under the laser, from contact to release."""
     contact_force: float | None = None
     """N, of the finger at contact."""
-    peak_force: float | None = None
+    release_force: float | None = None
     """N, of the finger just before release."""
-    force_step: float | None = None
+    force_drop: float | None = None
     """N, by which it falls at release."""
     force_slope: float | None = None
     """N/m, of the finger's force on the deflection under the laser while the string is held."""
@@ -171,13 +171,13 @@ class _Signals:
             contact_std=held.contact_std,
             release=held.release,
             release_std=held.release_std,
-            contact_duration=held.duration,
+            pluck_duration=held.duration,
             contact_rise=float(rise[0]),
             release_rise=float(rise[1]),
             held_deflection=float(deflection[1] - deflection[0]),
             contact_force=held.contact_force,
-            peak_force=held.peak_force,
-            force_step=held.force_step,
+            release_force=held.release_force,
+            force_drop=held.force_drop,
             force_slope=held.slope,
             held_work=self.work(*ends),
         )

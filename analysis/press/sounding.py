@@ -155,7 +155,7 @@ def soundings(
     for choir, plucked in zip(choirs(rig), predict(rig, level).choirs, strict=True):
         parts = {"jack": choir.jack, "plectrum": choir.plectrum, "string": choir.string}
         alone = rig.model_copy(update={**parts, "more_choirs": ()})
-        speed = rig_pluck(alone, level).release_height / plucked.contact_duration
+        speed = rig_pluck(alone, level).release_height / plucked.pluck_duration
         press = rig.press.model_copy(update={"jack_speed": speed})
         alone = alone.model_copy(update={"press": press})
         modes = MODES if highest is None else int(highest / choir.string.frequency)

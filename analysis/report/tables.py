@@ -52,17 +52,17 @@ COLUMNS = (
     Column("free_speed", "jack speed, free", "m/s", 1, 5),
     Column("contact", "contact", "ms", 1e3, 3, "contact_std"),
     Column("release", "release", "ms", 1e3, 3, "release_std"),
-    Column("contact_duration", "held", "ms", 1e3, 3),
+    Column("pluck_duration", "held", "ms", 1e3, 3),
     Column("contact_force", "force at contact", "N", 1, 4),
-    Column("peak_force", "largest force", "N", 1, 4),
-    Column("force_step", "fall at release", "N", 1, 4),
+    Column("release_force", "largest force", "N", 1, 4),
+    Column("force_drop", "fall at release", "N", 1, 4),
     Column("force_slope", "slope while held", "N/mm", 1e-3, 4),
     Column("held_work", "work while held", "µJ", 1e6, 1),
     Column("press_work", "work of the press", "µJ", 1e6, 1),
 )
-LATER = ("contact", "release", "contact_duration", "force_step")
+LATER = ("contact", "release", "pluck_duration", "force_drop")
 """Features that are shown of every pluck after the first as well."""
-COURSE = ("free_speed", "contact_duration", "peak_force")
+COURSE = ("free_speed", "pluck_duration", "release_force")
 """Features that are drawn from press to press."""
 
 

@@ -61,8 +61,8 @@ def compare(phases: Sequence[Phases], prediction: Prediction) -> Comparison:
     return Comparison(
         presses=len(held),
         slope_error=_departure([slope / h.slope - 1 for h in held]),
-        magnitude_error=_departure([rise / (h.peak_force - h.contact_force) - 1 for h in held]),
-        duration_error=_departure([prediction.contact_duration / h.duration - 1 for h in held]),
+        magnitude_error=_departure([rise / (h.release_force - h.contact_force) - 1 for h in held]),
+        duration_error=_departure([prediction.pluck_duration / h.duration - 1 for h in held]),
     )
 
 

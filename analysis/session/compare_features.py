@@ -14,13 +14,13 @@ from sautereau.analysis.session.compare import mean_interval, predicted_features
 from sautereau.rig.schema import Rig
 
 COMPARED = (
-    "contact_duration",
+    "pluck_duration",
     "contact_rise",
     "release_rise",
     "held_deflection",
     "contact_force",
-    "peak_force",
-    "force_step",
+    "release_force",
+    "force_drop",
     "force_slope",
     "held_work",
 )
@@ -82,13 +82,13 @@ def pluck_features(rig: Rig, prediction: Prediction, choir: ChoirPluck) -> dict[
     after = prediction.finger_force[min(last + 1, len(prediction.finger_force) - 1)]
     travel = deflection * rig.key.press_arm / rig.key.laser_arm
     return {
-        "contact_duration": choir.contact_duration,
+        "pluck_duration": choir.pluck_duration,
         "contact_rise": float(prediction.rise[first]),
         "release_rise": float(prediction.rise[last]),
         "held_deflection": float(deflection[-1] - deflection[0]),
         "contact_force": float(force[0]),
-        "peak_force": float(force[-1]),
-        "force_step": float(force[-1] - after),
+        "release_force": float(force[-1]),
+        "force_drop": float(force[-1] - after),
         "force_slope": slope,
         "held_work": float(trapezoid(force, travel)),
     }

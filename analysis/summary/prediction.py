@@ -14,11 +14,11 @@ def prediction_summary(rig: Rig, found: Prediction) -> dict[str, Any]:
     return {
         "contact": found.contact,
         "release": found.release,
-        "contact_duration": found.contact_duration,
-        "release_force": found.release_force,
+        "pluck_duration": found.pluck_duration,
+        "plectrum_force": found.plectrum_force,
         "release_lift": found.release_lift,
         "release_angle": found.release_angle,
-        "finger_force_peak": found.finger_force_peak,
+        "peak_force": found.peak_force,
         "work": found.work,
         "v_osc": found.v_osc,
         "v_osc_first_mode": first_mode_release_speed(rig.string, found.release_lift),
@@ -27,7 +27,7 @@ def prediction_summary(rig: Rig, found: Prediction) -> dict[str, Any]:
             {
                 "contact": choir.contact,
                 "release": choir.release,
-                "release_force": choir.release_force,
+                "plectrum_force": choir.plectrum_force,
                 "release_lift": choir.release_lift,
                 "work": choir.work,
                 "gives_way": choir.gives_way,
@@ -46,14 +46,14 @@ def prediction_lines(rig: Rig, found: Prediction) -> list[str]:
         gives_way = ", where the plectrum gives way" * choir.gives_way
         lines += [
             f"{name}contact {choir.contact * 1e3:.4g} ms, release {choir.release * 1e3:.4g} ms"
-            f"{gives_way}: the string is held for {choir.contact_duration * 1e3:.4g} ms",
-            f"at release: {choir.release_force:.4g} N, string lifted"
+            f"{gives_way}: the string is held for {choir.pluck_duration * 1e3:.4g} ms",
+            f"at release: {choir.plectrum_force:.4g} N, string lifted"
             f" {choir.release_lift * 1e3:.4g} mm, plectrum at"
             f" {math.degrees(choir.release_angle):.4g} deg",
         ]
     return [
         *lines,
-        f"the finger pushes with up to {found.finger_force_peak:.4g} N and works"
+        f"the finger pushes with up to {found.peak_force:.4g} N and works"
         f" {found.work * 1e6:.4g} uJ against plectrum and string",
         f"the string leaves at {found.v_osc:.4g} m/s (all modes; the first alone {first_mode:.4g})",
     ]

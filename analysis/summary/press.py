@@ -32,8 +32,8 @@ def press_summary(press: Press, phases: Phases) -> dict[str, Any]:
         },
         "forces": {
             "contact": first and first.contact_force,
-            "peak": first and first.peak_force,
-            "step": first and first.force_step,
+            "peak": first and first.release_force,
+            "step": first and first.force_drop,
         },
         "warnings": [*press.warnings, *phases.warnings],
     }
@@ -47,7 +47,7 @@ def press_line(press: Press, phases: Phases) -> str:
         return f"{row}  no pluck"
     first, *more = (
         f"{p.contact * 1e3:>10.3f} {p.release * 1e3:>10.3f}"
-        f" {p.duration * 1e3:>8.3f} {p.peak_force:>7.4f}"
+        f" {p.duration * 1e3:>8.3f} {p.release_force:>7.4f}"
         for p in phases.plucks
     )
     return "\n".join([f"{row} {first}", *(f"{'':<35} {line}" for line in more)])

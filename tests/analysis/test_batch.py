@@ -9,11 +9,11 @@ from sautereau.analysis.model.predict import predict
 from sautereau.rig.instrument import Choir
 
 SCALARS = (
-    "contact_duration",
-    "release_force",
+    "pluck_duration",
+    "plectrum_force",
     "release_lift",
     "release_angle",
-    "finger_force_peak",
+    "peak_force",
     "v_osc",
 )
 
@@ -61,7 +61,7 @@ def test_each_case_is_the_single_prediction(paper, friction):
         _, expected = one_by_one(paper, values, i)
         for name in SCALARS:
             # The single prediction takes the finger's peak at its instants.
-            rel = 1e-5 if name == "finger_force_peak" else 1e-9
+            rel = 1e-5 if name == "peak_force" else 1e-9
             assert getattr(found, name)[i] == pytest.approx(getattr(expected, name), rel=rel)
 
 
@@ -90,11 +90,11 @@ def test_extremes_end_as_the_single_prediction_does(paper, friction):
             value = getattr(found, name)[i]
             if expected is None:
                 assert np.isnan(value)
-            elif name != "finger_force_peak":
+            elif name != "peak_force":
                 # The angle at a fold is where a maximum lies, known to half of the digits.
                 assert value == pytest.approx(getattr(expected, name), rel=1e-6)
             else:
-                assert value == pytest.approx(expected.finger_force_peak, rel=1e-4)
+                assert value == pytest.approx(expected.peak_force, rel=1e-4)
 
 
 def test_values_broadcast(paper):
@@ -102,16 +102,16 @@ def test_values_broadcast(paper):
     found = predict_many(paper, {"plectrum.overlap": overlap, "press.jack_speed": speed})
     for name in (*SCALARS, "status"):
         assert getattr(found, name).shape == (3, 4)
-    np.testing.assert_array_equal(found.release_force[0], found.release_force[2])
-    duration = found.contact_duration * speed
+    np.testing.assert_array_equal(found.plectrum_force[0], found.plectrum_force[2])
+    duration = found.pluck_duration * speed
     np.testing.assert_allclose(duration[0], duration[2], rtol=1e-12)
-    assert predict_many(paper, {}).release_force.shape == ()
+    assert predict_many(paper, {}).plectrum_force.shape == ()
 
 
 def test_derived_values_stand_for_what_they_follow_from(paper):
     bending, stiffness = paper.plectrum.bending_stiffness, paper.string.static_stiffness
     found = predict_many(paper, dict(zip(DERIVED, (bending, stiffness), strict=True)))
-    assert found.release_force == predict_many(paper, {}).release_force
+    assert found.plectrum_force == predict_many(paper, {}).plectrum_force
 
 
 @pytest.mark.parametrize(

@@ -70,7 +70,7 @@ def test_a_row_holds_session_plectrum_and_features(made, whole):
 def test_the_file_tells_units_and_is_what_was_returned(whole):
     again = read_campaign(whole.path)
     assert again.table.equals(whole.table)
-    field = pq.read_schema(whole.path).field("peak_force")
+    field = pq.read_schema(whole.path).field("release_force")
     assert field.metadata == {b"unit": b"N"}
     assert whole.units["contact_std"] == "s"
     assert unit_of("contact_2") == "s"

@@ -39,11 +39,11 @@ def joined(function, where, field):
 
 def test_a_sweep_of_the_model_is_the_same_everywhere(address):
     rig = load_rig()
-    whole = predict_many(rig, {"plectrum.overlap": OVERLAPS}).contact_duration
-    here = joined(partial(predict_many, rig), 1, "contact_duration")
+    whole = predict_many(rig, {"plectrum.overlap": OVERLAPS}).pluck_duration
+    here = joined(partial(predict_many, rig), 1, "pluck_duration")
     np.testing.assert_allclose(here, whole, rtol=1e-9)
     for where in (2, address):
-        assert np.array_equal(joined(partial(predict_many, rig), where, "contact_duration"), here)
+        assert np.array_equal(joined(partial(predict_many, rig), where, "pluck_duration"), here)
 
 
 def test_a_sweep_of_the_stand_in_is_the_same_everywhere(address):

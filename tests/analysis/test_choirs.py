@@ -42,7 +42,7 @@ def test_two_strings_with_a_stagger_give_two_plucks(paper, staggered):
     held = [choir.string_force > 0 for choir in found.choirs]
     assert not np.any(held[0] & held[1])
     np.testing.assert_array_equal(found.string_force, first.string_force)
-    assert second.release_force == pytest.approx(first.release_force, rel=1e-12)
+    assert second.plectrum_force == pytest.approx(first.plectrum_force, rel=1e-12)
 
 
 def test_the_second_jack_is_where_the_lever_puts_it(paper, staggered):

@@ -24,12 +24,12 @@ def phases_of(prediction, *, slope=0.0, rise=0.0, duration=0.0):
     magnitude = predicted_rise / (1 + rise)
     held = HeldString(
         contact=0.04,
-        release=0.04 + prediction.contact_duration / (1 + duration),
+        release=0.04 + prediction.pluck_duration / (1 + duration),
         contact_std=1e-5,
         release_std=1e-5,
         contact_force=0.3,
-        peak_force=0.3 + magnitude,
-        force_step=magnitude,
+        release_force=0.3 + magnitude,
+        force_drop=magnitude,
         slope=predicted_slope / (1 + slope),
     )
     return Phases(0.01, 0.2, (held,), 0.072, 0.07, 0.072, ())
@@ -112,9 +112,9 @@ def test_every_feature_stands_beside_the_models(paper, prediction):
         assert feature.predicted == predicted[name]
         assert feature.presses == 3
         assert feature.low < feature.measured < feature.high
-    assert found["contact_duration"].predicted == pytest.approx(prediction.contact_duration)
+    assert found["pluck_duration"].predicted == pytest.approx(prediction.pluck_duration)
     assert found["contact_rise"].predicted == pytest.approx(paper.jack.string_clearance, rel=1e-6)
-    assert found["force_step"].predicted > 0
+    assert found["force_drop"].predicted > 0
     assert found["force_slope"].unit == "N/m"
 
 

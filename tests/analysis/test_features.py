@@ -28,7 +28,7 @@ def test_the_numbers_are_those_of_the_press(found):
     press, features_ = found
     row = features_.row()
     key = press.rig.key
-    assert row["contact_duration"] == pytest.approx(0.020, rel=1e-3)
+    assert row["pluck_duration"] == pytest.approx(0.020, rel=1e-3)
     assert row["release_rise"] - row["contact_rise"] == pytest.approx(0.072 * 0.020, rel=1e-3)
     lever = key.laser_arm / key.jack_arm
     assert row["held_deflection"] == pytest.approx(0.072 * 0.020 * lever, rel=0.02)

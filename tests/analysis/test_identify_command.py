@@ -57,7 +57,7 @@ def test_identify_writes_a_rig_that_compare_agrees_with(recordings, tmp_path, ca
         _, out = run(capsys, "compare", *recordings, "--json", *extra)
         compared = json.loads(out)
         errors.append(abs(compared["slope_error"]["value"]))
-        assert compared["features"]["contact_duration"]["unit"] == "s"
+        assert compared["features"]["pluck_duration"]["unit"] == "s"
     assert errors[1] < errors[0]
 
 

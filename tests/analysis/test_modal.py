@@ -35,7 +35,7 @@ def errors(speed):
     """Return by how many % duration and force at release exceed the spring's."""
     rig = rig_at(speed)
     modal, static = pluck(speed), rig_pluck(rig)
-    by = modal.release / duration(rig), modal.release_force / static.force[-1]
+    by = modal.release / duration(rig), modal.plectrum_force / static.force[-1]
     return (np.array(by) - 1) * 100
 
 
@@ -77,7 +77,7 @@ def test_the_modes_converge_faster_than_their_residual():
     """The left-out modes are there as a spring, so that their number matters little."""
     rig = rig_at(1.0)
     step = duration(rig) / 300
-    forces = [modal_pluck(rig, modes=n, step=step).release_force for n in (5, 10, 20, 40, 160)]
+    forces = [modal_pluck(rig, modes=n, step=step).plectrum_force for n in (5, 10, 20, 40, 160)]
     off = np.abs(np.array(forces[:-1]) / forces[-1] - 1)
     assert off[0] < 2e-3
     assert off[3] < 1e-5
@@ -170,7 +170,7 @@ def test_friction_releases_like_the_spring():
     rig = rig_at(0.05, friction=0.1)
     modal, static = modal_pluck(rig, modes=10, step=8e-5), rig_pluck(rig)
     assert modal.release == pytest.approx(duration(rig), rel=2e-3)
-    assert modal.release_force == pytest.approx(static.force[-1], rel=3e-3)
+    assert modal.plectrum_force == pytest.approx(static.force[-1], rel=3e-3)
 
 
 def test_damping_stills_the_held_string():

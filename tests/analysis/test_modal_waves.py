@@ -62,4 +62,4 @@ def test_travelling_waves_agree(speed):
     release, force = by_waves(rig, 300)
     modal = modal_pluck(rig)
     assert modal.release == pytest.approx(release, rel=2e-5)
-    assert modal.release_force == pytest.approx(force, rel=5e-5)
+    assert modal.plectrum_force == pytest.approx(force, rel=5e-5)

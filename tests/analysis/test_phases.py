@@ -43,8 +43,8 @@ def test_a_clean_press_is_known_to_a_sample(make_press, rate):
     assert known * (1 - 1e-9) <= held.release_std < 1.3 * known
     assert held.duration == pytest.approx(0.020, abs=0.7 / rate)
     assert held.contact_force == pytest.approx(0.33, abs=1e-3)
-    assert held.peak_force == pytest.approx(0.33 + 27 * 0.02, abs=27 / rate)
-    assert held.force_step == pytest.approx(27 * 0.02, abs=27 / rate)
+    assert held.release_force == pytest.approx(0.33 + 27 * 0.02, abs=27 / rate)
+    assert held.force_drop == pytest.approx(27 * 0.02, abs=27 / rate)
     assert phases.start == pytest.approx(0.030, abs=2e-6)
     assert phases.free_speed == pytest.approx(0.072, rel=1e-4)
     assert phases.held_speed == pytest.approx(0.072, rel=1e-4)
@@ -59,7 +59,7 @@ def test_a_noisy_press(make_press, rate, seed):
     limit = 0.3e-3 if rate > 20e3 else 0.5e-3
     assert held.contact == pytest.approx(CONTACT, abs=limit)
     assert held.release == pytest.approx(RELEASE, abs=max(0.1e-3, 1 / rate))
-    assert held.force_step == pytest.approx(0.54, abs=0.02)
+    assert held.force_drop == pytest.approx(0.54, abs=0.02)
     assert phases.free_speed == pytest.approx(0.072, rel=1e-3)
     assert_finite(phases)
 
@@ -251,7 +251,7 @@ def test_strong_and_weak_forces(make_press, peak, noise):
     held, _ = only_pluck(make_press(slope=peak / 0.020, force_noise=noise))
     assert held.contact == pytest.approx(CONTACT, abs=0.1e-3)
     assert held.release == pytest.approx(RELEASE, abs=0.03e-3)
-    assert held.force_step == pytest.approx(peak, rel=0.02)
+    assert held.force_drop == pytest.approx(peak, rel=0.02)
 
 
 def test_a_pluck_of_a_millinewton_is_not_told(make_press):

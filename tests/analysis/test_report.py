@@ -123,7 +123,7 @@ def test_the_table_holds_the_features(twenty):
         first = record.phases.plucks[0]
         assert f"{first.contact * 1e3:.3f}" in row[2]
         assert f"{first.release * 1e3:.3f}" in row[3]
-        assert f"{first.peak_force:.4f}" in row
+        assert f"{first.release_force:.4f}" in row
     mean = np.mean([r.phases.plucks[0].duration for r in found.presses])
     (foot,) = [row for row in Page(text).rows if row and row[0] == "mean"]
     assert f"{mean * 1e3:.3f}" in foot

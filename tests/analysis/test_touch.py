@@ -85,7 +85,7 @@ def test_plectra_are_told_in_order_of_stiffness(found):
     rows = [row for row in rows_of() if row["plectrum"] == one.name]
     assert one.presses == len(rows) == 24
     assert one.sessions == 3
-    mean = np.exp(np.mean(np.log([row["peak_force"] for row in rows])))
+    mean = np.exp(np.mean(np.log([row["release_force"] for row in rows])))
     assert one.felt["threshold"].value == pytest.approx(mean, rel=1e-9)
     assert one.shape["plectrum_thickness"] == rows[0]["plectrum_thickness"]
     expected = 3 * rows[0]["plectrum_bending_stiffness"] / 4.5e-3**3

@@ -132,8 +132,8 @@ def test_press_phases_compare_info_on_the_stand_in(sautereau, tmp_path):
 def test_predict_and_doctor_answer_the_keys_of_the_contract(sautereau):
     predicted = json.loads(sautereau("predict", "--json").stdout)
     assert {
-        "contact_duration", "release_force", "release_lift", "release_angle",
-        "finger_force_peak", "v_osc", "work", "released_string",
+        "pluck_duration", "release_force", "release_lift", "release_angle",
+        "peak_force", "v_osc", "work", "released_string",
     } <= set(predicted)  # fmt: skip
     checks = json.loads(sautereau("doctor", "--json").stdout)["checks"]
     assert all(check["remedy"] for check in checks if not check["ok"])

@@ -38,8 +38,8 @@ def test_ideal_contact_release_and_force_are_the_models(ideal):
         assert np.diff(rise)[0] == pytest.approx(1.440e-3, rel=0.005)
         # The moment of the string's 0.536 N, normal to a plectrum at 15.5 deg, on the key.
         expected = 0.536 * np.cos(np.radians(15.5)) * 215 / 171
-        assert held.force_step == pytest.approx(expected, rel=0.005)
-        assert held.peak_force == pytest.approx(prediction.finger_force_peak, rel=0.005)
+        assert held.force_drop == pytest.approx(expected, rel=0.005)
+        assert held.release_force == pytest.approx(prediction.peak_force, rel=0.005)
 
 
 def test_encoders_were_where_the_plan_wanted_them(ideal):
@@ -102,7 +102,7 @@ def test_truth_apart_from_the_rig_is_seen_in_the_recording(tmp_path):
         (path,) = run_session(rig, plan_press(rig), GalilController(rig), tmp_path, 1)
     phases = find_phases(load_press(path))
     expected = predict(with_values(load_rig(), truth))
-    assert phases.plucks[0].duration == pytest.approx(expected.contact_duration, abs=0.1e-3)
+    assert phases.plucks[0].duration == pytest.approx(expected.pluck_duration, abs=0.1e-3)
     assert phases.plucks[0].contact - phases.start == pytest.approx(2.5 / 72, abs=0.1e-3)
 
 

@@ -37,15 +37,15 @@ DERIVED = ("plectrum.bending_stiffness", "string.static_stiffness")
 class Sweep:
     """Scalars of many predictions; arrays of the shape to which the values broadcast."""
 
-    contact_duration: Floats
+    pluck_duration: Floats
     """s."""
-    release_force: Floats
+    plectrum_force: Floats
     """N, between plectrum and string."""
     release_lift: Floats
     """m, of the string."""
     release_angle: Floats
     """rad, of the plectrum under the string."""
-    finger_force_peak: Floats
+    peak_force: Floats
     """N."""
     v_osc: Floats
     """m/s, of the released string."""
@@ -157,7 +157,7 @@ def _chunk(lookup, v: Mapping[str, Floats]) -> tuple[np.ndarray, ...]:
         force,
         lift,
         np.arctan2(slide.sine[:, -1], slide.cosine[:, -1]),
-        _finger_force_peak(v, length, stiffness, cases, (slide, stick)),
+        _peak_force(v, length, stiffness, cases, (slide, stick)),
         frequency * lift / (b * (1 - b)),
     )
     failed = status > Status.GIVES_WAY
@@ -178,7 +178,7 @@ def _key_in_range(v: Mapping[str, Floats]) -> np.ndarray:
     return np.logical_and.reduce([*positive, *(np.isfinite(v[name]) for name in rest)])
 
 
-def _finger_force_peak(
+def _peak_force(
     v: Mapping[str, Floats],
     length: Floats,
     stiffness: Floats,

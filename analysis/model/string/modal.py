@@ -58,7 +58,7 @@ class ModalPluck:
         return float(self.time[-1])
 
     @property
-    def release_force(self) -> float:
+    def plectrum_force(self) -> float:
         """Force at release [N]."""
         return float(self.force[-1])
 
