@@ -7,19 +7,20 @@ import sys
 from pathlib import Path
 
 from sautereau.analysis.figures.pluck import plot_pluck
-from sautereau.analysis.model.predict import LEVELS, predict
+from sautereau.analysis.model.plectrum.levels import LEVELS
+from sautereau.analysis.model.predict import predict
 from sautereau.rig.load import load_rig
 from sautereau.rig.schema import Rig
 
 
 def study(rig: Rig) -> dict[str, float]:
     """Return the time [s] for which the string is held, by level."""
-    return {level: predict(rig, level).pluck_duration for level in LEVELS}
+    return {level: predict(rig, level).pluck_duration for level in LEVELS.names()}
 
 
 def plot(path: str | Path, rig: Rig) -> None:
     """Draw shape, path and force of every level into a file."""
-    plot_pluck(path, rig, list(LEVELS))
+    plot_pluck(path, rig, LEVELS.names())
 
 
 def main() -> None:

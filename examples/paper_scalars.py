@@ -11,8 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from examples.release_fit import fit_release, overlap_for_duration
 from sautereau.analysis.errors import ModelError
-from sautereau.analysis.model.release_fit import fit_release, overlap_for_duration
 from sautereau.analysis.model.string.string import first_mode_release_speed, release_speed
 from sautereau.rig.load import load_rig
 from sautereau.rig.schema import Rig

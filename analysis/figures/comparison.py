@@ -82,9 +82,7 @@ def _over_time(top, below, press: Press, phases: Phases, prediction: Prediction)
     end = phases.bottom * 1e3
     below.set_xlim(0, end)
     inside = press.data["force"].to_numpy()[time <= end]
-    below.set_ylim(
-        min(0.0, inside.min()) - 0.05, max(inside.max(), prediction.peak_force) * 1.15
-    )
+    below.set_ylim(min(0.0, inside.min()) - 0.05, max(inside.max(), prediction.peak_force) * 1.15)
     edges = [0.0, end]
     names = ["free"]
     if phases.plucks:

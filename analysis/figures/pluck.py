@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from sautereau.analysis.errors import ModelError
+from sautereau.analysis.model.plectrum.levels import LEVELS
 from sautereau.analysis.model.pluck.pluck import Pluck
-from sautereau.analysis.model.predict import LEVELS, rig_pluck
+from sautereau.analysis.model.predict import rig_pluck
 from sautereau.rig.schema import Rig
 
 if TYPE_CHECKING:
@@ -38,11 +39,8 @@ def pluck_figure(rig: Rig, levels: Sequence[str]) -> "Figure":
     """
     from matplotlib.figure import Figure
 
-    unknown = [level for level in levels if level not in LEVELS]
-    if unknown:
-        raise ModelError(
-            f"level {', '.join(map(repr, unknown))} is not known; take some of {', '.join(LEVELS)}"
-        )
+    for level in levels:
+        LEVELS.get(level)
     plucks, faults = _solve(rig, levels)
     if not plucks:
         raise ModelError("\n".join(["no level has a pluck for this rig", *faults.values()]))

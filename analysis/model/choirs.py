@@ -3,11 +3,9 @@
 from dataclasses import dataclass
 
 from sautereau.analysis.errors import ModelError
-from sautereau.analysis.model.plectrum.base import Floats, PlectrumMap
-from sautereau.analysis.model.plectrum.elastica import Elastica
+from sautereau.analysis.model.plectrum.base import Floats
 from sautereau.analysis.model.plectrum.levels import plectrum_map
 from sautereau.analysis.model.pluck.pluck import Pluck, solve_pluck
-from sautereau.analysis.model.pluck.table import TabledElastica
 from sautereau.analysis.model.string.string import release_speed
 from sautereau.rig.instrument import Choir, Key
 from sautereau.rig.schema import Rig
@@ -53,7 +51,7 @@ class ChoirPluck:
     """J, of the key, by this jack, against string and plectrum."""
     v_osc: float
     """m/s, of the released string."""
-    gives_way: bool
+    released_at_fold: bool
     """Whether the plectrum gave way before the string had come to its tip."""
 
     @property
@@ -98,11 +96,8 @@ def choir_pluck(choir: Choir, level: str = "elastica", *, rollover: bool = False
     Raises:
         ModelError: The level has no solution for this choir.
     """
-    plectrum: PlectrumMap = plectrum_map(choir.plectrum, level)
-    if isinstance(plectrum, Elastica):
-        plectrum = TabledElastica(plectrum)
     return solve_pluck(
-        plectrum,
+        plectrum_map(choir.plectrum, level),
         choir.string.static_stiffness,
         choir.plectrum.overlap,
         rollover=rollover,
@@ -162,5 +157,5 @@ def plucked(rig: Rig, held: Held, string_force: Floats) -> ChoirPluck:
         released_string=StringState(float(pluck.shift[-1]), lift, out * own_speed, up * own_speed),
         work=pluck.work,
         v_osc=release_speed(held.choir.string, lift),
-        gives_way=pluck.gives_way,
+        released_at_fold=pluck.released_at_fold,
     )

@@ -15,9 +15,7 @@ from sautereau.analysis.model.choirs import (
     plucked,
 )
 from sautereau.analysis.model.key import finger_force
-from sautereau.analysis.model.plectrum.base import Floats, PlectrumMap
-from sautereau.analysis.model.plectrum.levels import LEVELS as LEVELS
-from sautereau.analysis.model.plectrum.levels import plectrum_map as map_of_level
+from sautereau.analysis.model.plectrum.base import Floats
 from sautereau.analysis.model.pluck.pluck import Pluck
 from sautereau.rig.schema import Rig
 from sautereau.trajectory.expected import Expectation
@@ -91,15 +89,6 @@ def expectation(prediction: Prediction) -> Expectation:
         contact=float(prediction.rise[held[0] - 1]),
         release=float(prediction.rise[held[-1]]),
     )
-
-
-def plectrum_map(rig: Rig, level: str) -> PlectrumMap:
-    """Return the map of the rig's plectrum at a level.
-
-    Raises:
-        ModelError: There is no such level.
-    """
-    return map_of_level(rig.plectrum, level)
 
 
 def rig_pluck(rig: Rig, level: str = "elastica", *, rollover: bool = False) -> Pluck:

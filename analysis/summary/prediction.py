@@ -30,7 +30,7 @@ def prediction_summary(rig: Rig, found: Prediction) -> dict[str, Any]:
                 "plectrum_force": choir.plectrum_force,
                 "release_lift": choir.release_lift,
                 "work": choir.work,
-                "gives_way": choir.gives_way,
+                "gives_way": choir.released_at_fold,
             }
             for choir in found.choirs
         ],
@@ -43,7 +43,7 @@ def prediction_lines(rig: Rig, found: Prediction) -> list[str]:
     lines = [f"rig {rig.name}, plectrum as {found.level}, jack at {rig.press.jack_speed:.4g} m/s"]
     for number, choir in enumerate(found.choirs, 1):
         name = f"string {number}: " if len(found.choirs) > 1 else ""
-        gives_way = ", where the plectrum gives way" * choir.gives_way
+        gives_way = ", where the plectrum gives way" * choir.released_at_fold
         lines += [
             f"{name}contact {choir.contact * 1e3:.4g} ms, release {choir.release * 1e3:.4g} ms"
             f"{gives_way}: the string is held for {choir.pluck_duration * 1e3:.4g} ms",

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from examples.paper_scalars import CONTACT, RELEASE, V_OSC, explain, lines, overlap_at
-from sautereau.analysis.model.release_fit import fit_release
+from examples.release_fit import fit_release
 
 
 @pytest.mark.parametrize(("first_mode", "share"), [(False, 0.24), (True, 0.47)])

@@ -77,7 +77,7 @@ def test_nothing_to_draw_is_refused():
 
 
 def test_an_unknown_level_is_refused():
-    with pytest.raises(ModelError, match="'granite', 'jelly' is not known"):
+    with pytest.raises(ModelError, match="'granite' is unknown"):
         pluck_figure(RIG, ["elastica", "granite", "jelly"])
 
 

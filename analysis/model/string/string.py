@@ -8,7 +8,7 @@ The modes that are left out are kept as the flexibility that all modes together 
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -16,9 +16,6 @@ from numpy.typing import ArrayLike
 from sautereau.analysis.errors import ModelError
 from sautereau.analysis.model.plectrum.base import Floats
 from sautereau.rig.instrument import String
-
-if TYPE_CHECKING:
-    from sautereau.analysis.model.pluck.pluck import Pluck
 
 
 def release_speed(string: String, lift: float) -> float:
@@ -44,21 +41,6 @@ def first_mode_release_speed(string: String, lift: float) -> float:
     """
     b = string.plucking_point / string.length
     return 4 / math.pi * math.sin(math.pi * b) ** 2 * release_speed(string, lift)
-
-
-def held_speed_ratio(string: String, pluck: "Pluck", jack_speed: float) -> float:
-    """Return the largest speed of the held spring string over Vosc of its release.
-
-    The pluck is quasi-static where this is far below 1 (paper, 2.4).
-
-    Args:
-        string: The string.
-        pluck: Quasi-static, from contact to release.
-        jack_speed: m/s.
-    """
-    slopes = [np.gradient(moved, pluck.height) for moved in (pluck.shift, pluck.lift)]
-    fastest = float(np.hypot(*slopes).max()) * jack_speed
-    return fastest / release_speed(string, math.hypot(pluck.shift[-1], pluck.lift[-1]))
 
 
 class StringState(NamedTuple):

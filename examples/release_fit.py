@@ -13,8 +13,9 @@ import numpy as np
 
 from sautereau.analysis.errors import ModelError
 from sautereau.analysis.model.plectrum.base import PlectrumMap
+from sautereau.analysis.model.plectrum.levels import plectrum_map
 from sautereau.analysis.model.pluck.pluck import Pluck
-from sautereau.analysis.model.predict import plectrum_map, rig_pluck
+from sautereau.analysis.model.predict import rig_pluck
 from sautereau.analysis.model.string.string import release_speed
 from sautereau.rig.schema import Rig
 
@@ -73,7 +74,7 @@ def fit_release(rig: Rig, duration: float, v_osc: float, level: str = "elastica"
         ModelError: No modulus and overlap give both within the level's range.
     """
     _check_positive(duration=duration, v_osc=v_osc)
-    plectrum, stiffness = plectrum_map(rig, level), rig.string.static_stiffness
+    plectrum, stiffness = plectrum_map(rig.plectrum, level), rig.string.static_stiffness
     lift = v_osc / release_speed(rig.string, 1.0)
     drop = duration * rig.press.jack_speed - lift
     load = _solve(
@@ -115,7 +116,7 @@ def overlap_for_speed(rig: Rig, v_osc: float, level: str = "elastica") -> Releas
 
 def _at_release(rig: Rig, level: str, wanted: float, what: str, share: float) -> Release:
     """Find the force at the tip for which lift - share * Z is as wanted, and its overlap."""
-    plectrum, stiffness = plectrum_map(rig, level), rig.string.static_stiffness
+    plectrum, stiffness = plectrum_map(rig.plectrum, level), rig.string.static_stiffness
 
     def beyond(force: float) -> float:
         _, _, up = _at_tip(plectrum, force)
