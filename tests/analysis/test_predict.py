@@ -111,7 +111,7 @@ def test_durations_go_with_the_speed_and_forces_hardly(paper, prediction):
 
 
 def test_the_level_must_exist(paper):
-    with pytest.raises(ModelError, match="level 'wood' is not known; take one of elastica"):
+    with pytest.raises(ModelError, match="plectrum level 'wood' is unknown; known: elastica"):
         plectrum_map(paper.plectrum, "wood")
 
 
