@@ -44,7 +44,7 @@ class Coverage:
     """1, found / true - 1."""
     covered: np.ndarray
     """Whether the 95 % interval holds the truth."""
-    told: np.ndarray
+    identifiable: np.ndarray
     """Whether the fit says that the data tell the parameter."""
     slopes: np.ndarray
     """1, slope error of the comparison before and after, shape (fits, 2)."""
@@ -101,7 +101,7 @@ def _judged(found: Identified, truth: np.ndarray) -> tuple[list[float], list[boo
         assert estimate.high is not None
         errors.append(estimate.value / true - 1)
         covered.append(estimate.low <= true <= estimate.high)
-        told.append(estimate.told)
+        told.append(estimate.identifiable)
     return errors, covered, told
 
 
@@ -111,7 +111,7 @@ def run() -> list[Figure]:
     fits = len(found.errors)
     figures = []
     for k, name in enumerate(FREE):
-        told = found.told[:, k]
+        told = found.identifiable[:, k]
         worst = float(np.abs(found.errors[told, k]).max()) if told.any() else 0.0
         share = float(found.covered[:, k].mean())
         assert share >= 0.90, (name, share)

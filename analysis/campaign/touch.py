@@ -25,10 +25,8 @@ from sautereau.trajectory.motion import Floats
 if TYPE_CHECKING:
     import pandas as pd
 
-FELT = {"threshold": "release_force", "slope": "force_slope", "drop": "force_drop"}
-"""Columns of a campaign that hold what is felt: the force at which the string is let go, its
-growth with the key's deflection under the laser before, and its fall at release."""
-UNITS = {"threshold": "N", "slope": "N/m", "drop": "N"}
+FELT = ("release_force", "force_slope", "force_drop")
+"""Columns of a campaign that describe the touch."""
 SHAPE = (
     "plectrum_length",
     "plectrum_width",
@@ -144,8 +142,8 @@ def find_touch(campaign: Campaign) -> Touch:
     notes += doubts
     plain = np.column_stack([np.ones(len(presses)), *conditions.values()])
     felt, means = {}, {}
-    for name, column in FELT.items():
-        values = np.log(presses[column].to_numpy())
+    for name in FELT:
+        values = np.log(presses[name].to_numpy())
         data = Nested(values - values.mean(), plain, groups, subgroups)
         found = fit_nested(data, subgroups=by_session, groups=plectra > 1)
         means[name] = _means(values, found, groups, subgroups)
@@ -163,7 +161,7 @@ def find_touch(campaign: Campaign) -> Touch:
 def _selected(campaign: Campaign) -> "tuple[pd.DataFrame, list[str]]":
     """Return the presses that can be compared, and which were left out."""
     data = campaign.data
-    lacking = [name for name in ("plucks", *FELT.values()) if name not in data]
+    lacking = [name for name in ("plucks", *FELT) if name not in data]
     if lacking:
         raise AnalysisError(
             f"touch of {campaign.path}: it has no {', '.join(lacking)}, so no press with a pluck;"
@@ -171,7 +169,7 @@ def _selected(campaign: Campaign) -> "tuple[pd.DataFrame, list[str]]":
         )
     warm_up = data["warm_up"].to_numpy(bool)
     mute = ~warm_up & (data["plucks"].to_numpy() == 0)
-    felt = np.stack([data[column].to_numpy(float) for column in FELT.values()])
+    felt = np.stack([data[column].to_numpy(float) for column in FELT])
     sound = ~warm_up & ~mute
     odd = sound & ~(felt > 0).all(axis=0)
     notes = [
@@ -179,7 +177,10 @@ def _selected(campaign: Campaign) -> "tuple[pd.DataFrame, list[str]]":
         for which, what in (
             (warm_up, "warm-up presses"),
             (mute, "presses without a pluck"),
-            (odd, "presses whose threshold, slope or drop is not above 0; look at them"),
+            (
+                odd,
+                "presses whose release force, force slope or force drop is not above 0",
+            ),
         )
         if which.any()
     ]

@@ -4,8 +4,6 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.figures.made import how_made, stamp
 from sautereau.analysis.model.predict import Prediction
@@ -16,6 +14,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 MEASURED, PREDICTED = "#1f4e79", "#c8502d"
+BESIDE = 5e-3
+"""s, before contact and after release, that force on deflection is drawn of."""
 PHASE_COLOURS = ("#e8eef4", "#fbe3cf", "#e5f0e2")
 
 
@@ -102,24 +102,21 @@ def _force_on_deflection(axes, presses, phases, prediction: Prediction) -> None:
         if not found.plucks:
             continue
         held = found.plucks[0]
-        data = press.data.loc[held.contact - 5e-3 : min(held.release + 5e-3, found.bottom)]
-        zero = float(np.interp(held.contact, press.data.index, press.data["deflection"]))
+        end = min(held.release + BESIDE, found.bottom)
+        deflection, force = press.from_contact(held.contact, held.contact - BESIDE, end)
         axes.plot(
-            (data["deflection"] - zero) * 1e3,
-            data["force"],
+            deflection * 1e3,
+            force,
             color=MEASURED,
             lw=0.7,
             alpha=0.7,
             label=f"{_label(press)}, {len(presses)} in all" if first else None,
         )
         first = False
-    zero = float(np.interp(prediction.contact, prediction.time, prediction.deflection))
-    near = (prediction.time > prediction.contact - 5e-3) & (
-        prediction.time < prediction.release + 5e-3
-    )
+    deflection, force = prediction.from_contact(BESIDE)
     axes.plot(
-        (prediction.deflection[near] - zero) * 1e3,
-        prediction.finger_force[near],
+        deflection * 1e3,
+        force,
         color=PREDICTED,
         ls="--",
         lw=2,

@@ -9,6 +9,7 @@ from sautereau.analysis.figures.comparison import MEASURED, PREDICTED
 from sautereau.analysis.figures.made import how_made, stamp
 from sautereau.analysis.identify.fit import Fit
 from sautereau.analysis.identify.identified import Identified
+from sautereau.analysis.summary.text import counted
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -22,11 +23,11 @@ def plot_fit(path: str | Path, made: Fit, found: Identified, simulated: bool) ->
 
 
 def fit_figure(made: Fit, found: Identified, simulated: bool) -> "Figure":
-    """Return a figure of the first press's force, what is missed of all, and the correlation.
+    """Return a figure of the first press's force, the residuals of all, and the correlation.
 
     Args:
         made: The fit.
-        found: What it told.
+        found: Its result.
         simulated: Whether a stand-in made any of the presses.
     """
     from matplotlib.figure import Figure
@@ -39,41 +40,41 @@ def fit_figure(made: Fit, found: Identified, simulated: bool) -> "Figure":
     _correlation(figure, figure.add_subplot(grid[0, 1]), found)
     _combinations(figure.add_subplot(grid[1, 1]), found)
     kind = how_made(simulated)
-    count = len(found.presses)
     figure.suptitle(
-        f"Rig {found.rig.name}: fit to {count} press{'es' * (count > 1)}, {kind}; misses"
-        f" {found.rms * 1e3:.3g} mN rms, before {found.rms_before * 1e3:.3g} mN"
+        f"Rig {found.rig.name}: fit to {counted(len(found.presses), 'press')}, {kind};"
+        f" RMS force residual {found.residual_before * 1e3:.3g} mN before,"
+        f" {found.residual * 1e3:.3g} mN after"
     )
     stamp(figure, simulated)
     return figure
 
 
 def _forces(top, below, made: Fit) -> None:
-    """Draw the first press's force and its models, and what the fit misses of every press."""
-    balance, noise = made.problem.balance, made.problem.whitenings
-    start = np.array([p.start for p in balance.free])
-    before, _ = balance.residuals(start)
-    after, _ = balance.residuals(made.values)
-    press = balance.presses[0]
+    """Draw the first press's force and its models, and the residual of every press."""
+    dynamics, noise = made.problem.dynamics, made.problem.whitenings
+    start = np.array([p.start for p in dynamics.free])
+    before, _ = dynamics.residuals(start)
+    after, _ = dynamics.residuals(made.values)
+    press = dynamics.presses[0]
     time = press.time * 1e3
     force = np.full(len(time), np.nan)
     force[press.used] = press.force()[press.used]
     top.plot(time, force, color=MEASURED, lw=1.0, label="measured")
-    for missed, colour, name in (
+    for residual, colour, name in (
         (before[0], STARTED, "model before"),
         (after[0], PREDICTED, "model fitted"),
     ):
         model = np.full(len(time), np.nan)
-        model[press.used] = force[press.used] - missed + noise[0].trend(missed)
+        model[press.used] = force[press.used] - residual + noise[0].trend(residual)
         top.plot(time, model, color=colour, lw=1.0, ls="--", label=name)
     top.set_ylabel("finger force (N)")
     top.legend(loc="upper right")
-    for each, missed, white in zip(balance.presses, after, noise, strict=True):
+    for each, residual, white in zip(dynamics.presses, after, noise, strict=True):
         left = np.full(len(each.time), np.nan)
-        left[each.used] = missed - white.trend(missed)
+        left[each.used] = residual - white.trend(residual)
         below.plot(each.time * 1e3, left * 1e3, lw=0.6, alpha=0.7)
-    below.set_ylabel("missed, every press (mN)")
-    below.set_xlabel("time from the trigger (ms)")
+    below.set_ylabel("force residual of every press (mN)")
+    below.set_xlabel("time after the trigger (ms)")
 
 
 def _correlation(figure, axes, found: Identified) -> None:
@@ -87,12 +88,12 @@ def _correlation(figure, axes, found: Identified) -> None:
 
 
 def _combinations(axes, found: Identified) -> None:
-    """Draw how well each combination is told, the worst at the bottom."""
+    """Draw the uncertainty of each combination, the largest at the bottom."""
     from matplotlib.ticker import NullFormatter
 
-    known = [(str(c), c.std, c.told) for c in found.combinations if c.std is not None]
-    for place, (_, std, told) in enumerate(known):
-        axes.plot(std, -place, "o", color=MEASURED if told else PREDICTED)
+    known = [(str(c), c.std, c.identifiable) for c in found.combinations if c.std is not None]
+    for place, (_, std, identifiable) in enumerate(known):
+        axes.plot(std, -place, "o", color=MEASURED if identifiable else PREDICTED)
     axes.set_yticks([-place for place in range(len(known))], [name for name, *_ in known])
     axes.tick_params(axis="y", labelsize=7)
     axes.set_xscale("log")
@@ -100,4 +101,4 @@ def _combinations(axes, found: Identified) -> None:
     axes.set_xlabel("standard uncertainty over the scale")
     unseen = [str(c) for c in found.combinations if c.std is None]
     if unseen:
-        axes.set_title("not seen at all: " + "; ".join(unseen), fontsize=8)
+        axes.set_title("undetermined: " + "; ".join(unseen), fontsize=8)

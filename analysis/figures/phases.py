@@ -8,9 +8,8 @@ import numpy as np
 
 from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.figures.made import how_made
-from sautereau.analysis.phases import HeldString, Phases
+from sautereau.analysis.phases import Phases
 from sautereau.analysis.press.load import Press
-from sautereau.trajectory.motion import Floats
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -103,20 +102,14 @@ def _close(axes: "Axes", press: Press, found: Phases) -> None:
         axes.set_axis_off()
         return
     for held in found.plucks:
-        force, travel = _from_contact(press, held)
-        axes.plot(travel * 1e3, force, lw=0.7, color=MEASURED)
+        margin = 0.25 * held.pluck_duration
+        deflection, force = press.from_contact(
+            held.contact, held.contact - margin, held.release + margin
+        )
+        axes.plot(deflection * 1e3, force, lw=0.7, color=MEASURED)
     axes.axvline(0.0, color=CONTACT, lw=1)
     axes.set_xlabel("deflection at the laser from contact (mm)")
     axes.set_ylabel("finger force (N)")
-
-
-def _from_contact(press: Press, held: HeldString) -> tuple[Floats, Floats]:
-    """Return force [N] and deflection [m] a little beyond contact and release."""
-    margin = 0.25 * held.duration
-    data = press.data.loc[held.contact - margin : held.release + margin]
-    before = press.data["deflection"].loc[: held.contact]
-    zero = float(before.iloc[-1]) if len(before) else 0.0
-    return data["force"].to_numpy(), data["deflection"].to_numpy() - zero
 
 
 def _boundary(axes: "Axes", instant: float, std: float, colour: str, name: str) -> None:

@@ -5,19 +5,13 @@ from typing import TYPE_CHECKING
 
 from sautereau.analysis.campaign.touch import Felt, Touch
 from sautereau.analysis.session.repeatability import Spread
+from sautereau.rig.quantities import QUANTITIES
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-COLOURS = {"threshold": "#1f77b4", "slope": "#d9743a", "drop": "#2f6b3a"}
-LABELS = {
-    "threshold": "force at which the string is let go (N)",
-    "slope": "growth of the force before (N/mm)",
-    "drop": "fall of the force at release (N)",
-}
-SCALE = {"threshold": 1.0, "slope": 1e-3, "drop": 1.0}
-"""1, of the labels' units."""
+COLOURS = {"release_force": "#1f77b4", "force_slope": "#d9743a", "force_drop": "#2f6b3a"}
 SOURCES = ("within a session", "between sessions", "between plectra", "beyond their shape")
 
 
@@ -53,7 +47,7 @@ def touch_figure(found: Touch) -> "Figure":
 
 
 def _felt_over_stiffness(axes: "Axes", found: Touch, name: str, felt: Felt) -> None:
-    scale = SCALE[name]
+    scale, unit = QUANTITIES[name].displayed
     stiffness = [plectrum.tip_stiffness for plectrum in found.plectra]
     spreads = [plectrum.felt[name] for plectrum in found.plectra]
     axes.errorbar(
@@ -65,13 +59,13 @@ def _felt_over_stiffness(axes: "Axes", found: Touch, name: str, felt: Felt) -> N
         ms=5,
         capsize=3,
     )
-    axes.set_ylabel(LABELS[name])
+    axes.set_ylabel(QUANTITIES[name].title(unit))
     axes.set_xlabel("plectrum's stiffness at the tip, 3EI/L^3 (N/m)")
     exponents = ", ".join(
         f"{column.removeprefix('plectrum_')}^{e.value:.2f} ({e.low:.2f} to {e.high:.2f})"
         for column, e in felt.exponents.items()
     )
-    axes.set_title(f"{name}" + (f", as {exponents}" if exponents else ""), fontsize=10)
+    axes.set_title(QUANTITIES[name].label + (f", as {exponents}" if exponents else ""), fontsize=10)
 
 
 def _sources(axes: "Axes", found: Touch) -> None:
@@ -87,7 +81,7 @@ def _sources(axes: "Axes", found: Touch) -> None:
             color=COLOURS[name],
             ms=5,
             capsize=3,
-            label=name,
+            label=QUANTITIES[name].label,
         )
     axes.set_yticks(range(len(SOURCES)), SOURCES)
     axes.invert_yaxis()

@@ -18,7 +18,7 @@ from sautereau.analysis.identify.parameters import (
     parameters,
 )
 from sautereau.analysis.identify.problem import Problem, descend
-from sautereau.analysis.identify.residuals import Balance, check_alike
+from sautereau.analysis.identify.residuals import InverseDynamics, check_alike
 from sautereau.analysis.phases import Phases
 from sautereau.analysis.press.load import Press
 from sautereau.rig.schema import Rig
@@ -44,7 +44,7 @@ class Fit:
     problem: Problem
     values: Floats
     """SI, of all parameters, those that are not shown as well."""
-    rms_before: float
+    residual_before: float
     """N, of what the rig's own values miss of the force."""
 
     @property
@@ -56,14 +56,14 @@ class Fit:
         return max(1.0, float(residuals @ residuals) / max(1, len(residuals) - spent))
 
 
-def balance_of(
+def inverse_dynamics(
     presses: Sequence[Press],
     phases: Sequence[Phases],
     names: Sequence[str],
     priors: Mapping[str, Prior] | None = None,
     level: str = "elastica",
-) -> Balance:
-    """Return the balance that a fit is about; as `identify`."""
+) -> InverseDynamics:
+    """Return the dynamics that a fit is about; as `identify`."""
     if not presses:
         raise AnalysisError("there is no press to fit to; give at least one recording")
     rig = check_alike({str(press.path): press.rig for press in presses})
@@ -71,35 +71,37 @@ def balance_of(
     free += tuple(error for error in _errors(rig) if error.name not in names)
     shift = TIME_RANGE if TIME in names else FAR * TIME_STD
     taken = [observed(p, f, shift) for p, f in zip(presses, phases, strict=True)]
-    return Balance(rig, free, taken, level)
+    return InverseDynamics(rig, free, taken, level)
 
 
-def fit(balance: Balance, starts: int = 3, robust: bool = False, *, levelled: bool = False) -> Fit:
-    """Fit what is free in a balance; as `identify`.
+def fit(
+    dynamics: InverseDynamics, starts: int = 3, robust: bool = False, *, levelled: bool = False
+) -> Fit:
+    """Fit what is free in a dynamics; as `identify`.
 
     Args:
-        balance: Of the presses.
+        dynamics: Of the presses.
         starts: Points to set out from.
         robust: Let large residuals count in proportion.
         levelled: Whether the forces' levels are free although they are not AC-coupled.
     """
-    free = balance.free
-    levelled = levelled or _coupled(balance.rig)
+    free = dynamics.free
+    levelled = levelled or _coupled(dynamics.rig)
     values = np.array([p.start for p in free])
-    before, _ = balance.residuals(values)
-    noise = _white(balance, before, levelled)
-    rms_before = rms([f - w.trend(f) for f, w in zip(before, noise, strict=True)])
+    before, _ = dynamics.residuals(values)
+    noise = _white(dynamics, before, levelled)
+    residual_before = rms([f - w.trend(f) for f, w in zip(before, noise, strict=True)])
     found = [
-        descend(_problem(balance, start, noise), start, robust) for start in _starts(free, starts)
+        descend(_problem(dynamics, start, noise), start, robust) for start in _starts(free, starts)
     ]
     _, values = min(found, key=lambda pair: pair[0])
     factor = 1.0
     for _ in range(ROUNDS - 1):
-        forces, rises = balance.residuals(values)
-        noise = _coloured(balance, forces, noise, levelled)
+        forces, rises = dynamics.residuals(values)
+        noise = _coloured(dynamics, forces, noise, levelled)
         factor = _factor(rises)
-        _, values = descend(_problem(balance, values, noise, factor), values, robust)
-    return Fit(_problem(balance, values, noise, factor), values, rms_before)
+        _, values = descend(_problem(dynamics, values, noise, factor), values, robust)
+    return Fit(_problem(dynamics, values, noise, factor), values, residual_before)
 
 
 def _errors(rig: Rig) -> list[Parameter]:
@@ -125,29 +127,29 @@ def _coupled(rig: Rig) -> bool:
 
 
 def _problem(
-    balance: Balance, values: Floats, noise: Sequence[Whitening], factor: float = 1.0
+    dynamics: InverseDynamics, values: Floats, noise: Sequence[Whitening], factor: float = 1.0
 ) -> Problem:
-    scales = np.array([p.scale(float(v)) for p, v in zip(balance.free, values, strict=True)])
-    return Problem(balance, scales, tuple(noise), factor)
+    scales = np.array([p.scale(float(v)) for p, v in zip(dynamics.free, values, strict=True)])
+    return Problem(dynamics, scales, tuple(noise), factor)
 
 
-def _white(balance: Balance, forces: Sequence[Floats], levelled: bool) -> list[Whitening]:
+def _white(dynamics: InverseDynamics, forces: Sequence[Floats], levelled: bool) -> list[Whitening]:
     """Return whitenings as if the residuals were independent."""
     # Not below rounding, so that presses without any noise can be fitted as well.
     spread = max(rms([f - f.mean() * levelled for f in forces]), 1e-9)
-    return [whitening(p.used, np.array([spread**2]), levelled) for p in balance.presses]
+    return [whitening(p.used, np.array([spread**2]), levelled) for p in dynamics.presses]
 
 
 def _coloured(
-    balance: Balance, forces: Sequence[Floats], noise: Sequence[Whitening], levelled: bool
+    dynamics: InverseDynamics, forces: Sequence[Floats], noise: Sequence[Whitening], levelled: bool
 ) -> list[Whitening]:
     """Return whitenings by the autocovariance of residuals."""
     left = [f - w.trend(f) for f, w in zip(forces, noise, strict=True)]
-    spent = len(balance.free) + 2 * levelled * len(forces)
+    spent = len(dynamics.free) + 2 * levelled * len(forces)
     covariance = autocovariance(
-        left, [p.used for p in balance.presses], balance.presses[0].step, spent
+        left, [p.used for p in dynamics.presses], dynamics.presses[0].step, spent
     )
-    return [whitening(p.used, covariance, levelled) for p in balance.presses]
+    return [whitening(p.used, covariance, levelled) for p in dynamics.presses]
 
 
 def _factor(rises: Floats) -> float:

@@ -6,11 +6,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sautereau.analysis.identify.fit import Fit, balance_of, fit, rms
+from sautereau.analysis.identify.fit import Fit, fit, inverse_dynamics, rms
+from sautereau.analysis.identify.identifiability import IDENTIFIABLE, Combination, combinations
 from sautereau.analysis.identify.parameters import FORCE, Parameter, Prior, with_parameters
 from sautereau.analysis.identify.problem import AT_BOUND, Problem
-from sautereau.analysis.identify.residuals import Balance
-from sautereau.analysis.identify.told import TOLD, Combination, combinations
+from sautereau.analysis.identify.residuals import InverseDynamics
 from sautereau.analysis.phases import Phases
 from sautereau.analysis.press.load import Press
 from sautereau.rig.schema import Rig
@@ -39,8 +39,8 @@ class Estimate:
     """Upper end of the 95 % interval."""
     at_bound: bool
     """Whether a bound stopped it: then the interval is about the bound and not a finding."""
-    told: bool
-    """Whether the data by themselves tell it, to `TOLD` of its scale; the others kept free."""
+    identifiable: bool
+    """Whether the data alone determine it, to `IDENTIFIABLE` of its scale, with the others free."""
 
 
 @dataclass(frozen=True)
@@ -60,11 +60,11 @@ class Identified:
     """Releases that were seen."""
     level: str
     """Of the plectra."""
-    rms: float
+    residual: float
     """N, of what the fitted model misses of the force."""
-    rms_before: float
+    residual_before: float
     """N, of what the rig's own values miss of it."""
-    rise_error: float | None
+    rise_residual: float | None
     """m, rms of what it misses of the rises at release; None without one."""
     force_offsets: tuple[float, ...]
     """N, of each press; 0 where the level is known."""
@@ -96,46 +96,46 @@ def identify(
         AnalysisError: There is no press, nothing to fit, or the presses are of different rigs.
         ModelError: The model has no solution for the rig's values.
     """
-    balance = balance_of(presses, phases, names, priors, level)
-    return told(fit(balance, starts, robust, levelled=FORCE in names))
+    dynamics = inverse_dynamics(presses, phases, names, priors, level)
+    return evaluate(fit(dynamics, starts, robust, levelled=FORCE in names))
 
 
-def told(made: Fit) -> Identified:
+def evaluate(made: Fit) -> Identified:
     """Return what a fit has found, with its uncertainties."""
     found, values, excess = made.problem, made.values, made.excess
-    balance, point = found.balance, values / found.scales
+    dynamics, point = found.dynamics, values / found.scales
     shown = [k for k, p in enumerate(found.free) if not p.hidden]
     data = found.jacobian(point, found.data)
     prior = found.prior_jacobian(point)
     covariance, known = _covariance(np.vstack([data / np.sqrt(excess), prior]))
     alone, seen = _covariance(np.vstack([data / np.sqrt(excess), prior[found.nuisances]]))
     stds = np.where(known, np.sqrt(np.diag(covariance)), np.inf)
-    seen &= np.sqrt(np.diag(alone)) < TOLD
+    seen &= np.sqrt(np.diag(alone)) < IDENTIFIABLE
     free = [found.free[k] for k in shown]
     estimates = [
         _estimate(found.free[k], float(values[k]), float(stds[k] * found.scales[k]), bool(seen[k]))
         for k in shown
     ]
-    forces, rises = balance.residuals(values)
+    forces, rises = dynamics.residuals(values)
     offsets = [float(w.trend(f).mean()) for f, w in zip(forces, found.whitenings, strict=True)]
     deviations = np.outer(stds, stds)
     within = np.isfinite(deviations) & (deviations > 0)
     correlation = np.divide(covariance, deviations, out=np.eye(len(stds)), where=within)
     return Identified(
-        rig=with_parameters(balance.rig, {e.name: e.value for e in estimates}),
+        rig=with_parameters(dynamics.rig, {e.name: e.value for e in estimates}),
         estimates=tuple(estimates),
         correlation=correlation[np.ix_(shown, shown)],
         combinations=tuple(
             combinations(_apart(data, found, shown) / np.sqrt(excess), [p.name for p in free])
         ),
-        presses=tuple(press.name for press in balance.presses),
+        presses=tuple(press.name for press in dynamics.presses),
         releases=len(rises),
-        level=balance.level,
-        rms=rms([f - w.trend(f) for f, w in zip(forces, found.whitenings, strict=True)]),
-        rms_before=made.rms_before,
-        rise_error=rms([rises * balance.rise_stds]) if len(rises) else None,
+        level=dynamics.level,
+        residual=rms([f - w.trend(f) for f, w in zip(forces, found.whitenings, strict=True)]),
+        residual_before=made.residual_before,
+        rise_residual=rms([rises * dynamics.rise_stds]) if len(rises) else None,
         force_offsets=tuple(offsets),
-        warnings=_warnings(estimates, balance),
+        warnings=_warnings(estimates, dynamics),
     )
 
 
@@ -151,7 +151,7 @@ def _estimate(parameter: Parameter, value: float, std: float, told: bool) -> Est
         low=value - INTERVAL * std if known else None,
         high=value + INTERVAL * std if known else None,
         at_bound=min(value - parameter.low, parameter.high - value) <= room,
-        told=told,
+        identifiable=told,
     )
 
 
@@ -174,9 +174,9 @@ def _apart(data: Floats, found: Problem, shown: Sequence[int]) -> Floats:
     return own[:, shown] - base @ (base.T @ own[:, shown])
 
 
-def _warnings(estimates: Sequence[Estimate], balance: Balance) -> tuple[str, ...]:
+def _warnings(estimates: Sequence[Estimate], dynamics: InverseDynamics) -> tuple[str, ...]:
     found = []
-    by_name = {p.name: p for p in balance.free}
+    by_name = {p.name: p for p in dynamics.free}
     for estimate in estimates:
         if estimate.at_bound:
             p = by_name[estimate.name]
@@ -185,6 +185,6 @@ def _warnings(estimates: Sequence[Estimate], balance: Balance) -> tuple[str, ...
                 f" {estimate.value:.4g} {p.unit}; widen it by a prior, or look for what else is"
                 " wrong in the rig"
             )
-    if not any(len(press.releases) for press in balance.presses):
+    if not any(len(press.releases) for press in dynamics.presses):
         found.append("no press has a pluck: nothing is told of plectrum, string or clearance")
     return tuple(found)

@@ -2,7 +2,7 @@
 
 The acceleration is the slope of a line through the velocity in a window. That is, exactly, the
 velocity's derivative seen through a window of parabolic weights; force, angle and spin are seen
-through the same window, so that nothing of it is left in their balance.
+through the same window, so that nothing of it is left in their dynamics.
 """
 
 from dataclasses import dataclass
@@ -157,7 +157,7 @@ def observed(press: Press, phases: Phases, shift: float = 0.0) -> Observed:
 def _used(
     press: Press, phases: Phases, time: Floats, motion: Motion, shift: float
 ) -> NDArray[np.bool_]:
-    """Return at which instants the model's balance is to hold."""
+    """Return at which instants the model's dynamics is to hold."""
     rig, speed, step = press.rig, np.abs(motion.velocity), float(time[1] - time[0])
     edge = WINDOW / 2 + shift
     used = (time - time[0] > shift) & (time[-1] - time > shift)

@@ -8,7 +8,7 @@ import numpy as np
 from sautereau.analysis.errors import ModelError
 from sautereau.analysis.identify.noise import Whitening
 from sautereau.analysis.identify.parameters import Parameter
-from sautereau.analysis.identify.residuals import Balance
+from sautereau.analysis.identify.residuals import InverseDynamics
 from sautereau.trajectory.motion import Floats
 
 DIFFERENCE = 1e-3
@@ -25,7 +25,7 @@ UNSOLVED = 1e6
 class Problem:
     """Whitened residuals over points in the parameters' scales, around one noise."""
 
-    balance: Balance
+    dynamics: InverseDynamics
     scales: Floats
     whitenings: tuple[Whitening, ...]
     rise_factor: float = 1.0
@@ -34,7 +34,7 @@ class Problem:
     @property
     def free(self) -> tuple[Parameter, ...]:
         """What is fitted."""
-        return self.balance.free
+        return self.dynamics.free
 
     def data(self, point: Floats) -> Floats:
         """Return the whitened residuals [1] of the data at a scaled point.
@@ -42,7 +42,7 @@ class Problem:
         Raises:
             ModelError: The model has no solution there.
         """
-        forces, rises = self.balance.residuals(point * self.scales)
+        forces, rises = self.dynamics.residuals(point * self.scales)
         white = [w(f) for w, f in zip(self.whitenings, forces, strict=True)]
         return np.concatenate([*white, rises / self.rise_factor])
 
@@ -74,7 +74,7 @@ class Problem:
         try:
             found = self.data(point)
         except ModelError:
-            count = sum(int(p.used.sum()) + len(p.releases) for p in self.balance.presses)
+            count = sum(int(p.used.sum()) + len(p.releases) for p in self.dynamics.presses)
             found = np.full(count, UNSOLVED)
         return np.concatenate([found, self.prior(point)])
 

@@ -16,8 +16,8 @@ from sautereau.trajectory.key import angle_of_rise, rise_of_angle
 from sautereau.trajectory.motion import Floats
 
 
-class Balance:
-    """The balance of forces of recorded presses under values of the parameters.
+class InverseDynamics:
+    """The dynamics of forces of recorded presses under values of the parameters.
 
     Nothing is integrated: the model pushes against the motion that was measured, and the string
     is held as long as it was.

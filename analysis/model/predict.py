@@ -70,6 +70,11 @@ class Prediction:
         return float(self.finger_force.max())
 
     @property
+    def release_force(self) -> float:
+        """Finger force just before the first choir's string is released [N]."""
+        return float(self.finger_force[np.flatnonzero(self.string_force > 0)[-1]])
+
+    @property
     def work(self) -> float:
         """Work of the finger against the plectra of all choirs [J]."""
         return sum(choir.work for choir in self.choirs)
@@ -78,6 +83,16 @@ class Prediction:
     def released_string(self) -> StringState:
         """Displacement and velocity of the string just before release."""
         return self.choirs[0].released_string
+
+    def from_contact(self, beside: float) -> tuple[Floats, Floats]:
+        """Return the key deflection since contact [m] and the finger force [N], shape (steps,).
+
+        Args:
+            beside: s, before contact and after release, that is returned as well.
+        """
+        near = (self.time > self.contact - beside) & (self.time < self.release + beside)
+        at_contact = np.interp(self.contact, self.time, self.deflection)
+        return self.deflection[near] - at_contact, self.finger_force[near]
 
 
 def expectation(prediction: Prediction) -> Expectation:

@@ -50,14 +50,14 @@ def find_phases(press: Press) -> Phases:
         AnalysisError: Force or velocity hold samples that are not numbers.
     """
     signals = signals_of(press)
-    down = way_down(signals)
+    down, peak = way_down(signals), float(signals.force.max(initial=0.0))
     if down is None:
         most = max(0.0, signals.rise.max(initial=0.0)) * 1e3
         warning = (
             f"the key did not go down: the jack rose by {most:.2g} mm at most;"
             " look at the aim and the sign of the vibrometer"
         )
-        return Phases(0.0, 0.0, (), 0.0, None, None, (warning,))
+        return Phases(0.0, 0.0, (), 0.0, None, None, (warning,), peak_force=peak)
     begin, end = down
     time, speed = signals.time, signals.speed
     if end - begin < LEAST_SAMPLES:
@@ -66,7 +66,9 @@ def find_phases(press: Press) -> Phases:
             " too little to find phases in; record for longer"
         )
         mean = float(speed[begin : end + 1].mean())
-        return Phases(float(time[begin]), float(time[end]), (), mean, None, None, (warning,))
+        return Phases(
+            float(time[begin]), float(time[end]), (), mean, None, None, (warning,), peak_force=peak
+        )
     plucks = _plucks(press.rig, signals, rows_of(signals, begin, end), begin)
     contact = plucks[0].contact if plucks else float(time[end])
     contact = max(contact, float(time[begin + LEAST_SAMPLES // 2]))
@@ -75,7 +77,7 @@ def find_phases(press: Press) -> Phases:
     held_speed = released_speed = None
     if plucks:
         held_speed = _mean(speed, time, plucks[0].contact, plucks[0].release)
-        after = min(plucks[0].release + plucks[0].duration, time[end])
+        after = min(plucks[0].release + plucks[0].pluck_duration, time[end])
         released_speed = _mean(speed, time, plucks[0].release, after)
     steady = float(time[begin + np.argmax(speed[begin:] >= FULL_SPEED * speed[settled].mean())])
     return Phases(
@@ -88,6 +90,7 @@ def find_phases(press: Press) -> Phases:
         warnings=(*ending(signals, begin), *doubts_of(signals, press.marks, plucks, steady)),
         bottomed=_bottomed(signals, begin, plucks),
         returned=_returned(signals, end),
+        peak_force=peak,
     )
 
 

@@ -1,11 +1,11 @@
-"""What was found in a press: its phases, and every string that was held."""
+"""The result of segmenting a press: its phases and its plucks."""
 
 from dataclasses import dataclass
 
 
 @dataclass(frozen=True)
 class HeldString:
-    """One pluck: when the string was met and let go; s from the trigger."""
+    """One pluck; times in s after the trigger."""
 
     contact: float
     release: float
@@ -18,33 +18,35 @@ class HeldString:
     release_force: float
     """N, of the finger just before release."""
     force_drop: float
-    """N, by which it falls at release."""
-    slope: float
-    """N/m, of the finger's force on the key's deflection while the string is held."""
+    """N, fall of the finger force at release."""
+    force_slope: float
+    """N/m, finger force on key deflection at the laser while the string is held."""
 
     @property
-    def duration(self) -> float:
-        """Time the string is held [s]."""
+    def pluck_duration(self) -> float:
+        """Time from contact to release [s]."""
         return self.release - self.contact
 
 
 @dataclass(frozen=True)
 class Phases:
-    """What a press went through; times in s from the trigger."""
+    """The phases of a press; times in s after the trigger."""
 
     start: float
-    """s, when a jack always as fast as in the free phase would have left its rest."""
+    """s, at which a jack that always had its free speed would have left rest."""
     bottom: float
-    """s, when the jack has come to its full rise."""
+    """s, at which the jack has reached its full rise."""
     plucks: tuple[HeldString, ...]
     free_speed: float
-    """m/s, mean of the jack in the free phase, after the run-up."""
+    """m/s, mean of the jack before contact, after the run-up."""
     held_speed: float | None
     """m/s, mean of the jack while the first string is held; None without a pluck."""
     released_speed: float | None
-    """m/s, mean of the jack after that release, over as long a time as the string was held."""
+    """m/s, mean of the jack after the first release, over as long a time as the string was held."""
     warnings: tuple[str, ...]
     bottomed: float | None = None
-    """s, when the key meets its felt; None where it does not."""
+    """s, at which the key meets its front felt; None where it does not."""
     returned: float | None = None
-    """s, when the key is back at its rest; None where it does not come back."""
+    """s, at which the key is back at rest; None where it does not return."""
+    peak_force: float | None = None
+    """N, largest finger force of the complete press; None where it was not evaluated."""

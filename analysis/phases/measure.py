@@ -50,5 +50,5 @@ def measured(signals: Signals, contact: Contact, release: Release) -> HeldString
         contact_force=float(force[max(0, first - m) : max(1, first)].mean()),
         release_force=before,
         force_drop=before - after,
-        slope=float(travel @ force[first:last] / (travel @ travel)),
+        force_slope=float(travel @ force[first:last] / (travel @ travel)),
     )

@@ -3,125 +3,121 @@
 Work and travel are counted from contact on, where the paper aligns its presses.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 from scipy.integrate import trapezoid
 
 from sautereau.analysis.phases import HeldString, Phases
 from sautereau.analysis.press.load import Press
+from sautereau.rig.quantities import QUANTITIES
 from sautereau.trajectory.motion import Floats
-
-UNITS = {
-    "path": "",
-    "simulated": "",
-    "plucks": "1",
-    "start": "s",
-    "bottom": "s",
-    "bottomed": "s",
-    "returned": "s",
-    "free_speed": "m/s",
-    "held_speed": "m/s",
-    "released_speed": "m/s",
-    "contact": "s",
-    "contact_std": "s",
-    "release": "s",
-    "release_std": "s",
-    "pluck_duration": "s",
-    "contact_rise": "m",
-    "release_rise": "m",
-    "held_deflection": "m",
-    "contact_force": "N",
-    "release_force": "N",
-    "force_drop": "N",
-    "force_slope": "N/m",
-    "held_work": "J",
-    "press_work": "J",
-    "warnings": "1",
-}
-"""Unit of each column; those of a later pluck have its number behind, `contact_2`."""
 
 Value = float | int | str | bool | None
 
 
 @dataclass(frozen=True)
 class PluckFeatures:
-    """Of one pluck; times in s from the trigger."""
+    """Of one pluck, SI, as `sautereau.rig.quantities` defines them; times after the trigger."""
 
     contact: float | None = None
+    """s."""
     contact_std: float | None = None
     """s, standard uncertainty."""
     release: float | None = None
+    """s."""
     release_std: float | None = None
     """s, standard uncertainty."""
     pluck_duration: float | None = None
-    """s, for which the string is held."""
+    """s, from contact to release."""
     contact_rise: float | None = None
     """m, of the jack at contact."""
     release_rise: float | None = None
     """m, of the jack at release."""
     held_deflection: float | None = None
-    """m, of the key under the laser, from contact to release."""
+    """m, of the key at the laser, from contact to release."""
     contact_force: float | None = None
     """N, of the finger at contact."""
     release_force: float | None = None
     """N, of the finger just before release."""
     force_drop: float | None = None
-    """N, by which it falls at release."""
+    """N, fall of the finger force at release."""
     force_slope: float | None = None
-    """N/m, of the finger's force on the deflection under the laser while the string is held."""
+    """N/m, finger force on key deflection at the laser, from contact to release."""
     held_work: float | None = None
     """J, of the finger from contact to release."""
 
 
 @dataclass(frozen=True)
 class Features:
-    """Of one press; times in s from the trigger."""
+    """Of one press, SI, as `sautereau.rig.quantities` defines them; times after the trigger."""
 
     path: str
     simulated: bool
-    """Whether a stand-in made it."""
+    """Whether the stand-in made the recording."""
     start: float
-    """s, when a jack always as fast as in the free phase would have left its rest."""
+    """s, at which a jack that always had its free speed would have left rest."""
     bottom: float
-    """s, when the jack has come to its full rise."""
+    """s, at which the jack has reached its full rise."""
     bottomed: float | None
-    """s, when the key meets its felt."""
+    """s, at which the key meets its front felt."""
     returned: float | None
-    """s, when the key is back."""
+    """s, at which the key is back at rest."""
     free_speed: float
-    """m/s, of the jack before contact."""
+    """m/s, mean of the jack before contact."""
     held_speed: float | None
-    """m/s, of the jack while the first string is held."""
+    """m/s, mean of the jack from contact to release of the first string."""
     released_speed: float | None
-    """m/s, of the jack after the first release."""
+    """m/s, mean of the jack after the first release."""
+    peak_force: float | None
+    """N, largest finger force of the complete press."""
     press_work: float
-    """J, of the finger until the jack has come to its full rise."""
+    """J, of the finger until full rise."""
     warnings: int
-    """Number of what is doubtful about the press and its phases."""
+    """Number of warnings about the press and its phases."""
     plucks: tuple[PluckFeatures, ...]
 
     def row(self) -> dict[str, Value]:
-        """Return the columns of `UNITS`; the first pluck's have no number behind.
+        """Return the columns of `UNITS`; those of the second pluck end in `_2`, and so on.
 
         Without a pluck they are None.
         """
-        row: dict[str, Value] = {
-            "path": self.path,
-            "simulated": self.simulated,
-            "plucks": len(self.plucks),
-            "start": self.start,
-            "bottom": self.bottom,
-            "bottomed": self.bottomed,
-            "returned": self.returned,
-            "free_speed": self.free_speed,
-            "held_speed": self.held_speed,
-            "released_speed": self.released_speed,
-        }
+        row: dict[str, Value] = {name: getattr(self, name) for name in _BEFORE_PLUCKS}
+        row["plucks"] = len(self.plucks)  # in the place of the plucks themselves
         for number, pluck in enumerate(self.plucks or (PluckFeatures(),), 1):
-            suffix = f"_{number}" if number > 1 else ""
-            row |= {name + suffix: value for name, value in vars(pluck).items()}
-        return row | {"press_work": self.press_work, "warnings": self.warnings}
+            ending = f"_{number}" if number > 1 else ""
+            row |= {name + ending: value for name, value in vars(pluck).items()}
+        return row | {name: getattr(self, name) for name in _AFTER_PLUCKS}
+
+
+_BEFORE_PLUCKS = (
+    "path",
+    "simulated",
+    "plucks",
+    "start",
+    "bottom",
+    "bottomed",
+    "returned",
+    "free_speed",
+    "held_speed",
+    "released_speed",
+)
+_AFTER_PLUCKS = ("peak_force", "press_work", "warnings")
+UNITS = {
+    name: QUANTITIES[name].unit
+    for name in (*_BEFORE_PLUCKS, *(f.name for f in fields(PluckFeatures)), *_AFTER_PLUCKS)
+}
+"""Unit of each column, in the order of the columns; those of later plucks have these units too."""
+
+
+def split_column(column: str) -> tuple[str, int]:
+    """Return the quantity of a column and the number of its pluck, from 1: `release_2` is 2.
+
+    Args:
+        column: Of `Features.row`, or any other, of which there is one only.
+    """
+    name, _, number = column.rpartition("_")
+    return (name, int(number)) if name in UNITS and number.isdecimal() else (column, 1)
 
 
 def features(press: Press, phases: Phases) -> Features:
@@ -142,6 +138,7 @@ def features(press: Press, phases: Phases) -> Features:
         free_speed=phases.free_speed,
         held_speed=phases.held_speed,
         released_speed=phases.released_speed,
+        peak_force=phases.peak_force,
         press_work=signals.work(-np.inf, phases.bottom),
         warnings=len(press.warnings) + len(phases.warnings),
         plucks=tuple(signals.of(held) for held in phases.plucks),
@@ -171,14 +168,14 @@ class _Signals:
             contact_std=held.contact_std,
             release=held.release,
             release_std=held.release_std,
-            pluck_duration=held.duration,
+            pluck_duration=held.pluck_duration,
             contact_rise=float(rise[0]),
             release_rise=float(rise[1]),
             held_deflection=float(deflection[1] - deflection[0]),
             contact_force=held.contact_force,
             release_force=held.release_force,
             force_drop=held.force_drop,
-            force_slope=held.slope,
+            force_slope=held.force_slope,
             held_work=self.work(*ends),
         )
 

@@ -23,6 +23,7 @@ from sautereau.daq.signals.quality_flags import Mark, find_marks, mark_warnings
 from sautereau.daq.signals.sensors import calibration_warning, correct, to_si, white_noise
 from sautereau.rig.acquisition import Channel
 from sautereau.rig.instrument import Key
+from sautereau.rig.quantities import SECTIONS
 from sautereau.rig.schema import Rig
 from sautereau.trajectory.key import rise_of_angle, rise_slope
 from sautereau.trajectory.motion import Floats
@@ -32,14 +33,7 @@ if TYPE_CHECKING:
 
     from sautereau.daq.file.recorded import Recorded
 
-UNITS = {
-    "velocity": "m/s",
-    "force": "N",
-    "angle": "rad",
-    "deflection": "m",
-    "jack_rise": "m",
-    "jack_speed": "m/s",
-}
+UNITS = {name: quantity.unit for name, quantity in SECTIONS["Samples of a press"].items()}
 """Of the columns of a press."""
 LEAST_ROWS = 16
 """Rows that a press has at the least."""
@@ -78,6 +72,18 @@ class Press:
         """Return columns of the data, shape (rows,), which pandas would copy `attrs` for."""
         place, columns = self.data.columns.get_loc, self.data.to_numpy().T
         return tuple(np.ascontiguousarray(columns[place(name)]) for name in names)
+
+    def from_contact(self, contact: float, start: float, stop: float) -> tuple[Floats, Floats]:
+        """Return the key deflection since contact [m] and the finger force [N], shape (rows,).
+
+        Args:
+            contact: s after the trigger, at which the deflection counts as 0.
+            start: s after the trigger, of the first row.
+            stop: s after the trigger, of the last row.
+        """
+        at_contact = np.interp(contact, self.data.index, self.data["deflection"])
+        rows = self.data.loc[start:stop]
+        return rows["deflection"].to_numpy() - at_contact, rows["force"].to_numpy()
 
 
 def load_press(path: str | Path) -> Press:

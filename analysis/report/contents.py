@@ -6,8 +6,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.model.predict import Prediction, predict
 from sautereau.analysis.phases import Phases, find_phases
@@ -207,11 +205,10 @@ def _held(press: Press, phases: Phases, points: int) -> Trace | None:
     if not phases.plucks:
         return None
     first = phases.plucks[0]
-    data = press.data.loc[first.contact - BESIDE : min(first.release + BESIDE, phases.bottom)]
-    zero = np.interp(first.contact, press.data.index, press.data["deflection"])
-    force = data["force"].to_numpy()
+    end = min(first.release + BESIDE, phases.bottom)
+    deflection, force = press.from_contact(first.contact, first.contact - BESIDE, end)
     kept = envelope(force, points)
-    return Trace((data["deflection"].to_numpy() - zero)[kept], force[kept])
+    return Trace(deflection[kept], force[kept])
 
 
 def _condition(records: list[PressRecord], base: Mapping[str, Any], level: str) -> Condition:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from sautereau.analysis.report.contents import Condition, Contents, PressRecord, Trace
+from sautereau.analysis.report.contents import BESIDE, Condition, Contents, PressRecord, Trace
 
 if TYPE_CHECKING:
     from plotly.graph_objects import Figure
@@ -90,11 +90,8 @@ def force_on_deflection(contents: Contents) -> "Figure":
             )
             first = False
         if condition.prediction is not None:
-            found = condition.prediction
-            zero = np.interp(found.contact, found.time, found.deflection)
-            near = (found.time > found.contact - 5e-3) & (found.time < found.release + 5e-3)
             figure.add_scatter(
-                **_line(Trace(found.deflection[near] - zero, found.finger_force[near]), 1e3, 1.0),
+                **_line(Trace(*condition.prediction.from_contact(BESIDE)), 1e3, 1.0),
                 line={"color": MODEL, "width": 2, "dash": "dash"},
                 name=f"model{_of_condition(contents, index)}",
                 legendgroup=f"model {index}",

@@ -3,9 +3,11 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-from pydantic import BaseModel, ConfigDict, FiniteFloat, ValidationError
+from pydantic import AliasChoices, BaseModel, ConfigDict, Field, FiniteFloat, ValidationError
 
 from sautereau.analysis.errors import AnalysisError
+from sautereau.analysis.summary.text import counted
+from sautereau.rig.quantities import QUANTITIES
 
 PATTERN = "fit*.json"
 """Names under which a session's folder keeps them."""
@@ -27,8 +29,10 @@ class _Identified(BaseModel):
     parameters: dict[str, _Estimate]
     presses: tuple[str, ...]
     level: str
-    rms: FiniteFloat
-    rms_before: FiniteFloat
+    residual: FiniteFloat = Field(validation_alias=AliasChoices("residual", "rms"))
+    residual_before: FiniteFloat = Field(
+        validation_alias=AliasChoices("residual_before", "rms_before")
+    )
     warnings: tuple[str, ...] = ()
 
 
@@ -63,20 +67,20 @@ def read_fit(path: Path) -> Fit:
         ) from error
     return Fit(
         path.name,
-        f"fitted to {len(found.presses)} presses, plectrum as {found.level}; the model missed"
-        f" {found.rms_before * 1e3:.3g} mN rms of the force before and misses"
-        f" {found.rms * 1e3:.3g} mN",
+        f"fitted to {counted(len(found.presses), 'press')}, plectrum model {found.level};"
+        f" {QUANTITIES['residual'].label}: {found.residual_before * 1e3:.3g} mN before the fit,"
+        f" {found.residual * 1e3:.3g} mN after",
         tuple(_row(name, estimate) for name, estimate in found.parameters.items()),
         found.warnings,
     )
 
 
 def _row(name: str, found: _Estimate) -> tuple[str, str, str, str]:
-    told = "" if found.identifiable else ", NOT TOLD by these data"
+    remark = "" if found.identifiable else ", not identifiable from these recordings"
     return (
-        f"{name}{told}",
+        f"{name}{remark}",
         f"{found.value:.6g} {_readable(found.unit)}",
-        "nothing bounds it" if found.std is None else f"{found.std:.2g}",
+        "undetermined" if found.std is None else f"{found.std:.2g}",
         "none" if found.ci95 is None else f"{found.ci95[0]:.6g} to {found.ci95[1]:.6g}",
     )
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 
 from sautereau.analysis.report.contents import PressRecord
-from sautereau.analysis.session.compare import Comparison, Departure
+from sautereau.analysis.session.compare import Comparison, Mean
 from sautereau.analysis.session.compare_features import ComparedFeature
 from sautereau.analysis.session.repeatability import Repeatability
 
@@ -168,12 +168,12 @@ def compared_rows(found: Sequence[ComparedFeature]) -> list[tuple[str, str, str,
         scale, unit = (column.scale, column.unit) if column else _readable(one.unit)
         label = column.label if column else (name if later else one.name).replace("_", " ")
         interval = "one press: none"
-        if one.low is not None and one.high is not None:
-            interval = f"{one.low * scale:.5g} to {one.high * scale:.5g}"
+        if one.measured.low is not None and one.measured.high is not None:
+            interval = f"{one.measured.low * scale:.5g} to {one.measured.high * scale:.5g}"
         rows.append(
             (
                 f"{label}{f', pluck {number}' if later else ''} ({unit})",
-                f"{one.measured * scale:.5g}",
+                f"{one.measured.value * scale:.5g}",
                 interval,
                 f"{one.predicted * scale:.5g}",
                 str(one.presses),
@@ -191,7 +191,7 @@ def comparison_rows(found: Comparison) -> list[tuple[str, str, str]]:
     rows = []
     for name in (field.name for field in fields(found)):
         value = getattr(found, name)
-        if isinstance(value, Departure):
+        if isinstance(value, Mean):
             label = _QUANTITIES.get(name, name.removesuffix("_error").replace("_", " "))
             known = value.low is not None and value.high is not None
             interval = f"{value.low:+.2%} to {value.high:+.2%}" if known else "one press: none"
@@ -220,12 +220,12 @@ def repeatability_rows(found: Repeatability) -> list[tuple[str, str, str]]:
         ),
         ("path velocity fluctuation FV", f"{found.velocity_fluctuation:.3%}", ""),
         (
-            f"drift of the rise{'' if rise.told else ', none told from chance'}",
+            f"drift of the rise{'' if rise.significant else ', none told from chance'}",
             f"{rise.per_press * 1e6:+.3g} µm a press",
             f"{rise.low * 1e6:+.3g} to {rise.high * 1e6:+.3g}",
         ),
         (
-            f"drift of the speed{'' if speed.told else ', none told from chance'}",
+            f"drift of the speed{'' if speed.significant else ', none told from chance'}",
             f"{speed.per_press:+.3%} a press",
             f"{speed.low:+.3%} to {speed.high:+.3%}",
         ),

@@ -2,15 +2,13 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
 
-import numpy as np
 from scipy.integrate import trapezoid
 
 from sautereau.analysis.model.choirs import ChoirPluck
 from sautereau.analysis.model.predict import Prediction
 from sautereau.analysis.press.features import UNITS, Features
-from sautereau.analysis.session.compare import mean_interval, predicted_features
+from sautereau.analysis.session.compare import Mean, held_steps, mean_of, predicted_features
 from sautereau.rig.schema import Rig
 
 COMPARED = (
@@ -32,18 +30,11 @@ class ComparedFeature:
     """One feature over repeated presses beside the model's; in its unit."""
 
     name: str
-    """Column of `press.features.UNITS`; later plucks have their number behind."""
+    """Column of `press.features.UNITS`; those of the second pluck end in `_2`, and so on."""
     unit: str
     presses: int
     """Presses that have it."""
-    measured: float
-    """Mean over the presses."""
-    low: float | None
-    """Lower end of the 95 % interval of the mean; None for a single press."""
-    high: float | None
-    """Upper end of the 95 % interval of the mean; None for a single press."""
-    interval: Literal["none", "student", "bootstrap"]
-    """Whence the interval comes."""
+    measured: Mean
     predicted: float
 
 
@@ -54,37 +45,41 @@ def compare_features(
 
     Args:
         rows: Of the presses.
-        rig: The bench that was predicted.
+        rig: The predicted bench.
         prediction: The model's press.
 
     Returns:
-        What both have, pluck by pluck; nothing where no press has a pluck.
+        The features that both have, pluck by pluck; none where no press has a pluck.
     """
     choirs = sorted(prediction.choirs, key=lambda choir: choir.release)
     found = []
-    for number, choir in enumerate(choirs):
+    for number, choir in enumerate(choirs, 1):
         predicted = pluck_features(rig, prediction, choir)
-        plucks = [row.plucks[number] for row in rows if number < len(row.plucks)]
+        plucks = [row.plucks[number - 1] for row in rows if number <= len(row.plucks)]
         for name in COMPARED:
             values = [v for p in plucks if (v := getattr(p, name)) is not None]
             if values:
-                found.append(_compared(name, number, values, predicted[name]))
+                column = f"{name}_{number}" if number > 1 else name
+                found.append(
+                    ComparedFeature(
+                        column, UNITS[name], len(values), mean_of(values), predicted[name]
+                    )
+                )
     return tuple(found)
 
 
 def pluck_features(rig: Rig, prediction: Prediction, choir: ChoirPluck) -> dict[str, float]:
     """Return the features of one predicted pluck [SI], by the names of `COMPARED`."""
-    pressing = np.flatnonzero(choir.string_force > 0)
-    first, last = int(pressing[0]) - 1, int(pressing[-1])
-    held = slice(first, last + 1)
+    held = held_steps(choir)
     force, deflection = prediction.finger_force[held], prediction.deflection[held]
     slope, _ = predicted_features(prediction, choir)
-    after = prediction.finger_force[min(last + 1, len(prediction.finger_force) - 1)]
+    after = prediction.finger_force[min(held.stop, len(prediction.finger_force) - 1)]
     travel = deflection * rig.key.press_arm / rig.key.laser_arm
+    rise = prediction.rise[held]
     return {
         "pluck_duration": choir.pluck_duration,
-        "contact_rise": float(prediction.rise[first]),
-        "release_rise": float(prediction.rise[last]),
+        "contact_rise": float(rise[0]),
+        "release_rise": float(rise[-1]),
         "held_deflection": float(deflection[-1] - deflection[0]),
         "contact_force": float(force[0]),
         "release_force": float(force[-1]),
@@ -92,20 +87,3 @@ def pluck_features(rig: Rig, prediction: Prediction, choir: ChoirPluck) -> dict[
         "force_slope": slope,
         "held_work": float(trapezoid(force, travel)),
     }
-
-
-def _compared(name: str, number: int, values: Sequence[float], predicted: float) -> ComparedFeature:
-    low = high = None
-    interval: Literal["none", "student", "bootstrap"] = "none"
-    if len(values) > 1:
-        low, high, interval = mean_interval(values)
-    return ComparedFeature(
-        name=f"{name}_{number + 1}" if number else name,
-        unit=UNITS[name],
-        presses=len(values),
-        measured=float(np.mean(values)),
-        low=low,
-        high=high,
-        interval=interval,
-        predicted=predicted,
-    )

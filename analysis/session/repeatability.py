@@ -45,7 +45,7 @@ class Trend:
     """Upper end of the 95 % interval."""
 
     @property
-    def told(self) -> bool:
+    def significant(self) -> bool:
         """Whether the interval leaves out no drift at all."""
         return self.low > 0 or self.high < 0
 

@@ -1,40 +1,39 @@
-"""Presses beside the model, as plain values and as lines."""
+"""Presses and the model's prediction as JSON and as text."""
 
 from collections.abc import Sequence
 from typing import Any
 
-from sautereau.analysis.session.compare import Comparison, Departure
+from sautereau.analysis.press.features import split_column
+from sautereau.analysis.session.compare import Comparison, Mean
 from sautereau.analysis.session.compare_features import ComparedFeature
+from sautereau.analysis.summary.text import counted, percent
+from sautereau.rig.quantities import QUANTITIES
 
-INTERVALS = {"student": "Student's t", "bootstrap": "presses resampled, BCa"}
-READABLE = {"s": (1e3, "ms"), "m": (1e3, "mm"), "N": (1.0, "N"), "J": (1e6, "uJ")}
+INTERVALS = {"student": "Student's t", "bootstrap": "bootstrap of the presses (BCa)"}
+SIGNS = {
+    "slope_error": ("smaller", "larger"),
+    "magnitude_error": ("smaller", "larger"),
+    "duration_error": ("shorter", "longer"),
+}
+"""Of the model where its error is negative, and where it is positive."""
 
 
 def comparison_summary(
     comparison: Comparison, features: Sequence[ComparedFeature] = ()
 ) -> dict[str, Any]:
-    """Return a comparison as JSON would hold it."""
-
-    def plain(departure: Departure) -> dict[str, Any]:
-        known = departure.low is not None
-        return {
-            "value": departure.value,
-            "ci95": [departure.low, departure.high] if known else None,
-        }
-
-    result: dict[str, Any] = {
-        "slope_error": plain(comparison.slope_error),
-        "magnitude_error": plain(comparison.magnitude_error),
-        "duration_error": plain(comparison.duration_error),
-    }
+    """Return a comparison as JSON."""
+    result: dict[str, Any] = {}
+    for name in SIGNS:
+        error: Mean = getattr(comparison, name)
+        result[name] = {"value": error.value, "ci95": _ends(error)}
     if features:
-        result["interval"] = features[0].interval
+        result["interval"] = features[0].measured.interval
         result["features"] = {
             feature.name: {
                 "unit": feature.unit,
                 "presses": feature.presses,
-                "measured": feature.measured,
-                "ci95": None if feature.low is None else [feature.low, feature.high],
+                "measured": feature.measured.value,
+                "ci95": _ends(feature.measured),
                 "predicted": feature.predicted,
             }
             for feature in features
@@ -45,36 +44,46 @@ def comparison_summary(
 def comparison_lines(
     comparison: Comparison, level: str, features: Sequence[ComparedFeature] = ()
 ) -> list[str]:
-    """Return a comparison as text; a departure is predicted / measured - 1."""
+    """Return a comparison as text.
 
-    def said(departure: Departure) -> str:
-        text = f"{departure.value:+.2%}"
-        if departure.low is None or departure.high is None:
-            return f"{text} (one press: no interval)"
-        return f"{text} (95 %: {departure.low:+.2%} to {departure.high:+.2%})"
-
+    Args:
+        comparison: Of the presses.
+        level: Of the plectrum.
+        features: Each beside the model's; empty to list none.
+    """
     lines = [
-        f"model ({level}) against {comparison.presses} presses, predicted / measured - 1:",
-        f"  slope of force on deflection  {said(comparison.slope_error)}",
-        f"  rise of force to release      {said(comparison.magnitude_error)}",
-        f"  time the string is held       {said(comparison.duration_error)}",
+        "Model error, (model - measured) / measured,"
+        f" {counted(comparison.presses, 'press')}, plectrum model {level}:",
+        *(_error_line(name, getattr(comparison, name)) for name in SIGNS),
     ]
     if features:
-        lines.append(
-            f"  {'feature':<20} {'measured':>10}  {'95 % of the mean':>22} {'predicted':>10}"
-        )
+        lines.append(f"  {'feature':<34} {'measured':>10}  {'95 % of the mean':>20} {'model':>10}")
         lines += [_feature_line(feature) for feature in features]
-        if features[0].interval in INTERVALS:
-            lines.append(f"  intervals by {INTERVALS[features[0].interval]}")
+        kind = features[0].measured.interval
+        lines += [f"  95 % intervals: {INTERVALS[kind]}"] if kind in INTERVALS else []
     return lines
 
 
+def _error_line(name: str, error: Mean) -> str:
+    smaller, larger = SIGNS[name]
+    sign = f"model {smaller if error.value < 0 else larger}"
+    ends = _ends(error)
+    interval = f"95 %: {percent(ends[0])} to {percent(ends[1])}" if ends else "one press"
+    return f"  {QUANTITIES[name].label:<30} {percent(error.value)} ({sign}), {interval}"
+
+
 def _feature_line(feature: ComparedFeature) -> str:
-    scale, unit = READABLE.get(feature.unit, (1.0, feature.unit))
-    between = "one press: none"
-    if feature.low is not None and feature.high is not None:
-        between = f"{feature.low * scale:.5g} to {feature.high * scale:.5g}"
+    name, pluck = split_column(feature.name)
+    scale, unit = QUANTITIES[name].displayed
+    label = QUANTITIES[name].title(unit) + (f", pluck {pluck}" if pluck > 1 else "")
+    ends = _ends(feature.measured)
+    between = f"{ends[0] * scale:.5g} to {ends[1] * scale:.5g}" if ends else "one press: none"
     return (
-        f"  {feature.name:<20} {feature.measured * scale:>10.5g}  {between:>22}"
-        f" {feature.predicted * scale:>10.5g} {unit}"
+        f"  {label:<34} {feature.measured.value * scale:>10.5g}  {between:>20}"
+        f" {feature.predicted * scale:>10.5g}"
     )
+
+
+def _ends(mean: Mean) -> list[float] | None:
+    """Return the ends of the 95 % interval; None for a single press."""
+    return None if mean.low is None or mean.high is None else [mean.low, mean.high]

@@ -1,15 +1,17 @@
-"""What a fit has found, as plain values and as lines."""
+"""A fit as JSON and as text."""
 
 from collections.abc import Sequence
 from typing import Any
 
+from sautereau.analysis.identify.identifiability import IDENTIFIABLE
 from sautereau.analysis.identify.identified import Estimate, Identified
 from sautereau.analysis.identify.profile import Profile
-from sautereau.analysis.identify.told import TOLD
+from sautereau.analysis.summary.text import counted
+from sautereau.rig.quantities import QUANTITIES
 
 
 def fit_summary(found: Identified, profiles: Sequence[Profile] = ()) -> dict[str, Any]:
-    """Return a fit as JSON would hold it; SI units."""
+    """Return a fit as JSON; SI units."""
     result: dict[str, Any] = {
         "parameters": {
             e.name: {
@@ -19,7 +21,7 @@ def fit_summary(found: Identified, profiles: Sequence[Profile] = ()) -> dict[str
                 "ci95": None if e.low is None else [e.low, e.high],
                 "start": e.start,
                 "at_bound": e.at_bound,
-                "identifiable": e.told,
+                "identifiable": e.identifiable,
             }
             for e in found.estimates
         },
@@ -28,19 +30,19 @@ def fit_summary(found: Identified, profiles: Sequence[Profile] = ()) -> dict[str
             for i, a in enumerate(found.estimates)
         },
         "identifiable": {
-            "all": all(c.told for c in found.combinations),
-            "told_below": TOLD,
+            "all": all(c.identifiable for c in found.combinations),
+            "identifiable_below": IDENTIFIABLE,
             "combinations": [
-                {"weights": dict(c.weights), "std": c.std, "told": c.told}
+                {"weights": dict(c.weights), "std": c.std, "identifiable": c.identifiable}
                 for c in found.combinations
             ],
         },
         "presses": list(found.presses),
         "releases": found.releases,
         "level": found.level,
-        "rms": found.rms,
-        "rms_before": found.rms_before,
-        "rise_error": found.rise_error,
+        "residual": found.residual,
+        "residual_before": found.residual_before,
+        "rise_residual": found.rise_residual,
         "force_offsets": list(found.force_offsets),
         "warnings": list(found.warnings),
     }
@@ -58,24 +60,26 @@ def fit_summary(found: Identified, profiles: Sequence[Profile] = ()) -> dict[str
 
 def fit_lines(found: Identified, profiles: Sequence[Profile] = ()) -> list[str]:
     """Return a fit as text."""
-    count = len(found.presses)
     lines = [
-        f"rig {found.rig.name}, plectrum as {found.level}, fitted to {count}"
-        f" press{'es' * (count > 1)} with {found.releases} releases:",
-        f"the model missed {found.rms_before * 1e3:.3g} mN rms of the force and misses"
-        f" {found.rms * 1e3:.3g} mN",
+        f"rig {found.rig.name}, plectrum model {found.level}, fitted to"
+        f" {counted(len(found.presses), 'press')} with {counted(found.releases, 'release')}",
+        f"{QUANTITIES['residual'].label}: {found.residual_before * 1e3:.3g} mN before the fit,"
+        f" {found.residual * 1e3:.3g} mN after",
         *(_estimate_line(estimate) for estimate in found.estimates),
     ]
     for profile in profiles:
         ends = ["a bound" if end is None else f"{end:.5g}" for end in (profile.low, profile.high)]
-        lines.append(f"  {profile.name}: 95 % by its profile from {ends[0]} to {ends[1]}")
-    if all(c.told for c in found.combinations):
-        lines.append("these data tell all of them apart")
+        lines.append(f"  {profile.name}: 95 % by profile likelihood, {ends[0]} to {ends[1]}")
+    if all(c.identifiable for c in found.combinations):
+        lines.append("all parameters are identifiable from these recordings")
     else:
-        lines.append("these data do not tell all of them apart; changes over their scales:")
+        lines.append(
+            "not all parameters are identifiable from these recordings; standard uncertainty of"
+            " the combinations of their relative changes:"
+        )
         lines += [
-            f"  {'told' if c.told else 'not told'}"
-            f" ({'not seen at all' if c.std is None else f'+- {c.std:.2g}'}): {c}"
+            f"  {'undetermined' if c.std is None else f'{c.std:.2g}':<12}"
+            f" {'identifiable' if c.identifiable else 'not identifiable':<16} {c}"
             for c in found.combinations
         ]
     return lines + [f"warning: {warning}" for warning in found.warnings]
@@ -83,11 +87,9 @@ def fit_lines(found: Identified, profiles: Sequence[Profile] = ()) -> list[str]:
 
 def _estimate_line(estimate: Estimate) -> str:
     unit = estimate.unit.replace("**", "^").replace("*", " ")
-    spread = "nothing bounds it"
-    if estimate.std is not None:
-        spread = f"+- {estimate.std:.2g}"
-    told = "" if estimate.told else "  NOT TOLD by these data"
+    spread = "undetermined" if estimate.std is None else f"+- {estimate.std:.2g}"
+    remark = "" if estimate.identifiable else "  not identifiable from these recordings"
     return (
         f"  {estimate.name:<28} {estimate.value:>11.5g} {spread} {unit}"
-        f" (was {estimate.start:.5g}){told}"
+        f" (rig: {estimate.start:.5g}){remark}"
     )

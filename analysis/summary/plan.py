@@ -1,16 +1,22 @@
-"""A plan, as plain values and as lines."""
+"""A plan as JSON and as text."""
 
 import math
 from collections.abc import Sequence
 from dataclasses import asdict
 from typing import Any
 
+from sautereau.analysis.summary.text import counted
+from sautereau.rig.quantities import DISPLAYED
 from sautereau.rig.schema import Rig
+from sautereau.trajectory.checks import Check
 from sautereau.trajectory.press import Trajectory
+
+TIGHTEST = 5
+"""Checks in the text unless all are requested."""
 
 
 def plan_summary(draft: Trajectory, warnings: Sequence[str]) -> dict[str, Any]:
-    """Return a plan as JSON would hold it; SI units."""
+    """Return a plan as JSON; SI units."""
     return {
         "cruise_speed": draft.cruise.speed,
         "cruise_error_max": draft.cruise.error,
@@ -26,17 +32,66 @@ def plan_summary(draft: Trajectory, warnings: Sequence[str]) -> dict[str, Any]:
     }
 
 
-def plan_lines(rig: Rig, draft: Trajectory, warnings: Sequence[str]) -> list[str]:
-    """Return a plan as text."""
+def plan_lines(
+    rig: Rig, draft: Trajectory, warnings: Sequence[str], all_checks: bool = False
+) -> list[str]:
+    """Return a plan as text.
+
+    Args:
+        rig: The bench.
+        draft: The plan.
+        warnings: Of the plan and of the prediction that it rests on.
+        all_checks: List every check instead of the tightest and the failed ones.
+    """
     cruise = draft.cruise
     tilt, slide = math.degrees(abs(draft.tilt).max()), abs(draft.slide).max() * 1e3
     return [
-        f"rig {rig.name}: {draft.time[-1] * 1e3:.4g} ms in {len(draft.segments)} segments",
-        f"the jack {'cruises' if draft.law.steady else 'goes'} at {cruise.speed:.6g} m/s from"
-        f" {cruise.start * 1e3:.4g} to {cruise.end * 1e3:.4g} ms and from"
-        f" {cruise.rise[0] * 1e3:.4g} to {cruise.rise[1] * 1e3:.4g} mm; its speed is wrong by at"
-        f" most {cruise.error * 100:.2g} %",
-        f"the finger tilts by {tilt:.3g} deg and slides by {slide:.3g} mm",
-        *(f"  {check}" for check in draft.checks),
+        f"rig {rig.name}: {draft.time[-1] * 1e3:.4g} ms in"
+        f" {counted(len(draft.segments), 'segment')}",
+        f"{'cruise' if draft.law.steady else 'gesture'}: jack speed {cruise.speed:.6g} m/s, error"
+        f" at most {cruise.error * 100:.2g} %, from {cruise.start * 1e3:.4g} to"
+        f" {cruise.end * 1e3:.4g} ms after the start of motion,"
+        f" jack rise {cruise.rise[0] * 1e3:.4g} to {cruise.rise[1] * 1e3:.4g} mm",
+        f"finger: tilt at most {tilt:.3g} deg, slide at most {slide:.3g} mm",
+        *_check_lines(draft.checks, all_checks),
         *(f"warning: {warning}" for warning in warnings),
     ]
+
+
+def _check_lines(checks: Sequence[Check], all_checks: bool) -> list[str]:
+    """Return the checks as a table, the tightest first."""
+    ordered = sorted(checks, key=_relative_margin)
+    failed = sum(not check.holds for check in checks)
+    shown = ordered if all_checks else ordered[: max(TIGHTEST, failed)]
+    lines = [
+        f"{'check':<36} {'value':>16} {'limit':>19} {'margin':>8}",
+        *(_check_line(check) for check in shown),
+    ]
+    if len(shown) < len(ordered):
+        lines.append(
+            f"{len(ordered) - len(shown)} more checks hold by larger margins; -v lists them"
+        )
+    return lines
+
+
+def _relative_margin(check: Check) -> float:
+    """Return the margin [1] over the limit; infinite where a limit of 0 is kept."""
+    if math.isnan(check.margin):
+        return -math.inf
+    if check.limit == 0:
+        return math.copysign(math.inf, check.margin) if check.margin else 0.0
+    return check.margin / abs(check.limit)
+
+
+def _check_line(check: Check) -> str:
+    plain = "" if check.unit == "1" else check.unit.replace("*", " ")
+    scale, unit = DISPLAYED.get(check.unit, (1.0, plain))
+
+    def shown(value: float) -> str:
+        return f"{value * scale:.4g} {unit}".rstrip()
+
+    relative = _relative_margin(check)
+    margin = f"{100 * relative:.1f} %" if math.isfinite(relative) else "-"
+    limit = f"{'>=' if check.at_least else '<='} {shown(check.limit)}"
+    verdict = "" if check.holds else "  FAILS"
+    return f"{check.name:<36} {shown(check.value):>16} {limit:>19} {margin:>8}{verdict}"

@@ -1,4 +1,4 @@
-"""A prediction, as plain values and as lines."""
+"""A prediction as JSON and as text."""
 
 import math
 from typing import Any
@@ -6,15 +6,17 @@ from typing import Any
 from sautereau.analysis.model.choirs import ChoirPluck
 from sautereau.analysis.model.predict import Prediction
 from sautereau.analysis.model.string.string import first_mode_release_speed
+from sautereau.rig.quantities import QUANTITIES
 from sautereau.rig.schema import Rig
 
 
 def prediction_summary(rig: Rig, found: Prediction) -> dict[str, Any]:
-    """Return a prediction's scalars as JSON would hold them; SI units, the first choir's first."""
+    """Return a prediction's scalars as JSON; SI units, the first choir's first."""
     return {
         "contact": found.contact,
         "release": found.release,
         "pluck_duration": found.pluck_duration,
+        "release_force": found.release_force,
         "plectrum_force": found.plectrum_force,
         "release_lift": found.release_lift,
         "release_angle": found.release_angle,
@@ -40,23 +42,37 @@ def prediction_summary(rig: Rig, found: Prediction) -> dict[str, Any]:
 def prediction_lines(rig: Rig, found: Prediction) -> list[str]:
     """Return a prediction as text."""
     first_mode = first_mode_release_speed(rig.string, found.release_lift)
-    lines = [f"rig {rig.name}, plectrum as {found.level}, jack at {rig.press.jack_speed:.4g} m/s"]
+    lines = [
+        f"rig {rig.name}, plectrum model {found.level}, jack speed"
+        f" {rig.press.jack_speed:.4g} m/s; times after the jack leaves rest:"
+    ]
     for number, choir in enumerate(found.choirs, 1):
         name = f"string {number}: " if len(found.choirs) > 1 else ""
-        gives_way = ", where the plectrum gives way" * choir.released_at_fold
+        early = (
+            ", before the tip: the plectrum's deflection reaches its limit" * choir.released_at_fold
+        )
         lines += [
             f"{name}contact {choir.contact * 1e3:.4g} ms, release {choir.release * 1e3:.4g} ms"
-            f"{gives_way}: the string is held for {choir.pluck_duration * 1e3:.4g} ms",
-            f"at release: {choir.plectrum_force:.4g} N, string lifted"
-            f" {choir.release_lift * 1e3:.4g} mm, plectrum at"
-            f" {math.degrees(choir.release_angle):.4g} deg",
+            f"{early}; {_shown('pluck_duration', choir.pluck_duration)}",
+            *(
+                f"  {_shown(quantity, getattr(choir, quantity))}"
+                for quantity in ("plectrum_force", "release_lift", "release_angle")
+            ),
         ]
     return [
         *lines,
-        f"the finger pushes with up to {found.peak_force:.4g} N and works"
-        f" {found.work * 1e6:.4g} uJ against plectrum and string",
-        f"the string leaves at {found.v_osc:.4g} m/s (all modes; the first alone {first_mode:.4g})",
+        f"finger: {_shown('release_force', found.release_force)},"
+        f" {_shown('peak_force', found.peak_force)}, {_shown('work', found.work)}",
+        f"{QUANTITIES['v_osc'].label}: {found.v_osc:.4g} m/s (all modes),"
+        f" {first_mode:.3g} m/s (first mode only)",
     ]
+
+
+def _shown(name: str, value: float) -> str:
+    """Return a quantity with its label, in the unit of texts."""
+    quantity = QUANTITIES[name]
+    scale, unit = quantity.displayed
+    return f"{quantity.label} {value * scale:.4g} {unit}"
 
 
 def _string(choir: ChoirPluck) -> dict[str, float | None]:

@@ -1,19 +1,21 @@
-"""What was found, as plain values for machines and as lines of text for people."""
+"""The phases of a press as JSON and as text."""
 
+from dataclasses import asdict
 from typing import Any
 
 from sautereau.analysis.phases import Phases
 from sautereau.analysis.press.load import Press
 
 HEADER = (
-    f"{'press':<25} {'jack m/s':>9} {'contact ms':>10} {'release ms':>10}"
-    f" {'held ms':>8} {'peak N':>7}"
+    "Contact and release: time after the trigger.\n"
+    f"{'':<13} {'jack speed':>10}  contact  release pluck duration\n"
+    f"{'press':<15} {'(m/s)':>8} {'(ms)':>8} {'(ms)':>8} {'(ms)':>8} release force (N)"
 )
-"""Of the rows; they fit into 80 columns with the word simulated."""
+"""Of the rows, which fit into 80 columns."""
 
 
 def press_summary(press: Press, phases: Phases) -> dict[str, Any]:
-    """Return one press as JSON would hold it; SI units, None where there is no pluck."""
+    """Return one press as JSON; SI units, None where there is no pluck."""
     first = phases.plucks[0] if phases.plucks else None
     return {
         "path": str(press.path),
@@ -24,7 +26,9 @@ def press_summary(press: Press, phases: Phases) -> dict[str, Any]:
         "bottom": phases.bottom,
         "bottomed": phases.bottomed,
         "returned": phases.returned,
-        "plucks": [vars(pluck) for pluck in phases.plucks],
+        "plucks": [
+            asdict(pluck) | {"pluck_duration": pluck.pluck_duration} for pluck in phases.plucks
+        ],
         "speeds": {
             "free": phases.free_speed,
             "held": phases.held_speed,
@@ -32,22 +36,23 @@ def press_summary(press: Press, phases: Phases) -> dict[str, Any]:
         },
         "forces": {
             "contact": first and first.contact_force,
-            "peak": first and first.release_force,
-            "step": first and first.force_drop,
+            "release": first and first.release_force,
+            "drop": first and first.force_drop,
+            "peak": phases.peak_force,
         },
         "warnings": [*press.warnings, *phases.warnings],
     }
 
 
 def press_line(press: Press, phases: Phases) -> str:
-    """Return one press as rows under `HEADER`, one a pluck."""
-    name = press.path.name + (" simulated" if press.simulated else "")
-    row = f"{name:<25} {phases.free_speed:>9.5f}"
+    """Return one press as rows under `HEADER`, one for each pluck."""
+    row = f"{press.path.name:<15} {phases.free_speed:>8.5f}"
     if not phases.plucks:
-        return f"{row}  no pluck"
-    first, *more = (
-        f"{p.contact * 1e3:>10.3f} {p.release * 1e3:>10.3f}"
-        f" {p.duration * 1e3:>8.3f} {p.release_force:>7.4f}"
-        for p in phases.plucks
-    )
-    return "\n".join([f"{row} {first}", *(f"{'':<35} {line}" for line in more)])
+        row = f"{row}  no pluck"
+    for number, held in enumerate(phases.plucks):
+        row += "" if number == 0 else f"\n{'':<24}"
+        row += (
+            f" {held.contact * 1e3:>8.3f} {held.release * 1e3:>8.3f}"
+            f" {held.pluck_duration * 1e3:>8.3f} {held.release_force:>17.4f}"
+        )
+    return row + "  simulated" * press.simulated

@@ -1,55 +1,51 @@
-"""What a campaign says about touch, as plain values and as lines."""
+"""The touch of a campaign's plectra, as JSON and as text."""
 
 from dataclasses import asdict
 from typing import Any
 
-from sautereau.analysis.campaign.touch import UNITS, Felt, Touch
+from sautereau.analysis.campaign.touch import FELT, Felt, Touch
 from sautereau.analysis.session.repeatability import Spread
-from sautereau.analysis.summary.simulated import SOME_SIMULATED
-
-SHORT = {"threshold": "N", "slope": "N/mm", "drop": "N"}
-"""Units of the table."""
-SCALE = {"threshold": 1.0, "slope": 1e-3, "drop": 1.0}
-"""1, of the table's units."""
+from sautereau.analysis.summary.text import SOME_SIMULATED, counted
+from sautereau.rig.quantities import QUANTITIES
 
 
 def touch_summary(found: Touch) -> dict[str, Any]:
-    """Return the touch as JSON would hold it; SI units."""
-    return asdict(found) | {"units": UNITS}
+    """Return the touch as JSON; SI units."""
+    return asdict(found) | {"units": {name: QUANTITIES[name].unit for name in FELT}}
 
 
 def touch_lines(found: Touch) -> list[str]:
-    """Return the touch as text: a table of the plectra, then each quantity's spread."""
+    """Return the touch as text: a table of the plectra, then the spread of each quantity."""
     lines = []
     if found.simulated:
         lines.append(SOME_SIMULATED)
     lines.append(
-        f"{found.presses} presses, {found.sessions} sessions, {len(found.plectra)} plectra;"
-        " intervals are of 95 %"
+        f"{counted(found.presses, 'press')}, {counted(found.sessions, 'session')},"
+        f" {counted(len(found.plectra), 'plectrum')}; 95 % intervals in brackets:"
     )
-    head = "".join(f"{f'{name} ({SHORT[name]})':>30}" for name in found.felt)
-    lines.append(f"{'plectrum':10}{'3EI/L^3 N/m':>12}{'presses':>9}{head}")
+    quantities = {name: QUANTITIES[name] for name in found.felt}
+    titles = "".join(f"{q.title(q.displayed[1]):>30}" for q in quantities.values())
+    lines.append(f"{'plectrum':10}{'3EI/L^3 N/m':>12}{'presses':>9}{titles}")
     for plectrum in found.plectra:
         cells = "".join(
-            f"{_interval(spread, SCALE[name]):>30}" for name, spread in plectrum.felt.items()
+            f"{_interval(spread, quantities[name].displayed[0]):>30}"
+            for name, spread in plectrum.felt.items()
         )
         lines.append(f"{plectrum.name:10}{plectrum.tip_stiffness:12.4g}{plectrum.presses:9}{cells}")
     for name, felt in found.felt.items():
-        lines += [f"{name}:", *_felt_lines(felt)]
+        lines += [f"{quantities[name].label}, standard deviations:", *_felt_lines(felt)]
     return [*lines, *(f"note: {note}" for note in found.notes)]
 
 
 def _felt_lines(felt: Felt) -> list[str]:
-    spreads = (
-        ("within a session", felt.press),
-        ("between sessions", felt.session),
-        ("between plectra", felt.plectrum),
-        ("  beyond their shape", felt.unexplained),
-    )
-    lines = [f"  {what:22}{_percent(spread)}" for what, spread in spreads if spread is not None]
+    lines = [
+        f"  {QUANTITIES[f'felt.{source}'].label:36}{_percent(spread)}"
+        for source in ("press", "session", "plectrum", "unexplained")
+        if (spread := getattr(felt, source)) is not None
+    ]
     for name, exponent in felt.exponents.items():
         lines.append(
-            f"  grows as {name.removeprefix('plectrum_')}^{exponent.value:.2f}"
+            f"  proportional to {name.removeprefix('plectrum_')}^{exponent.value:.2f}"
             f" ({exponent.low:.2f} to {exponent.high:.2f})"
         )
     return lines

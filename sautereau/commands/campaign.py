@@ -5,7 +5,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from sautereau.analysis.summary.simulated import SOME_SIMULATED
+from sautereau.analysis.summary.text import SOME_SIMULATED
 from sautereau.commands.common import Json, Picture, answer, fail, share_bar, signals_stop
 
 SHOWN = 20

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from sautereau.analysis.summary.simulated import SOME_SIMULATED
+from sautereau.analysis.summary.text import SOME_SIMULATED
 from sautereau.commands.common import (
     Flag,
     Json,
@@ -101,8 +101,8 @@ def identify(
         Rig file for the values that were told. What is in it otherwise stays; a new one is made
         of the recordings' rig.
     """
-    from sautereau.analysis.identify.fit import balance_of, fit
-    from sautereau.analysis.identify.identified import told
+    from sautereau.analysis.identify.fit import fit, inverse_dynamics
+    from sautereau.analysis.identify.identified import evaluate
     from sautereau.analysis.identify.parameters import FORCE, read_prior
     from sautereau.analysis.identify.profile import profile as profile_of
     from sautereau.analysis.summary.fit import fit_lines, fit_summary
@@ -111,9 +111,9 @@ def identify(
     priors = dict(read_prior(text) for text in prior or [])
     both = load(files)
     pressed, phases = [p for p, _ in both], [f for _, f in both]
-    balance = balance_of(pressed, phases, names, priors, level)
-    made = fit(balance, starts, robust, levelled=FORCE in names)
-    found = told(made)
+    dynamics = inverse_dynamics(pressed, phases, names, priors, level)
+    made = fit(dynamics, starts, robust, levelled=FORCE in names)
+    found = evaluate(made)
     profiles = [profile_of(made, found, e.name) for e in found.estimates] if profile else []
     simulated = any(p.simulated for p in pressed)
     result = fit_summary(found, profiles) | {"simulated": simulated}
@@ -140,7 +140,7 @@ def _write_rig(out: Path, nominal: "Rig", found: "Identified", simulated: bool) 
     from sautereau.rig.edit import edit_rig
     from sautereau.rig.text import rig_text
 
-    values = rig_values(nominal, {e.name: e.value for e in found.estimates if e.told})
+    values = rig_values(nominal, {e.name: e.value for e in found.estimates if e.identifiable})
     first, count = found.presses[0], len(found.presses)
     source = (
         f"identified from {'SIMULATED ' * simulated}{first}"

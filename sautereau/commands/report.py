@@ -5,7 +5,7 @@ from pathlib import Path
 from shlex import quote
 from typing import TYPE_CHECKING
 
-from sautereau.analysis.summary.simulated import SOME_SIMULATED
+from sautereau.analysis.summary.text import SOME_SIMULATED
 from sautereau.commands.common import Json, Level, answer, bar
 
 if TYPE_CHECKING:

@@ -65,8 +65,8 @@ def test_touch_answers(table, tmp_path, capsys):
     told = json.loads(capsys.readouterr().out)
     assert told["simulated"] is True
     assert len(told["plectra"]) == 3
-    assert told["units"]["threshold"] == "N"
-    assert told["felt"]["threshold"]["press"]["value"] < 0.02
+    assert told["units"]["release_force"] == "N"
+    assert told["felt"]["release_force"]["press"]["value"] < 0.02
     assert picture.stat().st_size > 10_000
     assert run("touch", table) == 0
     assert "between sessions" in capsys.readouterr().out

@@ -9,7 +9,7 @@ from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.model.predict import predict
 from sautereau.analysis.phases import HeldString, Phases
 from sautereau.analysis.press.features import Features, PluckFeatures
-from sautereau.analysis.session.compare import _departure, compare, predicted_features
+from sautereau.analysis.session.compare import Mean, compare, mean_of, predicted_features
 from sautereau.analysis.session.compare_features import COMPARED, compare_features, pluck_features
 
 
@@ -30,7 +30,7 @@ def phases_of(prediction, *, slope=0.0, rise=0.0, duration=0.0):
         contact_force=0.3,
         release_force=0.3 + magnitude,
         force_drop=magnitude,
-        slope=predicted_slope / (1 + slope),
+        force_slope=predicted_slope / (1 + slope),
     )
     return Phases(0.01, 0.2, (held,), 0.072, 0.07, 0.072, ())
 
@@ -78,21 +78,21 @@ def test_the_interval_covers_the_mean_in_95_of_100(n, kind, repeats, within):
     """Resampling of 20 covers 93 of 100 and no less, where the values are normal."""
     random = np.random.default_rng(n)
     draws = random.normal(0.1, 0.03, (repeats, n))
-    found = [_departure(list(row)) for row in draws]
+    found = [mean_of(list(row)) for row in draws]
     assert {d.interval for d in found} == {kind}
     assert np.mean([d.low <= 0.1 <= d.high for d in found]) == pytest.approx(0.95, abs=within)
 
 
 @pytest.mark.parametrize("n", [2, 20])
 def test_presses_that_are_all_alike_have_an_interval_of_no_width(n):
-    found = _departure([0.25] * n)
+    found = mean_of([0.25] * n)
     assert (found.low, found.high) == pytest.approx((0.25, 0.25), abs=1e-15)
 
 
 def test_a_skewed_feature_has_a_skewed_interval():
     """BCa reaches further to the side of the long tail, which Student's t does not see."""
     values = list(np.random.default_rng(1).exponential(1.0, 30))
-    found = _departure(values)
+    found = mean_of(values)
     assert found.interval == "bootstrap"
     assert found.high - found.value > found.value - found.low
 
@@ -100,7 +100,9 @@ def test_a_skewed_feature_has_a_skewed_interval():
 def features_of(predicted, share=0.0):
     """Return the features of a press that departs from a prediction by a share of each."""
     pluck = PluckFeatures(**{name: value / (1 + share) for name, value in predicted.items()})
-    return Features("press.mcap", True, 0, 0.2, None, None, 0.07, 0.07, 0.07, 1e-3, 0, (pluck,))
+    return Features(
+        "press.mcap", True, 0, 0.2, None, None, 0.07, 0.07, 0.07, 0.8, 1e-3, 0, (pluck,)
+    )
 
 
 def test_every_feature_stands_beside_the_models(paper, prediction):
@@ -111,7 +113,7 @@ def test_every_feature_stands_beside_the_models(paper, prediction):
     for name, feature in found.items():
         assert feature.predicted == predicted[name]
         assert feature.presses == 3
-        assert feature.low < feature.measured < feature.high
+        assert feature.measured.low < feature.measured.value < feature.measured.high
     assert found["pluck_duration"].predicted == pytest.approx(prediction.pluck_duration)
     assert found["contact_rise"].predicted == pytest.approx(paper.jack.string_clearance, rel=1e-6)
     assert found["force_drop"].predicted > 0
@@ -121,12 +123,12 @@ def test_every_feature_stands_beside_the_models(paper, prediction):
 def test_one_press_has_features_without_intervals(paper, prediction):
     row = features_of(pluck_features(paper, prediction, prediction.choirs[0]))
     for feature in compare_features([row], paper, prediction):
-        assert (feature.low, feature.high, feature.interval) == (None, None, "none")
-        assert feature.measured == pytest.approx(feature.predicted)
+        assert feature.measured == Mean(feature.measured.value, None, None, "none")
+        assert feature.measured.value == pytest.approx(feature.predicted)
 
 
 def test_features_without_a_pluck_are_not_compared(paper, prediction):
-    mute = Features("press.mcap", True, 0, 0.2, None, None, 0.07, None, None, 1e-3, 0, ())
+    mute = Features("press.mcap", True, 0, 0.2, None, None, 0.07, None, None, 0.8, 1e-3, 0, ())
     assert compare_features([mute], paper, prediction) == ()
 
 

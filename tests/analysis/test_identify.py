@@ -9,8 +9,8 @@ from benchmarks.identify import FREE, coverage
 from benchmarks.simulated import sensed
 from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.figures.fit import fit_figure
-from sautereau.analysis.identify.fit import balance_of, fit
-from sautereau.analysis.identify.identified import identify, told
+from sautereau.analysis.identify.fit import fit, inverse_dynamics
+from sautereau.analysis.identify.identified import evaluate, identify
 from sautereau.analysis.identify.parameters import Prior, rig_values, value_of, with_parameters
 from sautereau.analysis.identify.profile import profile
 from sautereau.analysis.model.predict import predict
@@ -60,12 +60,12 @@ def two(five):
 
 @pytest.fixture(scope="module")
 def made(five):
-    return fit(balance_of(*five, FREE), 2)
+    return fit(inverse_dynamics(*five, FREE), 2)
 
 
 @pytest.fixture(scope="module")
 def found(made):
-    return told(made)
+    return evaluate(made)
 
 
 def free_key(rig, seed=0):
@@ -82,12 +82,12 @@ def by_name(found):
 def test_five_noisy_presses_tell_plectrum_inertia_and_friction(found, true):
     assert [e.name for e in found.estimates] == list(FREE)
     for estimate in found.estimates:
-        assert estimate.told
+        assert estimate.identifiable
         assert not estimate.at_bound
         assert estimate.value == pytest.approx(value_of(true, estimate.name), rel=0.03)
         assert estimate.low < value_of(true, estimate.name) < estimate.high
-    assert found.rms < found.rms_before / 5
-    assert all(c.told for c in found.combinations)
+    assert found.residual < found.residual_before / 5
+    assert all(c.identifiable for c in found.combinations)
     assert np.allclose(np.diag(found.correlation), 1)
     assert np.abs(found.correlation).max() <= 1 + 1e-9
     assert not found.warnings
@@ -132,24 +132,24 @@ def test_two_frictions_that_push_alike_are_not_told_apart(two):
     names = ["key.pivot_coulomb_friction", "jack.register_friction"]
     found = identify(*two, [*names, "plectrum.overlap"], starts=1)
     estimates = by_name(found)
-    assert estimates["plectrum.overlap"].told
-    assert not estimates["key.pivot_coulomb_friction"].told
+    assert estimates["plectrum.overlap"].identifiable
+    assert not estimates["key.pivot_coulomb_friction"].identifiable
     *_, worst = found.combinations
-    assert not worst.told
-    assert found.combinations[0].told
+    assert not worst.identifiable
+    assert found.combinations[0].identifiable
     assert worst.weights["key.pivot_coulomb_friction"] ** 2 > 0.5
     text = "\n".join(fit_lines(found))
-    assert "do not tell all of them apart" in text
-    assert "NOT TOLD" in text
+    assert "not all parameters are identifiable" in text
+    assert "not identifiable from these recordings" in text
 
 
 def test_a_weight_that_only_shifts_the_force_is_not_seen(two):
     """Of an AC-coupled force the level is unknown, and front heaviness is nothing else."""
     found = identify(*two, ["key.front_heaviness", *FREE], starts=1)
     unseen = by_name(found)["key.front_heaviness"]
-    assert (unseen.std, unseen.low, unseen.high, unseen.told) == (None, None, None, False)
+    assert (unseen.std, unseen.low, unseen.high, unseen.identifiable) == (None, None, None, False)
     assert found.combinations[-1].std is None
-    assert by_name(found)["key.inertia"].told
+    assert by_name(found)["key.inertia"].identifiable
     summary = fit_summary(found)
     assert summary["parameters"]["key.front_heaviness"]["ci95"] is None
     assert summary["identifiable"]["all"] is False
@@ -161,7 +161,7 @@ def test_a_prior_fills_in_what_data_do_not_tell(two):
     (estimate,) = found.estimates
     assert estimate.value == pytest.approx(6e-3, rel=1e-3)
     assert estimate.std == pytest.approx(1e-3, rel=1e-3)
-    assert not estimate.told
+    assert not estimate.identifiable
 
 
 def test_a_bound_that_stops_a_parameter_is_told(two):
@@ -192,10 +192,10 @@ def test_without_a_pluck_the_key_is_told_and_the_plectrum_is_not(rig):
     press, phases = free_key(rig)
     found = identify([press], [phases], ["key.inertia", "plectrum.overlap"], starts=1)
     estimates = by_name(found)
-    assert estimates["key.inertia"].told
+    assert estimates["key.inertia"].identifiable
     assert estimates["key.inertia"].value == pytest.approx(rig.key.inertia, rel=0.03)
     assert estimates["plectrum.overlap"].std is None
-    assert found.rise_error is None
+    assert found.rise_residual is None
     assert any("no press has a pluck" in warning for warning in found.warnings)
 
 
@@ -258,4 +258,4 @@ def test_intervals_hold_the_truth_in_90_of_100_fits_and_more():
     found = coverage(20, 10)
     for k, name in enumerate(FREE):
         assert found.covered[:, k].mean() >= 0.90, name
-        assert np.abs(found.errors[found.told[:, k], k]).max(initial=0.0) < 0.03, name
+        assert np.abs(found.errors[found.identifiable[:, k], k]).max(initial=0.0) < 0.03, name

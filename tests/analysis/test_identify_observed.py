@@ -8,7 +8,7 @@ import pytest
 from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.identify.observed import LEAST, observed
 from sautereau.analysis.identify.parameters import parameters
-from sautereau.analysis.identify.residuals import Balance
+from sautereau.analysis.identify.residuals import InverseDynamics
 from sautereau.analysis.model.key import finger_force
 from sautereau.analysis.phases import find_phases
 from sautereau.daq.signals.quality_flags import Mark
@@ -66,8 +66,10 @@ def test_the_balance_of_a_swinging_key_closes(press, rate):
     swinging, force = balanced(press, rate)
     phases = replace(find_phases(press), plucks=())
     taken = observed(swinging, phases)
-    balance = Balance(swinging.rig, parameters(swinging.rig, ["key.inertia"]), [taken], "elastica")
-    (missed,), rises = balance.residuals(np.array([swinging.rig.key.inertia]))
+    dynamics = InverseDynamics(
+        swinging.rig, parameters(swinging.rig, ["key.inertia"]), [taken], "elastica"
+    )
+    (missed,), rises = dynamics.residuals(np.array([swinging.rig.key.inertia]))
     assert len(rises) == 0
     assert np.abs(missed).max() < 1e-4 * np.abs(force).max()
 

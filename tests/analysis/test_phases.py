@@ -41,7 +41,7 @@ def test_a_clean_press_is_known_to_a_sample(make_press, rate):
     # Where in a sample it is, and a lag of the low-pass that the chart may leave out.
     known = np.hypot(1 / rate, 2 * LAG) / np.sqrt(12)
     assert known * (1 - 1e-9) <= held.release_std < 1.3 * known
-    assert held.duration == pytest.approx(0.020, abs=0.7 / rate)
+    assert held.pluck_duration == pytest.approx(0.020, abs=0.7 / rate)
     assert held.contact_force == pytest.approx(0.33, abs=1e-3)
     assert held.release_force == pytest.approx(0.33 + 27 * 0.02, abs=27 / rate)
     assert held.force_drop == pytest.approx(27 * 0.02, abs=27 / rate)
@@ -72,7 +72,7 @@ def test_weak_and_strong_strings(make_press, slope, limit):
     assert held.contact == pytest.approx(CONTACT, abs=limit)
     assert held.release == pytest.approx(RELEASE, abs=0.1e-3)
     on_deflection = slope / (0.072 * 82 / 215)
-    assert held.slope == pytest.approx(on_deflection, rel=0.02)
+    assert held.force_slope == pytest.approx(on_deflection, rel=0.02)
 
 
 @pytest.mark.parametrize("curvature", [-500.0, 300.0, 1000.0])

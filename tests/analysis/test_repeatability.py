@@ -40,7 +40,7 @@ def test_equal_presses_have_no_spread(paper, law):
     assert found.path_accuracy < 1e-8
     assert found.velocity_repeatability.value == pytest.approx(0, abs=1e-12)
     assert abs(found.velocity_accuracy) < 1e-6
-    assert not found.rise_drift.told
+    assert not found.rise_drift.significant
 
 
 def test_known_offsets_and_speeds(paper, law):
@@ -74,12 +74,12 @@ def test_intervals_cover_a_known_jitter(paper, law):
     assert 0.88 <= held / sessions <= 1.0
 
 
-def test_a_drift_is_told(paper, law):
+def test_a_significant_drift_is_reported(paper, law):
     offsets = 1e-6 * np.arange(20) + 1e-7 * np.random.default_rng(0).standard_normal(20)
     found = repeatability(presses(paper, law, offsets, np.ones(20)), law)
-    assert found.rise_drift.told
+    assert found.rise_drift.significant
     assert found.rise_drift.low < 1e-6 < found.rise_drift.high
-    assert not found.speed_drift.told
+    assert not found.speed_drift.significant
 
 
 def test_too_few_or_too_short(paper, law):

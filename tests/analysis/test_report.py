@@ -124,7 +124,7 @@ def test_the_table_holds_the_features(twenty):
         assert f"{first.contact * 1e3:.3f}" in row[2]
         assert f"{first.release * 1e3:.3f}" in row[3]
         assert f"{first.release_force:.4f}" in row
-    mean = np.mean([r.phases.plucks[0].duration for r in found.presses])
+    mean = np.mean([r.phases.plucks[0].pluck_duration for r in found.presses])
     (foot,) = [row for row in Page(text).rows if row and row[0] == "mean"]
     assert f"{mean * 1e3:.3f}" in foot
 
@@ -247,7 +247,7 @@ def test_a_fit_is_read_as_identify_wrote_it(tmp_path):
     fit = read_fit(path)
     assert fit.rows == (
         ("key.inertia", "0.00071 kg·m²", "1e-06", "0.0007 to 0.00072"),
-        ("string.tension, NOT TOLD by these data", "66 N", "nothing bounds it", "none"),
+        ("string.tension, not identifiable from these recordings", "66 N", "undetermined", "none"),
     )
     assert fit.warnings == ("told by few",)
 

@@ -22,7 +22,7 @@ def test_ideal_jack_cruises_at_the_speed_asked_for(ideal):
         assert phases.free_speed == pytest.approx(0.072, rel=1e-3)
         assert cruise.mean() == pytest.approx(0.072, rel=1e-3)
         assert phases.held_speed == pytest.approx(0.072, rel=1e-3)
-        assert held.duration == pytest.approx(20.0e-3, abs=0.1e-3)
+        assert held.pluck_duration == pytest.approx(20.0e-3, abs=0.1e-3)
 
 
 def test_ideal_contact_release_and_force_are_the_models(ideal):
@@ -102,7 +102,7 @@ def test_truth_apart_from_the_rig_is_seen_in_the_recording(tmp_path):
         (path,) = run_session(rig, plan_press(rig), GalilController(rig), tmp_path, 1)
     phases = find_phases(load_press(path))
     expected = predict(with_values(load_rig(), truth))
-    assert phases.plucks[0].duration == pytest.approx(expected.pluck_duration, abs=0.1e-3)
+    assert phases.plucks[0].pluck_duration == pytest.approx(expected.pluck_duration, abs=0.1e-3)
     assert phases.plucks[0].contact - phases.start == pytest.approx(2.5 / 72, abs=0.1e-3)
 
 

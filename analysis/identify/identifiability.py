@@ -7,7 +7,7 @@ import numpy as np
 
 from sautereau.trajectory.motion import Floats
 
-TOLD = 0.015
+IDENTIFIABLE = 0.015
 """1, standard uncertainty over the parameter's scale below which data tell it: the 95 % interval
 reaches no further than 3 % of the scale."""
 SHARE = 0.1
@@ -22,8 +22,8 @@ class Combination:
     """1, by parameter, of its change over its scale; the squares sum to 1, small ones left out."""
     std: float | None
     """1, standard uncertainty of the combination; None where nothing bounds it."""
-    told: bool
-    """Whether that is below `TOLD`."""
+    identifiable: bool
+    """Whether that is below `IDENTIFIABLE`."""
 
     def __str__(self) -> str:
         parts = [f"{'-' if w < 0 else '+'} {abs(w):.2f} {n}" for n, w in self.weights.items()]
@@ -48,7 +48,7 @@ def combinations(jacobian: Floats, names: Sequence[str]) -> list[Combination]:
             Combination(
                 {names[int(i)]: float(direction[i]) for i in order if abs(direction[i]) >= SHARE},
                 std,
-                std is not None and std < TOLD,
+                std is not None and std < IDENTIFIABLE,
             )
         )
     return found

@@ -1,0 +1,15 @@
+"""Phrases that several summaries share."""
+
+SOME_SIMULATED = "SIMULATED: at least one of these presses was made on the stand-in"
+"""First line of the text on presses of which any was made on a stand-in."""
+_PLURALS = {"press": "presses", "plectrum": "plectra"}
+
+
+def counted(count: int, noun: str) -> str:
+    """Return a number with its noun in the singular or the plural: `1 press`, `2 plectra`."""
+    return f"{count} {noun if count == 1 else _PLURALS.get(noun, f'{noun}s')}"
+
+
+def percent(ratio: float) -> str:
+    """Return a signed ratio in per cent: `-6.6 %`, `+0.12 %`."""
+    return f"{100 * ratio:+.{1 if abs(ratio) >= 0.01 else 2}f} %"
