@@ -35,14 +35,17 @@ class BenchPose:
         axes: In mm, with equal aspect.
         rig: The bench.
         colour: Of the arm.
-        ghost: Whether it is drawn as a pale outline.
+        ghost: Draw a dashed outline in that colour.
+        label: Of the arm, for the legend.
     """
 
-    def __init__(self, axes, rig: Rig, colour: str = ARM, *, ghost: bool = False):
+    def __init__(
+        self, axes, rig: Rig, colour: str = ARM, *, ghost: bool = False, label: str | None = None
+    ):
         from matplotlib.patches import Circle, Polygon
 
         self.rig, self.choirs = rig, choirs(rig)
-        edge, order = (PRESSED if ghost else GRAIN), (2 if ghost else 3)
+        edge, order = (colour if ghost else GRAIN), (2 if ghost else 3)
         face, dashes = ("none", "--") if ghost else (WOOD, "-")
 
         def body() -> Polygon:
@@ -50,7 +53,7 @@ class BenchPose:
 
         self._key, self._jacks = body(), [body() for _ in self.choirs]
         line = {"lw": 1.2, "ls": "--"} if ghost else {"lw": 5, "solid_capstyle": "round"}
-        (self._links,) = axes.plot([], [], color=colour, zorder=order + 2, **line)
+        (self._links,) = axes.plot([], [], color=colour, zorder=order + 2, label=label, **line)
         joints = {"mfc": "white", "mec": colour, "mew": 1.5, "ms": 7, "ls": ""}
         (self._joints,) = axes.plot([], [], "o", zorder=order + 3, **joints)
         radius = rig.arm.fingertip_radius * 1e3
