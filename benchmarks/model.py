@@ -18,7 +18,7 @@ from sautereau.rig.schema import Rig
 CASES = 20_000
 CHECKED = 20
 SAME = 1e-9
-"""1, within which two ways give the same scalars."""
+"""Dimensionless tolerance between two ways to the same scalars."""
 
 
 def run() -> list[Figure]:

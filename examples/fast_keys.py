@@ -21,7 +21,7 @@ SPEEDS = (0.02, 0.03, 0.05, 0.072, 0.1, 0.15, 0.2, 0.25, 0.3, 0.35, 0.4, 0.5, 0.
 
 
 def study(rig: Rig, speeds: tuple[float, ...] = SPEEDS) -> dict[float, float]:
-    """Return the spring's error [1] of the time for which the string is held, by jack speed."""
+    """Return the relative error of the spring string's pluck duration by jack speed."""
     height = rig_pluck(rig).release_height
     return {speed: height / speed / _held(rig, speed) - 1 for speed in speeds}
 

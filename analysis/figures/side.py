@@ -1,7 +1,7 @@
-"""The bench from its side and drawn to scale: arm, key, jacks and strings, in mm.
+"""The bench from its side to scale: arm, key, jacks and strings, in mm.
 
-What no rig tells is drawn as is usual: the jack's length, the key's thickness, rail, felt and
-register. Nut and bridge are drawn in the key's own plane.
+Lengths that a rig file does not contain have usual values: the jack's length, the key's
+thickness, rail, felt and register. Nut and bridge are drawn in the plane of the key.
 """
 
 from typing import TYPE_CHECKING
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 ARM, PRESSED, WOOD, GRAIN, METAL = "#1f4e79", "#c8502d", "#efe4cc", "#8a7a5c", "#555555"
 FELT, LASER = "#7d9b76", "#b00020"
 JACK, HEAD, BODY = 80e-3, 9e-3, 4e-3
-"""m, from a jack's foot to its plectrum, from there to its top, and its width."""
+"""m, from a jack's lower end to its plectrum, from there to its top, and its width."""
 UNDER = 8e-3
 """m, of the key below its pin."""
 KEY_HEAD = 14e-3
@@ -29,7 +29,7 @@ KEY_HEAD = 14e-3
 
 
 class BenchPose:
-    """Key, jacks and arm in one pose, as artists that can be moved.
+    """Key, jacks and arm in one pose, as movable artists.
 
     Args:
         axes: In mm, with equal aspect.
@@ -65,7 +65,7 @@ class BenchPose:
 
     @property
     def artists(self) -> "list[Artist]":
-        """All that moves."""
+        """All moving artists."""
         return [self._key, *self._jacks, self._links, self._joints, self._tip]
 
     def put(self, angle: float, joints: Floats | None) -> None:
@@ -89,7 +89,7 @@ class BenchPose:
 
 
 def jack_foot(rig: Rig, choir: Choir, angle: float) -> Floats:
-    """Return the place [m] of a jack's foot at a key's angle [rad], shape (2,)."""
+    """Return the position [m] of a jack's lower end at a key angle [rad], shape (2,)."""
     rise = float(rise_of_angle(key_of(rig, choir), angle))
     return np.array([choir.jack_arm, rig.key.jack_surface_height + rise])
 
@@ -100,7 +100,7 @@ def string_height(rig: Rig, choir: Choir) -> float:
 
 
 def draw_surroundings(axes, rig: Rig) -> None:
-    """Draw what stands still: pin, rail, felt, register and strings, in mm."""
+    """Draw the fixed parts: pin, rail, felt, register and strings, in mm."""
     from matplotlib.patches import Polygon, Rectangle
 
     key = rig.key

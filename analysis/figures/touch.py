@@ -1,4 +1,4 @@
-"""The picture of touch: what is felt over the plectrum's stiffness, and where spread is from."""
+"""The plot of touch: forces over the plectrum's stiffness, and the sources of their spread."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -16,12 +16,12 @@ SOURCES = ("within a session", "between sessions", "between plectra", "beyond th
 
 
 def plot_touch(path: str | Path, found: Touch) -> None:
-    """Draw `touch_figure` into a file; the suffix of ``path`` chooses the format."""
+    """Write `touch_figure` to a file; its extension gives the format."""
     touch_figure(found).savefig(path, dpi=120)
 
 
 def touch_figure(found: Touch) -> "Figure":
-    """Return a figure: each felt quantity over the tip's stiffness, and all spreads.
+    """Return a figure: each quantity over the tip stiffness, and all spreads.
 
     Args:
         found: Of `sautereau.analysis.campaign.touch.find_touch`.
@@ -41,7 +41,7 @@ def touch_figure(found: Touch) -> "Figure":
     figure.suptitle(
         ("SIMULATED: " if found.simulated else "")
         + f"touch of {len(found.plectra)} plectra in {found.sessions} sessions,"
-        f" {found.presses} presses; bars are intervals of 95 %"
+        f" {found.presses} presses; bars: 95 % intervals"
     )
     return figure
 
@@ -60,7 +60,7 @@ def _felt_over_stiffness(axes: "Axes", found: Touch, name: str, felt: Felt) -> N
         capsize=3,
     )
     axes.set_ylabel(QUANTITIES[name].title(unit))
-    axes.set_xlabel("plectrum's stiffness at the tip, 3EI/L^3 (N/m)")
+    axes.set_xlabel("plectrum stiffness at the tip, 3 EI/L^3 (N/m)")
     exponents = ", ".join(
         f"{column.removeprefix('plectrum_')}^{e.value:.2f} ({e.low:.2f} to {e.high:.2f})"
         for column, e in felt.exponents.items()
@@ -69,7 +69,7 @@ def _felt_over_stiffness(axes: "Axes", found: Touch, name: str, felt: Felt) -> N
 
 
 def _sources(axes: "Axes", found: Touch) -> None:
-    """Draw where the spread comes from, one row for each source and quantity."""
+    """Draw the spread by source, one row for each source and quantity."""
     for shift, (name, felt) in enumerate(found.felt.items()):
         told = enumerate((felt.press, felt.session, felt.plectrum, felt.unexplained))
         rows = [(place, spread) for place, spread in told if spread is not None]
@@ -88,7 +88,7 @@ def _sources(axes: "Axes", found: Touch) -> None:
     axes.set_xscale("symlog", linthresh=0.1)
     axes.set_xlim(left=0)
     axes.set_xlabel("standard deviation (%)")
-    axes.set_title("where the spread is from", fontsize=10)
+    axes.set_title("sources of the spread", fontsize=10)
     axes.legend(frameon=False)
 
 

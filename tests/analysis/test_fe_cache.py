@@ -9,11 +9,11 @@ import pytest
 
 from sautereau.analysis.model.plectrum.fe import cache
 from sautereau.analysis.model.plectrum.fe.level import FE
-from sautereau.analysis.model.plectrum.fe.table import Table
+from sautereau.analysis.model.plectrum.fe.table import DisplacementSeries
 from sautereau.rig.load import load_rig
 
 PLECTRUM = load_rig("paper").plectrum
-MADE = Table(np.random.default_rng(4).standard_normal((3, 9, 10)), 0.85, 1e-4, 2.0)
+MADE = DisplacementSeries(np.random.default_rng(4).standard_normal((3, 9, 10)), 0.85, 1e-4, 2.0)
 """Stands for a map, which would take two seconds."""
 
 

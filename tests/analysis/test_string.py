@@ -6,8 +6,8 @@ from scipy.integrate import solve_ivp
 
 from sautereau.analysis.errors import ModelError
 from sautereau.analysis.model.string.string import (
+    ModalState,
     ModalString,
-    StringState,
     first_mode_release_speed,
     release_speed,
 )
@@ -28,7 +28,7 @@ def triangle(modes):
 def moving(seed, modes=30):
     random = np.random.default_rng(seed)
     n = np.arange(1, modes + 1)
-    return StringState(
+    return ModalState(
         random.normal(size=(2, modes)) * 1e-3 / n**2, random.normal(size=(2, modes)) / n
     )
 

@@ -1,4 +1,4 @@
-"""Predictions of many presses at once, for sweeps: the elastica and the spring string."""
+"""Predictions of many presses at once, with the elastica and the spring string."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
@@ -19,9 +19,9 @@ from sautereau.rig.section import GRAVITY
 POINTS = 33
 """Points of a stretch that sticks or slides."""
 CHUNK = 192
-"""Cases that are computed together, few enough for the processor's cache."""
+"""Cases that are computed together, few enough to fit into the processor's cache."""
 NARROWINGS = 4
-"""Times that a peak inside the pluck is looked for, each between two neighbours of the last."""
+"""Refinements of a force peak inside the pluck, each between the neighbours of the last."""
 VARIABLES = (
     *(f"plectrum.{n}" for n in ("youngs_modulus", "width", "thickness", "length", "overlap")),
     *(f"string.{n}" for n in ("tension", "length", "plucking_point", "frequency")),
@@ -31,9 +31,9 @@ VARIABLES = (
     *(f"key.{n}" for n in ("dip", "felt_stiffness", "felt_damping")),
     *(f"press.{n}" for n in ("jack_speed", "jack_rise")),
 )
-"""Values of a rig that may differ from case to case, SI."""
+"""Values of a rig that may vary between cases, SI."""
 DERIVED = ("plectrum.bending_stiffness", "string.static_stiffness")
-"""Values that may be given in place of those they follow from, SI."""
+"""Values that may be given instead of those from which they follow, SI."""
 
 
 @dataclass(frozen=True)
@@ -53,10 +53,10 @@ class PredictionBatch:
     v_osc: Floats
     """m/s, of the released string."""
     status: NDArray[np.int8]
-    """A `Status` each; where it is neither RELEASED nor RELEASED_AT_FOLD the scalars are NaN."""
+    """A `Status` each; the scalars are NaN unless it is RELEASED or RELEASED_AT_FOLD."""
 
     def statuses(self) -> dict[Status, int]:
-        """Return how many cases ended in which way."""
+        """Return the number of cases of each status."""
         values, counts = np.unique(self.status, return_counts=True)
         return {Status(v): int(n) for v, n in zip(values, counts, strict=True)}
 
@@ -65,14 +65,14 @@ def predict_many(rig: Rig, values: Mapping[str, ArrayLike]) -> PredictionBatch:
     """Predict presses of a rig that differ in some of its values.
 
     Args:
-        rig: The bench; its first choir must be its only one.
+        rig: The bench, with one choir.
         values: SI, by their dotted names in the rig, of `VARIABLES` or `DERIVED`; broadcast
             together. ``plectrum.friction`` may be given too, as one number.
 
     Raises:
         ModelError: A name is none of these, the shapes do not fit, the friction is not one
-            number within 0 to 0.5, or the rig has more choirs. What is wrong with one case
-            is said by its status alone.
+            number within 0 to 0.5, or the rig has more choirs. A single case out of
+            range is reported by its status only.
     """
     given = {name: np.asarray(value, float) for name, value in values.items()}
     friction = given.pop("plectrum.friction", np.asarray(rig.plectrum.friction))
@@ -110,16 +110,16 @@ def _check(rig: Rig, given: Mapping[str, Floats], friction: Floats) -> None:
     unknown = sorted(set(given) - {*VARIABLES, *DERIVED})
     if unknown:
         names = ", ".join((*VARIABLES, *DERIVED, "plectrum.friction"))
-        faults.append(f"values: {', '.join(unknown)} cannot be varied; take some of {names}")
+        faults.append(f"values: {', '.join(unknown)} cannot be varied; use some of {names}")
     if friction.size != 1 or not 0 <= friction.flat[0] <= 0.5:
         faults.append(
-            "plectrum.friction: it must be one number within 0 to 0.5 for the whole batch; call"
-            " once for each friction"
+            "plectrum.friction: it must be one number within 0 to 0.5 for all cases; call once"
+            " for each friction"
         )
     if rig.more_choirs:
         faults.append(
-            f"more_choirs: the rig has {len(rig.more_choirs)}, and a batch is of one choir; use"
-            " predict, or take them out"
+            f"more_choirs: the rig has {len(rig.more_choirs)}, but a batch has one choir; use"
+            " predict, or remove them"
         )
     if faults:
         raise ModelError("\n".join(faults))
@@ -155,7 +155,7 @@ def _chunk(friction: float, v: Mapping[str, Floats]) -> tuple[np.ndarray, ...]:
         status[~within] = name
     height, lift = slide.height[:, -1], slide.lift[:, -1]
     ended = status <= Status.RELEASED_AT_FOLD
-    # Written so that a rise that is no number is too short.
+    # Written so that NaN counts as too short.
     status[ended & ~(clearance + height < v["press.jack_rise"])] = Status.PRESS_TOO_SHORT
     scalars = (
         height / speed,
@@ -174,7 +174,7 @@ def _positive(value: Floats) -> np.ndarray:
 
 
 def _key_in_range(v: Mapping[str, Floats]) -> np.ndarray:
-    """Return where arms and inertias are above 0 and the rest finite."""
+    """Return which cases have positive arms and inertias and finite other values."""
     names = ("key.press_arm", "key.jack_arm", "key.inertia", "jack.mass")
     positive = [_positive(v[name]) for name in names]
     rest = ("key.front_heaviness", "key.jack_surface_height", "key.pivot_coulomb_friction")
@@ -197,7 +197,7 @@ def _peak_force(v: Mapping[str, Floats], equilibria: Equilibria, paths: Paths) -
             peak[rows] = np.fmax(peak[rows], force.max(axis=1))
             top = np.argmax(force, axis=1)
             last = force.shape[1] - 1
-            # A rise that falls off towards the end may have its peak between the last two.
+            # If the increase fades towards the end, the peak may lie between the last two.
             fading = 2 * (force[:, -1] - force[:, -2]) < force[:, -2] - force[:, -3]
             inner = np.flatnonzero((top > 0) & ((top < last) | fading))
             if len(inner) == 0:

@@ -2,16 +2,16 @@
 
 Between plectrum and spring string all is a function of the jack's height h above first
 contact: equilibria of the string along and across the plectrum (paper, 2.4), followed from
-contact on. Friction holds the string where it was met until the force along the plectrum is
-mu F; from there it slides to the tip, where it is let go. Where the curve of equilibria folds
-and h no longer rises, the plectrum gives way: the string slides off it there, released.
+contact. Friction holds the string at its position of contact until the force along the plectrum
+reaches mu F; from there it slides to the tip, where it is released. Where the curve of
+equilibria folds and h no longer rises, the string slides off the plectrum and is released early.
 
-The string is taken as a line on the plectrum's mid-line, and the overlap is counted so. With
-`rollover` its wire of radius r, once at the tip, turns about the tip's edge by phi = 0 on, the
-contact's normal with it, until the jack can rise no further. The force between them then
-departs from the plectrum's normal; the plectrum bends under its normal part, and what lies
-along it counts as friction mu F. A wire on an edge is stable only where the string is
-displaced by less than the radius, so most plucks have no such phase.
+The string is a line on the plectrum's mid-line, from which the overlap is measured. With
+`rollover` its wire of radius r turns about the tip's edge once it has reached the tip, and the
+contact's normal turns with it, until the jack can rise no further. The force then departs from
+the plectrum's normal; its normal part bends the plectrum, its part along the plectrum counts as
+friction. A wire on an edge is stable only if the string is displaced by less than the radius, so
+most plucks have no such phase.
 """
 
 import math
@@ -29,13 +29,11 @@ from sautereau.analysis.model.pluck.paths import Status, lasts, solve_paths
 from sautereau.analysis.model.pluck.rollover import roll
 
 POINTS = 201
-"""Points of a tabulated stretch of the pluck."""
+"""Points of a stretch of the pluck."""
 STIFFNESS_RANGE = (1e-3, 1e12)
 """N/m, of a string that a plectrum can pluck."""
 OVERLAP_MAX = 0.9999
-"""1, of the length: a string closer to the clamp lifts it and does not bend the plectrum."""
-NARROWINGS = 6
-"""Times that a fold is looked for again, each time between two neighbours of it."""
+"""Fraction of the length; a string closer to the clamp is lifted without bending the plectrum."""
 
 
 @dataclass(frozen=True)
@@ -43,20 +41,20 @@ class Pluck(Curve):
     """Pluck from contact to release, at increasing height; arrays of shape (n,)."""
 
     stretches: tuple[int, ...] = (0,)
-    """Points at which the string begins to stick, slide or roll."""
+    """Indices of the points at which the string starts to stick, slide or roll."""
     released_at_fold: bool = False
-    """Whether the pluck ends at a fold, and not at the tip."""
+    """Whether the pluck ends at a fold of the equilibrium curve instead of at the tip."""
     rolls: bool = False
     """Whether the wire turned about the tip's edge before it was released."""
 
     @property
     def vertical_force(self) -> Floats:
-        """N, with which the string pushes the jack down."""
+        """N, force of the string on the jack, downwards."""
         return self.force * (np.cos(self.angle) + self.drag * np.sin(self.angle))
 
     @property
     def release_height(self) -> float:
-        """m, of the jack above first contact when the string leaves."""
+        """m, height of the jack above first contact at release."""
         return float(self.height[-1])
 
     @cached_property
@@ -66,9 +64,9 @@ class Pluck(Curve):
 
     @property
     def release_slopes(self) -> tuple[float, float]:
-        """1, growth of the string's shift and lift with the height just before release.
+        """Derivatives of the string's shift and lift by the height just before release.
 
-        Infinite where the pluck ends at a fold: there the quasi-static string has no speed.
+        Dimensionless; infinite if the pluck ends at a fold.
         """
         if self.released_at_fold or self.rolls:
             return math.inf, math.inf
@@ -93,7 +91,7 @@ class Pluck(Curve):
         ends = [*(start + 1 for start in self.stretches[1:]), len(self.height)]
         parts = [slice(a, b) for a, b in zip(self.stretches, ends, strict=True)]
         force = self.vertical_force
-        # At a fold the force falls with no end to its slope, where a smooth spline would swing.
+        # At a fold the slope of the force is infinite, where a smooth spline would oscillate.
         spline = PchipInterpolator if self.released_at_fold or self.rolls else CubicSpline
         return [spline(self.height[part], force[part]) for part in parts]
 
@@ -112,12 +110,12 @@ def solve_pluck(
         plectrum: The plectrum's map, with its friction.
         stiffness: N/m, of the string at the plucking point, K of the paper's equation 2.
         overlap: m, from the string at rest to the tip, along the undeformed mid-line.
-        rollover: Let the wire turn about the tip's edge.
+        rollover: Include the wire's roll over the tip's edge.
         diameter: m, of the wire, for `rollover`.
 
     Raises:
-        ModelError: The overlap is not on the plectrum, the string has no stiffness, or it
-            does not leave the plectrum within the range of its level.
+        ModelError: The overlap or the string's stiffness is out of range, or the string is
+            not released within the range of the level.
     """
     _check(plectrum, stiffness, overlap, diameter)
     equilibria = Equilibria(plectra_of(plectrum), np.array([stiffness]), np.array([overlap]))

@@ -13,12 +13,12 @@ from sautereau.analysis.model.plectrum.elastica import CELLS, Elastica, elastica
 Bent = tuple[
     float, float, float, float, float, float, float, float, float, float, float, float
 ]  # fmt: skip
-"""x [m], z [m], and the force on the string along x and along z over F [1], friction included;
-then the same four by s, and by F."""
+"""x [m], z [m], and the force on the string along x and along z over F, friction included;
+then the derivatives of these four by s, and by F."""
 
 
 class PointBend(NamedTuple):
-    """A plectrum evaluated at one point per call."""
+    """A plectrum's map for one point per call."""
 
     at: Callable[[float, float], Bent]
     """Bend for a position s [m] and a force F [N]."""
