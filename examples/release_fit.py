@@ -10,9 +10,10 @@ follows from X and the string's position at rest. One unknown at a time, no iter
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from sautereau.analysis.errors import ModelError
-from sautereau.analysis.model.plectrum.base import PlectrumMap
+from sautereau.analysis.model.plectrum.base import Floats, PlectrumMap
 from sautereau.analysis.model.plectrum.levels import plectrum_map
 from sautereau.analysis.model.pluck.pluck import Pluck
 from sautereau.analysis.model.predict import rig_pluck
@@ -78,14 +79,14 @@ def fit_release(rig: Rig, duration: float, v_osc: float, level: str = "elastica"
     lift = v_osc / release_speed(rig.string, 1.0)
     drop = duration * rig.press.jack_speed - lift
     load = _solve(
-        lambda force: float(-plectrum.bend(plectrum.length, force).z) - drop,
+        lambda force: -plectrum.bend(plectrum.length, force).z - drop,
         float(plectrum.force_limit(plectrum.length)),
         f"a height of {(drop + lift) * 1e3:.4g} mm and a lift of {lift * 1e3:.4g} mm at release"
         f" require a tip deflection of {drop * 1e3:.4g} mm",
     )
     x, out, up = _at_tip(plectrum, load)
-    force = stiffness * lift / up
-    overlap = plectrum.length - x + force * out / stiffness
+    force = float(stiffness * lift / up)
+    overlap = float(plectrum.length - x + force * out / stiffness)
     modulus = rig.plectrum.youngs_modulus * force / load
     return _checked(
         _with_plectrum(rig, overlap=overlap, youngs_modulus=modulus), level, drop + lift
@@ -118,24 +119,24 @@ def _at_release(rig: Rig, level: str, target: float, what: str, part: float) -> 
     """Find the force at the tip for which lift - part * Z equals a target [m], and its overlap."""
     plectrum, stiffness = plectrum_map(rig.plectrum, level), rig.string.static_stiffness
 
-    def beyond(force: float) -> float:
+    def beyond(force: ArrayLike) -> Floats:
         _, _, up = _at_tip(plectrum, force)
-        drop = -float(plectrum.bend(plectrum.length, force).z)
+        drop = -plectrum.bend(plectrum.length, force).z
         return force * up / stiffness + part * drop - target
 
     force = _solve(beyond, float(plectrum.force_limit(plectrum.length)), what)
     x, out, up = _at_tip(plectrum, force)
-    height = force * up / stiffness - float(plectrum.bend(plectrum.length, force).z)
-    overlap = plectrum.length - x + force * out / stiffness
+    height = float(force * up / stiffness - plectrum.bend(plectrum.length, force).z)
+    overlap = float(plectrum.length - x + force * out / stiffness)
     return _checked(_with_plectrum(rig, overlap=overlap), level, height)
 
 
-def _at_tip(plectrum: PlectrumMap, force: float) -> tuple[float, float, float]:
+def _at_tip(plectrum: PlectrumMap, force: ArrayLike) -> tuple[Floats, Floats, Floats]:
     """Return X [m] of the loaded tip, and the fractions of F on the string outwards and upwards."""
     bend = plectrum.bend(plectrum.length, force)
-    sine, cosine = float(np.sin(bend.theta)), float(np.cos(bend.theta))
+    sine, cosine = np.sin(bend.theta), np.cos(bend.theta)
     friction = plectrum.friction
-    return float(bend.x), -sine - friction * cosine, cosine - friction * sine
+    return bend.x, -sine - friction * cosine, cosine - friction * sine
 
 
 def _solve(beyond, limit: float, what: str) -> float:
@@ -143,7 +144,7 @@ def _solve(beyond, limit: float, what: str) -> float:
     from scipy.optimize import root_scalar
 
     forces = np.linspace(0.0, limit, 200)
-    above = np.array([beyond(force) for force in forces]) >= 0
+    above = beyond(forces) >= 0
     if above[0] or not above.any():
         raise ModelError(
             f"{what}: no force up to {limit:.4g} N, where this level's range ends, gives it;"

@@ -1,4 +1,4 @@
-"""Reading the paper's Table 1: what its numbers give, and which of them cannot hold together.
+"""Reading the paper's Table 1: what its numbers give, and which of them contradict each other.
 
 python -m examples.table_1
 

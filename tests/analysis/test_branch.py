@@ -1,4 +1,4 @@
-"""Folds of the pluck, where the plectrum gives way, and the wire that rolls over the tip's edge."""
+"""Folds of the pluck, early release there, and the wire that rolls over the tip's edge."""
 
 import math
 
@@ -85,15 +85,15 @@ def test_no_wrong_branch_is_taken(friction):
             continue
     plucks = [pluck for _, _, pluck in cases]
     assert 3 < sum(pluck.released_at_fold for pluck in plucks) < 37
-    # Where sliding begins, which may be where the plectrum gives way.
-    begun = [
+    # Where sliding starts, which may be at the fold.
+    starts = [
         len(pluck.force) - 1 if friction and len(pluck.stretches) == 1 else pluck.stretches[-1]
         for pluck in plucks
     ]
     usable = [i for i, pluck in enumerate(plucks) if np.isclose(pluck.drag[-1], friction)]
     assert len(usable) > 30
     overlap, stiffness = (np.array([cases[i][k] for i in usable]) for k in (0, 1))
-    start = np.array([plucks[i].force[begun[i]] for i in usable])
+    start = np.array([plucks[i].force[starts[i]] for i in usable])
     top = np.array([plucks[i].force.max() for i in usable])
     heights, places, forces = brute_release(
         elastica, stiffness, elastica.length - overlap, start, top
@@ -107,13 +107,13 @@ def test_no_wrong_branch_is_taken(friction):
         else:
             at_tip = np.interp(1.0, u[: end + 2], h[: end + 2])
             assert plucks[i].release_height == pytest.approx(at_tip, rel=1e-4)
-        slid = slice(begun[i], None)
+        slid = slice(starts[i], None)
         between = np.interp(plucks[i].height[slid], h[: end + 1], f[: end + 1])
         error = np.abs(between - plucks[i].force[slid])[:-5]
         assert np.all(error <= 2e-3 * top[column])
 
 
-def test_a_plectrum_that_gives_way_lets_the_string_go_at_the_fold():
+def test_at_a_fold_the_string_is_released_before_the_tip():
     """At the fold the height is stationary: neighbours in the load are no higher."""
     pluck = solve_pluck(Elastica(PLECTRUM), 300.0, 3.5e-3)
     assert pluck.released_at_fold

@@ -29,7 +29,7 @@ def still(rise):
 
 
 def test_statics_at_rest_is_the_weight_through_the_lever(paper):
-    """F a_p = m g b - front heaviness; nothing rubs that does not move."""
+    """F a_p = m g b - M_g, the static gravity moment; without motion there is no friction."""
     found = finger_force(paper, still(0.0), np.zeros(1))
     weight = paper.jack.mass * GRAVITY * paper.key.jack_arm - paper.key.front_heaviness
     assert found[0] == pytest.approx(weight / paper.key.press_arm, rel=1e-12)

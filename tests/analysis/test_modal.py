@@ -141,7 +141,7 @@ def test_the_string_leaves_at_the_speed_of_all_its_modes():
     assert -slope == pytest.approx(release_speed(RIG.string, lift), rel=0.03)
 
 
-def test_motion_goes_on_from_the_held_string():
+def test_the_free_motion_continues_that_of_the_held_string():
     modal = pluck()
     place, speed = modal.motion([0.0, 1e-7, 2e-7])
     # What the left-out modes held jumps back at release.

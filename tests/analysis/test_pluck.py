@@ -176,7 +176,7 @@ def test_a_string_without_stiffness_is_refused(stiffness):
         solve_pluck(Elastica(PLECTRUM), stiffness, PLECTRUM.overlap)
 
 
-def test_a_string_that_is_never_let_go_is_refused():
+def test_a_string_that_is_never_released_is_refused():
     with pytest.raises(ModelError, match=r"still held at .* N.*lower overlap or raise string"):
         solve_pluck(Elastica(PLECTRUM), 1e9, 4.4e-3)
 

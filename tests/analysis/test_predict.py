@@ -1,4 +1,4 @@
-"""The whole press as the model sees it."""
+"""The model's prediction of a complete press."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Modulus and overlap from duration and Vosc, and the page that tells what Table 1 gives."""
+"""Modulus and overlap from duration and Vosc, and the page about Table 1."""
 
 import re
 
@@ -76,7 +76,7 @@ def test_what_is_no_release_is_refused(duration, v_osc):
         fit_release(RIG, duration, v_osc)
 
 
-def test_both_faults_are_told():
+def test_both_faults_are_reported():
     with pytest.raises(ModelError, match=r"(?s)duration.*v_osc"):
         fit_release(RIG, -1.0, -1.0)
 
@@ -85,7 +85,7 @@ def test_both_faults_are_told():
     "ask",
     [
         lambda: fit_release(RIG, 7e-3, 3.0),  # the lift alone is more than the jack rises
-        lambda: fit_release(RIG, 1.0, 0.46),  # the tip would give way by more than its length
+        lambda: fit_release(RIG, 1.0, 0.46),  # the tip's deflection would exceed its length
         lambda: overlap_for_duration(RIG, 1.0),
         lambda: overlap_for_speed(RIG, 20.0),
     ],
