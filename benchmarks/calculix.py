@@ -40,7 +40,7 @@ def run() -> list[Figure]:
     """Return differences from CalculiX, and both solvers' times."""
     ccx = shutil.which("ccx")
     if ccx is None:
-        return [Figure("CalculiX is not installed: comparison left out", 0.0, "", "limit", 1.0)]
+        return [Figure("CalculiX is not installed: comparison skipped", 0.0, "", "limit", 1.0)]
     plectrum = load_rig().plectrum
     s = plectrum.length * (LOADED[0] + LOADED[1]) / 2 / COLUMNS
     begun = time.perf_counter()
@@ -65,8 +65,8 @@ def run() -> list[Figure]:
             figures.append(Figure(f"{what} at {force} N, off CalculiX's", off, "%", "limit", LIMIT))
     return [
         *figures,
-        Figure("the whole map built", built, "s", "limit", BUILD_LIMIT),
-        Figure("the whole map built", built, "s", "CalculiX for two loads", spent),
+        Figure("the complete map built", built, "s", "limit", BUILD_LIMIT),
+        Figure("the complete map built", built, "s", "CalculiX for two loads", spent),
         Figure("the map taken from the cache", loaded, "ms", "limit", LOAD_LIMIT),
     ]
 

@@ -15,23 +15,23 @@ from sautereau.rig.instrument import Plectrum
 from sautereau.rig.load import load_rig
 from sautereau.rig.schema import Rig
 
-DEAREST = "elastica"
-"""The exact level that the others are held against."""
+EXACT = "elastica"
+"""The exact level, reference of the others."""
 BATCH = 401
-"""Points of an array that is mapped at once."""
+"""Points of an array that is evaluated in one call."""
 SAME = 1e-8
-"""1, within which two exact solutions of the elastica are one."""
+"""Dimensionless tolerance between two exact solutions of the elastica."""
 
 
 @dataclass(frozen=True)
 class Row:
-    """A level, and the largest error that it may have here."""
+    """A level and its largest accepted error."""
 
     name: str
     limit: float
-    """%, of release force, contact duration and string lift."""
+    """%, of plectrum force, pluck duration and string lift."""
     build: Callable[[Plectrum], PlectrumMap] | None = None
-    """Of a level that is not built as its name says."""
+    """Constructor, where it is not that of the name."""
 
     def map(self, plectrum: Plectrum) -> PlectrumMap:
         """Return the level's map."""
@@ -46,7 +46,7 @@ ROWS = (
     Row("two-beam", 25.0),
     Row("fe", 1.0),
 )
-"""Levels of the table beside the dearest."""
+"""Levels of the table besides the exact one."""
 
 
 @dataclass(frozen=True)
@@ -56,17 +56,17 @@ class Cost:
     point: float
     """Of the map at one point."""
     batch: float
-    """Of the map at `BATCH` points at once."""
+    """Of the map at `BATCH` points in one call."""
     pluck: float
-    """Of a whole pluck."""
+    """Of a complete pluck."""
 
 
 def run() -> list[Figure]:
-    """Return every level's errors against the dearest level, and its times beside it."""
+    """Return every level's errors against the exact level, and all times."""
     rig = load_rig()
-    dearest = plectrum_map(rig.plectrum, DEAREST)
-    exact, cost = _measured(rig, dearest)
-    figures = _beside_a_solver(rig, dearest, exact, cost)
+    exact_level = plectrum_map(rig.plectrum, EXACT)
+    exact, cost = _measured(rig, exact_level)
+    figures = _beside_a_solver(rig, exact_level, exact, cost)
     for row in ROWS:
         pluck, own = _measured(rig, row.map(rig.plectrum))
         figures += [*_errors(rig, row, pluck, exact), *_times(row.name, own, cost)]
@@ -74,7 +74,7 @@ def run() -> list[Figure]:
 
 
 def _beside_a_solver(rig: Rig, plectrum: PlectrumMap, pluck: Pluck, cost: Cost) -> list[Figure]:
-    """Return the dearest level's own error and time beside a general boundary-value solver."""
+    """Return the exact level's own error and time beside a general boundary-value solver."""
     s, force = plectrum.length, pluck.force[-1]
     q = force * s**2 / rig.plectrum.bending_stiffness
     along = np.linspace(0, 1, 11)
@@ -100,11 +100,11 @@ def _beside_a_solver(rig: Rig, plectrum: PlectrumMap, pluck: Pluck, cost: Cost) 
     name = "scipy solve_bvp"
     spent = median_time(solve)
     return [
-        Figure(f"{DEAREST}: difference from {name}, of the length", error, "1", "limit", SAME),
-        Figure(f"{DEAREST}: one point of the map", cost.point * 1e6, "us", name, spent * 1e6),
-        Figure(f"{DEAREST}: {BATCH} points at once", cost.batch * 1e6, "us", name, spent * 1e6),
+        Figure(f"{EXACT}: difference from {name}, of the length", error, "1", "limit", SAME),
+        Figure(f"{EXACT}: one point of the map", cost.point * 1e6, "us", name, spent * 1e6),
+        Figure(f"{EXACT}: {BATCH} points in one call", cost.batch * 1e6, "us", name, spent * 1e6),
         Figure(
-            f"{DEAREST}: a whole pluck", cost.pluck * 1e3, "ms", f"{name}, one point", spent * 1e3
+            f"{EXACT}: a complete pluck", cost.pluck * 1e3, "ms", f"{name}, one point", spent * 1e3
         ),
     ]
 
@@ -128,8 +128,8 @@ def _pluck(rig: Rig, plectrum: PlectrumMap) -> Pluck:
 def _errors(rig: Rig, row: Row, pluck: Pluck, exact: Pluck) -> list[Figure]:
     """Return how far [%] the pluck's results lie above the exact ones, or below."""
     found = {
-        "release force": (pluck.force[-1], exact.force[-1]),
-        "contact duration": (
+        "plectrum force": (pluck.force[-1], exact.force[-1]),
+        "pluck duration": (
             pluck.release_height / rig.press.jack_speed,
             exact.release_height / rig.press.jack_speed,
         ),
@@ -145,9 +145,9 @@ def _errors(rig: Rig, row: Row, pluck: Pluck, exact: Pluck) -> list[Figure]:
 
 def _times(level: str, cost: Cost, peer: Cost) -> list[Figure]:
     return [
-        Figure(f"{level}: one point of the map", cost.point * 1e6, "us", DEAREST, peer.point * 1e6),
+        Figure(f"{level}: one point of the map", cost.point * 1e6, "us", EXACT, peer.point * 1e6),
         Figure(
-            f"{level}: {BATCH} points at once", cost.batch * 1e6, "us", DEAREST, peer.batch * 1e6
+            f"{level}: {BATCH} points in one call", cost.batch * 1e6, "us", EXACT, peer.batch * 1e6
         ),
-        Figure(f"{level}: a whole pluck", cost.pluck * 1e3, "ms", DEAREST, peer.pluck * 1e3),
+        Figure(f"{level}: a complete pluck", cost.pluck * 1e3, "ms", EXACT, peer.pluck * 1e3),
     ]

@@ -1,4 +1,4 @@
-"""The string as a spring beside the string as modes: what the spring gets wrong, by jack speed."""
+"""The spring string against the modal string: errors of the spring by jack speed."""
 
 import statistics
 import time
@@ -14,9 +14,9 @@ from sautereau.rig.schema import Rig
 SPEEDS = (0.02, 0.05, 0.072, 0.1, 0.15, 0.2, 0.3, 0.5, 0.7, 1.0)
 """m/s, of the jack."""
 EXPECTED = {0.072: 0.24, 0.15: 0.9, 0.3: 2.6, 1.0: 8.0}
-"""%, errors of the duration that are known from another program."""
+"""%, errors of the duration, from another program."""
 FACTOR = 1.5
-"""1, within which those must be met."""
+"""Factor within which these must agree."""
 RUNS = 5
 RELEASE_LIMIT, FREQUENCY_LIMIT = 0.01, 0.1
 """%, of release against a step eight times shorter, and of the free string's frequency."""
@@ -45,8 +45,8 @@ def _errors(rig: Rig) -> list[Figure]:
         assert speed != known or percent / FACTOR < -error < percent * FACTOR
     force = float(static.force[-1])
     by = (force / modal.plectrum_force - 1) * 100
-    held = f"{speed:.3g} m/s: string held as modes, spring {error:+.2f} % off"
-    left = f"{speed:.3g} m/s: force at release, spring {by:+.2f} % off"
+    held = f"{speed:.3g} m/s: pluck duration with modes, spring {error:+.2f} % off"
+    left = f"{speed:.3g} m/s: plectrum force at release, spring {by:+.2f} % off"
     return [
         Figure(held, modal.release * 1e3, "ms", "spring", duration * 1e3),
         Figure(left, modal.plectrum_force, "N", "spring", force),

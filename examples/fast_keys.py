@@ -1,7 +1,7 @@
-"""How fast a key may be pressed before the string is no spring any more.
+"""Up to which jack speed the held string is a spring.
 
-The model takes the held string as a spring, which it is while the jack is slow. A string of 30
-modes knows of the waves that run to the nut and back while the plectrum lifts it.
+The model treats the held string as a spring, which is accurate while the jack is slow. A string of
+30 modes includes the waves that run to the nut and back while the plectrum lifts it.
 
 python -m examples.fast_keys [picture.png]
 """
@@ -21,7 +21,7 @@ SPEEDS = (0.02, 0.03, 0.05, 0.072, 0.1, 0.15, 0.2, 0.25, 0.3, 0.35, 0.4, 0.5, 0.
 
 
 def study(rig: Rig, speeds: tuple[float, ...] = SPEEDS) -> dict[float, float]:
-    """Return the spring's error [1] of the time for which the string is held, by jack speed."""
+    """Return the relative error of the spring string's pluck duration by jack speed."""
     height = rig_pluck(rig).release_height
     return {speed: height / speed / _held(rig, speed) - 1 for speed in speeds}
 
@@ -32,7 +32,7 @@ def _held(rig: Rig, speed: float) -> float:
 
 
 def plot(path: str | Path, studied: dict[float, float]) -> None:
-    """Draw the error over the jack's speed into a file."""
+    """Write the plot of the error over the jack speed to a file."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(8, 4.2), layout="constrained")
@@ -42,8 +42,8 @@ def plot(path: str | Path, studied: dict[float, float]) -> None:
     axes.semilogx(list(studied), 100 * np.array(list(studied.values())), "o-", color="#1f4e79")
     axes.set_xticks([0.02, 0.05, 0.1, 0.2, 0.5, 1.0], ["0.02", "0.05", "0.1", "0.2", "0.5", "1"])
     axes.minorticks_off()
-    axes.set_xlabel("speed of the jack (m/s)")
-    axes.set_ylabel("time held: spring over modes, less 1 (%)")
+    axes.set_xlabel("jack speed (m/s)")
+    axes.set_ylabel("error of the pluck duration, (spring - modes) / modes (%)")
     figure.savefig(path, dpi=110)
 
 

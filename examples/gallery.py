@@ -1,4 +1,4 @@
-"""Make every picture of the handbook, each by its example.
+"""Make every plot of the handbook, each by its example.
 
 python -m examples.gallery FOLDER [NAME ...]
 """
@@ -22,7 +22,7 @@ from sautereau.rig.load import load_rig
 
 
 def pictures() -> dict[str, Callable[[Path], None]]:
-    """Return what draws each picture, by the name of its file."""
+    """Return the functions that draw the plots, by the name of the file."""
     rig = load_rig()
     return {
         "session.png": lambda path: session.plot(path, session.study()),

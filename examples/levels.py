@@ -1,4 +1,4 @@
-"""One pluck by every level of the plectrum: what small rotations get wrong.
+"""One pluck by every level of the plectrum: the error of small rotations.
 
 python -m examples.levels [picture.png]
 """
@@ -7,19 +7,20 @@ import sys
 from pathlib import Path
 
 from sautereau.analysis.figures.pluck import plot_pluck
-from sautereau.analysis.model.predict import LEVELS, predict
+from sautereau.analysis.model.plectrum.levels import LEVELS
+from sautereau.analysis.model.predict import predict
 from sautereau.rig.load import load_rig
 from sautereau.rig.schema import Rig
 
 
 def study(rig: Rig) -> dict[str, float]:
-    """Return the time [s] for which the string is held, by level."""
-    return {level: predict(rig, level).pluck_duration for level in LEVELS}
+    """Return the pluck duration [s] by level."""
+    return {level: predict(rig, level).pluck_duration for level in LEVELS.names()}
 
 
 def plot(path: str | Path, rig: Rig) -> None:
-    """Draw shape, path and force of every level into a file."""
-    plot_pluck(path, rig, list(LEVELS))
+    """Write the plot of shape, path and force of every level to a file."""
+    plot_pluck(path, rig, LEVELS.names())
 
 
 def main() -> None:

@@ -1,4 +1,4 @@
-"""What the paper's three scalars alone say of the plectrum, and what they leave open.
+"""What the paper's three scalars determine about the plectrum, and what they do not.
 
 python -m examples.paper_scalars
 
@@ -11,8 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from examples.release_fit import fit_release, overlap_for_duration
 from sautereau.analysis.errors import ModelError
-from sautereau.analysis.model.release_fit import fit_release, overlap_for_duration
 from sautereau.analysis.model.string.string import first_mode_release_speed, release_speed
 from sautereau.rig.load import load_rig
 from sautereau.rig.schema import Rig
@@ -22,15 +22,15 @@ CONTACT, RELEASE, V_OSC = 27e-3, 47e-3, 0.46
 ROUNDING = (0.5e-3, 0.5e-3, 0.005)
 """s, s and m/s, half of the last printed digit."""
 SPREAD = 0.02
-"""1, standard deviation of what the paper gives without one: jack speed, string stiffness."""
+"""Relative standard deviation of values given without one: jack speed, string stiffness."""
 FRICTION_MAX = 0.2
-"""1, of the plectrum on the string; the paper's model has none, and measured none."""
+"""Coefficient of friction of plectrum and string; the paper neither models nor measures it."""
 DRAWS = 400
 
 
 @dataclass(frozen=True)
-class Said:
-    """Draws of what explains the scalars; arrays of shape (n,)."""
+class Explanations:
+    """Parameters that explain the draws of the scalars; arrays of shape (n,)."""
 
     stiffness: np.ndarray
     """N m^2, EI of the plectrum."""
@@ -39,12 +39,12 @@ class Said:
     clearance: np.ndarray
     """m, rise of the jack at contact."""
     friction: np.ndarray
-    """1, as drawn."""
+    """Coefficient of friction, as drawn."""
     unexplained: int
-    """Draws that no plectrum explains."""
+    """Number of draws that no plectrum explains."""
 
 
-def explain(rig: Rig, *, first_mode: bool, draws: int = DRAWS, seed: int = 0) -> Said:
+def explain(rig: Rig, *, first_mode: bool, draws: int = DRAWS, seed: int = 0) -> Explanations:
     """Draw scalars and nuisances, and find what explains each.
 
     Args:
@@ -79,11 +79,11 @@ def explain(rig: Rig, *, first_mode: bool, draws: int = DRAWS, seed: int = 0) ->
             continue
         found.append((fit.bending_stiffness, fit.overlap, contact * speed, friction))
     columns = np.array(found).reshape(-1, 4).T
-    return Said(*columns, unexplained=unexplained)
+    return Explanations(*columns, unexplained=unexplained)
 
 
 def overlap_at(rig: Rig, share: float) -> float:
-    """Return the overlap [m] that explains the duration if EI is a share [1] of the rig's.
+    """Return the overlap [m] that explains the duration if EI is a fraction of the rig's.
 
     Raises:
         ModelError: None does.
@@ -95,27 +95,27 @@ def overlap_at(rig: Rig, share: float) -> float:
 
 
 def lines(rig: Rig, draws: int = DRAWS) -> list[str]:
-    """Return what is said, as text."""
-    told = []
+    """Return the result as text."""
+    text = []
     for first_mode, reading in ((False, "all modes"), (True, "the first mode alone")):
-        said = explain(rig, first_mode=first_mode, draws=draws)
-        told.append(f"Vosc as the speed of {reading} ({said.unexplained} of {draws} unexplained):")
+        found = explain(rig, first_mode=first_mode, draws=draws)
+        text.append(f"Vosc as the speed of {reading} ({found.unexplained} of {draws} unexplained):")
         for name, values, scale, unit in (
-            ("EI over Table 1's", said.stiffness / rig.plectrum.bending_stiffness, 1, ""),
-            ("overlap", said.overlap, 1e3, " mm"),
-            ("string's clearance", said.clearance, 1e3, " mm"),
+            ("EI over Table 1's", found.stiffness / rig.plectrum.bending_stiffness, 1, ""),
+            ("overlap", found.overlap, 1e3, " mm"),
+            ("string's clearance", found.clearance, 1e3, " mm"),
         ):
             low, middle, high = np.percentile(values, (2.5, 50, 97.5)) * scale
-            told.append(f"  {name}: {middle:.3g}{unit}, 95 % from {low:.3g} to {high:.3g}{unit}")
-        for name, values in (("EI", said.stiffness), ("overlap", said.overlap)):
-            together = float(np.corrcoef(values, said.friction)[0, 1])
-            told.append(f"  correlation of {name} with the friction: {together:+.2f}")
-        both = float(np.corrcoef(said.stiffness, said.overlap)[0, 1])
-        told.append(f"  correlation of EI with the overlap: {both:+.2f}")
-    told.append("from the duration alone, an overlap for every EI:")
+            text.append(f"  {name}: {middle:.3g}{unit}, 95 % from {low:.3g} to {high:.3g}{unit}")
+        for name, values in (("EI", found.stiffness), ("overlap", found.overlap)):
+            together = float(np.corrcoef(values, found.friction)[0, 1])
+            text.append(f"  correlation of {name} with the friction: {together:+.2f}")
+        both = float(np.corrcoef(found.stiffness, found.overlap)[0, 1])
+        text.append(f"  correlation of EI with the overlap: {both:+.2f}")
+    text.append("from the duration alone, one overlap for every EI:")
     for share in (0.25, 0.5, 1.0, 2.0, 4.0):
-        told.append(f"  EI {share:.3g} of Table 1's: {overlap_at(rig, share) * 1e3:.4g} mm")
-    return told
+        text.append(f"  EI {share:.3g} of Table 1's: {overlap_at(rig, share) * 1e3:.4g} mm")
+    return text
 
 
 if __name__ == "__main__":

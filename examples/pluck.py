@@ -1,4 +1,4 @@
-"""A pluck, a hundred times slower: what `animate` makes of a recording.
+"""A pluck, a hundred times slower, as `animate` shows a recording.
 
 python -m examples.pluck picture.gif
 """

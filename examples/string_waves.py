@@ -1,4 +1,4 @@
-"""The released string: two kinks that part from the plectrum and go round, once a period.
+"""The released string: two kinks that separate at the plectrum and return once per period.
 
 python -m examples.string_waves [picture.png]
 """
@@ -29,7 +29,7 @@ class Waves:
 
     @property
     def period(self) -> float:
-        """s, after which the string is most like it was at release, from half a period on."""
+        """s, after half a period, at which the shape is closest to that at release."""
         first = self.lift[:, 0]
         apart = np.linalg.norm(self.lift - first[:, None], axis=0)
         later = len(self.time) // 4 + int(np.argmin(apart[len(self.time) // 4 : -10]))
@@ -46,7 +46,7 @@ def study(rig: Rig) -> Waves:
 
 
 def plot(path: str | Path, waves: Waves) -> None:
-    """Draw the lift over time and place into a file."""
+    """Write the plot of the lift over time and position to a file."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(8, 4.2), layout="constrained")
@@ -59,15 +59,15 @@ def plot(path: str | Path, waves: Waves) -> None:
     plucked = waves.pluck.string.string.plucking_point * 1e3
     axes.axhline(plucked, color="#333333", lw=0.8, ls="--")
     axes.annotate("plectrum", (0, plucked), (4, 3), textcoords="offset points", fontsize=9)
-    axes.set_xlabel("time from release (ms)")
-    axes.set_ylabel("place from the nut (mm)")
+    axes.set_xlabel("time after release (ms)")
+    axes.set_ylabel("position from the nut (mm)")
     figure.colorbar(drawn, label="lift of the string (mm)")
     figure.savefig(path, dpi=110)
 
 
 def main() -> None:
     waves = study(load_rig())
-    print(f"the string comes back after {waves.period * 1e3:.3f} ms: {1 / waves.period:.1f} Hz")
+    print(f"period of the string: {waves.period * 1e3:.3f} ms, {1 / waves.period:.1f} Hz")
     if len(sys.argv) > 1:
         plot(sys.argv[1], waves)
 

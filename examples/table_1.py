@@ -1,4 +1,4 @@
-"""Reading the paper's Table 1: what its numbers give, and which of them cannot hold together.
+"""Reading the paper's Table 1: what its numbers give, and which of them contradict each other.
 
 python -m examples.table_1
 
@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from sautereau.analysis.model.release_fit import (
+from examples.release_fit import (
     Release,
     fit_release,
     overlap_for_duration,
@@ -63,7 +63,7 @@ mode's speed alone, {v_osc:.2g} m/s would be a lift of {first_lift:.3g} mm, the 
 Ask the software for any other pair:
 
 ```python
-from sautereau.analysis.model.release_fit import fit_release
+from examples.release_fit import fit_release
 from sautereau.rig.load import load_rig
 
 found = fit_release(load_rig(), duration=20e-3, v_osc=0.46)

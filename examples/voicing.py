@@ -1,12 +1,11 @@
-"""Voicing: what the knife does to the touch.
+"""Voicing: how cutting a plectrum changes the touch.
 
 A maker voices an instrument by shaving its plectra: thinner all over, thinner towards the tip,
-or cut and set so that more of it is free. Each cut changes the force that the finger meets,
-the work it does before the string lets go, the height at which that happens, and how loud the
-string leaves. Players have three words for it, and here they are taken from the largest force:
-`medium` is within a fifth of the rig as it is at the same level, `soft` below, `hard` above. The
-overlap is the same throughout, so that where the free length grows the jack stands further from
-the string. `two-beam` knows no shortening and releases late: compare its rows with one another.
+or cut and set with a longer free part. Each cut changes the force on the finger, its work until
+release, the height of release and the loudness. Players use three words for it, which are derived
+here from the largest force: `medium` is within 20 % of the unchanged rig at the same level, `soft`
+below, `hard` above. The overlap is the same throughout, so a longer plectrum needs a jack further
+from the string. `two-beam` neglects shortening and releases late: compare its rows with each other.
 
 python -m examples.voicing [picture.png]
 """
@@ -22,7 +21,7 @@ from sautereau.rig.load import load_rig
 from sautereau.rig.schema import Rig
 
 MEDIUM = 0.2
-"""1, by which the largest force may differ from the reference's and still be `medium`."""
+"""Largest relative difference of the force from the reference for `medium`."""
 COLOURS = {"soft": "#3f8f6b", "medium": "#1f4e79", "hard": "#c8502d"}
 THICKNESS = (0.40e-3, 0.44e-3, 0.48e-3, 0.52e-3, 0.56e-3)
 """m, of a uniform section."""
@@ -48,7 +47,7 @@ class Voice:
     level: str
     """At which it was solved."""
     finger_force: float
-    """N, largest that the string alone asks of the finger."""
+    """N, largest finger force due to the string alone."""
     work: float
     """J, of the jack until the string is released."""
     release_height: float

@@ -135,11 +135,6 @@ def test_what_is_imported_is_required():
     ("extra", "module", "use"),
     [
         (
-            "fast",
-            "numba",
-            "from sautereau.analysis.model.pluck.compiled import compiled_solve as use\nuse()",
-        ),
-        (
             "live",
             "foxglove",
             "from sautereau.commands.live.foxglove import FoxgloveView\nFoxgloveView('press')",

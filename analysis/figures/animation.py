@@ -1,4 +1,4 @@
-"""The figure of a press in slow motion: bench, jack's head, string, and what was measured."""
+"""The figure of a press in slow motion: bench, jack head, string and measured signals."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -28,17 +28,17 @@ class Part:
 
     axes: "Axes"
     artists: "Sequence[Artist]"
-    """All that moves in it."""
+    """All moving artists."""
     show: Callable[[int], None]
-    """Moves them to a frame."""
+    """Move them to a frame."""
 
 
 def animation_figure(scene: Replay, slow: float) -> "tuple[Figure, list[Part]]":
-    """Return the figure and what moves in it, at the first frame.
+    """Return the figure and its moving parts, at the first frame.
 
     Args:
         scene: The press at the frames' instants.
-        slow: 1, how many times slower than the press they are shown.
+        slow: Duration of the animation over that of the press, dimensionless.
     """
     from matplotlib.figure import Figure
 
@@ -61,9 +61,9 @@ def animation_figure(scene: Replay, slow: float) -> "tuple[Figure, list[Part]]":
     )
     press = scene.press
     kind = how_made(press.simulated)
-    string = "no pluck was found: plectrum and string are drawn unbent and at rest"
+    string = "no pluck found: plectrum and string are drawn undeformed and at rest"
     if any(motion.plucks for motion in scene.choirs):
-        string = "plectrum and string by the model, set to contact and release"
+        string = "plectrum and string by the model, fitted to contact and release"
     arm = "" if scene.joints is not None else "; no arm was recorded"
     figure.suptitle(
         f"Rig {press.rig.name}, {press.path.name}: {kind}; {slow:.4g} times slower{arm}\n"
@@ -75,7 +75,7 @@ def animation_figure(scene: Replay, slow: float) -> "tuple[Figure, list[Part]]":
     for part in parts:
         part.show(0)
     figure.draw_without_rendering()
-    figure.set_layout_engine("none")  # so that nothing shifts from frame to frame
+    figure.set_layout_engine("none")  # so that nothing shifts between frames
     return figure, parts
 
 
@@ -83,7 +83,7 @@ def _bench(axes, scene: Replay) -> Part:
     rig = scene.press.rig
     draw_surroundings(axes, rig)
     pose = BenchPose(axes, rig)
-    # The arm, where there is one, takes the left side.
+    # The arm, if recorded, is on the left.
     side = {"x": 0.02, "ha": "left"} if scene.joints is None else {"x": 0.98, "ha": "right"}
     corner = {**side, "s": "", "va": "top", "transform": axes.transAxes}
     clock, phase = axes.text(y=0.96, fontsize=12, **corner), axes.text(y=0.83, **corner)
@@ -112,7 +112,7 @@ def _bench(axes, scene: Replay) -> Part:
 
 
 def _phase(scene: Replay, time: float) -> str:
-    """Return what the press is at at a time [s]."""
+    """Return the phase of the press at a time [s]."""
     plucks = scene.phases.plucks
     if any(held.contact <= time < held.release for held in plucks):
         return "string held"
@@ -140,7 +140,7 @@ def _head(axes, motion: ChoirMotion, name: str) -> Part:
 
 
 def _strings(axes, scene: Replay) -> Part:
-    """Draw every string from nut to bridge: where it is, and where it has been in the frame."""
+    """Draw every string from nut to bridge: its position, and its range during the frame."""
     from matplotlib.patches import Polygon
 
     most = max(float(np.abs(motion.deflection).max()) for motion in scene.choirs) * 1e3
@@ -168,14 +168,14 @@ def _strings(axes, scene: Replay) -> Part:
 
 
 def _trace(axes, scene: Replay, column: str, scale: float, label: str) -> Part:
-    """Draw a measured column over the frames' time, with the present marked."""
+    """Draw a measured column over the frames' time, with the present instant marked."""
     data = scene.press.data.loc[scene.time[0] : scene.time[-1]]
     time, values = data.index.to_numpy() * 1e3, data[column].to_numpy() * scale
     axes.plot(time, values, color=ARM, lw=0.8)
     low, high = min(values.min(), 0.0), max(values.max(), 0.0)
     margin = 0.08 * (high - low)
     axes.set_ylim(low - margin, high + margin)
-    # A finger may strike the key many times as hard as the string resists.
+    # The force of an impact on the key may be many times that of the pluck.
     held_force = [data[column].loc[h.contact : h.release].max() for h in scene.phases.plucks]
     most = 1.6 * max(held_force, default=np.inf) * scale
     if column == "force" and 0 < most < values.max():
@@ -188,7 +188,7 @@ def _trace(axes, scene: Replay, column: str, scale: float, label: str) -> Part:
     for held in scene.phases.plucks:
         axes.axvspan(held.contact * 1e3, held.release * 1e3, color=HELD, zorder=0)
     axes.set_xlim(scene.time[0] * 1e3, scene.time[-1] * 1e3)
-    axes.set_xlabel("time from the trigger (ms)")
+    axes.set_xlabel("time after the trigger (ms)")
     axes.set_ylabel(label)
     now = axes.axvline(scene.time[0] * 1e3, color=PRESSED, lw=1.2)
 

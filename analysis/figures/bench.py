@@ -1,4 +1,4 @@
-"""The picture of the bench: to scale, with its dimensions, and a jack's head drawn larger."""
+"""The drawing of the bench to scale, with its dimensions, and of a jack's head enlarged."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -30,7 +30,7 @@ DIMENSION = "#444444"
 
 
 def plot_bench(path: str | Path, rig: Rig, trajectory: Trajectory) -> None:
-    """Write the picture of `bench_figure`; the suffix of ``path`` chooses the format."""
+    """Write `bench_figure` to a file; its extension gives the format."""
     bench_figure(rig, trajectory).savefig(path, dpi=120)
 
 
@@ -52,7 +52,7 @@ def bench_figure(rig: Rig, trajectory: Trajectory) -> "Figure":
     for sample, ghost in ((int(np.argmax(rise)), True), (0, False)):
         pose = BenchPose(side, rig, PRESSED if ghost else ARM, ghost=ghost)
         pose.put(float(trajectory.angle.position[sample]), trajectory.joints.position[sample])
-    _name_things(side, rig)
+    _draw_labels(side, rig)
     _dimensions(side, rig)
     side.set_aspect("equal")
     side.relim()
@@ -69,7 +69,7 @@ def bench_figure(rig: Rig, trajectory: Trajectory) -> "Figure":
     return figure
 
 
-def _name_things(axes, rig: Rig) -> None:
+def _draw_labels(axes, rig: Rig) -> None:
     key, arm = rig.key, rig.arm
     foot = np.array([key.jack_arm, key.jack_surface_height]) * 1e3
     height = string_height(rig, choirs(rig)[0]) * 1e3
@@ -100,7 +100,7 @@ def _name_things(axes, rig: Rig) -> None:
 
 
 def _dimensions(axes, rig: Rig) -> None:
-    """Draw the lengths along the key below it, each from the pin."""
+    """Draw the lengths along the key below it, from the balance pin."""
     key = rig.key
     rows = (
         ("key.laser_arm", -key.laser_arm, -42.0),
@@ -114,7 +114,7 @@ def _dimensions(axes, rig: Rig) -> None:
         axes.annotate(
             "", (value * 1e3, z), (0, z), arrowprops={"arrowstyle": "<->", "color": DIMENSION}
         )
-        text = _told(rig, name, abs(value), name.split(".")[1].replace("_", " "))
+        text = _length_text(rig, name, abs(value), name.split(".")[1].replace("_", " "))
         axes.text(
             value * 500, z, text, ha="center", va="center", fontsize=8,
             bbox={"fc": "white", "ec": "none", "pad": 1},
@@ -131,24 +131,24 @@ def _head(axes, rig: Rig) -> None:
 
 
 def _legend(axes, rig: Rig) -> None:
-    """Write the numbers that have no arrow."""
+    """Write the lengths that have no arrow."""
     arm, plectrum, string, jack = rig.arm, rig.plectrum, rig.string, rig.jack
     rows = [
-        _told(rig, "arm.upper_length", arm.upper_length, "link 1"),
-        _told(rig, "arm.lower_length", arm.lower_length, "link 2"),
-        _told(rig, "arm.base_x", arm.base_x, "base, x"),
-        _told(rig, "arm.base_z", arm.base_z, "base, z"),
-        _told(rig, "arm.fingertip_radius", arm.fingertip_radius, "fingertip's radius"),
-        _told(rig, "key.dip", rig.key.dip, "dip at the pressing point"),
-        _told(rig, "press.jack_rise", rig.press.jack_rise, "jack's rise"),
-        _told(rig, "jack.string_clearance", jack.string_clearance, "rise until contact"),
-        _told(rig, "plectrum.length", plectrum.length, "plectrum's length"),
-        _told(rig, "plectrum.overlap", plectrum.overlap, "plectrum's overlap"),
-        _told(rig, "plectrum.thickness", plectrum.thickness, "plectrum's thickness"),
-        _told(rig, "plectrum.width", plectrum.width, "plectrum's width"),
-        _told(rig, "string.length", string.length, "string, nut to bridge"),
-        _told(rig, "string.plucking_point", string.plucking_point, "nut to jack"),
-        _told(rig, "string.diameter", string.diameter, "wire"),
+        _length_text(rig, "arm.upper_length", arm.upper_length, "link 1"),
+        _length_text(rig, "arm.lower_length", arm.lower_length, "link 2"),
+        _length_text(rig, "arm.base_x", arm.base_x, "base, x"),
+        _length_text(rig, "arm.base_z", arm.base_z, "base, z"),
+        _length_text(rig, "arm.fingertip_radius", arm.fingertip_radius, "fingertip's radius"),
+        _length_text(rig, "key.dip", rig.key.dip, "dip at the pressing point"),
+        _length_text(rig, "press.jack_rise", rig.press.jack_rise, "jack's rise"),
+        _length_text(rig, "jack.string_clearance", jack.string_clearance, "rise until contact"),
+        _length_text(rig, "plectrum.length", plectrum.length, "plectrum's length"),
+        _length_text(rig, "plectrum.overlap", plectrum.overlap, "plectrum's overlap"),
+        _length_text(rig, "plectrum.thickness", plectrum.thickness, "plectrum's thickness"),
+        _length_text(rig, "plectrum.width", plectrum.width, "plectrum's width"),
+        _length_text(rig, "string.length", string.length, "string, nut to bridge"),
+        _length_text(rig, "string.plucking_point", string.plucking_point, "nut to jack"),
+        _length_text(rig, "string.diameter", string.diameter, "wire"),
     ]
     if rig.more_choirs:
         rows.append(f"{len(rig.more_choirs)} more choir{'s' * (len(rig.more_choirs) > 1)}")
@@ -160,10 +160,10 @@ def _legend(axes, rig: Rig) -> None:
         )
     if any("*" in row for row in rows):
         axes.text(
-            0.03, 0.02, "* assumed in the rig file: no source gives it", fontsize=9, color=METAL
+            0.03, 0.02, "* assumed in the rig file, without a source", fontsize=9, color=METAL
         )
 
 
-def _told(rig: Rig, name: str, value: float, text: str) -> str:
+def _length_text(rig: Rig, name: str, value: float, text: str) -> str:
     mark = "*" if name in rig.assumed else ""
     return f"{text} {value * 1e3:.5g} mm{mark}"

@@ -1,4 +1,4 @@
-"""Pictures of presses; what a stand-in made says so on the picture itself."""
+"""Plots of presses and prediction; simulated presses are marked in the plot."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -25,12 +25,12 @@ def plot_comparison(
     phases: Sequence[Phases],
     prediction: Prediction,
 ) -> None:
-    """Draw `comparison_figure` into a file.
+    """Write `comparison_figure` to a file.
 
     Args:
-        path: Where the picture goes; its suffix chooses the format.
+        path: Of the plot; its extension gives the format.
         presses: Recorded presses.
-        phases: Theirs, in the same order.
+        phases: Of the presses, in the same order.
         prediction: The model's press.
 
     Raises:
@@ -78,7 +78,7 @@ def _over_time(top, below, press: Press, phases: Phases, prediction: Prediction)
     below.plot(time, press.data["force"], color=MEASURED, lw=0.8)
     below.plot(model, prediction.finger_force, color=PREDICTED, ls="--")
     below.set_ylabel("finger force (N)")
-    below.set_xlabel("time from the trigger (ms)")
+    below.set_xlabel("time after the trigger (ms)")
     end = phases.bottom * 1e3
     below.set_xlim(0, end)
     inside = press.data["force"].to_numpy()[time <= end]

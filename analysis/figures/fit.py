@@ -1,4 +1,4 @@
-"""A picture of a fit: what the force was, what the model says, and what hangs together."""
+"""The plot of a fit: measured force, model, residuals and the correlation of parameters."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -18,7 +18,7 @@ STARTED = "#9a9a9a"
 
 
 def plot_fit(path: str | Path, made: Fit, found: Identified, simulated: bool) -> None:
-    """Draw `fit_figure` into a file; its suffix chooses the format."""
+    """Write `fit_figure` to a file; its extension gives the format."""
     fit_figure(made, found, simulated).savefig(path, dpi=120)
 
 

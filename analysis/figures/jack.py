@@ -23,7 +23,7 @@ BODY, AXLE = 3.0e-3, 1.3e-3
 PIVOT = 12e-3
 """m, of a tongue's pivot below its plectrum, where the rig has no tongue."""
 FELT_HEIGHT = 1.4e-3
-"""m, of a damper's felt at rest on nothing."""
+"""m, of an unloaded damper felt."""
 
 
 class JackView:
@@ -32,7 +32,7 @@ class JackView:
     Args:
         axes: To draw in.
         choir: Jack, plectrum and string.
-        travel: m, of the jack above first contact that has to be seen.
+        travel: m, height of the jack above first contact that must be visible.
     """
 
     def __init__(self, axes, choir: Choir, travel: float = 0.0):
@@ -65,7 +65,7 @@ class JackView:
 
     @property
     def artists(self) -> "list[Artist]":
-        """All that moves."""
+        """All moving artists."""
         return [
             self._body, self._tongue, self._holder, self._felt, self._plectrum, self._path,
             self._wire,
@@ -77,8 +77,8 @@ class JackView:
         Args:
             height: m, of the jack above first contact.
             line: m, mid-line of the plectrum from its clamp, shape (n, 2).
-            tongue: rad, by which the tongue has swung back.
-            wire: m, places of the wire over the picture's time, the first one now; (k, 2).
+            tongue: rad, rotation of the tongue backwards.
+            wire: m, positions of the wire during the frame, the present one first; shape (k, 2).
         """
         choir = self.choir
         clamp = np.array([self.clamp, height])
@@ -105,7 +105,7 @@ class JackView:
         )
 
     def label(self) -> None:
-        """Name what is seen, at rest."""
+        """Label the parts, at rest."""
         choir = self.choir
         clearance, middle = choir.jack.string_clearance * 1e3, self.clamp * 500
         low = -clearance - (self.radius + choir.plectrum.thickness / 2) * 1e3

@@ -1,4 +1,4 @@
-"""Say on a picture whether a stand-in made what it shows."""
+"""Mark plots of simulated presses."""
 
 from typing import TYPE_CHECKING
 
@@ -7,16 +7,16 @@ if TYPE_CHECKING:
 
 
 def how_made(simulated: bool) -> str:
-    """Return how a press was made, as a picture's title says it."""
+    """Return whether presses are simulated or measured, for a plot's title."""
     return "SIMULATED, made on the stand-in" if simulated else "measured"
 
 
 def stamp(figure: "Figure", simulated: bool, size: float = 90) -> None:
-    """Write *simulated* across a figure of simulated presses; leave one of measured ones.
+    """Write *simulated* across a figure of simulated presses.
 
     Args:
         figure: To write on.
-        simulated: Whether a stand-in made any of its presses.
+        simulated: Whether any of its presses is simulated; if not, nothing is written.
         size: pt, of the letters.
     """
     if simulated:

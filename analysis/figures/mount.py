@@ -1,13 +1,14 @@
-"""A picture of where the robot may be clamped, to scale with the key and the arm."""
+"""The plot of where to clamp the robot, to scale with the key and the arm."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from sautereau.analysis.figures.side import PRESSED, BenchPose
 from sautereau.rig.schema import Rig
-from sautereau.trajectory.arm import joints_holding_normal, joints_holding_point, link_vectors
-from sautereau.trajectory.key import point_on_key, surface_axes
+from sautereau.trajectory.arm import joints_holding_normal, joints_holding_point
+from sautereau.trajectory.key import point_on_key
 from sautereau.trajectory.motion import Floats, Motion
 from sautereau.trajectory.mount.bases import key_angles
 from sautereau.trajectory.mount.find import Mount, MountMap, mount_map
@@ -15,24 +16,22 @@ from sautereau.trajectory.mount.find import Mount, MountMap, mount_map
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-REST, PRESSED, PRESENT = "#12263a", "#c8502d", "#7a3e9d"
+REST, PRESENT = "#12263a", "#7a3e9d"
 EXCLUDED, HATCH = "#e9e9e9", "#a8a8a8"
 NEAR = 10e-3
-"""m, from the best place to the sides of the enlarged neighbourhood."""
+"""m, from the best base to the sides of the enlarged region."""
 LOWEST = -40e-3
-"""m, to which the picture goes down, for the names of things."""
-KEY_HEAD = 12e-3
-"""m, of the key behind the jack that is drawn."""
+"""m, lower edge of the plot, which leaves room for labels."""
 
 
 def plot_mount(path: str | Path, rig: Rig, area: MountMap, mount: Mount) -> None:
-    """Draw `mount_figure` into a file.
+    """Write `mount_figure` to a file.
 
     Args:
-        path: Where the picture goes; its suffix chooses the format.
+        path: Of the plot; its extension gives the format.
         rig: The bench, with its present base.
         area: Residual over the region in which the robot can be clamped.
-        mount: The best place.
+        mount: The best base.
     """
     mount_figure(rig, area, mount).savefig(path, dpi=120)
 
@@ -40,9 +39,9 @@ def plot_mount(path: str | Path, rig: Rig, area: MountMap, mount: Mount) -> None
 def mount_figure(rig: Rig, area: MountMap, mount: Mount) -> "Figure":
     """Return a figure of the residual over the region, with key and arm in the same axes.
 
-    The arm stands at the best place, at rest and at full rise. Where a limit excludes a
-    place it is hatched. Where the region leaves room above the key, the neighbourhood of the
-    best place is drawn larger there.
+    The arm is drawn at the best base, with the key at rest and at full rise. Places that a
+    limit excludes are hatched. If the region leaves room above the key, the neighbourhood of
+    the best base is enlarged there.
     """
     from matplotlib.figure import Figure
     from matplotlib.patches import Patch, Rectangle
@@ -57,6 +56,7 @@ def mount_figure(rig: Rig, area: MountMap, mount: Mount) -> "Figure":
     _draw_bench(axes, rig, mount)
     _draw_bases(axes, rig, mount)
     axes.set_aspect("equal")
+    axes.relim()
     axes.autoscale_view()
     axes.set_ylim(bottom=min(axes.get_ylim()[0], LOWEST * 1e3))
     axes.set_xlabel("x from the balance pin (mm)")
@@ -69,12 +69,12 @@ def mount_figure(rig: Rig, area: MountMap, mount: Mount) -> "Figure":
     bar.ax.minorticks_off()
     if area.x[-1] < 0:
         _draw_inset(axes, rig, mount, levels)
-    left = f"tilts by {np.degrees(mount.tilt_max):.3g} deg"
+    error = f"tilts by {np.degrees(mount.tilt_max):.3g} deg"
     if not tilts:
-        left = f"slides by {mount.slide_max * 1e3:.3g} mm"
+        error = f"slides by {mount.slide_max * 1e3:.3g} mm"
     figure.suptitle(
         f'Rig {rig.name}, hold "{mount.hold}", elbow {mount.elbow}: from the best base the finger'
-        f" {left} over a rise of {rig.press.jack_rise * 1e3:.4g} mm"
+        f" {error} over a rise of {rig.press.jack_rise * 1e3:.4g} mm"
     )
     excluded = Patch(fc=EXCLUDED, ec=HATCH, hatch="////", label="excluded by a limit")
     handles = [*axes.get_legend_handles_labels()[0], excluded]
@@ -83,12 +83,12 @@ def mount_figure(rig: Rig, area: MountMap, mount: Mount) -> "Figure":
 
 
 def _unit(mount: Mount) -> float:
-    """Return degrees a radian, or millimetres a metre, as the hold leaves over."""
+    """Return degrees per radian or millimetres per metre, the unit of the residual of this hold."""
     return float(np.degrees(1)) if mount.hold == "point" else 1e3
 
 
 def _levels(area: MountMap, mount: Mount) -> Floats:
-    """Return contour levels, four a decade, from the best place's residual to the largest."""
+    """Return contour levels, four per decade, from the best base's residual to the largest."""
     residual, feasible = area.best()
     least = max(mount.tilt_max, mount.slide_max) * _unit(mount)
     most = residual[feasible].max(initial=0.0) * _unit(mount)
@@ -129,7 +129,7 @@ def _draw_bases(axes, rig: Rig, mount: Mount) -> None:
 
 
 def _draw_inset(axes, rig: Rig, mount: Mount, levels: Floats) -> None:
-    """Draw the neighbourhood of the best place into the free corner above the key."""
+    """Draw the neighbourhood of the best base into the free corner above the key."""
     low, high = np.array([rig.arm.mount_x, rig.arm.mount_z]).T
     best = np.array([mount.base_x, mount.base_z])
     corner, end = np.maximum(best - NEAR, low), np.minimum(best + NEAR, high)
@@ -149,18 +149,12 @@ def _draw_inset(axes, rig: Rig, mount: Mount, levels: Floats) -> None:
 def _draw_bench(axes, rig: Rig, mount: Mount) -> None:
     key = rig.key
     rest, pressed = key_angles(rig, 2)
+    base = {"base_x": mount.base_x, "base_z": mount.base_z, "elbow": mount.elbow}
+    best = rig.model_copy(update={"arm": rig.arm.model_copy(update=base)})
     for angle, colour, name in ((rest, REST, "at rest"), (pressed, PRESSED, "at full rise")):
-        tangent, normal = surface_axes(angle)
-        ends = np.array([-key.front_arm, 0.0, key.jack_arm + KEY_HEAD])
-        heights = np.array([key.surface_height, key.surface_height, key.jack_surface_height])
-        line = (ends[:, None] * tangent + heights[:, None] * normal) * 1e3
-        axes.plot(*line.T, color=colour, lw=3, solid_capstyle="butt", zorder=3)
-        chain, tip = _chain(rig, mount, angle)
-        axes.plot(
-            *chain.T, "-o", color=colour, lw=2.5, ms=6, mfc="white", zorder=5,
-            label=f"arm and key {name}",
-        )  # fmt: skip
-        _circle(axes, tip, rig.arm.fingertip_radius * 1e3, colour)
+        ghost = name != "at rest"
+        pose = BenchPose(axes, best, colour, ghost=ghost, label=f"arm and key {name}")
+        pose.put(float(angle), _joints(best, mount.hold, angle))
     axes.plot(0, 0, "^", ms=9, color="black", zorder=4)
     axes.annotate(
         "balance pin", (0, 0), (0, -14), textcoords="offset points", ha="center", va="top"
@@ -172,29 +166,16 @@ def _draw_bench(axes, rig: Rig, mount: Mount) -> None:
     )  # fmt: skip
     jack = np.array([key.jack_arm, key.jack_surface_height]) * 1e3
     axes.annotate(
-        "jack", jack, (0, 34), textcoords="offset points", ha="center",
+        "jack", jack, (14, 34), textcoords="offset points", ha="left",
         arrowprops={"arrowstyle": "<-", "color": "#555555"},
     )  # fmt: skip
 
 
-def _chain(rig: Rig, mount: Mount, angle: float) -> tuple[Floats, Floats]:
-    """Return base, elbow and fingertip [mm], shape (3, 2), at a key angle [rad]; the tip."""
-    key = rig.key
-    place = {"base_x": mount.base_x, "base_z": mount.base_z, "elbow": mount.elbow}
-    arm = rig.arm.model_copy(update=place)
+def _joints(rig: Rig, hold: str, angle: float) -> Floats:
+    """Return the joint angles [rad] at a key angle [rad], shape (2,)."""
+    key, arm = rig.key, rig.arm
     still = Motion(np.array([angle]), np.zeros(1), np.zeros(1))
-    if mount.hold == "normal":
-        joints = joints_holding_normal(arm, key, still)[0].position[0]
-    else:
-        above = key.surface_height + arm.fingertip_radius
-        joints = joints_holding_point(arm, point_on_key(still, -key.press_arm, above)).position[0]
-    start = np.array([arm.base_x, arm.base_z])
-    elbow = start + link_vectors(arm.upper_length, joints[0])[0]
-    tip = elbow + link_vectors(arm.lower_length, joints.sum())[0]
-    return np.array([start, elbow, tip]) * 1e3, tip * 1e3
-
-
-def _circle(axes, centre: Floats, radius: float, colour: str) -> None:
-    from matplotlib.patches import Circle
-
-    axes.add_patch(Circle(tuple(centre), radius, fc="white", ec=colour, lw=1.5, zorder=5))
+    if hold == "normal":
+        return joints_holding_normal(arm, key, still)[0].position[0]
+    above = key.surface_height + arm.fingertip_radius
+    return joints_holding_point(arm, point_on_key(still, -key.press_arm, above)).position[0]

@@ -1,4 +1,4 @@
-"""A press in slow motion as a file: a GIF by pillow, or an MP4 where ffmpeg is."""
+"""A press in slow motion as a file: a GIF by pillow, or an MP4 by ffmpeg."""
 
 import shutil
 import subprocess
@@ -19,14 +19,14 @@ if TYPE_CHECKING:
     from PIL.Image import Image
 
 Done = Callable[[float], object]
-"""Is told the share that is done, from 0 to 1."""
+"""Called with the completed fraction, 0 to 1."""
 FRAME_RATE = 25
-"""Hz, of the pictures shown."""
+"""Hz, frames per second."""
 MOST_FRAMES = 1500
 COLOURS = 128
 """Of a GIF's palette."""
 SAMPLED = 40
-"""Frames from one in which a palette's colours are looked for to the next."""
+"""Every SAMPLED-th frame is used to choose the palette."""
 
 
 def frame_times(start: float, stop: float, slow: float) -> Floats:
@@ -35,18 +35,18 @@ def frame_times(start: float, stop: float, slow: float) -> Floats:
     Args:
         start: s.
         stop: s.
-        slow: 1, how many times slower than the press it is shown.
+        slow: Duration of the animation over that of the press, dimensionless.
 
     Raises:
         AnalysisError: There would be fewer than two frames or far too many.
     """
     if not slow > 0:
-        raise AnalysisError(f"slow: {slow:.4g} times slower must be more than 0; raise it")
+        raise AnalysisError(f"slow: {slow:.4g} must be above 0; increase it")
     count = int((stop - start) * slow * FRAME_RATE + 1e-6) + 1
     if not 2 <= count <= MOST_FRAMES:
         raise AnalysisError(
             f"an animation of {(stop - start) * 1e3:.4g} ms, {slow:g} times slower, has {count}"
-            f" frames, which must be 2 to {MOST_FRAMES}; change --slow or the stretch shown"
+            f" frames; it must have 2 to {MOST_FRAMES}: change --slow, --since or --until"
         )
     return start + np.arange(count) / (slow * FRAME_RATE)
 
@@ -54,17 +54,17 @@ def frame_times(start: float, stop: float, slow: float) -> Floats:
 def animate(
     path: str | Path,
     scene: Replay,
-    done: Done = lambda share: None,
+    done: Done = lambda fraction: None,
 ) -> None:
     """Write a press as an animation.
 
     Args:
         path: File, .gif or .mp4; the latter needs ffmpeg.
         scene: The press at the frames' instants.
-        done: Is told what share is written.
+        done: Called with the written fraction.
 
     Raises:
-        AnalysisError: The suffix is another, or there is no ffmpeg.
+        AnalysisError: The file extension is another, or ffmpeg is not installed.
     """
     path = Path(path)
     write = _writer(path)
@@ -73,7 +73,7 @@ def animate(
 
 
 def pictures(scene: Replay, frames: Iterable[int]) -> "Iterator[Image]":
-    """Yield some frames, of which only what moves is drawn anew."""
+    """Yield some frames; only moving artists are drawn again."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from PIL import Image
 
@@ -93,12 +93,12 @@ def pictures(scene: Replay, frames: Iterable[int]) -> "Iterator[Image]":
 
 
 def _slowness(scene: Replay) -> float:
-    """Return how many times slower than the press its frames are shown."""
+    """Return the duration of the animation over that of the press."""
     return float(1 / (FRAME_RATE * (scene.time[1] - scene.time[0])))
 
 
 def _counted(scene: Replay, done: Done) -> "Iterator[Image]":
-    """Yield all frames, and tell after each what share of them is done."""
+    """Yield all frames, and report the completed fraction after each."""
     n = len(scene.time)
     for frame, picture in enumerate(pictures(scene, range(n))):
         yield picture
@@ -106,12 +106,12 @@ def _counted(scene: Replay, done: Done) -> "Iterator[Image]":
 
 
 def _writer(path: Path) -> Callable[[Path, Replay, Done], None]:
-    """Return what writes a file of this kind."""
-    suffix = path.suffix.lower()
-    if suffix == ".gif":
+    """Return the function that writes files of this extension."""
+    extension = path.suffix.lower()
+    if extension == ".gif":
         return _write_gif
-    if suffix != ".mp4":
-        raise AnalysisError(f"{path}: an animation is a .gif or an .mp4; let its name end so")
+    if extension != ".mp4":
+        raise AnalysisError(f"{path}: an animation is a .gif or .mp4 file; change its name")
     if shutil.which("ffmpeg") is None:
         raise AnalysisError(
             f"{path}: an .mp4 is written by ffmpeg, which is not installed; install it"
@@ -123,7 +123,7 @@ def _writer(path: Path) -> Callable[[Path, Replay, Done], None]:
 def _write_gif(path: Path, scene: Replay, done: Done) -> None:
     from PIL import Image
 
-    # One palette for all frames, so that what stands still is stored once.
+    # One palette for all frames, so that unchanged pixels are stored once.
     sample = [np.asarray(p) for p in pictures(scene, range(0, len(scene.time), SAMPLED))]
     every = Image.fromarray(np.concatenate(sample))
     palette = every.quantize(COLOURS, Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE)
@@ -143,10 +143,10 @@ def _write_mp4(path: Path, scene: Replay, done: Done) -> None:
     command = [*words, str(path)]
     with subprocess.Popen(command, stdin=subprocess.PIPE, stderr=subprocess.PIPE) as ffmpeg:
         pipe, errors = cast(IO[bytes], ffmpeg.stdin), cast(IO[bytes], ffmpeg.stderr)
-        with suppress(BrokenPipeError):  # ffmpeg has ended, and says why
+        with suppress(BrokenPipeError):  # ffmpeg has stopped; its message follows
             for frame in chain([first], frames):
                 pipe.write(frame.tobytes())
             pipe.close()
         said = errors.read().decode(errors="replace").strip()
     if ffmpeg.returncode:
-        raise AnalysisError(f"{path}: ffmpeg has failed: {said}; mend that, or write a .gif")
+        raise AnalysisError(f"{path}: ffmpeg failed: {said}; fix that, or write a .gif")

@@ -1,4 +1,4 @@
-"""A picture of presses and their phases: what was measured, the boundaries, their uncertainty."""
+"""The plot of presses and their phases: signals, boundaries and their uncertainty."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -10,6 +10,7 @@ from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.figures.made import how_made
 from sautereau.analysis.phases import Phases
 from sautereau.analysis.press.load import Press
+from sautereau.rig.quantities import QUANTITIES
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -18,31 +19,31 @@ if TYPE_CHECKING:
 MEASURED, CONTACT, RELEASE, OTHER = "#1f4e79", "#2e7d32", "#c8502d", "#777777"
 DOUBTFUL = "#f3d9a4"
 MOST = 8
-"""Presses that one picture holds."""
+"""Maximum number of presses in one plot."""
 MARGIN = 0.15
-"""1, of the time from start to bottom that is shown beyond it on either side."""
+"""Displayed time before the start and after full rise, as a fraction of the time between them."""
 COVERAGE = 1.96
-"""Standard uncertainties on either side that a band covers: 95 %."""
+"""Half width of a band in standard uncertainties: 95 %."""
 
 
 def plot_phases(path: str | Path, presses: Sequence[Press], phases: Sequence[Phases]) -> None:
-    """Draw `phases_figure` into a file.
+    """Write `phases_figure` to a file.
 
     Args:
-        path: Where the picture goes; its suffix chooses the format.
+        path: Of the plot; its extension gives the format.
         presses: Recorded presses.
-        phases: Theirs, in the same order.
+        phases: Of the presses, in the same order.
 
     Raises:
-        AnalysisError: There is no press to draw, or too many for one picture.
+        AnalysisError: There is no press to draw, or too many for one plot.
     """
     phases_figure(presses, phases).savefig(path, dpi=120)
 
 
 def phases_figure(presses: Sequence[Press], phases: Sequence[Phases]) -> "Figure":
-    """Return a figure with a row a press: force and jack speed over time, contact and release.
+    """Return a figure with a row per press: force and jack speed over time, contact and release.
 
-    A boundary is a line with a band of 95 %; stretches that are not to be believed are shaded.
+    A boundary is a line with a band of 95 %; doubtful intervals are shaded.
     """
     from matplotlib.figure import Figure
 
@@ -50,21 +51,21 @@ def phases_figure(presses: Sequence[Press], phases: Sequence[Phases]) -> "Figure
         raise AnalysisError("there is no press to draw; give at least one recording")
     if len(presses) > MOST:
         raise AnalysisError(
-            f"{len(presses)} presses are too many for one picture of {MOST} at most; give fewer"
-            " recordings, or no picture"
+            f"{len(presses)} presses are too many for one plot of at most {MOST}; give fewer"
+            " recordings, or omit the plot"
         )
     simulated = any(press.simulated for press in presses)
     figure = Figure(figsize=(12, 1.2 + 3.2 * len(presses)), layout="constrained")
     grid = figure.subplots(len(presses), 2, squeeze=False, width_ratios=(2, 1))
-    for (whole, close), press, found in zip(grid, presses, phases, strict=True):
-        _whole(whole, press, found)
+    for (complete, close), press, found in zip(grid, presses, phases, strict=True):
+        _complete(complete, press, found)
         _close(close, press, found)
     kind = how_made(simulated)
     figure.suptitle(f"Rig {presses[0].rig.name}: phases, {kind}")
     return figure
 
 
-def _whole(axes: "Axes", press: Press, found: Phases) -> None:
+def _complete(axes: "Axes", press: Press, found: Phases) -> None:
     time = press.data.index.to_numpy() * 1e3
     spare = MARGIN * max(found.bottom - found.start, 1e-3)
     inside = slice(*time.searchsorted([(found.start - spare) * 1e3, (found.bottom + spare) * 1e3]))
@@ -72,11 +73,11 @@ def _whole(axes: "Axes", press: Press, found: Phases) -> None:
         inside = slice(None)
     axes.plot(time[inside], press.data["force"].to_numpy()[inside], color=MEASURED, lw=0.7)
     force = press.data["force"].to_numpy()[time <= found.bottom * 1e3]
-    if len(force):  # blows on the felt would make the rest small
+    if len(force):  # impacts on the felt would compress the scale
         spare = 0.05 + 0.1 * float(np.ptp(force))
         axes.set_ylim(float(force.min()) - spare, float(force.max()) + spare)
     axes.set_ylabel("finger force (N)", color=MEASURED)
-    axes.set_xlabel("time from the trigger (ms)")
+    axes.set_xlabel("time after the trigger (ms)")
     speed = axes.twinx()
     speed.plot(time[inside], press.data["jack_speed"].to_numpy()[inside], color=OTHER, lw=0.7)
     speed.set_ylabel("jack speed (m/s)", color=OTHER)
@@ -86,10 +87,10 @@ def _whole(axes: "Axes", press: Press, found: Phases) -> None:
     for number, held in enumerate(found.plucks, 1):
         _boundary(axes, held.contact, held.contact_std, CONTACT, f"contact {number}")
         _boundary(axes, held.release, held.release_std, RELEASE, f"release {number}")
-    others = {"felt": found.bottomed, "bottom": found.bottom, "back": found.returned}
+    others = {name: getattr(found, name) for name in ("bottomed", "bottom", "returned")}
     for name, instant in others.items():
         if instant is not None and time[inside][0] <= instant * 1e3 <= time[inside][-1]:
-            axes.axvline(instant * 1e3, color=OTHER, lw=0.8, ls=":", label=name)
+            axes.axvline(instant * 1e3, color=OTHER, lw=0.8, ls=":", label=QUANTITIES[name].label)
     axes.legend(loc="center right", fontsize=7)
     word = " simulated" if press.simulated else ""
     axes.set_title(f"{press.path.name}{word}", loc="left", fontsize=9)

@@ -1,37 +1,38 @@
-"""The picture of a plan: what a person needs to see before saying go."""
+"""The plot of a plan, to be looked at before the press is run."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from sautereau.analysis.figures.side import ARM, GRAIN, LASER, PRESSED, BenchPose
+from sautereau.rig.quantities import QUANTITIES
 from sautereau.rig.schema import Rig
 from sautereau.trajectory.expected import Expectation
-from sautereau.trajectory.key import surface_axes
-from sautereau.trajectory.motion import Floats
 from sautereau.trajectory.press import Trajectory
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-FIRST, SECOND, KEY, FAILED = "#1f4e79", "#c8502d", "#8a7a5c", "#b00020"
-POSES = (("start", "#9fb8d0"), ("middle", "#5b86b0"), ("end", "#1f4e79"))
+FIRST, SECOND, KEY, FAILED = ARM, PRESSED, GRAIN, LASER
+POSES = (("start", ARM), ("middle", "#5b86b0"), ("end", PRESSED))
+"""Poses of the press and their colours."""
 
 
 def plot_plan(
     path: str | Path, rig: Rig, trajectory: Trajectory, expected: Expectation | None
 ) -> None:
-    """Write the picture of `plan_figure`; the suffix of ``path`` chooses the format."""
+    """Write `plan_figure` to a file; its extension gives the format."""
     plan_figure(rig, trajectory, expected).savefig(path, dpi=110)
 
 
 def plan_figure(rig: Rig, trajectory: Trajectory, expected: Expectation | None) -> "Figure":
-    """Draw poses and path to scale, jack and joints over time, and how near limits are.
+    """Return a figure of poses and path to scale, jack and joints over time, and limits used.
 
     Args:
         rig: The bench.
         trajectory: Its plan, whether or not its checks hold.
-        expected: What the finger is expected to meet.
+        expected: Predicted force on the finger, contact and release; None if unknown.
     """
     from matplotlib.figure import Figure
 
@@ -66,24 +67,10 @@ def _poses(axes, rig: Rig, trajectory: Trajectory) -> None:
     """Draw key, jack and arm at the start, the middle and the end of the press."""
     arm, key = rig.arm, rig.key
     for k, (name, colour) in zip(_moments(trajectory), POSES, strict=True):
-        angle = trajectory.angle.position[k]
-        tangent, normal = surface_axes(angle)
-        front = -key.front_arm * tangent + key.surface_height * normal
-        back = (key.jack_arm + 0.015) * tangent + key.jack_surface_height * normal
-        _line(axes, np.array([front, back]), color=colour, lw=2)
-        foot = np.array([key.jack_arm, key.jack_surface_height + trajectory.rise.position[k]])
-        _line(axes, np.array([foot, foot + np.array([0.0, 0.08])]), color=colour, lw=3)
-        first = trajectory.joints.position[k, 0]
-        base = np.array([arm.base_x, arm.base_z])
-        elbow = base + arm.upper_length * np.array([np.cos(first), np.sin(first)])
-        tip = trajectory.fingertip.position[k]
-        _line(axes, np.array([base, elbow, tip]), color=colour, lw=4, marker="o", ms=5, label=name)
-        radius = arm.fingertip_radius * 1e3
-        turn = np.linspace(0, 2 * np.pi, 40)
-        axes.fill(
-            tip[0] * 1e3 + radius * np.cos(turn), tip[1] * 1e3 + radius * np.sin(turn), color=colour
-        )
-    axes.plot(0, 0, "^", color=KEY, ms=12)
+        pose = BenchPose(axes, rig, colour, ghost=name != "start", label=name)
+        pose.put(float(trajectory.angle.position[k]), trajectory.joints.position[k])
+    axes.relim()
+    axes.plot(0, 0, "^", color=KEY, ms=12, zorder=4)
     axes.annotate("balance pin", (0, 0), (0, -20), textcoords="offset points", ha="center")
     axes.annotate("jack", (key.jack_arm * 1e3, 100), (8, 0), textcoords="offset points")
     axes.annotate(
@@ -102,7 +89,7 @@ def _poses(axes, rig: Rig, trajectory: Trajectory) -> None:
     axes.margins(0.06)
     axes.set_xlabel("x from the balance pin (mm)")
     axes.set_ylabel("z (mm)")
-    axes.legend(loc="upper right", title="pose")
+    axes.legend(loc="lower right", title="pose")
 
 
 def _path(axes, trajectory: Trajectory) -> None:
@@ -117,7 +104,7 @@ def _path(axes, trajectory: Trajectory) -> None:
         slide = trajectory.slide[: bottom + 1] * 1e3
         axes.plot(-tip[:, 1], slide, color=KEY, label="slide on the key (mm)")
     axes.set_xlabel("depth of the fingertip (mm)")
-    axes.set_ylabel("fingertip's path")
+    axes.set_ylabel("along the path of the fingertip")
     axes.grid(alpha=0.3)
     axes.legend(loc="best", fontsize=8)
 
@@ -135,8 +122,9 @@ def _jack(axes, trajectory: Trajectory, expected: Expectation | None) -> None:
     if expected is not None:
         for height, what in ((expected.contact, "contact"), (expected.release, "release")):
             axes.axhline(height * 1e3, color=SECOND, ls="--", lw=0.8)
-            axes.text(time[-1], height * 1e3, f"{what} ", color=SECOND, ha="right", va="bottom")
-    axes.set_ylabel("jack's rise (mm)")
+            label = QUANTITIES[what].label
+            axes.text(time[-1], height * 1e3, f"{label} ", color=SECOND, ha="right", va="bottom")
+    axes.set_ylabel("jack rise (mm)")
     axes.grid(alpha=0.3)
 
 
@@ -150,34 +138,32 @@ def _speeds(axes, rig: Rig, trajectory: Trajectory) -> None:
         axes.axhline(limit, color=FAILED, ls="--")
         axes.axhline(-limit, color=FAILED, ls="--")
     axes.set_ylabel(f"joint speed (rad/s)\nlimit {limit:.4g}")
-    axes.set_xlabel("time from the start (ms)")
+    axes.set_xlabel("time after the trigger (ms)")
     axes.grid(alpha=0.3)
     axes.legend(loc="upper right", fontsize=8)
 
 
 def _limits(axes, trajectory: Trajectory) -> None:
-    """Draw how much of each limit is used, the fullest on top."""
-    # A joint's position has no natural zero, so it is no share of its limit.
+    """Draw the used percentage of each limit, the largest on top."""
+    # A joint's position has no natural zero, so a percentage of its limit means nothing.
     bars = [c for c in trajectory.checks if not c.at_least and "upper limit" not in c.name]
     bars.sort(key=lambda check: check.value / check.limit)
-    shares = np.array([check.value / check.limit for check in bars]) * 100
+    used = np.array([check.value / check.limit for check in bars]) * 100
     colours = [FIRST if check.holds else FAILED for check in bars]
-    axes.barh([check.name for check in bars], np.minimum(shares, 130), color=colours)
-    for y, (share, check) in enumerate(zip(shares, bars, strict=True)):
+    axes.barh([check.name for check in bars], np.minimum(used, 130), color=colours)
+    for y, (percent, check) in enumerate(zip(used, bars, strict=True)):
         text = f" {check.value:.3g} of {check.limit:.3g} {check.unit.replace('1', '')}"
-        inside = bool(share > 60)
+        inside = bool(percent > 60)
         axes.text(
-            min(share, 130), y, text + " " * inside, va="center", fontsize=7,
+            min(percent, 130), y, text + " " * inside, va="center", fontsize=7,
             ha="right" if inside else "left", color="white" if inside else "black",
         )  # fmt: skip
     axes.axvline(100, color=FAILED, lw=1)
     axes.set_xlim(0, 130)
-    axes.set_xlabel("share of the limit used (%)")
+    axes.set_xlabel("used part of the limit (%)")
     axes.tick_params(labelsize=7)
     failed = [c.name for c in trajectory.checks if c not in bars and not c.holds]
-    text = f"FAILS: {', '.join(failed)}" if failed else "reach, branch, clearance, range: hold"
+    text = "reach, branch, clearance and range: within their limits"
+    if failed:
+        text = f"FAILED: {', '.join(failed)}"
     axes.set_title(text, fontsize=8, color=FAILED if failed else "black", loc="right")
-
-
-def _line(axes, points: Floats, **style) -> None:
-    axes.plot(points[:, 0] * 1e3, points[:, 1] * 1e3, solid_capstyle="round", **style)

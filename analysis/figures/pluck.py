@@ -1,4 +1,4 @@
-"""The picture of a pluck by every level of the plectrum, after the paper's figure 4."""
+"""The plot of a pluck by every level of the plectrum, after the paper's figure 4."""
 
 import textwrap
 from collections.abc import Sequence
@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from sautereau.analysis.errors import ModelError
+from sautereau.analysis.model.plectrum.levels import LEVELS
 from sautereau.analysis.model.pluck.pluck import Pluck
-from sautereau.analysis.model.predict import LEVELS, rig_pluck
+from sautereau.analysis.model.predict import rig_pluck
 from sautereau.rig.schema import Rig
 
 if TYPE_CHECKING:
@@ -17,11 +18,11 @@ if TYPE_CHECKING:
 
 COLOURS = ("#a8cbe8", "#d9743a", "#2f6b3a", "#1a1a1a", "#d040a0", "#f0e060")
 WIDTHS = (7.5, 4.5, 2.6, 1.2, 0.8, 0.5)
-"""Points, so that a level under another one still shows."""
+"""Points, decreasing, so that covered curves remain visible."""
 
 
 def plot_pluck(path: str | Path, rig: Rig, levels: Sequence[str]) -> None:
-    """Draw `pluck_figure` into a file; the suffix of ``path`` chooses the format."""
+    """Write `pluck_figure` to a file; its extension gives the format."""
     pluck_figure(rig, levels).savefig(path, dpi=120)
 
 
@@ -30,19 +31,16 @@ def pluck_figure(rig: Rig, levels: Sequence[str]) -> "Figure":
 
     Args:
         rig: The bench.
-        levels: Of the plectrum, by name; one that has no pluck for this rig is named in the
-            legend as out of range.
+        levels: Of the plectrum, by name; one without a pluck for this rig is listed
+            in the legend as out of range.
 
     Raises:
         ModelError: A level is not known, or none has a pluck.
     """
     from matplotlib.figure import Figure
 
-    unknown = [level for level in levels if level not in LEVELS]
-    if unknown:
-        raise ModelError(
-            f"level {', '.join(map(repr, unknown))} is not known; take some of {', '.join(LEVELS)}"
-        )
+    for level in levels:
+        LEVELS.get(level)
     plucks, faults = _solve(rig, levels)
     if not plucks:
         raise ModelError("\n".join(["no level has a pluck for this rig", *faults.values()]))
@@ -76,7 +74,7 @@ def pluck_figure(rig: Rig, levels: Sequence[str]) -> "Figure":
     plectrum = rig.plectrum
     title = (
         f"Pluck of rig {rig.name}: overlap {plectrum.overlap * 1e3:.4g} mm, string of"
-        f" {stiffness:.4g} N/m, jack at {rig.press.jack_speed:.4g} m/s; circles are the release"
+        f" {stiffness:.4g} N/m, jack at {rig.press.jack_speed:.4g} m/s; circles: release"
     )
     lines = [line for fault in faults.values() for line in textwrap.wrap(fault, 190)]
     figure.suptitle("\n".join([title, *lines]), fontsize=10 if lines else 12)
@@ -100,19 +98,19 @@ def _label(level: str, pluck: Pluck, rig: Rig) -> str:
 
 
 def _dress(rig: Rig, angle, path, force) -> None:
-    """Name the axes, with time above the jack's height."""
+    """Label the axes, with a second axis of time."""
     speed = rig.press.jack_speed
-    angle.set_ylabel("plectrum's angle under the string (deg)")
-    path.set_xlabel("string's x, outwards from its rest (mm)")
-    path.set_ylabel("string's z, upwards (mm)")
+    angle.set_ylabel("plectrum angle under the string (deg)")
+    path.set_xlabel("string displacement x, outwards (mm)")
+    path.set_ylabel("string displacement z, upwards (mm)")
     force.set_ylabel("force on the clamp (N)")
     force.plot([], [], color="#777777", label="downwards")
     force.plot([], [], color="#777777", ls=(0, (6, 2.7)), label="backwards, along the plectrum")
     force.legend(loc="best", framealpha=0.8, edgecolor="none")
     for axes in (angle, force):
-        axes.set_xlabel("jack's height above first contact (mm)")
+        axes.set_xlabel("jack height above first contact (mm)")
         above = axes.secondary_xaxis("top", (lambda mm: mm / speed, lambda ms: ms * speed))
-        above.set_xlabel("time from contact (ms)")
+        above.set_xlabel("time after contact (ms)")
         axes.set_xlim(left=0)
     angle.set_ylim(bottom=0)
     path.set_ylim(bottom=0)

@@ -1,7 +1,7 @@
-"""The bench from its side and drawn to scale: arm, key, jacks and strings, in mm.
+"""The bench from its side to scale: arm, key, jacks and strings, in mm.
 
-What no rig tells is drawn as is usual: the jack's length, the key's thickness, rail, felt and
-register. Nut and bridge are drawn in the key's own plane.
+Lengths that a rig file does not contain have usual values: the jack's length, the key's
+thickness, rail, felt and register. Nut and bridge are drawn in the plane of the key.
 """
 
 from typing import TYPE_CHECKING
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 ARM, PRESSED, WOOD, GRAIN, METAL = "#1f4e79", "#c8502d", "#efe4cc", "#8a7a5c", "#555555"
 FELT, LASER = "#7d9b76", "#b00020"
 JACK, HEAD, BODY = 80e-3, 9e-3, 4e-3
-"""m, from a jack's foot to its plectrum, from there to its top, and its width."""
+"""m, from a jack's lower end to its plectrum, from there to its top, and its width."""
 UNDER = 8e-3
 """m, of the key below its pin."""
 KEY_HEAD = 14e-3
@@ -29,20 +29,23 @@ KEY_HEAD = 14e-3
 
 
 class BenchPose:
-    """Key, jacks and arm in one pose, as artists that can be moved.
+    """Key, jacks and arm in one pose, as movable artists.
 
     Args:
         axes: In mm, with equal aspect.
         rig: The bench.
         colour: Of the arm.
-        ghost: Whether it is drawn as a pale outline.
+        ghost: Draw a dashed outline in that colour.
+        label: Of the arm, for the legend.
     """
 
-    def __init__(self, axes, rig: Rig, colour: str = ARM, *, ghost: bool = False):
+    def __init__(
+        self, axes, rig: Rig, colour: str = ARM, *, ghost: bool = False, label: str | None = None
+    ):
         from matplotlib.patches import Circle, Polygon
 
         self.rig, self.choirs = rig, choirs(rig)
-        edge, order = (PRESSED if ghost else GRAIN), (2 if ghost else 3)
+        edge, order = (colour if ghost else GRAIN), (2 if ghost else 3)
         face, dashes = ("none", "--") if ghost else (WOOD, "-")
 
         def body() -> Polygon:
@@ -50,7 +53,7 @@ class BenchPose:
 
         self._key, self._jacks = body(), [body() for _ in self.choirs]
         line = {"lw": 1.2, "ls": "--"} if ghost else {"lw": 5, "solid_capstyle": "round"}
-        (self._links,) = axes.plot([], [], color=colour, zorder=order + 2, **line)
+        (self._links,) = axes.plot([], [], color=colour, zorder=order + 2, label=label, **line)
         joints = {"mfc": "white", "mec": colour, "mew": 1.5, "ms": 7, "ls": ""}
         (self._joints,) = axes.plot([], [], "o", zorder=order + 3, **joints)
         radius = rig.arm.fingertip_radius * 1e3
@@ -62,7 +65,7 @@ class BenchPose:
 
     @property
     def artists(self) -> "list[Artist]":
-        """All that moves."""
+        """All moving artists."""
         return [self._key, *self._jacks, self._links, self._joints, self._tip]
 
     def put(self, angle: float, joints: Floats | None) -> None:
@@ -86,7 +89,7 @@ class BenchPose:
 
 
 def jack_foot(rig: Rig, choir: Choir, angle: float) -> Floats:
-    """Return the place [m] of a jack's foot at a key's angle [rad], shape (2,)."""
+    """Return the position [m] of a jack's lower end at a key angle [rad], shape (2,)."""
     rise = float(rise_of_angle(key_of(rig, choir), angle))
     return np.array([choir.jack_arm, rig.key.jack_surface_height + rise])
 
@@ -97,7 +100,7 @@ def string_height(rig: Rig, choir: Choir) -> float:
 
 
 def draw_surroundings(axes, rig: Rig) -> None:
-    """Draw what stands still: pin, rail, felt, register and strings, in mm."""
+    """Draw the fixed parts: pin, rail, felt, register and strings, in mm."""
     from matplotlib.patches import Polygon, Rectangle
 
     key = rig.key

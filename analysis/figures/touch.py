@@ -63,7 +63,7 @@ def _felt_over_stiffness(axes: "Axes", found: Touch, name: str, felt: Felt) -> N
         capsize=3,
     )
     axes.set_ylabel(QUANTITIES[name].title(unit))
-    axes.set_xlabel("plectrum's stiffness at the tip, 3EI/L^3 (N/m)")
+    axes.set_xlabel("plectrum stiffness at the tip, 3 EI/L^3 (N/m)")
     exponents = ", ".join(
         f"{column.removeprefix('plectrum_')}^{e.value:.2f} ({e.low:.2f} to {e.high:.2f})"
         for column, e in felt.exponents.items()

@@ -1,1 +1,1 @@
-"""The plucking model: plectrum, string, key and the press as a whole."""
+"""The plucking model: plectrum, string, key and the complete press."""

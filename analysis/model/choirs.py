@@ -1,13 +1,11 @@
-"""The choirs of a key: each a jack, a plectrum and a string of its own."""
+"""The choirs of a key, each with its own jack, plectrum and string."""
 
 from dataclasses import dataclass
 
 from sautereau.analysis.errors import ModelError
-from sautereau.analysis.model.plectrum.base import Floats, PlectrumMap
-from sautereau.analysis.model.plectrum.elastica import Elastica
+from sautereau.analysis.model.plectrum.base import Floats
 from sautereau.analysis.model.plectrum.levels import plectrum_map
 from sautereau.analysis.model.pluck.pluck import Pluck, solve_pluck
-from sautereau.analysis.model.pluck.table import TabledElastica
 from sautereau.analysis.model.string.string import release_speed
 from sautereau.rig.instrument import Choir, Key
 from sautereau.rig.schema import Rig
@@ -15,10 +13,10 @@ from sautereau.trajectory.key import angle_of_rise, rise_of_angle, rise_slope
 
 
 @dataclass(frozen=True)
-class StringState:
-    """The quasi-static string where the plectrum holds it, just before release.
+class ReleasedString:
+    """Displacement and velocity of the quasi-static string just before release.
 
-    The velocity, at a constant speed of the jack, is infinite where the pluck ends at a fold.
+    At a constant jack speed the velocity is infinite if the pluck ends at a fold.
     """
 
     x: float
@@ -33,7 +31,7 @@ class StringState:
 
 @dataclass(frozen=True)
 class ChoirPluck:
-    """What one choir's string does in a press with the first jack at constant speed."""
+    """The pluck of one choir in a press with the first jack at constant speed."""
 
     string_force: Floats
     """N, of the string on the jack, over the prediction's time; shape (n,)."""
@@ -47,24 +45,24 @@ class ChoirPluck:
     """m, of the string."""
     release_angle: float
     """rad, of the plectrum under the string."""
-    released_string: StringState
-    """The string's initial condition."""
+    released_string: ReleasedString
+    """Initial condition of the free string."""
     work: float
-    """J, of the key, by this jack, against string and plectrum."""
+    """J, done by the key on this jack against string and plectrum."""
     v_osc: float
     """m/s, of the released string."""
-    gives_way: bool
-    """Whether the plectrum gave way before the string had come to its tip."""
+    released_at_fold: bool
+    """Whether the string was released at a fold of the equilibrium curve, before the tip."""
 
     @property
     def pluck_duration(self) -> float:
-        """Time the string is held [s]."""
+        """Time from contact to release [s]."""
         return self.release - self.contact
 
 
 @dataclass(frozen=True)
-class Held:
-    """A choir's pluck and the first jack's rises [m] between which it happens."""
+class PlacedPluck:
+    """A choir's pluck, with the rise [m] of the first jack at its contact and release."""
 
     choir: Choir
     pluck: Pluck
@@ -73,7 +71,7 @@ class Held:
 
 
 def choirs(rig: Rig) -> tuple[Choir, ...]:
-    """Return the choirs of a rig, the first one first."""
+    """Return the choirs of a rig in their order."""
     first = Choir.model_construct(
         jack_arm=rig.key.jack_arm, jack=rig.jack, plectrum=rig.plectrum, string=rig.string
     )
@@ -81,7 +79,7 @@ def choirs(rig: Rig) -> tuple[Choir, ...]:
 
 
 def key_of(rig: Rig, choir: Choir) -> Key:
-    """Return the key as the lever under a choir's jack."""
+    """Return the key with the lever arm of a choir's jack."""
     if choir.jack_arm == rig.key.jack_arm:
         return rig.key
     return rig.key.model_copy(update={"jack_arm": choir.jack_arm})
@@ -93,16 +91,13 @@ def choir_pluck(choir: Choir, level: str = "elastica", *, rollover: bool = False
     Args:
         choir: The choir.
         level: Of the plectrum.
-        rollover: Let the wire turn about the tip's edge.
+        rollover: Include the wire's roll over the tip's edge.
 
     Raises:
         ModelError: The level has no solution for this choir.
     """
-    plectrum: PlectrumMap = plectrum_map(choir.plectrum, level)
-    if isinstance(plectrum, Elastica):
-        plectrum = TabledElastica(plectrum)
     return solve_pluck(
-        plectrum,
+        plectrum_map(choir.plectrum, level),
         choir.string.static_stiffness,
         choir.plectrum.overlap,
         rollover=rollover,
@@ -110,11 +105,11 @@ def choir_pluck(choir: Choir, level: str = "elastica", *, rollover: bool = False
     )
 
 
-def hold(rig: Rig, level: str, *, rollover: bool = False) -> list[Held]:
+def hold(rig: Rig, level: str, *, rollover: bool = False) -> list[PlacedPluck]:
     """Solve every choir's pluck.
 
     Raises:
-        ModelError: A choir has no pluck, or one that outlasts the press; names the choir.
+        ModelError: A choir has no pluck, or its release lies beyond the press; names the choir.
     """
     held, faults = [], []
     for number, choir in enumerate(choirs(rig)):
@@ -137,14 +132,14 @@ def hold(rig: Rig, level: str, *, rollover: bool = False) -> list[Held]:
                 f" released at {release * 1e3:.4g} mm; raise jack_rise or lower"
                 f" {at}plectrum.overlap"
             )
-        held.append(Held(choir, pluck, contact, release))
+        held.append(PlacedPluck(choir, pluck, contact, release))
     if faults:
         raise ModelError("\n".join(faults))
     return held
 
 
-def plucked(rig: Rig, held: Held, string_force: Floats) -> ChoirPluck:
-    """Return what a choir's string does at the press's speed of the first jack."""
+def plucked(rig: Rig, held: PlacedPluck, string_force: Floats) -> ChoirPluck:
+    """Return a choir's pluck at the press's speed of the first jack."""
     pluck, speed = held.pluck, rig.press.jack_speed
     lever = key_of(rig, held.choir)
     rise = held.choir.jack.string_clearance + pluck.release_height
@@ -159,8 +154,10 @@ def plucked(rig: Rig, held: Held, string_force: Floats) -> ChoirPluck:
         plectrum_force=float(pluck.force[-1]),
         release_lift=lift,
         release_angle=float(pluck.angle[-1]),
-        released_string=StringState(float(pluck.shift[-1]), lift, out * own_speed, up * own_speed),
+        released_string=ReleasedString(
+            float(pluck.shift[-1]), lift, out * own_speed, up * own_speed
+        ),
         work=pluck.work,
         v_osc=release_speed(held.choir.string, lift),
-        gives_way=pluck.gives_way,
+        released_at_fold=pluck.released_at_fold,
     )

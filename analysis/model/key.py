@@ -12,7 +12,7 @@ from sautereau.trajectory.motion import Motion
 
 
 def jack_load(jack: Jack, velocity: Floats, acceleration: Floats, string_force: Floats) -> Floats:
-    """Return the force [N] of a jack's foot on the key; negative where it would lift off.
+    """Return the force [N] of a jack on the key; negative where the jack would lift off.
 
     Args:
         jack: The jack.
@@ -33,12 +33,12 @@ def felt_force(
 ) -> Floats:
     """Return the force [N] of the front felt on the key, referred to the pressing point.
 
-    A spring and a damper that only push; all broadcast together.
+    A spring and a damper that cannot pull; all arguments broadcast together.
 
     Args:
         travel: m, of the pressing point from rest.
         speed: m/s, of the pressing point.
-        dip: m, travel at which the felt is met.
+        dip: m, travel at which the key reaches the felt.
         stiffness: N/m.
         damping: N s/m.
     """
@@ -47,16 +47,17 @@ def felt_force(
 
 
 def finger_force(rig: Rig, angle: Motion, string_force: Floats) -> Floats:
-    """Return the force [N] of the finger on the key's normal that makes a motion.
+    """Return the finger force [N] normal to the key that a motion requires.
 
-    F a_p = I a'' + friction - front heaviness + sum of N_j d(rise)/da over the jacks
-    (paper, 2.2), and the front felt's share once the key has reached it.
+    F a_p = I a'' + friction - M_g + sum of N_j d(rise)/da over the jacks
+    (paper, 2.2) with the static gravity moment M_g of the key (`key.front_heaviness`), plus
+    the force of the front felt once the key has reached it.
 
     Args:
         rig: The bench.
         angle: Of the key [rad], arrays (n,).
         string_force: N, with which the strings push the jacks down, shape (choirs, n); or
-            that of the first string, shape (n,), the others not being touched.
+            that of the first string alone, shape (n,).
     """
     key = rig.key
     friction = key.pivot_coulomb_friction * np.sign(angle.velocity)

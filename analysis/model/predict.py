@@ -1,4 +1,4 @@
-"""The whole press as the model sees it: a jack at constant speed."""
+"""The model's prediction of a complete press with the jack at constant speed."""
 
 from dataclasses import dataclass
 
@@ -6,8 +6,8 @@ import numpy as np
 
 from sautereau.analysis.model.choirs import (
     ChoirPluck,
-    Held,
-    StringState,
+    PlacedPluck,
+    ReleasedString,
     choir_pluck,
     choirs,
     hold,
@@ -15,9 +15,7 @@ from sautereau.analysis.model.choirs import (
     plucked,
 )
 from sautereau.analysis.model.key import finger_force
-from sautereau.analysis.model.plectrum.base import Floats, PlectrumMap
-from sautereau.analysis.model.plectrum.levels import LEVELS as LEVELS
-from sautereau.analysis.model.plectrum.levels import plectrum_map as map_of_level
+from sautereau.analysis.model.plectrum.base import Floats
 from sautereau.analysis.model.pluck.pluck import Pluck
 from sautereau.rig.schema import Rig
 from sautereau.trajectory.expected import Expectation
@@ -32,12 +30,12 @@ STEPS = 2000
 class Prediction:
     """A press with the jack at constant speed; arrays of shape (n,) on one time base.
 
-    What is said of a string is said of the first choir's; `choirs` has all of them.
+    Values of a string are those of the first choir; `choirs` has all of them.
     """
 
     level: str
     time: Floats
-    """s, from the moment the jack leaves its rest."""
+    """s, after the jack leaves rest."""
     rise: Floats
     """m, of the jack."""
     deflection: Floats
@@ -59,11 +57,11 @@ class Prediction:
     v_osc: float
     """m/s, of the released string."""
     choirs: tuple[ChoirPluck, ...]
-    """Of every choir, the first one first."""
+    """The pluck of every choir, in their order."""
 
     @property
     def pluck_duration(self) -> float:
-        """Time the string is held [s]."""
+        """Time from contact to release [s]."""
         return self.release - self.contact
 
     @property
@@ -82,7 +80,7 @@ class Prediction:
         return sum(choir.work for choir in self.choirs)
 
     @property
-    def released_string(self) -> StringState:
+    def released_string(self) -> ReleasedString:
         """Displacement and velocity of the string just before release."""
         return self.choirs[0].released_string
 
@@ -98,7 +96,7 @@ class Prediction:
 
 
 def expectation(prediction: Prediction) -> Expectation:
-    """Return what a planner needs to know of a predicted press, over all its plucks."""
+    """Return force, contact and release of a predicted press for the planner, over all plucks."""
     held = np.flatnonzero(np.any([c.string_force > 0 for c in prediction.choirs], axis=0))
     return Expectation(
         rise=prediction.rise,
@@ -108,17 +106,8 @@ def expectation(prediction: Prediction) -> Expectation:
     )
 
 
-def plectrum_map(rig: Rig, level: str) -> PlectrumMap:
-    """Return the map of the rig's plectrum at a level.
-
-    Raises:
-        ModelError: There is no such level.
-    """
-    return map_of_level(rig.plectrum, level)
-
-
 def rig_pluck(rig: Rig, level: str = "elastica", *, rollover: bool = False) -> Pluck:
-    """Return the pluck of the rig's plectrum and spring string, those of its first choir.
+    """Return the pluck of the rig's first choir.
 
     Raises:
         ModelError: The level has no solution for this rig.
@@ -127,15 +116,15 @@ def rig_pluck(rig: Rig, level: str = "elastica", *, rollover: bool = False) -> P
 
 
 def predict(rig: Rig, level: str = "elastica", *, rollover: bool = False) -> Prediction:
-    """Predict the press of a rig: deflection and force while the jack rises steadily.
+    """Predict the press of a rig: deflection and force while the jack rises at constant speed.
 
     Args:
         rig: The bench; all its choirs are plucked.
         level: Of the plectra.
-        rollover: Let the wires turn about the tips' edges before they are released.
+        rollover: Include the wires' roll over the tips' edges.
 
     Raises:
-        ModelError: The level has no solution for this rig, or the press ends too soon.
+        ModelError: The level has no solution for this rig, or the press ends before release.
     """
     held = hold(rig, level, rollover=rollover)
     speed = rig.press.jack_speed
@@ -164,7 +153,7 @@ def predict(rig: Rig, level: str = "elastica", *, rollover: bool = False) -> Pre
     )
 
 
-def _rises(rig: Rig, held: Held) -> Floats:
+def _rises(rig: Rig, held: PlacedPluck) -> Floats:
     """Return the first jack's rises [m] at the points of a choir's pluck."""
     rise = held.choir.jack.string_clearance + held.pluck.height
     lever = key_of(rig, held.choir)
@@ -174,7 +163,7 @@ def _rises(rig: Rig, held: Held) -> Floats:
     return rise
 
 
-def _string_force(rig: Rig, held: Held, rise: Floats, angle: Floats) -> Floats:
+def _string_force(rig: Rig, held: PlacedPluck, rise: Floats, angle: Floats) -> Floats:
     """Return the force [N] of a choir's string on its jack over the first jack's rise."""
     holding = (rise > held.contact) & (rise <= held.release)
     lever = key_of(rig, held.choir)

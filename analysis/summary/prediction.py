@@ -32,7 +32,7 @@ def prediction_summary(rig: Rig, found: Prediction) -> dict[str, Any]:
                 "plectrum_force": choir.plectrum_force,
                 "release_lift": choir.release_lift,
                 "work": choir.work,
-                "gives_way": choir.gives_way,
+                "gives_way": choir.released_at_fold,
             }
             for choir in found.choirs
         ],
@@ -48,7 +48,9 @@ def prediction_lines(rig: Rig, found: Prediction) -> list[str]:
     ]
     for number, choir in enumerate(found.choirs, 1):
         name = f"string {number}: " if len(found.choirs) > 1 else ""
-        early = ", before the tip: the plectrum's deflection reaches its limit" * choir.gives_way
+        early = (
+            ", before the tip: the plectrum's deflection reaches its limit" * choir.released_at_fold
+        )
         lines += [
             f"{name}contact {choir.contact * 1e3:.4g} ms, release {choir.release * 1e3:.4g} ms"
             f"{early}; {_shown('pluck_duration', choir.pluck_duration)}",

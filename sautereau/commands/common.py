@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
+from sautereau.analysis.model.plectrum.levels import levels_help
+
 if TYPE_CHECKING:
     from rich.progress import Progress
 
@@ -25,7 +27,7 @@ Json = Annotated[
     bool, Parameter(negative=(), help="Print one JSON object in SI units and nothing else.")
 ]
 RigName = Annotated[str, Parameter(help="Path of a rig file, or name of a packaged one.")]
-Level = Annotated[str, Parameter(help="Of the plectrum: rods, beam, two-beam, elastica or fe.")]
+Level = Annotated[str, Parameter(help=levels_help())]
 PICTURES = (".png", ".svg", ".pdf", ".jpg", ".webp", ".eps")
 """Suffixes of the pictures that are drawn."""
 

@@ -125,7 +125,7 @@ def predict(
     rig: RigName = "paper", *, level: Level = "elastica", plot: Picture = None, json: Json = False
 ) -> int:
     """Predict a press by the model alone; the picture shows all levels."""
-    from sautereau.analysis.model.predict import LEVELS
+    from sautereau.analysis.model.plectrum.levels import LEVELS
     from sautereau.analysis.model.predict import predict as predict_press
     from sautereau.analysis.summary.prediction import prediction_lines, prediction_summary
 
@@ -135,7 +135,7 @@ def predict(
     if plot:
         from sautereau.analysis.figures.pluck import plot_pluck
 
-        plot_pluck(plot, bench, list(LEVELS))
+        plot_pluck(plot, bench, LEVELS.names())
         result["picture"] = str(plot)
         lines.append(f"picture: {plot}")
     answer(json, result, lines)

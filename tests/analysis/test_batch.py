@@ -42,7 +42,7 @@ def one_by_one(rig, values, index):
             if words in str(error):
                 return status, None
         raise
-    return (Status.GIVES_WAY if found.choirs[0].gives_way else Status.RELEASED), found
+    return (Status.RELEASED_AT_FOLD if found.choirs[0].released_at_fold else Status.RELEASED), found
 
 
 @pytest.mark.parametrize("friction", [0.0, 0.1, 0.5])

@@ -22,7 +22,7 @@ def texts(figure):
     return "\n".join(t.get_text() for t in figure.findobj(Text))
 
 
-def test_it_names_the_parts_and_tells_the_lengths():
+def test_it_names_the_parts_and_gives_the_lengths():
     said = texts(bench_figure(RIG, PLAN))
     for word in ("nut", "bridge", "laser", "felt", "rail", "balance pin", "plectrum", "damper"):
         assert word in said

@@ -1,4 +1,4 @@
-"""Folds of the pluck, where the plectrum gives way, and the wire that rolls over the tip's edge."""
+"""Folds of the pluck, early release there, and the wire that rolls over the tip's edge."""
 
 import math
 
@@ -7,9 +7,9 @@ import pytest
 
 from sautereau.analysis.errors import ModelError
 from sautereau.analysis.model.plectrum.elastica import Elastica
-from sautereau.analysis.model.pluck.branch import Equations
+from sautereau.analysis.model.pluck.equilibria import Equilibria
+from sautereau.analysis.model.pluck.loaded import OnePlectrum
 from sautereau.analysis.model.pluck.pluck import solve_pluck
-from sautereau.analysis.model.pluck.table import TabledElastica
 from sautereau.rig.load import load_rig
 
 RIG = load_rig("paper")
@@ -76,24 +76,24 @@ def test_no_wrong_branch_is_taken(friction):
     """Random cases, folds among them, against a dense continuation that knows no load s^2 F."""
     random = np.random.default_rng(3)
     elastica = Elastica(with_(friction=friction))
-    tabled, cases = TabledElastica(elastica), []
+    cases = []
     while len(cases) < 40:
         overlap, stiffness = random.uniform(0.05e-3, 3.5e-3), 10 ** random.uniform(1.5, 4)
         try:
-            cases.append((overlap, stiffness, solve_pluck(tabled, stiffness, overlap)))
+            cases.append((overlap, stiffness, solve_pluck(elastica, stiffness, overlap)))
         except ModelError:
             continue
     plucks = [pluck for _, _, pluck in cases]
-    assert 3 < sum(pluck.gives_way for pluck in plucks) < 37
-    # Where sliding begins, which may be where the plectrum gives way.
-    begun = [
+    assert 3 < sum(pluck.released_at_fold for pluck in plucks) < 37
+    # Where sliding starts, which may be at the fold.
+    starts = [
         len(pluck.force) - 1 if friction and len(pluck.stretches) == 1 else pluck.stretches[-1]
         for pluck in plucks
     ]
     usable = [i for i, pluck in enumerate(plucks) if np.isclose(pluck.drag[-1], friction)]
     assert len(usable) > 30
     overlap, stiffness = (np.array([cases[i][k] for i in usable]) for k in (0, 1))
-    start = np.array([plucks[i].force[begun[i]] for i in usable])
+    start = np.array([plucks[i].force[starts[i]] for i in usable])
     top = np.array([plucks[i].force.max() for i in usable])
     heights, places, forces = brute_release(
         elastica, stiffness, elastica.length - overlap, start, top
@@ -102,21 +102,21 @@ def test_no_wrong_branch_is_taken(friction):
         h, u, f = heights[:, column], places[:, column], forces[:, column] * top[column]
         past = np.flatnonzero((np.diff(h) <= 0) | (u[1:] > 1))
         end = past[0]
-        if plucks[i].gives_way:
+        if plucks[i].released_at_fold:
             assert plucks[i].release_height == pytest.approx(h[end], rel=1e-4)
         else:
             at_tip = np.interp(1.0, u[: end + 2], h[: end + 2])
             assert plucks[i].release_height == pytest.approx(at_tip, rel=1e-4)
-        slid = slice(begun[i], None)
+        slid = slice(starts[i], None)
         between = np.interp(plucks[i].height[slid], h[: end + 1], f[: end + 1])
         error = np.abs(between - plucks[i].force[slid])[:-5]
         assert np.all(error <= 2e-3 * top[column])
 
 
-def test_a_plectrum_that_gives_way_lets_the_string_go_at_the_fold():
+def test_at_a_fold_the_string_is_released_before_the_tip():
     """At the fold the height is stationary: neighbours in the load are no higher."""
     pluck = solve_pluck(Elastica(PLECTRUM), 300.0, 3.5e-3)
-    assert pluck.gives_way
+    assert pluck.released_at_fold
     assert pluck.position[-1] < PLECTRUM.length
     steps = np.diff(pluck.height)
     assert np.all(steps > 0)
@@ -124,8 +124,8 @@ def test_a_plectrum_that_gives_way_lets_the_string_go_at_the_fold():
     assert pluck.release_slopes == (math.inf, math.inf)
     elastica = Elastica(PLECTRUM)
     load = pluck.force[-1] * pluck.position[-1] ** 2 * np.array([0.999, 1, 1.001])
-    near = Equations(elastica, 300.0, 1e-3).slide(load, np.full(3, pluck.position[-1]))
-    assert np.argmax(near.height) == 1
+    equilibria = Equilibria(OnePlectrum(elastica), np.array([300.0]), np.array([3.5e-3]))
+    assert np.argmax(equilibria.slide(load[None]).height) == 1
 
 
 def test_a_string_that_would_be_held_again_is_refused():

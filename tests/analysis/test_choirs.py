@@ -63,7 +63,7 @@ def test_the_second_jack_is_where_the_lever_puts_it(paper, staggered):
     assert faster == pytest.approx(ratio, rel=1e-3)
 
 
-def test_strings_that_are_met_together_add_up(paper):
+def test_strings_held_together_add_up(paper):
     """Two like choirs on one arm are one with twice the string's force, jack and friction."""
     found, alone = predict(with_choirs(paper, choir(paper, stagger=0.0))), predict(paper)
     key, jack = paper.key, paper.jack

@@ -1,4 +1,4 @@
-"""Maps in the user's cache: exact, whole or made anew, found by whatever shapes them."""
+"""Maps in the user's cache: exact, replaced if damaged, found by all their inputs."""
 
 import subprocess
 import sys
@@ -9,12 +9,12 @@ import pytest
 
 from sautereau.analysis.model.plectrum.fe import cache
 from sautereau.analysis.model.plectrum.fe.level import FE
-from sautereau.analysis.model.plectrum.fe.table import Table
+from sautereau.analysis.model.plectrum.fe.table import DisplacementSeries
 from sautereau.rig.load import load_rig
 
 PLECTRUM = load_rig("paper").plectrum
-MADE = Table(np.random.default_rng(4).standard_normal((3, 9, 10)), 0.85, 1e-4, 2.0)
-"""Stands for a map, which would take two seconds."""
+MADE = DisplacementSeries(np.random.default_rng(4).standard_normal((3, 9, 10)), 0.85, 1e-4, 2.0)
+"""In place of a map, which would take two seconds."""
 
 
 @pytest.fixture(autouse=True)
@@ -88,7 +88,7 @@ def flip(content):
     ],
     ids=["one bit", "cut", "empty", "no archive", "another's"],
 )
-def test_a_damaged_file_is_made_anew(uniform, tmp_path, damage, monkeypatch):
+def test_a_damaged_file_is_replaced(uniform, tmp_path, damage, monkeypatch):
     made = []
 
     def build(*_):
@@ -99,7 +99,7 @@ def test_a_damaged_file_is_made_anew(uniform, tmp_path, damage, monkeypatch):
     (path,) = tmp_path.iterdir()
     good = path.read_bytes()
     bad = damage(good)
-    if bad is None:  # a whole file, under a name that is not its own
+    if bad is None:  # a complete file under another name
         key = "0" * 64
         (tmp_path / f"{key}.npz").write_bytes(good)
         assert cache._read(tmp_path / f"{key}.npz", key) is None
@@ -125,7 +125,7 @@ def test_no_wrong_byte_of_a_file_passes(uniform, tmp_path):
             assert (found.load, found.limit) == (uniform._table.load, uniform._table.limit)
 
 
-def test_many_writers_of_one_map_leave_a_whole_file(uniform, folder):
+def test_many_writers_of_one_map_leave_a_complete_file(uniform, folder):
     key = "a" * 64
     path = folder / "many" / f"{key}.npz"
     writers = [

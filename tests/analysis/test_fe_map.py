@@ -7,7 +7,6 @@ from sautereau.analysis.errors import ModelError
 from sautereau.analysis.model.plectrum.elastica import Elastica
 from sautereau.analysis.model.plectrum.fe import cache
 from sautereau.analysis.model.plectrum.fe.build import Solver
-from sautereau.analysis.model.plectrum.fe.figure import plot_mesh
 from sautereau.analysis.model.plectrum.fe.level import FE
 from sautereau.analysis.model.plectrum.fe.profile import outline_from, profile_of
 from sautereau.analysis.model.pluck.pluck import solve_pluck
@@ -166,11 +165,3 @@ def test_an_overlap_down_to_the_root_is_refused():
 def test_a_thickness_that_vanishes_is_refused():
     with pytest.raises(ModelError, match=r"0 mm at x = 4\.5 mm is not above 0 mm"):
         outline_from(lambda x: 4.5e-3 - x, 4.5e-3)
-
-
-def test_mesh_and_deformed_shape_are_drawn(tmp_path):
-    path = tmp_path / "mesh.png"
-    plot_mesh(path, SCRAPED, 0.5, 4.3e-3)
-    assert path.read_bytes().startswith(b"\x89PNG")
-    with pytest.raises(ModelError, match="cannot be drawn"):
-        plot_mesh(path, SCRAPED, -1.0, 4.3e-3)

@@ -231,8 +231,8 @@ def test_the_patch_carries_one_newton_at_its_place(body):
     """Its share sums to one and its mean is s, also across columns and at the very tip."""
     for s in (0.3, 0.513, 1.0):
         patch = patch_at(body.grid, s, CARVED.patch)
-        assert patch.shares.sum() == pytest.approx(1, rel=1e-14)
-        assert patch.shares @ body.grid.nodes[:, 0] == pytest.approx(s, rel=1e-13)
+        assert patch.fractions.sum() == pytest.approx(1, rel=1e-14)
+        assert patch.fractions @ body.grid.nodes[:, 0] == pytest.approx(s, rel=1e-13)
         assert patch.slopes @ body.grid.nodes[:, 0] == pytest.approx(1, rel=1e-13)
         _, slope, _ = CARVED.contact_line(s)
         assert np.tan(patch.angle(np.zeros(body.size))) == pytest.approx(float(slope), abs=1e-3)

@@ -30,7 +30,7 @@ def still(rise):
 
 
 def test_statics_at_rest_is_the_weight_through_the_lever(paper):
-    """F a_p = m g b - front heaviness; nothing rubs that does not move."""
+    """F a_p = m g b - M_g, the static gravity moment; without motion there is no friction."""
     found = finger_force(paper, still(0.0), np.zeros(1))
     assert found[0] == pytest.approx(static_moment(paper) / paper.key.press_arm, rel=1e-12)
     assert found[0] / GRAVITY == pytest.approx(0.005, abs=0.003)

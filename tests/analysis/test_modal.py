@@ -7,7 +7,8 @@ import pytest
 from scipy.integrate import cumulative_trapezoid, solve_ivp
 
 from sautereau.analysis.errors import ModelError
-from sautereau.analysis.model.predict import plectrum_map, rig_pluck
+from sautereau.analysis.model.plectrum.levels import plectrum_map
+from sautereau.analysis.model.predict import rig_pluck
 from sautereau.analysis.model.string.modal import modal_pluck
 from sautereau.analysis.model.string.string import release_speed
 from sautereau.rig.load import load_rig
@@ -134,7 +135,7 @@ def test_the_string_leaves_at_the_speed_of_all_its_modes():
     assert -slope == pytest.approx(release_speed(RIG.string, lift), rel=0.03)
 
 
-def test_motion_goes_on_from_the_held_string():
+def test_the_free_motion_continues_that_of_the_held_string():
     modal = pluck()
     place, speed = modal.motion([0.0, 1e-7, 2e-7])
     # What the left-out modes held jumps back at release.
@@ -147,7 +148,7 @@ def test_the_fields_are_consistent():
     modal = pluck()
     np.testing.assert_allclose(modal.height, modal.time * RIG.press.jack_speed)
     assert modal.position[-1] == pytest.approx(RIG.plectrum.length, abs=1e-12)
-    bend = plectrum_map(RIG, "elastica").bend(modal.position, modal.force)
+    bend = plectrum_map(RIG.plectrum, "elastica").bend(modal.position, modal.force)
     np.testing.assert_allclose(modal.displacement[:, 1], modal.height + bend.z, atol=1e-12)
     np.testing.assert_allclose(modal.displacement[:, 0], bend.x - modal.position[0], atol=1e-12)
     np.testing.assert_allclose(modal.angle, -bend.theta, atol=1e-12)

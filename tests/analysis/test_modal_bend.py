@@ -11,7 +11,8 @@ PLECTRUM = load_rig().plectrum
 
 
 @pytest.mark.parametrize(
-    ("level", "friction"), [*((level, 0.0) for level in LEVELS), ("elastica", 0.5), ("rods", 0.2)]
+    ("level", "friction"),
+    [*((level, 0.0) for level in LEVELS.names()), ("elastica", 0.5), ("rods", 0.2)],
 )
 def test_one_point_is_that_of_the_map(level, friction):
     plectrum = plectrum_map(PLECTRUM.model_copy(update={"friction": friction}), level)

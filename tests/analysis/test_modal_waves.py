@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from sautereau.analysis.model.predict import plectrum_map, rig_pluck
+from sautereau.analysis.model.plectrum.levels import plectrum_map
+from sautereau.analysis.model.predict import rig_pluck
 from sautereau.analysis.model.string.modal import modal_pluck
 from sautereau.rig.load import load_rig
 
@@ -19,7 +20,7 @@ def by_waves(rig, steps):
     """
     from scipy.optimize import fsolve
 
-    string, plectrum = rig.string, plectrum_map(rig, "elastica")
+    string, plectrum = rig.string, plectrum_map(rig.plectrum, "elastica")
     c = 2 * string.length * string.frequency
     speed = rig.press.jack_speed
     dt = rig_pluck(rig).release_height / speed / steps

@@ -7,7 +7,7 @@ from sautereau.analysis.figures.phases import phases_figure, plot_phases
 from sautereau.analysis.phases import find_phases
 
 
-def test_a_boundary_is_told_with_its_uncertainty(make_press):
+def test_a_boundary_is_shown_with_its_uncertainty(make_press):
     press = make_press(force_noise=5e-3)
     phases = find_phases(press)
     figure = phases_figure([press], [phases])

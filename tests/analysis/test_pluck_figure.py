@@ -52,7 +52,7 @@ def test_all_levels_are_over_each_other():
 def test_time_is_above_height():
     figure = pluck_figure(RIG, ["elastica"])
     (above,) = figure.axes[0].child_axes
-    assert above.get_xlabel() == "time from contact (ms)"
+    assert above.get_xlabel() == "time after contact (ms)"
     # mm over m/s are ms.
     assert above._functions[0](1.44) == pytest.approx(20.0)
 
@@ -77,7 +77,7 @@ def test_nothing_to_draw_is_refused():
 
 
 def test_an_unknown_level_is_refused():
-    with pytest.raises(ModelError, match="'granite', 'jelly' is not known"):
+    with pytest.raises(ModelError, match="'granite' is unknown"):
         pluck_figure(RIG, ["elastica", "granite", "jelly"])
 
 

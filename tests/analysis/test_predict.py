@@ -1,11 +1,12 @@
-"""The whole press as the model sees it."""
+"""The model's prediction of a complete press."""
 
 import numpy as np
 import pytest
 from scipy.integrate import trapezoid
 
 from sautereau.analysis.errors import ModelError
-from sautereau.analysis.model.predict import plectrum_map, predict, rig_pluck
+from sautereau.analysis.model.plectrum.levels import plectrum_map
+from sautereau.analysis.model.predict import predict, rig_pluck
 from sautereau.analysis.model.string.string import release_speed
 from sautereau.rig.load import with_values
 from tests.key_oracle import dissipated_power, energy, slope, static_moment
@@ -99,8 +100,8 @@ def test_durations_go_with_the_speed_and_forces_hardly(paper, prediction):
 
 
 def test_the_level_must_exist(paper):
-    with pytest.raises(ModelError, match="level 'wood' is not known; take one of elastica"):
-        plectrum_map(paper, "wood")
+    with pytest.raises(ModelError, match="plectrum level 'wood' is unknown; known: elastica"):
+        plectrum_map(paper.plectrum, "wood")
 
 
 def test_a_press_that_ends_before_release_is_refused(paper):

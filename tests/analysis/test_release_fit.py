@@ -1,18 +1,18 @@
-"""Modulus and overlap from duration and Vosc, and the page that tells what Table 1 gives."""
+"""Modulus and overlap from duration and Vosc, and the page about Table 1."""
 
 import re
 
 import pytest
 
-from examples.table_1 import PAGE, page
-from sautereau.analysis.errors import ModelError
-from sautereau.analysis.model.predict import plectrum_map
-from sautereau.analysis.model.release_fit import (
+from examples.release_fit import (
     fit_release,
     overlap_for_duration,
     overlap_for_speed,
     release_as_is,
 )
+from examples.table_1 import PAGE, page
+from sautereau.analysis.errors import ModelError
+from sautereau.analysis.model.plectrum.levels import plectrum_map
 from sautereau.rig.load import load_rig
 
 RIG = load_rig()
@@ -55,7 +55,7 @@ def test_a_known_plectrum_is_found_again(level, friction):
 @pytest.mark.parametrize("level", ["elastica", "rods", "beam", "two-beam"])
 def test_the_map_depends_on_force_over_modulus(level):
     """What the fit rests on."""
-    soft, hard = (plectrum_map(with_plectrum(youngs_modulus=e), level) for e in (1e9, 3e9))
+    soft, hard = (plectrum_map(with_plectrum(youngs_modulus=e).plectrum, level) for e in (1e9, 3e9))
     for one, other in zip(soft.bend(4e-3, 0.1)[:6], hard.bend(4e-3, 0.3)[:6], strict=True):
         assert one == pytest.approx(other, rel=1e-12)
 
@@ -76,7 +76,7 @@ def test_what_is_no_release_is_refused(duration, v_osc):
         fit_release(RIG, duration, v_osc)
 
 
-def test_both_faults_are_told():
+def test_both_faults_are_reported():
     with pytest.raises(ModelError, match=r"(?s)duration.*v_osc"):
         fit_release(RIG, -1.0, -1.0)
 
@@ -85,7 +85,7 @@ def test_both_faults_are_told():
     "ask",
     [
         lambda: fit_release(RIG, 7e-3, 3.0),  # the lift alone is more than the jack rises
-        lambda: fit_release(RIG, 1.0, 0.46),  # the tip would give way by more than its length
+        lambda: fit_release(RIG, 1.0, 0.46),  # the tip's deflection would exceed its length
         lambda: overlap_for_duration(RIG, 1.0),
         lambda: overlap_for_speed(RIG, 20.0),
     ],

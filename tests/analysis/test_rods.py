@@ -123,5 +123,5 @@ def test_the_loads_work_is_in_the_springs(plectrum):
 
 @pytest.mark.parametrize("count", [0, -3, 2.5, float("nan"), 10_001])
 def test_a_count_that_is_none_is_refused(count):
-    with pytest.raises(ModelError, match=r"rods: .* is not a whole number within 1 to 10000"):
+    with pytest.raises(ModelError, match=r"rods: .* is not a whole number of 1 to 10000"):
         Rods(PLECTRUM, count)

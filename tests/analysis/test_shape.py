@@ -1,4 +1,4 @@
-"""A bent plectrum's whole mid-line against the elastica's own equation and against beams."""
+"""A bent plectrum's complete mid-line against the elastica's own equation and against beams."""
 
 import numpy as np
 import pytest

@@ -6,8 +6,8 @@ from scipy.integrate import solve_ivp
 
 from sautereau.analysis.errors import ModelError
 from sautereau.analysis.model.string.string import (
+    ModalState,
     ModalString,
-    StringState,
     first_mode_release_speed,
     release_speed,
 )
@@ -28,7 +28,7 @@ def triangle(modes):
 def moving(seed, modes=30):
     random = np.random.default_rng(seed)
     n = np.arange(1, modes + 1)
-    return StringState(
+    return ModalState(
         random.normal(size=(2, modes)) * 1e-3 / n**2, random.normal(size=(2, modes)) / n
     )
 
@@ -50,7 +50,7 @@ def test_the_first_mode_leaves_at_its_part_of_the_triangle():
 
 @pytest.mark.parametrize("modes", [1, 7, 30, 200])
 def test_modes_and_residual_are_the_spring(modes):
-    """A force that stays is met by 1 / K, however many modes there are."""
+    """A constant force is balanced by 1 / K for any number of modes."""
     string = ModalString(STRING, modes)
     moved = np.sum(string.shape**2 / (string.mass * string.omega**2))
     assert moved + string.residual == pytest.approx(1 / STRING.static_stiffness, rel=1e-12)
@@ -114,7 +114,7 @@ def test_after_a_period_all_is_as_before_and_after_half_of_one_mirrored():
     np.testing.assert_allclose(there[:, 1], -here[:, 0], atol=1e-15)
 
 
-def test_the_held_string_pulls_at_the_bridge_with_its_share():
+def test_the_held_string_loads_the_bridge_by_its_fraction():
     """A static force F is carried by the ends as F (1 - b) and F b."""
     string = ModalString(STRING, 20_000)
     q = string.shape / (string.mass * string.omega**2)
@@ -123,11 +123,11 @@ def test_the_held_string_pulls_at_the_bridge_with_its_share():
 
 @pytest.mark.parametrize("modes", [0, -3])
 def test_no_modes_are_refused(modes):
-    with pytest.raises(ModelError, match="modes are none"):
+    with pytest.raises(ModelError, match=r"number of modes is .* at least 1"):
         ModalString(STRING, modes)
 
 
 @pytest.mark.parametrize("decay", [-1.0, 2400.0, np.nan])
-def test_a_decay_that_does_not_swing_is_refused(decay):
+def test_an_overdamped_mode_is_refused(decay):
     with pytest.raises(ModelError, match="decay"):
         ModalString(STRING, 30, decay)

@@ -1,1 +1,1 @@
-"""One file a level of the plectrum; each maps (s, F) to the contact point and the tangent angle."""
+"""Levels of the plectrum, one file each: maps of (s, F) to the contact point and tangent angle."""

@@ -1,4 +1,4 @@
-"""What every level of the plectrum answers."""
+"""The interface of every level of the plectrum."""
 
 from typing import NamedTuple, Protocol
 
@@ -9,7 +9,7 @@ Floats = NDArray[np.float64]
 
 
 class Bend(NamedTuple):
-    """Where a loaded plectrum meets the string, in the clamp's frame, with derivatives.
+    """Contact point of a loaded plectrum in the clamp's frame, with derivatives.
 
     x runs from the clamp along the undeformed mid-line, z upwards; under a string's load
     z and theta are negative. All fields have the shape of s and F broadcast together.
@@ -22,9 +22,9 @@ class Bend(NamedTuple):
     theta: Floats
     """rad, of the tangent."""
     x_s: Floats
-    """dx/ds, 1."""
+    """dx/ds, dimensionless."""
     z_s: Floats
-    """dz/ds, 1."""
+    """dz/ds, dimensionless."""
     theta_s: Floats
     """dtheta/ds, rad/m."""
     x_f: Floats
@@ -45,7 +45,7 @@ class PlectrumMap(Protocol):
     length: float
     """m, from clamp to tip."""
     friction: float
-    """1, Coulomb coefficient between plectrum and string, 0 to 0.5."""
+    """Coulomb coefficient between plectrum and string, dimensionless, 0 to 0.5."""
 
     def bend(self, s: ArrayLike, force: ArrayLike) -> Bend:
         """Return the contact point for positions s [m] and forces F [N].
@@ -56,5 +56,5 @@ class PlectrumMap(Protocol):
         ...
 
     def force_limit(self, s: ArrayLike) -> Floats:
-        """Return the largest force [N] at positions s [m] that the level can answer for."""
+        """Return the largest force [N] at positions s [m] within the level's range."""
         ...

@@ -1,8 +1,8 @@
 """Euler-Bernoulli cantilever of uniform section under small rotation.
 
-z = -F s^3 / 3EI and theta = -F s^2 / 2EI, with x = s: the plectrum does not shorten. It is
-the tip's shortening that lets the string go, so this level releases late, however good its
-force at a given place is. Friction pulls along the plectrum and has no lever while the
+z = -F s^3 / 3EI and theta = -F s^2 / 2EI, with x = s: the plectrum does not shorten. The
+string is released because the tip retracts, so this level releases late, although its force
+at a given position is accurate. Friction pulls along the plectrum and has no lever while the
 rotation is small: it does not bend it at first order, and mu changes nothing here.
 """
 
@@ -13,7 +13,7 @@ from sautereau.analysis.model.plectrum.cantilever import Cantilever
 
 
 class Beam(Cantilever):
-    """The plectrum of uniform section, linear in the force."""
+    """A plectrum of uniform section, linear in the force."""
 
     def _bend(self, s: Floats, force: Floats) -> Bend:
         ei = self.bending_stiffness

@@ -1,4 +1,4 @@
-"""What the levels of one or two uniform sections share: their numbers, their range, their scale."""
+"""Base of the levels with one or two uniform sections: parameters, range checks, scaling."""
 
 from abc import ABC, abstractmethod
 
@@ -10,19 +10,19 @@ from sautereau.analysis.model.plectrum.base import Bend, Floats
 from sautereau.rig.instrument import Plectrum
 
 FRICTION_MAX = 0.5
-"""1, largest coefficient of friction that a level answers for."""
+"""Dimensionless; largest coefficient of friction of any level."""
 BEYOND_TIP = 1.01
-"""1, of the length: how far past the tip a search for the release may ask; the law of the
-plectrum goes on there, with the force limit of the tip."""
+"""Fraction of the length up to which positions are accepted: the search for the release may
+overshoot the tip. Beyond the tip the same equations hold, with the force limit of the tip."""
 ROUNDING = 1e-12
-"""1, of a force limit."""
+"""Dimensionless tolerance on a force limit."""
 
 
 class Cantilever(ABC):
     """A plectrum clamped at x = 0, loaded at s by F and by friction times F."""
 
     def __init__(self, plectrum: Plectrum):
-        """Take the plectrum's numbers.
+        """Read and check the plectrum's parameters.
 
         Raises:
             ModelError: Friction or bending stiffness are out of range.
@@ -70,7 +70,7 @@ class Cantilever(ABC):
         """Return the largest force [N] for positions on the plectrum, infinite at the clamp."""
 
     def _refuse_out_of_range(self, s: Floats, force: Floats) -> None:
-        # Asked so that NaN is out of range too.
+        # Written so that NaN is out of range too.
         on = (s >= 0) & (s <= BEYOND_TIP * self.length)
         if not on.all():
             raise ModelError(
@@ -83,7 +83,7 @@ class Cantilever(ABC):
             raise ModelError(
                 f"force on the plectrum: {force[~held].flat[0]:.6g} N at"
                 f" {s[~held].flat[0] * 1e3:.6g} mm from the clamp is not within 0 to"
-                f" {limit[~held].flat[0]:.6g} N, where {type(self).__name__} has an answer;"
+                f" {limit[~held].flat[0]:.6g} N, the range of {type(self).__name__};"
                 " change the force or raise plectrum.thickness"
             )
 

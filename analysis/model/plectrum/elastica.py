@@ -11,30 +11,27 @@ every s, F, E and section.
 """
 
 from functools import lru_cache
-from typing import NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.polynomial import Chebyshev
-from numpy.polynomial.chebyshev import chebval
 
 from sautereau.analysis.model.plectrum.base import Bend, Floats
 from sautereau.analysis.model.plectrum.cantilever import Cantilever, similar
 from sautereau.rig.instrument import Plectrum
 
+if TYPE_CHECKING:
+    from scipy.interpolate import PPoly
+
 Q_MAX = 3.43
-"""1, largest load q that is tabulated without friction: the tangent has turned by 90 degrees
-at 3.4376."""
+"""Dimensionless; largest tabulated load q without friction: the tangent has turned by 90
+degrees at 3.4376."""
 DEGREE = 40
-"""Of the Chebyshev series."""
-
-
-class Series(NamedTuple):
-    """Chebyshev series in q, which `scale` and `offset` bring from [0, q_max] to [-1, 1]."""
-
-    coefficients: Floats
-    """x/s, z/(s q), theta/q and their derivatives by q, shape (DEGREE + 1, 6)."""
-    scale: float
-    offset: float
+"""Of the Chebyshev series through the integrated elastica, from which the table is taken."""
+CELLS = 128
+"""Equal cells of the table over q."""
+ORDER = 6
+"""Coefficients of the polynomial in a cell."""
 
 
 class Elastica(Cantilever):
@@ -46,8 +43,8 @@ class Elastica(Cantilever):
 
     def _bend(self, s: Floats, force: Floats) -> Bend:
         q = force * s**2 / self.bending_stiffness
-        series = _table(self.friction)
-        x, z, theta, dx, dz, dtheta = chebval(q * series.scale + series.offset, series.coefficients)
+        fields = (np.moveaxis(table(q), -1, 0) for table in elastica_tables(self.friction))
+        (x, z, theta), (dx, dz, dtheta) = fields
         shape = (x, q * z, q * theta, dx, z + q * dz, theta + q * dtheta)
         return similar(s, force, self.bending_stiffness, shape)
 
@@ -59,6 +56,29 @@ class Elastica(Cantilever):
 def q_max(friction: float) -> float:
     """Return the largest load q that is tabulated: the tangent turns by just under 90 degrees."""
     return Q_MAX * (_quarter_turn(friction) / _quarter_turn(0.0)) ** 2
+
+
+@lru_cache(maxsize=128)
+def elastica_tables(friction: float) -> "tuple[PPoly, PPoly]":
+    """Return x/s, z/(s q) and theta/q as polynomials of q, and their derivatives by q.
+
+    Both are called with loads q of any shape and return shape (..., 3). In each cell the
+    polynomial passes through the values at Chebyshev's nodes, exact to rounding.
+
+    Args:
+        friction: Coefficient of friction between plectrum and string, 0 to 0.5.
+    """
+    from scipy.interpolate import PPoly
+
+    edges = np.linspace(0.0, q_max(friction), CELLS + 1)
+    nodes = (1 - np.cos(np.pi * (np.arange(ORDER) + 0.5) / ORDER)) / 2
+    width = edges[1]
+    values = np.stack([series(edges[:-1, None] + nodes * width) for series in _series(friction)])
+    powers = np.vander(nodes)  # highest power first, as PPoly wants them
+    coefficients = np.linalg.solve(powers, values[..., None])[..., 0]  # (3, CELLS, ORDER)
+    coefficients /= width ** np.arange(ORDER - 1, -1, -1)
+    table = PPoly(np.ascontiguousarray(coefficients.transpose(2, 1, 0)), edges)
+    return table, table.derivative()
 
 
 def _quarter_turn(friction: float) -> float:
@@ -74,9 +94,8 @@ def _quarter_turn(friction: float) -> float:
     return quad(slowness, 0, np.sqrt(np.pi / 2), epsabs=0, epsrel=1e-13)[0]
 
 
-@lru_cache(maxsize=128)
-def _table(friction: float) -> Series:
-    """Return the table of one coefficient of friction, from one integration of the elastica."""
+def _series(friction: float) -> list[Chebyshev]:
+    """Return x/s, z/(s q) and theta/q as Chebyshev series in q, from one integration."""
     from scipy.integrate import solve_ivp
 
     end = q_max(friction)
@@ -91,10 +110,6 @@ def _table(friction: float) -> Series:
     psi, cosines, sines = solution.y
     x = (np.cos(psi) * cosines + np.sin(psi) * sines) / xi
     z = (np.cos(psi) * sines - np.sin(psi) * cosines) / xi / nodes
-    fit = [Chebyshev.fit(nodes, values, DEGREE, domain=[0, end]) for values in (x, z, -psi / nodes)]
-    columns = [series.coef for series in (*fit, *(series.deriv() for series in fit))]
-    coefficients = np.zeros((DEGREE + 1, len(columns)))
-    for column, values in enumerate(columns):
-        coefficients[: len(values), column] = values
-    offset, scale = fit[0].mapparms()
-    return Series(coefficients, float(scale), float(offset))
+    return [
+        Chebyshev.fit(nodes, values, DEGREE, domain=[0, end]) for values in (x, z, -psi / nodes)
+    ]

@@ -1,13 +1,31 @@
-"""The levels of the plectrum by name; a level's file is imported when it is asked for."""
+"""The levels of the plectrum by name; a level's file is imported when it is first asked for."""
 
-from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 from sautereau.analysis.errors import ModelError
-from sautereau.analysis.model.plectrum.base import PlectrumMap
-from sautereau.rig.instrument import Plectrum
+from sautereau.rig.registry import Registry
+
+if TYPE_CHECKING:
+    from sautereau.analysis.model.plectrum.base import PlectrumMap
+    from sautereau.rig.instrument import Plectrum
+
+_HERE = "sautereau.analysis.model.plectrum"
+LEVELS = Registry(
+    "sautereau.plectrum_levels",
+    "plectrum level",
+    {
+        "elastica": f"{_HERE}.elastica:Elastica",
+        "fe": f"{_HERE}.fe.level:FE",
+        "rods": f"{_HERE}.rods:Rods",
+        "beam": f"{_HERE}.beam:Beam",
+        "two-beam": f"{_HERE}.two_beam:TwoBeam",
+    },
+    ModelError,
+)
+"""Classes that are constructed from a `Plectrum` and are a `PlectrumMap`; the default first."""
 
 
-def plectrum_map(plectrum: Plectrum, level: str) -> PlectrumMap:
+def plectrum_map(plectrum: "Plectrum", level: str) -> "PlectrumMap":
     """Return the map of a plectrum at a level.
 
     Args:
@@ -17,46 +35,10 @@ def plectrum_map(plectrum: Plectrum, level: str) -> PlectrumMap:
     Raises:
         ModelError: There is no such level, or the plectrum is out of its range.
     """
-    if level not in LEVELS:
-        raise ModelError(f"level {level!r} is not known; take one of {', '.join(LEVELS)}")
-    return LEVELS[level](plectrum)
+    return LEVELS.get(level)(plectrum)
 
 
-def _elastica(plectrum: Plectrum) -> PlectrumMap:
-    from sautereau.analysis.model.plectrum.elastica import Elastica
-
-    return Elastica(plectrum)
-
-
-def _rods(plectrum: Plectrum) -> PlectrumMap:
-    from sautereau.analysis.model.plectrum.rods import Rods
-
-    return Rods(plectrum)
-
-
-def _beam(plectrum: Plectrum) -> PlectrumMap:
-    from sautereau.analysis.model.plectrum.beam import Beam
-
-    return Beam(plectrum)
-
-
-def _two_beam(plectrum: Plectrum) -> PlectrumMap:
-    from sautereau.analysis.model.plectrum.two_beam import TwoBeam
-
-    return TwoBeam(plectrum)
-
-
-def _fe(plectrum: Plectrum) -> PlectrumMap:
-    from sautereau.analysis.model.plectrum.fe.level import FE
-
-    return FE(plectrum)
-
-
-LEVELS: dict[str, Callable[[Plectrum], PlectrumMap]] = {
-    "elastica": _elastica,
-    "rods": _rods,
-    "beam": _beam,
-    "two-beam": _two_beam,
-    "fe": _fe,
-}
-"""Constructors of the plectrum's map by the level's name; the default first."""
+def levels_help() -> str:
+    """Return the help text of an option that takes a level, with all registered names."""
+    notes = {"elastica": " (default)", "fe": " (carved shape)"}
+    return f"Plectrum bending model: {', '.join(n + notes.get(n, '') for n in LEVELS.names())}."

@@ -3,12 +3,12 @@
 The part of the plectrum between clamp and string is divided into N equal rods of length
 l = s / N. A joint stands for the bending of half a rod on either side of it, so its spring
 has the stiffness EI / l, and 2 EI / l at the clamp, where there is one side only: x, z and
-theta then converge to the elastica as 1 / N^2, and theta as 1 / N^4 without friction, for
-psi'' = cos psi makes its errors from within and at both ends cancel. The rods are laid anew
-for every s; with joints fixed in the material the slopes by s would jump whenever the string
-passes one. At the tip, where the string is released, the two are the same chain.
+theta then converge to the elastica as 1 / N^2, and theta as 1 / N^4 without friction, because
+with psi'' = cos psi the errors of the interior and of both ends cancel. The rods are laid out
+separately for every s; with joints fixed in the material the slopes by s would jump whenever
+the string passes one. At the tip, where the string is released, both chains are the same.
 
-Seen from the loaded rod the load is known, so the chain is marched from there to the clamp,
+Seen from the loaded rod the load is known, so the chain is computed from there to the clamp,
 joint by joint, without iteration: the moment of the load is the sum of its levers so far.
 For small loads theta is that of the beam, and z that of the beam times 1 + 1 / (2 N^2).
 """
@@ -26,14 +26,14 @@ from sautereau.rig.instrument import Plectrum
 RODS = 20
 """Rods by default: deflections 0.125 % too large under small loads."""
 RODS_MAX = 10_000
-"""A march costs time in proportion to its rods."""
+"""The computing time is proportional to the number of rods."""
 
 
 class Rods(Cantilever):
     """The plectrum as a chain of rigid rods."""
 
     def __init__(self, plectrum: Plectrum, count: int = RODS):
-        """Take the plectrum's numbers.
+        """Read and check the plectrum's parameters.
 
         Args:
             plectrum: Of the rig.
@@ -44,7 +44,7 @@ class Rods(Cantilever):
         """
         super().__init__(plectrum)
         if not 1 <= count <= RODS_MAX or count != int(count):
-            raise ModelError(f"rods: {count} is not a whole number within 1 to {RODS_MAX}")
+            raise ModelError(f"rods: {count} is not a whole number of 1 to {RODS_MAX}; change it")
         self.count = int(count)
         self._q_max = q_max(self.friction, self.count)
 
@@ -66,8 +66,8 @@ def march(q: ArrayLike, friction: float, count: int) -> tuple[Floats, ...]:
     """
     q = np.asarray(q, float)
     rod = 1 / count
-    # psi, of the rod against the loaded one, and reach, from the loaded point to the rod's
-    # inner end along and across the loaded one; each with its derivative by q.
+    # psi: angle of the rod against the loaded one; along, across: components along and across the
+    # loaded rod of the way from the loaded point to this rod's inner end; derivatives by q.
     psi = psi_q = turn = turn_q = np.zeros_like(q)
     along = along_q = across = across_q = np.zeros_like(q)
     for _ in range(count):

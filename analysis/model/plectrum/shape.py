@@ -1,4 +1,4 @@
-"""The whole of a bent plectrum, for pictures: its mid-line from clamp to tip."""
+"""The mid-line of a bent plectrum from clamp to tip, for plots."""
 
 import numpy as np
 
@@ -11,7 +11,7 @@ POINTS = 24
 
 
 def straight(plectrum: Plectrum) -> Floats:
-    """Return the mid-line [m] of a plectrum that nothing bends, shape (POINTS + 1, 2)."""
+    """Return the mid-line [m] of an unloaded plectrum, shape (POINTS + 1, 2)."""
     x = np.linspace(0, plectrum.length, POINTS + 1)
     return np.stack([x, np.zeros_like(x)], -1)
 
@@ -19,17 +19,17 @@ def straight(plectrum: Plectrum) -> Floats:
 def mid_line(plectrum: Elastica, s: Floats, force: Floats) -> Floats:
     """Return mid-lines in the clamp's frame [m], shape (n, POINTS + 1, 2): x outwards, z up.
 
-    What lies between a section and the string is, seen from that section, a shorter plectrum
-    under the same load: its contact point and tangent tell where the section is. Beyond the
-    string the plectrum is straight.
+    The part between a section and the string is, seen from that section, a shorter plectrum
+    under the same load; its contact point and tangent give the position of the section. Beyond
+    the string the plectrum is straight.
 
     Args:
         plectrum: Of uniform section.
-        s: m, the string's places on it, shape (n,).
+        s: m, positions of the string on it, shape (n,).
         force: N, of the string, shape (n,).
 
     Raises:
-        ModelError: A place is not on the plectrum, or a force beyond the level's range.
+        ModelError: A position is not on the plectrum, or a force beyond the level's range.
     """
     contact = plectrum.bend(s, force)
     end = np.stack([contact.x, contact.z], -1)[:, None]

@@ -15,10 +15,10 @@ from sautereau.rig.instrument import Plectrum
 
 
 class TwoBeam(Cantilever):
-    """The plectrum thinned towards its tip, linear in the force."""
+    """A plectrum thinned towards its tip, linear in the force."""
 
     def __init__(self, plectrum: Plectrum):
-        """Take the plectrum's numbers.
+        """Read and check the plectrum's parameters.
 
         Raises:
             ModelError: Friction, stiffness or the tip's section are out of range.
@@ -39,7 +39,7 @@ class TwoBeam(Cantilever):
                 f" stiffness of {tip:.6g} N m^2 is not finite and above 0; change it"
             )
         self._added = 1 / tip - 1 / self.bending_stiffness
-        """1/(N m^2), by which the tip's section is more compliant."""
+        """1/(N m^2), additional compliance of the tip's section."""
 
     def _bend(self, s: Floats, force: Floats) -> Bend:
         ei, added, u = self.bending_stiffness, self._added, self._in_tip(s)
@@ -62,5 +62,5 @@ class TwoBeam(Cantilever):
         return np.pi / (s**2 / self.bending_stiffness + u**2 * self._added)
 
     def _in_tip(self, s: Floats) -> Floats:
-        """Return how much of s [m] lies in the tip's section."""
+        """Return the part [m] of s that lies in the tip's section."""
         return np.maximum(s - (self.length - self.tip_length), 0.0)

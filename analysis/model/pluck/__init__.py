@@ -1,1 +1,1 @@
-"""The quasi-static pluck: plectrum and spring string, for one case or many."""
+"""The quasi-static pluck of plectrum and spring string, for one case or many."""

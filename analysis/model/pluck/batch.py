@@ -1,4 +1,4 @@
-"""Predictions of many presses at once, for sweeps: the elastica and the spring string."""
+"""Predictions of many presses at once, with the elastica and the spring string."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
@@ -9,16 +9,19 @@ from numpy.typing import ArrayLike, NDArray
 from sautereau.analysis.errors import ModelError
 from sautereau.analysis.model.key import felt_force
 from sautereau.analysis.model.plectrum.base import Floats
-from sautereau.analysis.model.pluck.many import Branch, Cases, Status, ramp
+from sautereau.analysis.model.pluck.equilibria import Equilibria
+from sautereau.analysis.model.pluck.loaded import UniformPlectra
+from sautereau.analysis.model.pluck.paths import Paths, Status, ramp, solve_paths
 from sautereau.analysis.model.pluck.pluck import OVERLAP_MAX, STIFFNESS_RANGE
-from sautereau.analysis.model.pluck.table import table
 from sautereau.rig.schema import Rig
 from sautereau.rig.section import GRAVITY
 
+POINTS = 33
+"""Points of a stretch that sticks or slides."""
 CHUNK = 192
-"""Cases that are computed together, few enough for the processor's cache."""
+"""Cases that are computed together, few enough to fit into the processor's cache."""
 NARROWINGS = 4
-"""Times that a peak inside the pluck is looked for, each between two neighbours of the last."""
+"""Refinements of a force peak inside the pluck, each between the neighbours of the last."""
 VARIABLES = (
     *(f"plectrum.{n}" for n in ("youngs_modulus", "width", "thickness", "length", "overlap")),
     *(f"string.{n}" for n in ("tension", "length", "plucking_point", "frequency")),
@@ -28,13 +31,13 @@ VARIABLES = (
     *(f"key.{n}" for n in ("dip", "felt_stiffness", "felt_damping")),
     *(f"press.{n}" for n in ("jack_speed", "jack_rise")),
 )
-"""Values of a rig that may differ from case to case, SI."""
+"""Values of a rig that may vary between cases, SI."""
 DERIVED = ("plectrum.bending_stiffness", "string.static_stiffness")
-"""Values that may be given in place of those they follow from, SI."""
+"""Values that may be given instead of those from which they follow, SI."""
 
 
 @dataclass(frozen=True)
-class Sweep:
+class PredictionBatch:
     """Scalars of many predictions; arrays of the shape to which the values broadcast."""
 
     pluck_duration: Floats
@@ -50,26 +53,26 @@ class Sweep:
     v_osc: Floats
     """m/s, of the released string."""
     status: NDArray[np.int8]
-    """A `Status` each; where it is neither RELEASED nor GIVES_WAY the scalars are NaN."""
+    """A `Status` each; the scalars are NaN unless it is RELEASED or RELEASED_AT_FOLD."""
 
     def statuses(self) -> dict[Status, int]:
-        """Return how many cases ended in which way."""
+        """Return the number of cases of each status."""
         values, counts = np.unique(self.status, return_counts=True)
         return {Status(v): int(n) for v, n in zip(values, counts, strict=True)}
 
 
-def predict_many(rig: Rig, values: Mapping[str, ArrayLike]) -> Sweep:
+def predict_many(rig: Rig, values: Mapping[str, ArrayLike]) -> PredictionBatch:
     """Predict presses of a rig that differ in some of its values.
 
     Args:
-        rig: The bench; its first choir must be its only one.
+        rig: The bench, with one choir.
         values: SI, by their dotted names in the rig, of `VARIABLES` or `DERIVED`; broadcast
             together. ``plectrum.friction`` may be given too, as one number.
 
     Raises:
         ModelError: A name is none of these, the shapes do not fit, the friction is not one
-            number within 0 to 0.5, or the rig has more choirs. What is wrong with one case
-            is said by its status alone.
+            number within 0 to 0.5, or the rig has more choirs. A single case out of
+            range is reported by its status only.
     """
     given = {name: np.asarray(value, float) for name, value in values.items()}
     friction = given.pop("plectrum.friction", np.asarray(rig.plectrum.friction))
@@ -83,17 +86,18 @@ def predict_many(rig: Rig, values: Mapping[str, ArrayLike]) -> Sweep:
     varying = {n: np.broadcast_to(v, shape).ravel() for n, v in given.items() if v.ndim}
     fixed = of_rig | {name: float(v) for name, v in given.items() if not v.ndim}
     count = int(np.prod(shape))
-    results = [np.empty(count, np.int8 if f.name == "status" else float) for f in fields(Sweep)]
-    lookup = table(float(friction))
+    results = [
+        np.empty(count, np.int8 if f.name == "status" else float) for f in fields(PredictionBatch)
+    ]
     for start in range(0, count, CHUNK):
         part = slice(start, min(start + CHUNK, count))
         chunk = fixed | {name: v[part] for name, v in varying.items()}
         chunk = {n: np.broadcast_to(v, (part.stop - start,)) for n, v in chunk.items()}
         with np.errstate(all="ignore"):
-            found = _chunk(lookup, chunk)
+            found = _chunk(float(friction), chunk)
         for result, value in zip(results, found, strict=True):
             result[part] = value
-    return Sweep(*(result.reshape(shape) for result in results))
+    return PredictionBatch(*(result.reshape(shape) for result in results))
 
 
 def _of(rig: Rig, name: str) -> float:
@@ -106,23 +110,23 @@ def _check(rig: Rig, given: Mapping[str, Floats], friction: Floats) -> None:
     unknown = sorted(set(given) - {*VARIABLES, *DERIVED})
     if unknown:
         names = ", ".join((*VARIABLES, *DERIVED, "plectrum.friction"))
-        faults.append(f"values: {', '.join(unknown)} cannot be varied; take some of {names}")
+        faults.append(f"values: {', '.join(unknown)} cannot be varied; use some of {names}")
     if friction.size != 1 or not 0 <= friction.flat[0] <= 0.5:
         faults.append(
-            "plectrum.friction: it must be one number within 0 to 0.5 for the whole batch; call"
-            " once for each friction"
+            "plectrum.friction: it must be one number within 0 to 0.5 for all cases; call once"
+            " for each friction"
         )
     if rig.more_choirs:
         faults.append(
-            f"more_choirs: the rig has {len(rig.more_choirs)}, and a batch is of one choir; use"
-            " predict, or take them out"
+            f"more_choirs: the rig has {len(rig.more_choirs)}, but a batch has one choir; use"
+            " predict, or remove them"
         )
     if faults:
         raise ModelError("\n".join(faults))
 
 
-def _chunk(lookup, v: Mapping[str, Floats]) -> tuple[np.ndarray, ...]:
-    """Return the fields of `Sweep` for cases of shape (n,)."""
+def _chunk(friction: float, v: Mapping[str, Floats]) -> tuple[np.ndarray, ...]:
+    """Return the fields of `PredictionBatch` for cases of shape (n,)."""
     modulus, width, thickness, length, overlap = (v[n] for n in VARIABLES[:5])
     tension, string_length, plucking_point, frequency = (v[n] for n in VARIABLES[5:9])
     speed, clearance = v["press.jack_speed"], v["jack.string_clearance"]
@@ -141,26 +145,27 @@ def _chunk(lookup, v: Mapping[str, Floats]) -> tuple[np.ndarray, ...]:
         Status.PLECTRUM_OUT_OF_RANGE: _positive(bending) & _positive(length),
     }
     sound = np.logical_and.reduce(list(ranges.values()))
-    k = np.where(sound, bending / (stiffness * length**3), 1.0)
-    cases = Cases(lookup, k, np.where(sound, overlap / length, 0.1))
-    slide, stick, status = cases.solve()
+    bending, stiffness, length, overlap = np.where(
+        sound, (bending, stiffness, length, overlap), [[1.0], [1.0], [1.0], [0.1]]
+    )
+    equilibria = Equilibria(UniformPlectra(friction, length, bending), stiffness, overlap)
+    paths = solve_paths(equilibria, POINTS)
+    slide, status = paths.curves[-1], paths.status
     for name, within in ranges.items():
         status[~within] = name
-    rise = clearance + length * slide.height[:, -1]
-    ended = status <= Status.GIVES_WAY
-    # Written so that a rise that is no number is too short.
-    status[ended & ~(rise < v["press.jack_rise"])] = Status.PRESS_TOO_SHORT
-    force = bending * slide.q[:, -1] / (length * slide.s[:, -1]) ** 2
-    lift = length * slide.lift[:, -1]
+    height, lift = slide.height[:, -1], slide.lift[:, -1]
+    ended = status <= Status.RELEASED_AT_FOLD
+    # Written so that NaN counts as too short.
+    status[ended & ~(clearance + height < v["press.jack_rise"])] = Status.PRESS_TOO_SHORT
     scalars = (
-        (rise - clearance) / speed,
-        force,
+        height / speed,
+        slide.force[:, -1],
         lift,
-        np.arctan2(slide.sine[:, -1], slide.cosine[:, -1]),
-        _peak_force(v, length, stiffness, cases, (slide, stick)),
+        slide.angle[:, -1],
+        _peak_force(v, equilibria, paths),
         frequency * lift / (b * (1 - b)),
     )
-    failed = status > Status.GIVES_WAY
+    failed = status > Status.RELEASED_AT_FOLD
     return (*(np.where(failed, np.nan, scalar) for scalar in scalars), status)
 
 
@@ -169,7 +174,7 @@ def _positive(value: Floats) -> np.ndarray:
 
 
 def _key_in_range(v: Mapping[str, Floats]) -> np.ndarray:
-    """Return where arms and inertias are above 0 and the rest finite."""
+    """Return which cases have positive arms and inertias and finite other values."""
     names = ("key.press_arm", "key.jack_arm", "key.inertia", "jack.mass")
     positive = [_positive(v[name]) for name in names]
     rest = ("key.front_heaviness", "key.jack_surface_height", "key.pivot_coulomb_friction")
@@ -178,37 +183,29 @@ def _key_in_range(v: Mapping[str, Floats]) -> np.ndarray:
     return np.logical_and.reduce([*positive, *(np.isfinite(v[name]) for name in rest)])
 
 
-def _peak_force(
-    v: Mapping[str, Floats],
-    length: Floats,
-    stiffness: Floats,
-    cases: Cases,
-    branches: tuple[Branch, Branch | None],
-) -> Floats:
-    """Return the largest force [N] of the finger over the press."""
+def _peak_force(v: Mapping[str, Floats], equilibria: Equilibria, paths: Paths) -> Floats:
+    """Return the largest force [N] of the finger over the press, shape (cases,)."""
     clearance, end = v["jack.string_clearance"], v["press.jack_rise"]
     free = np.stack([np.zeros_like(end), clearance, end], axis=1)
     peak = _finger_force(v, free, np.zeros_like(free)).max(axis=1)
-    for branch, again in zip(branches, (Cases.slide, Cases.stick), strict=True):
-        if branch is None:
-            continue
-        rows = np.arange(len(end))
+    for kind, curve in zip(paths.kinds, paths.curves, strict=True):
+        rows, some = np.arange(len(end)), equilibria
         for _ in range(NARROWINGS):
-            rise = clearance[rows, None] + length[rows, None] * branch.height
-            string = (stiffness * length)[rows, None] * branch.lift
+            string = some.stiffness * curve.lift
+            rise = clearance[rows, None] + curve.height
             force = _finger_force({n: value[rows] for n, value in v.items()}, rise, string)
             peak[rows] = np.fmax(peak[rows], force.max(axis=1))
             top = np.argmax(force, axis=1)
             last = force.shape[1] - 1
-            # A rise that falls off towards the end may have its peak between the last two.
+            # If the increase fades towards the end, the peak may lie between the last two.
             fading = 2 * (force[:, -1] - force[:, -2]) < force[:, -2] - force[:, -3]
             inner = np.flatnonzero((top > 0) & ((top < last) | fading))
             if len(inner) == 0:
                 break
             top = top[inner]
-            low, high = branch.q[inner, top - 1], branch.q[inner, np.minimum(top + 1, last)]
-            rows = rows[inner]
-            branch = again(Cases(cases.table, cases.k[rows], cases.o[rows]), ramp(low, high))
+            low, high = curve.load[inner, top - 1], curve.load[inner, np.minimum(top + 1, last)]
+            rows, some = rows[inner], some.subset(inner)
+            curve = kind.at(some, ramp(low, high, POINTS))
     return peak
 
 

@@ -1,6 +1,6 @@
-"""The plectrum's bend at one place and force in plain floats, for who asks thousands of times.
+"""The plectrum's bend at one position and force in plain floats, for thousands of calls.
 
-numpy's price for a call is that of some hundred multiplications, and a bend takes fewer.
+A numpy call costs as much as some hundred multiplications, and a bend takes fewer.
 """
 
 import math
@@ -8,19 +8,17 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 from sautereau.analysis.model.plectrum.base import PlectrumMap
-from sautereau.analysis.model.plectrum.elastica import Elastica
-from sautereau.analysis.model.pluck.compiled import cell_major
-from sautereau.analysis.model.pluck.table import CELLS, table
+from sautereau.analysis.model.plectrum.elastica import CELLS, Elastica, elastica_tables
 
 Bent = tuple[
     float, float, float, float, float, float, float, float, float, float, float, float
 ]  # fmt: skip
-"""x [m], z [m], and the force on the string along x and along z over F [1], friction included;
-then the same four by s, and by F."""
+"""x [m], z [m], and the force on the string along x and along z over F, friction included;
+then the derivatives of these four by s, and by F."""
 
 
 class PointBend(NamedTuple):
-    """A plectrum asked at one point at a time."""
+    """A plectrum's map for one point per call."""
 
     at: Callable[[float, float], Bent]
     """Bend for a position s [m] and a force F [N]."""
@@ -50,27 +48,34 @@ def _of_map(plectrum: PlectrumMap) -> PointBend:
 
 
 def _of_elastica(plectrum: Elastica) -> PointBend:
-    law = table(plectrum.friction)
-    # One tuple of powers for each of the four fields of a cell.
-    cells = [tuple(zip(*cell, strict=True)) for cell in cell_major(law).tolist()]
-    stiffness, length, q_max = plectrum.bending_stiffness, plectrum.length, law.q_max
-    per_q = CELLS / q_max
+    table, _ = elastica_tables(plectrum.friction)
+    # The polynomials of each cell, one tuple of coefficients for each of x, z / q, theta / q.
+    cells = table.c.transpose(1, 2, 0).tolist()
+    q_max = float(table.x[-1])
+    stiffness, length, friction = plectrum.bending_stiffness, plectrum.length, plectrum.friction
+    width = q_max / CELLS
 
     def at(s: float, force: float) -> Bent:
         q_f = s * s / stiffness
-        place = force * q_f * per_q
-        cell = min(int(place), CELLS - 1)
-        t = place - cell - 0.5
-        fields = []
-        for c0, c1, c2, c3, c4, c5 in cells[cell]:
-            fields.append(((((c5 * t + c4) * t + c3) * t + c2) * t + c1) * t + c0)
-            fields.append((((5 * c5 * t + 4 * c4) * t + 3 * c3) * t + 2 * c2) * t + c1)
-        x, x_q, z, z_q, out, out_q, up, up_q = fields
-        by_s, by_f = 2 * force * s / stiffness * per_q, q_f * per_q
+        q = force * q_f
+        cell = min(int(q / width), CELLS - 1)
+        t = q - cell * width
+        (a5, a4, a3, a2, a1, a0), (b5, b4, b3, b2, b1, b0), (c5, c4, c3, c2, c1, c0) = cells[cell]
+        x = ((((a5 * t + a4) * t + a3) * t + a2) * t + a1) * t + a0
+        x_q = (((5 * a5 * t + 4 * a4) * t + 3 * a3) * t + 2 * a2) * t + a1
+        z = ((((b5 * t + b4) * t + b3) * t + b2) * t + b1) * t + b0
+        z_q = z + q * ((((5 * b5 * t + 4 * b4) * t + 3 * b3) * t + 2 * b2) * t + b1)
+        theta = ((((c5 * t + c4) * t + c3) * t + c2) * t + c1) * t + c0
+        theta_q = theta + q * ((((5 * c5 * t + 4 * c4) * t + 3 * c3) * t + 2 * c2) * t + c1)
+        z *= q
+        sine, cosine = math.sin(q * theta), math.cos(q * theta)
+        out, up = -sine - friction * cosine, cosine - friction * sine
+        q_s = 2 * force * s / stiffness
+        out_q, up_q = -up * theta_q, out * theta_q
         return (
             s * x, s * z, out, up,
-            x + s * x_q * by_s, z + s * z_q * by_s, out_q * by_s, up_q * by_s,
-            s * x_q * by_f, s * z_q * by_f, out_q * by_f, up_q * by_f,
+            x + s * x_q * q_s, z + s * z_q * q_s, out_q * q_s, up_q * q_s,
+            s * x_q * q_f, s * z_q * q_f, out_q * q_f, up_q * q_f,
         )  # fmt: skip
 
     def limit(s: float) -> float:

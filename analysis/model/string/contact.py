@@ -1,14 +1,14 @@
-"""A moving string on a plectrum that has no mass, one time step after the other.
+"""A moving string on a massless plectrum, solved step by step in time.
 
 At each step the contact's place s and force F solve two equations at the step's end,
 
     X(s, F) = rest + ux + A F nx    and    h + Z(s, F) = uz + A F nz,
 
-where (ux, uz) is where the step would lead without a force at its end, h the jack's height,
-(nx, nz) = (-sin(theta), cos(theta)) without friction, and A how far one newton at the step's
-end moves the string within the step: that of the modes, carried exactly under a linear force,
-and that of the left-out modes, which answer at once. With friction the string is taken to
-slide towards the tip from the start.
+where (ux, uz) is the displacement at the step's end without a force there, h the jack's height,
+(nx, nz) = (-sin(theta), cos(theta)) without friction, and A the displacement within the step per
+newton at its end: that of the modes, propagated exactly under a linear force, plus that of the
+omitted higher modes, which respond at once. With friction the string is assumed to slide
+towards the tip from the start.
 """
 
 import math
@@ -21,39 +21,39 @@ import numpy as np
 from sautereau.analysis.errors import ModelError
 from sautereau.analysis.model.plectrum.base import Floats, PlectrumMap
 from sautereau.analysis.model.string.bend import point_bend
-from sautereau.analysis.model.string.string import ModalString, StringState
+from sautereau.analysis.model.string.string import ModalState, ModalString
 
-SHARE, LARGEST_SHARE = 0.3, 0.35
-"""1, a step over the shortest mode's period, by default and at most. From 0.4 on the moving
-modes' answer within a step outweighs the left-out modes', and force and modes of a stiff
-plectrum stir each other up from step to step."""
+STEP_FRACTION, STEP_FRACTION_MAX = 0.3, 0.35
+"""Time step over the shortest mode's period, by default and at most. From 0.4 the response of
+the moving modes within a step exceeds that of the omitted ones, and force and modes of a stiff
+plectrum excite each other from step to step."""
 NEWTON_STEPS = 40
-"""Of one time step at most; 2 are usual."""
+"""Maximum per time step; 2 are usual."""
 CLOSE = 1e-9
-"""1, of the plectrum's length: the last Newton step, of whose square the error is."""
+"""Tolerance on Newton's last step, in plectrum lengths; the error is of the order of its square."""
 TIP_CLOSE = 1e-12
-"""1, of the plectrum's length: what is left when a contact at the tip is solved."""
+"""Tolerance on the residual of a contact at the tip, in plectrum lengths."""
 
 
 class Carry(NamedTuple):
-    """A step of the string laid out to be taken in few multiplications, see `Propagator`."""
+    """The matrices of a `Propagator`, arranged for few multiplications per step."""
 
     own: Floats
     """q by q and v by v, shape (2, modes)."""
     other: Floats
     """q by v and v by q, shape (2, modes)."""
     pushed: Floats
-    """All q and v by the force at the start, and by the one at the end, (2, 2 modes)."""
+    """All q and v by the forces at the start and at the end, shape (2, 2 modes)."""
     seen: Floats
     """The end's displacement at the plucking point by all q and v, shape (2 modes,)."""
     give_before: float
     """m/N, the same by the force at the start."""
     give: float
-    """m/N, the same by the force at the end, left-out modes included: A."""
+    """m/N, the same by the force at the end, omitted modes included: A."""
 
 
 class Found(NamedTuple):
-    """Where the string is on the plectrum."""
+    """Position and force of the string on the plectrum."""
 
     s: float
     """m, from the clamp."""
@@ -62,17 +62,17 @@ class Found(NamedTuple):
     out: float
     """N, of the plectrum on the string along x."""
     up: float
-    """N, along z; the string pushes the jack down as much."""
+    """N, along z; the force on the jack is opposite and equal."""
 
 
-class Contact:
-    """A string that moves and a plectrum that may carry it, until the string slides off.
+class ModalContact:
+    """The contact of a moving string and a plectrum, until the string slides off.
 
     Args:
         plectrum: The plectrum's map.
         overlap: m, from the string at rest to the tip.
-        string: The string, at rest; another one of the same modes may take its place between
-            two steps, as when a damper comes down.
+        string: The string, at rest; it may be replaced by one with the same modes between two
+            steps, for instance when a damper comes down.
     """
 
     def __init__(self, plectrum: PlectrumMap, overlap: float, string: ModalString):
@@ -81,15 +81,15 @@ class Contact:
         self.rest = self.length - overlap
         self.newton_steps = 0
         self.found = self._last = Found(self.rest, 0.0, 0.0, 0.0)
-        """At the last step's end; without force where the string is off the plectrum."""
+        """At the last step's end; without force if the string is off the plectrum."""
         self._modes = np.zeros((2, 2, len(string.order)))
         self._lean = math.atan(plectrum.friction)
         self._carry: Callable[[ModalString, float], Carry] = lru_cache(maxsize=32)(_carry)
 
     @property
-    def state(self) -> StringState:
+    def state(self) -> ModalState:
         """The moving modes."""
-        return StringState(self._modes[:, 0], self._modes[:, 1])
+        return ModalState(self._modes[:, 0], self._modes[:, 1])
 
     @property
     def theta(self) -> float:
@@ -100,12 +100,12 @@ class Contact:
     @property
     def lift(self) -> float:
         """m, of the string at the plucking point."""
-        left_out = self.string.residual * self.found.up
-        return float(self._modes[1, 0] @ self.string.shape) + left_out
+        omitted = self.string.residual * self.found.up
+        return float(self._modes[1, 0] @ self.string.shape) + omitted
 
     @property
     def reach(self) -> float:
-        """m, from its rest, beyond which the string cannot swing up or down by itself."""
+        """m, upper bound on the displacement of the free string."""
         q, v = self._modes[1]
         string = self.string
         damped = np.sqrt(string.omega**2 - string.decay**2)
@@ -113,20 +113,20 @@ class Contact:
         return float(np.abs(string.shape) @ amplitudes)
 
     def leave(self) -> None:
-        """Take the plectrum away: the string swings on from where it is."""
+        """Remove the plectrum: the string vibrates freely from its present state."""
         self.found = self._last = Found(self.rest, 0.0, 0.0, 0.0)
 
     def swing(self, time: float) -> None:
-        """Let the string swing for a time [s] without the plectrum."""
+        """Advance the free string by a time [s] without the plectrum."""
         self.leave()
         free = self.string.free(self.state, time)
         self._modes = np.stack([free.q[:, 0], free.v[:, 0]], axis=1)
 
     def advance(self, step: float, before: float, after: float) -> float:
-        """Carry the string over a step, and return how long [s] it took to slide off.
+        """Advance by a step, and return the time [s] until the string slid off.
 
-        That is the whole step where it does not; else the contact is at the tip, as it is
-        just before release.
+        This is the step if the string did not slide off; otherwise the contact is at the tip,
+        as it is just before release.
 
         Args:
             step: s.
@@ -134,12 +134,12 @@ class Contact:
             after: m, at its end; in between it is linear.
 
         Raises:
-            ModelError: No place on the plectrum balances the string, or the height is no number.
+            ModelError: No place on the plectrum balances the string, or the height is NaN.
         """
         if not math.isfinite(after):
             raise ModelError(
-                f"the jack's height is {after} m, which is no number; take a shorter step, or look"
-                " for what lost it"
+                f"the jack's height is {after} m, which is not finite; use a shorter step, or look"
+                " for the cause of the divergence"
             )
         carry, taken = self._carry(self.string, step), step
         found = self._meet(carry, after)
@@ -178,7 +178,7 @@ class Contact:
         return Found(math.nan, 0.0, 0.0, 0.0)
 
     def _tip(self, carry: Carry, height: float) -> tuple[float, Found]:
-        """Return how far [m] beyond the tip the string would be, held there, and the contact."""
+        """Return how far [m] the string, held at the tip, would lie beyond it, and the contact."""
         x, z = self._without_force(carry, height)
         give, bend, f = carry.give, self.bend, self.found.force
         for _ in range(NEWTON_STEPS):
@@ -192,7 +192,7 @@ class Contact:
         raise self._lost(height)
 
     def _without_force(self, carry: Carry, height: float) -> tuple[float, float]:
-        """Return where a step leads that ends without force: x from the clamp, z from h [m]."""
+        """Return x from the clamp and z from h [m] after a step that ends without force."""
         x, z = (self._modes.reshape(2, -1) @ carry.seen).tolist()
         before, (_, _, out, up) = carry.give_before, self.found
         return self.rest + x + before * out, z + before * up - height
@@ -216,7 +216,7 @@ class Contact:
         return ModelError(
             "the string's contact with the plectrum was lost at a jack height of"
             f" {height * 1e3:.4g} mm: no place on it balances the string within this level's"
-            " range; lower plectrum.overlap or the jack's speed, or take a shorter step"
+            " range; lower plectrum.overlap or the jack speed, or use a shorter step"
         )
 
 

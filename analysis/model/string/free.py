@@ -1,4 +1,4 @@
-"""A string that swings freely: where it is and how it pulls at the bridge, at any later time."""
+"""The free string: its motion and its force on the bridge at any later time."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -7,18 +7,18 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from sautereau.analysis.model.plectrum.base import Floats
-from sautereau.analysis.model.string.string import ModalString, StringState
+from sautereau.analysis.model.string.string import ModalState, ModalString
 
 PART = 10_000
-"""Instants at a time, to spare memory."""
+"""Instants that are computed together, to limit memory."""
 
 
 @dataclass(frozen=True)
 class FreeString:
-    """A string left to itself; times in s from then on."""
+    """A freely vibrating string; times in s from its release."""
 
     string: ModalString
-    state: StringState
+    state: ModalState
     """Of the moving modes at time 0."""
 
     def motion(self, time: ArrayLike, place: float | None = None) -> tuple[Floats, Floats]:
@@ -28,11 +28,11 @@ class FreeString:
             time: s, shape (n,).
             place: m, from the nut; None for the plucking point.
         """
-        heard = [
+        parts = [
             [self.string.displacement(coordinates, place).T for coordinates in part]
             for part in self._parts(time)
         ]
-        q, v = zip(*heard, strict=True)
+        q, v = zip(*parts, strict=True)
         return np.concatenate(q), np.concatenate(v)
 
     def bridge_force(self, time: ArrayLike) -> Floats:
@@ -43,8 +43,8 @@ class FreeString:
         """
         return np.concatenate([self.string.bridge_force(p.q).T for p in self._parts(time)])
 
-    def _parts(self, time: ArrayLike) -> Iterator[StringState]:
-        """Yield the coordinates, some instants at a time."""
+    def _parts(self, time: ArrayLike) -> Iterator[ModalState]:
+        """Yield the coordinates in parts of `PART` instants."""
         time = np.atleast_1d(np.asarray(time, float))
         for part in np.split(time, range(PART, len(time), PART)):
             yield self.string.free(self.state, part)

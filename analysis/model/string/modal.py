@@ -1,8 +1,8 @@
-"""The pluck of a string that moves: modes for the string, the quasi-static map for the plectrum.
+"""The pluck of a moving string: modes for the string, the quasi-static map for the plectrum.
 
-The jack rises at a constant speed, the plectrum answers as if it had no mass, and the string
-moves by its lowest modes. The higher ones answer as a spring, so that a slow pluck is that of
-the spring string; `modal_contact` tells how a step is solved.
+The jack rises at a constant speed, the plectrum is massless, and the string moves in its lowest
+modes. The higher modes act as a spring, so that a slow pluck is that of the spring string;
+`sautereau.analysis.model.string.contact` solves a time step.
 """
 
 from dataclasses import dataclass
@@ -12,10 +12,11 @@ from numpy.typing import ArrayLike
 
 from sautereau.analysis.errors import ModelError
 from sautereau.analysis.model.plectrum.base import Floats
-from sautereau.analysis.model.predict import plectrum_map, rig_pluck
-from sautereau.analysis.model.string.contact import LARGEST_SHARE, SHARE, Contact
+from sautereau.analysis.model.plectrum.levels import plectrum_map
+from sautereau.analysis.model.predict import rig_pluck
+from sautereau.analysis.model.string.contact import STEP_FRACTION, STEP_FRACTION_MAX, ModalContact
 from sautereau.analysis.model.string.free import FreeString
-from sautereau.analysis.model.string.string import ModalString, StringState, release_speed
+from sautereau.analysis.model.string.string import ModalState, ModalString, release_speed
 from sautereau.rig.schema import Rig
 
 MODES = 30
@@ -24,8 +25,8 @@ STEPS = 1000
 """Steps of a pluck by default."""
 MOST_STEPS = 1_000_000
 """Steps of a pluck at most."""
-PATIENCE = 4.0
-"""1, multiple of the static pluck's duration after which no release is expected."""
+DURATION_MAX = 4.0
+"""Multiple of the static pluck's duration after which no release is expected."""
 
 
 @dataclass(frozen=True)
@@ -47,14 +48,14 @@ class ModalPluck:
     """m, of the string at the plucking point."""
     velocity: Floats
     """m/s, of the string at the plucking point."""
-    state: StringState
+    state: ModalState
     """Of the moving modes at release."""
     newton_steps: float
-    """1, mean number of Newton steps a time step."""
+    """Mean number of Newton steps per time step."""
 
     @property
     def release(self) -> float:
-        """Time at which the string leaves [s], which is how long it was held."""
+        """Time of release [s] after contact, the pluck duration."""
         return float(self.time[-1])
 
     @property
@@ -98,7 +99,7 @@ def modal_pluck(
     modes: int = MODES,
     decay: ArrayLike = 0.0,
 ) -> ModalPluck:
-    """Push the plectrum up at the press's jack speed against a string at rest until it leaves.
+    """Push the plectrum up at the press's jack speed against a string at rest until release.
 
     Args:
         rig: The bench.
@@ -112,20 +113,20 @@ def modal_pluck(
         ModelError: The level has no pluck for this rig, the step is too long, or the contact
             has no solution or no end.
     """
-    plectrum, static = plectrum_map(rig, level), rig_pluck(rig, level)
+    plectrum, static = plectrum_map(rig.plectrum, level), rig_pluck(rig, level)
     duration = static.release_height / rig.press.jack_speed
     string = ModalString(rig.string, modes, decay)
     shortest = 1 / (rig.string.frequency * modes)
     if step is None:
-        step = min(duration / STEPS, SHARE * shortest)
-    least, most = duration / MOST_STEPS, min(duration / 2, LARGEST_SHARE * shortest)
+        step = min(duration / STEPS, STEP_FRACTION * shortest)
+    least, most = duration / MOST_STEPS, min(duration / 2, STEP_FRACTION_MAX * shortest)
     if not least <= step <= most:
         raise ModelError(
             f"step: {step * 1e6:.4g} us must lie between {least * 1e6:.4g} and {most * 1e6:.4g} us,"
-            f" {LARGEST_SHARE} of the shortest mode's period; change it, or take fewer modes"
+            f" {STEP_FRACTION_MAX} of the shortest mode's period; change it, or take fewer modes"
         )
-    contact = Contact(plectrum, rig.plectrum.overlap, string)
-    rows = _rows(contact, rig.press.jack_speed, step, PATIENCE * duration)
+    contact = ModalContact(plectrum, rig.plectrum.overlap, string)
+    rows = _rows(contact, rig.press.jack_speed, step, DURATION_MAX * duration)
     time, position, force, theta = rows[:, :4].T
     return ModalPluck(
         string=string,
@@ -141,7 +142,7 @@ def modal_pluck(
     )
 
 
-def _rows(contact: Contact, speed: float, step: float, end: float) -> Floats:
+def _rows(contact: ModalContact, speed: float, step: float, end: float) -> Floats:
     """Pluck at a jack speed [m/s] until the string leaves.
 
     Returns:

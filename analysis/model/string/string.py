@@ -1,9 +1,9 @@
-"""The string between nut and bridge: as a spring, and as modes that are carried exactly in time.
+"""The string between nut and bridge: as a spring, and as modes propagated exactly in time.
 
 The ideal string on two fixed points has the modes sin(n pi x / L) with omega_n = 2 pi n f and
 the modal mass m = mu L / 2. A force F at the plucking point b L drives mode n by F sin(n pi b).
-The modes that are left out are kept as the flexibility that all modes together lack to
-1 / K, so that what is slow meets exactly the spring of the paper's equation 2.
+The omitted higher modes contribute the flexibility that the moving modes lack to 1 / K, so that
+a slow motion sees exactly the spring of the paper's equation 2.
 """
 
 import math
@@ -19,13 +19,13 @@ from sautereau.rig.instrument import String
 
 
 def release_speed(string: String, lift: float) -> float:
-    """Return the speed [m/s] with which an ideal string leaves a static displacement.
+    """Return the initial velocity Vosc [m/s] of an ideal string from a static displacement.
 
     Vosc = c h / (2 L b (1 - b)) with c = 2 L f: the paper's section 2.4 with all modes.
 
     Args:
         string: The string.
-        lift: m, displacement at the plucking point when it is released.
+        lift: m, displacement at the plucking point at release.
     """
     b = string.plucking_point / string.length
     wave_speed = 2 * string.length * string.frequency
@@ -43,7 +43,7 @@ def first_mode_release_speed(string: String, lift: float) -> float:
     return 4 / math.pi * math.sin(math.pi * b) ** 2 * release_speed(string, lift)
 
 
-class StringState(NamedTuple):
+class ModalState(NamedTuple):
     """Modal coordinates; axis 0 is the polarisation, x and z, axis 1 the mode."""
 
     q: Floats
@@ -54,7 +54,7 @@ class StringState(NamedTuple):
 
 @dataclass(frozen=True)
 class Propagator:
-    """The exact change of every mode over one step, with the force linear over it.
+    """The exact transition of every mode over one step, with the force linear in time.
 
     q1 = qq q + qv v + q_from f0 + q_to f1 and v1 = vq q + vv v + v_from f0 + v_to f1; all
     arrays have the shape (modes,).
@@ -73,7 +73,7 @@ class Propagator:
     v_to: Floats
     """m/s/N, from the force at its end."""
 
-    def advance(self, state: StringState, before: Floats, after: Floats) -> StringState:
+    def advance(self, state: ModalState, before: Floats, after: Floats) -> ModalState:
         """Return the state after the step.
 
         Args:
@@ -83,7 +83,7 @@ class Propagator:
         """
         q, v = state
         before, after = before[:, None], after[:, None]
-        return StringState(
+        return ModalState(
             self.qq * q + self.qv * v + self.q_from * before + self.q_to * after,
             self.vq * q + self.vv * v + self.v_from * before + self.v_to * after,
         )
@@ -93,18 +93,18 @@ class ModalString:
     """A string on two fixed points, by its lowest modes in two polarisations."""
 
     def __init__(self, string: String, modes: int = 30, decay: ArrayLike = 0.0):
-        """Lay the modes out.
+        """Compute the modes.
 
         Args:
             string: The string.
-            modes: Number of modes that move; the higher ones answer as a spring.
-            decay: 1/s, at which the amplitudes fall; one for all modes, or shape (modes,).
+            modes: Number of moving modes; the higher ones act as a spring.
+            decay: 1/s, of the amplitudes; one for all modes, or shape (modes,).
 
         Raises:
-            ModelError: There is no mode, or one is damped so much that it does not swing.
+            ModelError: There is no mode, or one is overdamped.
         """
         if modes < 1:
-            raise ModelError(f"string: {modes} modes are none; take at least 1")
+            raise ModelError(f"string: the number of modes is {modes}; it must be at least 1")
         n = np.arange(1, modes + 1)
         self.string = string
         self.order = n
@@ -117,14 +117,14 @@ class ModalString:
             )
         self.mass = string.linear_density * string.length / 2
         self.shape = np.sin(n * np.pi * string.plucking_point / string.length)
-        """1, of the modes at the plucking point, shape (modes,)."""
+        """Mode shapes at the plucking point, dimensionless, shape (modes,)."""
         moving = np.sum(self.shape**2 / (self.mass * self.omega**2))
         self.residual = 1 / string.static_stiffness - float(moving)
-        """m/N, flexibility of the modes that are left out, at the plucking point."""
+        """m/N, flexibility of the omitted modes at the plucking point."""
 
-    def at_rest(self) -> StringState:
+    def at_rest(self) -> ModalState:
         """Return the state of the string at rest."""
-        return StringState(np.zeros((2, len(self.order))), np.zeros((2, len(self.order))))
+        return ModalState(np.zeros((2, len(self.order))), np.zeros((2, len(self.order))))
 
     def propagator(self, step: float) -> Propagator:
         """Return the transition over a step [s]."""
@@ -138,20 +138,20 @@ class ModalString:
         offset = -2 * self.decay * slope / self.omega**2
         q_to = offset + slope * step - qq * offset - qv * slope
         v_to = slope - vq * offset - vv * slope
-        # A force that stays is the sum of one that comes and one that goes.
+        # A constant force is the sum of a rising and a falling one.
         held = self.shape / (self.mass * self.omega**2)
         return Propagator(
             qq, qv, vq, vv, held * (1 - qq) - q_to, q_to, -held * vq - v_to, v_to
         )  # fmt: skip
 
-    def free(self, state: StringState, time: ArrayLike) -> StringState:
+    def free(self, state: ModalState, time: ArrayLike) -> ModalState:
         """Return the coordinates after free times [s], each of shape (2, n, modes)."""
         time = np.atleast_1d(np.asarray(time, float))[:, None]
         damped = np.sqrt(self.omega**2 - self.decay**2)
         fall = np.exp(-self.decay * time)
         cosine, sine = fall * np.cos(damped * time), fall * np.sin(damped * time) / damped
         q, v = state.q[:, None], state.v[:, None]
-        return StringState(
+        return ModalState(
             (cosine + self.decay * sine) * q + sine * v,
             -(self.omega**2) * sine * q + (cosine - self.decay * sine) * v,
         )
@@ -168,16 +168,15 @@ class ModalString:
         return q @ np.sin(self.order * np.pi * place / self.string.length)
 
     def bridge_force(self, q: Floats) -> Floats:
-        """Return the force [N] with which coordinates (..., modes) pull at the bridge.
+        """Return the force [N] on the bridge of coordinates (..., modes).
 
-        It is -T du/dx at x = L, counted along the displacement; divided by the tension it
-        is the slope.
+        It is -T du/dx at x = L, positive along the displacement.
         """
         length = self.string.length
         slope = self.order * np.pi / length * np.cos(self.order * np.pi)
         return -self.string.tension * (q @ slope)
 
-    def energy(self, state: StringState) -> Floats:
+    def energy(self, state: ModalState) -> Floats:
         """Return the energy [J] of the moving modes, of a state with axes (2, ..., modes)."""
         kinetic, strain = state.v**2, (self.omega * state.q) ** 2
         return self.mass / 2 * (kinetic + strain).sum(axis=(0, -1))

@@ -7,9 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline, PchipInterpolator
 
-from sautereau.analysis.model.pluck.many import Branch, Cases, Status
+from sautereau.analysis.model.pluck.equilibria import Equilibria
+from sautereau.analysis.model.pluck.loaded import UniformPlectra
+from sautereau.analysis.model.pluck.paths import Status, solve_paths
 from sautereau.analysis.model.pluck.pluck import Pluck
-from sautereau.analysis.model.pluck.table import table
 from sautereau.trajectory.motion import Floats
 
 POINTS = 97
@@ -73,36 +74,26 @@ def elastica_laws(
     Returns:
         The laws, and which of them are valid; the others must not be used.
     """
-    cases = Cases(table(friction), bending / (stiffness * length**3), overlap / length)
+    plectra = UniformPlectra(friction, length, bending)
     with np.errstate(all="ignore"):
-        slide, stick, status = cases.solve()
-        parts = [cases.slide(_ramp(slide))]
-        if stick is not None:
-            parts.insert(0, cases.stick(_ramp(stick)))
-        for part in parts:  # up to rounding, a pluck starts at 0
-            start, end = part.height[:, 0], part.height[:, -1]
+        paths = solve_paths(Equilibria(plectra, stiffness, overlap), POINTS)
+        status = paths.status
+        for curve in paths.curves:  # rounding apart, a pluck begins at 0
+            start, end = curve.height[:, 0], curve.height[:, -1]
             start[np.abs(start) <= 1e-12 * np.abs(end)] = 0.0
-        folded = status == Status.GIVES_WAY
-        cells = np.stack([_cells(part, folded) for part in parts], axis=1)
-        cells[..., 0] *= length[:, None, None]
-        powers = (stiffness * length)[:, None] / length[:, None] ** np.arange(4)
-        cells[..., 1:] *= powers[:, None, None, :]
-    ends = np.array([part.height[:, [0, -1]] * length[:, None] for part in parts])
+        folded = status == Status.RELEASED_AT_FOLD
+        cells = np.stack([_cells(c.height, c.lift, folded) for c in paths.curves], axis=1)
+        cells[..., 1:] *= stiffness[:, None, None, None]
+    ends = np.array([curve.height[:, [0, -1]] for curve in paths.curves])
     places = _places(ends)
-    good = (status <= Status.GIVES_WAY) & (places[:, 0] > 0)
+    good = (status <= Status.RELEASED_AT_FOLD) & (places[:, 0] > 0)
     for part, (start, end) in zip(np.moveaxis(cells, 1, 0), np.moveaxis(ends, 2, 1), strict=True):
         good &= np.isfinite(part).all(axis=(1, 2)) | ~_lasts(start, end)
     return Laws(cells.reshape(-1, 5), places), good
 
 
-def _ramp(branch: Branch) -> Floats:
-    share = np.linspace(0.0, 1.0, POINTS)
-    return branch.q[:, :1] * (1 - share) + branch.q[:, -1:] * share
-
-
-def _cells(part: Branch, folded: NDArray[np.bool_]) -> Floats:
-    """Return starts of cells and cubics, scaled by the length and K L; shape (laws, cells, 5)."""
-    height, force = part.height, part.lift
+def _cells(height: Floats, force: Floats, folded: NDArray[np.bool_]) -> Floats:
+    """Return starts [m] of cells and cubics of the force over K; shape (laws, cells, 5)."""
     share = np.arange(POINTS)
     step = np.diff(height, axis=1)
     # Both are smooth functions of the load, in which the points are equidistant.

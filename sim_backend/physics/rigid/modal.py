@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 from sautereau.analysis.errors import ModelError
 from sautereau.analysis.model.plectrum.levels import plectrum_map
-from sautereau.analysis.model.string.contact import SHARE, Contact
+from sautereau.analysis.model.string.contact import STEP_FRACTION, ModalContact
 from sautereau.analysis.model.string.free import FreeString
 from sautereau.analysis.model.string.modal import MODES
 from sautereau.analysis.model.string.string import ModalString
@@ -69,8 +69,8 @@ class ModalPlucking:
         except ModelError as error:
             raise SceneError(f"{self._at}{error}") from error
         string = self._damped if self._felt else self._free
-        self._contact = contact = Contact(plectrum, choir.plectrum.overlap, string)
-        self._longest = SHARE / (choir.string.frequency * modes)
+        self._contact = contact = ModalContact(plectrum, choir.plectrum.overlap, string)
+        self._longest = STEP_FRACTION / (choir.string.frequency * modes)
         self._stiff = -1 / contact.bend.at(contact.rest, 0.0)[9] / MM
         self._pull = 0.0
         self._reach = 0.0  # m, below the rest position

@@ -1,6 +1,6 @@
-"""The finite-element level: one file each for outline, mesh, load, solution, map, cache, figure.
+"""The finite-element level: one file each for outline, mesh, load, solution, map, cache.
 
-All of it works without dimensions: lengths are counted in the plectrum's length L, stresses
-in Young's modulus E, forces in E W L of the width W. So E and W change nothing that is
-computed here, and one stored map serves every plectrum of a shape.
+All quantities are dimensionless: lengths in units of the plectrum's length L, stresses in
+Young's modulus E, forces in E W L with the width W. So the results do not depend on E and W,
+and one stored map serves every plectrum of a shape.
 """

@@ -2,7 +2,7 @@
 
 Green-Lagrange strain E = (grad u + grad u^T + grad u^T grad u) / 2, St. Venant-Kirchhoff
 stress S = D E; R(v) = int S : dE(v) and K(v, w) = int dE(v) : D dE(w) + S : (grad v^T grad w).
-Of 60 x 4 elements the same forms take scikit-fem's assembler 62 ms, and these 4.
+For 60 x 4 elements scikit-fem's assembler takes 62 ms for the same forms, this code 4 ms.
 """
 
 import numpy as np
@@ -22,7 +22,7 @@ class Body:
         """Plane stress, for strains (E11, E22, 2 E12), shape (3, 3)."""
         self.size = grid.nodes.size
         self.clamped = 2 * grid.height
-        """How many of the first unknowns are zero; unknown 2 n + i moves node n along i."""
+        """Number of unknowns at the start that are zero; unknown 2 n + i moves node n along i."""
         unknowns = (2 * grid.cells[:, :, None] + np.arange(2)).reshape(len(grid.cells), 18)
         self._unknowns = unknowns.ravel()
         rows, columns = unknowns[:, :, None], unknowns[:, None, :]
@@ -90,5 +90,5 @@ class Body:
 
 
 def _summed(places: NDArray[np.intp], values: Floats, count: int) -> Floats:
-    """Return the sums of the values that fall on each of ``count`` places."""
+    """Return the sum of the values at each of ``count`` places."""
     return np.asarray(np.bincount(places, values.ravel(), count), float)

@@ -1,4 +1,4 @@
-"""Reduce the finite elements of one shape of plectrum to its map."""
+"""Compute the map of one plectrum shape by finite elements."""
 
 import numpy as np
 
@@ -9,17 +9,22 @@ from sautereau.analysis.model.plectrum.fe.load import patch_at, section_at
 from sautereau.analysis.model.plectrum.fe.mesh import plectrum_grid
 from sautereau.analysis.model.plectrum.fe.profile import Profile
 from sautereau.analysis.model.plectrum.fe.solve import rate, solve_loads
-from sautereau.analysis.model.plectrum.fe.table import LOAD_LIMIT, MARGIN, STRAIN_LIMIT, Table
+from sautereau.analysis.model.plectrum.fe.table import (
+    LOAD_LIMIT,
+    MARGIN,
+    STRAIN_LIMIT,
+    DisplacementSeries,
+)
 
 ACCURACY = 2e-4
-"""1, of rotation, displacement and shortening: largest error of the series between their
-nodes that is let pass; the promise is 5e-4."""
+"""Dimensionless; largest accepted error of the series between their nodes, relative to rotation,
+displacement and shortening. The specified accuracy is 5e-4."""
 _SIZES = ((9, 10), (17, 12), (33, 14))
-"""Positions and loads, tried in turn until the series are that accurate."""
+"""Numbers of positions and loads, tried in turn until the series are that accurate."""
 
 
 class Solver:
-    """The contact's displacement at any position and load, by the elements themselves."""
+    """The contact's displacement at any position and load, directly by finite elements."""
 
     def __init__(self, profile: Profile, poisson_ratio: float, friction: float):
         self.profile = profile
@@ -29,10 +34,10 @@ class Solver:
         bent = rate(self.body, frictionless, 0.0, np.zeros(self.body.size))
         # The rotation under a small load F at the tip is F L^2 / 2 EI, which is f / 2.
         self.load = -0.5 / section_at(self.body.grid, 1.0).rotation_rate(bent)
-        """E W L, force at f = 1."""
+        """Force at f = 1, in E W L."""
         # The moment F L gives the edges the strain F L h / 2 EI, which is f h / 2 L.
         self.limit = min(LOAD_LIMIT, 2 * STRAIN_LIMIT / profile.clamp_thickness)
-        """1, largest f."""
+        """Dimensionless, largest f."""
 
     def contact(self, s: float, loads: Floats) -> Floats:
         """Return displacements x, z [lengths] and rotation [rad] of the contact, shape (3, n).
@@ -55,8 +60,10 @@ class Solver:
         return np.array(found).T
 
 
-def build(profile: Profile, poisson_ratio: float, friction: float, nearest: float) -> Table:
-    """Solve at a net of positions from ``nearest`` to the tip and of loads; fit the series.
+def build(
+    profile: Profile, poisson_ratio: float, friction: float, nearest: float
+) -> DisplacementSeries:
+    """Solve on a grid of positions from ``nearest`` to the tip and of loads; fit the series.
 
     Raises:
         ModelError: The elements find no equilibrium, or the outline is too rough for the
@@ -67,12 +74,12 @@ def build(profile: Profile, poisson_ratio: float, friction: float, nearest: floa
     for positions, loads in _SIZES:
         s, f = _nodes(positions, nearest, 1.0), _nodes(loads, 0.0, solver.limit * MARGIN)
         values = np.stack([solver.contact(place, f) / f for place in s], 1)
-        table = Table(_series(values), nearest, solver.load, solver.limit)
+        table = DisplacementSeries(_series(values), nearest, solver.load, solver.limit)
         error = _error(table, solver)
         if error <= ACCURACY:
             return table
     raise ModelError(
-        f"plectrum.outline: too rough for a map: {positions} positions leave an error of"
+        f"plectrum.outline: not smooth enough for a map: {positions} positions leave an error of"
         f" {100 * error:.2g} %, of {100 * ACCURACY:.2g} % allowed; smooth the outline"
     )
 
@@ -94,7 +101,7 @@ def _series(values: Floats) -> Floats:
     return values
 
 
-def _error(table: Table, solver: Solver) -> float:
+def _error(table: DisplacementSeries, solver: Solver) -> float:
     """Return the largest relative error of a table between its nodes."""
     reach = 1 - table.nearest
     f = solver.limit * np.array([0.15, 0.5, 0.965])

@@ -1,4 +1,4 @@
-"""Maps kept in the user's cache, each under the content of what it was built from."""
+"""Maps in the user's cache folder, named by a hash of their inputs."""
 
 import contextlib
 import hashlib
@@ -13,16 +13,21 @@ from pathlib import Path
 import numpy as np
 
 from sautereau.analysis.model.plectrum.base import Floats
-from sautereau.analysis.model.plectrum.fe.table import LOAD_LIMIT, MARGIN, STRAIN_LIMIT, Table
+from sautereau.analysis.model.plectrum.fe.table import (
+    LOAD_LIMIT,
+    MARGIN,
+    STRAIN_LIMIT,
+    DisplacementSeries,
+)
 
 VERSION = 1
-"""Of what is stored; raise it with any change of mesh, element, load or series."""
+"""Version of the stored maps; increase it when mesh, element, load or series change."""
 
 _DAMAGED = (
     OSError, ValueError, TypeError, KeyError, IndexError, EOFError, RuntimeError, SyntaxError,
     MemoryError, struct.error, zipfile.BadZipFile, zlib.error,
 )  # fmt: skip
-"""What numpy and zipfile raise on files of which any byte may be wrong, or where none is."""
+"""Errors that numpy and zipfile raise on a missing file or one with any wrong byte."""
 
 
 def cache_folder() -> Path:
@@ -32,17 +37,17 @@ def cache_folder() -> Path:
     return platformdirs.user_cache_path("sautereau", appauthor=False) / "plectrum-fe"
 
 
-def stored(inputs: list[Floats], make: Callable[[], Table]) -> Table:
-    """Return the map of some inputs, from the cache or else made and put there.
+def stored(inputs: list[Floats], make: Callable[[], DisplacementSeries]) -> DisplacementSeries:
+    """Return the map of some inputs from the cache; build and store it if it is not there.
 
-    A file that is damaged, or is not what its name says, is made anew.
+    A file that is damaged, or whose content does not match its name, is replaced.
     """
     key = _digest([np.array([VERSION, LOAD_LIMIT, STRAIN_LIMIT, MARGIN]), *inputs])
     path = cache_folder() / f"{key}.npz"
     table = _read(path, key)
     if table is None:
         table = make()
-        with contextlib.suppress(OSError):  # without a cache it is only slower
+        with contextlib.suppress(OSError):  # without a cache only slower
             _write(path, key, table)
     return table
 
@@ -56,10 +61,10 @@ def _digest(arrays: list[Floats]) -> str:
     return content.hexdigest()
 
 
-def _read(path: Path, key: str) -> Table | None:
-    """Return a stored map, or None where there is none that is whole."""
+def _read(path: Path, key: str) -> DisplacementSeries | None:
+    """Return a stored map; None if it is missing or damaged."""
     try:
-        # Opened here because np.load forgets to close what is no archive.
+        # Opened here because np.load does not close a file that is no archive.
         with path.open("rb") as raw, np.load(raw, allow_pickle=False) as file:
             coefficients, scales = file["coefficients"], file["scales"]
             seal = str(file["seal"])
@@ -67,11 +72,11 @@ def _read(path: Path, key: str) -> Table | None:
         return None
     if coefficients.ndim != 3 or scales.shape != (3,) or seal != _seal(key, coefficients, scales):
         return None
-    return Table(coefficients, *scales.tolist())
+    return DisplacementSeries(coefficients, *scales.tolist())
 
 
-def _write(path: Path, key: str, table: Table) -> None:
-    """Store a map so that no other process ever sees half of it."""
+def _write(path: Path, key: str, table: DisplacementSeries) -> None:
+    """Store a map in one step, so that no other process reads an incomplete file."""
     path.parent.mkdir(parents=True, exist_ok=True)
     scales = np.array([table.nearest, table.load, table.limit])
     seal = np.array(_seal(key, table.coefficients, scales))

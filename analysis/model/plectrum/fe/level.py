@@ -1,4 +1,4 @@
-"""The level `fe` of the plectrum: finite elements of any outline, by their stored map."""
+"""The level `fe` of the plectrum: any outline by finite elements, from a stored map."""
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -7,26 +7,26 @@ from sautereau.analysis.errors import ModelError
 from sautereau.analysis.model.plectrum.base import Bend, Floats
 from sautereau.analysis.model.plectrum.fe.cache import stored
 from sautereau.analysis.model.plectrum.fe.profile import profile_of
-from sautereau.analysis.model.plectrum.fe.table import MARGIN, Table
+from sautereau.analysis.model.plectrum.fe.table import MARGIN, DisplacementSeries
 from sautereau.rig.instrument import Plectrum
 
 REACHES = ((0.1, 0.85), (0.2, 0.7), (0.4, 0.5), (0.7, 0.2))
-"""1, of the length: largest overlap, and the nearest s that is then tabulated."""
+"""Fractions of the length: largest overlap, and the smallest s that is then tabulated."""
 _PAST_TIP = 1.01
 
 
 class FE:
     """A plectrum of any outline, plane stress, with large rotations.
 
-    The contact point is the top's at s, lowered along the section by half the thickness at
-    the clamp: on a uniform plectrum that is the mid-line, as at the other levels, and x and z
-    are counted from the clamp's. Its angle is the section's mean rotation, added to the slope
-    of the unloaded top there. The load is normal to the deformed top; friction acts on the
-    top too, and so bends the plectrum a little more than on the mid-line of other levels.
+    The contact point is that of the upper edge at s, lowered along the section by half the
+    thickness at the clamp: for a uniform plectrum this is the mid-line, as at the other levels.
+    x and z are counted from the same point of the clamp. The angle is the mean rotation of the
+    section plus the slope of the unloaded upper edge. The load is normal to the deformed upper
+    edge; friction acts there too, and bends the plectrum slightly more than on the mid-line.
     """
 
     def __init__(self, plectrum: Plectrum):
-        """Take the plectrum's map from the cache, or build it (3 s).
+        """Read the plectrum's map from the cache, or build it (3 s).
 
         Raises:
             ModelError: The outline or the overlap is out of range, or the elements find no
@@ -75,12 +75,12 @@ class FE:
             if outside.size:
                 raise ModelError(
                     f"plectrum: a {what} of {scale * outside.flat[0]:.4g} {unit} is outside its"
-                    f" map, {scale * low:.4g} to {scale * high:.4g} {unit}; stay inside, or take"
+                    f" map, {scale * low:.4g} to {scale * high:.4g} {unit}; stay inside, or use"
                     " the level elastica"
                 )
 
 
-def _table_of(plectrum: Plectrum) -> Table:
+def _table_of(plectrum: Plectrum) -> DisplacementSeries:
     """Return the map of a plectrum's shape."""
     profile = profile_of(plectrum)
     share = plectrum.overlap / plectrum.length
@@ -88,13 +88,13 @@ def _table_of(plectrum: Plectrum) -> Table:
     if nearest is None:
         raise ModelError(
             f"plectrum.overlap: {plectrum.overlap * 1e3:.4g} mm is more than"
-            f" {REACHES[-1][0]:.0%} of the plectrum's {plectrum.length * 1e3:.4g} mm, and its"
-            " root is no beam; lower overlap"
+            f" {REACHES[-1][0]:.0%} of the plectrum's {plectrum.length * 1e3:.4g} mm, and"
+            " what remains is no beam; lower overlap"
         )
     ratios = np.array([plectrum.poisson_ratio, plectrum.friction, nearest])
 
-    def make() -> Table:
-        # Imported here because it brings scikit-fem, which a stored map does not need.
+    def make() -> DisplacementSeries:
+        # Imported here because it imports scikit-fem, which a stored map does not need.
         from sautereau.analysis.model.plectrum.fe.build import build
 
         return build(profile, plectrum.poisson_ratio, plectrum.friction, nearest)

@@ -1,8 +1,8 @@
 """The string's load on the deformed surface, and the section under it.
 
-The string is a stiff wire across the plectrum: its pressure, a smooth bump along the
-surface, has one direction, normal to the surface's mean tangent under it. Friction adds
-mu F along that tangent, towards the tip. The resultant is F, whatever the mesh.
+The string is a stiff wire across the plectrum. Its pressure is distributed smoothly along the
+surface and has one direction, normal to the mean tangent of the surface under it. Friction
+adds mu F along that tangent, towards the tip. The resultant is F for every mesh.
 """
 
 from dataclasses import dataclass
@@ -24,14 +24,14 @@ def _shapes(xi: Floats) -> tuple[Floats, Floats]:
 
 @dataclass(frozen=True)
 class Patch:
-    """The load's share of every node, and what its direction depends on."""
+    """Distribution of the load over the nodes, and what its direction depends on."""
 
-    shares: Floats
-    """1, sum 1, of each node, shape (nodes,)."""
+    fractions: Floats
+    """Of the load at each node, sum 1, shape (nodes,)."""
     slopes: Floats
-    """Of the nodes' positions they make the mean tangent, shape (nodes,)."""
+    """Weights of the nodes' positions in the mean tangent, shape (nodes,)."""
     friction: float
-    """1, Coulomb coefficient."""
+    """Coulomb coefficient, dimensionless."""
     sign: float
     """1 for a load on the top, -1 for one on the bottom."""
     nodes: Floats
@@ -44,17 +44,17 @@ class Patch:
 
     def unit_load(self, u: Floats) -> Floats:
         """Return the nodal forces of F = 1, shape (size,)."""
-        return np.outer(self.shares, self.direction(u)).ravel()
+        return np.outer(self.fractions, self.direction(u)).ravel()
 
     def turning(self, u: Floats) -> tuple[Floats, Floats]:
         """Return g and p, for the tangent F g p^T of the load, each of shape (size,)."""
         tangent = self.slopes @ (self.nodes + u.reshape(-1, 2))
         across = np.array([-tangent[1], tangent[0]]) / (tangent @ tangent)
         x, z = self.direction(u)
-        return np.outer(self.shares, [-z, x]).ravel(), np.outer(self.slopes, across).ravel()
+        return np.outer(self.fractions, [-z, x]).ravel(), np.outer(self.slopes, across).ravel()
 
     def direction(self, u: Floats) -> Floats:
-        """Return the load's direction, of which the normal part has the length 1."""
+        """Return the load's direction, whose normal part has the length 1."""
         cosine, sine = np.cos(self.angle(u)), np.sin(self.angle(u))
         normal = self.sign * np.array([sine, -cosine])
         return normal + self.friction * np.array([cosine, sine])
@@ -68,7 +68,7 @@ def patch_at(
     side: Literal["top", "bottom"] = "top",
 ) -> Patch:
     """Return the load on a patch of half length ``half`` about s [both in lengths]."""
-    shares, slopes = np.zeros(len(grid.nodes)), np.zeros(len(grid.nodes))
+    fractions, slopes = np.zeros(len(grid.nodes)), np.zeros(len(grid.nodes))
     points, weights = np.polynomial.legendre.leggauss(6)  # exact for bump x quadratics
     edge = grid.layers * 2 if side == "top" else 0
     for column, (left, right) in enumerate(zip(grid.x[:-1], grid.x[1:], strict=True)):
@@ -79,21 +79,21 @@ def patch_at(
         weight = weights * (high - low) / 2 * bump((x - s) / half) / half
         value, slope = _shapes((x - left) / (right - left))
         nodes = (2 * column + np.arange(3)) * grid.height + edge
-        shares[nodes] += value @ weight
+        fractions[nodes] += value @ weight
         slopes[nodes] += slope @ weight / (right - left)
-    return Patch(shares, slopes, friction, 1.0 if side == "top" else -1.0, grid.nodes)
+    return Patch(fractions, slopes, friction, 1.0 if side == "top" else -1.0, grid.nodes)
 
 
 @dataclass(frozen=True)
 class Section:
-    """A section's mean place and mean rotation."""
+    """Weights for the mean displacement and mean rotation of a section."""
 
     nodes: NDArray[np.intp]
-    """Those that the section depends on, shape (n,)."""
+    """Nodes that the section depends on, shape (n,)."""
     mean: Floats
-    """Of the nodes' positions it makes the mean over the section, shape (n,)."""
+    """Weights of the nodes in the mean over the section, shape (n,)."""
     director: Floats
-    """Of the nodes' displacements it makes their gradient up the section, shape (n,)."""
+    """Weights of the nodes in the gradient up the section, shape (n,)."""
 
     def displacement(self, u: Floats) -> Floats:
         """Return the section's mean displacement, shape (2,)."""
@@ -105,7 +105,7 @@ class Section:
         return float(np.arctan2(-x, 1 + z))
 
     def rotation_rate(self, rate: Floats) -> float:
-        """Return how fast the undeformed section begins to rotate as u grows by ``rate``."""
+        """Return the initial angular velocity of the section when u grows from 0 by ``rate``."""
         return -float(self.director @ rate.reshape(-1, 2)[self.nodes, 0])
 
 

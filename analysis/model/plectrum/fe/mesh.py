@@ -14,16 +14,16 @@ COLUMNS, LAYERS = 60, 4
 
 @dataclass(frozen=True)
 class Grid:
-    """Nodes and quadrature of a mesh; nodes are counted up each column, columns to the tip.
+    """Nodes and quadrature of a mesh; nodes are numbered up each column, columns to the tip.
 
     With c columns and l layers there are (2 c + 1) (2 l + 1) nodes.
     """
 
     x: Floats
-    """1, edges of the columns, shape (columns + 1,)."""
+    """In lengths, edges of the columns, shape (columns + 1,)."""
     layers: int
     nodes: Floats
-    """1, shape (nodes, 2)."""
+    """In lengths, shape (nodes, 2)."""
     cells: NDArray[np.intp]
     """Nodes of each element, shape (elements, 9)."""
     gradients: Floats
@@ -44,7 +44,7 @@ def plectrum_grid(profile: Profile, count: int = COLUMNS, layers: int = LAYERS) 
 
 def grid_between(profile: Profile, x: Floats, layers: int) -> Grid:
     """Mesh a plectrum with columns whose edges are at x."""
-    # Imported here because a stored map needs none of it.
+    # Imported here because a stored map does not need it.
     from skfem import Basis, ElementQuad2, MeshQuad
 
     square = MeshQuad.init_tensor(x, np.linspace(0.0, 1.0, layers + 1))

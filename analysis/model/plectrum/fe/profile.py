@@ -1,4 +1,4 @@
-"""The plectrum's two edges, and the line that the string meets on them."""
+"""The plectrum's two edges, and the contact line of the string."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -12,7 +12,7 @@ from sautereau.analysis.model.plectrum.base import Floats
 from sautereau.rig.instrument import Outline, Plectrum
 
 SAME_LENGTH = 1e-3
-"""1, by which an outline may be longer or shorter than its plectrum."""
+"""Dimensionless tolerance on the length of an outline."""
 _PLACES = 101
 
 
@@ -21,50 +21,50 @@ class Profile:
     """Both edges in units of the plectrum's length, straight between places of shape (n,)."""
 
     x: Floats
-    """1, from the clamp at 0 to the tip at 1."""
+    """From 0 at the clamp to 1 at the tip."""
     top: Floats
-    """1, height of the edge that meets the string."""
+    """Height of the edge on the string's side."""
     bottom: Floats
-    """1, height of the other edge."""
+    """Height of the other edge."""
 
     @property
     def clamp_thickness(self) -> float:
-        """1, at the clamp."""
+        """Thickness at the clamp, in lengths."""
         return float(self.top[0] - self.bottom[0])
 
     @property
     def patch(self) -> float:
-        """1, half the length of the load's patch: a quarter of the thickness, 1 % at least."""
+        """Half the length of the load's patch, in lengths: thickness / 4, at least 0.01."""
         return max(self.clamp_thickness / 4, 0.01)
 
     def edges(self, x: Floats) -> tuple[Floats, Floats]:
-        """Return top and bottom at x; past the tip both run on in parallel to the top."""
+        """Return top and bottom at x; past the tip both continue parallel to the top."""
         beyond = np.maximum(x - 1, 0) * self._slopes()[-1]
         return np.interp(x, self.x, self.top) + beyond, np.interp(x, self.x, self.bottom) + beyond
 
     def contact_line(self, s: ArrayLike) -> tuple[Floats, Floats, Floats]:
-        """Return height, slope and curvature of the unloaded top as a patch at s feels it.
+        """Return height, slope and curvature of the unloaded top, averaged over a patch at s.
 
-        Each is the mean under the patch, so that a kink in the outline turns the normal
-        over the patch's length and not at once. The height is counted from the clamp's.
+        Because of the average a kink in the outline turns the normal over the length of the
+        patch and not at once. The height is counted from the clamp.
         """
         s = np.asarray(s, float)
         slopes = self._slopes()
         u = (s[..., None] - self.x[1:-1]) / self.patch
         v = np.clip(u, -1, 1)
-        share = 15 / 16 * (v - 2 * v**3 / 3 + v**5 / 5) + 0.5
+        passed = 15 / 16 * (v - 2 * v**3 / 3 + v**5 / 5) + 0.5
         area = 15 / 16 * (v**2 / 2 - v**4 / 6 + v**6 / 30) + v / 2 + 5 / 32 + np.maximum(u - 1, 0)
         turn = np.diff(slopes)
         return (
             slopes[0] * s + self.patch * area @ turn,
-            slopes[0] + share @ turn,
+            slopes[0] + passed @ turn,
             bump(u) @ turn / self.patch,
         )
 
     def contact_arm(self, s: float) -> float:
-        """Return how far the contact's line lies above the mid-line at s.
+        """Return the height of the contact line above the mid-line at s.
 
-        That line is the top, lowered by half the thickness at the clamp.
+        The contact line is the top, lowered by half the thickness at the clamp.
         """
         top, bottom = self.edges(np.array([0.0, s]))
         middle = (top + bottom) / 2
@@ -93,14 +93,14 @@ def profile_of(plectrum: Plectrum) -> Profile:
     if abs(end - plectrum.length) > SAME_LENGTH * plectrum.length:
         raise ModelError(
             f"plectrum.outline: it ends at x = {end * 1e3:.6g} mm and plectrum.length is"
-            f" {plectrum.length * 1e3:.6g} mm; make them one"
+            f" {plectrum.length * 1e3:.6g} mm; make them equal"
         )
     x, top, bottom = (np.array(edge) / end for edge in (outline.x, outline.top, outline.bottom))
     return Profile(x, top, bottom)
 
 
 def outline_from(thickness: Callable[[float], float], length: float) -> Outline:
-    """Return the outline, even about its mid-line, of a thickness given as a function.
+    """Return the symmetric outline of a thickness given as a function.
 
     Args:
         thickness: Thickness [m] at a place x [m] from the clamp.
@@ -115,9 +115,9 @@ def outline_from(thickness: Callable[[float], float], length: float) -> Outline:
         if not 0 < value < np.inf:
             raise ModelError(
                 f"thickness: {2e3 * value:.4g} mm at x = {1e3 * place:.4g} mm is not above 0 mm;"
-                " give a function that is, from the clamp to the tip"
+                " give a function that is positive from the clamp to the tip"
             )
-    # JSON is the way by which a pydantic model with units takes plain SI numbers.
+    # The model accepts quantities as text with a unit.
     return Outline.model_validate(
         {
             "x": [f"{value!r} m" for value in x.tolist()],
@@ -128,10 +128,10 @@ def outline_from(thickness: Callable[[float], float], length: float) -> Outline:
 
 
 def columns(profile: Profile, count: int) -> Floats:
-    """Return the places of about ``count`` equal columns to the tip, and of a lip past it.
+    """Return the edges of about ``count`` equal columns to the tip, and of a lip past it.
 
-    Kinks of the outline get a column's edge of their own where they lie far enough apart.
-    The lip, as long as half a patch, lets a load at the very tip have its whole patch.
+    A kink of the outline becomes the edge of a column if kinks are far enough apart. The lip, as
+    long as half a patch, completes the patch of a load at the tip.
     """
     x = np.linspace(0.0, 1.0, count + 1)
     taken: set[int] = set()

@@ -10,18 +10,18 @@ from sautereau.analysis.model.plectrum.fe.body import Body
 from sautereau.analysis.model.plectrum.fe.load import Patch
 
 ITERATIONS = 12
-"""Most of one load step."""
+"""Maximum per load step."""
 RESIDUAL = 1e-10
-"""1, of the load, at which a step has converged; rounding is allowed for besides."""
+"""Dimensionless tolerance on the residual relative to the load, apart from rounding."""
 HALVINGS = 8
-"""Most of one load step."""
+"""Maximum per load step."""
 _REMEMBERED = 4
 
 
 def solve_loads(body: Body, patch: Patch, forces: Sequence[float] | Floats) -> list[Floats]:
     """Return the displacements, each of shape (size,), under forces in increasing order.
 
-    Every step begins from the polynomial through the steps before it; one that does not
+    Every step starts from the extrapolation of the steps before it; a step that does not
     converge is halved.
 
     Args:
@@ -30,7 +30,7 @@ def solve_loads(body: Body, patch: Patch, forces: Sequence[float] | Floats) -> l
         forces: Normal forces, in E W L.
 
     Raises:
-        ModelError: A step does not converge however small.
+        ModelError: A step does not converge after all halvings.
     """
     path = [(0.0, np.zeros(body.size))]
     found = []
@@ -49,15 +49,15 @@ def solve_loads(body: Body, patch: Patch, forces: Sequence[float] | Floats) -> l
             else:
                 raise ModelError(
                     f"plectrum: its finite elements find no equilibrium past a load of"
-                    f" {path[-1][0]:.4g} E W L, on the way to {target:.4g}; ask for less force,"
-                    " or mend plectrum.outline where it is thin"
+                    f" {path[-1][0]:.4g} E W L, on the way to {target:.4g}; lower the"
+                    " force, or correct plectrum.outline where it is thin"
                 )
         found.append(path[-1][1])
     return found
 
 
 def newton(body: Body, patch: Patch, force: float, u: Floats) -> Floats | None:
-    """Return the displacements at a force, starting from u, or None where it fails."""
+    """Return the displacements at a force, starting from u; None if Newton's method fails."""
     for guess, residual, tolerance in iterates(body, patch, force, u):
         if residual <= tolerance:
             return guess
@@ -67,7 +67,7 @@ def newton(body: Body, patch: Patch, force: float, u: Floats) -> Floats | None:
 
 
 def iterates(body: Body, patch: Patch, force: float, u: Floats):
-    """Yield displacements, largest residual and its tolerance, from the start on."""
+    """Yield displacements, largest residual and its tolerance, starting with u."""
     from scipy.linalg import LinAlgError, solve_banded
 
     free, width = slice(body.clamped, None), body.band
@@ -86,7 +86,7 @@ def iterates(body: Body, patch: Patch, force: float, u: Floats):
             ).T
         except LinAlgError:
             return
-        # Sherman and Morrison: the load turns with the surface, which is F g p^T in the tangent.
+        # Sherman-Morrison: the load follows the surface, which adds F g p^T to the tangent.
         step = step + turn * (force * (p @ step) / (1 - force * (p @ turn)))
         u = u.copy()
         u[free] += step
@@ -107,7 +107,7 @@ def rate(body: Body, patch: Patch, force: float, u: Floats) -> Floats:
 
 
 def _extrapolated(path: list[tuple[float, Floats]], force: float) -> Floats:
-    """Return the polynomial through the steps so far at a further force (Lagrange)."""
+    """Return the extrapolation of the steps so far to a force, by Lagrange's polynomial."""
     known = np.array([step[0] for step in path])
     guess = np.zeros_like(path[0][1])
     for i, (place, u) in enumerate(path):

@@ -8,26 +8,26 @@ import numpy as np
 from sautereau.analysis.model.plectrum.base import Floats
 
 LOAD_LIMIT = 2.0
-"""1, largest load f = F L^2 / EI that is answered for, EI being what the plectrum's rotation
-under a small load at its tip gives; a uniform one turns by 56 degrees there."""
+"""Largest load f = F L^2 / EI of a map, dimensionless; EI follows from the plectrum's rotation
+under a small load at its tip. A uniform plectrum turns by 56 degrees at this load."""
 STRAIN_LIMIT = 0.2
-"""1, of the edges at the clamp: thick plectra are answered for to so much strain only."""
+"""Largest strain of the edges at the clamp, which limits the load of thick plectra."""
 MARGIN = 1.02
-"""1, of that limit, to which loads are tabulated, for differences taken across it."""
+"""Ratio of the tabulated to the accepted load, for differences taken across the limit."""
 
 
 @dataclass(frozen=True)
-class Table:
+class DisplacementSeries:
     """Series in s and f of x, z and rotation, in lengths and rad, each divided by f."""
 
     coefficients: Floats
-    """1, shape (3, positions, loads)."""
+    """Dimensionless, shape (3, positions, loads)."""
     nearest: float
-    """1, least s [lengths]."""
+    """Smallest s, in lengths."""
     load: float
-    """E W L, force at f = 1."""
+    """Force at f = 1, in E W L."""
     limit: float
-    """1, largest f."""
+    """Largest f, dimensionless."""
 
     def values(self, s: Floats, f: Floats) -> Floats:
         """Return the series, their slopes along s and along f, shape (3, 3, *s.shape)."""

@@ -1,30 +1,32 @@
-"""What two scalars of a press, how long the string is held and Vosc, say of the plectrum.
+"""Young's modulus and overlap of the plectrum from two scalars: pluck duration and Vosc.
 
-Vosc tells the string's lift at release and the duration the jack's height, so the tip's
+Vosc gives the string's lift at release and the duration the jack's height, so the tip's
 deflection is known: Z(length, F) = lift - height. Every level's map depends on the force by
 F / E alone (linear material), so the load F / E at release follows from the map as it is, F
-from the lift, F cos(theta) = K lift without friction, and E from the two; the overlap is what
-X leaves to the string's rest. One unknown at a time, no iteration over plucks.
+from the lift, F cos(theta) = K lift without friction, and E from both; the overlap
+follows from X and the string's position at rest. One unknown at a time, no iteration over plucks.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from sautereau.analysis.errors import ModelError
-from sautereau.analysis.model.plectrum.base import PlectrumMap
+from sautereau.analysis.model.plectrum.base import Floats, PlectrumMap
+from sautereau.analysis.model.plectrum.levels import plectrum_map
 from sautereau.analysis.model.pluck.pluck import Pluck
-from sautereau.analysis.model.predict import plectrum_map, rig_pluck
+from sautereau.analysis.model.predict import rig_pluck
 from sautereau.analysis.model.string.string import release_speed
 from sautereau.rig.schema import Rig
 
 SAME = 1e-6
-"""1, of a height, within which a release is the one asked for."""
+"""Dimensionless tolerance on the height of a release."""
 
 
 @dataclass(frozen=True)
 class Release:
-    """A rig whose pluck ends as asked, and that pluck."""
+    """A rig and its pluck."""
 
     rig: Rig
     pluck: Pluck
@@ -41,7 +43,7 @@ class Release:
 
     @property
     def duration(self) -> float:
-        """Time the string is held [s] at the rig's jack speed."""
+        """Pluck duration [s] at the rig's jack speed."""
         return self.pluck.release_height / self.rig.press.jack_speed
 
     @property
@@ -51,12 +53,12 @@ class Release:
 
     @property
     def v_osc(self) -> float:
-        """Speed with which the string leaves [m/s], all modes."""
+        """Initial string velocity Vosc [m/s], all modes."""
         return release_speed(self.rig.string, self.lift)
 
 
 def release_as_is(rig: Rig, level: str = "elastica") -> Release:
-    """Return the release of the rig as it is."""
+    """Return the release of the unchanged rig."""
     return Release(rig, rig_pluck(rig, level))
 
 
@@ -64,27 +66,27 @@ def fit_release(rig: Rig, duration: float, v_osc: float, level: str = "elastica"
     """Return the rig with the Young's modulus and overlap that give both scalars.
 
     Args:
-        rig: The bench, with all else known.
-        duration: s, for which the string is held.
-        v_osc: m/s, with which it leaves, all modes.
+        rig: The bench; all other values are kept.
+        duration: s, from contact to release.
+        v_osc: m/s, initial string velocity, all modes.
         level: Of the plectrum.
 
     Raises:
         ModelError: No modulus and overlap give both within the level's range.
     """
     _check_positive(duration=duration, v_osc=v_osc)
-    plectrum, stiffness = plectrum_map(rig, level), rig.string.static_stiffness
+    plectrum, stiffness = plectrum_map(rig.plectrum, level), rig.string.static_stiffness
     lift = v_osc / release_speed(rig.string, 1.0)
     drop = duration * rig.press.jack_speed - lift
     load = _solve(
-        lambda force: float(-plectrum.bend(plectrum.length, force).z) - drop,
+        lambda force: -plectrum.bend(plectrum.length, force).z - drop,
         float(plectrum.force_limit(plectrum.length)),
         f"a height of {(drop + lift) * 1e3:.4g} mm and a lift of {lift * 1e3:.4g} mm at release"
-        f" ask for a tip that gives way by {drop * 1e3:.4g} mm",
+        f" require a tip deflection of {drop * 1e3:.4g} mm",
     )
     x, out, up = _at_tip(plectrum, load)
-    force = stiffness * lift / up
-    overlap = plectrum.length - x + force * out / stiffness
+    force = float(stiffness * lift / up)
+    overlap = float(plectrum.length - x + force * out / stiffness)
     modulus = rig.plectrum.youngs_modulus * force / load
     return _checked(
         _with_plectrum(rig, overlap=overlap, youngs_modulus=modulus), level, drop + lift
@@ -92,10 +94,10 @@ def fit_release(rig: Rig, duration: float, v_osc: float, level: str = "elastica"
 
 
 def overlap_for_duration(rig: Rig, duration: float, level: str = "elastica") -> Release:
-    """Return the rig with the overlap for which the string is held so long [s].
+    """Return the rig with the overlap that gives a pluck duration [s].
 
     Raises:
-        ModelError: No overlap does it within the level's range.
+        ModelError: No overlap gives it within the level's range.
     """
     _check_positive(duration=duration)
     height = duration * rig.press.jack_speed
@@ -103,46 +105,46 @@ def overlap_for_duration(rig: Rig, duration: float, level: str = "elastica") -> 
 
 
 def overlap_for_speed(rig: Rig, v_osc: float, level: str = "elastica") -> Release:
-    """Return the rig with the overlap for which the string leaves so fast [m/s, all modes].
+    """Return the rig with the overlap that gives a Vosc [m/s, all modes].
 
     Raises:
-        ModelError: No overlap does it within the level's range.
+        ModelError: No overlap gives it within the level's range.
     """
     _check_positive(v_osc=v_osc)
     lift = v_osc / release_speed(rig.string, 1.0)
     return _at_release(rig, level, lift, f"a lift of {lift * 1e3:.4g} mm at release", 0.0)
 
 
-def _at_release(rig: Rig, level: str, wanted: float, what: str, share: float) -> Release:
-    """Find the force at the tip for which lift - share * Z is as wanted, and its overlap."""
-    plectrum, stiffness = plectrum_map(rig, level), rig.string.static_stiffness
+def _at_release(rig: Rig, level: str, target: float, what: str, part: float) -> Release:
+    """Find the force at the tip for which lift - part * Z equals a target [m], and its overlap."""
+    plectrum, stiffness = plectrum_map(rig.plectrum, level), rig.string.static_stiffness
 
-    def beyond(force: float) -> float:
+    def beyond(force: ArrayLike) -> Floats:
         _, _, up = _at_tip(plectrum, force)
-        drop = -float(plectrum.bend(plectrum.length, force).z)
-        return force * up / stiffness + share * drop - wanted
+        drop = -plectrum.bend(plectrum.length, force).z
+        return force * up / stiffness + part * drop - target
 
     force = _solve(beyond, float(plectrum.force_limit(plectrum.length)), what)
     x, out, up = _at_tip(plectrum, force)
-    height = force * up / stiffness - float(plectrum.bend(plectrum.length, force).z)
-    overlap = plectrum.length - x + force * out / stiffness
+    height = float(force * up / stiffness - plectrum.bend(plectrum.length, force).z)
+    overlap = float(plectrum.length - x + force * out / stiffness)
     return _checked(_with_plectrum(rig, overlap=overlap), level, height)
 
 
-def _at_tip(plectrum: PlectrumMap, force: float) -> tuple[float, float, float]:
-    """Return X [m] of the loaded tip, and the part of F that pushes the string out and up."""
+def _at_tip(plectrum: PlectrumMap, force: ArrayLike) -> tuple[Floats, Floats, Floats]:
+    """Return X [m] of the loaded tip, and the fractions of F on the string outwards and upwards."""
     bend = plectrum.bend(plectrum.length, force)
-    sine, cosine = float(np.sin(bend.theta)), float(np.cos(bend.theta))
+    sine, cosine = np.sin(bend.theta), np.cos(bend.theta)
     friction = plectrum.friction
-    return float(bend.x), -sine - friction * cosine, cosine - friction * sine
+    return bend.x, -sine - friction * cosine, cosine - friction * sine
 
 
 def _solve(beyond, limit: float, what: str) -> float:
-    """Return the least force [N] at which something is no longer exceeded."""
+    """Return the smallest force [N] at which a function changes to positive values."""
     from scipy.optimize import root_scalar
 
     forces = np.linspace(0.0, limit, 200)
-    above = np.array([beyond(force) for force in forces]) >= 0
+    above = beyond(forces) >= 0
     if above[0] or not above.any():
         raise ModelError(
             f"{what}: no force up to {limit:.4g} N, where this level's range ends, gives it;"
@@ -158,8 +160,8 @@ def _checked(rig: Rig, level: str, height: float) -> Release:
     if abs(found.pluck.release_height - height) > SAME * height:
         raise ModelError(
             f"plectrum.overlap: at {rig.plectrum.overlap * 1e3:.6g} mm and a bending stiffness of"
-            f" {rig.plectrum.bending_stiffness:.4g} N m^2 the plectrum gives way under the string"
-            " before it comes to the tip; ask for a shorter duration or a smaller speed"
+            f" {rig.plectrum.bending_stiffness:.4g} N m^2 the string is released before it"
+            " reaches the tip; use a shorter duration or a lower speed"
         )
     return found
 

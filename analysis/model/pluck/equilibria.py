@@ -1,0 +1,174 @@
+"""The equilibria of plectrum and spring string, for many cases at once.
+
+The plectrum pushes the string with F along its surface's normal and T F along its tangent
+towards the clamp. In the clamp's frame, with a = -theta the angle by which the plectrum is
+bent down, the string goes out by F (sin a - T cos a) / K and up by F (cos a + T sin a) / K.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sautereau.analysis.model.plectrum.base import Floats
+from sautereau.analysis.model.pluck.loaded import Loaded, Plectra, Rows
+
+ROUNDING = 1e-15
+"""Dimensionless; a residual below this fraction of the lengths it is the difference of is
+rounding."""
+LOADS = np.concatenate([[0.0], np.geomspace(1e-14, 1.0, 97)])
+"""Fractions of the largest load, between which the load of a given position is bracketed."""
+NEWTON_STEPS = 60
+
+
+@dataclass(frozen=True)
+class Curve:
+    """A stretch of equilibria; arrays of shape (cases, points), or (n,) of a single pluck."""
+
+    load: Floats
+    """F s^2, in the unit of the plectra."""
+    height: Floats
+    """m, of the jack above first contact."""
+    force: Floats
+    """N, normal to the plectrum's surface."""
+    position: Floats
+    """m, of the string along the plectrum, from the clamp."""
+    angle: Floats
+    """rad, by which the plectrum is bent down under the string."""
+    lift: Floats
+    """m, of the string, upwards."""
+    shift: Floats
+    """m, of the string, outwards along the plectrum."""
+    drag: Floats
+    """Force along the surface towards the clamp over the one normal to it, dimensionless."""
+
+
+class Equilibria:
+    """Plectra and their spring strings."""
+
+    def __init__(self, plectra: Plectra, stiffness: Floats, overlap: Floats):
+        """Take the string's stiffness K [N/m] and the overlap [m], each of shape (cases,)."""
+        self.plectra, self.length = plectra, plectra.length
+        self.stiffness, self.overlap = stiffness[:, None], overlap[:, None]
+        self.rest = self.length - self.overlap
+        """m, position of the string at rest, shape (cases, 1)."""
+        self._pull = plectra.unit / self.stiffness
+        """m^3, F s^2 / K at a load of one."""
+
+    def subset(self, rows: Rows) -> "Equilibria":
+        """Return some of the cases."""
+        return Equilibria(self.plectra.subset(rows), self.stiffness[rows, 0], self.overlap[rows, 0])
+
+    def sliding_load(self, s: Floats) -> tuple[Floats, NDArray[np.bool_]]:
+        """Return the load with which a sliding string is at positions s, and if there is one.
+
+        The residual x - rest - shift rises at first with the load, by friction, and then
+        falls, so its last change of sign is the one.
+
+        Args:
+            s: m, shape (cases, 1).
+
+        Returns:
+            Loads, the largest one where none is found; and whether one is; shape (cases,).
+        """
+        limit = self.plectra.load_limit(s)
+        grid = LOADS * limit
+        residual, rounding = self._residual(self.plectra.under(grid)(s), s, grid)
+        positive = residual > rounding
+        last = len(LOADS) - 1 - np.argmax(positive[:, ::-1], axis=1)[:, None]
+        never, found = ~positive.any(axis=1, keepdims=True), ~positive[:, -1:]
+        low = np.where(found, LOADS[last], 0.0) * limit
+        high = np.where(found, LOADS[np.minimum(last + 1, len(LOADS) - 1)], 1.0) * limit
+        load = high
+        for _ in range(NEWTON_STEPS):
+            at = self.plectra.under(load)(s)
+            value, rounding = self._residual(at, s, load)
+            slope = self._by_load(at, s, load)[0]
+            low, high = np.where(value > 0, load, low), np.where(value > 0, high, load)
+            new = load - value / np.where(slope, slope, np.inf)
+            new = np.where((new >= low) & (new <= high), new, (low + high) / 2)
+            moved, load = np.abs(new - load), new
+            if np.all((moved <= 1e-13 * load) | (np.abs(value) <= rounding / 10)):
+                break
+        load = np.where(found, np.where(never, 0.0, load), limit)
+        return load[:, 0], found[:, 0]
+
+    def stick(self, load: Floats) -> Curve:
+        """Return the equilibria of a string that friction holds at its position of contact."""
+        s = np.repeat(self.rest, load.shape[1], axis=1)
+        at = self.plectra.under(load)(s)
+        pull, back = self._pull * load / s**2, self.rest - at.x
+        # From K (x - rest) = F (sin a - T cos a).
+        drag = np.divide(back, pull, out=np.zeros_like(pull), where=pull > 0)
+        # At rest there is no friction, and no more than the coefficient allows but for rounding.
+        drag = np.clip((at.sine + drag) / at.cosine, 0, self.plectra.friction)
+        return self._curve(at, load, s, drag)
+
+    def slide(self, load: Floats) -> Curve:
+        """Return the equilibria of a sliding string; positions that are not found are NaN."""
+        under, pull = self.plectra.under(load), self._pull * load
+        rest, mu = self.rest, self.plectra.friction
+        least = rest / 2
+        s = np.repeat(self.length, load.shape[1], axis=1)
+        for _ in range(NEWTON_STEPS):
+            # s^2 times the residual: of the elastica a cubic in s, convex on the way from the tip.
+            at = under(s)
+            beyond, square = at.x - rest, s * s
+            value = beyond * square - pull * (at.sine - mu * at.cosine)
+            slope = at.x_s * square + 2 * s * beyond
+            if not isinstance(at.angle_s, float):
+                slope = slope - pull * (at.cosine + mu * at.sine) * at.angle_s
+            step = value / slope
+            new = np.clip(s - step, least, self.length)
+            small = np.abs(step) <= 1e-14 * (self.length + pull / square)
+            if small.all():
+                s = new
+                break
+            near = np.abs(value) <= ROUNDING * (self.length * square + pull)
+            if np.all(small | near):
+                break
+            s = new
+        else:
+            s = np.where(small | near, s, np.nan)
+        return self._curve(under(s), load, s, np.full_like(s, mu))
+
+    def stick_slope(self, curve: Curve) -> Floats:
+        """Return d(height)/d(load) at the end of a stretch that sticks, shape (cases,)."""
+        s, load = curve.position[:, -1:], curve.load[:, -1:]
+        at = self.plectra.under(load)(s)
+        x_l, z_l, angle_l = self.plectra.load_slopes(s, load)
+        pull, tangent = self._pull / s**2, at.sine / at.cosine
+        # Of lift = F / (K cos a) + (rest - x) tan a.
+        turned = (pull * load * at.sine + self.rest - at.x) * angle_l / at.cosine**2
+        return (pull / at.cosine + turned - x_l * tangent - z_l)[:, 0]
+
+    def slide_slope(self, curve: Curve) -> Floats:
+        """Return d(height)/d(load) at the end of a stretch that slides, shape (cases,)."""
+        s, load = curve.position[:, -1:], curve.load[:, -1:]
+        at, mu = self.plectra.under(load)(s), self.plectra.friction
+        pull = self._pull * load / s**2
+        out, up = pull * (at.sine - mu * at.cosine), pull * (at.cosine + mu * at.sine)
+        residual_l, height_l = self._by_load(at, s, load)
+        residual_s = at.x_s + 2 * out / s - up * at.angle_s
+        height_s = -2 * up / s - out * at.angle_s - at.z_s
+        return (height_l - height_s * residual_l / residual_s)[:, 0]
+
+    def _residual(self, at: Loaded, s: Floats, load: Floats) -> tuple[Floats, Floats]:
+        """Return x - rest - shift [m] of a sliding string, and what rounding makes of it [m]."""
+        pull = self._pull * load / s**2
+        shift = pull * (at.sine - self.plectra.friction * at.cosine)
+        return at.x - self.rest - shift, ROUNDING * (self.length + pull)
+
+    def _by_load(self, at: Loaded, s: Floats, load: Floats) -> tuple[Floats, Floats]:
+        """Return the derivatives by the load, at the same s, of that residual and the height."""
+        x_l, z_l, angle_l = self.plectra.load_slopes(s, load)
+        pull, mu = self._pull / s**2, self.plectra.friction
+        out, up = pull * (at.sine - mu * at.cosine), pull * (at.cosine + mu * at.sine)
+        return x_l - out - load * up * angle_l, up - load * out * angle_l - z_l
+
+    def _curve(self, at: Loaded, load: Floats, s: Floats, drag: Floats) -> Curve:
+        pull = self._pull * load / (s * s)
+        lift = pull * (at.cosine + drag * at.sine)
+        shift = pull * (at.sine - drag * at.cosine)
+        force = pull * self.stiffness
+        return Curve(load, lift - at.z, force, s, at.angle, lift, shift, drag)

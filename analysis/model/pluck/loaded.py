@@ -1,0 +1,143 @@
+"""Plectra under given loads, with a leading axis of cases: what the solver asks of a level.
+
+The load is F s^2, for the force F normal to the plectrum at the position s of the string. Of
+a uniform section each load belongs to one position and each position to one load, so that
+the load leads from first contact to release past any fold over height or force.
+"""
+
+from collections.abc import Callable
+from typing import NamedTuple, Protocol, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sautereau.analysis.model.plectrum.base import Floats, PlectrumMap
+from sautereau.analysis.model.plectrum.elastica import Elastica, elastica_tables, q_max
+
+Rows = NDArray[np.intp]
+
+
+class Loaded(NamedTuple):
+    """The loaded points of plectra; all fields broadcast to (cases, points)."""
+
+    x: Floats
+    """m, from the clamp along the undeformed mid-line."""
+    z: Floats
+    """m, upwards."""
+    angle: Floats
+    """rad, by which the plectrum is bent down."""
+    sine: Floats
+    """Of the angle."""
+    cosine: Floats
+    x_s: Floats
+    """dx/ds at the same load, dimensionless."""
+    z_s: Floats
+    """dz/ds at the same load, dimensionless."""
+    angle_s: Floats | float
+    """rad/m, d(angle)/ds at the same load."""
+
+
+class Plectra(Protocol):
+    """Plectra of one friction; loads are given in `unit`."""
+
+    friction: float
+    """Coulomb coefficient, dimensionless."""
+    length: Floats
+    """m, shape (cases, 1)."""
+    unit: Floats
+    """N m^2, of the loads, shape (cases, 1)."""
+
+    def load_limit(self, s: Floats) -> Floats:
+        """Return the largest load at positions s [m], shape (cases, 1) or (1, 1)."""
+        ...
+
+    def under(self, load: Floats) -> Callable[[Floats], Loaded]:
+        """Return the plectra under loads as a function of the position s [m]."""
+        ...
+
+    def load_slopes(self, s: Floats, load: Floats) -> tuple[Floats, Floats, Floats]:
+        """Return the derivatives of x [m], z [m] and angle [rad] by the load at the same s."""
+        ...
+
+    def subset(self, rows: Rows) -> Self:
+        """Return some of the cases."""
+        ...
+
+
+class UniformPlectra:
+    """Elasticas; `unit` is the bending stiffness EI, so that a load is q = F s^2 / EI."""
+
+    def __init__(self, friction: float, length: Floats, bending_stiffness: Floats):
+        """Take lengths [m] and bending stiffnesses [N m^2], each of shape (cases,)."""
+        self.friction, self.length = friction, length[:, None]
+        self.unit = bending_stiffness[:, None]
+        self._table, self._slopes = elastica_tables(friction)
+        self._limit = np.full((1, 1), q_max(friction))
+
+    def load_limit(self, s: Floats) -> Floats:
+        """Return the q that turns the tangent by nearly 90 degrees, shape (1, 1)."""
+        return self._limit
+
+    def under(self, load: Floats) -> Callable[[Floats], Loaded]:
+        """Return the elasticas under loads q as a function of the position s [m]."""
+        x, z, theta = np.moveaxis(self._table(load), -1, 0)
+        x, z, angle = x.copy(), load * z, -load * theta
+        sine, cosine = np.sin(angle), np.cos(angle)
+        return lambda s: Loaded(s * x, s * z, angle, sine, cosine, x, z, 0.0)
+
+    def load_slopes(self, s: Floats, load: Floats) -> tuple[Floats, Floats, Floats]:
+        """Return the derivatives of x [m], z [m] and angle [rad] by q at the same s [m]."""
+        _, z, theta = np.moveaxis(self._table(load), -1, 0)
+        x_q, z_q, theta_q = np.moveaxis(self._slopes(load), -1, 0)
+        return s * x_q, s * (z + load * z_q), -theta - load * theta_q
+
+    def subset(self, rows: Rows) -> "UniformPlectra":
+        """Return some of the cases."""
+        return UniformPlectra(self.friction, self.length[rows, 0], self.unit[rows, 0])
+
+
+class OnePlectrum:
+    """One plectrum of any level as a single case; loads in N m^2."""
+
+    def __init__(self, plectrum: PlectrumMap):
+        self._map, self.friction = plectrum, plectrum.friction
+        self.length, self.unit = np.full((1, 1), plectrum.length), np.ones((1, 1))
+
+    def load_limit(self, s: Floats) -> Floats:
+        """Return the largest load [N m^2] at positions s [m]."""
+        return self._map.force_limit(s) * s**2
+
+    def under(self, load: Floats) -> Callable[[Floats], Loaded]:
+        """Return the plectrum under loads [N m^2] as a function of the position s [m]."""
+
+        def at(s: Floats) -> Loaded:
+            bend, force = self._map.bend(s, self._force(s, load)), self._force(s, load)
+            by_force = -2 * force / s  # dF/ds at the same load
+            return Loaded(
+                bend.x, bend.z, -bend.theta, -np.sin(bend.theta), np.cos(bend.theta),
+                bend.x_s + by_force * bend.x_f,
+                bend.z_s + by_force * bend.z_f,
+                -bend.theta_s - by_force * bend.theta_f,
+            )  # fmt: skip
+
+        return at
+
+    def load_slopes(self, s: Floats, load: Floats) -> tuple[Floats, Floats, Floats]:
+        """Return the derivatives of x [m], z [m] and angle [rad] by the load at the same s."""
+        bend = self._map.bend(s, self._force(s, load))
+        return bend.x_f / s**2, bend.z_f / s**2, -bend.theta_f / s**2
+
+    def subset(self, rows: Rows) -> "OnePlectrum":
+        """Return the one case."""
+        return self
+
+    def _force(self, s: Floats, load: Floats) -> Floats:
+        return np.minimum(load / s**2, self._map.force_limit(s))
+
+
+def plectra_of(plectrum: PlectrumMap) -> Plectra:
+    """Return a plectrum as a single case."""
+    if isinstance(plectrum, Elastica):
+        length, stiffness = np.array([plectrum.length]), np.array([plectrum.bending_stiffness])
+        return UniformPlectra(plectrum.friction, length, stiffness)
+    return OnePlectrum(plectrum)
