@@ -16,9 +16,9 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.figures import Figure
-from sautereau.daq.block import Block
 from sautereau.daq.file.container.writer import McapWriter
 from sautereau.daq.file.reading import read_recording
+from sautereau.daq.file.recorded import Block
 from sautereau.daq.file.recording import Recording, SessionInfo
 from sautereau.daq.file.schemas import encode, schema_data
 from sautereau.daq.file.streaming import stream

@@ -25,7 +25,7 @@ _SIGNS = (("gt", "> "), ("ge", ">= "), ("lt", "< "), ("le", "<= "))
 
 
 @dataclass(frozen=True)
-class Entry:
+class KeyDescription:
     """One key of a table."""
 
     name: str
@@ -43,7 +43,7 @@ class Entry:
 
 
 @dataclass(frozen=True)
-class Table:
+class TableDescription:
     """One table of the file."""
 
     name: str
@@ -54,10 +54,10 @@ class Table:
     """Whether a file must have it."""
     meaning: str
     """What it describes."""
-    entries: tuple[Entry, ...]
+    entries: tuple[KeyDescription, ...]
 
 
-def describe(model: type[BaseModel] = Rig) -> list[Table]:
+def describe(model: type[BaseModel] = Rig) -> list[TableDescription]:
     """Return every table that a rig file may have, in the file's order.
 
     Args:
@@ -68,19 +68,19 @@ def describe(model: type[BaseModel] = Rig) -> list[Table]:
 
 def _tables(
     models: tuple[type[BaseModel], ...], name: str, *, repeated: bool, needed: bool
-) -> Iterator[Table]:
+) -> Iterator[TableDescription]:
     fields = {k: f for m in models for k, f in m.model_fields.items() if not f.exclude}
     inner = {key: found for key, field in fields.items() if (found := _models(field.annotation))}
     entries = tuple(_entry(key, models) for key in fields if key not in inner)
     meaning = " Or: ".join(_prose(model.__doc__ or "") for model in models)
-    yield Table(name, repeated, needed, meaning, entries)
+    yield TableDescription(name, repeated, needed, meaning, entries)
     for key, found in inner.items():
         many = get_origin(_bare(fields[key].annotation)) is tuple
         dotted = f"{name}.{key}" if name else key
         yield from _tables(found, dotted, repeated=many, needed=fields[key].is_required())
 
 
-def _entry(key: str, models: tuple[type[BaseModel], ...]) -> Entry:
+def _entry(key: str, models: tuple[type[BaseModel], ...]) -> KeyDescription:
     """Return what is said of a key, by every kind of table that has it."""
     said = [_said(key, model) for model in models if key in model.model_fields]
 
@@ -95,7 +95,7 @@ def _entry(key: str, models: tuple[type[BaseModel], ...]) -> Entry:
     )
 
 
-def _said(key: str, model: type[BaseModel]) -> Entry:
+def _said(key: str, model: type[BaseModel]) -> KeyDescription:
     field, name = model.model_fields[key], unit_of(model, [key])
     unit = _written(name) if name else ""
     meaning = _prose(_docstrings(model).get(key, ""))
@@ -103,7 +103,7 @@ def _said(key: str, model: type[BaseModel]) -> Entry:
         if head != " " and meaning.startswith(head):
             meaning = meaning.removeprefix(head)
             break
-    return Entry(
+    return KeyDescription(
         key, unit, _kind(field.annotation, name), _default(field, name), _limits(field), meaning
     )
 

@@ -26,7 +26,7 @@ class Key(Section):
     """m, of the surface under the jack above the pin."""
     inertia: Inertia = Field(gt=0)
     """kg m^2, of the bare key about the pin."""
-    front_heaviness: Moment
+    gravity_moment: Moment
     """N m, weight moment of the bare key about the pin; positive lowers the front."""
     pivot_coulomb_friction: Moment = Field(ge=0)
     """N m, dry friction at the pin."""

@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from sautereau.rig.csv_files import read_columns
 from sautereau.rig.errors import RigError
-from sautereau.rig.tables import read_table
 from sautereau.rig.units import parse_quantity, shown
 
 Floats = NDArray[np.float64]
@@ -174,7 +174,7 @@ def _lengths(path: Path) -> Floats:
     def read(_: str, text: str) -> float:
         return parse_quantity(text, "m")
 
-    table = read_table(path, "outline file", {"x": "m", "z": "m"}, "x [mm], z [mm]", read)
+    table = read_columns(path, "outline file", {"x": "m", "z": "m"}, "x [mm], z [mm]", read)
     return np.column_stack([table["x"], table["z"]])
 
 
@@ -206,7 +206,7 @@ def _pixels(path: Path, table: Mapping[str, Any]) -> Floats:
             raise ValueError(f"{shown(text)} is not finite")
         return value
 
-    cells = read_table(path, "outline file", {"x": "px", "y": "px"}, "x [px], y [px]", read)
+    cells = read_columns(path, "outline file", {"x": "px", "y": "px"}, "x [px], y [px]", read)
     x, y = np.array(cells["x"]), np.array(cells["y"])
     if len(x):
         x, y = x - clamp[0], clamp[1] - y

@@ -242,9 +242,9 @@ class Rig(Section):
                 f" string of {self.string.length * 1e3:.6g} mm; lower it"
             )
         back = jack.mass * GRAVITY * key.jack_arm
-        if key.front_heaviness >= back:
+        if key.gravity_moment >= back:
             faults.append(
-                f"key.front_heaviness: {key.front_heaviness * 1e3:.6g} mN m is not less than the"
+                f"key.gravity_moment: {key.gravity_moment * 1e3:.6g} mN m is not less than the"
                 f" jack's {back * 1e3:.6g} mN m, so the key would not rest on its back rail;"
                 " lower it or raise jack.mass"
             )

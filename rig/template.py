@@ -4,7 +4,7 @@ import textwrap
 from collections.abc import Iterator
 from typing import Any
 
-from sautereau.rig.describe import Entry, Table, describe
+from sautereau.rig.describe import KeyDescription, TableDescription, describe
 from sautereau.rig.errors import RigError
 from sautereau.rig.packaged import named_text
 
@@ -44,7 +44,7 @@ def commented_rig() -> str:
     return "\n".join(lines) + "\n"
 
 
-def _table(table: Table, document: Any) -> Iterator[str]:
+def _table(table: TableDescription, document: Any) -> Iterator[str]:
     found = _at(document, table.name)
     header = f"[[{table.name}]]" if table.repeated else f"[{table.name}]"
     for values in found if isinstance(found, list) else [found]:
@@ -66,7 +66,7 @@ def _at(document: Any, dotted: str) -> Any:
     return node
 
 
-def _about(entry: Entry) -> str:
+def _about(entry: KeyDescription) -> str:
     quantity = entry.kind.endswith("quantity")
     parts = [
         entry.meaning.rstrip("."),
@@ -76,7 +76,7 @@ def _about(entry: Entry) -> str:
     return "; ".join(part for part in parts if part and part != "in ")
 
 
-def _line(entry: Entry, values: Any, absent: str) -> str:
+def _line(entry: KeyDescription, values: Any, absent: str) -> str:
     if values is not None and entry.name in values:
         return f"{entry.name} = {values[entry.name].as_string()}"
     return f"# {entry.name} = {entry.default or '...'}" if not absent else f"# {entry.name} = ..."

@@ -61,7 +61,7 @@ def finger_force(rig: Rig, angle: Motion, string_force: Floats) -> Floats:
     key = rig.key
     friction = key.pivot_coulomb_friction * np.sign(angle.velocity)
     friction = friction + key.pivot_viscous_friction * angle.velocity
-    moment = key.inertia * angle.acceleration + friction - key.front_heaviness
+    moment = key.inertia * angle.acceleration + friction - key.gravity_moment
     forces = np.atleast_2d(string_force)
     for number, choir in enumerate(choirs(rig)):
         lever = key_of(rig, choir)

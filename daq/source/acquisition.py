@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sautereau.daq.block import Block
 from sautereau.daq.errors import DaqError
+from sautereau.daq.file.recorded import Block
 from sautereau.daq.source.connection import connect
 from sautereau.daq.source.driver_faults import NOT_DONE, NOT_YET_AVAILABLE, told
 from sautereau.daq.source.task import TaskSettings, build_task, plan_task, read_back

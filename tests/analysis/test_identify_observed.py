@@ -11,7 +11,7 @@ from sautereau.analysis.identify.parameters import parameters
 from sautereau.analysis.identify.residuals import Balance
 from sautereau.analysis.model.key import finger_force
 from sautereau.analysis.phases import find_phases
-from sautereau.daq.signals.quality_flags import Mark
+from sautereau.daq.signals.quality_flags import QualityFlag
 from sautereau.trajectory.motion import Motion
 
 
@@ -85,13 +85,13 @@ def test_what_the_model_does_not_hold_for_is_left_out(press, taken):
 
 def test_marked_stretches_are_left_out(press):
     phases = find_phases(press)
-    gap = Mark("drop-out", "velocity", 0.100, 0.102)
-    taken = observed(replace(press, marks=(gap,)), phases)
+    gap = QualityFlag("drop-out", "velocity", 0.100, 0.102)
+    taken = observed(replace(press, quality_flags=(gap,)), phases)
     inside = (taken.time > 0.099) & (taken.time < 0.103)
     assert not taken.used[inside].any()
     assert taken.used[taken.time > 0.105].any()
-    clipped = Mark("clipped", "force", 0.100, 0.101)
-    taken = observed(replace(press, marks=(clipped,)), phases)
+    clipped = QualityFlag("clipped", "force", 0.100, 0.101)
+    taken = observed(replace(press, quality_flags=(clipped,)), phases)
     assert not taken.used[taken.time > 0.100].any()
 
 

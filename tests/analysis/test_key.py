@@ -31,7 +31,7 @@ def still(rise):
 def test_statics_at_rest_is_the_weight_through_the_lever(paper):
     """F a_p = m g b - front heaviness; nothing rubs that does not move."""
     found = finger_force(paper, still(0.0), np.zeros(1))
-    weight = paper.jack.mass * GRAVITY * paper.key.jack_arm - paper.key.front_heaviness
+    weight = paper.jack.mass * GRAVITY * paper.key.jack_arm - paper.key.gravity_moment
     assert found[0] == pytest.approx(weight / paper.key.press_arm, rel=1e-12)
     assert found[0] / GRAVITY == pytest.approx(0.005, abs=0.003)
 
@@ -43,7 +43,7 @@ def test_statics_of_a_held_string_at_any_angle(paper):
     key = paper.key
     found = finger_force(paper, still(angle), np.full(3, 0.5))
     lever = (key.jack_arm + key.jack_surface_height * np.sin(angle)) / np.cos(angle) ** 2
-    moment = (paper.jack.mass * GRAVITY + 0.5) * lever - key.front_heaviness
+    moment = (paper.jack.mass * GRAVITY + 0.5) * lever - key.gravity_moment
     np.testing.assert_allclose(found, moment / key.press_arm, rtol=1e-12)
 
 
@@ -91,7 +91,7 @@ def test_the_fingers_work_is_energy_and_heat(paper):
         kinetic = key.inertia * angle.velocity**2 / 2 + jack.mass * rise.velocity**2 / 2
         potential = (
             jack.mass * GRAVITY * rise_of_angle(key, angle.position)
-            - key.front_heaviness * angle.position
+            - key.gravity_moment * angle.position
         )
         errors.append(work - heat - np.ptp((kinetic + potential)[[0, -1]]))
     orders = np.log2(np.abs(np.divide(errors[:-1], errors[1:])))

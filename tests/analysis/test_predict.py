@@ -78,7 +78,7 @@ def test_the_fingers_work_is_energy_and_heat(paper, prediction):
         work = trapezoid(prediction.finger_force[upto] * key.press_arm, a)
         stored = (
             jack.mass * GRAVITY * rise[-1]
-            - key.front_heaviness * a[-1]
+            - key.gravity_moment * a[-1]
             + key.inertia * (w[-1] ** 2 - w[0] ** 2) / 2
         )
         heat = (
@@ -98,7 +98,7 @@ def test_statics_before_contact(paper):
     found = predict(slow).finger_force[0]
     key, jack = paper.key, paper.jack
     load = jack.mass * GRAVITY + jack.register_friction
-    moment = load * key.jack_arm + key.pivot_coulomb_friction - key.front_heaviness
+    moment = load * key.jack_arm + key.pivot_coulomb_friction - key.gravity_moment
     assert found == pytest.approx(moment / key.press_arm, rel=1e-5)
 
 

@@ -15,8 +15,8 @@ from pathlib import Path
 
 import numpy as np
 
-from sautereau.daq.block import Block
 from sautereau.daq.file.reading import read_recording
+from sautereau.daq.file.recorded import Block
 from sautereau.daq.file.recording import Recording, SessionInfo
 from sautereau.daq.file.recovery import recover
 from sautereau.rig.load import load_rig

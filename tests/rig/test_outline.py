@@ -144,7 +144,7 @@ def test_no_plectrum_is_refused_with_the_reason(outline_of, points, reason):
             '{ file = "contour.csv", scale = "-1 mm", clamp = [0, "1"] }',
             ["not above 0", "[0, '1']"],
         ),
-        ('{ file = "contour.csv", scale = "1 mm", clamp = [0, 0] }', ["names no column y"]),
+        ('{ file = "contour.csv", scale = "1 mm", clamp = [0, 0] }', ["has no column y"]),
     ],
 )
 def test_a_wrong_table_is_refused_with_the_reason(outline_of, table, reasons):

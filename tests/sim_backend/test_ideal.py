@@ -130,7 +130,7 @@ def test_a_finger_at_rest_on_the_key_feels_a_steady_force(depth):
         for _ in range(50)
     ]
     force = np.concatenate([m.finger_force for m in still])
-    carried = (JACK.mass * GRAVITY * KEY.jack_arm - KEY.front_heaviness) / KEY.press_arm
+    carried = (JACK.mass * GRAVITY * KEY.jack_arm - KEY.gravity_moment) / KEY.press_arm
     assert np.ptp(force) < 1e-9
     if depth == -1e-6:
         assert force[0] == 0
@@ -153,7 +153,7 @@ def test_the_fingers_work_is_energy_and_heat(seen):
         KEY.inertia * moved.spin**2 / 2
         + JACK.mass * speed**2 / 2
         + JACK.mass * GRAVITY * moved.rise
-        - KEY.front_heaviness * moved.angle
+        - KEY.gravity_moment * moved.angle
     )
     steps = np.diff(moved.time, prepend=0.0)
     balance = np.cumsum((power - heat) * steps) - stored

@@ -26,7 +26,7 @@ def pushed(force, duration, rest, truth=None, **changes):
     return load_scene("free-key").model_copy(update=update)
 
 
-THROWN = pushed("0.8 N", "15 ms", "150 ms", {"key.front_heaviness": "-50 mN m"})
+THROWN = pushed("0.8 N", "15 ms", "150 ms", {"key.gravity_moment": "-50 mN m"})
 """A key so heavy at its back that it falls twice as fast as a jack."""
 
 
@@ -51,7 +51,7 @@ def test_a_jack_that_is_left_behind_flies():
 
 def test_landing_conserves_momentum():
     """The felt stops the key, and the jack goes on and lands on a key that falls back slowly."""
-    truth = {"key.felt_damping": "60 N s/m", "key.front_heaviness": "-8 mN m"}
+    truth = {"key.felt_damping": "60 N s/m", "key.gravity_moment": "-8 mN m"}
     moved = observe(RIG, pushed("0.3 N", "45 ms", "85 ms", truth, felt=True)).motions
     gap = moved.rise - rise_of_angle(KEY, moved.angle)
     flying = gap > 1e-9
@@ -85,7 +85,7 @@ def test_a_damper_carries_part_of_the_jack():
     """Below its lift the key needs that much less force: by hand, at rest and just above."""
     damper = JACK.damper
     carried = damper.stiffness * damper.lift
-    needed = ((JACK.mass * GRAVITY - carried) * KEY.jack_arm - KEY.front_heaviness) / KEY.press_arm
+    needed = ((JACK.mass * GRAVITY - carried) * KEY.jack_arm - KEY.gravity_moment) / KEY.press_arm
     for share, moves in ((0.999, False), (1.001, True)):
         scene = pushed(f"{needed * share} N", "40 ms", "0 s", damper=True)
         moved = observe(RIG, scene).motions

@@ -37,7 +37,7 @@ def solved(force, start, until, string=None, damping=0.0, stop=None):
         load = JACK.mass * (GRAVITY + bend * spin**2)
         if string is not None:
             load += float(string.force_on_jack(max(rise(angle) - JACK.string_clearance, 0.0)))
-        moment = KEY.press_arm * force + KEY.front_heaviness - damping * spin
+        moment = KEY.press_arm * force + KEY.gravity_moment - damping * spin
         inertia = KEY.inertia + JACK.mass * slope(angle) ** 2
         return [spin, (moment - slope(angle) * load) / inertia]
 
@@ -132,7 +132,7 @@ def test_energy_is_that_of_the_push():
         KEY.inertia * moved.spin**2 / 2
         + JACK.mass * speed**2 / 2
         + JACK.mass * GRAVITY * moved.rise
-        - KEY.front_heaviness * moved.angle
+        - KEY.gravity_moment * moved.angle
     )
     work = 1.2 * KEY.press_arm * moved.angle
     pluck = rig_pluck(RIG)
@@ -166,7 +166,7 @@ def test_dry_friction_holds_a_key_that_is_hardly_pushed():
     """Its own weight lifts the front by 8.65 mN m, and 0.5 + 4.3 mN m of friction add to it."""
     needed = (
         JACK.mass * GRAVITY * KEY.jack_arm
-        - KEY.front_heaviness
+        - KEY.gravity_moment
         + KEY.pivot_coulomb_friction
         + JACK.register_friction * KEY.jack_arm
     ) / KEY.press_arm

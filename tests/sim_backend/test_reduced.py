@@ -96,7 +96,7 @@ def solved_push(force, end):
         )
         height = float(rise_of_angle(KEY, angle)) - JACK.string_clearance
         string = float(pluck.force_on_jack(height)) if held["string"] else 0.0
-        moment = KEY.press_arm * force + KEY.front_heaviness - KEY.pivot_coulomb_friction
+        moment = KEY.press_arm * force + KEY.gravity_moment - KEY.pivot_coulomb_friction
         moment -= KEY.pivot_viscous_friction * spin
         if held["felt"]:
             depth = KEY.felt_stiffness * (angle - bottom) + KEY.felt_damping * spin
@@ -227,7 +227,7 @@ def test_energy_is_that_of_the_push_less_that_of_the_pluck():
     motions = happened.motions
     slope = rise_slope(KEY, motions.angle)
     energy = (KEY.inertia + JACK.mass * slope**2) * motions.spin**2 / 2
-    energy += JACK.mass * GRAVITY * motions.rise - KEY.front_heaviness * motions.angle
+    energy += JACK.mass * GRAVITY * motions.rise - KEY.gravity_moment * motions.angle
     pushed = motions.angle[motions.time <= 15 * PERIOD]
     work = 1.2 * KEY.press_arm * np.minimum(motions.angle, pushed[-1])
     work[motions.time > release.time] -= rig_pluck(RIG).work
@@ -275,7 +275,7 @@ def test_a_resting_key_stays_at_rest():
 
 
 def test_dry_friction_holds_the_key_as_long_as_it_can():
-    back = JACK.mass * GRAVITY * KEY.jack_arm - KEY.front_heaviness
+    back = JACK.mass * GRAVITY * KEY.jack_arm - KEY.gravity_moment
     dry = KEY.pivot_coulomb_friction + JACK.register_friction * KEY.jack_arm
     least = (back + dry) / KEY.press_arm
     stuck = run(RIG, scene(force=f"{least * (1 - 1e-9)} N"))
@@ -303,7 +303,7 @@ def test_dry_friction_holds_the_key_as_long_as_it_can():
         {"string.tension": "66950 N"},
         {"string.tension": "0.066 N"},
         {"plectrum.overlap": "0.001 mm"},
-        {"key.front_heaviness": "0 mN m"},
+        {"key.gravity_moment": "0 mN m"},
         {"jack.register_friction": "0 mN", "key.pivot_coulomb_friction": "0 mN m"},
     ],
 )

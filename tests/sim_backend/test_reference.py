@@ -79,7 +79,7 @@ def test_a_pushed_key_moves_by_its_energy():
     key, mass = RIG.key, RIG.jack.mass
     moved = solve(RIG, pushed(1.2, 40 * PERIOD, **BARE))
     angle, spin = np.array(moved.states)[:, :2].T
-    moment = 1.2 * key.press_arm + key.front_heaviness
+    moment = 1.2 * key.press_arm + key.gravity_moment
 
     def speed(a):
         inertia = key.inertia + mass * float(rise_slope(key, a)) ** 2
@@ -93,7 +93,7 @@ def test_a_pushed_key_moves_by_its_energy():
 
 def test_a_light_jacks_key_swings_on_the_felt_as_a_spring():
     """Down in sqrt(2 I dip / P), then half a period and the arcs before it and after it."""
-    changes = {"jack.mass": "1e-12 kg", "key.front_heaviness": "0 N m"}
+    changes = {"jack.mass": "1e-12 kg", "key.gravity_moment": "0 N m"}
     changes["key.felt_damping"] = "0 N s/m"
     scene = pushed(1.0, 0.06, **{**BARE, "felt": True}, truth=changes)
     moved = solve(RIG, scene)
@@ -117,7 +117,7 @@ def test_a_light_jacks_key_swings_on_the_felt_as_a_spring():
 
 def test_a_jack_flies_and_lands_as_a_stone():
     """A back-heavy key drops away under it, and is on its rail before the jack is."""
-    truth = {"key.front_heaviness": "-50 mN m"}
+    truth = {"key.gravity_moment": "-50 mN m"}
     moved = solve(RIG, pushed(1.0, 20 * PERIOD, 0.2, **BARE, truth=truth))
     times, states = np.array(moved.times), np.array(moved.states)
     start = int(np.argmin(abs(times - 20 * PERIOD)))
@@ -142,7 +142,7 @@ def test_a_jack_flies_and_lands_as_a_stone():
 def test_friction_holds_the_key_up_to_its_limit(share, moves):
     """tau + f b + m g b - H is what the finger must give to start."""
     key, jack = RIG.key, RIG.jack
-    limit = key.pivot_coulomb_friction - key.front_heaviness
+    limit = key.pivot_coulomb_friction - key.gravity_moment
     limit += (jack.mass * GRAVITY + jack.register_friction) * key.jack_arm
     moved = solve(RIG, pushed(share * limit / key.press_arm, 0.05, **MUTE))
     assert (max(state[0] for state in moved.states) > 0) == moves
@@ -183,7 +183,7 @@ def _balance(rig, moved, time, force, friction=True):
     states = np.array(moved.states)
     angle, spin, rise, speed = states[i]
     stored = key.inertia * spin**2 / 2 + jack.mass * speed**2 / 2
-    stored += jack.mass * GRAVITY * rise - key.front_heaviness * angle
+    stored += jack.mass * GRAVITY * rise - key.gravity_moment * angle
     heat = key.pivot_coulomb_friction * angle + jack.register_friction * rise
     heat += key.pivot_viscous_friction * simpson(states[: i + 1, 1] ** 2, x=times[: i + 1])
     work = force * key.press_arm * angle
@@ -370,7 +370,7 @@ def test_the_motors_work_is_energy_and_heat(paper):
         still = np.zeros(2)
         arm = energy(RIG.arm, Motion(state[4:6], state[6:8], still))
         own = key.inertia * spin**2 / 2 + jack.mass * speed**2 / 2
-        return arm + own + jack.mass * GRAVITY * rise - key.front_heaviness * angle
+        return arm + own + jack.mass * GRAVITY * rise - key.gravity_moment * angle
 
     turned, lifted = states[last, 0] - states[first, 0], states[last, 2] - states[first, 2]
     heat = key.pivot_coulomb_friction * turned + jack.register_friction * lifted
@@ -432,7 +432,7 @@ def _multiplied(z, torques, pluck):
     height = float(rise_of_angle(key, a)) - jack.string_clearance
     string = float(pluck.force_on_jack(np.array([height]))[0])
     load = jack.mass * (GRAVITY + bend) + string + jack.register_friction
-    moment = key.front_heaviness - key.pivot_viscous_friction * w - key.pivot_coulomb_friction
+    moment = key.gravity_moment - key.pivot_viscous_friction * w - key.pivot_coulomb_friction
     moment -= slope * load
     normal, tangent = np.array([-np.sin(a), np.cos(a)]), np.array([np.cos(a), np.sin(a)])
     total = q[0] + q[1]
@@ -556,7 +556,7 @@ def test_a_reference_that_jumps_is_refused():
 
 EXTREMES = {
     "heavy": {"jack.mass": "60 kg"},
-    "light": {"jack.mass": "2e-3 kg", "key.front_heaviness": "0 N m"},
+    "light": {"jack.mass": "2e-3 kg", "key.gravity_moment": "0 N m"},
     "hard felt": {"key.felt_stiffness": "20 MN/m"},
     "soft felt": {"key.felt_stiffness": "20 N/m"},
     "hard string": {"string.tension": "66.95 kN"},

@@ -104,7 +104,7 @@ def benches(of: Numbers, places: Floats) -> Floats:
 def _set_key(of: Numbers, found: Floats) -> None:
     scene, arm = of.scene, of("key.press_arm")
     found[:, INERTIA] = of("key.inertia")
-    found[:, HEAVINESS] = of("key.front_heaviness")
+    found[:, HEAVINESS] = of("key.gravity_moment")
     if scene.friction:
         found[:, VISCOUS] = of("key.pivot_viscous_friction")
         found[:, DRY] = of("key.pivot_coulomb_friction")

@@ -32,7 +32,7 @@ from sautereau.trajectory.motion import Floats
 
 CHUNK = 192
 """Plucks that are solved together, few enough for the processor's cache."""
-_LEVER = ("press_arm", "jack_arm", "jack_surface_height", "inertia", "front_heaviness")
+_LEVER = ("press_arm", "jack_arm", "jack_surface_height", "inertia", "gravity_moment")
 _PLECTRUM = ("youngs_modulus", "width", "thickness", "length", "overlap", "friction")
 _STRING = ("tension", "length", "plucking_point")
 _LIMITS = {"gt": np.greater, "ge": np.greater_equal, "lt": np.less, "le": np.less_equal}
@@ -93,7 +93,7 @@ def sound(of: Numbers, presses: int) -> NDArray[np.bool_]:
         good &= of(f"{at}string.plucking_point") < of(f"{at}string.length")
         good &= of(f"{at}plectrum.overlap") < of(f"{at}plectrum.length")
     back = of("jack.mass") * GRAVITY * of("key.jack_arm")
-    return good & (of("key.front_heaviness") < back)
+    return good & (of("key.gravity_moment") < back)
 
 
 def varied_laws(of: Numbers, played: NDArray[np.bool_]) -> tuple[Floats, Floats, NDArray[np.bool_]]:

@@ -16,7 +16,7 @@ class KeyLoads:
     """Moments [N mm] on the key over its angle [rad] and spin [rad/ms]."""
 
     def __init__(self, key: Key, scene: Scene):
-        self.weight = key.front_heaviness * MM
+        self.weight = key.gravity_moment * MM
         self.steady = self.weight
         """N mm, of weight and of what the finger puts on the key without touching it."""
         self.friction = key.pivot_coulomb_friction * MM if scene.friction else 0.0

@@ -1,7 +1,7 @@
-"""Sensor signals: volts to SI and back, AC coupling undone, the age of the calibration.
+"""Calibration: volts to SI units and back, inverse of the AC coupling, age of the calibration.
 
-A recording holds raw volts; what stands here turns them into what the sensor felt. The lag
-behind the motion is taken back in `daq.signals.delays`.
+A recording holds raw volts; this module converts them to the measured quantity, such as
+newtons. The sensor's delay is compensated in `daq.signals.delays`.
 """
 
 import math
@@ -13,35 +13,36 @@ from numpy.typing import NDArray
 from sautereau.rig.acquisition import Channel
 
 CALIBRATION_LIFE = 366
-"""Days after which a calibration is told to be old."""
+"""Days after which a calibration is reported as old."""
 NOISE_ROWS = 2048
-"""Second differences from which a noise is told, about, where there are so many."""
+"""Approximate number of second differences used to estimate the noise of a long signal."""
 
 Signal = NDArray[np.float64]
 
 
 def to_si(volts: Signal, channel: Channel) -> Signal:
-    """Apply the channel's scale: volts (V) to its SI unit, any shape."""
+    """Convert volts (V) to the channel's SI unit, any shape."""
     return np.asarray(volts, dtype=float) * channel.scale
 
 
 def to_volts(values: Signal, channel: Channel) -> Signal:
-    """Undo `to_si`: values in the channel's SI unit to volts (V), any shape."""
+    """Convert values in the channel's SI unit to volts (V), any shape."""
     return np.asarray(values, dtype=float) / channel.scale
 
 
 def undo_high_pass(values: Signal, corner: float, rate: float) -> Signal:
-    """Restore what a first-order high-pass took from a signal at rest before the record.
+    """Invert a first-order high-pass, for a signal at rest before the recording.
 
     The filter is y' + w y = x', with y = x = 0 before the first sample, so that
-    x = y + w * integral of y. By trapezia, with w / rate = 2 tan(pi corner / rate), that is the
-    exact inverse of the sampled filter, and of the analogue one up to second order of the
-    step. An offset of y becomes a ramp of x, w times as steep: take it off first.
+    x = y + w * integral of y. With the trapezoidal rule and w / rate = 2 tan(pi corner / rate),
+    this is the exact inverse of the sampled filter, and of the analogue one to second order in
+    the step. An offset of y becomes a ramp of x with w times its value as slope: subtract the
+    offset first.
 
     Args:
-        values: Shape (n_samples,), the filtered signal, in any unit.
-        corner: Hz, of the high-pass; 0 returns the signal as it is.
-        rate: Hz, of the samples.
+        values: Filtered signal, shape (n_samples,), in any unit.
+        corner: Corner frequency of the high-pass, Hz; 0 returns a copy of the signal.
+        rate: Sampling rate, Hz.
 
     Returns:
         Shape (n_samples,), in the unit of ``values``.
@@ -58,15 +59,16 @@ def undo_high_pass(values: Signal, corner: float, rate: float) -> Signal:
 
 
 def correct(volts: Signal, channel: Channel, rate: float) -> Signal:
-    """Turn raw volts into SI values with the droop of the AC coupling undone.
+    """Convert raw volts to SI values and invert the AC coupling.
 
     Args:
-        volts: Shape (n_samples,), V, from rest on.
-        channel: The channel as its calibration chart describes it.
-        rate: Hz, of the samples.
+        volts: Raw volts, shape (n_samples,), V, starting at rest.
+        channel: Channel with its calibration.
+        rate: Sampling rate, Hz.
 
     Returns:
-        Shape (n_samples,), in ``channel.unit``; the lag is still in it, see `daq.signals.delays`.
+        Shape (n_samples,), in ``channel.unit``; the delay is not compensated, see
+        `daq.signals.delays`.
     """
     return undo_high_pass(to_si(volts, channel), channel.high_pass, rate)
 
@@ -74,14 +76,14 @@ def correct(volts: Signal, channel: Channel, rate: float) -> Signal:
 def white_noise(signal: Signal) -> float:
     """Return the standard deviation of the white noise in a signal, in its unit.
 
-    It comes from the median of the second differences, which motion hardly touches. Of a long
-    signal every so many are enough: `NOISE_ROWS` tell it to 2.6 %.
+    It follows from the median of the second differences, on which motion has hardly any effect.
+    Of a long signal only `NOISE_ROWS` of them are used, which gives it to 2.6 %.
     """
     n = len(signal) - 2
     if n < 1:
         return 0.0
     step = max(1, round(n / NOISE_ROWS))
-    with np.errstate(over="ignore", invalid="ignore"):  # samples may be anything
+    with np.errstate(over="ignore", invalid="ignore"):  # samples may be any double
         second = signal[2::step] - 2 * signal[1:-1:step] + signal[:n:step]
         second = second[np.isfinite(second)]
     if not len(second):
@@ -91,30 +93,31 @@ def white_noise(signal: Signal) -> float:
 
 
 def _median(signal: Signal) -> float:
-    """Return the median, of an even number the upper of the two, sooner than numpy's own."""
+    """Return the median, of an even number the upper of the two; faster than numpy's."""
     middle = len(signal) // 2
     return float(np.partition(signal, middle)[middle])
 
 
 def calibration_warning(channel: Channel, on: date) -> str | None:
-    """Tell what is wrong with the age of a channel's calibration, if anything is.
+    """Return a warning about the age of a channel's calibration; None if there is none.
 
     Args:
-        channel: Its ``calibrated`` is the chart's date.
+        channel: Channel with the date of its calibration.
         on: Day of the recording.
     """
     who = f"{channel.name}: {channel.sensor}"
     if channel.calibrated is None:
-        return f"{who} has no date of calibration; give `calibrated` from its chart in the rig"
+        return f"{who} has no date of calibration; set `calibrated` in the rig file"
     age = (on - channel.calibrated).days
     if age < 0:
         return (
             f"{who} was calibrated on {channel.calibrated}, {-age} days after the recording of"
-            f" {on}; mend `calibrated` in the rig, or see whether the scale was another then"
+            f" {on}; correct `calibrated` in the rig file, or check whether the scale was different"
+            " then"
         )
     if age > CALIBRATION_LIFE:
         return (
             f"{who} was calibrated on {channel.calibrated}, {age} days before the recording, more"
-            f" than {CALIBRATION_LIFE}; have it calibrated anew"
+            f" than {CALIBRATION_LIFE}; have it recalibrated"
         )
     return None
