@@ -1,4 +1,4 @@
-"""Say what a rig file may hold: every key with unit, default, limits and meaning."""
+"""Reference of the rig file: every key with unit, default, limits and meaning."""
 
 import ast
 import inspect
@@ -20,7 +20,7 @@ from sautereau.rig.faults import unit_of
 from sautereau.rig.schema import Rig
 from sautereau.rig.units import format_quantity
 
-_KINDS = {str: "text", int: "whole number", bool: "true or false", date: "date", float: "number"}
+_KINDS = {str: "text", int: "integer", bool: "true or false", date: "date", float: "number"}
 _SIGNS = (("gt", "> "), ("ge", ">= "), ("lt", "< "), ("le", "<= "))
 
 
@@ -29,15 +29,15 @@ class KeyDescription:
     """One key of a table."""
 
     name: str
-    """Of the key in its table."""
+    """Name of the key in its table."""
     unit: str
-    """SI unit as people write it; empty where there is none."""
+    """SI unit as people write it; empty if there is none."""
     kind: str
-    """What stands for the value: quantity, whole number, text, one of several words."""
+    """Kind of value: quantity, integer, text, one of several words."""
     default: str | None
-    """As TOML writes it; empty where nothing is the default, None where a value is needed."""
+    """Default as TOML writes it; empty if the key is optional, None if it is required."""
     limits: str
-    """That a value keeps to, in `unit`; empty where there are none."""
+    """Limits of the value, in `unit`; empty if there are none."""
     meaning: str
     """The field's docstring without its unit."""
 
@@ -47,7 +47,7 @@ class TableDescription:
     """One table of the file."""
 
     name: str
-    """Dotted; empty for the top level."""
+    """Dotted name; empty for the top level."""
     repeated: bool
     """Whether it is an array of tables, ``[[name]]``."""
     needed: bool
@@ -61,7 +61,7 @@ def describe(model: type[BaseModel] = Rig) -> list[TableDescription]:
     """Return every table that a rig file may have, in the file's order.
 
     Args:
-        model: The table to begin with; the whole rig by default.
+        model: The outermost table; default: the complete rig.
     """
     return list(_tables((model,), "", repeated=False, needed=True))
 
@@ -81,21 +81,21 @@ def _tables(
 
 
 def _entry(key: str, models: tuple[type[BaseModel], ...]) -> KeyDescription:
-    """Return what is said of a key, by every kind of table that has it."""
-    said = [_said(key, model) for model in models if key in model.model_fields]
+    """Return the description of a key, joined over all kinds of tables that have it."""
+    described = [_described(key, model) for model in models if key in model.model_fields]
 
-    def together(name: str, link: str) -> str:
-        return link.join(dict.fromkeys(getattr(entry, name) for entry in said))
+    def joined(name: str, link: str) -> str:
+        return link.join(dict.fromkeys(getattr(entry, name) for entry in described))
 
     return replace(
-        said[0],
-        unit=together("unit", " or "),
-        kind=together("kind", ", ").replace(", one of", ","),
-        meaning=together("meaning", " Or: "),
+        described[0],
+        unit=joined("unit", " or "),
+        kind=joined("kind", ", ").replace(", one of", ","),
+        meaning=joined("meaning", " Or: "),
     )
 
 
-def _said(key: str, model: type[BaseModel]) -> KeyDescription:
+def _described(key: str, model: type[BaseModel]) -> KeyDescription:
     field, name = model.model_fields[key], unit_of(model, [key])
     unit = _written(name) if name else ""
     meaning = _prose(_docstrings(model).get(key, ""))
@@ -110,9 +110,9 @@ def _said(key: str, model: type[BaseModel]) -> KeyDescription:
 
 @cache
 def _docstrings(model: type[BaseModel]) -> dict[str, str]:
-    """Return the fields' docstrings; they are read here, for few programs ask for them.
+    """Return the fields' docstrings.
 
-    Pydantic would read them as the models are made, which every command would wait for.
+    Pydantic could read them as the models are made, which would slow the start of every command.
     """
     found: dict[str, str] = {}
     for kind in reversed(model.__mro__):
@@ -123,9 +123,9 @@ def _docstrings(model: type[BaseModel]) -> dict[str, str]:
             match field, text:
                 case (
                     ast.AnnAssign(target=ast.Name(id=name)),
-                    ast.Expr(value=ast.Constant(value=str(said))),
+                    ast.Expr(value=ast.Constant(value=str(docstring))),
                 ):
-                    found[name] = inspect.cleandoc(said)
+                    found[name] = inspect.cleandoc(docstring)
     return found
 
 
@@ -135,14 +135,14 @@ def _written(unit: str) -> str:
 
 
 def _models(annotation: Any) -> tuple[type[BaseModel], ...]:
-    """Return the tables that an annotation allows; none where it is a value."""
+    """Return the tables that an annotation allows; none if it is a value."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return (annotation,)
     return tuple(model for inner in get_args(annotation) for model in _models(inner))
 
 
 def _bare(annotation: Any) -> Any:
-    """Return an annotation without its metadata, and without a None beside it."""
+    """Return an annotation without its metadata and without an alternative None."""
     if get_origin(annotation) is Annotated:
         return _bare(get_args(annotation)[0])
     if get_origin(annotation) in (Union, types.UnionType):

@@ -107,7 +107,7 @@ def test_a_file_that_is_not_there(tmp_path, name):
         ("time [s], rise [mm]\n0, 0\n0.02, 1\n0.01, 2\n", "start at 0 s and increase"),
         ("time [s], rise [mm]\n0.1, 0\n0.2, 1\n0.3, 2\n", "start at 0 s and increase"),
         ("time [s], rise [m]\n0, 0\n0.1, 1\n0.2, 2\n", "not within 0 to 15 mm; check the unit"),
-        ("time [s], rise [mm]\n0, 1\n0.1, 2\n0.2, 3\n", "rise of 1 mm and not at 0 mm"),
+        ("time [s], rise [mm]\n0, 1\n0.1, 2\n0.2, 3\n", "rise of 1 mm, not at 0 mm"),
         ("time [s], rise [mm]\n0, 0\n0.1, -1\n0.2, 3\n", "not within 0 to 15 mm"),
         ("time [s], rise [mm]\n0, 0\n0.1, 1\n", "3"),
         ("time [s], rise [mm]\n0, 0\n0.1, x\n", "line [0-9]+: press.gesture: gesture file"),

@@ -156,7 +156,7 @@ def test_a_wrong_table_is_refused_with_the_reason(outline_of, table, reasons):
 
 def test_pixels_are_no_lengths(outline_of):
     table = '{ file = "contour.csv", scale = "1 mm", clamp = [0, 0] }'
-    with pytest.raises(RigError, match="is no number of pixels"):
+    with pytest.raises(RigError, match="is not a number of pixels"):
         outline_of(csv(WEDGE, "x [mm], y [mm]"), table)
 
 

@@ -53,8 +53,8 @@ def test_a_rig_is_frozen(paper):
         ("assumed", {}, "assumed: unknown quantity"),
         ("press.jack_speed", "1 mm", "press.jack_speed: '1 mm' has the dimension [length]"),
         ("press.jack_speed", 0.1, "press.jack_speed: 0.1 has no unit"),
-        ("press.jack_speed", None, "press.jack_speed: None is no quantity"),
-        ("key.press_arm", "190 mm", "key.press_arm: 190 mm lies in front of the key's edge"),
+        ("press.jack_speed", None, "press.jack_speed: None is not a quantity"),
+        ("key.press_arm", "190 mm", "key.press_arm: 190 mm is beyond the key's front edge"),
         ("", "1 m", "unknown quantity"),
     ],
 )
