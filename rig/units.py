@@ -3,7 +3,7 @@
 import math
 import re
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, lru_cache
 from typing import Any
 
 from pydantic import GetCoreSchemaHandler
@@ -19,6 +19,12 @@ def _registry():
     import pint
 
     return pint.UnitRegistry(autoconvert_offset_to_baseunit=False)
+
+
+@lru_cache(maxsize=1024)
+def _unit(text: str):
+    """Return pint's unit of a text; half of the time to load a rig without the cache."""
+    return _registry().parse_units(text)
 
 
 def parse_quantity(text: str, unit: str) -> float:
@@ -37,10 +43,10 @@ def parse_quantity(text: str, unit: str) -> float:
     if parts is None:
         raise ValueError(f"{shown(text)} is not a number with a unit")
     try:
-        number, given = float(parts[1]), registry.parse_units(parts[2])
+        number, given = float(parts[1]), _unit(parts[2])
     except Exception as error:  # pint raises many kinds, the tokenizer's too
         raise ValueError(f"{shown(text)} is not a number with a unit") from error
-    target = registry.Unit(unit)
+    target = _unit(unit)
     if unit and not parts[2]:
         raise ValueError(f"{shown(text)} has no unit")
     if given.dimensionality != target.dimensionality:

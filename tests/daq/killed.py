@@ -90,7 +90,7 @@ def try_recover(part: Path):
     try:
         return recover(part)
     except RecordingError as error:
-        if "no sample of it is left" not in str(error):
+        if "none of its samples is intact" not in str(error):
             raise
         return None
 

@@ -34,13 +34,25 @@ def records(path):
         return list(StreamReader(file, validate_crcs=True).records)
 
 
-@settings(max_examples=40, deadline=None)
-@given(
-    bits=st.lists(
-        hnp.arrays(np.uint64, st.tuples(st.just(2), st.integers(1, 300))), min_size=1, max_size=5
-    )
+BITS = st.lists(
+    hnp.arrays(np.uint64, st.tuples(st.just(2), st.integers(1, 300))), min_size=1, max_size=5
 )
+
+
+@settings(max_examples=10, deadline=None)
+@given(BITS)
 def test_any_bits_in_blocks_of_any_length_come_back(bits):
+    check_round_trip(bits)
+
+
+@pytest.mark.slow
+@settings(max_examples=300, deadline=None)
+@given(BITS)
+def test_many_bits_in_blocks_of_any_length_come_back(bits):
+    check_round_trip(bits)
+
+
+def check_round_trip(bits):
     whole = np.concatenate(bits, axis=1)
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "press.mcap"

@@ -64,7 +64,7 @@ def test_a_session_can_be_resumed():
     """Its manifest has the rig of a plan for the same bench, key by key."""
     manifest = read_manifest(OLD / "session")
     assert manifest is not None
-    rig = read_recording(OLD / "session" / "press-0001.mcap").rig
+    rig = load_rig(OLD / "rig.toml")
     plan = Plan(rig, (Row(rig, 2, {}, ""),))
     assert manifest.plan["rig"] == plan.document()["rig"]
     assert "gravity_moment" in manifest.plan["rig"]["key"]

@@ -92,7 +92,7 @@ def between(low, high):
     return st.floats(low, high, allow_nan=False)
 
 
-@given(
+VALID = (
     st.fixed_dictionaries(
         {
             "key.press_arm": between(1e-9, 0.185),
@@ -108,8 +108,22 @@ def between(low, high):
     between(0, 0.499),
     st.tuples(between(-7, 7), between(-7, 7)),
 )
-@settings(deadline=None, max_examples=60)
+
+
+@given(*VALID)
+@settings(deadline=None, max_examples=15)
 def test_json_is_exact_for_any_valid_values(values, ratio, angles):
+    check_json(values, ratio, angles)
+
+
+@pytest.mark.slow
+@given(*VALID)
+@settings(deadline=None, max_examples=300)
+def test_json_is_exact_for_many_valid_values(values, ratio, angles):
+    check_json(values, ratio, angles)
+
+
+def check_json(values, ratio, angles):
     unit = {
         "key.inertia": "kg m^2",
         "press.jack_speed": "m/s",
