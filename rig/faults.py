@@ -76,14 +76,14 @@ def near_miss(key: str, known: list[str]) -> str:
     """Return the end of a message that suggests the known key most similar to a wrong one."""
     bare = re.sub(r"\.\d+(?=\.|$)", "", key)
     section, _, last = bare.rpartition(".")
-    beside = [k.rpartition(".")[2] for k in known if k.rpartition(".")[0] == section]
-    if close := difflib.get_close_matches(last, beside, n=1):
+    same_table = [k.rpartition(".")[2] for k in known if k.rpartition(".")[0] == section]
+    if close := difflib.get_close_matches(last, same_table, n=1):
         return f"; did you mean {close[0]!r}?"
     elsewhere = [k for k in known if k.rpartition(".")[2] == last]
     if elsewhere:
         return f"; did you mean {elsewhere[0]!r}?"
-    if beside:
-        return f"; {section or 'the top level'} has {', '.join(sorted(set(beside)))}"
+    if same_table:
+        return f"; {section or 'the top level'} has {', '.join(sorted(set(same_table)))}"
     return near_miss(section, known) if section else ""
 
 

@@ -18,7 +18,7 @@ from sautereau.daq.file.provenance import start_head
 from sautereau.daq.file.recorded import Gap
 from sautereau.daq.file.survey import Survey, survey
 
-BESIDE = ".recovering.part"
+ENDING = ".recovering.part"
 """Appended to the name of a recovered recording until it is complete."""
 HEAD = ("channels", "rig", "software", "session", "schemas")
 """Metadata records at the start of a recording."""
@@ -65,7 +65,7 @@ def recover(path: str | Path, out: str | Path | None = None) -> Recovery:
         if clock is None:
             raise RecordingError("none of its samples is intact; press again")
         damage = found.damage or "it is undamaged, but its press was aborted"
-        target = DurableFile(out, beside=BESIDE)
+        target = DurableFile(out, ending=ENDING)
         try:
             with target.writing():
                 _write(target.stream, out.parent, file, found, path.name, damage)

@@ -105,19 +105,19 @@ def calibration_warning(channel: Channel, on: date) -> str | None:
         channel: Channel with the date of its calibration.
         on: Day of the recording.
     """
-    who = f"{channel.name}: {channel.sensor}"
+    sensor = f"{channel.name}: {channel.sensor}"
     if channel.calibrated is None:
-        return f"{who} has no date of calibration; set `calibrated` in the rig file"
+        return f"{sensor} has no date of calibration; set `calibrated` in the rig file"
     age = (on - channel.calibrated).days
     if age < 0:
         return (
-            f"{who} was calibrated on {channel.calibrated}, {-age} days after the recording of"
+            f"{sensor} was calibrated on {channel.calibrated}, {-age} days after the recording of"
             f" {on}; correct `calibrated` in the rig file, or check whether the scale was different"
             " then"
         )
     if age > CALIBRATION_LIFE:
         return (
-            f"{who} was calibrated on {channel.calibrated}, {age} days before the recording, more"
-            f" than {CALIBRATION_LIFE}; have it recalibrated"
+            f"{sensor} was calibrated on {channel.calibrated}, {age} days before the recording,"
+            f" more than {CALIBRATION_LIFE}; have it recalibrated"
         )
     return None

@@ -22,18 +22,18 @@ _FULL = {
 class DurableFile:
     """A binary file written as ``name.part`` and renamed to ``name`` at the end."""
 
-    def __init__(self, path: str | Path, *, beside: str = PART):
+    def __init__(self, path: str | Path, *, ending: str = PART):
         """Open the unfinished file for writing.
 
         Args:
             path: Path of the finished file.
-            beside: Appended to its name until then.
+            ending: Appended to its name until then.
 
         Raises:
             RecordingError: Either file exists already, or the folder cannot be written.
         """
         self.path = Path(path)
-        self.part_path = self.path.with_name(self.path.name + beside)
+        self.part_path = self.path.with_name(self.path.name + ending)
         for taken in (self.path, self.part_path):
             if os.path.lexists(taken):
                 raise RecordingError(
