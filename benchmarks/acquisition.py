@@ -1,6 +1,6 @@
-"""Sixteen channels continuously, from a card in a process of its own; and what a press pays.
+"""CPU time of acquiring sixteen channels continuously, and the overhead of a press.
 
-The card is paced by the clock on the wall, so that a client that is too slow loses samples.
+The card runs in its own process and in real time, so that a slow client loses samples.
 """
 
 import subprocess
@@ -26,25 +26,25 @@ if TYPE_CHECKING:
 
 CHANNELS = 16
 DURATION = 10.0
-"""s, of the paced acquisition; what it costs does not grow with it, for the buffer is a ring."""
+"""Duration of the acquisition in real time, s; the cost does not depend on it."""
 PERIOD = 2048
-"""Samples, after which the card shows the same again."""
+"""Samples after which the card's signal repeats."""
 
 
 class PacedRun:
-    """Samples that come with the clock on the wall."""
+    """Samples in real time."""
 
     def __init__(self, setup: "TaskSetup"):
         noise = np.random.default_rng(1).uniform(-4, 4, (len(setup.terminals), PERIOD))
         self._twice = np.concatenate([noise, noise], axis=1)
         self._rate, self._end = setup.rate, setup.n_samples
-        self._begun = time.monotonic()
+        self._start = time.monotonic()
         self._stopped = False
 
     def wait_for(self, n: int, timeout: float) -> int:
-        due = self._begun + n / self._rate
+        due = self._start + n / self._rate
         time.sleep(min(max(0.0, due - time.monotonic()), timeout))
-        return min(self._end, int((time.monotonic() - self._begun) * self._rate))
+        return min(self._end, int((time.monotonic() - self._start) * self._rate))
 
     def read(self, first: int, n: int) -> "Floats":
         begin = first % PERIOD
@@ -55,7 +55,7 @@ class PacedRun:
 
 
 class PacedCard:
-    """A card of sixteen inputs that waits for nobody."""
+    """A card with sixteen inputs in real time."""
 
     name = "Dev1"
     terminals = tuple(f"ai{n}" for n in range(CHANNELS))
@@ -66,14 +66,14 @@ class PacedCard:
 
 
 def run() -> list[Figure]:
-    """Return the client's share of a core, and what connecting and closing costs a press."""
+    """Return the client's CPU load, and the time to connect and close for a press."""
     with _served() as address:
         rig = _rig(address)
         return [*_continuous(rig), _overhead(rig.daq)]
 
 
 def _continuous(rig: Rig) -> list[Figure]:
-    """Read with and without recording; an overrun would end it with an error."""
+    """Read with and without recording; an overrun would raise an error."""
     from sautereau.daq.source.acquisition import Acquisition
     from sautereau.daq.source.continuous import record
 
@@ -82,19 +82,19 @@ def _continuous(rig: Rig) -> list[Figure]:
         acquisition.start()
         blocks = acquisition.blocks()
         next(blocks)
-        begun, busy, count = time.perf_counter(), time.process_time(), 0
+        start, busy, count = time.perf_counter(), time.process_time(), 0
         while count < n:
             count += next(blocks).volts.shape[1]
         busy = time.process_time() - busy
-        elapsed = time.perf_counter() - begun
+        elapsed = time.perf_counter() - start
     assert elapsed > 0.9 * DURATION
     read = busy / elapsed
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "long.mcap"
-        begun, busy = time.perf_counter(), time.process_time()
+        start, busy = time.perf_counter(), time.process_time()
         assert record(rig, path, DURATION) == n
-        recorded = (time.process_time() - busy) / (time.perf_counter() - begun)
-    what = f"{CHANNELS} channels at 51.2 kHz, {DURATION:g} s paced, of one core:"
+        recorded = (time.process_time() - busy) / (time.perf_counter() - start)
+    what = f"{CHANNELS} channels at 51.2 kHz, {DURATION:g} s in real time, of one core:"
     return [
         Figure(f"{what} reading", read * 100, "%", "limit", 40.0),
         Figure(f"{what} reading and recording", recorded * 100, "%", "limit", 40.0),
@@ -104,7 +104,7 @@ def _continuous(rig: Rig) -> list[Figure]:
 def _overhead(daq: Daq) -> Figure:
     """Enter and leave an acquisition of the two channels of a press.
 
-    The peer asks grpc whether the channel is ready: closing it then waits for a polling thread.
+    The peer waits for grpc's `channel_ready_future`: closing then waits for a polling thread.
     """
     import grpc
 
@@ -120,9 +120,9 @@ def _overhead(daq: Daq) -> Figure:
         with grpc.insecure_channel(daq.address) as channel:
             grpc.channel_ready_future(channel).result()
 
-    took, peer = median_time(enter_and_leave) * 1e3, median_time(ask_and_close) * 1e3
+    own, peer = median_time(enter_and_leave) * 1e3, median_time(ask_and_close) * 1e3
     what = "a press's task: connect, build, clear, close"
-    return Figure(what, took, "ms", "channel_ready_future and close", peer)
+    return Figure(what, own, "ms", "channel_ready_future and close", peer)
 
 
 def _rig(address: str) -> Rig:
@@ -137,7 +137,7 @@ def _rig(address: str) -> Rig:
 
 @contextmanager
 def _served() -> "Iterator[str]":
-    """Serve the card from another process, so that its work is not counted."""
+    """Serve the card from another process, so that its CPU time is not counted."""
     with subprocess.Popen(
         [sys.executable, "-m", "benchmarks.acquisition"],
         stdin=subprocess.PIPE,

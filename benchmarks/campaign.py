@@ -23,7 +23,7 @@ from sautereau.analysis.campaign.run import run_campaign
 from sautereau.analysis.campaign.table import read_campaign
 from sautereau.analysis.campaign.touch import find_touch
 from sautereau.analysis.campaign.workers import Where
-from sautereau.daq.block import Block
+from sautereau.daq.file.recorded import Block
 from sautereau.daq.file.recording import Recording
 from sautereau.rig.load import load_rig, with_values
 from sautereau.rig.schema import Rig

@@ -67,7 +67,7 @@ def observe_in_mujoco(rig: Rig, scene: Scene, step: float, integrator: str) -> T
     for i in range(steps):
         before = data.qpos[1]
         force = law.force(before)
-        data.qfrc_applied[0] = rig.key.front_heaviness + moment
+        data.qfrc_applied[0] = rig.key.gravity_moment + moment
         data.qfrc_applied[1] = -force
         mujoco.mj_step(model, data)
         rows[i] = data.qpos[0], data.qvel[0], data.qpos[1], force

@@ -1,7 +1,7 @@
-"""Recordings, beside a raw file, h5py, npTDMS and the Foxglove SDK.
+"""Speed and memory of recordings, compared with a raw file, h5py, npTDMS and the Foxglove SDK.
 
-An instant is two channels of float64, 16 bytes; blocks are of 1024 instants of what a 16-bit
-converter gives. Every file is read back and compared.
+An instant is two channels of float64, 16 bytes; a block has 1024 instants of a 16-bit
+converter. Every file is read back and compared.
 """
 
 import os
@@ -16,9 +16,9 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.figures import Figure
-from sautereau.daq.block import Block
 from sautereau.daq.file.container.writer import McapWriter
 from sautereau.daq.file.reading import read_recording
+from sautereau.daq.file.recorded import Block
 from sautereau.daq.file.recording import Recording, SessionInfo
 from sautereau.daq.file.schemas import encode, schema_data
 from sautereau.daq.file.streaming import stream
@@ -32,14 +32,14 @@ CHUNK = 256 * 1024
 SIXTEEN = 16
 """Channels of a continuous recording."""
 HOUR = 3600
-"""s, of it that memory is watched over; previews are left in."""
+"""Duration over which its memory is measured, s; with previews."""
 SESSION = SessionInfo(1, "2026-01-01T00:00:00Z", True, "none", "none")
 
 Volts = np.ndarray
 
 
 def run() -> list[Figure]:
-    """Return rates of writing and reading, and what a long recording costs."""
+    """Return rates of writing and reading, and the cost of a long recording."""
     volts = np.round(np.random.default_rng(0).standard_normal((2, INSTANTS)) * 3000) * 20 / 65536
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
@@ -53,7 +53,7 @@ def run() -> list[Figure]:
 
 
 def _rates(folder: Path, volts: Volts) -> dict[str, float]:
-    """Return M instants a second of each way to write; ways take turns, the disk is shared."""
+    """Return 1e6 instants per second of each way to write; they alternate, sharing the disk."""
     ways: dict[str, Callable[[Path, Volts], None]] = {
         "raw": _raw,
         "blocks": lambda path, v: _blocks(path, v, compress=False),
@@ -68,9 +68,9 @@ def _rates(folder: Path, volts: Volts) -> dict[str, float]:
     for _ in range(RUNS):
         for name, way in ways.items():
             path = folder / "file"
-            begun = time.perf_counter()
+            start = time.perf_counter()
             way(path, volts)
-            times[name].append(time.perf_counter() - begun)
+            times[name].append(time.perf_counter() - start)
             assert path.stat().st_size > 1e6
             path.unlink()
     return {name: INSTANTS / statistics.median(t) / 1e6 for name, t in times.items()}
@@ -98,7 +98,9 @@ def _written(rates: dict[str, float]) -> list[Figure]:
         ),
         Figure("blocks written, uncompressed", rates["blocks"], m, "h5py", rates["h5py"]),
         Figure("blocks written, uncompressed", rates["blocks"], m, "npTDMS", rates["nptdms"]),
-        Figure("whole recording, previews, zstd", rates["recording"], m, "the card's rate", 0.0512),
+        Figure(
+            "complete recording, previews, zstd", rates["recording"], m, "the card's rate", 0.0512
+        ),
     ]
 
 
@@ -204,25 +206,25 @@ def _read(folder: Path, volts: Volts) -> Figure:
     _recording(path, volts)
     times = []
     for _ in range(RUNS):
-        begun = time.perf_counter()
+        start = time.perf_counter()
         recorded = read_recording(path)
         frame = pd.DataFrame(recorded.volts, index=recorded.time, copy=False)
-        times.append(time.perf_counter() - begun)
+        times.append(time.perf_counter() - start)
     assert np.array_equal(frame.to_numpy().T, volts)
     rate = INSTANTS / statistics.median(times) / 1e6
     return Figure("read into a DataFrame, verified", rate, "M instants/s", "limit", 20.0)
 
 
 def _described(folder: Path) -> list[Figure]:
-    """Describe 2 GB in a process of its own, and tell its memory."""
+    """Describe 2 GB in a separate process, and measure its memory."""
     path = folder / "large.mcap"
     block = np.random.default_rng(1).standard_normal((2, 512_000))
     with Recording(path, load_rig(), session=SESSION, compress=False) as recording:
         while recording.n_samples * 16 < 2e9:
             recording.write_block(Block(recording.n_samples, block))
-    begun = time.perf_counter()
+    start = time.perf_counter()
     peak, n = _in_a_child(f"describe({str(path)!r})['n_samples']")
-    elapsed = time.perf_counter() - begun
+    elapsed = time.perf_counter() - start
     assert n == recording.n_samples
     size = path.stat().st_size
     path.unlink()
@@ -233,18 +235,18 @@ def _described(folder: Path) -> list[Figure]:
 
 
 def _in_a_child(expression: str) -> tuple[float, int]:
-    """Return the peak memory [MiB] of a process that evaluates, and its whole number."""
-    status = "open('/proc/self/status').read()"
-    code = f"from sautereau.daq.file.survey import describe; print({expression}); print({status})"
+    """Return the peak memory [MiB] of a process that evaluates, and the integer it finds."""
+    read = "open('/proc/self/status').read()"
+    code = f"from sautereau.daq.file.survey import describe; print({expression}); print({read})"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    number, _, told = done.stdout.partition("\n")
-    return memory("VmHWM", told), int(number)
+    number, _, status = done.stdout.partition("\n")
+    return memory("VmHWM", status), int(number)
 
 
 def memory(name: str, status: str | None = None) -> float:
-    """Return what /proc says of a process's memory [MiB]: VmRSS now, VmHWM at most.
+    """Return a process's memory [MiB] from /proc: VmRSS is the current, VmHWM the peak.
 
-    Not ru_maxrss, which begins with what the process that started this one had.
+    Not ru_maxrss, which starts at the value of the parent process.
     """
     status = status or Path("/proc/self/status").read_text()
     line = next(x for x in status.splitlines() if name in x)
@@ -261,10 +263,10 @@ def _sixteen(rig: Rig) -> Rig:
 
 
 def _continuous() -> list[Figure]:
-    """Write an hour of 16 channels as fast as it goes, to a file that is as short as allowed.
+    """Write an hour of 16 channels as fast as possible.
 
-    The samples are of few values, so that an hour is not 24 GB on the disk; the share of a
-    core is measured on 60 s of a converter's noise.
+    The samples are zeros, so that an hour is not 24 GB on the disk; the CPU load is measured
+    with 60 s of a converter's noise.
     """
     rig = _sixteen(load_rig())
     rate = rig.daq.sample_rate
@@ -273,12 +275,12 @@ def _continuous() -> list[Figure]:
     )
     with tempfile.TemporaryDirectory() as name:
         path = Path(name) / "minute.mcap"
-        begun = time.process_time()
+        start = time.process_time()
         with Recording(path, rig, session=SESSION) as recording:
             for number in range(round(60 * rate / BLOCK)):
                 at = number * BLOCK % (51_200 - BLOCK)
                 recording.write_block(Block(recording.n_samples, noise[:, at : at + BLOCK]))
-        share = (time.process_time() - begun) / 60
+        load = (time.process_time() - start) / 60
         first = next(stream(path, BLOCK / rate))
         assert np.array_equal(np.stack(list(first.volts.values())), noise[:, :BLOCK])
         path.unlink()
@@ -293,6 +295,6 @@ def _continuous() -> list[Figure]:
                     peaks.append(memory("VmRSS"))
         assert recording.n_samples == round(HOUR * rate)
     return [
-        Figure("16 channels at 51.2 kHz: share of a core", share * 100, "%", "limit", 40.0),
+        Figure("16 channels at 51.2 kHz: fraction of a core", load * 100, "%", "limit", 40.0),
         Figure("16 channels, an hour: memory grows by", peaks[1] - peaks[0], "MiB", "limit", 10.0),
     ]

@@ -135,7 +135,7 @@ def _scene(random: Generator) -> Scene:
     heaviness, mass = uniform(0, 8), uniform(4, 12)
     truth = {
         "key.inertia": f"{uniform(5e-4, 10e-4)} kg m^2",
-        "key.front_heaviness": f"{min(heaviness, 1.8 * mass)} mN m",
+        "key.gravity_moment": f"{min(heaviness, 1.8 * mass)} mN m",
         "key.pivot_coulomb_friction": f"{uniform(0, 3)} mN m",
         "jack.mass": f"{mass} g",
         "jack.register_friction": f"{uniform(0, 60)} mN",

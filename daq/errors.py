@@ -1,11 +1,11 @@
-"""What goes wrong between the terminal block and the file."""
+"""Errors between the terminal block and the file."""
 
 from sautereau.rig.errors import SautereauError
 
 
 class DaqError(SautereauError):
-    """A fault of the acquisition; the message says who, the value, the limit, the remedy."""
+    """An error of the acquisition; the message gives value, limit and how to fix it."""
 
 
 class RecordingError(DaqError):
-    """A recording that cannot be written or read."""
+    """An error in writing or reading a recording."""

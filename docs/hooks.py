@@ -12,7 +12,7 @@ from mkdocs.exceptions import PluginError
 from mkdocs.structure.files import File, Files
 from mkdocs.structure.pages import Page
 
-from sautereau.rig.describe import Entry, Table, describe
+from sautereau.rig.describe import KeyDescription, TableDescription, describe
 from sautereau.rig.load import load_rig
 from sautereau.rig.packaged import named_text
 
@@ -187,7 +187,7 @@ def _rig_lines() -> Iterator[str]:
         yield from _table_lines(table, document, sources)
 
 
-def _table_lines(table: Table, document: dict, sources: dict[str, str]) -> Iterator[str]:
+def _table_lines(table: TableDescription, document: dict, sources: dict[str, str]) -> Iterator[str]:
     brackets = "[[{}]]" if table.repeated else "[{}]"
     yield f"## {brackets.format(table.name)}" if table.name else "## At the top"
     yield ""
@@ -206,7 +206,7 @@ def _table_lines(table: Table, document: dict, sources: dict[str, str]) -> Itera
     yield ""
 
 
-def _row(entry: Entry, paper: str) -> str:
+def _row(entry: KeyDescription, paper: str) -> str:
     default = "needed" if entry.default is None else f"`{entry.default}`" if entry.default else ""
     kind = "" if entry.kind == "quantity" else entry.kind
     value = ", ".join(filter(None, (kind, entry.limits))).replace(" ", "&nbsp;", 1)

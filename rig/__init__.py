@@ -1,1 +1,1 @@
-"""The bench in numbers: every quantity, its unit, default and source."""
+"""The rig: every quantity of the bench, its unit, default and source."""

@@ -1,4 +1,4 @@
-"""Say what a rig file may hold: every key with unit, default, limits and meaning."""
+"""Reference of the rig file: every key with unit, default, limits and meaning."""
 
 import ast
 import inspect
@@ -21,82 +21,82 @@ from sautereau.rig.registry import NameIn
 from sautereau.rig.schema import Rig
 from sautereau.rig.units import format_quantity
 
-_KINDS = {str: "text", int: "whole number", bool: "true or false", date: "date", float: "number"}
+_KINDS = {str: "text", int: "integer", bool: "true or false", date: "date", float: "number"}
 _SIGNS = (("gt", "> "), ("ge", ">= "), ("lt", "< "), ("le", "<= "))
 
 
 @dataclass(frozen=True)
-class Entry:
+class KeyDescription:
     """One key of a table."""
 
     name: str
-    """Of the key in its table."""
+    """Name of the key in its table."""
     unit: str
-    """SI unit as people write it; empty where there is none."""
+    """SI unit as people write it; empty if there is none."""
     kind: str
-    """What stands for the value: quantity, whole number, text, one of several words."""
+    """Kind of value: quantity, integer, text, one of several words."""
     default: str | None
-    """As TOML writes it; empty where nothing is the default, None where a value is needed."""
+    """Default as TOML writes it; empty if the key is optional, None if it is required."""
     limits: str
-    """That a value keeps to, in `unit`; empty where there are none."""
+    """Limits of the value, in `unit`; empty if there are none."""
     meaning: str
     """The field's docstring without its unit."""
 
 
 @dataclass(frozen=True)
-class Table:
+class TableDescription:
     """One table of the file."""
 
     name: str
-    """Dotted; empty for the top level."""
+    """Dotted name; empty for the top level."""
     repeated: bool
     """Whether it is an array of tables, ``[[name]]``."""
     needed: bool
     """Whether a file must have it."""
     meaning: str
     """What it describes."""
-    entries: tuple[Entry, ...]
+    entries: tuple[KeyDescription, ...]
 
 
-def describe(model: type[BaseModel] = Rig) -> list[Table]:
+def describe(model: type[BaseModel] = Rig) -> list[TableDescription]:
     """Return every table that a rig file may have, in the file's order.
 
     Args:
-        model: The table to begin with; the whole rig by default.
+        model: The outermost table; default: the complete rig.
     """
     return list(_tables((model,), "", repeated=False, needed=True))
 
 
 def _tables(
     models: tuple[type[BaseModel], ...], name: str, *, repeated: bool, needed: bool
-) -> Iterator[Table]:
+) -> Iterator[TableDescription]:
     fields = {k: f for m in models for k, f in m.model_fields.items() if not f.exclude}
     inner = {key: found for key, field in fields.items() if (found := _models(field.annotation))}
     entries = tuple(_entry(key, models) for key in fields if key not in inner)
     meaning = " Or: ".join(_prose(model.__doc__ or "") for model in models)
-    yield Table(name, repeated, needed, meaning, entries)
+    yield TableDescription(name, repeated, needed, meaning, entries)
     for key, found in inner.items():
         many = get_origin(_bare(fields[key].annotation)) is tuple
         dotted = f"{name}.{key}" if name else key
         yield from _tables(found, dotted, repeated=many, needed=fields[key].is_required())
 
 
-def _entry(key: str, models: tuple[type[BaseModel], ...]) -> Entry:
-    """Return what is said of a key, by every kind of table that has it."""
-    said = [_said(key, model) for model in models if key in model.model_fields]
+def _entry(key: str, models: tuple[type[BaseModel], ...]) -> KeyDescription:
+    """Return the description of a key, joined over all kinds of tables that have it."""
+    described = [_described(key, model) for model in models if key in model.model_fields]
 
-    def together(name: str, link: str) -> str:
-        return link.join(dict.fromkeys(getattr(entry, name) for entry in said))
+    def joined(name: str, link: str) -> str:
+        return link.join(dict.fromkeys(getattr(entry, name) for entry in described))
 
     return replace(
-        said[0],
-        unit=together("unit", " or "),
-        kind=together("kind", ", ").replace(", one of", ","),
-        meaning=together("meaning", " Or: "),
+        described[0],
+        unit=joined("unit", " or "),
+        kind=joined("kind", ", ").replace(", one of", ","),
+        meaning=joined("meaning", " Or: "),
     )
 
 
-def _said(key: str, model: type[BaseModel]) -> Entry:
+def _described(key: str, model: type[BaseModel]) -> KeyDescription:
     field, name = model.model_fields[key], unit_of(model, [key])
     unit = _written(name) if name else ""
     meaning = _prose(_docstrings(model).get(key, ""))
@@ -104,14 +104,16 @@ def _said(key: str, model: type[BaseModel]) -> Entry:
         if head != " " and meaning.startswith(head):
             meaning = meaning.removeprefix(head)
             break
-    return Entry(key, unit, _kind(field, name), _default(field, name), _limits(field), meaning)
+    return KeyDescription(
+        key, unit, _kind(field, name), _default(field, name), _limits(field), meaning
+    )
 
 
 @cache
 def _docstrings(model: type[BaseModel]) -> dict[str, str]:
-    """Return the fields' docstrings; they are read here, for few programs ask for them.
+    """Return the fields' docstrings.
 
-    Pydantic would read them as the models are made, which every command would wait for.
+    Pydantic could read them as the models are made, which would slow the start of every command.
     """
     found: dict[str, str] = {}
     for kind in reversed(model.__mro__):
@@ -122,9 +124,9 @@ def _docstrings(model: type[BaseModel]) -> dict[str, str]:
             match field, text:
                 case (
                     ast.AnnAssign(target=ast.Name(id=name)),
-                    ast.Expr(value=ast.Constant(value=str(said))),
+                    ast.Expr(value=ast.Constant(value=str(docstring))),
                 ):
-                    found[name] = inspect.cleandoc(said)
+                    found[name] = inspect.cleandoc(docstring)
     return found
 
 
@@ -134,14 +136,14 @@ def _written(unit: str) -> str:
 
 
 def _models(annotation: Any) -> tuple[type[BaseModel], ...]:
-    """Return the tables that an annotation allows; none where it is a value."""
+    """Return the tables that an annotation allows; none if it is a value."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return (annotation,)
     return tuple(model for inner in get_args(annotation) for model in _models(inner))
 
 
 def _bare(annotation: Any) -> Any:
-    """Return an annotation without its metadata, and without a None beside it."""
+    """Return an annotation without its metadata and without an alternative None."""
     if get_origin(annotation) is Annotated:
         return _bare(get_args(annotation)[0])
     if get_origin(annotation) in (Union, types.UnionType):

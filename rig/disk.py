@@ -1,19 +1,19 @@
-"""Text and names that are on the disk when the call returns."""
+"""Durable writing: text and file names are on the disk when the call returns."""
 
 import os
 from pathlib import Path
 
 
 def write_through(path: Path, text: str, *, new: bool) -> None:
-    """Write a file and put it on the disk, line ends as they are in the text.
+    """Write a file and flush it to the disk, with the line ends of the text.
 
     Args:
-        path: Of the file.
-        text: All of it.
-        new: Whether the file must not exist yet.
+        path: File to write.
+        text: Complete text.
+        new: Whether to refuse an existing file.
 
     Raises:
-        OSError: It cannot be written, or exists though it must not.
+        OSError: It cannot be written, or exists already.
     """
     with path.open("x" if new else "w", encoding="utf-8", newline="") as file:
         file.write(text)
@@ -22,7 +22,7 @@ def write_through(path: Path, text: str, *, new: bool) -> None:
 
 
 def sync_folder(folder: Path) -> None:
-    """Put the names in a folder on the disk, where the system lets that be asked for.
+    """Flush the file names of a folder to the disk, on systems that support it.
 
     Raises:
         OSError: The disk refuses.

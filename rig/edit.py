@@ -1,4 +1,4 @@
-"""Write found values into a rig file: its comments, its order and all else stay as they are."""
+"""Write new values into a rig file without changing anything else, its comments included."""
 
 import difflib
 from collections.abc import Mapping
@@ -10,62 +10,62 @@ from sautereau.rig.disk import write_through
 from sautereau.rig.errors import RigError
 from sautereau.rig.faults import fault_list, model_keys, near_miss
 from sautereau.rig.load import parse_rig
+from sautereau.rig.renamed import current_key, rename_keys
 from sautereau.rig.schema import Rig
 
 
 @dataclass(frozen=True)
 class Edit:
-    """A rig file as it is and as it would be; nothing is written before `save`."""
+    """A rig file before and after a change; `save` writes it."""
 
     path: Path
     before: str
-    """Text of the file."""
+    """Current text of the file."""
     after: str
     """Text with the new values, which is a valid rig."""
 
     @property
     def difference(self) -> str:
-        """The lines that change, as `diff -u` shows them; empty where none does."""
+        """The changed lines as `diff -u` shows them; empty if none changes."""
         lines = difflib.unified_diff(
             self.before.splitlines(), self.after.splitlines(), "now", "found", n=0, lineterm=""
         )
         return "\n".join(line for line in lines if not line.startswith("@@"))
 
     def save(self) -> None:
-        """Put the new text in the place of the file: all of it, or nothing.
+        """Replace the file by the new text, completely or not at all.
 
         Raises:
             RigError: The file has changed since it was read, or cannot be written.
         """
         if _read(self.path) != self.before:
             raise RigError(
-                f"rig file {self.path}: it was changed by somebody else since it was read, so"
-                " nothing was written; look at that change, then do the step again"
+                f"rig file {self.path}: another program changed it since it was read, so nothing"
+                " was written; check that change, then repeat this step"
             )
-        whole = self.path.with_name(f"{self.path.name}.new")
+        new = self.path.with_name(f"{self.path.name}.new")
         try:
-            write_through(whole, self.after, new=True)
-            whole.chmod(self.path.stat().st_mode)
-            whole.replace(self.path)
+            write_through(new, self.after, new=True)
+            new.chmod(self.path.stat().st_mode)
+            new.replace(self.path)
         except OSError as error:
             raise RigError(
-                f"rig file {self.path}: it cannot be written by way of {whole.name}:"
-                f" {error.strerror}; remove {whole.name} if it is there, or give yourself the"
-                " right to write"
+                f"rig file {self.path}: cannot be written through {new.name}: {error.strerror};"
+                f" remove {new.name} if it exists, or change the permissions of the folder"
             ) from error
 
 
 def edit_rig(path: str | Path, values: Mapping[str, str | float], source: str = "") -> Edit:
     """Put values into the text of a rig file.
 
-    A value that is a table, with a range that was assumed for it, keeps the table and loses
-    the range: it is known from now on.
+    A value written as a table keeps its table without the assumed range, since it is now known.
+    A file with the old name of a renamed key keeps that name.
 
     Args:
-        path: The rig file; no packaged rig.
+        path: The user's rig file; packaged rigs are never changed.
         values: TOML values by dotted key, such as ``{"arm.base_x": "-274.9 mm"}``; an entry of
             a list is named by its index.
-        source: Where they come from; kept beside every value that stands in a table.
+        source: Origin of the values; written into every value that is a table.
 
     Raises:
         RigError: The file cannot be read, a key does not exist, or the new rig is not valid.
@@ -76,48 +76,47 @@ def edit_rig(path: str | Path, values: Mapping[str, str | float], source: str = 
     before = _read(path)
     parse_rig(before, str(path), path.parent)
     document = tomlkit.parse(before)
+    in_file = {current_key(old): old for old in rename_keys(document.unwrap())}
     faults = []
     for dotted, value in values.items():
         try:
-            _put(document, dotted.split("."), value, source)
+            _put(document, in_file.get(dotted, dotted).split("."), value, source)
         except (KeyError, IndexError, TypeError, ValueError):
-            faults.append(
-                f"{dotted}: no such quantity in this file{near_miss(dotted, list(model_keys(Rig)))}"
-            )
+            faults.append(f"{dotted}: unknown quantity{near_miss(dotted, list(model_keys(Rig)))}")
     if faults:
         raise RigError(fault_list(f"rig file {path}", faults))
     after = tomlkit.dumps(document)
-    parse_rig(after, f"{path}, with what was found", path.parent)
+    parse_rig(after, f"{path} with the new values", path.parent)
     return Edit(path, before, after)
 
 
 def _put(node: Any, keys: list[str], value: str | float, source: str) -> None:
-    """Set what is found along the keys in the document; a key that is new is the last one."""
+    """Set the value at a key of the document; only the last part of the key may be new."""
     import tomlkit
 
     *parents, last = keys
     for key in parents:
         node = node[int(key)] if isinstance(node, list) else node[key]
-    place: Any = int(last) if isinstance(node, list) else last
-    old = node.get(last) if isinstance(node, dict) else node[place]
+    index: Any = int(last) if isinstance(node, list) else last
+    old = node.get(last) if isinstance(node, dict) else node[index]
     if isinstance(old, dict):
         if "value" not in old:
             raise KeyError(last)
         known = tomlkit.inline_table()
         known.update({key: kept for key, kept in old.items() if key != "assumed"})
         known.update({"value": value} | ({"source": source} if source else {}))
-        node[place] = known
+        node[index] = known
     else:
-        node[place] = value
+        node[index] = value
 
 
 def _read(path: Path) -> str:
-    """Return the text of the file with its line ends as they are."""
+    """Return the text of the file with its line ends unchanged."""
     try:
         with path.open(encoding="utf-8", newline="") as file:
             return file.read()
     except (OSError, ValueError) as error:
         raise RigError(
-            f"rig file {path}: cannot be read: {error}; give the path of a rig file of your own:"
-            " a packaged rig is not written into"
+            f"rig file {path}: cannot be read: {error}; give the path of your own rig file:"
+            " packaged rigs are never changed"
         ) from error

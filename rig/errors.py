@@ -1,9 +1,9 @@
-"""The base of every error that sautereau raises on purpose."""
+"""Base classes of all errors that sautereau raises."""
 
 
 class SautereauError(Exception):
-    """A fault whose message says who, the value, the limit and the remedy."""
+    """An error whose message says who, the value, the limit and how to fix it."""
 
 
 class RigError(SautereauError):
-    """A rig file that cannot be used; the message lists every fault in it."""
+    """A rig file that cannot be used; the message lists all its faults."""

@@ -1,4 +1,4 @@
-"""Say what is wrong with a TOML document: each fault with its line, key, value and remedy."""
+"""Faults of a TOML document: each with its line, key and value, and how to fix it."""
 
 import difflib
 import re
@@ -18,7 +18,7 @@ def fault_list(origin: str, faults: list[str]) -> str:
 
 
 def validation_faults(error: ValidationError, model: type[BaseModel], text: str) -> list[str]:
-    """Turn pydantic's errors into lines: place, key, value, what is allowed, remedy."""
+    """Turn pydantic's errors into lines: line of the file, key, value, limit, how to fix it."""
     faults = []
     for item in error.errors(include_url=False):
         location = list(item["loc"])
@@ -35,7 +35,7 @@ def validation_faults(error: ValidationError, model: type[BaseModel], text: str)
 
 
 def _message(item: Any, model: type[BaseModel], location: list[int | str]) -> str:
-    """Return what is wrong at one place, and what would be right."""
+    """Return what is wrong at one location, and what is allowed."""
     kind, value = item["type"], item["input"]
     if kind == "extra_forbidden":
         key = ".".join(map(str, location))
@@ -45,31 +45,31 @@ def _message(item: Any, model: type[BaseModel], location: list[int | str]) -> st
     if kind in ("quantity", "unknown_name"):
         return item["msg"]
     if kind in ("model_type", "model_attributes_type", "dict_type"):
-        return f"{shown(value)} is refused: a table is needed"
+        return f"{shown(value)} is refused; give a table"
     if kind == "tuple_type":
-        return f"{shown(value)} is refused: an array is needed"
+        return f"{shown(value)} is refused; give an array"
     unit = unit_of(model, location) if isinstance(value, float) else None
     message = item["msg"][0].lower() + item["msg"][1:]
     return f"{shown(value)}{f' {unit}' * bool(unit)} is refused: {message}"
 
 
 def at_line(line: int | None, fault: str) -> str:
-    """Return a fault with the line it is on, where that is known."""
+    """Return a fault with its line number, if that is known."""
     return f"line {line}: {fault}" if line else fault
 
 
 def near_miss(key: str, known: list[str]) -> str:
-    """Return the end of a sentence that names the known key closest to a wrong one."""
+    """Return the end of a message that suggests the known key most similar to a wrong one."""
     bare = re.sub(r"\.\d+(?=\.|$)", "", key)
     section, _, last = bare.rpartition(".")
-    beside = [k.rpartition(".")[2] for k in known if k.rpartition(".")[0] == section]
-    if close := difflib.get_close_matches(last, beside, n=1):
+    same_table = [k.rpartition(".")[2] for k in known if k.rpartition(".")[0] == section]
+    if close := difflib.get_close_matches(last, same_table, n=1):
         return f"; did you mean {close[0]!r}?"
     elsewhere = [k for k in known if k.rpartition(".")[2] == last]
     if elsewhere:
         return f"; did you mean {elsewhere[0]!r}?"
-    if beside:
-        return f"; {section or 'the top level'} has {', '.join(sorted(set(beside)))}"
+    if same_table:
+        return f"; {section or 'the top level'} has {', '.join(sorted(set(same_table)))}"
     return near_miss(section, known) if section else ""
 
 
@@ -78,7 +78,7 @@ def line_of(text: str, key: str) -> int | None:
     best = None
     table: list[str] = []
     counts: dict[str, int] = {}
-    wanted = key.split(".")
+    parts = key.split(".")
     for number, line in enumerate(text.split("\n"), 1):
         if header := re.match(r"\s*(\[\[?)\s*([\w.\-]+)\s*\]", line):
             table = header[2].split(".")
@@ -90,7 +90,7 @@ def line_of(text: str, key: str) -> int | None:
             here = [*table, *entry[1].split(".")]
         else:
             continue
-        if wanted[: len(here)] == here and (best is None or len(here) > best[0]):
+        if parts[: len(here)] == here and (best is None or len(here) > best[0]):
             best = (len(here), number)
     return best[1] if best else None
 

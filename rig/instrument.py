@@ -1,4 +1,4 @@
-"""The instrument in numbers: key, jack, plectrum, string; part of `sautereau.rig.schema`."""
+"""The instrument's tables of the rig file: key, jack, plectrum, string."""
 
 from itertools import pairwise
 from typing import Annotated
@@ -15,7 +15,7 @@ class Key(Section):
     press_arm: Length = Field(gt=0)
     """m, from the pin to the pressing point."""
     laser_arm: Length = Field(gt=0)
-    """m, from the pin to the laser spot, which stays where it is while the key turns."""
+    """m, from the pin to the laser spot, which is fixed in space while the key rotates."""
     jack_arm: Length = Field(gt=0)
     """m, from the pin to the jack."""
     front_arm: Length = Field(gt=0)
@@ -26,14 +26,14 @@ class Key(Section):
     """m, of the surface under the jack above the pin."""
     inertia: Inertia = Field(gt=0)
     """kg m^2, of the bare key about the pin."""
-    front_heaviness: Moment
-    """N m, weight moment of the bare key about the pin; positive lowers the front."""
+    gravity_moment: Moment
+    """N m, static gravity moment of the bare key about the pin; positive lowers the front."""
     pivot_coulomb_friction: Moment = Field(ge=0)
     """N m, dry friction at the pin."""
     pivot_viscous_friction: Annotated[float, Unit("N*m*s/rad", "0.1 mN m s/rad")] = Field(ge=0)
     """N m s/rad, viscous friction at the pin."""
     neighbour_height: Length
-    """m, of the highest surface of the neighbouring keys above the pin."""
+    """m, height of the highest surface of the neighbouring keys above the pin."""
     dip: Length = Field(gt=0)
     """m, travel of the pressing point from rest to the front felt."""
     felt_stiffness: Annotated[float, Unit("N/m", "20 kN/m")] = Field(gt=0)
@@ -45,8 +45,8 @@ class Key(Section):
 class Tongue(Section):
     """The part of the jack that swings back, so that a falling plectrum passes the string.
 
-    The string, at a distance of length less overlap from the clamp, lifts the plectrum; the
-    tongue turns about its pivot against its bristle until the tip has moved back by the
+    The string lifts the plectrum at a distance of length minus overlap from the clamp; the
+    tongue rotates about its pivot against its bristle until the tip has moved back by the
     overlap.
     """
 
@@ -55,18 +55,18 @@ class Tongue(Section):
     bristle_moment: Moment = Field(ge=0)
     """N m, of the bristle on the tongue at rest."""
     bristle_stiffness: Annotated[float, Unit("N*m/rad", "1 mN m/rad")] = Field(ge=0)
-    """N m/rad, growth of that moment as the tongue swings."""
+    """N m/rad, stiffness of the bristle as the tongue rotates."""
 
 
 class Damper(Section):
-    """The felt in the jack's head that stills the string while the jack is down."""
+    """The felt in the jack's head that damps the string while the jack is down."""
 
     lift: Length = Field(gt=0)
     """m, rise of the jack at which the felt leaves the string."""
     stiffness: Annotated[float, Unit("N/m", "15 N/m")] = Field(ge=0)
     """N/m, of the felt on the string, which carries part of the jack below `lift`."""
     decay: Annotated[float, Unit("1/s", "40 1/s")] = Field(ge=0)
-    """1/s, of the amplitudes of a string that the felt rests on."""
+    """1/s, decay rate of the amplitudes of a string that the felt rests on."""
 
 
 class Jack(Section):
@@ -77,11 +77,11 @@ class Jack(Section):
     register_friction: Force = Field(ge=0)
     """N, dry friction in the register."""
     string_clearance: Length = Field(gt=0)
-    """m, rise of the jack from rest until the plectrum meets the string."""
+    """m, rise of the jack from rest to contact of plectrum and string."""
     tongue: Tongue | None = None
-    """How the plectrum passes the string on its way down; needed by scenes that show it."""
+    """How the plectrum passes the string on its way down; required by scenes that model it."""
     damper: Damper | None = None
-    """The damper; needed by scenes that show it."""
+    """The damper; required by scenes that model it."""
 
 
 class Outline(Section):
@@ -90,17 +90,17 @@ class Outline(Section):
     x: tuple[Length, ...] = Field(min_length=2)
     """m, from the clamp at 0 to the tip, increasing."""
     top: tuple[Length, ...] = Field(min_length=2)
-    """m, height of the upper surface, which meets the string, at those places."""
+    """m, height of the upper surface, which touches the string, at each x."""
     bottom: tuple[Length, ...] = Field(min_length=2)
-    """m, height of the lower surface at those places."""
+    """m, height of the lower surface at each x."""
 
     @model_validator(mode="after")
     def _encloses_something(self):
         faults = []
         if not len(self.x) == len(self.top) == len(self.bottom):
             faults.append(
-                f"outline: {len(self.x)} places, {len(self.top)} tops and {len(self.bottom)}"
-                " bottoms; give one of each at every place"
+                f"outline: {len(self.x)} values of x, {len(self.top)} of top and"
+                f" {len(self.bottom)} of bottom; give equally many"
             )
         if self.x[0] != 0 or any(b <= a for a, b in pairwise(self.x)):
             faults.append("outline: x must start at 0 mm, the clamp, and increase to the tip")
@@ -109,8 +109,8 @@ class Outline(Section):
         ]
         if crossing:
             faults.append(
-                f"outline: it crosses itself at x = {crossing[0] * 1e3:.4g} mm, where the top is"
-                " not above the bottom; mend the contour there"
+                f"outline: it crosses itself at x = {crossing[0] * 1e3:.4g} mm, where top is not"
+                " above bottom; correct the contour there"
             )
         if faults:
             raise ValueError("\n".join(faults))
@@ -129,19 +129,19 @@ class Plectrum(Section):
     youngs_modulus: Annotated[float, Unit("Pa", "2.9 GPa")] = Field(gt=0)
     """Pa."""
     poisson_ratio: float = Field(strict=True, ge=0, lt=0.5)
-    """1."""
+    """Dimensionless."""
     density: Annotated[float, Unit("kg/m**3", "1247 kg/m^3")] = Field(gt=0)
     """kg/m^3."""
     overlap: Length = Field(gt=0)
     """m, from the string's centre at rest to the tip, along the undeformed mid-line."""
     friction: float = Field(default=0.0, strict=True, ge=0, le=0.5)
-    """1, Coulomb coefficient between plectrum and string."""
+    """Dimensionless, Coulomb coefficient between plectrum and string."""
     tip_thickness: Length | None = Field(default=None, gt=0)
-    """m, of the section at the tip, for the level `two-beam`; left out, `thickness`."""
+    """m, of the section at the tip, for the level `two-beam`; default: `thickness`."""
     tip_length: Length | None = Field(default=None, gt=0)
-    """m, of the section at the tip, for the level `two-beam`; left out, half the length."""
+    """m, of the section at the tip, for the level `two-beam`; default: half the length."""
     outline: Outline | None = None
-    """Carved outline, for the level `fe`; left out, a uniform section. In a file also
+    """Carved outline, for the level `fe`; default: a uniform section. In a file also
     ``outline = { file = "contour.csv" }``."""
 
     @property
@@ -177,7 +177,7 @@ class String(Section):
 
 
 class Choir(Section):
-    """One more string that the key plucks, by a jack and a plectrum of its own."""
+    """One more string that the key plucks, with its own jack and plectrum."""
 
     jack_arm: Length = Field(gt=0)
     """m, from the pin to this jack."""

@@ -1,6 +1,7 @@
 """Read a rig file, report all its faults at once, and write a rig back."""
 
 import json
+import logging
 import re
 import tomllib
 from collections.abc import Mapping
@@ -10,6 +11,7 @@ from typing import Any
 
 from pydantic import BaseModel, ValidationError
 
+from sautereau.rig.csv_files import read_gesture
 from sautereau.rig.errors import RigError
 from sautereau.rig.faults import (
     at_line,
@@ -20,13 +22,14 @@ from sautereau.rig.faults import (
     unit_of,
     validation_faults,
 )
-from sautereau.rig.gesture import read_gesture
 from sautereau.rig.packaged import named_text, packaged_names
+from sautereau.rig.renamed import RENAMED_KEYS, current_key, rename_keys
 from sautereau.rig.schema import Rig
 from sautereau.rig.units import format_quantity, parse_quantity, shown
 
 _ORIGIN = ("assumed", "source")
 _ORIGINS = {"assumed", "sources"}
+_LOG = logging.getLogger(__name__)
 
 
 def load_rig(name: str | Path = "paper") -> Rig:
@@ -46,15 +49,21 @@ def packaged_rigs() -> list[str]:
 def parse_rig(text: str, origin: str = "rig", folder: Path | None = None) -> Rig:
     """Build a rig from the text of a TOML file.
 
+    A key that was renamed is accepted under its old name, with a note on standard error.
+
     Args:
         text: TOML.
-        origin: Name of the rig in errors.
-        folder: Where the files are that it names; None for the working directory.
+        origin: Name of the rig in messages.
+        folder: Folder of the files that it names; None for the working directory.
 
     Raises:
         RigError: Lists every fault.
     """
-    values, assumed, sources, faults = _split_origins(read_toml(text, origin, RigError))
+    document = read_toml(text, origin, RigError)
+    for old in rename_keys(document):
+        name = RENAMED_KEYS[old].rpartition(".")[2]
+        _LOG.warning("%s: %s", origin, at_line(line_of(text, old), f"rename {old} to {name}"))
+    values, assumed, sources, faults = _split_origins(document)
     faults += _read_files(values, folder or Path())
     ranges, range_faults = _ranges(assumed, values)
     faults = [
@@ -70,7 +79,7 @@ def parse_rig(text: str, origin: str = "rig", folder: Path | None = None) -> Rig
 
 
 def with_values(rig: Rig, values: Mapping[str, Any]) -> Rig:
-    """Return the rig with some values replaced, and validated anew.
+    """Return the rig with some values replaced and validated.
 
     Args:
         rig: The rig to start from.
@@ -83,7 +92,7 @@ def with_values(rig: Rig, values: Mapping[str, Any]) -> Rig:
     document = rig_document(rig)
     faults = []
     for dotted, value in values.items():
-        *parents, last = dotted.split(".")
+        *parents, last = current_key(dotted).split(".")
         node: Any = document
         try:
             for part in parents:
@@ -91,9 +100,7 @@ def with_values(rig: Rig, values: Mapping[str, Any]) -> Rig:
             if not isinstance(node, dict) or last not in node or isinstance(node[last], dict):
                 raise KeyError(last)
         except (KeyError, IndexError, ValueError, TypeError):
-            faults.append(
-                f"{dotted}: no such quantity in a rig{near_miss(dotted, list(model_keys(Rig)))}"
-            )
+            faults.append(f"{dotted}: unknown quantity{near_miss(dotted, list(model_keys(Rig)))}")
             continue
         node[last] = value
     try:
@@ -107,7 +114,7 @@ def with_values(rig: Rig, values: Mapping[str, Any]) -> Rig:
 
 
 def rig_document(rig: Rig) -> dict[str, Any]:
-    """Return the rig as TOML would hold it, every value a quantity that reads back exactly."""
+    """Return the rig as TOML holds it, every value a quantity that reads back exactly."""
     return _document(rig, type(rig))
 
 
@@ -118,26 +125,33 @@ def rig_json(rig: Rig) -> str:
 
 @lru_cache(maxsize=8)
 def rig_from_json(text: str) -> Rig:
-    """Read back what `rig_json` wrote; the recordings of a session have it in common.
+    """Read back what `rig_json` wrote, also in earlier versions.
+
+    The result is cached, since the recordings of a session share their rig.
 
     Raises:
         RigError: The text is not what `rig_json` writes.
     """
     origin = "the rig stored here cannot be read"
     try:
-        saved = json.loads(text)
-        origins = {"assumed": saved["assumed"], "sources": saved["sources"]}
-        return Rig.model_validate(saved["values"] | origins)
+        stored = json.loads(text)
+        values = stored["values"]
+        rename_keys(values)
+        origins = {
+            name: {current_key(key): about for key, about in stored[name].items()}
+            for name in ("assumed", "sources")
+        }
+        return Rig.model_validate(values | origins)
     except ValidationError as error:
         raise RigError(fault_list(origin, validation_faults(error, Rig, ""))) from error
-    except (ValueError, KeyError, TypeError, RecursionError) as error:
+    except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
         raise RigError(
-            f"{origin}: {type(error).__name__}: {error}; only what rig_json wrote can be read back"
+            f"{origin}: {type(error).__name__}: {error}; only text written by rig_json can be read"
         ) from error
 
 
 def _read_files(values: dict[str, Any], folder: Path) -> list[tuple[str, str]]:
-    """Put the contents of files in the place of their names; return what is wrong with them."""
+    """Replace the names of files by their contents; return the faults in them."""
     faults: list[tuple[str, str]] = []
     press = values.get("press")
     gesture = press.get("gesture") if isinstance(press, dict) else None
@@ -155,7 +169,7 @@ def _read_files(values: dict[str, Any], folder: Path) -> list[tuple[str, str]]:
         plectrum = holder.get("plectrum")
         outline = plectrum.get("outline") if isinstance(plectrum, dict) else None
         if isinstance(plectrum, dict) and isinstance(outline, dict) and "file" in outline:
-            from sautereau.rig.outline import read_outline  # which brings numpy; few rigs need it
+            from sautereau.rig.outline import read_outline  # imports numpy; few rigs need it
 
             try:
                 plectrum["outline"] = read_outline(outline, folder)
@@ -166,17 +180,17 @@ def _read_files(values: dict[str, Any], folder: Path) -> list[tuple[str, str]]:
 
 
 def read_toml(text: str, origin: str, error_type: type[Exception]) -> dict[str, Any]:
-    """Parse TOML; ``error_type`` is raised with the place of the fault."""
+    """Parse TOML; ``error_type`` is raised with the line of the fault."""
     try:
         return tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
-        raise error_type(f"{origin}: not valid TOML: {error}; mend that line") from error
+        raise error_type(f"{origin}: not valid TOML: {error}; correct that line") from error
     except (ValueError, RecursionError) as error:  # numbers too long, arrays too deep
         raise error_type(f"{origin}: not valid TOML: {error}; shorten it") from error
 
 
 def _split_origins(document: dict[str, Any]):
-    """Part a document into values, (value, assumed range) and sources by dotted key, faults."""
+    """Split a document into values, (value, assumed range) and sources by dotted key, faults."""
     assumed: dict[str, tuple[Any, Any]] = {}
     sources: dict[str, str] = {}
     faults: list[tuple[str, str]] = []
@@ -190,8 +204,8 @@ def _split_origins(document: dict[str, Any]):
             return {key: walk(value, (*path, key)) for key, value in node.items()}
         key = ".".join(path)
         for unknown in sorted(set(node) - {"value", *_ORIGIN}):
-            remedy = near_miss(unknown, ["value", *_ORIGIN]).replace("the top level", "a quantity")
-            faults.append((f"{key}.{unknown}", f"unknown key{remedy}"))
+            known = near_miss(unknown, ["value", *_ORIGIN]).replace("the top level", "a quantity")
+            faults.append((f"{key}.{unknown}", f"unknown key{known}"))
         if "assumed" in node:
             assumed[key] = (node["value"], node["assumed"])
         if "source" in node:
@@ -203,7 +217,7 @@ def _split_origins(document: dict[str, Any]):
     values = walk(document, ())
     for name in _ORIGINS & set(values):
         del values[name]
-        faults.append((name, "unknown key; give each quantity its own, beside its value"))
+        faults.append((name, "unknown key; write it into the table of each quantity"))
     return values, assumed, sources, faults
 
 
@@ -214,7 +228,7 @@ def _ranges(assumed: dict[str, tuple[Any, Any]], values: dict[str, Any]):
     faults: list[tuple[str, str]] = []
     for key, (value, pair) in assumed.items():
         if re.sub(r"\.\d+(?=\.|$)", "", key) not in known:
-            continue  # which is a fault of the key, and reported as such
+            continue  # the unknown key is reported elsewhere
         try:
             ranges[key] = _range(unit_of(Rig, key.split("."), values), value, pair)
         except ValueError as error:
@@ -224,21 +238,21 @@ def _ranges(assumed: dict[str, tuple[Any, Any]], values: dict[str, Any]):
 
 def _range(unit: str | None, value: Any, pair: Any) -> tuple[float, float]:
     if unit is None or isinstance(value, list):
-        raise ValueError("only one quantity with a unit has an assumed range; remove assumed")
+        raise ValueError("only a single quantity with a unit has an assumed range; remove assumed")
     if not isinstance(pair, list) or len(pair) != 2 or not all(isinstance(p, str) for p in pair):
         raise ValueError(
-            f"assumed range {shown(pair)} is refused: it holds the least and the largest"
-            f" quantity in {unit}"
+            f"assumed range {shown(pair)} is refused: give the smallest and the largest quantity"
+            f" in {unit}"
         )
     try:
         low, high = (parse_quantity(end, unit) for end in pair)
     except ValueError as error:
-        raise ValueError(f"assumed range: {error}; a quantity in {unit} is needed") from error
+        raise ValueError(f"assumed range: {error}; give a quantity in {unit}") from error
     if not low <= high:
-        raise ValueError(f"assumed range {shown(pair)} is empty; give the least value first")
+        raise ValueError(f"assumed range {shown(pair)} is empty; give the smallest value first")
     try:
         inside = low <= parse_quantity(value, unit) <= high
-    except (ValueError, TypeError):  # a fault of the value itself, and reported as such
+    except (ValueError, TypeError):  # the fault of the value itself is reported elsewhere
         return low, high
     if not inside:
         raise ValueError(

@@ -2,9 +2,9 @@
 
 A tracing is a CSV file with the columns x and z, in units of length, the clamp at x = 0 and
 the tip at the largest x. A photograph's contour is one with the columns x and y in pixels, y
-counted downwards as programs for pictures do; the rig file gives their size and the clamp:
+counted downwards as in image programs; the rig file gives their size and the clamp:
 ``outline = { file = "photo.csv", scale = "0.01 mm", clamp = [212, 640] }``. Its tip may point
-either way. What lies behind the clamp is cut off.
+either way. Everything behind the clamp is cut off.
 """
 
 import math
@@ -15,26 +15,27 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from sautereau.rig.csv_files import read_columns
 from sautereau.rig.errors import RigError
-from sautereau.rig.tables import read_table
 from sautereau.rig.units import parse_quantity, shown
 
 Floats = NDArray[np.float64]
 
 MOST_PLACES = 101
-"""Places that a contour's own points give its outline."""
+"""Largest number of x positions taken directly from a contour's points."""
 READINGS = 1001
-"""Even places at which a contour with more of them is read."""
+"""Evenly spaced x positions at which a contour with more points is sampled."""
 THINNED_PLACES = 17
-"""Places of the outline fitted to those readings: single pixels do not tilt the string then."""
+"""x positions of the outline fitted to those samples, which averages out single pixels."""
 LEAST_POINTS = 6
-"""Points of a contour."""
+"""Smallest number of points of a contour."""
 FROM_CLAMP = 0.02
-"""1, of the length, by which a contour may begin past the clamp."""
+"""Dimensionless, fraction of the length by which a contour may start past the clamp."""
 ENDS = 0.02
-"""1, of the length: so near to either end a contour may go back and forth, as blunt ends do."""
+"""Dimensionless, fraction of the length near either end where a contour may go back and forth,
+as blunt ends do."""
 LEAST_TIP = 0.05
-"""1, of the thickness at the clamp, to which a pointed or rounded tip is blunted."""
+"""Dimensionless, smallest thickness of the tip as a fraction of that at the clamp."""
 
 
 def read_outline(table: Mapping[str, Any], folder: Path) -> dict[str, list[str]]:
@@ -42,16 +43,16 @@ def read_outline(table: Mapping[str, Any], folder: Path) -> dict[str, list[str]]
 
     Args:
         table: ``file``, and for a photograph ``scale`` and ``clamp``.
-        folder: Where the file is.
+        folder: Folder of the file.
 
     Raises:
-        RigError: The file cannot be read, or its contour is no plectrum; says why.
+        RigError: The file cannot be read, or its contour is not that of a plectrum.
     """
     path = folder / str(table["file"])
     if unknown := sorted(set(table) - {"file", "scale", "clamp"}):
         raise RigError(
-            f"outline file {path}: {', '.join(unknown)}: unknown key; beside file there are scale"
-            " and clamp, for the contour of a photograph"
+            f"outline file {path}: {', '.join(unknown)}: unknown key; the keys are file, and for"
+            " the contour of a photograph scale and clamp"
         )
     points = _pixels(path, table) if "scale" in table or "clamp" in table else _lengths(path)
     try:
@@ -63,13 +64,13 @@ def read_outline(table: Mapping[str, Any], folder: Path) -> dict[str, list[str]]
 
 
 def split(contour: Floats) -> tuple[Floats, Floats, Floats]:
-    """Part a closed contour from clamp to tip into places, top and bottom.
+    """Split a closed contour into x, top and bottom from the clamp to the tip.
 
     Args:
-        contour: m, points in order around the plectrum, clamp at x = 0, shape (n, 2).
+        contour: Points in order around the plectrum, clamp at x = 0, m, shape (n, 2).
 
     Returns:
-        Places, top and bottom [m], each of shape (m,), top[0] + bottom[0] = 0.
+        x, top and bottom [m], each of shape (m,), top[0] + bottom[0] = 0.
 
     Raises:
         ValueError: The contour crosses itself, folds back, has too few points or does not
@@ -79,18 +80,18 @@ def split(contour: Floats) -> tuple[Floats, Floats, Floats]:
     if len(contour) < LEAST_POINTS:
         raise ValueError(
             f"{len(contour)} different points are too few for a contour; trace at least"
-            f" {LEAST_POINTS}, all the way round"
+            f" {LEAST_POINTS} around the complete plectrum"
         )
     low, high = float(contour[:, 0].min()), float(contour[:, 0].max())
     if high <= 0 or low > FROM_CLAMP * high:
         raise ValueError(
             f"the contour reaches from x = {1e3 * low:.4g} to {1e3 * high:.4g} mm, which is not"
-            " from the clamp at 0 mm to a tip; take the clamp's place off every x"
+            " from the clamp at 0 mm to a tip; subtract the clamp's position from every x"
         )
     if (crossing := _crossing(contour)) is not None:
         raise ValueError(
             f"the contour crosses itself near x = {1e3 * crossing[0]:.4g} mm,"
-            f" z = {1e3 * crossing[1]:.4g} mm; put its points in order, once round"
+            f" z = {1e3 * crossing[1]:.4g} mm; order its points once around the plectrum"
         )
     start = max(low, 0.0)
     corners = np.unique(contour[:, 0])
@@ -106,7 +107,7 @@ def split(contour: Floats) -> tuple[Floats, Floats, Floats]:
 
 
 def _thinned(x: Floats, top: Floats, bottom: Floats) -> tuple[Floats, Floats, Floats]:
-    """Return the line, straight between few places, that fits each edge best."""
+    """Return the least-squares polyline with few vertices for each edge."""
     from scipy.interpolate import make_lsq_spline
 
     places = np.linspace(x[0], x[-1], THINNED_PLACES)
@@ -117,7 +118,7 @@ def _thinned(x: Floats, top: Floats, bottom: Floats) -> tuple[Floats, Floats, Fl
 
 
 def _from_clamp(x: Floats, top: Floats, bottom: Floats) -> tuple[Floats, Floats, Floats]:
-    """Begin at the clamp with the mid-line at 0, and blunt the tip."""
+    """Start at the clamp with the mid-line at 0, and give the tip its smallest thickness."""
     if x[0] > 0:  # within FROM_CLAMP: the first section is the clamp's
         x = np.concatenate([[0.0], x[1:]])
     if top[0] <= bottom[0] and len(x) > 2:  # a rounded butt traced to a point
@@ -129,29 +130,29 @@ def _from_clamp(x: Floats, top: Floats, bottom: Floats) -> tuple[Floats, Floats,
 
 
 def _heights(contour: Floats, x: float) -> tuple[float, float]:
-    """Return the top and bottom of a contour at one place, where it must be passed twice."""
+    """Return top and bottom of a contour at one x, where the contour must pass exactly twice."""
     begin, end = contour, np.roll(contour, -1, 0)
     left, right = np.minimum(begin[:, 0], end[:, 0]), np.maximum(begin[:, 0], end[:, 0])
-    met = (left <= x) & (x <= right)
-    begin, end = begin[met], end[met]
+    at_x = (left <= x) & (x <= right)
+    begin, end = begin[at_x], end[at_x]
     steep = begin[:, 0] == end[:, 0]
-    share = (x - begin[:, 0]) / np.where(steep, 1, end[:, 0] - begin[:, 0])
-    heights = np.where(steep, begin[:, 1], begin[:, 1] + share * (end[:, 1] - begin[:, 1]))
+    fraction = (x - begin[:, 0]) / np.where(steep, 1, end[:, 0] - begin[:, 0])
+    heights = np.where(steep, begin[:, 1], begin[:, 1] + fraction * (end[:, 1] - begin[:, 1]))
     heights = np.concatenate([heights, end[steep, 1]])
     top, bottom = float(heights.max()), float(heights.min())
     span = contour[:, 0].max()
     # Half open, so that a point between two edges counts once.
-    passed = np.sum((left[met] <= x) & (x < right[met]))
+    passed = np.sum((left[at_x] <= x) & (x < right[at_x]))
     if passed > 2 and ENDS * span < x < (1 - ENDS) * span:
         raise ValueError(
-            f"the contour folds back over itself at x = {1e3 * x:.4g} mm, where it is passed more"
-            " than twice; smooth it, or turn the picture"
+            f"the contour folds back over itself at x = {1e3 * x:.4g} mm, where it passes more"
+            " than twice; smooth it, or rotate the picture"
         )
     return top, bottom
 
 
 def _crossing(contour: Floats) -> Floats | None:
-    """Return where two edges that are no neighbours cross, or None."""
+    """Return the point where two edges that are not adjacent cross, or None."""
     begin, end = contour, np.roll(contour, -1, 0)
     along = end - begin
     count = len(contour)
@@ -174,12 +175,12 @@ def _lengths(path: Path) -> Floats:
     def read(_: str, text: str) -> float:
         return parse_quantity(text, "m")
 
-    table = read_table(path, "outline file", {"x": "m", "z": "m"}, "x [mm], z [mm]", read)
+    table = read_columns(path, "outline file", {"x": "m", "z": "m"}, "x [mm], z [mm]", read)
     return np.column_stack([table["x"], table["z"]])
 
 
 def _pixels(path: Path, table: Mapping[str, Any]) -> Floats:
-    """Read a photograph's contour and return it in m about its clamp, the tip at positive x."""
+    """Read a photograph's contour; return it in m from its clamp, the tip at positive x."""
     faults = []
     try:
         scale = parse_quantity(str(table.get("scale", "")), "m")
@@ -193,7 +194,7 @@ def _pixels(path: Path, table: Mapping[str, Any]) -> Floats:
     if len(clamp) != 2 or not all(isinstance(c, int | float) and math.isfinite(c) for c in clamp):
         faults.append(
             f"clamp: {shown(table.get('clamp'))} is refused; give column and row of the pixel at"
-            " the middle of the clamp, clamp = [212, 640]"
+            " the centre of the clamp, clamp = [212, 640]"
         )
     if faults:
         raise RigError(f"outline file {path}: " + "\n  ".join(faults))
@@ -201,12 +202,12 @@ def _pixels(path: Path, table: Mapping[str, Any]) -> Floats:
     def read(_: str, text: str) -> float:
         number, _, unit = text.rpartition(" ")
         if unit not in ("px", "pixel", "pixels"):
-            raise ValueError(f"{shown(text)} is no number of pixels")
+            raise ValueError(f"{shown(text)} is not a number of pixels")
         if not math.isfinite(value := float(number)):
             raise ValueError(f"{shown(text)} is not finite")
         return value
 
-    cells = read_table(path, "outline file", {"x": "px", "y": "px"}, "x [px], y [px]", read)
+    cells = read_columns(path, "outline file", {"x": "px", "y": "px"}, "x [px], y [px]", read)
     x, y = np.array(cells["x"]), np.array(cells["y"])
     if len(x):
         x, y = x - clamp[0], clamp[1] - y

@@ -1,4 +1,4 @@
-"""TOML files by path, or by the name under which they come with sautereau."""
+"""TOML files given by path, or by the name of one that is part of sautereau."""
 
 import difflib
 from importlib import resources
@@ -11,19 +11,19 @@ def named_text(
     """Read a TOML file.
 
     Args:
-        name: Path of a file, or name of one that comes with a package.
-        package: Where the packaged ones are.
+        name: Path of a file, or name of a packaged one.
+        package: Package with the packaged files.
         what: Kind of file, for messages.
-        error_type: What is raised.
+        error_type: Class of the error.
 
     Returns:
-        The text, what to call the file in messages, and the folder it is in.
+        The text, the name of the file for messages, and its folder.
     """
     path = Path(name)
     try:
         if path.suffix == ".toml" or path.is_file():
             return path.read_text(encoding="utf-8"), str(path), path.parent
-    except (OSError, ValueError) as error:  # no UTF-8, or a name that no file can have
+    except (OSError, ValueError) as error:  # not UTF-8, or an impossible file name
         raise error_type(
             f"{what} file {path}: cannot be read: {error}; give the path of a UTF-8 text file"
         ) from error
@@ -40,6 +40,6 @@ def named_text(
 
 
 def packaged_names(package: str) -> list[str]:
-    """Return the names of the TOML files that come with a package."""
+    """Return the names of the TOML files in a package."""
     files = resources.files(package).iterdir()
     return sorted(file.name[:-5] for file in files if file.name.endswith(".toml"))

@@ -1,4 +1,4 @@
-"""Named implementations: those of sautereau, and those that other installed packages provide."""
+"""Implementations by name: those of sautereau, and those that other installed packages provide."""
 
 import difflib
 from collections.abc import Mapping
@@ -13,19 +13,23 @@ from sautereau.rig.errors import SautereauError
 
 
 class Registry:
-    """Implementations by name; each is imported when it is first asked for.
+    """Implementations by name; each is imported when it is first used.
 
     Another package adds one by an entry point of its own pyproject.toml::
 
         [project.entry-points."sautereau.controllers"]
         toy = "toy_package.driver:ToyController"
 
+    The names of sautereau itself are reserved: an entry point with one of them is ignored, so
+    that installing a package never changes what an existing rig file or command does. A name
+    that two other packages provide is refused.
+
     Args:
         group: Entry-point group, `sautereau.controllers`.
-        what: Kind of the implementations, for messages: `controller`.
+        what: Kind of implementation, for messages: `controller`.
         built_in: `module:attribute` of each implementation of sautereau, by name, in the order
             in which they are listed.
-        error: Class of the error that an unknown name raises.
+        error: Class of the errors.
     """
 
     def __init__(
@@ -43,12 +47,19 @@ class Registry:
         """Return the implementation of a name.
 
         Raises:
-            SautereauError: No package provides this name; or importing it failed.
+            SautereauError: No package or several packages provide this name, or importing it
+                failed.
         """
-        point = self._built_in.get(name)
-        if point is None:
-            point = next(iter(entry_points(group=self.group, name=name)), None)
-        if point is None:
+        if name in self._built_in:
+            return self._load(self._built_in[name])
+        points = list(entry_points(group=self.group, name=name))
+        if len(points) > 1:
+            places = " and ".join(sorted(repr(point.value) for point in points))
+            raise self._error(
+                f"{self.what} {name!r} is provided by several packages, from {places}; uninstall"
+                " all of them but one"
+            )
+        if not points:
             known = self.names()
             close = difflib.get_close_matches(name, known, n=1)
             meant = f"did you mean {close[0]!r}? " if close else ""
@@ -56,12 +67,15 @@ class Registry:
                 f"{self.what} {name!r} is unknown; {meant}known: {', '.join(known)}. Another"
                 f" package adds one by an entry point in the group {self.group!r}"
             )
+        return self._load(points[0])
+
+    def _load(self, point: EntryPoint) -> Any:
         try:
             return point.load()
         except (ImportError, AttributeError) as error:
             raise self._error(
-                f"{self.what} {name!r} cannot be imported from {point.value!r}: {error}; reinstall"
-                " the package that provides it"
+                f"{self.what} {point.name!r} cannot be imported from {point.value!r}: {error};"
+                " reinstall the package that provides it"
             ) from error
 
 

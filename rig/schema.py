@@ -1,7 +1,7 @@
-"""The rig: every number of the bench, frozen, in SI units.
+"""The rig: all quantities of the bench, frozen, in SI units.
 
 A field's docstring gives its unit and its meaning. In TOML each is a quantity
-(``press_arm = "171 mm"``) or, where its origin matters, a table:
+(``press_arm = "171 mm"``) or, to record its origin, a table:
 ``inertia = { value = "7e-4 kg m^2", assumed = ["5e-4 kg m^2", "10e-4 kg m^2"] }``.
 Lengths on the key are measured from the balance pin; x runs from the pin towards
 the jack, z upwards, and the key's angle is positive when the jack rises.
@@ -33,7 +33,7 @@ GearRatio = Annotated[float, Field(gt=0)]
 
 
 class Gesture(Section):
-    """A jack's rise over time, as recorded from a player."""
+    """A recorded gesture: the jack's rise over time."""
 
     time: tuple[Time, ...] = Field(min_length=3)
     """s, from 0 and increasing."""
@@ -45,14 +45,14 @@ class Gesture(Section):
         faults = []
         if len(self.time) != len(self.rise):
             faults.append(
-                f"gesture: {len(self.time)} times and {len(self.rise)} rises; give one for each"
+                f"gesture: {len(self.time)} times and {len(self.rise)} rises; give equally many"
             )
         if self.time[0] != 0 or any(b <= a for a, b in pairwise(self.time)):
-            faults.append("gesture: time must start at 0 s and increase; sort or shift it")
+            faults.append("gesture: time must start at 0 s and increase; sort or shift the times")
         if abs(self.rise[0]) > 1e-6:
             faults.append(
-                f"gesture: it starts at a rise of {self.rise[0] * 1e3:.4g} mm and not at 0 mm;"
-                " take the rest off every rise"
+                f"gesture: it starts at a rise of {self.rise[0] * 1e3:.4g} mm, not at 0 mm;"
+                " subtract this from every rise"
             )
         if not -1e-6 <= min(self.rise) <= max(self.rise) <= 15e-3:
             faults.append(
@@ -65,10 +65,10 @@ class Gesture(Section):
 
 
 class Press(Section):
-    """What one press does, said of the jack."""
+    """One press, as the motion of the jack."""
 
     jack_speed: Annotated[float, Unit("m/s", "0.072 m/s")] = Field(ge=0.005, le=1.0)
-    """m/s, of the cruise."""
+    """m/s, constant speed of the jack during the pluck (the cruise)."""
     jack_rise: Length = Field(ge=1e-3, le=15e-3)
     """m, from rest to the end of the press."""
     hold: Literal["point", "normal"]
@@ -78,13 +78,13 @@ class Press(Section):
     run_up_jerk: Annotated[float, Unit("m/s**3", "3000 m/s^3")] = Field(ge=0.1, le=1e8)
     """m/s^3, largest of the jack before the cruise."""
     run_down_acceleration: Annotated[float, Unit("m/s**2", "1.5 m/s^2")] = Field(ge=1e-3, le=1e4)
-    """m/s^2, largest of the jack after the cruise; the key leaves the finger where this is
-    more than its own weight gives."""
+    """m/s^2, largest of the jack after the cruise; the key leaves the finger if this exceeds
+    the acceleration by its own weight."""
     run_down_jerk: Annotated[float, Unit("m/s**3", "200 m/s^3")] = Field(ge=0.1, le=1e8)
     """m/s^3, largest of the jack after the cruise and on the way back."""
     return_acceleration: Annotated[float, Unit("m/s**2", "0.6 m/s^2")] = Field(ge=1e-3, le=1e4)
-    """m/s^2, largest of the jack on the way back; friction holds the key up, so this is
-    less than on the way down."""
+    """m/s^2, largest of the jack on the way back; less than on the way down, since friction
+    slows the return of the key."""
     bottom_hold: Time = Field(ge=0, le=60)
     """s, rest at the end of the press."""
     return_speed: Annotated[float, Unit("m/s", "0.05 m/s")] = Field(ge=1e-4, le=1.0)
@@ -92,12 +92,12 @@ class Press(Section):
     settle: Time = Field(ge=0, le=10)
     """s, rest with the finger on the key before the run-up."""
     approach_speed: Annotated[float, Unit("m/s", "0.05 m/s")] = Field(ge=1e-4, le=1.0)
-    """m/s, largest of the fingertip between its height above the key and contact."""
+    """m/s, largest of the fingertip between hover and key."""
     gesture: Gesture | None = None
     """A recorded gesture to replay in place of the constant speed; in a file
     ``gesture = { file = "gesture.csv" }``, with columns time (s) and rise (m)."""
     speed_tolerance: float = Field(strict=True, gt=0, le=0.1)
-    """1, largest error of the jack's speed in the cruise that rounding may cause."""
+    """Dimensionless, largest relative error of the jack's speed in the cruise by rounding."""
     hover: Length = Field(gt=0)
     """m, height of the fingertip above the key before and after the presses."""
 
@@ -122,13 +122,13 @@ class Arm(Section):
     elbow: Literal["up", "down"]
     """The side of the line from base to fingertip on which the elbow lies: `up` is its left."""
     counts_per_revolution: int = Field(strict=True, ge=16, le=2**31)
-    """Encoder counts a turn of either joint."""
+    """Encoder counts per revolution of either joint."""
     home_angles: tuple[Angle, Angle]
-    """rad, of the two joints at their home switches."""
+    """rad, angles of the two joints at their home switches."""
     lower_limits: tuple[Angle, Angle]
-    """rad, of the two joints."""
+    """rad, smallest angles of the two joints."""
     upper_limits: tuple[Angle, Angle]
-    """rad, of the two joints."""
+    """rad, largest angles of the two joints."""
     speed_limit: Annotated[float, Unit("rad/s", "6 rad/s")] = Field(gt=0)
     """rad/s, of either joint."""
     acceleration_limit: Annotated[float, Unit("rad/s**2", "200 rad/s^2")] = Field(gt=0)
@@ -138,19 +138,19 @@ class Arm(Section):
     rotor_inertias: tuple[RotorInertia, RotorInertia] = (0.0, 0.0)
     """kg m^2, of the two motors' rotors about their own axes."""
     gear_ratios: tuple[GearRatio, GearRatio] = (1.0, 1.0)
-    """1, turns of each motor a turn of its joint."""
+    """Dimensionless, revolutions of each motor per revolution of its joint."""
     mount_x: tuple[Length, Length]
-    """m, least and largest base_x at which the robot can be clamped."""
+    """m, smallest and largest base_x at which the robot can be clamped."""
     mount_z: tuple[Length, Length]
-    """m, least and largest base_z at which the robot can be clamped."""
+    """m, smallest and largest base_z at which the robot can be clamped."""
     torque_limit: Moment = Field(gt=0)
     """N m, of either joint."""
     approach_speed: Annotated[float, Unit("rad/s", "0.5 rad/s")] = Field(gt=0)
-    """rad/s, of either joint on its way between home, hover and key."""
+    """rad/s, of either joint between home, hover and key."""
 
     @property
     def radians_per_count(self) -> float:
-        """Angle of a joint for each encoder count [rad]."""
+        """Angle of a joint per encoder count, rad."""
         return 2 * math.pi / self.counts_per_revolution
 
     @model_validator(mode="after")
@@ -158,15 +158,15 @@ class Arm(Section):
         for joint, (low, high) in enumerate(zip(self.lower_limits, self.upper_limits, strict=True)):
             if not low < high:
                 raise ValueError(
-                    f"lower_limits and upper_limits of joint {joint + 1}: the lower,"
-                    f" {math.degrees(low):.6g} deg, is not below the upper,"
-                    f" {math.degrees(high):.6g} deg; lower the one or raise the other"
+                    f"lower_limits and upper_limits of joint {joint + 1}: the lower limit of"
+                    f" {math.degrees(low):.6g} deg is not below the upper limit of"
+                    f" {math.degrees(high):.6g} deg; lower the first or raise the second"
                 )
         for name, (low, high) in (("mount_x", self.mount_x), ("mount_z", self.mount_z)):
             if not low < high:
                 raise ValueError(
-                    f"{name}: from {low * 1e3:.4g} to {high * 1e3:.4g} mm there is no room;"
-                    " give the least value first"
+                    f"{name}: the range from {low * 1e3:.4g} to {high * 1e3:.4g} mm is empty;"
+                    " give the smallest value first"
                 )
         return self
 
@@ -177,13 +177,13 @@ class Controller(Section):
     kind: Annotated[str, AfterValidator(known_kind)] = "galil"
     """`galil` (DMC-4x), `odrive` (3.x with firmware 0.5.x), or a kind of another package."""
     port: str = Field(min_length=1)
-    """Serial device, or any URL that pyserial takes."""
+    """Serial device, or any URL that pyserial accepts."""
     baud_rate: int = Field(strict=True, gt=0)
-    """Bits a second."""
+    """Bits per second."""
     timeout: Time = Field(gt=0)
-    """s, wait for an answer before the controller counts as silent."""
+    """s, longest wait for an answer of the controller."""
     sample_period: Time = Field(gt=0)
-    """s, of one controller sample; with TM 1000 it is 976 us and not 1 ms."""
+    """s, of one controller sample; with TM 1000 it is 976 us, not 1 ms."""
     segment_limit: int = Field(strict=True, ge=8)
     """PVT segments that the controller's FIFO holds for each axis."""
     position_error_limit: int = Field(strict=True, gt=0)
@@ -191,32 +191,32 @@ class Controller(Section):
     trigger_output: int = Field(strict=True, ge=1, le=16)
     """Digital output wired to the acquisition's trigger input."""
     full_torque: Voltage = Field(default=9.998, gt=0, le=9.998)
-    """V, command to an amplifier at which its joint gets `arm.torque_limit`."""
+    """V, command to an amplifier that corresponds to `arm.torque_limit`."""
     watchdog_period: Time = Field(default=0.5, ge=0.1, le=5)
-    """s without a sign of the host, after which the controller switches the motors off."""
+    """s, time without a command from the host; then the controller switches the motors off."""
     home_tolerance: int = Field(default=100, strict=True, gt=0)
-    """Counts by which a home switch may be found off its place when it is checked again."""
+    """Counts by which a home switch may differ from its position when it is checked again."""
 
 
 class Rig(Section):
-    """The whole bench. Load one with `sautereau.rig.load.load_rig`."""
+    """The complete bench. Load one with `sautereau.rig.load.load_rig`."""
 
     name: str = Field(min_length=1)
-    """Of the bench, for titles."""
+    """Name of the bench, for titles."""
     key: Key
     jack: Jack
     plectrum: Plectrum
     string: String
     more_choirs: tuple[Choir, ...] = ()
-    """Choirs beside the first, which `jack`, `plectrum` and `string` describe."""
+    """Choirs after the first, which `jack`, `plectrum` and `string` describe."""
     press: Press
     arm: Arm
     controller: Controller
     daq: Daq
     assumed: dict[str, tuple[float, float]] = Field(default_factory=dict, repr=False, exclude=True)
-    """SI; plausible range of every value that no source gives, by its dotted key."""
+    """Plausible range (SI) of every value without a source, by its dotted key."""
     sources: dict[str, str] = Field(default_factory=dict, repr=False, exclude=True)
-    """Where a value comes from, by its dotted key."""
+    """Source of a value, by its dotted key."""
 
     @model_validator(mode="after")
     def _parts_fit(self):
@@ -224,30 +224,30 @@ class Rig(Section):
         faults = []
         if key.press_arm > key.front_arm:
             faults.append(
-                f"key.press_arm: {key.press_arm * 1e3:.6g} mm lies in front of the key's edge at"
+                f"key.press_arm: {key.press_arm * 1e3:.6g} mm is beyond the key's front edge at"
                 f" {key.front_arm * 1e3:.6g} mm; lower press_arm or raise front_arm"
             )
         if key.laser_arm > key.front_arm:
             faults.append(
-                f"key.laser_arm: {key.laser_arm * 1e3:.6g} mm lies in front of the key's edge at"
+                f"key.laser_arm: {key.laser_arm * 1e3:.6g} mm is beyond the key's front edge at"
                 f" {key.front_arm * 1e3:.6g} mm; lower laser_arm or raise front_arm"
             )
         if self.plectrum.overlap >= self.plectrum.length:
             faults.append(
                 f"plectrum.overlap: {self.plectrum.overlap * 1e3:.6g} mm is not less than the"
-                f" plectrum's length of {self.plectrum.length * 1e3:.6g} mm; lower it"
+                f" plectrum's length of {self.plectrum.length * 1e3:.6g} mm; lower overlap"
             )
         if self.string.plucking_point >= self.string.length:
             faults.append(
                 f"string.plucking_point: {self.string.plucking_point * 1e3:.6g} mm is not on the"
-                f" string of {self.string.length * 1e3:.6g} mm; lower it"
+                f" string of {self.string.length * 1e3:.6g} mm; lower plucking_point"
             )
         back = jack.mass * GRAVITY * key.jack_arm
-        if key.front_heaviness >= back:
+        if key.gravity_moment >= back:
             faults.append(
-                f"key.front_heaviness: {key.front_heaviness * 1e3:.6g} mN m is not less than the"
+                f"key.gravity_moment: {key.gravity_moment * 1e3:.6g} mN m is not less than the"
                 f" jack's {back * 1e3:.6g} mN m, so the key would not rest on its back rail;"
-                " lower it or raise jack.mass"
+                " lower gravity_moment or raise jack.mass"
             )
         if faults:
             raise ValueError("\n".join(faults))

@@ -1,4 +1,4 @@
-"""A table of the rig file, and the kinds of quantities in it."""
+"""Base class of the rig file's tables, and the kinds of quantities in them."""
 
 from typing import Annotated
 

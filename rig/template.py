@@ -1,33 +1,33 @@
-"""Write a rig file that explains itself: every key with its meaning, unit and limits above it."""
+"""A commented rig file: every key with its meaning, unit and limits above it."""
 
 import textwrap
 from collections.abc import Iterator
 from typing import Any
 
-from sautereau.rig.describe import Entry, Table, describe
+from sautereau.rig.describe import KeyDescription, TableDescription, describe
 from sautereau.rig.errors import RigError
 from sautereau.rig.packaged import named_text
 
 _WIDTH = 88
 _ALIKE = "more_choirs"
-"""Table whose inner tables are those of the first choir."""
+"""Table with the same inner tables as the first choir."""
 
 
 def commented_rig() -> str:
     """Return the text of a rig file to start from, with a comment above every key.
 
-    Values and their sources are those of the packaged rig `paper`; keys that it leaves out
-    stand as comments with their defaults, and so do tables that a rig need not have.
+    Values and their sources are those of the packaged rig `paper`; keys that it does not set are
+    comments with their defaults, and so are optional tables.
     """
     import tomlkit
 
     document = tomlkit.parse(named_text("paper", "sautereau.rig", "rig", RigError)[0])
     lines = [
         *_comment(
-            "A rig file: every number of a bench. Lengths on the key are measured from the balance"
-            " pin. A value is a quantity in any unit of its dimension, or a table with the value"
-            " and its origin: source, or the range that was assumed. The values are those of the"
-            " packaged rig paper; put your own in place of them."
+            "A rig file: all quantities of a bench. Lengths on the key are measured from the"
+            " balance pin. A value is a quantity in any unit of its dimension, or a table with the"
+            " value and its origin: its source, or its assumed range. The values are those of the"
+            " packaged rig paper; replace them by your own."
         ),
         "",
     ]
@@ -37,21 +37,21 @@ def commented_rig() -> str:
     lines += [
         "",
         *_comment(
-            f"More strings that the key plucks: [[{_ALIKE}]] with jack_arm, and the tables"
-            " jack, plectrum and string as above, all of them its own."
+            f"More strings that the key plucks: [[{_ALIKE}]] with jack_arm and its own tables"
+            " jack, plectrum and string as above."
         ),
     ]
     return "\n".join(lines) + "\n"
 
 
-def _table(table: Table, document: Any) -> Iterator[str]:
+def _table(table: TableDescription, document: Any) -> Iterator[str]:
     found = _at(document, table.name)
     header = f"[[{table.name}]]" if table.repeated else f"[{table.name}]"
     for values in found if isinstance(found, list) else [found]:
         absent = "# " if values is None else ""
         if table.name:
             yield ""
-            yield from _comment(table.meaning + (" A rig can do without." if absent else ""))
+            yield from _comment(table.meaning + (" Optional." if absent else ""))
             yield absent + header
         for entry in table.entries:
             yield from _comment(_about(entry))
@@ -66,7 +66,7 @@ def _at(document: Any, dotted: str) -> Any:
     return node
 
 
-def _about(entry: Entry) -> str:
+def _about(entry: KeyDescription) -> str:
     quantity = entry.kind.endswith("quantity")
     parts = [
         entry.meaning.rstrip("."),
@@ -76,7 +76,7 @@ def _about(entry: Entry) -> str:
     return "; ".join(part for part in parts if part and part != "in ")
 
 
-def _line(entry: Entry, values: Any, absent: str) -> str:
+def _line(entry: KeyDescription, values: Any, absent: str) -> str:
     if values is not None and entry.name in values:
         return f"{entry.name} = {values[entry.name].as_string()}"
     return f"# {entry.name} = {entry.default or '...'}" if not absent else f"# {entry.name} = ..."

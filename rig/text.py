@@ -14,8 +14,8 @@ if TYPE_CHECKING:
 def rig_text(rig: Rig) -> str:
     """Return a rig as TOML that `rig.load.parse_rig` reads back: values, ranges and sources.
 
-    Comments of the file that it came from are not in it, and files that it named are written
-    out.
+    It has none of the comments of the original file, and includes the content of files that the
+    original named.
     """
     import tomlkit
 
@@ -28,7 +28,7 @@ def rig_text(rig: Rig) -> str:
 
 
 def _add(holder: Any, name: str, value: Any, rig: Rig, dotted: str) -> None:
-    """Put a value into a table of the document; what is None is left out."""
+    """Put a value into a table of the document; None is omitted."""
     import tomlkit
 
     if value is None:
@@ -50,7 +50,7 @@ def _table(values: dict[str, Any], rig: Rig, dotted: str) -> "Table":
     import tomlkit
 
     table = tomlkit.table()
-    # What is a table itself comes last, or TOML would count what follows as its.
+    # Inner tables come last: in TOML all keys after them would belong to them.
     for name in sorted(values, key=lambda n: isinstance(values[n], dict)):
         _add(table, name, values[name], rig, f"{dotted}.{name}")
     return table

@@ -6,9 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sautereau.daq.block import Block
 from sautereau.daq.file.reading import read_recording
-from sautereau.daq.file.recorded import Recorded
+from sautereau.daq.file.recorded import Block, Recorded
 from sautereau.daq.file.recording import Recording
 from sautereau.rig.load import load_rig
 from sautereau.rig.schema import Rig

@@ -39,7 +39,7 @@ def energy(rig, angle, omega, height=None, speed=None):
     height = rise(key, angle) if height is None else height
     speed = slope(key, angle) * omega if speed is None else speed
     kinetic = key.inertia * omega**2 / 2 + mass * speed**2 / 2
-    return kinetic + mass * GRAVITY * height - key.front_heaviness * angle
+    return kinetic + mass * GRAVITY * height - key.gravity_moment * angle
 
 
 def dissipated_power(rig, angle, omega):
@@ -60,14 +60,14 @@ def static_moment(rig, angle=0.0, string=0.0, friction=0.0):
     """
     key, jack = rig.key, rig.jack
     load = jack.mass * GRAVITY + string + friction * jack.register_friction
-    own = friction * key.pivot_coulomb_friction - key.front_heaviness
+    own = friction * key.pivot_coulomb_friction - key.gravity_moment
     return load * slope(key, angle) + own
 
 
 def acceleration(rig, angle, omega, moment, string=0.0, *, friction=False, felt=False, jack=True):
     """Return a'' [rad/s^2] of a rising key under a moment [N m]; `jack` is whether it stands."""
     key, inertia = rig.key, rig.key.inertia
-    moment = moment + key.front_heaviness
+    moment = moment + key.gravity_moment
     if friction:
         moment -= key.pivot_coulomb_friction + key.pivot_viscous_friction * omega
     if felt:

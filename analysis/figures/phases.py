@@ -81,7 +81,7 @@ def _complete(axes: "Axes", press: Press, found: Phases) -> None:
     speed = axes.twinx()
     speed.plot(time[inside], press.data["jack_speed"].to_numpy()[inside], color=OTHER, lw=0.7)
     speed.set_ylabel("jack speed (m/s)", color=OTHER)
-    for mark in press.marks:
+    for mark in press.quality_flags:
         if mark.stop * 1e3 > time[inside][0] and mark.start * 1e3 < time[inside][-1]:
             axes.axvspan(mark.start * 1e3, mark.stop * 1e3, color=DOUBTFUL, zorder=0)
     for number, held in enumerate(found.plucks, 1):

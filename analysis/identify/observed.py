@@ -169,7 +169,7 @@ def _used(
     used &= ~_beside(caught, edge / step)
     for pluck in phases.plucks:
         used &= np.abs(time - pluck.release) > BESIDE_RELEASE + edge
-    for mark in press.marks:
+    for mark in press.quality_flags:
         used &= (time < mark.start - edge) | (time > mark.stop + edge)
         if mark.channel == _force_channel(rig) and mark.kind != "drop-out":
             # An AC-coupled force has another level after an overload.

@@ -32,7 +32,7 @@ NAMES = (
     "key.inertia",
     "key.pivot_coulomb_friction",
     "key.pivot_viscous_friction",
-    "key.front_heaviness",
+    "key.gravity_moment",
     "jack.mass",
     "jack.register_friction",
     CLEARANCE,

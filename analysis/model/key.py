@@ -50,7 +50,7 @@ def finger_force(rig: Rig, angle: Motion, string_force: Floats) -> Floats:
     """Return the finger force [N] normal to the key that a motion requires.
 
     F a_p = I a'' + friction - M_g + sum of N_j d(rise)/da over the jacks
-    (paper, 2.2) with the static gravity moment M_g of the key (`key.front_heaviness`), plus
+    (paper, 2.2) with the static gravity moment M_g of the key (`key.gravity_moment`), plus
     the force of the front felt once the key has reached it.
 
     Args:
@@ -62,7 +62,7 @@ def finger_force(rig: Rig, angle: Motion, string_force: Floats) -> Floats:
     key = rig.key
     friction = key.pivot_coulomb_friction * np.sign(angle.velocity)
     friction = friction + key.pivot_viscous_friction * angle.velocity
-    moment = key.inertia * angle.acceleration + friction - key.front_heaviness
+    moment = key.inertia * angle.acceleration + friction - key.gravity_moment
     forces = np.atleast_2d(string_force)
     for number, choir in enumerate(choirs(rig)):
         lever = key_of(rig, choir)

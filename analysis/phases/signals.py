@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.press.load import Press, columns_of
-from sautereau.daq.signals.sensors import white_noise
+from sautereau.daq.signals.calibration import white_noise
 from sautereau.rig.schema import Rig
 from sautereau.trajectory.motion import Floats
 
@@ -77,7 +77,7 @@ def signals_of(press: Press) -> Signals:
     force_noise, velocity_noise = (white_noise(signal[:NOISE_ROWS]) for signal in (force, velocity))
     names = {c.name: c.quantity for c in press.rig.daq.channels}
     bad = {quantity: np.zeros(len(time), bool) for quantity in ("force", "velocity")}
-    for mark in press.marks:
+    for mark in press.quality_flags:
         first, last = np.searchsorted(time, (mark.start, mark.stop))
         bad[names[mark.channel]][max(0, first - SPREAD) : last + SPREAD] = True
     force = _without_spikes(force, force_noise)

@@ -6,7 +6,7 @@ import numpy as np
 
 from sautereau.analysis.phases.found import HeldString
 from sautereau.analysis.phases.signals import Signals
-from sautereau.daq.signals.quality_flags import Mark
+from sautereau.daq.signals.quality_flags import QualityFlag
 
 WEAK = 0.5e-3
 """s, uncertainty above which a contact or a release gives a warning."""
@@ -25,7 +25,7 @@ def ending(signals: Signals, begin: int) -> list[str]:
 
 
 def pluck_warnings(
-    signals: Signals, marks: Sequence[Mark], plucks: Sequence[HeldString], steady: float
+    signals: Signals, marks: Sequence[QualityFlag], plucks: Sequence[HeldString], steady: float
 ) -> list[str]:
     """Return warnings about plucks.
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sautereau.daq.signals.sensors import white_noise
+from sautereau.daq.signals.calibration import white_noise
 from sautereau.trajectory.motion import Floats
 
 BLOCK = 1e-3

@@ -18,9 +18,9 @@ from sautereau.analysis.press.drift import (
     force_at_rest,
     without_drift,
 )
+from sautereau.daq.signals.calibration import calibration_warning, correct, to_si, white_noise
 from sautereau.daq.signals.delays import undelayed
-from sautereau.daq.signals.quality_flags import Mark, find_marks, mark_warnings
-from sautereau.daq.signals.sensors import calibration_warning, correct, to_si, white_noise
+from sautereau.daq.signals.quality_flags import QualityFlag, find_quality_flags, quality_warnings
 from sautereau.rig.acquisition import Channel
 from sautereau.rig.instrument import Key
 from sautereau.rig.quantities import SECTIONS
@@ -62,7 +62,7 @@ class Press:
     """
     rate: float
     """Hz, of the rows."""
-    marks: tuple[Mark, ...] = ()
+    quality_flags: tuple[QualityFlag, ...] = ()
     """Quality flags; the flagged rows are as they were recorded."""
     drift: Drift = NO_DRIFT
     """Corrections from the rests before and after the press."""
@@ -125,12 +125,14 @@ def press_of(recorded: "Recorded") -> Press:
     marks = [
         mark
         for channel in (velocity_channel, force_channel)
-        for mark in find_marks(recorded.volts[channel.name], channel, rate, recorded.first_sample)
+        for mark in find_quality_flags(
+            recorded.volts[channel.name], channel, rate, recorded.first_sample
+        )
     ]
     warnings = [
         *map(str, recorded.gaps),
         *_calibrations(recorded, velocity_channel, force_channel),
-        *mark_warnings(marks),
+        *quality_warnings(marks),
     ]
     drift = NO_DRIFT
     if np.isfinite(velocity).all() and np.isfinite(force).all():

@@ -1,4 +1,4 @@
-"""Everything of a recording beside its samples, as one JSON document."""
+"""The metadata of an export: everything in a recording except its samples, as JSON."""
 
 import hashlib
 import json
@@ -12,29 +12,31 @@ import numpy as np
 from sautereau.daq.errors import RecordingError
 from sautereau.daq.file.recorded import Event, Joints, Plan, Recorded, Signal
 from sautereau.daq.file.session_info import SessionInfo, session_from_metadata
-from sautereau.daq.signals.quality_flags import find_marks
+from sautereau.daq.signals.quality_flags import find_quality_flags
 from sautereau.rig.errors import RigError
 from sautereau.rig.load import rig_from_json, rig_json
 from sautereau.rig.schema import Rig
 
 FORMAT = "sautereau export 1"
-"""Of the document; another number is another format."""
+"""Name and version of this document's format."""
+PARQUET_KEY = b"sautereau"
+"""Key of the document in the metadata of a Parquet file's schema."""
 
 
 @dataclass(frozen=True)
 class Document:
-    """What an export tells beside its columns."""
+    """What an export holds besides its columns."""
 
     rig: Rig
     session: SessionInfo
     t0_ns: int
-    """ns since 1970 of the trigger."""
+    """Date of the trigger, ns since 1970."""
     rate: float
-    """Hz."""
+    """Sampling rate, Hz."""
     first_sample: int
     """Index of the first row, counted from the trigger."""
     samples_sha256: str
-    """Of the raw volts, see `digest`."""
+    """SHA-256 of the raw volts, see `digest`."""
     plan: Plan | None
     joints: Joints | None
     events: tuple[Event, ...]
@@ -48,10 +50,10 @@ def sha256(path: Path) -> str:
 
 def digest(volts: Sequence[Signal]) -> str:
     """Return the SHA-256 of raw volts as little-endian doubles, one channel after another."""
-    found = hashlib.sha256()
+    hashed = hashlib.sha256()
     for signal in volts:
-        found.update(np.ascontiguousarray(signal, dtype="<f8").tobytes())
-    return found.hexdigest()
+        hashed.update(np.ascontiguousarray(signal, dtype="<f8").tobytes())
+    return hashed.hexdigest()
 
 
 def document_text(recorded: Recorded, columns: dict[str, dict[str, str]]) -> str:
@@ -62,13 +64,13 @@ def document_text(recorded: Recorded, columns: dict[str, dict[str, str]]) -> str
         columns: Unit and meaning of each column of the export.
     """
     volts, rate = recorded.volts, recorded.rate
-    found = [
-        mark
+    flags = [
+        flag
         for channel in recorded.rig.daq.channels
-        for mark in find_marks(volts[channel.name], channel, rate, recorded.first_sample)
+        for flag in find_quality_flags(volts[channel.name], channel, rate, recorded.first_sample)
     ]
-    # A copy of the samples that are left must not pass for whole.
-    lost = [Event(gap.start, "aborted", str(gap)) for gap in recorded.gaps]
+    # The gaps are exported as events, so that no import of the rest counts as complete.
+    gaps = [Event(gap.start, "aborted", str(gap)) for gap in recorded.gaps]
     return json.dumps(
         {
             "format": FORMAT,
@@ -81,10 +83,10 @@ def document_text(recorded: Recorded, columns: dict[str, dict[str, str]]) -> str
             "session": recorded.session.to_metadata(),
             "rig": json.loads(rig_json(recorded.rig)),
             "software": recorded.software,
-            "events": [asdict(event) for event in (*recorded.events, *lost)],
+            "events": [asdict(event) for event in (*recorded.events, *gaps)],
             "plan": _lists(recorded.plan),
             "joints": _lists(recorded.joints),
-            "marks": [asdict(mark) for mark in found],
+            "quality_flags": [asdict(flag) for flag in flags],
         },
         indent=1,
     )
@@ -94,30 +96,30 @@ def read_document(text: str | bytes) -> Document:
     """Read back what `document_text` wrote.
 
     Raises:
-        RecordingError: It is another document, or of another version.
+        RecordingError: It is not such a document, or one of another version.
     """
     try:
-        found = json.loads(text)
-        if found["format"] != FORMAT:
+        values = json.loads(text)
+        if values["format"] != FORMAT:
             raise RecordingError(
-                f"its metadata are in the format {found['format']!r}, not {FORMAT!r}; read it with"
-                " the version that wrote it"
+                f"its metadata are in the format {values['format']!r}, not {FORMAT!r}; read it with"
+                " the version of sautereau that wrote it"
             )
         return Document(
-            rig=rig_from_json(json.dumps(found["rig"])),
-            session=session_from_metadata(found["session"]),
-            t0_ns=int(found["t0_ns"]),
-            rate=float(found["rate"]),
-            first_sample=int(found["first_sample"]),
-            samples_sha256=str(found["samples_sha256"]),
-            plan=_arrays(Plan, found["plan"]),
-            joints=_arrays(Joints, found["joints"]),
-            events=tuple(Event(**event) for event in found["events"]),
+            rig=rig_from_json(json.dumps(values["rig"])),
+            session=session_from_metadata(values["session"]),
+            t0_ns=int(values["t0_ns"]),
+            rate=float(values["rate"]),
+            first_sample=int(values["first_sample"]),
+            samples_sha256=str(values["samples_sha256"]),
+            plan=_arrays(Plan, values["plan"]),
+            joints=_arrays(Joints, values["joints"]),
+            events=tuple(Event(**event) for event in values["events"]),
         )
     except (ValueError, KeyError, TypeError, RigError) as error:
         raise RecordingError(
             f"its metadata cannot be read: {type(error).__name__}: {error}; export the recording"
-            " anew"
+            " again"
         ) from error
 
 

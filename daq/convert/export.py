@@ -1,76 +1,87 @@
-"""Write a recording for other programs: Parquet or CSV."""
+"""Export of a recording as a table for other programs: Parquet or CSV."""
 
+from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, BinaryIO, Literal
 
 import numpy as np
 
-from sautereau.daq.convert.document import document_text
-from sautereau.daq.convert.source import SIMULATED
+from sautereau.daq.convert.document import PARQUET_KEY, document_text
+from sautereau.daq.convert.formats import SIMULATED
 from sautereau.daq.errors import RecordingError
 from sautereau.daq.file.container.durable import DurableFile
 from sautereau.daq.file.reading import read_recording
 from sautereau.daq.file.recorded import Recorded
+from sautereau.daq.signals.calibration import correct
 from sautereau.daq.signals.delays import undelayed
-from sautereau.daq.signals.sensors import correct
 from sautereau.rig.faults import fault_list
 
 if TYPE_CHECKING:
     import pyarrow as pa
 
 Format = Literal["parquet", "csv"]
-METADATA_KEY = b"sautereau"
-"""Of the document in a Parquet file's schema."""
 TIME = "time [s]"
-"""Name of the column of times from the trigger."""
+"""Name of the column of times after the trigger."""
 
 
 def export(path: str | Path, to: Format, out: Path, *, raw: bool = False) -> list[Path]:
     """Write a recording as a table: a time, and of each channel the volts and the SI values.
 
-    Columns are named with their unit: ``velocity [V]`` holds the raw volts, bit for bit, and
-    ``velocity [m/s]`` what the sensor felt at the row's time: scaled, its AC coupling undone,
-    its lag taken back, and empty in the last rows, which the sensor saw after the end. Neither
-    offset nor drift is taken off. Where a stand-in made it, a column ``simulated`` says so.
+    The name of a column ends with its unit: ``velocity [V]`` holds the raw volts, bit for bit,
+    and ``velocity [m/s]`` the measured quantity at the row's time: calibrated, AC coupling
+    inverted, sensor delay compensated. It is empty in the last rows, which the sensor measured
+    after the end of the recording. Neither offset nor drift is removed. If the stand-in made
+    the recording, there is a column ``simulated``.
 
-    Parquet carries all else in its schema's metadata; ``NAME.csv`` is a plain table for
-    spreadsheets, and beside it stands ``NAME.csv.json``. Nothing is overwritten.
+    Parquet holds everything else in its schema's metadata; ``NAME.csv`` is a plain table for
+    spreadsheets, with ``NAME.csv.json`` next to it. Nothing is overwritten.
 
     Args:
-        path: Of the recording.
+        path: Recording to read.
         to: Format.
         out: File to write.
-        raw: Whether to leave out the SI values.
+        raw: Whether to write the raw volts only, without the SI values.
 
     Returns:
         The files written.
 
     Raises:
-        RecordingError: The recording cannot be read, or the file not be written.
+        RecordingError: The recording cannot be read, or the file cannot be written.
     """
     recorded = read_recording(path)
     table, columns = _table(recorded, raw)
     document = document_text(recorded, columns)
     if to == "parquet":
-        return [_write_parquet(table, document, out)]
-    return _write_csv(table, document, out)
+        import pyarrow.parquet as pq
+
+        table = table.replace_schema_metadata({PARQUET_KEY: document.encode()})
+        return _write({out: lambda stream: pq.write_table(table, stream, compression="zstd")})
+    from pyarrow import csv
+
+    options = csv.WriteOptions(quoting_style="needed")
+    return _write(
+        {
+            out: lambda stream: csv.write_csv(table, stream, options),
+            out.with_name(out.name + ".json"): lambda stream: stream.write(document.encode()),
+        }
+    )
 
 
 def targets(files: list[Path], to: Format, out: Path | None) -> list[tuple[Path, Path]]:
-    """Return each recording with the file to write, all of them free.
+    """Return each recording with the file to write, none of which exists yet.
 
     Args:
         files: Recordings.
-        to: Format, and suffix.
-        out: File, or folder that is there; None for beside each recording.
+        to: Format, and file extension.
+        out: File, or existing folder; None for the folder of each recording.
 
     Raises:
-        RecordingError: Several would go into one file, or a name is taken.
+        RecordingError: Several recordings would go into one file, or a file exists already.
     """
     if out is not None and not out.is_dir() and len(files) > 1:
         raise RecordingError(
-            f"export to {out}: {len(files)} recordings do not go into one file; give a folder that"
-            " is there"
+            f"export to {out}: {len(files)} recordings cannot go into one file; give an existing"
+            " folder"
         )
     pairs = []
     for file in files:
@@ -78,8 +89,8 @@ def targets(files: list[Path], to: Format, out: Path | None) -> list[tuple[Path,
         pairs.append((file, out / name if out and out.is_dir() else out or file.with_name(name)))
     made = [target for _, target in pairs]
     faults = [
-        f"{target}: {'it exists and is never overwritten' if target.exists() else 'twice'}; move"
-        " it away or give another --out"
+        f"{target}: {'it exists and is never overwritten' if target.exists() else 'given twice'};"
+        " move it away or give another --out"
         for target in dict.fromkeys(made)
         if target.exists() or made.count(target) > 1
     ]
@@ -94,7 +105,7 @@ def _table(recorded: Recorded, raw: bool) -> "tuple[pa.Table, dict[str, dict[str
 
     n, rate = recorded.n_samples, recorded.rate
     arrays = {TIME: pa.array(recorded.time)}
-    columns = {TIME: {"unit": "s", "what": "time from the trigger"}}
+    columns = {TIME: {"unit": "s", "what": "time after the trigger"}}
     for channel in recorded.rig.daq.channels:
         volts = recorded.volts[channel.name]
         name = f"{channel.name} [V]"
@@ -102,65 +113,38 @@ def _table(recorded: Recorded, raw: bool) -> "tuple[pa.Table, dict[str, dict[str
         columns[name] = {"unit": "V", "what": "raw volts", "channel": channel.name}
         if raw:
             continue
-        felt = undelayed(correct(volts, channel, rate), channel.lag * rate)
+        values = undelayed(correct(volts, channel, rate), channel.lag * rate)
         name = f"{channel.name} [{channel.unit}]"
-        unseen = pa.nulls(n - len(felt), pa.float64())
-        arrays[name] = pa.concat_arrays([pa.array(felt), unseen])
+        empty = pa.nulls(n - len(values), pa.float64())
+        arrays[name] = pa.concat_arrays([pa.array(values), empty])
         columns[name] = {
             "unit": channel.unit,
             "what": f"scaled by {channel.scale!r} {channel.unit}/V, AC coupling of"
-            f" {channel.high_pass!r} Hz undone, lag of {channel.lag!r} s taken back",
+            f" {channel.high_pass!r} Hz inverted, delay of {channel.lag!r} s compensated",
             "channel": channel.name,
         }
     if recorded.simulated:
         arrays[SIMULATED] = pa.array(np.ones(n, dtype=bool))
-        columns[SIMULATED] = {"unit": "", "what": "a stand-in made these samples"}
-    fields = [pa.field(name, arrays[name].type, metadata=told) for name, told in columns.items()]
+        columns[SIMULATED] = {"unit": "", "what": "the stand-in made these samples"}
+    fields = [pa.field(name, arrays[name].type, metadata=about) for name, about in columns.items()]
     return pa.table(list(arrays.values()), schema=pa.schema(fields)), columns
 
 
-def _write_parquet(table: "pa.Table", document: str, out: Path) -> Path:
-    import pyarrow.parquet as pq
-
-    table = table.replace_schema_metadata({METADATA_KEY: document.encode()})
-    file = DurableFile(out)
+def _write(files: dict[Path, Callable[[BinaryIO], object]]) -> list[Path]:
+    """Write all files and return their paths; after an error none of them exists."""
+    opened: list[DurableFile] = []
     try:
-        with file.writing():
-            pq.write_table(table, file.stream, compression="zstd")
-        file.close()
+        for path, write in files.items():
+            file = DurableFile(path)
+            opened.append(file)
+            with file.writing():
+                write(file.stream)
+            file.close()
     except BaseException:
-        _discard(file)
+        for file in opened:
+            file.abandon()
+            file.part_path.unlink(missing_ok=True)
         raise
-    file.publish()
-    return out
-
-
-def _write_csv(table: "pa.Table", document: str, out: Path) -> list[Path]:
-    from pyarrow import csv
-
-    beside = out.with_name(out.name + ".json")
-    file = DurableFile(out)
-    try:
-        with file.writing():
-            csv.write_csv(table, file.stream, csv.WriteOptions(quoting_style="needed"))
-        file.close()
-        sidecar = DurableFile(beside)
-        try:
-            with sidecar.writing():
-                sidecar.stream.write(document.encode())
-            sidecar.close()
-        except BaseException:
-            _discard(sidecar)
-            raise
-    except BaseException:
-        _discard(file)
-        raise
-    sidecar.publish()
-    file.publish()
-    return [out, beside]
-
-
-def _discard(file: DurableFile) -> None:
-    """Remove what is half written; the recording it came from still has all of it."""
-    file.stream.close()
-    file.part_path.unlink(missing_ok=True)
+    for file in reversed(opened):
+        file.publish()
+    return list(files)

@@ -1,15 +1,16 @@
-"""CSV files, of sautereau or of others."""
+"""Import of CSV files, exported by sautereau or by other programs."""
 
 import csv as csv_dialects
 from dataclasses import dataclass
 from pathlib import Path
 
 from sautereau.daq.convert.document import Document, read_document
-from sautereau.daq.convert.source import Columns, Source
+from sautereau.daq.convert.formats import Columns, ImportSource, refuse_missing
 from sautereau.daq.errors import RecordingError
 
 DELIMITERS = ";\t,"
-"""That a line is split by; the first one in it. A comma may be a decimal one elsewhere."""
+"""Possible delimiters; the first of them that the line contains is used, since a comma may
+also be a decimal one."""
 
 
 @dataclass(frozen=True)
@@ -21,14 +22,14 @@ class _Layout:
     decimal: str
 
 
-def open_csv(path: Path) -> Source:
-    """Open a CSV file: lines of comment after ``#``, a line of names, rows of numbers.
+def open_csv(path: Path) -> ImportSource:
+    """Open a CSV file: comment lines after ``#``, a line of names, rows of numbers.
 
-    Columns without names are called 1, 2 and so on. Where the delimiter is ``;`` or a tab, a
-    comma is a decimal one.
+    Columns without names are called 1, 2 and so on. If the delimiter is ``;`` or a tab, commas
+    are decimal commas.
 
     Raises:
-        RecordingError: It is empty or no text, or the metadata beside it cannot be read.
+        RecordingError: The file is empty or not text, or its metadata file cannot be read.
     """
     document = _document(path)
     layout = _layout(path)
@@ -51,31 +52,24 @@ def open_csv(path: Path) -> Source:
             )
         except pa.ArrowException as error:
             raise RecordingError(
-                f"its rows cannot be read as numbers: {error}; mend that row, or take another"
+                f"the rows cannot be read as numbers: {error}; correct that row, or give another"
                 " column"
             ) from error
         for name in names:
-            column = table.column(name)
-            if column.null_count:
-                first = column.is_null().to_pylist().index(True)
-                raise RecordingError(
-                    f"its column {name!r} is empty in {column.null_count} rows, the first being"
-                    f" row {first + 1}; a hole is never filled: cut the file there"
-                )
+            refuse_missing(name, table.column(name).is_null().to_numpy())
         return {name: table.column(name).to_numpy() for name in names}
 
-    return Source("CSV", layout.names, read, document=document)
+    return ImportSource("CSV", layout.names, read, document=document)
 
 
 def _document(path: Path) -> Document | None:
-    beside = path.with_name(path.name + ".json")
-    if not beside.is_file():
-        return None
-    return read_document(beside.read_bytes())
+    """Return the metadata in ``NAME.csv.json``, if that file exists."""
+    sidecar = path.with_name(path.name + ".json")
+    return read_document(sidecar.read_bytes()) if sidecar.is_file() else None
 
 
 def _layout(path: Path) -> _Layout:
-    """Find where the rows begin, what the columns are called and how numbers are written."""
+    """Find the first row, the names of the columns, the delimiter and the decimal sign."""
     comments = 0
     lines: list[str] = []
     try:
@@ -88,19 +82,19 @@ def _layout(path: Path) -> _Layout:
                 if len(lines) == 2:
                     break
     except UnicodeDecodeError as error:
-        raise RecordingError(f"it is no text in UTF-8: {error}; save it as UTF-8") from error
+        raise RecordingError(f"it is not UTF-8 text: {error}; save it as UTF-8") from error
     if not lines:
         raise RecordingError("it has no rows; give a CSV file with numbers")
-    delimiter = next((mark for mark in DELIMITERS if mark in lines[0]), ",")
+    delimiter = next((sign for sign in DELIMITERS if sign in lines[0]), ",")
     decimal = "," if delimiter != "," and "," in lines[-1] else "."
     (cells,) = csv_dialects.reader([lines[0]], delimiter=delimiter)
     if all(_is_number(cell, decimal) for cell in cells):
         return _Layout(tuple(str(i + 1) for i in range(len(cells))), comments, delimiter, decimal)
     names = tuple(cell.strip() for cell in cells)
-    twice = sorted({name for name in names if names.count(name) > 1})
-    if twice:
+    repeated = sorted({name for name in names if names.count(name) > 1})
+    if repeated:
         raise RecordingError(
-            f"its columns {', '.join(map(repr, twice))} are there twice; give each its own name"
+            f"several columns are called {', '.join(map(repr, repeated))}; give each its own name"
         )
     return _Layout(names, comments + 1, delimiter, decimal)
 

@@ -1,134 +1,102 @@
-"""Make a recording of another program's file."""
+"""Import: make a recording of another program's file, or of an export."""
 
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
-from sautereau.daq.block import Block
-from sautereau.daq.convert.answers import Answers, refuse_answers
 from sautereau.daq.convert.document import Document, digest, sha256
-from sautereau.daq.convert.settle import Asked, Settled, settle
-from sautereau.daq.convert.source import Source, open_source
+from sautereau.daq.convert.formats import ImportSource, open_source, refuse_missing
+from sautereau.daq.convert.options import (
+    ChannelColumn,
+    ImportOptions,
+    ImportSettings,
+    refuse_options,
+    resolve_options,
+)
 from sautereau.daq.errors import RecordingError
-from sautereau.daq.file.recorded import Event, Signal
+from sautereau.daq.file.recorded import Block, Event, Signal
 from sautereau.daq.file.recording import Recording
 from sautereau.daq.file.session_info import SessionInfo
-from sautereau.daq.signals.sensors import to_volts
+from sautereau.daq.signals.calibration import to_volts
 from sautereau.rig.schema import Rig
 
 EVEN = 0.1
-"""Steps by which a column of times may miss an even grid, for its decimals are rounded."""
+"""Sampling intervals by which a time may differ from an even grid, since files round times."""
 
 
 @dataclass(frozen=True)
 class Imported:
-    """What an import has made."""
+    """Result of an import."""
 
     path: Path
-    """Of the recording."""
+    """The recording."""
     simulated: bool
     rate: float
     """Hz."""
     n_samples: int
     first_sample: int
-    """Index of the first, counted from the trigger."""
+    """Index of the first sample, counted from the trigger."""
     trigger_shift: float
-    """s, by which the trigger lies after sample 0, the nearest to it."""
-
-
-@dataclass(frozen=True)
-class _Samples:
-    """What is written: volts of shape (n_channels, n), from a sample on, at a rate (Hz)."""
-
-    volts: Signal
-    first_sample: int
-    rate: float
-    t0_ns: int
-    block: int
-
-    def recording(self, out: Path, rig: Rig, session: SessionInfo) -> Recording:
-        """Return a recording whose trigger is dated ``t0_ns``."""
-        last = self.first_sample + min(self.block, self.volts.shape[1]) - 1
-        arrived = self.t0_ns + round(last * 1e9 / self.rate)
-        return Recording(
-            out,
-            rig,
-            session=session,
-            rate=self.rate,
-            clock=lambda: arrived,
-            monotonic=lambda: 0.0,
-        )
-
-    def write(self, recording: Recording) -> None:
-        for at in range(0, self.volts.shape[1], self.block):
-            rows = self.volts[:, at : at + self.block]
-            recording.write_block(Block(self.first_sample + at, rows))
-
-    def imported(self, out: Path, session: SessionInfo, trigger_shift: float) -> Imported:
-        n, first = self.volts.shape[1], self.first_sample
-        return Imported(out, session.simulated, self.rate, n, first, trigger_shift)
+    """Time from sample 0, the nearest to the trigger, to the trigger, s."""
 
 
 def import_file(
-    path: Path, out: Path, *, rig: Rig | None, answers: Answers, notes: str = ""
+    path: Path, out: Path, *, rig: Rig | None, options: ImportOptions, notes: str = ""
 ) -> Imported:
-    """Make a recording of a TDMS, CSV, WAV or Parquet file.
+    """Make a recording of a file in one of the registered formats.
 
-    An export by sautereau comes back bit for bit, with all that was recorded beside the
-    samples. Of another file the samples become raw volts of the rig's channels. What the file
-    does not tell has to be answered, above all whether it was measured. Nothing is overwritten,
-    resampled or filled in. The session's notes and an event say what file it was, with its
-    SHA-256.
+    An export by sautereau is restored bit for bit, with everything that was recorded besides
+    the samples. The samples of another file become raw volts of the rig's channels. What the
+    file does not hold must be given, above all whether it was measured. Nothing is overwritten,
+    resampled or filled in. The session's notes and an event name the file and its SHA-256.
 
     Args:
-        path: Of the file.
-        out: Of the recording.
-        rig: The bench, with the charts of the sensors; None for an export, which holds it.
-        answers: What the file does not tell.
-        notes: The operator's.
+        path: The file.
+        out: The recording.
+        rig: The rig with the sensors' calibrations; None for an export, which holds it.
+        options: What the file does not hold.
+        notes: The operator's notes.
 
     Raises:
-        RecordingError: Lists all that is missing or wrong.
+        RecordingError: Lists everything that is missing or wrong.
     """
     try:
         source = open_source(path)
         origin = f"imported from {path.name}, sha256 {sha256(path)}"
         if source.document is not None:
-            refuse_answers(answers)
+            refuse_options(options)
             return _restore(source, source.document, rig, out, notes, origin)
         if rig is None:
-            raise RecordingError("which bench was it? give --rig, with the charts of its sensors")
-        return _import(source, settle(source, rig, answers), answers.time, rig, out, notes, origin)
+            raise RecordingError("--rig is required: it holds the sensors' calibrations")
+        settings = resolve_options(source, rig, options)
+        return _import(source, settings, options.time, rig, out, notes, origin)
     except RecordingError as error:
-        if str(error).startswith("recording "):  # of the file that is written
+        if str(error).startswith("recording "):  # the fault is in the file to write
             raise
         raise RecordingError(f"import of {path}: {error}") from error.__cause__
 
 
 def _restore(
-    source: Source, document: Document, rig: Rig | None, out: Path, notes: str, origin: str
+    source: ImportSource, document: Document, rig: Rig | None, out: Path, notes: str, origin: str
 ) -> Imported:
-    """Write an export back as the recording that it was."""
+    """Write the recording that an export was made of."""
     if rig is not None and rig != document.rig:
         raise RecordingError(
-            f"it was recorded on the rig {document.rig.name!r} with other values than those of the"
-            " rig given; leave out --rig: the export holds its own"
+            f"it was recorded on the rig {document.rig.name!r} with other values than those of"
+            " --rig; remove --rig: the export holds its own"
         )
-    channels = document.rig.daq.channels
-    columns = source.read([f"{channel.name} [V]" for channel in channels])
+    columns = source.read([f"{channel.name} [V]" for channel in document.rig.daq.channels])
     if digest(list(columns.values())) != document.samples_sha256:
         raise RecordingError(
-            "its volts are no longer those that sautereau exported; take it from its copy, or"
-            " import it as another program's without the metadata"
+            "its volts differ from those that sautereau exported; use a copy of it, or import it"
+            " without its metadata, as a file of another program"
         )
     session = replace(document.session, notes=_joined(document.session.notes, notes, origin))
-    volts = np.stack(list(columns.values()))
-    written = _Samples(
-        volts, document.first_sample, document.rate, document.t0_ns, document.rig.daq.block
-    )
-    with written.recording(out, document.rig, session) as recording:
-        written.write(recording)
+    volts, first = np.stack(list(columns.values())), document.first_sample
+    recording = _recording(out, document.rig, session, volts, first, document.rate, document.t0_ns)
+    with recording:
+        _write_volts(recording, volts, first, document.rig.daq.block)
         if document.plan is not None:
             plan = document.plan
             recording.write_plan(plan.t, plan.q1, plan.q2, plan.jack_rise)
@@ -136,12 +104,12 @@ def _restore(
             recording.write_joints(document.joints)
         for event in (*document.events, _event(origin)):
             recording.event(event.kind, event.text, event.time)
-    return written.imported(out, session, trigger_shift=0.0)
+    return Imported(out, session.simulated, document.rate, volts.shape[1], first, 0.0)
 
 
 def _import(
-    source: Source,
-    settled: Settled,
+    source: ImportSource,
+    settings: ImportSettings,
     time: str | None,
     rig: Rig,
     out: Path,
@@ -149,71 +117,82 @@ def _import(
     origin: str,
 ) -> Imported:
     """Write another program's columns as raw volts."""
-    asked = settled.channels
-    data = source.read([*dict.fromkeys([a.column for a in asked] + ([time] if time else []))])
-    lengths = {len(data[a.column]) for a in asked}
+    columns = settings.columns
+    data = source.read([*dict.fromkeys([c.name for c in columns] + ([time] if time else []))])
+    lengths = {len(data[column.name]) for column in columns}
     if len(lengths) > 1 or 0 in lengths:
-        found = ", ".join(f"{a.column!r} {len(data[a.column])}" for a in asked)
+        listed = ", ".join(f"{c.name!r} {len(data[c.name])}" for c in columns)
         raise RecordingError(
-            f"its columns have the lengths {found}; give columns of one acquisition with samples"
+            f"its columns have the lengths {listed}; give columns of one acquisition with samples"
         )
-    for a in asked:
-        holes = np.flatnonzero(np.isnan(data[a.column]))
-        if len(holes):
-            raise RecordingError(
-                f"its column {a.column!r} has no number in {len(holes)} rows, the first being"
-                f" {holes[0] + 1}; a hole is never filled: cut the file there"
-            )
-    start, rate = settled.start, settled.rate
+    for column in columns:
+        refuse_missing(column.name, np.isnan(data[column.name]))
+    start, rate = settings.start, settings.rate
     if time is not None:
-        start, rate = _even(data[time], rate)
+        start, rate = _start_and_rate(data[time], rate)
     if rate is None:
-        raise RecordingError("what is its rate? give --rate")
-    first_sample = round((start - settled.trigger) * rate)
-    if first_sample > 0:
+        raise RecordingError("which sampling rate? give --rate")
+    first = round((start - settings.trigger) * rate)
+    if first > 0:
         raise RecordingError(
-            f"it begins {(start - settled.trigger) * 1e3:.6g} ms after the trigger, and what came"
-            " between is lost; a recording begins at the trigger or before: mend --trigger"
+            f"it starts {(start - settings.trigger) * 1e3:.6g} ms after the trigger, so the samples"
+            " between are missing; a recording starts at the trigger or before: correct --trigger"
         )
-    channels = tuple(a.channel for a in asked)
+    channels = tuple(column.channel for column in columns)
     part = rig.model_copy(update={"daq": rig.daq.model_copy(update={"channels": channels})})
-    what = f"none: {origin}"
+    device = f"none: {origin}"
     session = SessionInfo(
         press=1,
-        started=settled.started,
-        simulated=settled.simulated,
-        controller=what,
-        daq=what,
+        started=settings.started,
+        simulated=settings.simulated,
+        controller=device,
+        daq=device,
         notes=_joined(notes, origin),
     )
-    volts = np.stack([_volts(data[a.column], a) for a in asked])
-    written = _Samples(volts, first_sample, rate, settled.t0_ns, rig.daq.block)
-    with written.recording(out, part, session) as recording:
-        written.write(recording)
+    volts = np.stack([_volts(data[column.name], column) for column in columns])
+    with _recording(out, part, session, volts, first, rate, settings.t0_ns) as recording:
+        _write_volts(recording, volts, first, rig.daq.block)
         event = _event(origin)
         recording.event(event.kind, event.text, event.time)
-    shift = settled.trigger - start + first_sample / rate
-    return written.imported(out, session, shift)
+    shift = settings.trigger - start + first / rate
+    return Imported(out, session.simulated, rate, volts.shape[1], first, shift)
 
 
-def _volts(values: Signal, asked: Asked) -> Signal:
-    scaled = values * asked.one
-    return scaled if asked.in_volts else to_volts(scaled, asked.channel)
+def _recording(
+    out: Path, rig: Rig, session: SessionInfo, volts: Signal, first: int, rate: float, t0_ns: int
+) -> Recording:
+    """Return a recording whose trigger gets the date ``t0_ns``."""
+    last = first + min(rig.daq.block, volts.shape[1]) - 1
+    arrived = t0_ns + round(last * 1e9 / rate)
+    return Recording(
+        out, rig, session=session, rate=rate, clock=lambda: arrived, monotonic=lambda: 0.0
+    )
 
 
-def _even(times: Signal, rate: float | None) -> tuple[float, float]:
-    """Return the start (s) and the rate (Hz) of a column of times that has to be even."""
+def _write_volts(recording: Recording, volts: Signal, first: int, size: int) -> None:
+    """Write volts of shape (n_channels, n) in blocks; ``first`` is the index of their first."""
+    for at in range(0, volts.shape[1], size):
+        recording.write_block(Block(first + at, volts[:, at : at + size]))
+
+
+def _volts(values: Signal, column: ChannelColumn) -> Signal:
+    scaled = values * column.unit_value
+    return scaled if column.in_volts else to_volts(scaled, column.channel)
+
+
+def _start_and_rate(times: Signal, rate: float | None) -> tuple[float, float]:
+    """Return the start (s) and the rate (Hz) of a column of times, which must be even."""
     if len(times) < 2:
-        raise RecordingError("its column of times has less than two rows; give --rate instead")
+        raise RecordingError("its column of times has fewer than two rows; give --rate instead")
     if rate is None:
         rate = float(f"{(len(times) - 1) / (times[-1] - times[0]):.9g}")
-    miss = np.abs((times - times[0]) * rate - np.arange(len(times)))
-    if not miss.max() <= EVEN:
-        worst = int(np.argmax(~(miss <= EVEN)))
+    error = np.abs((times - times[0]) * rate - np.arange(len(times)))
+    if not error.max() <= EVEN:
+        worst = int(np.argmax(~(error <= EVEN)))
         raise RecordingError(
             f"its column of times is not even at {rate:.9g} Hz: row {worst + 1} at"
-            f" {times[worst]:.9g} s is {miss[worst]:.3g} steps off; samples are missing, or the"
-            " rate is another: nothing is resampled"
+            f" {times[worst]:.9g} s is {error[worst]:.3g} sampling intervals off; give the correct"
+            " --rate, or a file without missing samples: nothing is resampled"
         )
     return float(times[0]), rate
 

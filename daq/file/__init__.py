@@ -1,1 +1,1 @@
-"""The file: records, chunks, checksums; what a recording is made of and read from."""
+"""Recordings: `recording` writes them, `reading` reads them, `recovery` repairs them."""

@@ -1,4 +1,4 @@
-"""The messages of a recording, and what is told at its head, as its records go by."""
+"""The messages and metadata of a recording, collected while its records are read."""
 
 import json
 import struct
@@ -11,6 +11,7 @@ from mcap.exceptions import McapError
 from mcap.records import Metadata
 
 from sautereau.daq.errors import RecordingError
+from sautereau.daq.file.container.chunks import unpacked
 from sautereau.daq.file.container.records import (
     CHANNEL,
     LARGEST_CHUNK,
@@ -18,12 +19,11 @@ from sautereau.daq.file.container.records import (
     MESSAGE,
     Opcode,
     Record,
+    read_metadata,
     records_within,
     text_within,
     texts_within,
-    unsealed,
 )
-from sautereau.daq.file.container.unpacking import unpacked
 from sautereau.daq.file.recorded import Event, Joints, Plan
 from sautereau.daq.file.schemas import FIELDS, decode, doubles
 from sautereau.daq.file.session_info import SessionInfo, session_from_metadata
@@ -32,22 +32,22 @@ from sautereau.rig.load import rig_from_json
 from sautereau.rig.schema import Rig
 
 MOST_EVENTS = 100_000
-"""Of a recording."""
+"""Limit for a recording."""
 MOST_UNPACKED = 500
-"""1, of what chunks unpack to, over the size of the file; one of nothing but zeros has 300."""
-FOREIGN = "another program has written it: take the file as sautereau left it"
+"""Limit of the unpacked size, in multiples of the file's size; a file of zeros reaches 300."""
+FOREIGN = "another program has changed it: use the file as sautereau wrote it"
 
 
 class Contents:
-    """What a recording tells beside its samples; grows as `messages` goes through it."""
+    """What a recording holds besides its samples; `messages` fills it while it reads."""
 
     def __init__(self, size: int) -> None:
-        """Begin with nothing of a file of ``size`` bytes."""
+        """Start empty, for a file of ``size`` bytes."""
         self.metadata: dict[str, dict[str, str]] = {}
         self.channels: dict[str, dict[str, str]] = {}
         """Metadata of each topic."""
         self.counts: Counter[str] = Counter()
-        """Messages of each topic."""
+        """Number of messages of each topic."""
         self.events: list[Event] = []
         self.plan: Plan | None = None
         self.joints: Joints | None = None
@@ -59,18 +59,18 @@ class Contents:
         self._most = max(LARGEST_CHUNK, size * MOST_UNPACKED)
 
     def messages(self, records: Iterable[Record]) -> Iterator[Any]:
-        """Yield every Samples message with its topic, and take note of all others.
+        """Yield every Samples message with its topic, and store all others.
 
         Raises:
-            DamageError: A checksum does not hold.
-            RecordingError: The records make no sense though the checksums hold.
+            DamageError: A checksum does not match.
+            RecordingError: The checksums match but the records are invalid.
         """
         try:
             for opcode, body in unpacked(records):
                 if opcode != Opcode.CHUNK:
-                    self._take(opcode, body)
+                    self._read_definition(opcode, body)
                     continue
-                self._bound(len(body))
+                self._limit_unpacked(len(body))
                 for inner, view, n in records_within(body, self._counted):
                     if inner == Opcode.MESSAGE:
                         topic = self._topics[MESSAGE.unpack_from(view)[0]]
@@ -78,44 +78,46 @@ class Contents:
                         if topic.startswith("/daq/"):
                             yield topic, decode("Samples", bytes(view[MESSAGE.size :]))
                         else:
-                            self._note(topic, view[MESSAGE.size :])
+                            self._read_message(topic, view[MESSAGE.size :])
                     else:
-                        self._take(inner, bytes(view))
+                        self._read_definition(inner, bytes(view))
         except (McapError, ValueError, KeyError, TypeError, struct.error, DecodeError) as error:
             raise RecordingError(
-                f"its checksums hold but its records do not: {type(error).__name__}: {error};"
-                f" {FOREIGN}"
+                f"its checksums match but its records are invalid: {type(error).__name__}:"
+                f" {error}; {FOREIGN}"
             ) from error
 
     def rig(self) -> Rig:
-        """Return the bench at the time."""
-        self._want("rig", "software", "session")
+        """Return the rig as it was when recorded."""
+        self._require("rig", "software", "session")
         try:
             return rig_from_json(self.metadata["rig"].get("json", ""))
         except RigError as error:
-            raise RecordingError(f"{error}; read it with the version that wrote it") from error
+            raise RecordingError(
+                f"{error}; read it with the version of sautereau that wrote it"
+            ) from error
 
     def session(self) -> SessionInfo:
-        """Return what the press was."""
-        self._want("session")
+        """Return the description of the press."""
+        self._require("session")
         return session_from_metadata(self.metadata["session"])
 
     def end(self) -> int | None:
-        """Return the index after the recording's last sample, where it was closed."""
-        told = self.metadata.get("end")
-        if told is None:
+        """Return the index after the last sample; None if the recording was never closed."""
+        end = self.metadata.get("end")
+        if end is None:
             return None
         try:
-            return int(told["stop_sample"])
+            return int(end["stop_sample"])
         except (KeyError, ValueError) as error:
-            raise RecordingError(f"its end is told as {told}; {FOREIGN}") from error
+            raise RecordingError(f"its metadata `end` are {end}; {FOREIGN}") from error
 
     @property
     def recovered(self) -> bool:
-        """Whether the file was made of what another one had left."""
+        """Whether `recover` made the file from a damaged one."""
         return "recovered" in self.metadata
 
-    def _bound(self, size: int) -> None:
+    def _limit_unpacked(self, size: int) -> None:
         self._unpacked += size
         if self._unpacked > self._most:
             raise RecordingError(
@@ -123,16 +125,15 @@ class Contents:
                 f" its size; {FOREIGN}"
             )
 
-    def _want(self, *names: str) -> None:
+    def _require(self, *names: str) -> None:
         missing = [name for name in names if name not in self.metadata]
         if missing:
             raise RecordingError(
-                f"it lacks the metadata {', '.join(missing)}; give a recording that sautereau has"
-                " made"
+                f"it lacks the metadata {', '.join(missing)}; give a recording made by sautereau"
             )
 
-    def _take(self, opcode: int, body: bytes) -> None:
-        """Take note of a definition."""
+    def _read_definition(self, opcode: int, body: bytes) -> None:
+        """Store a Metadata or Channel record."""
         if opcode not in (Opcode.METADATA, Opcode.CHANNEL):
             return
         self._definitions += len(body)
@@ -147,14 +148,14 @@ class Contents:
             return
         record = self._seen.get(body)
         if record is not None and self.metadata[record.name] is record.metadata:
-            return  # it stands at the head and at the end
-        record = record or unsealed(body)
+            return  # it is written at the start and at the end
+        record = record or read_metadata(body)
         self._seen[body] = record
         self.metadata[record.name] = record.metadata
         if record.name == "channels":
             for topic, text in record.metadata.items():
-                told = json.loads(text)
-                self._define(told["id"], topic, told["metadata"])
+                channel = json.loads(text)
+                self._define(channel["id"], topic, channel["metadata"])
 
     def _define(self, number: int, topic: str, metadata: dict[str, str]) -> None:
         self._topics[number] = topic
@@ -162,7 +163,7 @@ class Contents:
             self._counted.add(number)
         self.channels[topic] = metadata
 
-    def _note(self, topic: str, data: memoryview) -> None:
+    def _read_message(self, topic: str, data: memoryview) -> None:
         if topic == "/events":
             if len(self.events) == MOST_EVENTS:
                 raise RecordingError(

@@ -1,4 +1,4 @@
-"""Whether a recording is whole, byte for byte, before anything in it is believed."""
+"""Verification of a recording's checksums before anything of it is used."""
 
 import os
 import struct
@@ -28,26 +28,26 @@ _SKIPPED = (Opcode.MESSAGE_INDEX, Opcode.ATTACHMENT)
 
 
 class IndexedChunk(NamedTuple):
-    """Where a chunk stands."""
+    """Position of a chunk."""
 
     start: int
-    """Byte of the file."""
+    """First byte in the file."""
     stop: int
-    """Byte of the file."""
+    """Byte after the last."""
     last: int
-    """ns since 1970, latest log time in it."""
+    """Latest log time in it, ns since 1970."""
 
 
 @contextmanager
 def opened(path: Path, *, damaged: bool = False) -> Iterator[BinaryIO]:
-    """Open a recording for reading; every error of the context names the file.
+    """Open a recording for reading; every error in the context names the file.
 
     Args:
-        path: Of the file.
-        damaged: Take it even if its first bytes are not those of a recording.
+        path: The file.
+        damaged: Whether to accept it even if its first bytes are not those of a recording.
 
     Raises:
-        RecordingError: There is no such file, it cannot be read, or it is none of ours.
+        RecordingError: The file does not exist, cannot be read, or is not from sautereau.
     """
     try:
         if path.is_dir():
@@ -55,31 +55,31 @@ def opened(path: Path, *, damaged: bool = False) -> Iterator[BinaryIO]:
         try:
             with path.open("rb") as file:
                 if not damaged:
-                    check_kind(file)
+                    check_header(file)
                 yield file
         except FileNotFoundError as error:
-            raise RecordingError("there is no such file; see its name and folder") from error
+            raise RecordingError("no such file; check its name and folder") from error
         except OSError as error:
             raise RecordingError(
-                f"it cannot be read: {error.strerror or error}; see its rights and its disk"
+                f"it cannot be read: {error.strerror or error}; check its permissions and disk"
             ) from error
     except DamageError as error:
         raise DamageError(
-            f"recording {path}: {error}; take it from its copy, or get what is outside the"
-            f" damage by `sautereau recover {path}`"
+            f"recording {path}: {error}; use a copy of it, or recover the undamaged part with"
+            f" `sautereau recover {path}`"
         ) from error
     except RecordingError as error:
         raise RecordingError(f"recording {path}: {error}") from error.__cause__
 
 
 def check_summary(file: BinaryIO) -> tuple[int, int]:
-    """Refuse a file without its end, or in whose summary a byte has changed.
+    """Refuse a truncated file, or one whose summary has changed.
 
     Returns:
-        Where the data section ends and where the summary starts, in bytes.
+        Offsets in bytes of the end of the data section and of the start of the summary.
 
     Raises:
-        DamageError: Says what is wrong and what is left.
+        DamageError: Says what is wrong.
     """
     size = size_of(file)
     at = size - len(MAGIC) - _FOOTER.size
@@ -98,7 +98,7 @@ def check_summary(file: BinaryIO) -> tuple[int, int]:
 
 
 def check_data(file: BinaryIO, end: int) -> None:
-    """Refuse a file in whose data section, which ends at ``end``, a byte has changed."""
+    """Refuse a file whose data section, which ends at ``end``, has changed."""
     file.seek(end)
     opcode, length, crc = _DATA_END.unpack(file.read(_DATA_END.size))
     if opcode != Opcode.DATA_END or length != _CRC_SIZE or _checksum(file, 0, end) != crc:
@@ -106,14 +106,14 @@ def check_data(file: BinaryIO, end: int) -> None:
 
 
 def verified(file: BinaryIO) -> Iterator[Record]:
-    """Yield the records of the data section, once all checksums of the file have held."""
+    """Yield the records of the data section, after verifying all checksums of the file."""
     end, _ = check_summary(file)
     check_data(file, end)
     yield from records(file, len(MAGIC), end)
 
 
 def chunk_index(file: BinaryIO) -> list[IndexedChunk]:
-    """Return the place of every chunk, in their order, once the summary's checksum has held."""
+    """Return the positions of all chunks in order, after verifying the summary's checksum."""
     data_end, summary = check_summary(file)
     footer = size_of(file) - len(MAGIC) - _FOOTER.size
     bodies = (r.body for r in records(file, summary, footer) if r.opcode == Opcode.CHUNK_INDEX)
@@ -122,10 +122,10 @@ def chunk_index(file: BinaryIO) -> list[IndexedChunk]:
 
 
 def records(file: BinaryIO, start: int, end: int) -> Iterator[Record]:
-    """Yield the records of a stretch of a file, without those that only index it.
+    """Yield the records between two offsets of a file, except index records.
 
     Raises:
-        RecordingError: A length makes no sense.
+        RecordingError: A length is invalid.
     """
     file.seek(start)
     while start < end:
@@ -134,7 +134,7 @@ def records(file: BinaryIO, start: int, end: int) -> Iterator[Record]:
         if start > end:
             raise RecordingError(
                 f"a record of {length} bytes reaches beyond its section; another program has"
-                " written it: take the file as sautereau left it"
+                " changed it: use the file as sautereau wrote it"
             )
         if opcode in _SKIPPED:
             file.seek(start)
@@ -142,13 +142,13 @@ def records(file: BinaryIO, start: int, end: int) -> Iterator[Record]:
         if length > LARGEST_CHUNK:
             raise RecordingError(
                 f"a record of {length} bytes exceeds the limit of {LARGEST_CHUNK} bytes; another"
-                " program has written it: take the file as sautereau left it"
+                " program has changed it: use the file as sautereau wrote it"
             )
         yield Record(opcode, file.read(length))
 
 
-def check_kind(file: BinaryIO) -> None:
-    """Refuse a file that does not begin as ours do: magic bytes, then the header record."""
+def check_header(file: BinaryIO) -> None:
+    """Refuse a file that does not start with MCAP's magic bytes and sautereau's header."""
     file.seek(0)
     head = file.read(len(MAGIC) + PREFIX.size + _CRC_SIZE + len(PROFILE))
     if not head:
@@ -157,25 +157,25 @@ def check_kind(file: BinaryIO) -> None:
         if MAGIC.startswith(head):
             raise DamageError(_truncated(len(head)))
         raise RecordingError(
-            "it is no MCAP file; give a recording that sautereau has made;"
-            " `sautereau recover` looks whether there is one in it all the same"
+            "it is not an MCAP file; give a recording made by sautereau, or search the file for"
+            " one with `sautereau recover`"
         )
     opcode, profile = head[len(MAGIC) : len(MAGIC) + 1], head[len(MAGIC) + PREFIX.size :]
     expected = struct.pack("<I", len(PROFILE)) + PROFILE.encode("ascii")
     if opcode not in (b"", bytes([Opcode.HEADER])) or not expected.startswith(profile):
         raise RecordingError(
-            "it is an MCAP file, but its header does not say that sautereau has made it; give"
-            " another file; `sautereau recover` looks whether it is only damaged"
+            "it is an MCAP file, but its header does not name sautereau; give another file, or"
+            " use `sautereau recover` if only the header may be damaged"
         )
 
 
 def size_of(file: BinaryIO) -> int:
-    """Return the size of an open file, bytes."""
+    """Return the size of an open file in bytes."""
     return os.fstat(file.fileno()).st_size
 
 
 def _checksum(file: BinaryIO, start: int, stop: int) -> int:
-    """Return the CRC of a stretch of a file, which is never in memory as a whole."""
+    """Return the CRC of the bytes between two offsets, read piece by piece."""
     file.seek(start)
     crc = 0
     while start < stop and (piece := file.read(min(_PIECE, stop - start))):
@@ -185,7 +185,7 @@ def _checksum(file: BinaryIO, start: int, stop: int) -> int:
 
 
 def _truncated(size: int) -> str:
-    return f"it is cut short: {size} bytes and no end, as after a crash or a full disk"
+    return f"it is truncated: {size} bytes without an end, as after a crash or on a full disk"
 
 
 def _corrupted(where: str) -> str:

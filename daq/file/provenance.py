@@ -1,4 +1,4 @@
-"""What stands at the head of a recording: topics, rig, software, session, schemas."""
+"""The metadata at the start of a recording: topics, rig, software, session, schemas."""
 
 import base64
 import json
@@ -16,21 +16,21 @@ from sautereau.rig.load import rig_document, rig_json
 from sautereau.rig.schema import Rig
 
 PROFILE = "sautereau"
-"""Profile in the header of our MCAP files."""
+"""Profile in the header of sautereau's MCAP files."""
 COPIES = 2
-"""Of the head, so that damage to one leaves the other."""
+"""Copies of the metadata, so that damage to one leaves the other."""
 LIBRARIES = ("sautereau", "numpy", "scipy", "nidaqmx", "grpcio", "pyserial", "mcap", "protobuf")
-"""Distributions whose versions are written."""
+"""Distributions whose versions are recorded."""
 
 
 def write_head(writer: McapWriter, rig: Rig, session: SessionInfo, rate: float) -> dict[str, int]:
     """Write the header and the Metadata records, and define the topics.
 
-    Channel and schema records stand only in the first chunk and in the summary, so the
-    Metadata records `channels` and `schemas` repeat them for a damaged file.
+    Channel and Schema records are only in the first chunk and in the summary, so the Metadata
+    records `channels` and `schemas` repeat them for the recovery of a damaged file.
 
     Returns:
-        The MCAP channel's number of each topic.
+        Number of the MCAP channel, by topic.
     """
     schemas = {name: number for number, name in enumerate(FIELDS, 1)}
     channels = [
@@ -54,14 +54,14 @@ def write_head(writer: McapWriter, rig: Rig, session: SessionInfo, rate: float) 
 
 
 def start_head(writer: McapWriter, head: dict[str, dict[str, str]]) -> None:
-    """Begin a file with Metadata records and with the definitions that they repeat."""
+    """Start a file with Metadata records and the definitions that they repeat."""
     data = base64.b64decode(head["schemas"]["protobuf"])
     schemas = {f"{PACKAGE}.{name}": number for number, name in enumerate(FIELDS, 1)}
     channels = []
     for topic, text in head["channels"].items():
-        told = json.loads(text)
+        values = json.loads(text)
         channels.append(
-            Channel(told["id"], topic, "protobuf", told["metadata"], schemas[told["schema"]])
+            Channel(values["id"], topic, "protobuf", values["metadata"], schemas[values["schema"]])
         )
     writer.start(
         PROFILE,
@@ -73,7 +73,7 @@ def start_head(writer: McapWriter, head: dict[str, dict[str, str]]) -> None:
 
 
 def software() -> dict[str, str]:
-    """Return the versions of python and of the libraries that made the recording."""
+    """Return the versions of Python and of the libraries in use."""
     versions = {"python": platform.python_version()}
     for name in LIBRARIES:
         try:
@@ -87,19 +87,19 @@ def _topics(rig: Rig, rate: float) -> Iterator[tuple[str, str, dict[str, str]]]:
     """Yield topic, message and metadata of every topic."""
     documents = rig_document(rig)["daq"]["channels"]
     for channel, document in zip(rig.daq.channels, documents, strict=True):
-        chart = {key: "" if value is None else str(value) for key, value in document.items()}
+        calibration = {key: "" if value is None else str(value) for key, value in document.items()}
         yield (
             f"/daq/{channel.name}",
             "Samples",
-            {"unit": "V", "rate": f"{rate!r} Hz", "what": "raw volts", **chart},
+            {"unit": "V", "rate": f"{rate!r} Hz", "what": "raw volts", **calibration},
         )
     preview = Decimator(rate, len(rig.daq.channels))
     half = rate / preview.factor / 2
     what = (
-        f"one sample of {preview.factor}, scale applied, low-pass filtered: true to 0.2 % up to"
-        f" {2 * PASS_BAND * half:.4g} Hz, {ATTENUATION:g} dB down from {half:.4g} Hz on; it starts"
-        f" and ends {preview.margin / rate * 1e3:.3g} ms inside the recording; neither the AC"
-        " coupling nor the delay is corrected"
+        f"low-pass filtered, decimated by {preview.factor}, scaled: accurate to 0.2 % up to"
+        f" {2 * PASS_BAND * half:.4g} Hz, {ATTENUATION:g} dB attenuation from {half:.4g} Hz up; it"
+        f" starts and ends {preview.margin / rate * 1e3:.3g} ms inside the recording; neither the"
+        " AC coupling nor the delay is corrected"
     )
     for channel in rig.daq.channels:
         yield f"/preview/{channel.name}", "Scalar", {"unit": channel.unit, "what": what}
@@ -107,4 +107,4 @@ def _topics(rig: Rig, rate: float) -> Iterator[tuple[str, str, dict[str, str]]]:
     captured = {**angles, "e1": "rad", "e2": "rad", "m1": "N m", "m2": "N m"}
     yield "/plan", "Plan", {**angles, "jack_rise": "m", "what": "planned motion"}
     yield "/joints", "Joints", {**captured, "what": "on the controller's clock"}
-    yield "/events", "Event", {"time": "s", "what": "what happened, from the trigger on"}
+    yield "/events", "Event", {"time": "s", "what": "what happened, time after the trigger"}

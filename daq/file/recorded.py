@@ -1,7 +1,8 @@
-"""What a recording holds, once read."""
+"""What a recording holds: samples, plan, joints, events, gaps."""
 
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TypedDict
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,37 +14,47 @@ Signal = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
+class Block:
+    """Consecutive samples of all channels, as an acquisition reads them."""
+
+    first_sample: int
+    """Index of the first sample, counted from the trigger."""
+    volts: Signal
+    """Raw volts, shape (n_channels, n), V, channels in the order of ``daq.channels``."""
+
+
+@dataclass(frozen=True)
 class Plan:
     """The planned motion: arrays of shape (n_points,)."""
 
     t: Signal
-    """s, from the trigger."""
+    """Time after the trigger, s."""
     q1: Signal
-    """rad, of joint 1."""
+    """Angle of joint 1, rad."""
     q2: Signal
-    """rad, of joint 2."""
+    """Angle of joint 2, rad."""
     jack_rise: Signal
-    """m."""
+    """Rise of the jack, m."""
 
 
 @dataclass(frozen=True)
 class Joints:
-    """The encoders' capture: arrays of shape (n_points,)."""
+    """What the controller captured of the joints: arrays of shape (n_points,)."""
 
     t: Signal
-    """s, from the trigger, on the controller's clock."""
+    """Time after the trigger on the controller's clock, s."""
     q1: Signal
-    """rad, of joint 1."""
+    """Angle of joint 1, rad."""
     q2: Signal
-    """rad, of joint 2."""
+    """Angle of joint 2, rad."""
     e1: Signal = field(default_factory=lambda: np.empty(0))
-    """rad, following error of joint 1; empty where the controller does not record it."""
+    """Following error of joint 1, rad; empty if the controller does not record it."""
     e2: Signal = field(default_factory=lambda: np.empty(0))
-    """rad, of joint 2; as `e1`."""
+    """Following error of joint 2, rad; as `e1`."""
     m1: Signal = field(default_factory=lambda: np.empty(0))
-    """N m, that the controller asked of motor 1; as `e1`."""
+    """Torque that the controller requested of motor 1, N m; as `e1`."""
     m2: Signal = field(default_factory=lambda: np.empty(0))
-    """N m, of motor 2; as `e1`."""
+    """Torque that the controller requested of motor 2, N m; as `e1`."""
 
 
 @dataclass(frozen=True)
@@ -51,45 +62,65 @@ class Event:
     """Something that happened during the press."""
 
     time: float
-    """s, from the trigger; negative for before it."""
+    """Time after the trigger, s; negative before it."""
     kind: str
     """One word: `trigger`, `fault`, `aborted`."""
     text: str
     """What happened."""
 
 
+class MissingSamples(TypedDict):
+    """A gap as JSON: samples as in `Gap`, times in s after the trigger."""
+
+    channel: str
+    first_sample: int
+    stop_sample: int | None
+    start: float
+    stop: float | None
+
+
 @dataclass(frozen=True)
 class Gap:
-    """Consecutive samples of one channel that a recording has lost."""
+    """Consecutive missing samples of one channel of a recording."""
 
     channel: str
     """Name of the channel."""
     first_sample: int
-    """Index of the first that is missing, from the trigger."""
+    """Index of the first missing sample, counted from the trigger."""
     stop_sample: int | None
-    """Index after the last; None where the recording's end is lost with it."""
+    """Index after the last; None if the end of the recording is unknown."""
     rate: float
-    """Hz."""
+    """Sampling rate, Hz."""
 
     @property
     def start(self) -> float:
-        """s from the trigger, of the first sample that is missing."""
+        """Time of the first missing sample after the trigger, s."""
         return self.first_sample / self.rate
 
     @property
     def stop(self) -> float | None:
-        """s from the trigger, of the sample after the last; None for an unknown end."""
+        """Time after the trigger of the sample after the last, s; None for an unknown end."""
         return None if self.stop_sample is None else self.stop_sample / self.rate
+
+    def document(self) -> MissingSamples:
+        """Return the gap as JSON."""
+        return MissingSamples(
+            channel=self.channel,
+            first_sample=self.first_sample,
+            stop_sample=self.stop_sample,
+            start=self.start,
+            stop=self.stop,
+        )
 
     def __str__(self) -> str:
         if self.stop_sample is None or self.stop is None:
             return (
-                f"from sample {self.first_sample} on, {self.start * 1e3:.6g} ms, all of"
-                f" {self.channel} is missing to an end that is not known"
+                f"samples of {self.channel} from {self.first_sample} ({self.start * 1e3:.6g} ms"
+                " after the trigger) to an unknown end are missing"
             )
         return (
             f"samples {self.first_sample} to {self.stop_sample - 1} of {self.channel} are missing,"
-            f" {self.start * 1e3:.6g} ms to {self.stop * 1e3:.6g} ms"
+            f" {self.start * 1e3:.6g} ms to {self.stop * 1e3:.6g} ms after the trigger"
         )
 
 
@@ -98,22 +129,22 @@ class Stretch:
     """Consecutive samples of all channels of a recording."""
 
     t0_ns: int
-    """ns since 1970 of the trigger, by the host's clock."""
+    """Date of the trigger by the host's clock, ns since 1970."""
     rate: float
-    """Hz, of every channel."""
+    """Sampling rate of every channel, Hz."""
     first_sample: int
-    """Index of the first sample, from the trigger; negative before it."""
+    """Index of the first sample, counted from the trigger; negative before it."""
     volts: dict[str, Signal]
     """Raw volts of each channel by name, shape (n_samples,), V."""
 
     @property
     def n_samples(self) -> int:
-        """Samples of each channel."""
+        """Number of samples of each channel."""
         return len(next(iter(self.volts.values())))
 
     @property
     def time(self) -> Signal:
-        """s from the trigger, of each sample; negative before it."""
+        """Time of each sample after the trigger, s; negative before it."""
         return (self.first_sample + np.arange(self.n_samples)) / self.rate
 
 
@@ -122,23 +153,23 @@ class Recorded(Stretch):
     """One press as it was recorded."""
 
     path: Path
-    """Of the file."""
+    """The file."""
     rig: Rig
-    """The bench at the time."""
+    """The rig as it was when recorded."""
     session: SessionInfo
-    """What the press was."""
+    """Description of the press."""
     plan: Plan | None
-    """None where none was written."""
+    """Planned motion; None if none was recorded."""
     joints: Joints | None
-    """None where none was written."""
+    """Captured motion; None if none was recorded."""
     events: tuple[Event, ...]
     """In the order of writing."""
     software: dict[str, str]
     """Versions by name."""
     channels: dict[str, dict[str, str]]
-    """Metadata of each topic: unit, and for `/daq/...` the calibration chart."""
+    """Metadata of each topic: unit, and for `/daq/...` the calibration."""
     gaps: tuple[Gap, ...]
-    """What the file has lost, of all channels; nothing of it is in `volts`."""
+    """Missing samples of all channels of the file; none of them is in `volts`."""
 
     @property
     def simulated(self) -> bool:
@@ -147,5 +178,5 @@ class Recorded(Stretch):
 
     @property
     def complete(self) -> bool:
-        """Whether the press was recorded to its end and nothing of it was lost."""
+        """Whether the press was recorded to its end and no sample is missing."""
         return not self.gaps and all(event.kind != "aborted" for event in self.events)

@@ -7,16 +7,14 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from sautereau.daq.block import Block
 from sautereau.daq.errors import RecordingError
-from sautereau.daq.file.clock import SteadyClock
 from sautereau.daq.file.container.durable import PART
-from sautereau.daq.file.container.recording_file import RecordingFile
+from sautereau.daq.file.container.recording_file import RecordingFile, SteadyClock
 from sautereau.daq.file.container.records import CHUNK_SIZE
 from sautereau.daq.file.container.writer import McapWriter
 from sautereau.daq.file.preview import Decimator
 from sautereau.daq.file.provenance import write_head
-from sautereau.daq.file.recorded import Joints
+from sautereau.daq.file.recorded import Block, Joints
 from sautereau.daq.file.schemas import encode, encode_scalars
 from sautereau.daq.file.session_info import SessionInfo
 from sautereau.rig.schema import Rig
@@ -25,11 +23,11 @@ __all__ = ["Block", "Recording", "SessionInfo"]
 
 
 class Recording:
-    """An open recording; leave it to close the file, whole or not.
+    """An open recording, to use as a context manager.
 
-    The file is ``path.part`` until the context is left without an exception, then
-    ``path``. After an exception the ``.part`` stays, well closed, with an event
-    ``aborted`` that says why.
+    The file is called ``path.part`` until the context is left without an exception, then
+    ``path``. After an exception the ``.part`` file is kept, properly closed, with an event
+    ``aborted`` that gives the reason.
     """
 
     def __init__(
@@ -43,18 +41,17 @@ class Recording:
         clock: Callable[[], int] = time.time_ns,
         monotonic: Callable[[], float] = time.monotonic,
     ):
-        """Prepare; the file is opened on entering.
+        """Prepare; the file is opened on entering the context.
 
         Args:
-            path: Of the finished file; it must not exist.
-            rig: Whole bench, written into the file.
-            session: What the press is; its `simulated` above all.
-            rate: Hz, at which the device really samples; None for the rig's.
-            compress: Chunks by zstd; False for a host that is too slow for it.
-            clock: ns since 1970; asked once, at once. Every date of the file follows
-                from that one and from `monotonic`, so that a clock set meanwhile does
-                no harm.
-            monotonic: s, of a clock that is never set; also tells when to flush.
+            path: Finished file; it must not exist.
+            rig: Complete rig, written into the file.
+            session: Description of the press.
+            rate: Actual sampling rate of the device, Hz; None for the rig's.
+            compress: Whether to compress chunks with zstd; False for a host that is too slow.
+            clock: ns since 1970; read once, here. Every date in the file follows from it and
+                from `monotonic`, so that setting the clock meanwhile changes nothing.
+            monotonic: Time in s of a clock that is never set; also determines when to flush.
         """
         self._path = Path(path)
         self._rig = rig
@@ -68,24 +65,24 @@ class Recording:
         self._scales = np.array([[channel.scale] for channel in channels])
         self._preview = Decimator(self._rate, len(channels))
         self._piece = max(1, CHUNK_SIZE // (8 * len(channels)))
-        self._begin: int | None = None
+        self._first: int | None = None
         self._next = 0
         self._t0 = 0
 
     @property
     def part_path(self) -> Path:
-        """Where the samples are until the recording has been closed without a fault."""
+        """File that holds the samples until the recording has been closed without a fault."""
         return self._path.with_name(self._path.name + PART)
 
     @property
     def t0_ns(self) -> int | None:
-        """ns since 1970 of the trigger by the host's clock; None before the first block."""
-        return None if self._begin is None else self._t0
+        """Date of the trigger by the host's clock, ns since 1970; None before the first block."""
+        return None if self._first is None else self._t0
 
     @property
     def n_samples(self) -> int:
-        """Samples of each channel written so far."""
-        return 0 if self._begin is None else self._next - self._begin
+        """Number of samples of each channel written so far."""
+        return 0 if self._first is None else self._next - self._first
 
     def __enter__(self) -> "Recording":
         file = self._opened = RecordingFile(
@@ -108,14 +105,14 @@ class Recording:
             self._close(file)
             file.publish()
             return
-        error.add_note(f"what was recorded before is in {self.part_path}")
+        error.add_note(f"the samples recorded before are in {self.part_path}")
         try:
             if not file.broken:
-                elapsed = 0.0 if self._begin is None else (self._clock.now_ns() - self._t0) / 1e9
+                elapsed = 0.0 if self._first is None else (self._clock.now_ns() - self._t0) / 1e9
                 self.event("aborted", f"{type(error).__name__}: {error}", elapsed)
                 self._close(file)
         except RecordingError as second:
-            error.add_note(f"then the recording could not be closed well either: {second}")
+            error.add_note(f"then closing the recording failed as well: {second}")
         finally:
             self._opened = None
             file.abandon()
@@ -123,7 +120,7 @@ class Recording:
     def write_block(self, block: Block) -> None:
         """Write consecutive samples of all channels, and their preview.
 
-        The first block says where the recording begins: at the trigger, or before it.
+        The first block determines where the recording starts: at the trigger, or before it.
 
         Raises:
             RecordingError: The block does not follow the last one, has the wrong shape,
@@ -138,13 +135,13 @@ class Recording:
                 f"recording {self._path}: a block of shape {volts.shape} at sample {first}; the"
                 f" rig has {len(channels)} channels: give (n_channels, n)"
             )
-        if first != self._next and (self._begin is not None or first > 0):
+        if first != self._next and (self._first is not None or first > 0):
             raise RecordingError(
-                f"recording {self._path}: a block starts at sample {first}, but the next one is"
-                f" {self._next}; samples were lost or given twice: press again"
+                f"recording {self._path}: a block starts at sample {first}, but the next sample is"
+                f" {self._next}; samples were lost or written twice: press again"
             )
-        if self._begin is None:
-            self._begin = first
+        if self._first is None:
+            self._first = first
             self._t0 = self._clock.now_ns() - self._nanoseconds(first + volts.shape[1] - 1)
         with file.writing() as writer:
             for start in range(0, volts.shape[1], self._piece):
@@ -154,7 +151,7 @@ class Recording:
         file.keep(volts.shape[1])
 
     def write_plan(self, t: ArrayLike, q1: ArrayLike, q2: ArrayLike, jack_rise: ArrayLike) -> None:
-        """Write the planned motion: arrays of shape (n,); s from the trigger, rad, rad, m."""
+        """Write the planned motion: arrays of shape (n,); s after the trigger, rad, rad, m."""
         self._series("Plan", t=t, q1=q1, q2=q2, jack_rise=jack_rise)
 
     def write_joints(self, joints: Joints) -> None:
@@ -164,12 +161,12 @@ class Recording:
         )
 
     def event(self, kind: str, text: str, time_s: float) -> None:
-        """Write what happened ``time_s`` (s) after the trigger; negative for before it.
+        """Write an event at ``time_s`` (s after the trigger, negative before it).
 
-        Whatever was written before is handed to the system with it, at once.
+        Everything written so far is flushed with it immediately.
         """
         file = self._file()
-        log_time = self._clock.now_ns() if self._begin is None else self._t0 + round(time_s * 1e9)
+        log_time = self._clock.now_ns() if self._first is None else self._t0 + round(time_s * 1e9)
         with file.writing() as writer:
             self._log(
                 writer, "/events", log_time, encode("Event", time=time_s, kind=kind, text=text)
@@ -177,7 +174,7 @@ class Recording:
         file.flush()
 
     def _write_piece(self, writer: McapWriter, first: int, volts: NDArray[np.float64]) -> None:
-        """Write samples of all channels that one chunk holds together."""
+        """Write samples of all channels, few enough for one chunk."""
         last = self._t0 + self._nanoseconds(first + volts.shape[1] - 1)
         for channel, row in zip(self._rig.daq.channels, volts, strict=True):
             samples = encode(
@@ -186,18 +183,18 @@ class Recording:
                 first_sample=first,
                 rate=self._rate,
                 volts=row,
-                begin=self._begin,
+                begin=self._first,
             )
             self._log(writer, f"/daq/{channel.name}", last, samples)
         self._write_previews(writer, *self._preview.feed(volts))
 
     def _write_previews(
-        self, writer: McapWriter, places: NDArray[np.float64], values: NDArray[np.float64]
+        self, writer: McapWriter, positions: NDArray[np.float64], values: NDArray[np.float64]
     ) -> None:
-        if not len(places):
+        if not len(positions):
             return
-        since = (places + (self._begin or 0)) * (1e9 / self._rate)
-        times = np.maximum(0, self._t0 + np.rint(since).astype(np.int64))
+        since_trigger = (positions + (self._first or 0)) * (1e9 / self._rate)
+        times = np.maximum(0, self._t0 + np.rint(since_trigger).astype(np.int64))
         for channel, row in zip(self._rig.daq.channels, values * self._scales, strict=True):
             writer.add_run(self._topics[f"/preview/{channel.name}"], times, encode_scalars(row))
 
@@ -207,21 +204,21 @@ class Recording:
         if columns["t"].ndim != 1 or len(set(shapes.values())) != 1:
             listed = ", ".join(f"{name} {shape}" for name, shape in shapes.items())
             raise RecordingError(
-                f"recording {self._path}: /{message.lower()} has arrays of shapes {listed}; give"
-                " them all the one shape (n,)"
+                f"recording {self._path}: /{message.lower()} has arrays of the shapes {listed};"
+                " give all of them the same shape (n,)"
             )
-        log_time = self._clock.now_ns() if self._begin is None else self._t0
+        log_time = self._clock.now_ns() if self._first is None else self._t0
         with self._file().writing() as writer:
             self._log(writer, f"/{message.lower()}", log_time, encode(message, **columns))
 
     def _log(self, writer: McapWriter, topic: str, log_time: int, data: bytes) -> None:
-        # MCAP's times start in 1970; a host whose clock says less keeps its own in `t0`.
+        # MCAP's times start in 1970; earlier dates of a wrong host clock remain in `t0`.
         writer.add_message(self._topics[topic], max(0, log_time), data)
 
     def _file(self) -> RecordingFile:
         if self._opened is None:
             raise RecordingError(
-                f"recording {self._path}: it is not open; write inside `with Recording(...)`"
+                f"recording {self._path}: not open; write inside `with Recording(...)`"
             )
         return self._opened
 

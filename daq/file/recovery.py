@@ -1,4 +1,4 @@
-"""Make a whole recording of what a damaged one has left; the damaged one stays as it is."""
+"""Repair: make a readable recording of the intact parts of a damaged one, which is kept."""
 
 import json
 from dataclasses import dataclass
@@ -8,49 +8,50 @@ from typing import BinaryIO
 from mcap.records import Chunk
 
 from sautereau.daq.errors import RecordingError
+from sautereau.daq.file.container.chunks import unpack_chunk
 from sautereau.daq.file.container.durable import PART, DurableFile
-from sautereau.daq.file.container.records import Opcode, stream_of, unpack_chunk
-from sautereau.daq.file.container.salvage import find_whole
+from sautereau.daq.file.container.records import Opcode, stream_of
+from sautereau.daq.file.container.salvage import find_intact
 from sautereau.daq.file.container.writer import McapWriter
 from sautereau.daq.file.integrity import opened, verified
 from sautereau.daq.file.provenance import start_head
 from sautereau.daq.file.recorded import Gap
-from sautereau.daq.file.survey import Survey, missing_samples, survey
+from sautereau.daq.file.survey import Survey, survey
 
-BESIDE = ".recovering.part"
-"""Follows the name of a recovered recording until it is whole."""
+ENDING = ".recovering.part"
+"""Appended to the name of a recovered recording until it is complete."""
 HEAD = ("channels", "rig", "software", "session", "schemas")
-"""Metadata records that a recording begins with."""
+"""Metadata records at the start of a recording."""
 
 
 @dataclass(frozen=True)
 class Recovery:
-    """What was recovered."""
+    """Result of a recovery."""
 
     source: Path
     """The damaged file."""
     path: Path
-    """The whole one."""
+    """The recovered file."""
     damage: str
     """What was wrong."""
     samples: dict[str, int]
-    """Of each channel, that are in the whole file."""
+    """Number of recovered samples, by channel."""
     rate: float
-    """Hz."""
+    """Sampling rate, Hz."""
     gaps: tuple[Gap, ...]
-    """What is missing."""
+    """Missing samples."""
 
 
 def recover(path: str | Path, out: str | Path | None = None) -> Recovery:
-    """Write every chunk of a recording whose checksum holds into a new, whole recording.
+    """Write every chunk of a recording whose checksum matches into a new recording.
 
     Args:
-        path: Of the damaged file; it is only read.
-        out: Of the new one, which must not exist. Default: without its `.part`, or
+        path: The damaged file; it is only read.
+        out: The new file, which must not exist. Default: the name without `.part`, or
             `name-recovered.mcap`.
 
     Raises:
-        RecordingError: There is nothing to recover, or nothing that can be.
+        RecordingError: The file needs no recovery, or nothing of it can be recovered.
     """
     path = Path(path)
     out = _named(path) if out is None else Path(out)
@@ -59,12 +60,12 @@ def recover(path: str | Path, out: str | Path | None = None) -> Recovery:
             raise RecordingError("it is empty: nothing was recorded; delete it and press again")
         found = survey(file)
         if found.damage is None and path.suffix != PART:
-            raise RecordingError("it is whole and needs no recovery; read it as it is")
+            raise RecordingError("it is undamaged and needs no recovery; read it directly")
         clock = found.runs.clock
         if clock is None:
-            raise RecordingError("no sample of it is left; press again")
-        damage = found.damage or "it is whole, as an aborted press leaves it"
-        target = DurableFile(out, beside=BESIDE)
+            raise RecordingError("none of its samples is intact; press again")
+        damage = found.damage or "it is undamaged, but its press was aborted"
+        target = DurableFile(out, ending=ENDING)
         try:
             with target.writing():
                 _write(target.stream, out.parent, file, found, path.name, damage)
@@ -96,7 +97,9 @@ def _write(
     metadata = found.contents.metadata
     lost = [key for key in HEAD if key not in metadata]
     if lost:
-        raise RecordingError(f"its metadata {', '.join(lost)} are lost, in both copies")
+        raise RecordingError(
+            f"both copies of its metadata {', '.join(lost)} are damaged; use a copy of it"
+        )
     writer = McapWriter(stream, folder)
     try:
         _fill(writer, file, found, name, damage)
@@ -110,9 +113,9 @@ def _fill(writer: McapWriter, file: BinaryIO, found: Survey, name: str, damage: 
         start_head(writer, {key: metadata[key] for key in HEAD})
     except (KeyError, ValueError, TypeError) as error:
         raise RecordingError(
-            f"its definitions make no sense: {type(error).__name__}: {error}; take it from its copy"
+            f"its definitions are invalid: {type(error).__name__}: {error}; use a copy of it"
         ) from error
-    for record in find_whole(file) if found.damage else verified(file):
+    for record in find_intact(file) if found.damage else verified(file):
         if record.opcode == Opcode.CHUNK:
             writer.copy_chunk(Chunk.read(stream_of(record.body)), unpack_chunk(record.body))
     end = found.contents.end()
@@ -120,6 +123,6 @@ def _fill(writer: McapWriter, file: BinaryIO, found: Survey, name: str, damage: 
         end = found.runs.last()
     if end is not None:
         writer.add_metadata("end", {"stop_sample": str(end)})
-    missing = json.dumps([missing_samples(gap) for gap in found.gaps])
+    missing = json.dumps([gap.document() for gap in found.gaps])
     writer.add_metadata("recovered", {"from": name, "damage": damage, "missing": missing})
     writer.finish()

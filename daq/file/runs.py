@@ -1,4 +1,4 @@
-"""Consecutive samples of each channel, joined from blocks; what lies between is a gap."""
+"""Runs of consecutive samples of each channel, joined from blocks, with gaps between them."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
@@ -11,18 +11,18 @@ from sautereau.daq.file.contents import FOREIGN
 from sautereau.daq.file.recorded import Gap, Signal, Stretch
 
 MOST_RUNS = 10_000
-"""Of a channel."""
+"""Limit for one channel."""
 
 
 class Clock(NamedTuple):
-    """What every block of a recording says alike."""
+    """What all blocks of a recording have in common."""
 
     t0: int
-    """ns since 1970, of the trigger."""
+    """Date of the trigger, ns since 1970."""
     rate: float
-    """Hz."""
+    """Sampling rate, Hz."""
     begin: int
-    """Index of the recording's first sample."""
+    """Index of the recording's first sample, counted from the trigger."""
 
 
 @dataclass
@@ -33,37 +33,36 @@ class _Run:
 
 
 class Runs:
-    """The samples of a recording as its blocks come in."""
+    """The samples of a recording, added block by block."""
 
     def __init__(self, *, keep: bool = True):
-        """Begin without any.
+        """Start empty.
 
         Args:
-            keep: The samples; False for where they are alone.
+            keep: Whether to keep the samples; if not, only their indices.
         """
         self._keep = keep
         self._runs: dict[str, list[_Run]] = {}
         self.clock: Clock | None = None
-        """None without a block."""
+        """None before the first block."""
 
     def add(self, topic: str, block: Any) -> None:
-        """Take a Samples message.
+        """Add a Samples message.
 
         Raises:
-            RecordingError: It has no samples, some are there already, or it contradicts the
-                blocks before.
+            RecordingError: It has no samples, repeats some, or contradicts the blocks before.
         """
         clock = Clock(block.t0, block.rate, block.begin)
         volts = block.volts
         first, stop = block.first_sample, block.first_sample + len(volts) // 8
         if self.clock is None and not 0 < clock.rate < float("inf"):
-            raise RecordingError(f"a block of it tells a rate of {clock.rate} Hz; {FOREIGN}")
+            raise RecordingError(f"one of its blocks has a rate of {clock.rate} Hz; {FOREIGN}")
         if self.clock not in (None, clock):
-            raise RecordingError(f"its blocks tell different triggers or rates; {FOREIGN}")
+            raise RecordingError(f"its blocks have different triggers or rates; {FOREIGN}")
         if len(volts) % 8 or first == stop or first < clock.begin:
             raise RecordingError(
-                f"a block of {topic} at sample {first} has {len(volts)} bytes of samples and"
-                f" {clock.begin} for the recording's first; {FOREIGN}"
+                f"a block of {topic} at sample {first} has {len(volts)} bytes of samples in a"
+                f" recording that starts at sample {clock.begin}; {FOREIGN}"
             )
         self.clock = clock
         name = topic.removeprefix("/daq/")
@@ -74,15 +73,15 @@ class Runs:
             runs.append(_Run(first, first))
         if first < runs[-1].stop:
             raise RecordingError(
-                f"samples {first} to {min(stop, runs[-1].stop) - 1} of {name} are there twice, or"
-                f" after later ones; {FOREIGN}"
+                f"samples {first} to {min(stop, runs[-1].stop) - 1} of {name} are repeated, or"
+                f" follow later ones; {FOREIGN}"
             )
         runs[-1].stop = stop
         if self._keep:
             runs[-1].data += volts
 
     def common(self, names: Iterable[str]) -> list[tuple[int, int]]:
-        """Return the stretches (first, stop) in which every channel has its samples."""
+        """Return the stretches (first, stop) in which every channel has samples."""
         found: list[tuple[int, int]] | None = None
         for name in names:
             runs = [(run.first, run.stop) for run in self._runs.get(name, [])]
@@ -90,29 +89,29 @@ class Runs:
         return found or []
 
     def count(self, name: str) -> int:
-        """Return how many samples of a channel there are."""
+        """Return the number of samples of a channel."""
         return sum(run.stop - run.first for run in self._runs.get(name, []))
 
     def last(self) -> int:
-        """Return the index after the last sample of any channel; there has to be one."""
+        """Return the index after the last sample of any channel; at least one must exist."""
         return max(runs[-1].stop for runs in self._runs.values())
 
     def reached(self, names: Iterable[str]) -> int | None:
-        """Return the index that the samples of every channel have reached; None without."""
+        """Return the index up to which every channel has samples; None if one has none."""
         if self.clock is None or any(name not in self._runs for name in names):
             return None
         return min(self._runs[name][-1].stop for name in names)
 
     def volts(self, name: str, first: int, stop: int) -> Signal:
-        """Return the samples of one channel that one run holds, V, without copying them."""
+        """Return samples of one channel within one run, V, without copying them."""
         run = next(run for run in self._runs[name] if run.first <= first and stop <= run.stop)
         return np.frombuffer(run.data, dtype="<f8")[first - run.first : stop - run.first]
 
     def take(self, names: Sequence[str], n: int, *, ended: bool) -> Stretch | None:
-        """Return the first ``n`` samples of all channels and forget them.
+        """Remove and return the first ``n`` samples of all channels.
 
         Returns:
-            Fewer before a gap, and, if it has ``ended``, at the end; None while there are not
+            Fewer than ``n`` before a gap, and at the end if ``ended``; None if there are not
             enough yet.
         """
         common = self.common(names)
@@ -137,12 +136,12 @@ class Runs:
         return Stretch(self.clock.t0, self.clock.rate, first, volts)
 
     def gaps(self, names: Iterable[str], end: int | None, *, open_end: bool) -> tuple[Gap, ...]:
-        """Return what is missing.
+        """Return the missing samples.
 
         Args:
-            names: Of the channels that there should be.
-            end: Index after the recording's last sample, where it tells that.
-            open_end: Whether samples are missing at the end, where it does not tell that.
+            names: Names of all channels.
+            end: Index after the recording's last sample; None if it is unknown.
+            open_end: Whether samples are missing at an unknown end.
         """
         clock, names = self.clock, tuple(names)
         if clock is None:

@@ -1,8 +1,8 @@
 """The messages of a recording, as protobuf descriptors built without a compiler.
 
-Every message exists twice. The declared one, whose descriptor stands in the file for
-viewers, has ``repeated double`` arrays. Its twin has ``bytes`` in their place: packed
-little-endian doubles are the same bytes on the wire, and numpy reads them at once.
+Every message exists twice. The declared one, whose descriptor is in the file for viewers, has
+``repeated double`` arrays. Its twin has ``bytes`` instead: packed little-endian doubles are the
+same bytes on the wire, and numpy reads them without parsing.
 """
 
 from functools import cache
@@ -24,9 +24,9 @@ _SCALARS = {
 _ARRAY = "doubles"
 
 FIELDS: dict[str, dict[str, str]] = {
-    # t0: ns since 1970 of the trigger; first_sample, begin: indices since the trigger, of this
-    # block's and of the recording's first sample, negative before it; rate: Hz; volts: V.
-    # first_sample was uint64 once, whose bytes are the same from 0 on.
+    # t0: date of the trigger, ns since 1970; first_sample, begin: index of the first sample of
+    # this block and of the recording, counted from the trigger; rate: Hz; volts: V.
+    # first_sample used to be uint64, which has the same bytes from 0 up.
     "Samples": {
         "t0": "int64",
         "first_sample": "int64",
@@ -35,15 +35,15 @@ FIELDS: dict[str, dict[str, str]] = {
         "begin": "int64",
     },
     "Scalar": {"value": "double"},
-    # t: s since the trigger; q1, q2: rad; jack_rise: m.
+    # t: s after the trigger; q1, q2: rad; jack_rise: m.
     "Plan": {"t": _ARRAY, "q1": _ARRAY, "q2": _ARRAY, "jack_rise": _ARRAY},
-    # t: s since the trigger on the controller's clock; q1, q2: rad.
-    # e1, e2: following errors in rad; m1, m2: N m asked of the motors; empty if not recorded.
+    # t: s after the trigger on the controller's clock; q1, q2: rad.
+    # e1, e2: following errors in rad; m1, m2: motor torques in N m; empty if not recorded.
     "Joints": dict.fromkeys(("t", "q1", "q2", "e1", "e2", "m1", "m2"), _ARRAY),
-    # time: s since the trigger.
+    # time: s after the trigger.
     "Event": {"time": "double", "kind": "string", "text": "string"},
 }
-"""Fields of each message in the order of their numbers."""
+"""Fields of each message, in the order of their numbers."""
 _ARRAYS = {
     name: [field for field, kind in fields.items() if kind == _ARRAY]
     for name, fields in FIELDS.items()
@@ -88,12 +88,12 @@ def _classes(twin: bool) -> dict[str, type[Message]]:
 
 
 def declared_class(name: str) -> type[Message]:
-    """Return the message as viewers see it, with repeated doubles."""
+    """Return the class of a message as viewers see it, with repeated doubles."""
     return _classes(False)[name]
 
 
 def encode(name: str, **values: Any) -> bytes:
-    """Return the wire bytes of a message; arrays are 1-D float arrays, and may be left out."""
+    """Return the wire bytes of a message; arrays are 1-D float arrays, and optional."""
     for field in values.keys() & set(_ARRAYS[name]):
         values[field] = np.ascontiguousarray(values[field], dtype="<f8").tobytes()
     return _classes(True)[name](**values).SerializeToString()
@@ -108,7 +108,7 @@ def encode_scalars(values: NDArray[np.float64]) -> NDArray[np.uint8]:
 
 
 def decode(name: str, data: bytes) -> Any:
-    """Return the twin of a message; pass its array fields through `doubles`."""
+    """Return a message as its twin; convert its array fields with `doubles`."""
     message = _classes(True)[name]()
     message.ParseFromString(data)
     return message

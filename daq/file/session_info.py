@@ -1,11 +1,11 @@
-"""What a recording says of the press it holds, beside the samples."""
+"""Description of the press that a recording holds."""
 
 from dataclasses import dataclass, fields
 
 from sautereau.daq.errors import RecordingError
 
 _BEFORE_SESSIONS = {"session": "", "item": "", "warm_up": "false"}
-"""Of a recording that was made before sessions had plans."""
+"""Metadata of a recording that was made before sessions had plans."""
 
 
 @dataclass(frozen=True)
@@ -15,53 +15,47 @@ class SessionInfo:
     press: int
     """Number of the press in its session, from 1."""
     started: str
-    """When the press began, ISO 8601 with the time zone."""
+    """Date of the start of the press, ISO 8601 with the time zone."""
     simulated: bool
-    """Whether the stand-in made the samples; as the DAQ device itself tells."""
+    """Whether the stand-in made the samples, as the DAQ device itself reports."""
     controller: str
-    """How the motor controller names itself."""
+    """Identification of the motor controller."""
     daq: str
     """Product type and serial number of the DAQ device."""
     scene: str = ""
     """Text of the stand-in's scene; empty on the hardware."""
     seed: int | None = None
-    """Of every random number; None without one."""
+    """Seed of every random number; None without one."""
     notes: str = ""
-    """The operator's."""
+    """The operator's notes."""
     session: str = ""
-    """Identity of the session that made it; empty for a press by itself."""
+    """Identifier of the session; empty for a single press."""
     item: int | None = None
-    """Which press of the session's plan it is, from 1; None without a plan."""
+    """Number of the press in the session's plan, from 1; None without a plan."""
     warm_up: bool = False
-    """Whether it only warms the arm up, and counts in no figure."""
+    """Whether it is a warm-up press, which is excluded from all results."""
 
     def to_metadata(self) -> dict[str, str]:
         """Return the fields as text, for a Metadata record."""
-        return {
-            "press": str(self.press),
-            "started": self.started,
-            "simulated": "true" if self.simulated else "false",
-            "controller": self.controller,
-            "daq": self.daq,
-            "scene": self.scene,
-            "seed": "" if self.seed is None else str(self.seed),
-            "notes": self.notes,
-            "session": self.session,
-            "item": "" if self.item is None else str(self.item),
-            "warm_up": "true" if self.warm_up else "false",
-        }
+        return {field.name: _text(getattr(self, field.name)) for field in fields(self)}
+
+
+def _text(value: str | int | bool | None) -> str:
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    return "" if value is None else str(value)
 
 
 def session_from_metadata(metadata: dict[str, str]) -> SessionInfo:
     """Read back what `SessionInfo.to_metadata` wrote.
 
     Raises:
-        RecordingError: A field is missing or has no sense; the flag `simulated` above all.
+        RecordingError: A field is missing or invalid.
     """
     known = _BEFORE_SESSIONS | metadata
     missing = [field.name for field in fields(SessionInfo) if field.name not in known]
     if missing:
-        raise RecordingError(f"its session metadata lacks {', '.join(missing)}")
+        raise RecordingError(f"its session metadata lack {', '.join(missing)}")
     for flag in ("simulated", "warm_up"):
         if known[flag] not in ("true", "false"):
             raise RecordingError(f"its session says {flag} = {known[flag]!r}, not true or false")
@@ -69,7 +63,9 @@ def session_from_metadata(metadata: dict[str, str]) -> SessionInfo:
         press = int(known["press"])
         seed, item = (int(known[name]) if known[name] else None for name in ("seed", "item"))
     except ValueError as error:
-        raise RecordingError(f"its session's press, seed or item is no number: {error}") from error
+        raise RecordingError(
+            f"press, seed or item of its session is not a number: {error}"
+        ) from error
     return SessionInfo(
         press=press,
         started=known["started"],

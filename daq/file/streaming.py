@@ -1,4 +1,4 @@
-"""Read a recording of any length, a stretch at a time; memory is that of a stretch."""
+"""Read a recording of any length one stretch at a time, in the memory of one stretch."""
 
 from collections.abc import Iterator
 from math import ceil
@@ -15,15 +15,15 @@ from sautereau.daq.file.runs import Clock, Runs
 def stream(path: str | Path, seconds: float) -> Iterator[Stretch]:
     """Yield a recording of any length, ``seconds`` (s) of it at a time.
 
-    The checksums of the whole file are verified before the first stretch. No stretch spans
-    a gap; the last one before a gap, or of all, is shorter.
+    The checksums of the complete file are verified before the first stretch. No stretch spans
+    a gap; the last one before a gap or at the end is shorter.
 
     Raises:
-        RecordingError: As `sautereau.daq.file.reading.read_recording`, but for gaps.
+        RecordingError: As `sautereau.daq.file.reading.read_recording`, except for gaps.
     """
     if not 0 < seconds < float("inf"):
         raise RecordingError(
-            f"recording {path}: stretches of {seconds:g} s were asked for; ask for more than 0 s"
+            f"recording {path}: stretches of {seconds:g} s are requested; request more than 0 s"
         )
     with opened(Path(path)) as file:
         contents, runs, names, n = Contents(size_of(file)), Runs(), list[str](), 1
@@ -39,15 +39,15 @@ def stream(path: str | Path, seconds: float) -> Iterator[Stretch]:
 
 
 def read_window(path: str | Path, start: float, stop: float) -> Stretch:
-    """Read ``start <= t < stop`` (s from the trigger; negative before it) of a recording.
+    """Read ``start <= t < stop`` (s after the trigger, negative before it) of a recording.
 
-    Only the chunks that the window needs are read, and their checksums verified.
+    Only the chunks of this window are read and verified.
 
     Raises:
-        RecordingError: The window reaches beyond the recording or over a gap, or as
+        RecordingError: The window reaches beyond the recording or spans a gap, or as
             `sautereau.daq.file.reading.read_recording`.
     """
-    asked = f"the window from {start:g} s to {stop:g} s"
+    window = f"the window from {start:g} s to {stop:g} s"
     with opened(Path(path)) as file:
         chunks = chunk_index(file)
         contents, runs = Contents(size_of(file)), Runs()
@@ -64,15 +64,15 @@ def read_window(path: str | Path, start: float, stop: float) -> Stretch:
             if runs.clock and (runs.reached(names) or first) >= last:
                 break
         if runs.clock is None:
-            raise RecordingError(f"{asked}: it holds no samples: press again")
+            raise RecordingError(f"{window}: the recording holds no samples: press again")
         if first >= last:
-            raise RecordingError(f"{asked}: no sample lies in it; give a later stop")
+            raise RecordingError(f"{window}: it contains no sample; give a later stop")
         for held_first, held_stop in runs.common(names):
             if held_first <= first and last <= held_stop:
                 volts = {name: runs.volts(name, first, last) for name in names}
                 return Stretch(runs.clock.t0, runs.clock.rate, first, volts)
     raise RecordingError(
-        f"recording {path}: {asked}: not all of it is there; `sautereau info {path}` tells what is"
+        f"recording {path}: {window}: samples are missing; `sautereau info {path}` shows which"
     )
 
 

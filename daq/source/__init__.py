@@ -1,1 +1,1 @@
-"""What measures: acquisition with NI-DAQmx."""
+"""Acquisition with NI-DAQmx."""

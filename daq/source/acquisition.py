@@ -1,4 +1,4 @@
-"""One hardware-timed acquisition, finite or continuous, of any device, read in blocks."""
+"""A hardware-timed acquisition, finite or continuous, with any NI-DAQmx device, read in blocks."""
 
 import time
 from collections.abc import Iterator
@@ -8,39 +8,40 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sautereau.daq.block import Block
 from sautereau.daq.errors import DaqError
+from sautereau.daq.file.recorded import Block
 from sautereau.daq.source.connection import connect
-from sautereau.daq.source.driver_faults import NOT_DONE, NOT_YET_AVAILABLE, told
+from sautereau.daq.source.driver_faults import NOT_DONE, NOT_YET_AVAILABLE, driver_errors
 from sautereau.daq.source.task import TaskSettings, build_task, plan_task, read_back
 from sautereau.rig.acquisition import Daq
 
 __all__ = ["Acquisition", "Block"]
 
 PERIOD = 5e-3
-"""s, after which it is asked again whether there are enough samples before the trigger."""
+"""Interval of polling for the samples before the trigger, s."""
 
 
 class Acquisition:
     """An acquisition of all channels of a rig's ``daq``.
 
     Use it as a context manager: entering builds the task, `start` arms it, `blocks` reads
-    it, and leaving clears it by whatever way. Entered and not started, it is a dry run:
-    `settings` tells what the device has taken.
+    it, and leaving clears it, also after an error. Entered without `start` it is a dry run:
+    `settings` returns what the device has accepted.
     """
 
     def __init__(self, daq: Daq, duration_s: float | None, *, triggered: bool = True):
-        """Prepare; the device is touched on entering.
+        """Prepare; the device is accessed on entering the context.
 
         Args:
-            daq: The acquisition as the rig describes it.
-            duration_s: s, from the edge or the start on; rounded up to whole samples, 2 at least
-                as the driver wants; None to go on until it is left.
-            triggered: Whether the trigger's edge begins it, with ``daq.pre_trigger`` of what was
-                before; else it begins with `start`.
+            daq: The rig's table of the acquisition.
+            duration_s: Duration after the trigger's edge or the start, s; rounded up to an
+                integer number of samples, at least the 2 that the driver requires; None to
+                continue until the context is left.
+            triggered: Whether the trigger's edge starts it, with ``daq.pre_trigger`` recorded
+                before the edge; else `start` does.
 
         Raises:
-            DaqError: No device could do that.
+            DaqError: The settings are impossible for any device.
         """
         self._daq = daq
         self._plan = plan_task(daq, duration_s, triggered)
@@ -53,19 +54,19 @@ class Acquisition:
 
     @property
     def n_samples(self) -> int | None:
-        """Samples of each channel, with those before the edge; None without an end."""
+        """Number of samples of each channel, those before the edge included; None if endless."""
         return self._plan.total
 
     @property
     def rate(self) -> float:
-        """Hz, of every channel, as the device runs; known once entered."""
+        """Actual sampling rate of every channel, Hz; known after entering."""
         return self._rate
 
     @property
     def simulated(self) -> bool:
-        """Whether the device itself says that it is simulated."""
+        """Whether the device itself reports that it is simulated."""
         if self._simulated is None:
-            raise DaqError("acquisition: not entered yet; ask for `simulated` inside `with`")
+            raise DaqError("acquisition: not entered yet; read `simulated` inside `with`")
         return self._simulated
 
     @property
@@ -78,10 +79,10 @@ class Acquisition:
 
         try:
             self._options = self._stack.enter_context(connect(self._daq, self._longest_wait))
-            with told(self._daq, "setting up the task", self._options):
+            with driver_errors(self._daq, "setting up the task", self._options):
                 self._task = Task(grpc_options=self._options)
                 self._rate = build_task(self._task, self._plan)
-            with told(self._daq, "identifying the device", self._options):
+            with driver_errors(self._daq, "identifying the device", self._options):
                 self._describe_device()
         except BaseException as error:
             self._leave(error)
@@ -92,9 +93,9 @@ class Acquisition:
         self._leave(error)
 
     def settings(self) -> TaskSettings:
-        """Return the task as the device has taken it and found it possible."""
+        """Return the task as the device has accepted and verified it."""
         plan = self._plan
-        with told(self._daq, "verifying the task", self._options):
+        with driver_errors(self._daq, "verifying the task", self._options):
             channels, buffer = read_back(self._entered(), plan)
         return TaskSettings(
             device=self._description,
@@ -109,30 +110,30 @@ class Acquisition:
         )
 
     def start(self) -> None:
-        """Arm: from here on the trigger's edge begins the samples; without one they begin now.
+        """Arm: the trigger's edge starts the acquisition; without a trigger it starts now.
 
-        Returns when the samples that lie before the edge are there.
+        Returns when enough samples before the edge have been acquired.
         """
-        with told(self._daq, "arming", self._options):
+        with driver_errors(self._daq, "arming", self._options):
             self._entered().start()
             if self._plan.before:
                 self._await_pre_trigger()
 
     def stop(self) -> None:
         """End the acquisition, complete or not."""
-        with told(self._daq, "stopping", self._options):
+        with driver_errors(self._daq, "stopping", self._options):
             self._entered().stop()
 
     def blocks(self) -> Iterator[Block]:
-        """Yield the samples in blocks of ``daq.block``, those of a finite one all.
+        """Yield the samples in blocks of ``daq.block``; of a finite acquisition all of them.
 
-        With samples before the trigger's edge the first block begins there, below 0; the
-        device gives them only when it has all samples. What came of a block before it failed
-        is yielded before the error is raised.
+        With samples before the trigger's edge the first block has a negative index, and the
+        device returns samples only after the last one. The part of a block that was read before
+        an error is yielded before the error is raised.
 
         Raises:
-            DaqError: The trigger or a later block did not come within
-                ``daq.trigger_timeout``, samples were lost, or the device is gone.
+            DaqError: The trigger or a later block did not arrive within
+                ``daq.trigger_timeout``, samples were lost, or the device was disconnected.
         """
         from nidaqmx.stream_readers import AnalogMultiChannelReader
 
@@ -145,7 +146,7 @@ class Acquisition:
         while plan.total is None or position < plan.total:
             n = daq.block if plan.total is None else min(daq.block, plan.total - position)
             volts = np.empty((len(daq.channels), n))
-            with told(daq, "reading", self._options):
+            with driver_errors(daq, "reading", self._options):
                 count, late = self._read(reader, volts)
             if count:
                 yield Block(position - plan.before, volts[:, :count])
@@ -153,10 +154,10 @@ class Acquisition:
             if late is not None:
                 raise self._too_late(position, n) from late
             if plan.total is None:
-                self._must_stand_at(position)
+                self._check_position(position)
 
     def _read(self, reader: Any, volts: NDArray[np.float64]) -> tuple[int, Exception | None]:
-        """Fill ``volts``; return how many samples came, and why not all."""
+        """Fill ``volts``; return the number of samples read, and the error if not all were."""
         from nidaqmx.errors import DaqReadError
 
         n = volts.shape[1]
@@ -172,15 +173,15 @@ class Acquisition:
             )
         return count, None
 
-    def _too_late(self, there: int, n: int) -> DaqError:
+    def _too_late(self, count: int, n: int) -> DaqError:
         daq = self._daq
-        if there == 0 and self._plan.triggered:
+        if count == 0 and self._plan.triggered:
             return self._no_edge()
         of_all = "" if self._plan.total is None else f" of {self._plan.total}"
         return DaqError(
-            f"DAQ device {daq.device}: the samples stopped at {there}{of_all}:"
-            f" no whole block within {daq.trigger_timeout:g} s; raise daq.trigger_timeout"
-            f" above the {n / self._rate:.3g} s of a block, or see whether the device is"
+            f"DAQ device {daq.device}: the samples stopped at {count}{of_all}:"
+            f" no complete block within {daq.trigger_timeout:g} s; raise daq.trigger_timeout"
+            f" above the {n / self._rate:.3g} s of a block, or check whether the device is"
             " still plugged in"
         )
 
@@ -188,39 +189,38 @@ class Acquisition:
         daq = self._daq
         return DaqError(
             f"DAQ device {daq.device}: no edge on {self._plan.trigger}"
-            f" within {daq.trigger_timeout:g} s of waiting; see that the cable runs from"
-            " the controller's output controller.trigger_output to that terminal, that"
-            " the controller has started the press, and that daq.trigger_source names"
-            " the terminal"
+            f" within {daq.trigger_timeout:g} s; check that a cable connects the controller's"
+            " output controller.trigger_output to that terminal, that the controller has started"
+            " the press, and that daq.trigger_source names the terminal"
         )
 
-    def _must_stand_at(self, position: int) -> None:
-        """Refuse to go on where the driver has passed over samples."""
-        with told(self._daq, "reading", self._options):
-            there = self._entered().in_stream.curr_read_pos
-        if there != position:
+    def _check_position(self, position: int) -> None:
+        """Refuse to continue if the driver has skipped samples."""
+        with driver_errors(self._daq, "reading", self._options):
+            actual = self._entered().in_stream.curr_read_pos
+        if actual != position:
             raise DaqError(
-                f"DAQ device {self._daq.device}: {there - position} samples were lost before sample"
-                f" {there}; free the machine, or lower daq.sample_rate, and record again"
+                f"DAQ device {self._daq.device}: {actual - position} samples were lost before"
+                f" sample {actual}; free the machine, or lower daq.sample_rate, and record again"
             )
 
     def _await_pre_trigger(self) -> None:
         daq, stream = self._daq, self._task.in_stream
         end = time.monotonic() + daq.pre_trigger + daq.trigger_timeout
-        while (there := stream.total_samp_per_chan_acquired) < self._plan.before:
+        while (count := stream.total_samp_per_chan_acquired) < self._plan.before:
             if time.monotonic() > end:
                 raise DaqError(
-                    f"DAQ device {daq.device}: {there} samples after"
-                    f" {daq.pre_trigger + daq.trigger_timeout:g} s, and daq.pre_trigger needs"
-                    f" {self._plan.before}; see whether the device is still plugged in"
+                    f"DAQ device {daq.device}: {count} samples after"
+                    f" {daq.pre_trigger + daq.trigger_timeout:g} s, but daq.pre_trigger needs"
+                    f" {self._plan.before}; check whether the device is still plugged in"
                 )
             time.sleep(PERIOD)
 
     def _await_all(self) -> None:
-        """Wait for the last sample: before it none can be read of an acquisition around an edge."""
+        """Wait for the last sample: with samples before the edge none can be read earlier."""
         from nidaqmx.errors import DaqError as DriverError
 
-        with told(self._daq, "waiting for the trigger", self._options):
+        with driver_errors(self._daq, "waiting for the trigger", self._options):
             try:
                 self._entered().wait_until_done(self._longest_wait)
             except DriverError as error:
@@ -230,7 +230,7 @@ class Acquisition:
 
     @property
     def _longest_wait(self) -> float:
-        """s, for which a call may wait for samples."""
+        """Longest time for which a call may wait for samples, s."""
         plan, daq = self._plan, self._daq
         if plan.before and plan.after is not None:
             return daq.trigger_timeout + plan.after / daq.sample_rate
@@ -251,14 +251,14 @@ class Acquisition:
         )
 
     def _leave(self, first: BaseException | None) -> None:
-        """Clear the task and the connection; a failure here never hides ``first``."""
+        """Clear the task and the connection; an error here never replaces ``first``."""
         task, self._task = self._task, None
         try:
             with self._stack:
                 if task is not None:
-                    with told(self._daq, "clearing the task", self._options):
+                    with driver_errors(self._daq, "clearing the task", self._options):
                         task.close()
         except DaqError as error:
             if first is None:
                 raise
-            first.add_note(f"then the task could not be cleared either: {error}")
+            first.add_note(f"then clearing the task failed as well: {error}")

@@ -1,4 +1,4 @@
-"""Reach the DAQmx driver: of this machine, or behind NI's gRPC device server, here or elsewhere."""
+"""Connection to the DAQmx driver of this machine, or of a machine with NI's gRPC device server."""
 
 import ipaddress
 from collections.abc import Iterator
@@ -13,11 +13,11 @@ if TYPE_CHECKING:
     import grpc
 
 CONNECT_DEADLINE = 2.0
-"""s, wait for the gRPC server to give its first answer."""
+"""Longest wait for the first answer of the gRPC server, s."""
 ANSWER_DEADLINE = 10.0
-"""s, wait for the gRPC server to answer a call, beyond what the call itself may wait."""
+"""Longest wait for the gRPC server to answer a call, in addition to the call's own wait, s."""
 MAX_MESSAGE = 64 * 2**20
-"""Bytes of the largest answer; gRPC's own 4 MiB refuse a block of many channels."""
+"""Largest answer in bytes; gRPC's default of 4 MiB is too small for a block of many channels."""
 
 _OPTIONS = [
     ("grpc.max_receive_message_length", MAX_MESSAGE),
@@ -29,15 +29,15 @@ _HEALTH = "/grpc.health.v1.Health/Check"
 
 @contextmanager
 def connect(daq: Daq, longest_wait: float) -> Iterator[Any]:
-    """Give what nidaqmx takes as ``grpc_options``: None for the driver of this machine.
+    """Yield the ``grpc_options`` for nidaqmx: None for the driver of this machine.
 
     Args:
-        daq: Whose address and certificates are taken.
-        longest_wait: s, for which a call may wait for samples.
+        daq: The rig's table of the acquisition, with address and certificates.
+        longest_wait: Longest time for which a call may wait for samples, s.
 
     Raises:
-        DaqError: The address is not one, or is off this machine without TLS, a certificate
-            cannot be read, or nothing answers there.
+        DaqError: The address is invalid, or is another machine without TLS, a certificate
+            cannot be read, or nothing answers at the address.
     """
     if not daq.address:
         yield None
@@ -54,12 +54,12 @@ def connect(daq: Daq, longest_wait: float) -> Iterator[Any]:
 
 
 def _must_be_safe(daq: Daq) -> None:
-    """Refuse an address that is none, and one off this machine without a word on its safety."""
+    """Refuse an invalid address, and another machine with neither `tls` nor `insecure`."""
     host, colon, port = daq.address.rpartition(":")
     if not (host and colon and port.isdecimal() and 0 < int(port) < 65536):
         raise DaqError(
-            f"daq.address {daq.address!r} is not host:port; write it as 127.0.0.1:31763, or leave"
-            " it empty for the driver of this machine"
+            f"daq.address {daq.address!r} is not host:port; write it as 127.0.0.1:31763, or as an"
+            ' empty text "" for the driver of this machine'
         )
     try:
         loopback = host == "localhost" or ipaddress.ip_address(host.strip("[]")).is_loopback
@@ -68,8 +68,8 @@ def _must_be_safe(daq: Daq) -> None:
     if not (loopback or daq.tls or daq.insecure):
         raise DaqError(
             f"daq.address {daq.address!r} is another machine, and the connection would be neither"
-            " encrypted nor authenticated; give daq.tls its root_certificate, or, on a network"
-            " that nobody else is on, set daq.insecure = true"
+            " encrypted nor authenticated; set daq.tls.root_certificate, or, on a network that"
+            " nobody else uses, daq.insecure = true"
         )
 
 
@@ -84,7 +84,7 @@ def _channel(daq: Daq) -> "grpc.Channel":
 
 
 def _certificates(tls: Tls) -> list[bytes | None]:
-    """Return root certificate, client's certificate and its key; what is not given is None."""
+    """Return root certificate, client certificate and its key; None if not given."""
     found: list[bytes | None] = []
     faults = []
     for name in ("root_certificate", "client_certificate", "client_key"):
@@ -93,8 +93,7 @@ def _certificates(tls: Tls) -> list[bytes | None]:
             found.append(Path(path).expanduser().read_bytes() if path else None)
         except OSError as error:
             faults.append(
-                f"daq.tls.{name} {path}: {error.strerror}; give the path of a PEM file that you"
-                " may read"
+                f"daq.tls.{name} {path}: {error.strerror}; give the path of a readable PEM file"
             )
     if faults:
         raise DaqError("\n".join(faults))
@@ -102,9 +101,9 @@ def _certificates(tls: Tls) -> list[bytes | None]:
 
 
 def _must_answer(daq: Daq, channel: "grpc.Channel") -> None:
-    """Ask whether a gRPC server is there; whatever it answers, even a refusal, says so.
+    """Check that a gRPC server answers; any answer counts, even a refusal.
 
-    grpc's own future of readiness keeps a polling thread that makes closing slow.
+    grpc's own `channel_ready_future` keeps a polling thread that makes closing slow.
     """
     import grpc
 
@@ -115,24 +114,24 @@ def _must_answer(daq: Daq, channel: "grpc.Channel") -> None:
         if error.code() not in silent:  # pyright: ignore[reportAttributeAccessIssue]
             return
         if daq.tls:
-            remedy = (
-                "see that it runs and speaks TLS, that daq.tls.root_certificate signed its"
-                " certificate, that this names the host of daq.address, and that it knows"
-                " daq.tls.client_certificate if it asks for one"
+            how_to_fix = (
+                "check that it runs with TLS, that daq.tls.root_certificate signed its"
+                " certificate, that this names the host of daq.address, and that it accepts"
+                " daq.tls.client_certificate if it requires one"
             )
         else:
-            remedy = (
+            how_to_fix = (
                 "start NI's gRPC device server there, or set daq.address to its port, or daq.tls"
-                " if it speaks TLS, or use --sim"
+                " if it uses TLS, or use --sim"
             )
         raise DaqError(
             f"daq.address {daq.address}: no server answered within {CONNECT_DEADLINE:g} s"
-            f" ({error.details()}); {remedy}"  # pyright: ignore[reportAttributeAccessIssue]
+            f" ({error.details()}); {how_to_fix}"  # pyright: ignore[reportAttributeAccessIssue]
         ) from error
 
 
 def _deadline(seconds: float) -> Any:
-    """Return an interceptor that bounds every call, so that a hung server is a fault."""
+    """Return an interceptor that limits every call, so that a hung server raises an error."""
     import grpc
 
     class Deadline(grpc.UnaryUnaryClientInterceptor):
@@ -143,7 +142,7 @@ def _deadline(seconds: float) -> Any:
 
 
 class _Details:
-    """A gRPC call's details with another timeout (s)."""
+    """The details of a gRPC call with another timeout (s)."""
 
     def __init__(self, call: Any, timeout: float):
         self.method = call.method

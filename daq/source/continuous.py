@@ -1,19 +1,19 @@
-"""Record without the robot, for as long as wanted."""
+"""Record without the robot, for a given duration or until stopped."""
 
 import math
 from collections.abc import Callable
 from datetime import UTC, datetime
 from pathlib import Path
 
-from sautereau.daq.block import Block
 from sautereau.daq.errors import DaqError
+from sautereau.daq.file.recorded import Block
 from sautereau.daq.file.recording import Recording
 from sautereau.daq.file.session_info import SessionInfo
 from sautereau.daq.source.acquisition import Acquisition
 from sautereau.rig.schema import Rig
 
 NO_PRESS = 0
-"""Number of the press in a recording of none."""
+"""Number of the press in a recording without a press."""
 
 
 def record(
@@ -25,37 +25,38 @@ def record(
     scene: str = "",
     seed: int | None = None,
     notes: str = "",
-    wanted: Callable[[], bool] = lambda: True,
+    keep_going: Callable[[], bool] = lambda: True,
     on_block: Callable[[int], None] = lambda n: None,
 ) -> int:
     """Record all channels of a rig into one file.
 
     Args:
-        rig: The bench.
-        path: Of the recording; it must not exist.
-        duration_s: s; None for as long as it is wanted.
-        triggered: Whether the trigger's edge begins it; else it begins at once.
+        rig: The rig.
+        path: Recording to write; it must not exist.
+        duration_s: Duration, s; None to record until ``keep_going`` returns False.
+        triggered: Whether the trigger's edge starts it; else it starts immediately.
         scene: Text of the stand-in's scene; empty on the hardware.
-        seed: Of the stand-in's random numbers.
-        notes: The operator's.
-        wanted: Asked after every block whether to go on.
-        on_block: Called with the samples of each channel that there are.
+        seed: Seed of the stand-in's random numbers.
+        notes: The operator's notes.
+        keep_going: Called after every block; False stops the recording.
+        on_block: Called after every block with the number of samples of each channel so far.
 
     Returns:
-        Samples of each channel.
+        Number of samples of each channel.
 
     Raises:
-        DaqError: Of the acquisition or the recording; what came before is kept beside ``path``.
+        DaqError: The acquisition or the recording failed; the samples before are kept in
+            ``path.part``.
     """
     if duration_s is not None and not 0 < duration_s < math.inf:
         raise DaqError(
             f"recording of {duration_s:g} s: the duration must be a number above 0 s; give one, or"
-            " none to go on until it is stopped"
+            " none to continue until it is stopped"
         )
     with Acquisition(rig.daq, None, triggered=triggered) as acquisition:
         limit = math.inf
         if duration_s is not None:
-            # The product's last digits are noise of binary fractions, not another sample.
+            # Rounded first: the last digits of the product are rounding errors.
             limit = max(1, math.ceil(round(duration_s * acquisition.rate, 6)))
         session = SessionInfo(
             press=NO_PRESS,
@@ -70,16 +71,16 @@ def record(
         with Recording(path, rig, session=session, rate=acquisition.rate) as recording:
             acquisition.start()
             for block in acquisition.blocks():
-                there = block.first_sample + block.volts.shape[1]
-                if there > limit:
-                    there = int(limit)
-                    block = Block(block.first_sample, block.volts[:, : there - block.first_sample])
+                count = block.first_sample + block.volts.shape[1]
+                if count > limit:
+                    count = int(limit)
+                    block = Block(block.first_sample, block.volts[:, : count - block.first_sample])
                 recording.write_block(block)
-                on_block(there)
-                if there == limit:
+                on_block(count)
+                if count == limit:
                     break
-                if not wanted():
-                    recording.event("stopped", "by the operator", there / acquisition.rate)
+                if not keep_going():
+                    recording.event("stopped", "by the operator", count / acquisition.rate)
                     break
             acquisition.stop()
         return recording.n_samples

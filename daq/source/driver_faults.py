@@ -1,4 +1,4 @@
-"""Tell the faults of the DAQmx driver: who, what, and what to do about it."""
+"""The driver's exceptions as `DaqError`: what failed, with which value, and how to fix it."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -16,8 +16,8 @@ RESERVED = -50103
 
 
 @contextmanager
-def told(daq: Daq, doing: str, options: Any = None) -> Iterator[None]:
-    """Turn the driver's exceptions into one `DaqError`; ``doing`` ends "while ..."."""
+def driver_errors(daq: Daq, doing: str, options: Any = None) -> Iterator[None]:
+    """Turn the driver's exceptions into `DaqError`; ``doing`` completes "while ..."."""
     from nidaqmx import errors
 
     try:
@@ -38,7 +38,7 @@ def told(daq: Daq, doing: str, options: Any = None) -> Iterator[None]:
     except errors.RpcError as error:
         raise DaqError(
             f"DAQ server at {daq.address}: no answer while {doing} ({_first_line(error)});"
-            " see that the server runs and press again"
+            " check that the server runs and press again"
         ) from error
     except errors.Error as error:
         raise DaqError(
@@ -50,21 +50,21 @@ def told(daq: Daq, doing: str, options: Any = None) -> Iterator[None]:
 def _driver_fault(daq: Daq, doing: str, error: Any, options: Any) -> str:
     code = error.error_code
     if code == NO_SUCH_CHANNEL:
-        wanted = ", ".join(f"{daq.device}/{channel.terminal}" for channel in daq.channels)
+        terminals = ", ".join(f"{daq.device}/{channel.terminal}" for channel in daq.channels)
         return (
-            f"DAQ device {daq.device}: one of the channels {wanted} does not exist on it"
-            f" ({code}); {_terminals(daq, options)}; set daq.channels.*.terminal to those wired"
+            f"DAQ device {daq.device}: one of the channels {terminals} does not exist on it"
+            f" ({code}); {_terminals(daq, options)}; set daq.channels.*.terminal to the wired ones"
         )
     if code in NO_SUCH_DEVICE:
         return (
             f"DAQ device {daq.device}: there is no such device ({code});"
-            f" {_devices(options)}; set daq.device to its name in NI MAX, or see that it is"
+            f" {_devices(options)}; set daq.device to its name in NI MAX, or check that it is"
             " plugged in"
         )
     if code in OVERRUN:
         return (
-            f"DAQ device {daq.device}: samples were lost ({code}) because {daq.block} samples a"
-            f" read at {daq.sample_rate:g} Hz are not fetched fast enough; raise daq.block,"
+            f"DAQ device {daq.device}: samples were lost ({code}) because {daq.block} samples per"
+            f" read at {daq.sample_rate:g} Hz are not read fast enough; raise daq.block,"
             " lower daq.sample_rate, or free the machine, and record again"
         )
     if code == RESERVED:
@@ -74,7 +74,7 @@ def _driver_fault(daq: Daq, doing: str, error: Any, options: Any) -> str:
         )
     return (
         f"DAQ device {daq.device}: the driver refused {doing} with {code}: {_first_line(error)};"
-        " mend the setting it names in the rig's daq section"
+        " correct the setting it names in the rig's daq section"
     )
 
 
@@ -85,7 +85,7 @@ def _terminals(daq: Daq, options: Any) -> str:
     try:
         names = Device(daq.device, grpc_options=options).ai_physical_chans.channel_names
     except errors.Error as error:
-        return f"what it has could not be asked ({_first_line(error)})"
+        return f"its terminals could not be read ({_first_line(error)})"
     return f"it has {', '.join(names) or 'no analog input'}"
 
 
@@ -97,7 +97,7 @@ def _devices(options: Any) -> str:
         system = System.remote(options) if options else System.local()
         names = list(system.devices.device_names)
     except errors.Error as error:
-        return f"which there are could not be asked ({_first_line(error)})"
+        return f"the driver's devices could not be read ({_first_line(error)})"
     return f"the driver knows {', '.join(names) or 'no device'}"
 
 

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from sautereau.rig.disk import sync_folder, write_through
+from sautereau.rig.renamed import current_key, rename_keys
 from sautereau.robot.errors import RobotError
 
 MANIFEST = "session.json"
@@ -48,6 +49,10 @@ def read_manifest(folder: Path) -> Manifest | None:
                 f"session {path}: it is of version {found['version']!r}, not {VERSION}; continue"
                 " with the version of sautereau that started it, or give another folder"
             )
+        rename_keys(found["plan"]["rig"])
+        for row in found["plan"]["presses"]:
+            row["values"] = {current_key(key): value for key, value in row["values"].items()}
+        found["set_up"] = {current_key(key): value for key, value in found["set_up"].items()}
         return Manifest(**{name: found[name] for name in Manifest.__dataclass_fields__})
     except FileNotFoundError:
         return None

@@ -7,7 +7,7 @@ from pathlib import Path
 from queue import Empty, Full, Queue
 from typing import Protocol
 
-from sautereau.daq.block import Block
+from sautereau.daq.file.recorded import Block
 from sautereau.rig.acquisition import Channel
 
 PERIOD = 0.1

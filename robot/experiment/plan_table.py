@@ -9,6 +9,7 @@ from typing import Any
 from sautereau.rig.errors import RigError
 from sautereau.rig.faults import fault_list, model_keys, near_miss, unit_of
 from sautereau.rig.load import with_values
+from sautereau.rig.renamed import current_key
 from sautereau.rig.schema import Rig
 from sautereau.robot.errors import RobotError
 
@@ -64,7 +65,7 @@ def read_plan_table(path: Path, rig: Rig, repeats: int, notes: str = "") -> tupl
         raise RobotError(
             f"{origin}: cannot be read: {error}; give the path of a CSV file in UTF-8"
         ) from error
-    columns = [cell.strip() for cell in lines[0]] if lines else []
+    columns = [current_key(cell.strip()) for cell in lines[0]] if lines else []
     faults = list(_column_faults(columns))
     rows = []
     for line, cells in enumerate(lines[1:], 2):

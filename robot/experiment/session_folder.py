@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from sautereau.daq.file.container.durable import PART
-from sautereau.daq.file.head import read_session
+from sautereau.daq.file.reading import read_session
 from sautereau.robot.errors import RobotError
 from sautereau.robot.experiment.manifest import Manifest, check_same, read_manifest, write_manifest
 from sautereau.robot.experiment.plan import Plan

@@ -81,7 +81,7 @@ def acquire(
                 scene=bench.scene,
                 seed=bench.seed,
                 notes=notes,
-                wanted=lambda: not asked(),
+                keep_going=lambda: not asked(),
                 on_block=lambda there: show(there / rate / seconds) if seconds else None,
             )
     result: dict[str, Any] = {

@@ -81,12 +81,13 @@ def import_(
     told: Told = Told(),
     json: Json = False,
 ) -> int:
-    """Make a recording of a TDMS, CSV, WAV or Parquet file.
+    """Make a recording of another program's file.
 
     Parameters
     ----------
     file
-        Of another program; or of `export`, which needs no more than --out.
+        .tdms, .csv, .wav, .parquet, or a format that an installed package adds. A file written
+        by `export` needs only --out.
     rig
         Path of a rig file, or name of a packaged one, with the charts of the sensors.
     out
@@ -96,11 +97,11 @@ def import_(
     """
     from dataclasses import asdict
 
-    from sautereau.daq.convert.answers import Answers
     from sautereau.daq.convert.importing import import_file
+    from sautereau.daq.convert.options import ImportOptions
 
     bench = None if rig is None else load_rig(rig)
-    done = import_file(file, out, rig=bench, answers=Answers(**vars(told)), notes=notes)
+    done = import_file(file, out, rig=bench, options=ImportOptions(**vars(told)), notes=notes)
     lines = [
         f"{'SIMULATED' if done.simulated else 'measured'}: {done.path}",
         f"{done.n_samples} samples at {done.rate:.9g} Hz from sample {done.first_sample} on",

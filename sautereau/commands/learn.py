@@ -46,7 +46,7 @@ def learn(
     notes
         Operator's notes, kept in every recording.
     """
-    from sautereau.daq.file.head import read_session
+    from sautereau.daq.file.reading import read_session
     from sautereau.robot.drivers.registry import motion_controller
     from sautereau.robot.errors import RobotError
     from sautereau.robot.experiment.feedforward import force_of

@@ -95,7 +95,7 @@ def mount(
         mount_lines,
         mount_summary,
     )
-    from sautereau.rig.touches import read_touches
+    from sautereau.rig.csv_files import read_touched_points
     from sautereau.trajectory.mount.find import find_mount, mount_map
     from sautereau.trajectory.mount.locate import locate_base
 
@@ -103,7 +103,7 @@ def mount(
     result: dict[str, Any] = {}
     lines = []
     if touches:
-        read = read_touches(touches, bench.arm)
+        read = read_touched_points(touches, bench.arm)
         offsets = 0 if trust_homing else None
         located = locate_base(bench, np.array(read.joints), np.array(read.points), offsets=offsets)
         result["located"] = located_summary(located)

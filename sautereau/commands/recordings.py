@@ -47,12 +47,11 @@ def recover(
         NAME-recovered.mcap.
     """
     from sautereau.daq.file.recovery import recover
-    from sautereau.daq.file.survey import missing_samples
 
     found = recover(file, out)
     lines = [f"{found.path}: recovered from {file}; {found.damage}"]
     lines += [f"{name}: {count} samples" for name, count in found.samples.items()]
     lines += [str(gap) for gap in found.gaps] or ["nothing is missing"]
     told = {key: value for key, value in asdict(found).items() if key != "gaps"}
-    answer(json, told | {"missing": [missing_samples(gap) for gap in found.gaps]}, lines)
+    answer(json, told | {"missing": [gap.document() for gap in found.gaps]}, lines)
     return 0

@@ -76,7 +76,7 @@ def _recordings(session: Path, manifest: "Manifest | None") -> tuple[list[Path],
     """Return the recordings of the session, and what is to be warned of the folder."""
     from sautereau.daq.errors import RecordingError
     from sautereau.daq.file.container.durable import PART
-    from sautereau.daq.file.head import read_session
+    from sautereau.daq.file.reading import read_session
 
     found = sorted(session.glob("*.mcap"))
     warnings = [

@@ -89,7 +89,7 @@ def _frictions(rig: Rig, engine: Engine) -> Iterator[Case]:
 def _stops(rig: Rig, engine: Engine) -> Iterator[Case]:
     balance = rig.jack.mass * GRAVITY * rig.key.jack_arm
     for name, ratio in (("unweighted", 0.0), ("nearly balanced", 0.999), ("balanced", 1.0)):
-        values: Values = {"key.front_heaviness": f"{ratio * balance!r} N m"}
+        values: Values = {"key.gravity_moment": f"{ratio * balance!r} N m"}
         yield Case(f"key {name}", _push(engine), values)
         yield Case(f"key {name}, not pressed", _push(engine, force=0.0), values)
     yield Case("key on its felt", _push(engine, duration=0.15))
@@ -159,8 +159,8 @@ def mass_ratio(rig: Rig, ratio: float) -> Values:
     """
     key, jack = rig.key, rig.jack
     mass = key.inertia / key.jack_arm**2 / ratio
-    heaviness = key.front_heaviness * mass / jack.mass
-    return {"jack.mass": f"{mass!r} kg", "key.front_heaviness": f"{heaviness!r} N m"}
+    heaviness = key.gravity_moment * mass / jack.mass
+    return {"jack.mass": f"{mass!r} kg", "key.gravity_moment": f"{heaviness!r} N m"}
 
 
 def string_times(rig: Rig, times: float) -> Values:

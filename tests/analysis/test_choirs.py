@@ -86,7 +86,7 @@ def test_the_fingers_work_is_energy_and_heat_of_both(paper, staggered):
     jacks = (paper.jack, staggered.more_choirs[0].jack)
     levers = (key, key.model_copy(update={"jack_arm": staggered.more_choirs[0].jack_arm}))
     energy = key.inertia * np.ptp(motion.velocity[[0, -1]] ** 2) / 2 * -1
-    energy += -key.front_heaviness * angle[-1] + key.pivot_coulomb_friction * angle[-1]
+    energy += -key.gravity_moment * angle[-1] + key.pivot_coulomb_friction * angle[-1]
     energy += trapezoid(key.pivot_viscous_friction * motion.velocity, angle)
     for jack, lever in zip(jacks, levers, strict=True):
         rise = rise_of_angle(lever, angle)

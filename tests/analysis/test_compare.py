@@ -140,7 +140,7 @@ def test_the_held_work_of_a_prediction_is_its_own(paper, prediction):
         update={
             "key": paper.key.model_copy(
                 update={
-                    "front_heaviness": 0.0,
+                    "gravity_moment": 0.0,
                     "pivot_coulomb_friction": 0.0,
                     "pivot_viscous_friction": 0.0,
                     "inertia": 1e-9,

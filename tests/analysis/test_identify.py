@@ -143,19 +143,19 @@ def test_two_frictions_with_the_same_effect_are_not_identifiable(two):
 def test_a_weight_that_only_shifts_the_force_is_undetermined(two):
     """The level of an AC-coupled force is unknown, and front heaviness only changes the level."""
     pressed, phases = two
-    found = identify(pressed[:1], phases[:1], ["key.front_heaviness", *FREE], starts=1)
-    unseen = by_name(found)["key.front_heaviness"]
+    found = identify(pressed[:1], phases[:1], ["key.gravity_moment", *FREE], starts=1)
+    unseen = by_name(found)["key.gravity_moment"]
     assert (unseen.std, unseen.low, unseen.high, unseen.identifiable) == (None, None, None, False)
     assert found.combinations[-1].std is None
     assert by_name(found)["key.inertia"].identifiable
     summary = fit_summary(found)
-    assert summary["parameters"]["key.front_heaviness"]["ci95"] is None
+    assert summary["parameters"]["key.gravity_moment"]["ci95"] is None
     assert summary["identifiable"]["all"] is False
 
 
 def test_a_prior_determines_what_the_data_do_not(two):
     prior = Prior(mean=6e-3, std=1e-3)
-    found = identify(*two, ["key.front_heaviness"], {"key.front_heaviness": prior}, starts=1)
+    found = identify(*two, ["key.gravity_moment"], {"key.gravity_moment": prior}, starts=1)
     (estimate,) = found.estimates
     assert estimate.value == pytest.approx(6e-3, rel=1e-3)
     assert estimate.std == pytest.approx(1e-3, rel=1e-3)

@@ -32,7 +32,7 @@ def run(capsys, *words):
 
 def test_identify_writes_a_rig_that_compare_agrees_with(recordings, tmp_path, capsys):
     rig, picture = tmp_path / "found.toml", tmp_path / "fit.png"
-    free = "plectrum.overlap,key.inertia,key.front_heaviness"
+    free = "plectrum.overlap,key.inertia,key.gravity_moment"
     status, out = run(
         capsys, "identify", *recordings, "--free", free, "--starts", 1, "--out", rig,
         "--plot", picture, "--json",
@@ -49,7 +49,7 @@ def test_identify_writes_a_rig_that_compare_agrees_with(recordings, tmp_path, ca
     assert picture.stat().st_size > 1000
     written = load_rig(rig)
     assert written.plectrum.overlap == found["parameters"]["plectrum.overlap"]["value"]
-    assert written.key.front_heaviness == load_rig().key.front_heaviness
+    assert written.key.gravity_moment == load_rig().key.gravity_moment
     assert written.sources["key.inertia"].startswith("identified from SIMULATED press-")
     assert "key.inertia" not in written.assumed
     errors = []

@@ -11,7 +11,7 @@ from sautereau.analysis.identify.parameters import parameters
 from sautereau.analysis.identify.residuals import InverseDynamics
 from sautereau.analysis.model.key import finger_force
 from sautereau.analysis.phases import find_phases
-from sautereau.daq.signals.quality_flags import Mark
+from sautereau.daq.signals.quality_flags import QualityFlag
 from sautereau.trajectory.motion import Motion
 
 
@@ -87,13 +87,13 @@ def test_instants_outside_the_model_are_excluded(press, taken):
 
 def test_flagged_samples_are_excluded(press):
     phases = find_phases(press)
-    gap = Mark("drop-out", "velocity", 0.100, 0.102)
-    taken = observed(replace(press, marks=(gap,)), phases)
+    gap = QualityFlag("drop-out", "velocity", 0.100, 0.102)
+    taken = observed(replace(press, quality_flags=(gap,)), phases)
     inside = (taken.time > 0.099) & (taken.time < 0.103)
     assert not taken.used[inside].any()
     assert taken.used[taken.time > 0.105].any()
-    clipped = Mark("clipped", "force", 0.100, 0.101)
-    taken = observed(replace(press, marks=(clipped,)), phases)
+    clipped = QualityFlag("clipped", "force", 0.100, 0.101)
+    taken = observed(replace(press, quality_flags=(clipped,)), phases)
     assert not taken.used[taken.time > 0.100].any()
 
 

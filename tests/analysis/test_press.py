@@ -7,8 +7,8 @@ import pytest
 
 from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.press.load import UNITS, load_press
-from sautereau.daq.block import Block
 from sautereau.daq.errors import RecordingError
+from sautereau.daq.file.recorded import Block
 from sautereau.daq.file.recording import Recording
 from sautereau.daq.file.session_info import SessionInfo
 from sautereau.rig.load import with_values
@@ -217,7 +217,7 @@ def test_a_clean_press_has_no_quality_flags_and_no_warnings(paper, record):
     for seed in range(5):
         volts = sensed(paper, [stroke, lambda t: 0.5 * ((t > 0.05) & (t < 0.07))], seed)
         press = load_press(record(paper, volts))
-        assert press.marks == press.warnings == ()
+        assert press.quality_flags == press.warnings == ()
         press.path.unlink()
 
 
@@ -226,7 +226,7 @@ def test_quality_flags_are_at_the_time_of_the_motion(paper, record):
     lost = slice(round(0.1 * RATE), round(0.1005 * RATE))
     volts[0, lost] = 0.0
     press = load_press(record(paper, volts))
-    force, velocity = sorted(press.marks, key=lambda mark: mark.channel)
+    force, velocity = sorted(press.quality_flags, key=lambda mark: mark.channel)
     assert (force.kind, velocity.kind) == ("clipped", "drop-out")
     assert (force.start, force.stop) == pytest.approx((0.05, 0.06), abs=1e-3)
     assert (velocity.start, velocity.stop) == pytest.approx((0.0989, 0.0994), abs=7e-5)

@@ -17,7 +17,7 @@ from sautereau.commands.live.process import LiveError, ViewProcess
 from sautereau.commands.live.terminal import TerminalView
 from sautereau.commands.live.trace import thinned, trace_lines
 from sautereau.commands.live.watching import watching
-from sautereau.daq.block import Block
+from sautereau.daq.file.recorded import Block
 from sautereau.daq.file.schemas import declared_class
 from sautereau.daq.file.survey import LAYOUT
 from sautereau.rig.load import load_rig

@@ -14,8 +14,7 @@ import pytest
 
 from sautereau.analysis.press.load import load_press
 from sautereau.analysis.session.repeatability import repeatability
-from sautereau.daq.file.head import read_session
-from sautereau.daq.file.reading import read_recording
+from sautereau.daq.file.reading import read_recording, read_session
 from sautereau.rig.load import load_rig, with_values
 from sautereau.robot.drivers.galil.driver import GalilController
 from sautereau.robot.experiment.session import Item, make_presses

@@ -51,7 +51,7 @@ class NoiseCard:
         return self.runs[-1]
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def paper():
     return load_rig("paper")
 
@@ -84,7 +84,7 @@ def noise_card():
     return NoiseCard
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def session():
     return SessionInfo(
         press=3,

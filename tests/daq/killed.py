@@ -15,8 +15,8 @@ from pathlib import Path
 
 import numpy as np
 
-from sautereau.daq.block import Block
 from sautereau.daq.file.reading import read_recording
+from sautereau.daq.file.recorded import Block
 from sautereau.daq.file.recording import Recording, SessionInfo
 from sautereau.daq.file.recovery import recover
 from sautereau.rig.load import load_rig
@@ -90,7 +90,7 @@ def try_recover(part: Path):
     try:
         return recover(part)
     except RecordingError as error:
-        if "no sample of it is left" not in str(error):
+        if "none of its samples is intact" not in str(error):
             raise
         return None
 

@@ -19,7 +19,7 @@ WHOLE = 2048
 
 FAULTS = [
     ("overrun", {"sample": AT}, WHOLE, "-200279", "raise daq.block"),
-    ("server_gone", {"sample": AT}, WHOLE, "no answer while reading", "see that the server runs"),
+    ("server_gone", {"sample": AT}, WHOLE, "no answer while reading", "check that the server runs"),
     ("device_gone", {"sample": AT}, WHOLE, "no such device (-201003)", "plugged in"),
     ("trigger_missing", {}, 0, "no edge on /Dev1/PFI0", "cable"),
 ]

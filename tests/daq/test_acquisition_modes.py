@@ -231,7 +231,7 @@ def test_every_fault_of_a_plan_is_told_at_once(paper):
         Acquisition(daq, None)
     message = str(caught.value)
     assert "daq.pre_trigger: 0.1 s" in message
-    assert "3200 reads a second, not 10 to 100; set it from 512 to 5120" in message
+    assert "3200 reads per second, not 10 to 100; set it to a value from 512 to 5120" in message
     with pytest.raises(DaqError, match="512 reads"):
         Acquisition(paper.daq.model_copy(update={"block": 100}), 1.0)
     with pytest.raises(DaqError, match="5 reads"):

@@ -99,7 +99,7 @@ def test_samples_come_encrypted(served, certificates):
 def test_both_sides_show_a_certificate(served, certificates):
     daq = served(asks_client=True)
     assert count(trust(daq, certificates["root"][0], certificates["client"])) == 2560
-    with pytest.raises(DaqError, match=r"knows daq\.tls\.client_certificate"):
+    with pytest.raises(DaqError, match=r"accepts daq\.tls\.client_certificate"):
         count(trust(daq, certificates["root"][0]))
 
 
@@ -109,14 +109,14 @@ def test_a_server_of_another_authority_is_refused(served, certificates):
 
 
 def test_a_server_that_speaks_tls_is_not_reached_without(served):
-    with pytest.raises(DaqError, match=r"or daq\.tls if it speaks TLS"):
+    with pytest.raises(DaqError, match=r"or daq\.tls if it uses TLS"):
         count(served())
 
 
 def test_a_server_without_tls_is_not_reached_with(bench, certificates):
     _, server, rig = bench()
     daq = rig.daq.model_copy(update={"address": server.address})
-    with pytest.raises(DaqError, match="speaks TLS"):
+    with pytest.raises(DaqError, match="runs with TLS"):
         count(trust(daq, certificates["root"][0]))
 
 

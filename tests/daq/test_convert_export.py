@@ -10,7 +10,7 @@ import pytest
 from sautereau.daq.convert.export import export, targets
 from sautereau.daq.errors import RecordingError
 from sautereau.daq.file.reading import read_recording
-from sautereau.daq.signals.sensors import correct
+from sautereau.daq.signals.calibration import correct
 
 
 @pytest.fixture
@@ -55,7 +55,7 @@ def test_parquet_carries_units_and_all_else(tmp_path, recording, paper, session)
     export(recording, "parquet", out)
     schema = pq.read_schema(out)
     assert schema.field("velocity [m/s]").metadata[b"unit"] == b"m/s"
-    assert b"lag of 0.0011 s" in schema.field("velocity [m/s]").metadata[b"what"]
+    assert b"delay of 0.0011 s" in schema.field("velocity [m/s]").metadata[b"what"]
     told = json.loads(schema.metadata[b"sautereau"])
     assert told["session"] == session.to_metadata()
     assert told["rig"]["values"]["name"] == paper.name
@@ -78,7 +78,7 @@ def test_csv_is_a_plain_table_with_its_metadata_beside_it(tmp_path, recording):
 def test_what_was_measured_has_no_column_simulated(tmp_path, paper, session, volts):
     from dataclasses import replace
 
-    from sautereau.daq.block import Block
+    from sautereau.daq.file.recorded import Block
     from sautereau.daq.file.recording import Recording
 
     path = tmp_path / "press.mcap"
@@ -93,7 +93,7 @@ def test_marks_are_told(tmp_path, record):
     volts[1, 100:200] = 10.0
     export(record(tmp_path / "press.mcap", volts), "parquet", tmp_path / "table.parquet")
     told = json.loads(pq.read_schema(tmp_path / "table.parquet").metadata[b"sautereau"])
-    (mark,) = told["marks"]
+    (mark,) = told["quality_flags"]
     assert (mark["kind"], mark["channel"]) == ("clipped", "force")
 
 
@@ -121,7 +121,7 @@ def test_targets(tmp_path):
     folder.mkdir()
     assert [t for _, t in targets(files, "csv", folder)] == [folder / "a.csv", folder / "b.csv"]
     assert targets(files[:1], "csv", tmp_path / "x.csv") == [(files[0], tmp_path / "x.csv")]
-    with pytest.raises(RecordingError, match="2 recordings do not go into one file"):
+    with pytest.raises(RecordingError, match="2 recordings cannot go into one file"):
         targets(files, "csv", tmp_path / "x.csv")
 
 
@@ -131,4 +131,4 @@ def test_targets_that_are_taken_are_all_named(tmp_path):
     with pytest.raises(RecordingError) as caught:
         targets(files, "csv", None)
     assert "a.csv: it exists" in str(caught.value)
-    assert "b.csv: twice" in str(caught.value)
+    assert "b.csv: given twice" in str(caught.value)

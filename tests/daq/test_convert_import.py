@@ -12,13 +12,12 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 from nptdms import ChannelObject, RootObject, TdmsWriter
 
-from sautereau.daq.block import Block
-from sautereau.daq.convert.answers import Answers
 from sautereau.daq.convert.export import export
 from sautereau.daq.convert.importing import import_file
+from sautereau.daq.convert.options import ImportOptions
 from sautereau.daq.errors import RecordingError
 from sautereau.daq.file.reading import read_recording
-from sautereau.daq.file.recorded import Joints
+from sautereau.daq.file.recorded import Block, Joints
 from sautereau.daq.file.recording import Recording
 from sautereau.rig.load import load_rig, with_values
 
@@ -28,7 +27,7 @@ KNOWN = {"trigger": "0 s", "started": STARTED, "simulated": False}
 
 
 def answers(**given):
-    return Answers(**(KNOWN | given))
+    return ImportOptions(**(KNOWN | given))
 
 
 def bits(signal):
@@ -37,7 +36,7 @@ def bits(signal):
 
 def refused(path, out, rig, told):
     with pytest.raises(RecordingError) as caught:
-        import_file(path, out, rig=rig, answers=told)
+        import_file(path, out, rig=rig, options=told)
     assert not out.exists()
     return str(caught.value)
 
@@ -59,7 +58,9 @@ def recording(tmp_path, paper, session, volts):
 def test_an_export_comes_back_with_everything(tmp_path, recording, to, raw):
     table = tmp_path / f"table.{to}"
     export(recording, to, table, raw=raw)
-    done = import_file(table, tmp_path / "back.mcap", rig=None, answers=Answers(), notes="back")
+    done = import_file(
+        table, tmp_path / "back.mcap", rig=None, options=ImportOptions(), notes="back"
+    )
     first, second = read_recording(recording), read_recording(tmp_path / "back.mcap")
     assert done.simulated is second.simulated is True
     assert second.rig == first.rig
@@ -89,7 +90,9 @@ def test_any_number_comes_back_from_any_table(tmp_path_factory, values):
     first = read_recording(folder / "press.mcap")
     for to in ("parquet", "csv"):
         export(folder / "press.mcap", to, folder / f"table.{to}", raw=True)
-        import_file(folder / f"table.{to}", folder / f"{to}.mcap", rig=None, answers=Answers())
+        import_file(
+            folder / f"table.{to}", folder / f"{to}.mcap", rig=None, options=ImportOptions()
+        )
         second = read_recording(folder / f"{to}.mcap")
         for name, signal in first.volts.items():
             assert np.array_equal(bits(second.volts[name]), bits(signal))
@@ -106,11 +109,11 @@ def test_an_export_tells_all_of_itself(tmp_path, recording, paper):
     table = tmp_path / "table.parquet"
     export(recording, "parquet", table)
     out = tmp_path / "back.mcap"
-    message = refused(table, out, None, Answers(rate="48 kHz", simulated=False))
-    assert "leave out --rate, --simulated" in message
+    message = refused(table, out, None, ImportOptions(rate="48 kHz", simulated=False))
+    assert "remove --rate, --simulated" in message
     other = with_values(paper, {"daq.channels.0.scale": "5 mm/s/V"})
-    assert "leave out --rig" in refused(table, out, other, Answers())
-    import_file(table, out, rig=paper, answers=Answers())
+    assert "remove --rig" in refused(table, out, other, ImportOptions())
+    import_file(table, out, rig=paper, options=ImportOptions())
 
 
 def test_an_export_that_has_changed_is_refused(tmp_path, recording):
@@ -118,11 +121,13 @@ def test_an_export_that_has_changed_is_refused(tmp_path, recording):
     export(recording, "csv", table, raw=True)
     text = table.read_text()
     table.write_text(text.replace("0.3455841", "0.3455842", 1))
-    assert "no longer those" in refused(table, tmp_path / "back.mcap", None, Answers())
+    assert "volts differ" in refused(table, tmp_path / "back.mcap", None, ImportOptions())
     table.write_text("".join(text.splitlines(keepends=True)[:-1]))
-    assert "no longer those" in refused(table, tmp_path / "back.mcap", None, Answers())
+    assert "volts differ" in refused(table, tmp_path / "back.mcap", None, ImportOptions())
     (tmp_path / "table.csv.json").write_text("{}")
-    assert "metadata cannot be read" in refused(table, tmp_path / "back.mcap", None, Answers())
+    assert "metadata cannot be read" in refused(
+        table, tmp_path / "back.mcap", None, ImportOptions()
+    )
 
 
 def test_a_simulated_table_never_passes_for_measured(tmp_path, recording, paper):
@@ -131,7 +136,7 @@ def test_a_simulated_table_never_passes_for_measured(tmp_path, recording, paper)
     export(recording, "csv", table)
     (tmp_path / "table.csv.json").unlink()
     told = answers(column={"velocity": "velocity [V]"}, unit={"velocity": "V"}, without=("force",))
-    told = Answers(**(vars(told) | {"rate": "51.2 kHz"}))
+    told = ImportOptions(**(vars(told) | {"rate": "51.2 kHz"}))
     message = refused(table, tmp_path / "back.mcap", paper, told)
     assert "`simulated`" in message.replace("'", "`")
     assert "give --simulated" in message
@@ -158,8 +163,8 @@ AI = {"velocity": "ai0", "force": "ai1"}
 def test_tdms_tells_unit_rate_and_start(tmp_path, paper, volts, units):
     path = write_tdms(tmp_path / "labview.tdms", volts, units=units)
     out = tmp_path / "back.mcap"
-    told = Answers(column=AI, trigger="0 s", simulated=False)
-    done = import_file(path, out, rig=paper, answers=told, notes="from the archive")
+    told = ImportOptions(column=AI, trigger="0 s", simulated=False)
+    done = import_file(path, out, rig=paper, options=told, notes="from the archive")
     assert (done.rate, done.n_samples, done.first_sample) == (51_200.0, 5000, 0)
     found = read_recording(out)
     assert not found.simulated
@@ -179,14 +184,14 @@ def test_tdms_of_floats_and_integers(tmp_path, paper, volts):
         rows = (volts * 1000).astype(kind)
         path = write_tdms(tmp_path / f"{kind.__name__}.tdms", rows, units="mV")
         out = path.with_suffix(".mcap")
-        import_file(path, out, rig=paper, answers=answers(column=AI, started=None))
+        import_file(path, out, rig=paper, options=answers(column=AI, started=None))
         assert np.array_equal(read_recording(out).volts["force"], rows[1].astype(float) * 1e-3)
 
 
 def test_si_values_become_volts_by_the_chart(tmp_path, paper, volts):
     path = write_tdms(tmp_path / "si.tdms", volts, units=None)
     told = answers(column=AI, unit={"velocity": "mm/s", "force": "mN"})
-    import_file(path, tmp_path / "back.mcap", rig=paper, answers=told)
+    import_file(path, tmp_path / "back.mcap", rig=paper, options=told)
     found = read_recording(tmp_path / "back.mcap").volts
     np.testing.assert_allclose(found["velocity"], volts[0] / 25, rtol=1e-15)
     np.testing.assert_allclose(found["force"], volts[1] / 1000, rtol=1e-15)
@@ -196,7 +201,7 @@ def test_columns_of_the_channels_names_need_not_be_told(tmp_path, paper):
     path = tmp_path / "table.csv"
     path.write_text("velocity,force\n1,2\n3,4\n")
     told = answers(rate="1 kHz", unit={"velocity": "V", "force": "V"})
-    import_file(path, tmp_path / "back.mcap", rig=paper, answers=told)
+    import_file(path, tmp_path / "back.mcap", rig=paper, options=told)
     found = read_recording(tmp_path / "back.mcap")
     assert found.rate == 1000.0
     assert found.volts["force"].tolist() == [2.0, 4.0]
@@ -215,7 +220,7 @@ def test_dialects_of_csv(tmp_path, paper, text):
     path = tmp_path / "table.csv"
     path.write_text(text, encoding="utf-8", newline="")
     told = answers(column={"velocity": "a"}, unit={"velocity": "V"}, without=("force",), time="t")
-    done = import_file(path, tmp_path / "back.mcap", rig=paper, answers=told)
+    done = import_file(path, tmp_path / "back.mcap", rig=paper, options=told)
     assert done.rate == 1000.0
     found = read_recording(tmp_path / "back.mcap")
     assert found.volts["velocity"].tolist() == [1.25, -2.5, 0.1]
@@ -229,7 +234,7 @@ def test_a_table_without_names(tmp_path, paper):
         unit={"velocity": "V", "force": "V"},
         rate="1 kHz",
     )
-    import_file(tmp_path / "table.csv", tmp_path / "back.mcap", rig=paper, answers=told)
+    import_file(tmp_path / "table.csv", tmp_path / "back.mcap", rig=paper, options=told)
     assert read_recording(tmp_path / "back.mcap").volts["velocity"].tolist() == [2.0, 4.0]
 
 
@@ -252,7 +257,7 @@ def test_wav_integers_are_scaled_exactly(tmp_path, paper, width):
         frames = b"".join(value.to_bytes(width, "little", signed=True) for value in values)
     path = write_wav(tmp_path / "laser.wav", frames, width)
     told = answers(column={"velocity": "1"}, full_scale={"velocity": "4 V"}, without=("force",))
-    done = import_file(path, tmp_path / "back.mcap", rig=paper, answers=told)
+    done = import_file(path, tmp_path / "back.mcap", rig=paper, options=told)
     assert done.rate == 48_000.0
     found = read_recording(tmp_path / "back.mcap").volts["velocity"]
     assert found.tolist() == [value * (4 / most) for value in values]
@@ -264,14 +269,14 @@ def test_wav_at_full_scale_of_the_vibrometers_range(tmp_path, paper):
     path = write_wav(tmp_path / "laser.wav", frames, 2, channels=2)
     scale = {"velocity": "100 mm/s"}
     told = answers(column={"velocity": "2"}, full_scale=scale, without=("force",))
-    import_file(path, tmp_path / "back.mcap", rig=paper, answers=told)
+    import_file(path, tmp_path / "back.mcap", rig=paper, options=told)
     found = read_recording(tmp_path / "back.mcap").volts["velocity"]
     np.testing.assert_allclose(found, [2.0, -4.0, 4 / 32_768], rtol=1e-15)
 
 
 def test_everything_missing_is_told_at_once(tmp_path, paper):
     (tmp_path / "table.csv").write_text("a,b\n1,2\n")
-    message = refused(tmp_path / "table.csv", tmp_path / "back.mcap", paper, Answers())
+    message = refused(tmp_path / "table.csv", tmp_path / "back.mcap", paper, ImportOptions())
     for word in (
         "8 faults",
         "give --column.velocity NAME or --without velocity; it has 'a', 'b'",
@@ -285,8 +290,8 @@ def test_everything_missing_is_told_at_once(tmp_path, paper):
     ):
         assert word in message
     path = write_wav(tmp_path / "laser.wav", b"\0\0", 2)
-    message = refused(path, tmp_path / "back.mcap", paper, Answers(without=("force",)))
-    assert 'velocity: what is its full scale? give --full-scale.velocity "4 V"' in message
+    message = refused(path, tmp_path / "back.mcap", paper, ImportOptions(without=("force",)))
+    assert 'velocity: which full scale? give --full-scale.velocity "4 V"' in message
     assert "rate" not in message
 
 
@@ -294,19 +299,19 @@ def test_everything_missing_is_told_at_once(tmp_path, paper):
     ("given", "word"),
     [
         ({"column": {"speed": "a"}}, "--column: the rig has no channel 'speed'; it has velocity"),
-        ({"column": {"velocity": "c"}}, "'c' is no column of it; it has 'a', 'b'"),
-        ({"unit": {"velocity": "kg"}}, "'1 kg' is neither volts nor m/s"),
-        ({"unit": {"velocity": "N"}}, "'1 N' is neither volts nor m/s"),
+        ({"column": {"velocity": "c"}}, "'c' is not a column of the file; it has 'a', 'b'"),
+        ({"unit": {"velocity": "kg"}}, "'1 kg' is neither in volts nor in m/s"),
+        ({"unit": {"velocity": "N"}}, "'1 N' is neither in volts nor in m/s"),
         ({"full_scale": {"force": "4 V"}}, "a CSV file has no full scale"),
-        ({"without": ("force",)}, "force: it has a column and is left out"),
+        ({"without": ("force",)}, "force: both --column and --without are given"),
         ({"rate": "48"}, "'48' has no unit"),
         ({"rate": "0 Hz"}, "'0 Hz' is not above 0"),
-        ({"rate": None}, "what is its rate?"),
+        ({"rate": None}, "which sampling rate?"),
         ({"trigger": "soon"}, "--trigger: 'soon' is not a number with a unit"),
         ({"started": "yesterday"}, "--started 'yesterday'"),
         ({"started": "2026-02-03T04:05:06"}, "it has no time zone"),
         ({"simulated": None}, "--measured or --simulated"),
-        ({"time": "t"}, "--time 't' is no column of it"),
+        ({"time": "t"}, "--time 't' is not a column of the file"),
     ],
 )
 def test_each_fault_is_told(tmp_path, paper, given, word):
@@ -329,7 +334,7 @@ def test_every_channel_left_out(tmp_path, paper):
     (tmp_path / "table.csv").write_text("a\n1\n")
     told = answers(without=("velocity", "force"), rate="1 kHz")
     message = refused(tmp_path / "table.csv", tmp_path / "back.mcap", paper, told)
-    assert "every channel is left out" in message
+    assert "--without names every channel" in message
 
 
 def test_a_rate_that_is_not_the_files(tmp_path, paper, volts):
@@ -337,21 +342,21 @@ def test_a_rate_that_is_not_the_files(tmp_path, paper, volts):
     message = refused(
         path, tmp_path / "back.mcap", paper, answers(column=AI, started=None, rate="48 kHz")
     )
-    assert "is not the 51200 Hz that the file tells" in message
+    assert "differs from the file's 51200 Hz" in message
 
 
 @pytest.mark.parametrize(
     ("text", "word"),
     [
         ("a\n1\n\n", None),
-        ("a,b\n1,2\n,4\n", "empty in 1 rows, the first being row 2; a hole is never filled"),
-        ("a,b\n1,2\nnan,4\n", "no number in 1 rows, the first being 2; a hole is never filled"),
+        ("a,b\n1,2\n,4\n", "no number in 1 row, the first is row 2; gaps are never filled"),
+        ("a,b\n1,2\nnan,4\n", "no number in 1 row, the first is row 2; gaps are never filled"),
         ("a,b\n1,2\nx,4\n", "rows cannot be read as numbers"),
         ("a,b\n1,2\n3\n", "rows cannot be read as numbers"),
         ("a,b\n", "the lengths 'a' 0"),
         ("", "it has no rows"),
         ("# nothing\n", "it has no rows"),
-        ("a,a\n1,2\n", "'a' are there twice"),
+        ("a,a\n1,2\n", "several columns are called 'a'"),
     ],
 )
 def test_rows_that_are_none(tmp_path, paper, text, word):
@@ -361,7 +366,7 @@ def test_rows_that_are_none(tmp_path, paper, text, word):
         column={"velocity": "a"}, unit={"velocity": "V"}, without=("force",), rate="1 kHz"
     )
     if word is None:
-        import_file(path, tmp_path / "back.mcap", rig=paper, answers=told)
+        import_file(path, tmp_path / "back.mcap", rig=paper, options=told)
     else:
         assert word in refused(path, tmp_path / "back.mcap", paper, told)
 
@@ -371,7 +376,7 @@ def test_rows_that_are_none(tmp_path, paper, text, word):
     [
         ([0, 1e-3, 2e-3, 4e-3], "is not even at"),
         ([0, 1e-3, 1e-3, 3e-3], "is not even at"),
-        ([0], "less than two rows"),
+        ([0], "fewer than two rows"),
     ],
 )
 def test_uneven_times_are_never_resampled(tmp_path, paper, times, word):
@@ -402,7 +407,7 @@ def test_files_cut_short_are_refused_or_whole(tmp_path, paper, volts, recording,
         told = answers(column={"velocity": "1"}, full_scale={"velocity": "4 V"}, without=("force",))
     else:
         export(recording, "parquet", path, raw=True)
-        told = Answers()
+        told = ImportOptions()
     data = path.read_bytes()
     cut = tmp_path / f"cut.{kind}"
     for size in (0, 3, 40, len(data) // 2, len(data) - 9, len(data) - 1):
@@ -414,14 +419,14 @@ def test_a_missing_file_and_no_rig(tmp_path, paper):
     out = tmp_path / "back.mcap"
     assert "no such file" in refused(tmp_path / "none.wav", out, paper, answers())
     (tmp_path / "table.csv").write_text("a\n1\n")
-    assert "give --rig" in refused(tmp_path / "table.csv", out, None, answers())
+    assert "--rig is required" in refused(tmp_path / "table.csv", out, None, answers())
 
 
 def test_nothing_is_overwritten(tmp_path, recording):
     export(recording, "parquet", tmp_path / "table.parquet")
     before = recording.read_bytes()
     with pytest.raises(RecordingError, match="never overwritten"):
-        import_file(tmp_path / "table.parquet", recording, rig=None, answers=Answers())
+        import_file(tmp_path / "table.parquet", recording, rig=None, options=ImportOptions())
     assert recording.read_bytes() == before
 
 
@@ -436,13 +441,13 @@ def test_samples_before_the_trigger_have_negative_indices(tmp_path, paper, sessi
         time="t",
         trigger="1.5 s",
     )
-    done = import_file(path, tmp_path / "first.mcap", rig=paper, answers=told)
+    done = import_file(path, tmp_path / "first.mcap", rig=paper, options=told)
     assert (done.first_sample, done.rate) == (-1500, 1000.0)
     first = read_recording(tmp_path / "first.mcap")
     assert first.first_sample == -1500
     assert first.t0_ns == 1_770_087_907_500_000_000
     export(tmp_path / "first.mcap", "csv", tmp_path / "again.csv")
-    import_file(tmp_path / "again.csv", tmp_path / "again.mcap", rig=None, answers=Answers())
+    import_file(tmp_path / "again.csv", tmp_path / "again.mcap", rig=None, options=ImportOptions())
     again = read_recording(tmp_path / "again.mcap")
     assert (again.first_sample, again.t0_ns) == (-1500, first.t0_ns)
     assert np.array_equal(again.time, first.time)
@@ -454,7 +459,7 @@ def test_a_file_that_begins_after_the_trigger(tmp_path, paper):
     path.write_text("t,a\n0.010,1\n0.011,2\n")
     told = answers(column={"velocity": "a"}, unit={"velocity": "V"}, without=("force",), time="t")
     message = refused(path, tmp_path / "back.mcap", paper, told)
-    assert "begins 10 ms after the trigger" in message
+    assert "starts 10 ms after the trigger" in message
 
 
 def test_what_has_lost_its_end_does_not_pass_for_whole(tmp_path, record):
@@ -467,7 +472,9 @@ def test_what_has_lost_its_end_does_not_pass_for_whole(tmp_path, record):
     first = read_recording(recovered)
     assert first.gaps
     export(recovered, "parquet", tmp_path / "table.parquet")
-    import_file(tmp_path / "table.parquet", tmp_path / "back.mcap", rig=None, answers=Answers())
+    import_file(
+        tmp_path / "table.parquet", tmp_path / "back.mcap", rig=None, options=ImportOptions()
+    )
     second = read_recording(tmp_path / "back.mcap")
     assert not second.complete
     assert str(first.gaps[0]) in [event.text for event in second.events]
@@ -484,6 +491,6 @@ def test_a_trigger_between_two_samples_is_told(tmp_path, paper):
         rate="1 kHz",
         trigger="0.2 ms",
     )
-    done = import_file(tmp_path / "table.csv", tmp_path / "back.mcap", rig=paper, answers=told)
+    done = import_file(tmp_path / "table.csv", tmp_path / "back.mcap", rig=paper, options=told)
     assert done.first_sample == 0
     assert done.trigger_shift == pytest.approx(0.2e-3)

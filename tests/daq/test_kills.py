@@ -38,9 +38,9 @@ def lost(folder, kills, block, pace):
     return int(done.stdout)
 
 
-@pytest.mark.parametrize(("pace", "block"), [("paced", 1024), ("unpaced", 2500)])
-def test_a_few_kills(tmp_path, pace, block):
-    assert lost(tmp_path, 2, block, pace) <= LIMIT
+@pytest.mark.parametrize(("pace", "block", "kills"), [("paced", 1024, 2), ("unpaced", 2500, 1)])
+def test_a_few_kills(tmp_path, pace, block, kills):
+    assert lost(tmp_path, kills, block, pace) <= LIMIT
 
 
 @pytest.mark.slow

@@ -36,10 +36,10 @@ def whole(tmp_path, record):
     return record(tmp_path / "whole.mcap", volts, block=512)
 
 
-def test_a_few_hundred_mutations(tmp_path, whole):
-    told = mutated(whole, tmp_path, 0, 300)
-    assert told["refused"] + told.get("read", 0) == 300
-    assert told["recovered"] > 150
+def test_some_mutations(tmp_path, whole):
+    told = mutated(whole, tmp_path, 0, 60)
+    assert told["refused"] + told.get("read", 0) == 60
+    assert told["recovered"] > 30
     assert told["peak memory, MiB"] < MEMORY
 
 

@@ -75,7 +75,7 @@ def test_a_killed_recording(make, volts):
     data = path.read_bytes()[: place + length // 2]
     part.write_bytes(data)
     path.unlink()
-    with pytest.raises(RecordingError, match=r"cut short.*`sautereau recover"):
+    with pytest.raises(RecordingError, match=r"truncated.*`sautereau recover"):
         read_recording(part)
     told = describe(part)
     assert "sautereau recover" in (told["damage"] or "")
@@ -210,12 +210,12 @@ def test_a_recovered_file_damaged_again(make):
 
 def test_what_needs_no_recovery_and_what_allows_none(make, tmp_path):
     path = make()
-    with pytest.raises(RecordingError, match="whole and needs no recovery"):
+    with pytest.raises(RecordingError, match="undamaged and needs no recovery"):
         recover(path)
     for data, message in (
         (b"", "it is empty"),
-        (b"RIFF" * 100, "no MCAP file"),
-        (path.read_bytes()[:5000], "what was recorded|cut short"),
+        (b"RIFF" * 100, "not an MCAP file"),
+        (path.read_bytes()[:5000], "what was recorded|truncated"),
     ):
         other = tmp_path / "other.mcap.part"
         other.write_bytes(data)

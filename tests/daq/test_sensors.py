@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy import signal
 
-from sautereau.daq.signals.sensors import (
+from sautereau.daq.signals.calibration import (
     calibration_warning,
     correct,
     to_si,

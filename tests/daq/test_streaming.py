@@ -97,7 +97,7 @@ def test_a_window(long, volts, start, stop, first, last):
 
 @pytest.mark.parametrize(("start", "stop"), [(-1.0, 0.0), (1.0, 1.4), (5.0, 6.0)])
 def test_a_window_beyond_the_recording(long, start, stop):
-    with pytest.raises(RecordingError, match=r"not all of it is there.*sautereau info") as caught:
+    with pytest.raises(RecordingError, match=r"samples are missing.*sautereau info") as caught:
         read_window(long, start, stop)
     assert str(long) in str(caught.value)
 
@@ -110,7 +110,7 @@ def test_a_window_without_sense(long):
 
 
 def test_a_window_over_a_gap(holed):
-    with pytest.raises(RecordingError, match="not all of it is there"):
+    with pytest.raises(RecordingError, match="samples are missing"):
         read_window(holed, 0.4, 0.7)
     assert read_window(holed, 0.7, 0.8).first_sample == 35_840
 

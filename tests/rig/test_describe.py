@@ -59,7 +59,7 @@ def test_a_key_is_described_as_it_is(key, unit, kind, default, limits):
 
 def test_units_are_told_once():
     assert entry("key.press_arm").meaning == "from the pin to the pressing point."
-    assert entry("controller.watchdog_period").meaning.startswith("without a sign of the host")
+    assert entry("controller.watchdog_period").meaning.startswith("time without a command")
 
 
 def test_the_file_to_start_from_is_the_packaged_rig():

@@ -4,10 +4,9 @@ import math
 
 import pytest
 
+from sautereau.rig.csv_files import read_gesture, read_touched_points
 from sautereau.rig.errors import RigError
-from sautereau.rig.gesture import read_gesture
 from sautereau.rig.load import load_rig, rig_from_json, rig_json, with_values
-from sautereau.rig.touches import read_touches
 
 GOOD = "time [s], rise [mm]\n0, 0\n0.01, 0.5\n0.02, 2\n"
 
@@ -73,7 +72,7 @@ def test_a_rig_with_a_gesture_reads_back(rig_with):
 @pytest.mark.parametrize(
     ("text", "fault"),
     [
-        ("", "no column time and no rise; begin the file with"),
+        ("", "no column time and no rise; start the file with"),
         ("time [s]\n0\n", "no column rise;"),
         ("0, 0\n0.1, 1\n", "no column time and no rise"),
         ("time [s], rise [mm], rise [m]\n0,0,0\n", "names rise twice"),
@@ -108,7 +107,7 @@ def test_a_file_that_is_not_there(tmp_path, name):
         ("time [s], rise [mm]\n0, 0\n0.02, 1\n0.01, 2\n", "start at 0 s and increase"),
         ("time [s], rise [mm]\n0.1, 0\n0.2, 1\n0.3, 2\n", "start at 0 s and increase"),
         ("time [s], rise [m]\n0, 0\n0.1, 1\n0.2, 2\n", "not within 0 to 15 mm; check the unit"),
-        ("time [s], rise [mm]\n0, 1\n0.1, 2\n0.2, 3\n", "rise of 1 mm and not at 0 mm"),
+        ("time [s], rise [mm]\n0, 1\n0.1, 2\n0.2, 3\n", "rise of 1 mm, not at 0 mm"),
         ("time [s], rise [mm]\n0, 0\n0.1, -1\n0.2, 3\n", "not within 0 to 15 mm"),
         ("time [s], rise [mm]\n0, 0\n0.1, 1\n", "3"),
         ("time [s], rise [mm]\n0, 0\n0.1, x\n", "line [0-9]+: press.gesture: gesture file"),
@@ -124,7 +123,7 @@ def test_touches_are_counts_or_angles(paper, file):
     quarter = paper.arm.counts_per_revolution // 4
     for unit, first, second in (("counts", quarter, -quarter), ("deg", 90, -90)):
         text = header.format(unit) + f"-171, {first}, {second}\n-140, 0, 0\n"
-        touches = read_touches(file(text), paper.arm)
+        touches = read_touched_points(file(text), paper.arm)
         assert touches.points == pytest.approx((-0.171, -0.14))
         assert touches.joints[0] == pytest.approx((math.pi / 2, -math.pi / 2))
         assert touches.joints[1] == (0, 0)
@@ -141,4 +140,4 @@ def test_touches_are_counts_or_angles(paper, file):
 )
 def test_bad_touches_are_refused(paper, file, text, fault):
     with pytest.raises(RigError, match=fault):
-        read_touches(file(text), paper.arm)
+        read_touched_points(file(text), paper.arm)

@@ -144,7 +144,7 @@ def test_no_plectrum_is_refused_with_the_reason(outline_of, points, reason):
             '{ file = "contour.csv", scale = "-1 mm", clamp = [0, "1"] }',
             ["not above 0", "[0, '1']"],
         ),
-        ('{ file = "contour.csv", scale = "1 mm", clamp = [0, 0] }', ["names no column y"]),
+        ('{ file = "contour.csv", scale = "1 mm", clamp = [0, 0] }', ["has no column y"]),
     ],
 )
 def test_a_wrong_table_is_refused_with_the_reason(outline_of, table, reasons):
@@ -156,7 +156,7 @@ def test_a_wrong_table_is_refused_with_the_reason(outline_of, table, reasons):
 
 def test_pixels_are_no_lengths(outline_of):
     table = '{ file = "contour.csv", scale = "1 mm", clamp = [0, 0] }'
-    with pytest.raises(RigError, match="is no number of pixels"):
+    with pytest.raises(RigError, match="is not a number of pixels"):
         outline_of(csv(WEDGE, "x [mm], y [mm]"), table)
 
 
@@ -165,10 +165,24 @@ def test_an_empty_file_is_refused():
         split(np.empty((0, 2)))
 
 
-@given(st.lists(st.tuples(st.integers(-3, 9), st.integers(-3, 3)), max_size=12))
-@settings(max_examples=300, deadline=None)
+POINTS = st.lists(st.tuples(st.integers(-3, 9), st.integers(-3, 3)), max_size=12)
+"""Integers, so that points and edges often coincide."""
+
+
+@given(POINTS)
+@settings(max_examples=60, deadline=None)
 def test_any_points_are_an_outline_or_refused(points):
-    """Whole numbers, so that points and edges often coincide."""
+    check_points(points)
+
+
+@pytest.mark.slow
+@given(POINTS)
+@settings(max_examples=2000, deadline=None)
+def test_many_points_are_outlines_or_refused(points):
+    check_points(points)
+
+
+def check_points(points):
     try:
         x, top, bottom = split(1e-3 * np.array(points, float).reshape(-1, 2))
     except ValueError:

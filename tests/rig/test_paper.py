@@ -68,7 +68,7 @@ def test_contact_comes_at_the_papers_27_ms(paper):
 
 def test_the_key_rests_on_its_back_rail(paper):
     weight = paper.jack.mass * GRAVITY * paper.key.jack_arm
-    assert weight - paper.key.front_heaviness > paper.key.pivot_coulomb_friction
+    assert weight - paper.key.gravity_moment > paper.key.pivot_coulomb_friction
 
 
 def test_assumed_ranges_hold_their_values(paper):

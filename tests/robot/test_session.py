@@ -5,8 +5,8 @@ from datetime import UTC, datetime
 
 import pytest
 
-from sautereau.daq.block import Block
-from sautereau.daq.file.head import read_session
+from sautereau.daq.file.reading import read_session
+from sautereau.daq.file.recorded import Block
 from sautereau.daq.file.recording import Recording, SessionInfo
 from sautereau.rig.load import load_rig, with_values
 from sautereau.robot.errors import RobotError

@@ -22,7 +22,7 @@ def thrown(force, duration, rest, **changes):
     return scene_of("free-key", push=push_of(force, duration, rest), **changes)
 
 
-THROWN = thrown(0.8, 15e-3, 150e-3, truth={"key.front_heaviness": "-50 mN m"})
+THROWN = thrown(0.8, 15e-3, 150e-3, truth={"key.gravity_moment": "-50 mN m"})
 """A key with a large gravity moment to the back, which falls twice as fast as a jack."""
 
 
@@ -47,7 +47,7 @@ def test_a_jack_above_a_faster_key_flies():
 
 def test_landing_conserves_momentum():
     """The felt stops the key; the jack flies on and lands on a key that falls back slowly."""
-    truth = {"key.felt_damping": "60 N s/m", "key.front_heaviness": "-8 mN m"}
+    truth = {"key.felt_damping": "60 N s/m", "key.gravity_moment": "-8 mN m"}
     moved = observe(RIG, thrown(0.3, 45e-3, 85e-3, truth=truth, felt=True)).motions
     gap = moved.rise - rise(KEY, moved.angle)
     flying = gap > 1e-9

@@ -227,7 +227,7 @@ def test_dry_friction_holds_the_key_as_long_as_it_can():
         {"string.tension": "66950 N"},
         {"string.tension": "0.066 N"},
         {"plectrum.overlap": "0.001 mm"},
-        {"key.front_heaviness": "0 mN m"},
+        {"key.gravity_moment": "0 mN m"},
         {"jack.register_friction": "0 mN", "key.pivot_coulomb_friction": "0 mN m"},
     ],
 )

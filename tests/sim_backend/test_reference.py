@@ -58,7 +58,7 @@ def test_a_pushed_key_moves_by_its_energy():
     key, mass = RIG.key, RIG.jack.mass
     moved = solve(RIG, pushed(1.2, 40 * PERIOD, **BARE))
     angle, spin = np.array(moved.states)[:, :2].T
-    moment = 1.2 * key.press_arm + key.front_heaviness
+    moment = 1.2 * key.press_arm + key.gravity_moment
 
     def speed(a):
         stored = moment * a - mass * GRAVITY * key_oracle.rise(key, a)
@@ -72,7 +72,7 @@ def test_a_pushed_key_moves_by_its_energy():
 
 def test_a_light_jacks_key_swings_on_the_felt_as_a_spring():
     """To the felt in sqrt(2 I dip / P); then half a period plus the phase lags at both ends."""
-    changes = {"jack.mass": "1e-12 kg", "key.front_heaviness": "0 N m"}
+    changes = {"jack.mass": "1e-12 kg", "key.gravity_moment": "0 N m"}
     changes["key.felt_damping"] = "0 N s/m"
     scene = pushed(1.0, 0.06, **{**BARE, "felt": True}, truth=changes)
     moved = solve(RIG, scene)
@@ -96,7 +96,7 @@ def test_a_light_jacks_key_swings_on_the_felt_as_a_spring():
 
 def test_a_jack_in_flight_is_ballistic():
     """A key with a large moment to the back falls faster, and is on its rail before the jack."""
-    truth = {"key.front_heaviness": "-50 mN m"}
+    truth = {"key.gravity_moment": "-50 mN m"}
     moved = solve(RIG, pushed(1.0, 20 * PERIOD, 0.2, **BARE, truth=truth))
     times, states = np.array(moved.times), np.array(moved.states)
     start = int(np.argmin(abs(times - 20 * PERIOD)))
@@ -406,7 +406,7 @@ def _multiplied(z, torques, pluck):
     height = key_oracle.rise(key, a) - jack.string_clearance
     string = float(pluck.force_on_jack(np.array([height]))[0])
     load = jack.mass * (GRAVITY + bend) + string + jack.register_friction
-    moment = key.front_heaviness - key.pivot_viscous_friction * w - key.pivot_coulomb_friction
+    moment = key.gravity_moment - key.pivot_viscous_friction * w - key.pivot_coulomb_friction
     moment -= slope * load
     normal, tangent = np.array([-np.sin(a), np.cos(a)]), np.array([np.cos(a), np.sin(a)])
     total = q[0] + q[1]
@@ -530,7 +530,7 @@ def test_a_reference_that_jumps_is_refused():
 
 EXTREMES = {
     "heavy": {"jack.mass": "60 kg"},
-    "light": {"jack.mass": "2e-3 kg", "key.front_heaviness": "0 N m"},
+    "light": {"jack.mass": "2e-3 kg", "key.gravity_moment": "0 N m"},
     "hard felt": {"key.felt_stiffness": "20 MN/m"},
     "soft felt": {"key.felt_stiffness": "20 N/m"},
     "hard string": {"string.tension": "66.95 kN"},

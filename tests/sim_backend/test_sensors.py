@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from sautereau.daq.signals.sensors import correct
+from sautereau.daq.signals.calibration import correct
 from sautereau.rig.load import load_rig
 from sautereau.sim_backend.scene import load_scene
 from sautereau.sim_backend.sensors.chain import ADC_RANGE, SensorChain, Signal

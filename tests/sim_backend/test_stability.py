@@ -35,7 +35,7 @@ def test_pushes_converge_or_are_refused_and_never_fail_silently():
 def test_a_balanced_key_is_refused_with_the_reason(engine):
     cell = judge(RIG, GRID["key balanced", engine])
     assert cell.verdict == "refused"
-    assert "front_heaviness" in cell.reason
+    assert "gravity_moment" in cell.reason
     assert judge(RIG, GRID["key nearly balanced", engine]).verdict == "converged"
 
 
@@ -105,7 +105,7 @@ def test_without_friction_no_energy_is_made_or_lost(engine, steps):
     slope = key.jack_arm / np.cos(angle) ** 2
     slope += key.jack_surface_height * np.sin(angle) / np.cos(angle) ** 2
     kinetic = (key.inertia + jack.mass * slope**2) * spin**2 / 2
-    done = (scene.push.force * key.press_arm + key.front_heaviness) * angle
+    done = (scene.push.force * key.press_arm + key.gravity_moment) * angle
     pluck = rig_pluck(RIG, "elastica")
     height = np.linspace(0, pluck.release_height, 20_001)
     string = np.trapezoid(pluck.force_on_jack(height), height)

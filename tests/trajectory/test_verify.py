@@ -62,7 +62,7 @@ def rigs(draw):
             "key.press_arm": f"{press_arm} m",
             # A rise of 15 mm turns a jack arm of 26 mm by 30 degrees.
             "key.jack_arm": f"{draw(st.floats(0.026, 0.06) | st.floats(0.06, 0.4))} m",
-            "key.front_heaviness": "0 N m",
+            "key.gravity_moment": "0 N m",
             "key.dip": f"{draw(st.floats(0.02, 0.1))} m",
             "key.neighbour_height": f"{draw(st.floats(-0.5, -0.1) | st.floats(-0.5, 0.03))} m",
             "press.jack_speed": f"{speed} m/s",

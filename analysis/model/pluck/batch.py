@@ -27,7 +27,7 @@ VARIABLES = (
     *(f"string.{n}" for n in ("tension", "length", "plucking_point", "frequency")),
     *(f"jack.{n}" for n in ("mass", "register_friction", "string_clearance")),
     *(f"key.{n}" for n in ("press_arm", "jack_arm", "jack_surface_height", "inertia")),
-    *(f"key.{n}" for n in ("front_heaviness", "pivot_coulomb_friction", "pivot_viscous_friction")),
+    *(f"key.{n}" for n in ("gravity_moment", "pivot_coulomb_friction", "pivot_viscous_friction")),
     *(f"key.{n}" for n in ("dip", "felt_stiffness", "felt_damping")),
     *(f"press.{n}" for n in ("jack_speed", "jack_rise")),
 )
@@ -177,7 +177,7 @@ def _key_in_range(v: Mapping[str, Floats]) -> np.ndarray:
     """Return which cases have positive arms and inertias and finite other values."""
     names = ("key.press_arm", "key.jack_arm", "key.inertia", "jack.mass")
     positive = [_positive(v[name]) for name in names]
-    rest = ("key.front_heaviness", "key.jack_surface_height", "key.pivot_coulomb_friction")
+    rest = ("key.gravity_moment", "key.jack_surface_height", "key.pivot_coulomb_friction")
     rest = (*rest, "key.pivot_viscous_friction", "jack.register_friction")
     rest = (*rest, "key.dip", "key.felt_stiffness", "key.felt_damping")
     return np.logical_and.reduce([*positive, *(np.isfinite(v[name]) for name in rest)])
@@ -223,7 +223,7 @@ def _finger_force(v: Mapping[str, Floats], rise: Floats, string: Floats) -> Floa
     slope = (b + hb * sine) / cosine**2
     spin = c["jack_speed"] / slope
     curvature = (2 * b * sine + hb * (1 + sine**2)) / cosine**3
-    moment = -c["inertia"] * curvature * spin**2 / slope - c["front_heaviness"]
+    moment = -c["inertia"] * curvature * spin**2 / slope - c["gravity_moment"]
     moment = moment + c["pivot_coulomb_friction"] + c["pivot_viscous_friction"] * spin
     load = c["mass"] * GRAVITY + string + c["register_friction"]
     arm = c["press_arm"]

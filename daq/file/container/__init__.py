@@ -1,1 +1,1 @@
-"""The MCAP container: records, chunks, durable writing, salvage."""
+"""The MCAP container: records, chunks, durable writing, search for intact records."""

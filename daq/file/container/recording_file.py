@@ -1,5 +1,6 @@
-"""The file under an open recording: what is handed to the system and to the disk, and when."""
+"""The file of an open recording: when its samples are flushed, and when they are synced to disk."""
 
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -9,23 +10,51 @@ from sautereau.daq.file.container.durable import DurableFile
 from sautereau.daq.file.container.writer import McapWriter
 
 FLUSH_PERIOD = 0.2
-"""s, of samples or of time, after which they are handed to the system: what a killed
-process loses at the most, with one block."""
+"""Samples or time in s after which samples are flushed: a killed process loses at most this
+and one block."""
 SYNC_PERIOD = 1.0
-"""s, after which they are put on the disk: what a power cut loses, with one block."""
+"""Time in s after which samples are synced to the disk: a power failure loses at most this and
+one block."""
+
+
+class SteadyClock:
+    """Dates that follow from a single reading of the host's clock, whatever is set later."""
+
+    def __init__(
+        self,
+        clock: Callable[[], int] = time.time_ns,
+        monotonic: Callable[[], float] = time.monotonic,
+    ):
+        """Read the host's clock.
+
+        Args:
+            clock: ns since 1970.
+            monotonic: Time in s of a clock that is never set.
+        """
+        self._monotonic = monotonic
+        self._start = monotonic()
+        self._start_ns = clock()
+
+    def seconds(self) -> float:
+        """Return the time since that reading, s."""
+        return self._monotonic() - self._start
+
+    def now_ns(self) -> int:
+        """Return the date, ns since 1970."""
+        return self._start_ns + round(self.seconds() * 1e9)
 
 
 class RecordingFile:
-    """An MCAP file that takes its name when it is finished; after a fault it takes no more."""
+    """An MCAP file that gets its name when it is finished; after a fault it accepts no more."""
 
     def __init__(self, path: Path, *, compress: bool, rate: float, seconds: Callable[[], float]):
-        """Open the file beside ``path``.
+        """Open the unfinished file, ``path.part``.
 
         Args:
-            path: Of the finished file.
-            compress: Chunks by zstd.
-            rate: Hz, of the samples.
-            seconds: s, of a clock that is never set.
+            path: Path of the finished file.
+            compress: Whether to compress chunks with zstd.
+            rate: Sampling rate, Hz.
+            seconds: Time in s of a clock that is never set.
         """
         self._file = DurableFile(path)
         self._writer = McapWriter(self._file.stream, path.parent, compress=compress)
@@ -34,15 +63,15 @@ class RecordingFile:
         self._pending = 0
         self._most_pending = round(FLUSH_PERIOD * rate)
         self.broken = False
-        """Whether something could not be written, or not to its end."""
+        """Whether something could not be written completely."""
 
     @contextmanager
     def writing(self) -> Iterator[McapWriter]:
-        """Yield the writer; what fails with it breaks the file."""
+        """Yield the writer; an error while writing marks the file as broken."""
         if self.broken:
             raise RecordingError(
-                f"recording {self._file.path}: an earlier fault has cut it short; get what is in"
-                f" {self._file.part_path} by `sautereau recover`, and press again"
+                f"recording {self._file.path}: an earlier fault truncated it; recover the content"
+                f" of {self._file.part_path} with `sautereau recover`, and press again"
             )
         try:
             with self._file.writing():
@@ -55,10 +84,7 @@ class RecordingFile:
             raise
 
     def keep(self, n_samples: int) -> None:
-        """Count samples that were written; flush and sync where it is time to.
-
-        After so many samples it is time, whatever the clock says.
-        """
+        """Count written samples; flush and sync them when enough samples or time have passed."""
         self._pending += n_samples
         now = self._seconds()
         if self._pending >= self._most_pending or now - self._flushed >= FLUSH_PERIOD:
@@ -69,16 +95,16 @@ class RecordingFile:
                 self._file.sync()
 
     def flush(self) -> None:
-        """Hand all that was written to the system."""
+        """Flush everything written to the operating system."""
         self._flushed, self._pending = self._seconds(), 0
         with self.writing() as writer:
             writer.close_chunk(least=0)
 
     def finish(self, stop_sample: int) -> None:
-        """Complete the file, put it on the disk and close it, still beside its name.
+        """Complete the file, flush it to the disk and close it, still under its ``.part`` name.
 
         Args:
-            stop_sample: Index after the last sample, which the file tells.
+            stop_sample: Index after the last sample, written into the file.
         """
         try:
             with self.writing() as writer:
@@ -90,10 +116,10 @@ class RecordingFile:
             self.abandon()
 
     def publish(self) -> None:
-        """Give the finished file its name."""
+        """Rename the finished file to its final name."""
         self._file.publish()
 
     def abandon(self) -> None:
-        """Close the file as it is."""
+        """Close the file without completing it."""
         self._file.abandon()
         self._writer.close()

@@ -1,4 +1,4 @@
-"""Find what is still whole in a damaged recording."""
+"""Search a damaged recording for chunks and Metadata records whose checksums match."""
 
 import mmap
 import re
@@ -6,21 +6,21 @@ import struct
 from collections.abc import Iterator
 from typing import BinaryIO
 
+from sautereau.daq.file.container.chunks import unpack_chunk
 from sautereau.daq.file.container.records import (
+    CRC_KEY,
     LARGEST_CHUNK,
     LARGEST_DEFINITIONS,
     PREFIX,
-    SEAL,
     DamageError,
     Opcode,
     Record,
-    unpack_chunk,
-    unsealed,
+    read_metadata,
 )
 
 NAMES = ("channels", "rig", "software", "session", "schemas", "end", "recovered")
-"""Metadata records that a recording has."""
-_HEAD = 1024**2  # bytes in which the seals of a head are to be found
+"""Names of a recording's Metadata records."""
+_HEAD = 1024**2  # bytes at the start of a file that hold its first Metadata records
 _RECORD = re.compile(
     # A chunk: opcode, a length below 2**32, times, sizes and a CRC, the name of its compression.
     rb"\x06.{4}\0{4}.{28}(?:\x04\0\0\0zstd|\0{4})"
@@ -32,14 +32,14 @@ _RECORD = re.compile(
 )
 
 
-def find_whole(file: BinaryIO) -> Iterator[Record]:
-    """Yield all chunks and Metadata records whose own checksums hold, in their order.
+def find_intact(file: BinaryIO) -> Iterator[Record]:
+    """Yield all chunks and Metadata records whose own checksums match, in their order.
 
-    They are looked for by what their first bytes look like, wherever they may stand, so
-    that no length that is wrong can hide those that follow.
+    They are searched by the pattern of their first bytes at every offset, so that a wrong length
+    cannot hide the records after it.
     """
     with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
-        has_seals = data.find(SEAL, 0, _HEAD) >= 0
+        require_checksum = data.find(CRC_KEY, 0, _HEAD) >= 0
         at = 0
         while match := _RECORD.search(data, at):
             start = match.start()
@@ -50,17 +50,17 @@ def find_whole(file: BinaryIO) -> Iterator[Record]:
             if length > most or stop > len(data):
                 continue
             body = data[start + PREFIX.size : stop]
-            if _is_whole(opcode, body, has_seals):
+            if _is_intact(opcode, body, require_checksum):
                 yield Record(opcode, body)
                 at = stop
 
 
-def _is_whole(opcode: int, body: bytes, has_seals: bool) -> bool:
+def _is_intact(opcode: int, body: bytes, require_checksum: bool) -> bool:
     try:
         if opcode == Opcode.CHUNK:
             unpack_chunk(body)
         else:
-            unsealed(body, has_seal=has_seals)
+            read_metadata(body, require_checksum=require_checksum)
     except DamageError:
         return False
     return True

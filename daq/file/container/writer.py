@@ -1,7 +1,7 @@
-"""An MCAP file as it grows: chunks, their index, summary; memory does not grow with it.
+"""Writing an MCAP file of any length in constant memory: chunks, their index, summary.
 
-The records are the library's. Its own ``Writer`` keeps the index of all chunks in memory,
-2.5 kB a chunk: 230 MB for an hour of 16 channels at 51.2 kHz. Here it is spooled.
+The records are those of the mcap library. Its own ``Writer`` keeps the index of all chunks in
+memory, 2.5 kB per chunk: 230 MB for an hour of 16 channels at 51.2 kHz. Here it is spooled.
 """
 
 import struct
@@ -32,7 +32,7 @@ from mcap.writer import LIBRARY_IDENTIFIER
 from numpy.typing import NDArray
 
 from sautereau.daq.errors import RecordingError
-from sautereau.daq.file.container.open_chunk import INDEX_ENTRY, OpenChunk, indexed
+from sautereau.daq.file.container.chunks import INDEX_ENTRY, OpenChunk, indexed
 from sautereau.daq.file.container.records import (
     CHUNK_SIZE,
     LARGEST_CHUNK,
@@ -40,14 +40,15 @@ from sautereau.daq.file.container.records import (
     MESSAGE,
     PREFIX,
     Opcode,
-    sealed,
-    written,
+    record_bytes,
+    with_checksum,
 )
 
 _SIZE = struct.Struct("<Q")
 _INDEX_HEAD = struct.Struct("<HI")
 LEVEL = 1
-"""Of zstd: 1.6 times as fast as its default of 3 on what a converter gives, files as small."""
+"""Compression level of zstd: 1.6 times as fast as its default of 3 on a converter's samples,
+with files of the same size."""
 _SPOOLED = 1024**2  # bytes of the chunk index kept in memory
 
 
@@ -55,12 +56,12 @@ class McapWriter:
     """Writes one MCAP file of messages in chunks to a binary stream."""
 
     def __init__(self, stream: BinaryIO, folder: Path, *, compress: bool = True):
-        """Begin at the start of an empty stream.
+        """Start at the beginning of an empty stream.
 
         Args:
-            stream: Written to in order, never read.
-            folder: For the nameless file that a long recording's index goes to.
-            compress: Chunks by zstd; False leaves them as they are.
+            stream: Written sequentially, never read.
+            folder: Folder of the unnamed temporary file for a long recording's index.
+            compress: Whether to compress chunks with zstd.
         """
         self._stream = stream
         self._compressor = zstandard.ZstdCompressor(LEVEL) if compress else None
@@ -80,20 +81,20 @@ class McapWriter:
     def start(self, profile: str, definitions: Sequence[Schema | Channel]) -> None:
         """Write the header; the definitions go into the first chunk and the summary."""
         self._definitions = list(definitions)
-        self._put(MAGIC + written(Header(profile, LIBRARY_IDENTIFIER)))
-        self._open.define(b"".join(map(written, self._definitions)))
+        self._put(MAGIC + record_bytes(Header(profile, LIBRARY_IDENTIFIER)))
+        self._open.define(b"".join(map(record_bytes, self._definitions)))
 
     def add_metadata(self, name: str, data: dict[str, str]) -> None:
-        """Write a Metadata record with a checksum of its own, at once."""
-        record = written(Metadata(name=name, metadata=sealed(name, data)))
+        """Write a Metadata record with its own checksum immediately."""
+        record = record_bytes(Metadata(name=name, metadata=with_checksum(name, data)))
         self._metadata.append(MetadataIndex(offset=self._at, length=len(record), name=name))
         self._put(record)
 
     def add_message(self, channel: int, log_time: int, data: bytes) -> None:
-        """Add a message to the open chunk; log and publish time are one, ns since 1970.
+        """Add a message to the open chunk; its log time is also its publish time, ns since 1970.
 
         Raises:
-            RecordingError: It is larger than any reader accepts.
+            RecordingError: It is larger than readers accept.
         """
         size = MESSAGE.size + len(data)
         if self._open.size + size > LARGEST_CHUNK:
@@ -101,22 +102,22 @@ class McapWriter:
         if self._open.size + size > LARGEST_CHUNK:
             raise RecordingError(
                 f"a message of {size} bytes exceeds the limit of {LARGEST_CHUNK} bytes that readers"
-                " keep to; give it in parts"
+                " accept; split it"
             )
         self._open.add(channel, log_time, data)
 
     def add_run(self, channel: int, log_times: NDArray[np.int64], data: NDArray[np.uint8]) -> None:
-        """Add messages of one length at once.
+        """Add messages of equal length at once.
 
         Args:
-            channel: Of all of them.
+            channel: Channel of all of them.
             log_times: ns since 1970, shape (n,).
             data: Shape (n, length).
         """
         self._open.add_run(channel, log_times, data)
 
     def close_chunk(self, least: int = CHUNK_SIZE) -> None:
-        """Hand the open chunk to the system, if it has ``least`` bytes and a message."""
+        """Write the open chunk, if it has at least ``least`` bytes and one message."""
         open_chunk = self._open
         if not open_chunk.times or open_chunk.size < least:
             return
@@ -132,9 +133,9 @@ class McapWriter:
         self._write_chunk(chunk, open_chunk)
 
     def copy_chunk(self, chunk: Chunk, records: bytes) -> None:
-        """Write a chunk of another file as it is; ``records`` are its content unpacked.
+        """Copy a chunk of another file unchanged; ``records`` are its content unpacked.
 
-        The definitions stand before the first one, for that may have come without any.
+        The definitions are written before the first one, which may have none.
         """
         self._put(bytes(self._open.data))
         self._open = OpenChunk()
@@ -143,30 +144,36 @@ class McapWriter:
     def finish(self) -> None:
         """Write the open chunk, the summary and the footer."""
         self.close_chunk(least=0)
-        self._put(written(DataEnd(self._crc)))
+        self._put(record_bytes(DataEnd(self._crc)))
         start, self._crc = self._at, 0
         groups: list[tuple[Opcode, Iterable[bytes]]] = [
-            (Opcode.SCHEMA, (written(d) for d in self._definitions if isinstance(d, Schema))),
-            (Opcode.CHANNEL, (written(d) for d in self._definitions if isinstance(d, Channel))),
-            (Opcode.STATISTICS, [written(self._statistics())]),
+            (Opcode.SCHEMA, (record_bytes(d) for d in self._definitions if isinstance(d, Schema))),
+            (
+                Opcode.CHANNEL,
+                (record_bytes(d) for d in self._definitions if isinstance(d, Channel)),
+            ),
+            (Opcode.STATISTICS, [record_bytes(self._statistics())]),
             (Opcode.CHUNK_INDEX, self._spooled()),
-            (Opcode.METADATA_INDEX, map(written, self._metadata)),
+            (Opcode.METADATA_INDEX, map(record_bytes, self._metadata)),
         ]
-        places = []
+        offsets = []
         for opcode, pieces in groups:
-            begin = self._at
+            group_start = self._at
             for piece in pieces:
                 self._put(piece)
-            if self._at > begin:
-                places.append(written(SummaryOffset(opcode, begin, self._at - begin)))
-        offsets = self._at
-        self._put(b"".join(places))
-        footer = written(Footer(summary_start=start, summary_offset_start=offsets, summary_crc=0))
+            if self._at > group_start:
+                length = self._at - group_start
+                offsets.append(record_bytes(SummaryOffset(opcode, group_start, length)))
+        offsets_start = self._at
+        self._put(b"".join(offsets))
+        footer = record_bytes(
+            Footer(summary_start=start, summary_offset_start=offsets_start, summary_crc=0)
+        )
         crc = zlib.crc32(footer[:-4], self._crc)
         self._put(footer[:-4] + struct.pack("<I", crc) + MAGIC)
 
     def close(self) -> None:
-        """Forget the index, whether the file was finished or not."""
+        """Discard the index, whether the file was finished or not."""
         self._spool.close()
 
     def _put(self, data: bytes | bytearray) -> None:
@@ -177,8 +184,8 @@ class McapWriter:
     def _write_chunk(self, chunk: Chunk, content: OpenChunk) -> None:
         """Write a chunk and the index of its messages."""
         start = self._at
-        # Its content is written as it is: the library's own way copies it three times.
-        head = written(replace(chunk, data=b""))
+        # Its content is written directly: the library copies it three times.
+        head = record_bytes(replace(chunk, data=b""))
         size = len(chunk.data)
         length = len(head) - PREFIX.size + size
         self._put(PREFIX.pack(Opcode.CHUNK, length) + head[PREFIX.size : -8] + _SIZE.pack(size))
@@ -192,7 +199,7 @@ class McapWriter:
             self._put(head + _INDEX_HEAD.pack(channel, len(entries)) + entries)
         self._stream.flush()
         self._spool.write(
-            written(
+            record_bytes(
                 ChunkIndex(
                     message_start_time=chunk.message_start_time,
                     message_end_time=chunk.message_end_time,

@@ -83,7 +83,7 @@ def benches(numbers: Numbers, places: Floats) -> Floats:
 def _set_key(numbers: Numbers, found: Floats) -> None:
     scene, arm = numbers.scene, numbers("key.press_arm")
     found[:, ix.INERTIA] = numbers("key.inertia")
-    found[:, ix.GRAVITY_MOMENT] = numbers("key.front_heaviness")
+    found[:, ix.GRAVITY_MOMENT] = numbers("key.gravity_moment")
     if scene.friction:
         found[:, ix.VISCOUS] = numbers("key.pivot_viscous_friction")
         found[:, ix.DRY] = numbers("key.pivot_coulomb_friction")

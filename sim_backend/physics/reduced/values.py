@@ -32,7 +32,7 @@ from sautereau.trajectory.motion import Floats
 
 CHUNK = 192
 """Plucks that are solved together; limited by the processor's cache."""
-_LEVER = ("press_arm", "jack_arm", "jack_surface_height", "inertia", "front_heaviness")
+_LEVER = ("press_arm", "jack_arm", "jack_surface_height", "inertia", "gravity_moment")
 _PLECTRUM = ("youngs_modulus", "width", "thickness", "length", "overlap", "friction")
 _STRING = ("tension", "length", "plucking_point")
 _LIMITS = {"gt": np.greater, "ge": np.greater_equal, "lt": np.less, "le": np.less_equal}
@@ -93,7 +93,7 @@ def within_limits(numbers: Numbers, presses: int) -> NDArray[np.bool_]:
         good &= numbers(f"{at}string.plucking_point") < numbers(f"{at}string.length")
         good &= numbers(f"{at}plectrum.overlap") < numbers(f"{at}plectrum.length")
     back = numbers("jack.mass") * GRAVITY * numbers("key.jack_arm")
-    return good & (numbers("key.front_heaviness") < back)
+    return good & (numbers("key.gravity_moment") < back)
 
 
 def varied_laws(

@@ -55,7 +55,7 @@ class System:
         return cls(
             name=rig.name,
             inertia=key.inertia,
-            gravity_moment=key.front_heaviness,
+            gravity_moment=key.gravity_moment,
             viscous=key.pivot_viscous_friction if scene.friction else 0.0,
             dry=key.pivot_coulomb_friction if scene.friction else 0.0,
             press_arm=key.press_arm,

@@ -16,7 +16,7 @@ class KeyLoads:
     """Moments [N mm] on the key over its angle [rad] and angular velocity [rad/ms]."""
 
     def __init__(self, key: Key, scene: Scene):
-        self.weight = key.front_heaviness * MM
+        self.weight = key.gravity_moment * MM
         self.steady = self.weight
         """N mm, of weight and of a push without contact."""
         self.friction = key.pivot_coulomb_friction * MM if scene.friction else 0.0

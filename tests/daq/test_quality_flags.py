@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from sautereau.daq.signals.quality_flags import Mark, find_marks, mark_warnings
+from sautereau.daq.signals.quality_flags import QualityFlag, find_quality_flags, quality_warnings
 
 RATE = 51_200.0
 NOISE = {"velocity": 0.002, "force": 0.005}
@@ -38,7 +38,7 @@ def test_clipping_finds_both_ends_of_the_range(force):
     volts[8:11] = 10.005
     volts[12] = 9.98
     volts[198:] = -10.0
-    found = find_marks(volts, force, RATE)
+    found = find_quality_flags(volts, force, RATE)
     assert [mark.kind for mark in found] == ["clipped"] * 4
     assert [samples(m, force) for m in found] == [(0, 2), (5, 6), (8, 11), (198, 200)]
 
@@ -46,14 +46,14 @@ def test_clipping_finds_both_ends_of_the_range(force):
 def test_times_are_the_motions(velocity):
     volts = np.zeros(100)
     volts[40:50] = 4.0
-    (mark,) = find_marks(volts, velocity, RATE, first_sample=-30)
-    assert mark == Mark("clipped", "velocity", 10 / RATE - 1.1e-3, 20 / RATE - 1.1e-3)
+    (mark,) = find_quality_flags(volts, velocity, RATE, first_sample=-30)
+    assert mark == QualityFlag("clipped", "velocity", 10 / RATE - 1.1e-3, 20 / RATE - 1.1e-3)
 
 
 def test_beyond_the_range_is_an_overload(velocity):
     """The input takes 10 V, the sensor 4 V."""
     time = np.arange(2000) / RATE
-    found = find_marks(5 * np.sin(2 * np.pi * 50 * time), velocity, RATE)
+    found = find_quality_flags(5 * np.sin(2 * np.pi * 50 * time), velocity, RATE)
     assert {mark.kind for mark in found} == {"overload"}
     assert len(found) == 4
 
@@ -63,7 +63,7 @@ def test_a_saturated_amplifier_stands_still_below_the_range(force):
     time = np.arange(25_600) / RATE
     noise = 0.005 * np.random.default_rng(0).standard_normal(len(time))
     volts = np.clip(9 * np.sin(2 * np.pi * 8 * time) + noise, -10, 7.0)
-    found = find_marks(volts, force, RATE)
+    found = find_quality_flags(volts, force, RATE)
     assert {mark.kind for mark in found} == {"overload"}
     marked = sum(m.stop - m.start for m in found) * RATE
     assert marked == pytest.approx(np.count_nonzero(volts == 7.0), rel=0.02)
@@ -71,7 +71,7 @@ def test_a_saturated_amplifier_stands_still_below_the_range(force):
 
 def test_a_plateau_without_noise_is_none(velocity):
     """As ideal sensors show it."""
-    assert find_marks(press(noise=0.0), velocity, RATE) == []
+    assert find_quality_flags(press(noise=0.0), velocity, RATE) == []
 
 
 @pytest.mark.parametrize("depth", [1.0, 0.5, 0.05])
@@ -83,7 +83,7 @@ def test_drop_outs_are_found_where_they_are(velocity, depth):
     stops = starts + random.integers(5, 51, 50)
     for start, stop in zip(starts, stops, strict=True):
         volts[start:stop] -= depth * 1.1
-    found = find_marks(volts, velocity, RATE)
+    found = find_quality_flags(volts, velocity, RATE)
     assert {mark.kind for mark in found} == {"drop-out"}
     edges = np.array([samples(mark, velocity) for mark in found])
     np.testing.assert_allclose(edges, np.stack([starts, stops], 1), atol=2)
@@ -92,7 +92,7 @@ def test_drop_outs_are_found_where_they_are(velocity, depth):
 def test_a_spike_of_one_sample(velocity):
     volts = press()
     volts[5000] += 0.1
-    (mark,) = find_marks(volts, velocity, RATE)
+    (mark,) = find_quality_flags(volts, velocity, RATE)
     assert mark.kind == "drop-out"
     assert samples(mark, velocity) == (5000, 5001)
 
@@ -100,7 +100,7 @@ def test_a_spike_of_one_sample(velocity):
 def test_a_force_has_no_drop_outs(force):
     volts = press()
     volts[5000:5010] += 0.5
-    assert find_marks(volts, force, RATE) == []
+    assert find_quality_flags(volts, force, RATE) == []
 
 
 @pytest.mark.parametrize("name", ["velocity", "force"])
@@ -109,12 +109,12 @@ def test_none_in_two_million_samples_of_clean_noise(paper, name):
     channel = paper.daq.channel(name)
     for seed in (0, 1):
         noise = NOISE[name] * np.random.default_rng(seed).standard_normal(1_000_000)
-        assert find_marks(noise, channel, RATE) == []
+        assert find_quality_flags(noise, channel, RATE) == []
 
 
 def test_none_in_clean_presses(velocity):
     for seed in range(20):
-        assert find_marks(press(seed=seed), velocity, RATE) == []
+        assert find_quality_flags(press(seed=seed), velocity, RATE) == []
 
 
 def test_a_key_that_turns_round_sharply_is_no_drop_out(velocity):
@@ -122,33 +122,33 @@ def test_a_key_that_turns_round_sharply_is_no_drop_out(velocity):
     time = np.arange(5120) / RATE
     noise = 0.002 * np.random.default_rng(0).standard_normal(len(time))
     kink = -10 / 0.025 * np.maximum(0, 1e-3 - np.abs(time - 0.05))
-    assert find_marks(1.1 + kink + noise, velocity, RATE) == []
+    assert find_quality_flags(1.1 + kink + noise, velocity, RATE) == []
 
 
 @pytest.mark.parametrize("n", [0, 1, 2, 3, 50, 153, 154])
 def test_short_signals(velocity, n):
-    assert find_marks(np.zeros(n), velocity, RATE) == []
+    assert find_quality_flags(np.zeros(n), velocity, RATE) == []
     if n:
-        assert len(find_marks(np.full(n, 4.0), velocity, RATE)) == 1
+        assert len(find_quality_flags(np.full(n, 4.0), velocity, RATE)) == 1
 
 
 def test_what_is_no_number_is_no_fault_of_the_search(velocity):
     volts = press()
     volts[300:310] = np.nan
     volts[400] = np.inf
-    assert "overload" in {mark.kind for mark in find_marks(volts, velocity, RATE)}
+    assert "overload" in {mark.kind for mark in find_quality_flags(volts, velocity, RATE)}
 
 
 def test_warnings_say_how_often_and_what_to_do():
     marks = [
-        Mark("clipped", "force", 0.01, 0.011),
-        Mark("clipped", "force", 0.02, 0.022),
-        Mark("drop-out", "velocity", 0.03, 0.0301),
-        Mark("drop-out", "velocity", 0.04, 0.0402),
+        QualityFlag("clipped", "force", 0.01, 0.011),
+        QualityFlag("clipped", "force", 0.02, 0.022),
+        QualityFlag("drop-out", "velocity", 0.03, 0.0301),
+        QualityFlag("drop-out", "velocity", 0.04, 0.0402),
     ]
-    assert mark_warnings(marks) == [
-        "force: clipped in 2 stretches, 3 ms in all, first at 10 ms; take a larger range or a"
-        " lower gain",
-        "velocity: drop-out in 2 stretches, 0.3 ms in all, first at 30 ms; turn the laser to a"
-        " brighter spot, or put reflecting tape under it",
+    assert quality_warnings(marks) == [
+        "force: clipped in 2 stretches, 3 ms in total, first at 10 ms after the trigger; use a"
+        " larger range or a lower gain",
+        "velocity: drop-out in 2 stretches, 0.3 ms in total, first at 30 ms after the trigger; aim"
+        " the laser at a brighter spot, or put reflecting tape under it",
     ]

@@ -1,0 +1,175 @@
+"""Chunks of an MCAP file: filled with messages, indexed, unpacked and verified."""
+
+import struct
+import zlib
+from collections import deque
+from collections.abc import Iterable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
+from functools import cache
+
+import numpy as np
+import zstandard
+from numpy.typing import NDArray
+
+from sautereau.daq.file.container.records import (
+    LARGEST_CHUNK,
+    MESSAGE,
+    PREFIX,
+    DamageError,
+    Opcode,
+    Record,
+    records_within,
+)
+
+INDEX_ENTRY = struct.Struct("<QQ")
+"""Log time and offset of a message, in a MessageIndex record."""
+AHEAD = 3
+"""Chunks unpacked ahead of their reader, which bounds the memory."""
+FEW = 8
+"""Chunks at the start of a file that are unpacked without threads; a press has no more."""
+_CHUNK = struct.Struct("<QQQII")  # start, end, size, CRC, length of the compression's name
+_SIZE = struct.Struct("<Q")
+
+
+class OpenChunk:
+    """The messages of a chunk that is still being filled, packed, with their index."""
+
+    def __init__(self) -> None:
+        self.data = bytearray()
+        self.index: dict[int, bytearray] = {}
+        """Entries of each channel's MessageIndex."""
+        self.times: list[int] = []
+        """Log times in ns since 1970; of a run of messages the first and the last."""
+
+    @property
+    def size(self) -> int:
+        """Size in bytes."""
+        return len(self.data)
+
+    def define(self, records: bytes) -> None:
+        """Add Schema and Channel records."""
+        self.data += records
+
+    def add(self, channel: int, log_time: int, data: bytes) -> None:
+        """Add a message; its log time is also its publish time, ns since 1970."""
+        self.index_message(channel, log_time, len(self.data))
+        self.data += PREFIX.pack(Opcode.MESSAGE, MESSAGE.size + len(data))
+        self.data += MESSAGE.pack(channel, 0, log_time, log_time)
+        self.data += data
+
+    def add_run(self, channel: int, log_times: NDArray[np.int64], data: NDArray[np.uint8]) -> None:
+        """Add messages of equal length at once.
+
+        Args:
+            channel: Channel of all of them.
+            log_times: ns since 1970, shape (n,).
+            data: Shape (n, length).
+        """
+        run = np.empty(len(data), _run_of(data.shape[1]))
+        run["opcode"], run["length"] = Opcode.MESSAGE, MESSAGE.size + data.shape[1]
+        run["channel"], run["sequence"] = channel, 0
+        run["log_time"] = run["publish_time"] = log_times
+        run["data"] = data
+        entries = np.empty((len(data), 2), "<u8")
+        entries[:, 0] = log_times
+        entries[:, 1] = len(self.data) + run.itemsize * np.arange(len(data))
+        self.index.setdefault(channel, bytearray()).extend(entries.tobytes())
+        self.times += int(log_times.min()), int(log_times.max())
+        self.data += run.tobytes()
+
+    def index_message(self, channel: int, log_time: int, offset: int) -> None:
+        """Add the message at ``offset`` to the index."""
+        self.index.setdefault(channel, bytearray()).extend(INDEX_ENTRY.pack(log_time, offset))
+        self.times.append(log_time)
+
+
+def indexed(records: bytes) -> OpenChunk:
+    """Return the index of a chunk's records, without a copy of them."""
+    chunk, at = OpenChunk(), 0
+    for opcode, body, _ in records_within(records):
+        if opcode == Opcode.MESSAGE:
+            channel, _, log_time, _ = MESSAGE.unpack_from(body)
+            chunk.index_message(channel, log_time, at)
+        at += PREFIX.size + len(body)
+    return chunk
+
+
+@cache
+def _run_of(length: int) -> np.dtype:
+    """Return the type of a message record with ``length`` bytes of data."""
+    return np.dtype(
+        [
+            ("opcode", "u1"),
+            ("length", "<u8"),
+            ("channel", "<u2"),
+            ("sequence", "<u4"),
+            ("log_time", "<u8"),
+            ("publish_time", "<u8"),
+            ("data", "u1", (length,)),
+        ]
+    )
+
+
+def unpacked(records: Iterable[Record]) -> Iterator[Record]:
+    """Yield records in their order, the body of each chunk unpacked and verified.
+
+    Threads unpack the chunks ahead of their reader: zstd and CRC release Python's lock.
+
+    Raises:
+        DamageError: As `unpack_chunk`.
+    """
+    waiting: deque[tuple[int, bytes | Future[bytes]]] = deque()
+    chunks = 0
+    with ThreadPoolExecutor(AHEAD - 1, "recording") as threads:
+        for opcode, body in records:
+            chunks += opcode == Opcode.CHUNK
+            ahead = opcode == Opcode.CHUNK and chunks > FEW
+            waiting.append((opcode, threads.submit(unpack_chunk, body) if ahead else body))
+            if len(waiting) > AHEAD:
+                yield _ready(*waiting.popleft())
+        while waiting:
+            yield _ready(*waiting.popleft())
+
+
+def _ready(opcode: int, body: "bytes | Future[bytes]") -> Record:
+    if isinstance(body, Future):
+        return Record(opcode, body.result())
+    return Record(opcode, unpack_chunk(body) if opcode == Opcode.CHUNK else body)
+
+
+def unpack_chunk(body: bytes) -> bytes:
+    """Return the records of a chunk, unpacked, after its checksum has been verified.
+
+    Raises:
+        DamageError: The checksum does not match, or a length is invalid or exceeds
+            `LARGEST_CHUNK`.
+    """
+    if len(body) < _CHUNK.size:
+        raise DamageError(f"a chunk of {len(body)} bytes is too short")
+    _, _, size, crc, name_length = _CHUNK.unpack_from(body)
+    at = _CHUNK.size + name_length
+    if size > LARGEST_CHUNK:
+        raise DamageError(f"a chunk of {size} bytes exceeds the limit of {LARGEST_CHUNK} bytes")
+    compression = body[_CHUNK.size : at]
+    packed = memoryview(body)[at + _SIZE.size :]
+    if len(body) < at + _SIZE.size or _SIZE.unpack_from(body, at)[0] != len(packed):
+        raise DamageError("a chunk's length is not that of its content")
+    if compression == b"zstd":
+        data = _unzstd(packed, size)
+    elif compression == b"":
+        data = bytes(packed)
+    else:
+        raise DamageError(f"a chunk has the compression {compression!r}, neither zstd nor none")
+    if len(data) != size or zlib.crc32(data) != crc:
+        raise DamageError("the checksum of a chunk does not match")
+    return data
+
+
+def _unzstd(packed: memoryview, size: int) -> bytes:
+    """Unpack one zstd frame; the size that the frame itself gives allocates no memory."""
+    try:
+        if zstandard.frame_content_size(packed) != size:
+            raise DamageError("a chunk's content has another size than its record says")
+        return zstandard.ZstdDecompressor().decompress(packed, max_output_size=size)
+    except zstandard.ZstdError as error:
+        raise DamageError(f"a chunk cannot be unpacked: {error}") from error
