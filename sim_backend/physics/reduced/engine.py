@@ -26,8 +26,8 @@ from sautereau.trajectory.motion import Floats
 ENDS = np.array([0.0, 1.0])
 
 _FAULTS = {
-    ix.TURNED_OVER: "the key has turned by 1.2 rad, the limit of the model; lower the push, or enable"
-    " the felt in the scene",
+    ix.TURNED_OVER: "the key has turned by 1.2 rad, the limit of the model; lower the push, or"
+    " enable the felt in the scene",
     ix.CHATTERS: "the motion chatters: its mode changes without end within one step; change the"
     " scene's forces",
     ix.LOST: "the simulation diverged; the scene's forces are out of its range: lower masses,"
