@@ -1,7 +1,7 @@
-"""Campaigns: thousands of recordings on both cores and on a cluster, and the touch they tell.
+"""Campaigns: thousands of recordings on both cores and on a cluster, and their touch.
 
-Presses are played in process and written by the recorder; beyond `MADE` they are copies, which
-cost a campaign the same.
+Presses are simulated in this process and written by the recorder; beyond `MADE` they are copies,
+which take a campaign the same time.
 """
 
 import os
@@ -32,19 +32,19 @@ from sautereau.sim_backend.scene import Scene, load_scene
 
 RECORDINGS = 5000
 MADE = 250
-"""Recordings that differ."""
+"""Number of different recordings."""
 PLECTRA, SESSIONS = 10, 5
 PROCESSES = 2
 LIMIT = 60.0
-"""s, for all of them on two cores."""
+"""s, limit of the time for all recordings on two cores."""
 SET_UP = 0.02
-"""1, standard deviation of the overlap that setting up anew leaves."""
+"""1, relative standard deviation of the overlap between set-ups."""
 CUTS = (0.42e-3, 0.54e-3), (0.22e-3, 0.32e-3)
-"""m, between which the plectra's thickness and overlap lie."""
+"""m, ranges of the plectra's thickness and overlap."""
 
 
 def run() -> list[Figure]:
-    """Return the time of a campaign here and on a cluster; both tables have to be the same."""
+    """Return the time of a campaign here and on a cluster, and check that the tables are equal."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name) / "recordings"
         made = write_presses(folder, PLECTRA, SESSIONS, MADE // (PLECTRA * SESSIONS))
@@ -54,42 +54,42 @@ def run() -> list[Figure]:
             for what, where in (("two cores", PROCESSES), ("a cluster of two", address)):
                 times[what] = _timed(folder, Path(name) / f"{what}.parquet", where)
         tables = [read_campaign(Path(name) / f"{what}.parquet") for what in times]
-        assert tables[0].table.equals(tables[1].table), "the cluster has made another table"
+        assert tables[0].table.equals(tables[1].table), "the table of the cluster differs"
         assert len(tables[0].table) == RECORDINGS
         assert not tables[0].faults
         again = _timed(folder, tables[0].path, PROCESSES)
-        begun = time.perf_counter()
+        start = time.perf_counter()
         find_touch(tables[0])
-        touch = time.perf_counter() - begun
+        touch = time.perf_counter() - start
     figures = [
         Figure(f"{RECORDINGS} recordings, {what}", seconds, "s", "limit", LIMIT)
         for what, seconds in times.items()
     ]
-    begin = times["two cores"]
+    reading = times["two cores"]
     return [
         *figures,
-        Figure("the same, once read", again, "s", "reading them", begin),
-        Figure("touch of these presses", touch, "s", "reading them", begin),
+        Figure("the same, once read", again, "s", "reading them", reading),
+        Figure("touch of these presses", touch, "s", "reading them", reading),
     ]
 
 
 def _timed(folder: Path, out: Path, where: Where) -> float:
-    begun = time.perf_counter()
+    start = time.perf_counter()
     run_campaign(folder, out, where)
-    return time.perf_counter() - begun
+    return time.perf_counter() - start
 
 
 def write_presses(
     folder: Path, plectra: int, sessions: int, presses: int, seed: int = 0
 ) -> list[Path]:
-    """Record presses of plectra of several cuts, each set up anew for every session.
+    """Simulate and record presses of different plectra, with a new set-up in each session.
 
     Args:
-        folder: A folder for each session is made in it.
-        plectra: That differ in thickness and overlap.
-        sessions: Of each plectrum.
-        presses: Of each session.
-        seed: Of cuts, set-ups and noise.
+        folder: Gets one subfolder per session.
+        plectra: Number of plectra, which differ in thickness and overlap.
+        sessions: Number of sessions of each plectrum.
+        presses: Number of presses of each session.
+        seed: Seed of shapes, set-ups and noise.
     """
     random = np.random.default_rng(seed)
     scene = load_scene("ideal").model_copy(update={"sensors": load_scene("paper").sensors})
@@ -124,16 +124,16 @@ def _write_session(folder: Path, rig: Rig, scene: Scene, presses: int, seed: int
         yield path
 
 
-def copy_presses(paths: list[Path], wanted: int) -> None:
-    """Copy recordings beside themselves until there are as many as are wanted."""
-    for number in range(len(paths), wanted):
+def copy_presses(paths: list[Path], total: int) -> None:
+    """Copy recordings into their folders until there are `total` of them."""
+    for number in range(len(paths), total):
         path = paths[number % len(paths)]
         shutil.copy(path, path.with_name(f"{path.stem}-{number // len(paths)}.mcap"))
 
 
 @contextmanager
 def cluster(workers: int) -> Iterator[tuple[str, list[subprocess.Popen[bytes]]]]:
-    """Yield the address of a Dask scheduler of this machine, and its workers' processes."""
+    """Yield the address of a Dask scheduler on this machine, and the processes of its workers."""
     from distributed import LocalCluster
 
     environment = os.environ | {"PYTHONPATH": str(Path(__file__).parents[1])}

@@ -1,4 +1,4 @@
-"""The page on a session of 20 presses: how long it takes, and how large it is."""
+"""Report of a session of 20 presses: time and size of the page."""
 
 import json
 import statistics
@@ -21,7 +21,7 @@ RUNS = 5
 
 
 def run() -> list[Figure]:
-    """Return the time of `sautereau report` from start to end, and the size of its page."""
+    """Return the time of the complete command `sautereau report`, and the size of its page."""
     with tempfile.TemporaryDirectory() as folder:
         with StandIn(load_rig(), load_scene("paper")) as stand_in:
             rig = stand_in.rig
@@ -35,9 +35,9 @@ def run() -> list[Figure]:
                 check=True,
             )
             times.append(time.perf_counter() - start)
-        told = json.loads(done.stdout)
-        assert told["presses"] == PRESSES
-        size = Path(told["path"]).stat().st_size
+        result = json.loads(done.stdout)
+        assert result["presses"] == PRESSES
+        size = Path(result["path"]).stat().st_size
     return [
         Figure("sautereau report", statistics.median(times), "s", "limit", 5.0),
         Figure("its page", size / 1e6, "MB", "limit", 6.0),

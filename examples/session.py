@@ -1,6 +1,6 @@
-"""A session on the stand-in beside the model: what `make press` makes.
+"""A session on the stand-in, compared with the model, like `make press`.
 
-Driver and acquisition are those of the hardware; only the addresses are the stand-in's.
+Driver and acquisition are those of the hardware, with the addresses of the stand-in.
 
 python -m examples.session [picture.png]
 """
@@ -30,11 +30,11 @@ class Session:
     prediction: Prediction
     comparison: Comparison
     true_contacts: list[float]
-    """s from the trigger, as the stand-in knows them."""
+    """Contact in the simulation, s after the trigger."""
 
 
 def study(n: int = 3, scene: str = "paper", seed: int = 1) -> Session:
-    """Press n times on the stand-in, and compare with the model."""
+    """Make n presses on the stand-in, and compare them with the model."""
     rig = load_rig()
     with tempfile.TemporaryDirectory() as out, StandIn(rig, load_scene(scene), seed) as served:
         bench = served.rig
@@ -47,7 +47,7 @@ def study(n: int = 3, scene: str = "paper", seed: int = 1) -> Session:
 
 
 def plot(path: str | Path, studied: Session) -> None:
-    """Draw force and deflection with the phases, and beside the model, into a file."""
+    """Save a plot of force and deflection with phases and model to a file."""
     plot_comparison(path, studied.presses, studied.phases, studied.prediction)
 
 
@@ -55,8 +55,9 @@ def main() -> None:
     studied = study()
     for phases, truth in zip(studied.phases, studied.true_contacts, strict=True):
         (held,) = phases.plucks
-        print(f"contact at {held.contact * 1e3:.3f} ms, in truth at {truth * 1e3:.3f} ms")
-    print(f"model over measured duration, less 1: {studied.comparison.duration_error.value:+.2%}")
+        print(f"contact at {held.contact * 1e3:.3f} ms, true value {truth * 1e3:.3f} ms")
+    error = studied.comparison.duration_error.value
+    print(f"pluck duration, model error (model - measured) / measured: {error:+.2%}")
     if len(sys.argv) > 1:
         plot(sys.argv[1], studied)
 
