@@ -166,7 +166,7 @@ def check_scene(scene: Scene) -> None:
     if scene.step is None or "auto" in (scene.plectrum, scene.string):
         faults.append(
             "step, plectrum, string: the scene leaves them open; settle it with"
-            " sim_backend.trade.choose.settle, or give a step, a level and a string"
+            " sim_backend.trade.select.select_solver, or give a step, a level and a string"
         )
     if faults:
         raise SceneError("\n".join(faults))
