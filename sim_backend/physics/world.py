@@ -63,7 +63,7 @@ def new_world(rig: Rig, scene: Scene, start: tuple[float, float] | None = None) 
     if auto:
         raise SceneError(
             f"scene: {', '.join(auto)} is left to the accuracy of {scene.accuracy}; choose it first"
-            " with `sautereau.sim_backend.trade.choose.select_solver`"
+            " with `sautereau.sim_backend.trade.select.select_solver`"
         )
     if scene.engine == "reduced":
         from sautereau.sim_backend.physics.reduced.engine import ReducedWorld

@@ -49,13 +49,13 @@ class OdriveFirmware(Machine):
         super().__post_init__()
         self._line = bytearray()
         self._commands: dict[str, Callable[[str], list[str]]] = {
-            "p": self._position,
-            "t": self._trajectory,
-            "f": self._feedback,
+            "p": _for_axis(self._position, 2),
+            "t": _for_axis(self._trajectory, 2),
+            "f": _for_axis(self._feedback, 1),
             "i": self._information,
             "r": self._read,
             "w": self._write,
-            "u": self._update,
+            "u": _for_axis(self._update, 1),
             "s": self._system,
         }
 
@@ -85,33 +85,20 @@ class OdriveFirmware(Machine):
             answer += f"{each}*{checksum(each)}\r\n" if star else f"{each}\r\n"
         return answer.encode("latin-1")
 
-    def _position(self, text: str) -> list[str]:
-        found = _axis_and_numbers(text, 2)
-        if isinstance(found, str):
-            return [found]
-        index, position, *rest = found
-        self.axes[int(index)].follow(position, rest[0] if rest else None)
+    def _position(self, index: int, position: float, *rest: float) -> list[str]:
+        self.axes[index].follow(position, rest[0] if rest else None)
         return []
 
-    def _trajectory(self, text: str) -> list[str]:
-        found = _axis_and_numbers(text, 2)
-        if isinstance(found, str):
-            return [found]
-        self.axes[int(found[0])].move(found[1])
+    def _trajectory(self, index: int, goal: float, *rest: float) -> list[str]:
+        self.axes[index].move(goal)
         return []
 
-    def _feedback(self, text: str) -> list[str]:
-        found = _axis_and_numbers(text, 1)
-        if isinstance(found, str):
-            return [found]
-        axis = self.seen(int(found[0]))
+    def _feedback(self, index: int, *rest: float) -> list[str]:
+        axis = self.seen(index)
         return [f"{axis.position:.6f} {axis.velocity:.6f}"]
 
-    def _update(self, text: str) -> list[str]:
-        found = _axis_and_numbers(text, 1)
-        if isinstance(found, str):
-            return [found]
-        self.axes[int(found[0])].feed()
+    def _update(self, index: int, *rest: float) -> list[str]:
+        self.axes[index].feed()
         return []
 
     def _information(self, text: str) -> list[str]:
@@ -152,9 +139,15 @@ class OdriveFirmware(Machine):
         return [f"waiting {seconds:.6f}"]
 
 
-def _axis_and_numbers(text: str, least: int) -> list[float] | str:
-    """Return a command's numbers, the first an axis, or the firmware's error message."""
-    found = numbers(text)
-    if len(found) < least:
-        return "invalid command format"
-    return found if found[0] in (0, 1) else f"invalid motor {int(found[0])}"
+def _for_axis(command: Callable[..., list[str]], least: int) -> Callable[[str], list[str]]:
+    """Return a command on a line whose leading numbers, at least ``least``, begin with an axis."""
+
+    def carry_out(text: str) -> list[str]:
+        found = numbers(text)
+        if len(found) < least:
+            return ["invalid command format"]
+        if found[0] not in (0, 1):
+            return [f"invalid motor {int(found[0])}"]
+        return command(int(found[0]), *found[1:])
+
+    return carry_out

@@ -156,7 +156,7 @@ def check_scene(scene: Scene) -> None:
     if scene.step is None or "auto" in (scene.plectrum, scene.string):
         faults.append(
             "step, plectrum, string: the scene leaves them open; choose them with"
-            " `sautereau.sim_backend.trade.choose.select_solver`, or give a step, a level and a"
+            " `sautereau.sim_backend.trade.select.select_solver`, or give a step, a level and a"
             " string"
         )
     if faults:

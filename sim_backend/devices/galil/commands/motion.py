@@ -72,31 +72,25 @@ def servo_here(machine: Machine, args: str, thread: Thread | None) -> None:
 
 def define_position(machine: Machine, args: str, thread: Thread | None) -> str | None:
     """DP: redefine the reported position of the reference; nothing moves."""
-    values = parse_list(args, Operands(machine))
-    new = {i: whole(v, -LARGEST - 1, LARGEST) for i, v in values.items() if v is not None}
+    new, asked = _integers(machine, args, LARGEST)
     if any(machine.axes[index].profile is not None for index in new):
         raise CommandError(7)
     for index, value in new.items():
         machine.axes[index].offset += value - machine.reference(index)
-    asked = [machine.position(index) for index, value in values.items() if value is None]
-    return write_list(list(asked)) if asked else None
+    return write_list([machine.position(index) for index in asked]) if asked else None
 
 
 def define_auxiliary(machine: Machine, args: str, thread: Thread | None) -> str | None:
     """DE: the same for the auxiliary encoder."""
-    values = parse_list(args, Operands(machine))
-    new = {i: whole(v, -LARGEST - 1, LARGEST) for i, v in values.items() if v is not None}
+    new, asked = _integers(machine, args, LARGEST)
     for index, value in new.items():
         machine.axes[index].auxiliary = value
-    asked = [machine.axes[i].auxiliary for i, value in values.items() if value is None]
-    return write_list(list(asked)) if asked else None
+    return write_list([machine.axes[index].auxiliary for index in asked]) if asked else None
 
 
 def aim(machine: Machine, mode: str, args: str) -> str | None:
     """PA, PR and JG: choose the next motion and its target."""
-    values = parse_list(args, Operands(machine))
-    limit = SEGMENT_VELOCITY if mode == "JG" else LARGEST
-    new = {index: whole(v, -limit - 1, limit) for index, v in values.items() if v is not None}
+    new, asked = _integers(machine, args, SEGMENT_VELOCITY if mode == "JG" else LARGEST)
     for index in new:
         axis = machine.axes[index]
         if axis.profile is not None and not (mode == "JG" and axis.jogging):
@@ -106,8 +100,7 @@ def aim(machine: Machine, mode: str, args: str) -> str | None:
         axis.mode, axis.target = mode, value
         if axis.jogging:
             axis.begin_jog()
-    asked = [machine.axes[index].target for index, value in values.items() if value is None]
-    return write_list(list(asked)) if asked else None
+    return write_list([machine.axes[index].target for index in asked]) if asked else None
 
 
 def home(machine: Machine, args: str, thread: Thread | None) -> None:
@@ -205,6 +198,13 @@ def abort(machine: Machine, args: str, thread: Thread | None) -> None:
     if args not in ("", "0", "1"):
         raise CommandError(4)
     machine.abort(programs=args != "1")
+
+
+def _integers(machine: Machine, args: str, limit: int) -> tuple[dict[int, int], list[int]]:
+    """Return the new integers by axis, each from -limit - 1 to limit, and the queried axes."""
+    values = parse_list(args, Operands(machine))
+    new = {i: whole(v, -limit - 1, limit) for i, v in values.items() if v is not None}
+    return new, [i for i, v in values.items() if v is None]
 
 
 def _resting(machine: Machine, args: str):
