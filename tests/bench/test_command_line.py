@@ -136,7 +136,7 @@ def test_predict_and_doctor_answer_the_keys_of_the_contract(sautereau):
         "finger_force_peak", "v_osc", "work", "released_string",
     } <= set(predicted)  # fmt: skip
     checks = json.loads(sautereau("doctor", "--json").stdout)["checks"]
-    assert all(check["remedy"] for check in checks if not check["ok"])
+    assert all(check["how_to_fix"] for check in checks if not check["ok"])
 
 
 @pytest.mark.parametrize(
