@@ -1,9 +1,8 @@
-"""Whole presses: real pyserial and real nidaqmx against the stand-in, files on disk."""
+"""Complete presses: real pyserial and real nidaqmx against the stand-in, files on disk."""
 
-import os
+import json
 import re
 import subprocess
-import sys
 from importlib import resources
 from pathlib import Path
 
@@ -18,7 +17,7 @@ from sautereau.trajectory.press import plan_press
 
 
 def run_on_stand_in(scene: str, out: Path, n: int = 1, seed: int = 0, rig=None):
-    """Make n presses; return the recordings and what really happened in them."""
+    """Run n presses; return the recordings and the true events."""
     with StandIn(rig or load_rig(), load_scene(scene), seed) as stand_in:
         paths = run_session(
             stand_in.rig, plan_press(stand_in.rig), GalilController(stand_in.rig), out, n
@@ -57,19 +56,15 @@ def rig_file(tmp_path):
 
 
 @pytest.fixture
-def sautereau(tmp_path):
-    """Run the command line in a process of its own."""
+def sautereau(command_server, tmp_path):
+    """Run a command in its own process and in `tmp_path`; with --json, check both streams."""
 
-    def run(*words: object, **options) -> subprocess.CompletedProcess:
-        return subprocess.run(
-            [sys.executable, "-m", "sautereau", *map(str, words)],
-            capture_output=True,
-            text=True,
-            cwd=tmp_path,
-            env=os.environ | {"PYTHONWARNINGS": "error"},
-            timeout=60,
-            check=False,
-            **options,
-        )
+    def run(*words: object) -> subprocess.CompletedProcess[str]:
+        done = command_server.run(*words, folder=tmp_path)
+        if "--json" in words:
+            printed = done.stderr if done.returncode else done.stdout
+            assert json.loads(printed)["schema"] == 1, printed
+            assert done.returncode or "warning" not in done.stderr
+        return done
 
     return run

@@ -29,7 +29,7 @@ from sautereau.commands.app import app
 ROOT = Path(__file__).parents[2]
 BIN = Path(sys.executable).parent
 MARK = "@@ command "
-FORKED = Path(__file__).with_name("forked.py")
+FORKED = ROOT / "tests" / "forked.py"
 PROLOGUE = f"""
 set -eo pipefail
 sautereau() {{ {sys.executable} -S {FORKED} run "$SERVER" "$@"; }}
@@ -45,16 +45,10 @@ LONGEST = 280
 pytestmark = pytest.mark.timeout(300)
 
 
-@pytest.fixture(scope="module")
-def server(tmp_path_factory):
-    """Path of the socket at which commands are begun."""
-    path = str(tmp_path_factory.mktemp("server") / "socket")
-    command = [sys.executable, str(FORKED), "serve", path]
-    environment = os.environ | {"PYTHONPATH": str(ROOT)}
-    with subprocess.Popen(command, env=environment, stdout=subprocess.PIPE) as process:
-        assert process.stdout.readline() == b"ready\n"
-        yield path
-        process.terminate()
+@pytest.fixture
+def server(command_server):
+    """Path of the socket of the command server."""
+    return command_server.path
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="the pages are written for bash")
