@@ -104,7 +104,11 @@ def _beside_a_solver(rig: Rig, plectrum: PlectrumMap, pluck: Pluck, cost: Cost) 
         Figure(f"{DEAREST}: one point of the map", cost.point * 1e6, "us", name, spent * 1e6),
         Figure(f"{DEAREST}: {BATCH} points at once", cost.batch * 1e6, "us", name, spent * 1e6),
         Figure(
-            f"{DEAREST}: a whole pluck", cost.pluck * 1e3, "ms", f"{name}, one point", spent * 1e3
+            f"{DEAREST}: a complete pluck",
+            cost.pluck * 1e3,
+            "ms",
+            f"{name}, one point",
+            spent * 1e3,
         ),
     ]
 
@@ -129,7 +133,7 @@ def _errors(rig: Rig, row: Row, pluck: Pluck, exact: Pluck) -> list[Figure]:
     """Return how far [%] the pluck's results lie above the exact ones, or below."""
     found = {
         "release force": (pluck.force[-1], exact.force[-1]),
-        "contact duration": (
+        "pluck duration": (
             pluck.release_height / rig.press.jack_speed,
             exact.release_height / rig.press.jack_speed,
         ),
@@ -149,5 +153,5 @@ def _times(level: str, cost: Cost, peer: Cost) -> list[Figure]:
         Figure(
             f"{level}: {BATCH} points at once", cost.batch * 1e6, "us", DEAREST, peer.batch * 1e6
         ),
-        Figure(f"{level}: a whole pluck", cost.pluck * 1e3, "ms", DEAREST, peer.pluck * 1e3),
+        Figure(f"{level}: a complete pluck", cost.pluck * 1e3, "ms", DEAREST, peer.pluck * 1e3),
     ]
