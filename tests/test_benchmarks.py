@@ -23,7 +23,7 @@ from benchmarks.figures import Figure
         (float("nan"), "limit", False),
     ],
 )
-def test_a_figure_beyond_its_limit_is_missed(value, against, missed):
+def test_a_figure_beyond_its_limit_is_marked(value, against, missed):
     figure = Figure("time", value, "s", against, 1.0)
     assert figure.missed is missed
     assert str(figure).endswith(" MISSED |") is missed

@@ -15,6 +15,24 @@ from sautereau.sim_backend.bench import StandIn
 from sautereau.sim_backend.scene import load_scene
 from sautereau.trajectory.press import plan_press
 
+BARE = """
+description = "a key without strings: quick"
+finger = "ideal"
+plectrum = "none"
+string = "none"
+friction = false
+felt = false
+step = "1 ms"
+"""
+
+
+@pytest.fixture
+def bare(tmp_path):
+    """Scene file of a key without strings, for tests that need no pluck."""
+    path = tmp_path / "bare.toml"
+    path.write_text(BARE)
+    return path
+
 
 def run_on_stand_in(scene: str, out: Path, n: int = 1, seed: int = 0, rig=None):
     """Run n presses; return the recordings and the true events."""

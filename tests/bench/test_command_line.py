@@ -287,9 +287,9 @@ def test_a_controller_that_refuses_everything(sautereau, rig_file, answering_por
 
 
 @pytest.fixture
-def stand_in():
-    """The scene `ideal` in this process, for a command line in another."""
-    with StandIn(load_rig(), load_scene("ideal")) as served:
+def stand_in(bare):
+    """The scene `bare` in this process, for a command line in another."""
+    with StandIn(load_rig(), load_scene(str(bare))) as served:
         yield served
         assert served.bench.firmware.motors_on == (False, False)
 
@@ -329,13 +329,13 @@ def test_a_trigger_that_never_comes(sautereau, rig_file, stand_in, tmp_path):
     assert left == {"press-0001.mcap.part", "session.json"}
 
 
-def test_a_full_disk(tmp_path):
+def test_a_full_disk(tmp_path, bare):
     def small_files_only():
         signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
-        resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, 100_000))
+        resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, 20_000))
 
     done = subprocess.run(
-        [sys.executable, "-m", "sautereau", "press", "--sim", "--out", "out"],
+        [sys.executable, "-m", "sautereau", "press", "--scene", bare, "--out", "out"],
         capture_output=True, text=True, cwd=tmp_path, check=False, preexec_fn=small_files_only,
     )  # fmt: skip
     refused(done, "press-0001.mcap.part", "cannot be written")
@@ -348,23 +348,24 @@ def test_a_file_that_is_no_recording(sautereau, tmp_path):
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
-def test_an_interrupted_session_leaves_a_safe_arm_and_complete_files(rig_file, tmp_path, number):
-    with StandIn(load_rig(), load_scene("ideal")) as served:
-        path = rig_file(port=f'"{served.serial_port}"', address=f'"{served.daq_address}"')
-        command = [sys.executable, "-m", "sautereau", "press", path, "-n", "500", "--out", "out"]
-        with subprocess.Popen(
-            command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-        ) as process:
-            assert process.stdout
-            for line in process.stdout:
-                if "press-0002" in line:
-                    break
-            process.send_signal(number)
-            _, message = process.communicate(timeout=30)
-        assert process.returncode == 1
-        assert "interrupted" in message
-        assert "Traceback" not in message
-        assert served.bench.firmware.motors_on == (False, False)
+def test_an_interrupted_session_leaves_a_safe_arm_and_complete_files(
+    rig_file, tmp_path, stand_in, number
+):
+    path = rig_file(port=f'"{stand_in.serial_port}"', address=f'"{stand_in.daq_address}"')
+    command = [sys.executable, "-m", "sautereau", "press", path, "-n", "500", "--out", "out"]
+    with subprocess.Popen(
+        command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as process:
+        assert process.stdout
+        for line in process.stdout:
+            if "press-0002" in line:
+                break
+        process.send_signal(number)
+        _, message = process.communicate(timeout=30)
+    assert process.returncode == 1
+    assert "interrupted" in message
+    assert "Traceback" not in message
+    assert stand_in.bench.firmware.motors_on == (False, False)
     for left in (tmp_path / "out").iterdir():
         assert left.suffix in (".mcap", ".json") or left.name in message
 

@@ -165,7 +165,7 @@ def test_foxglove_is_served_on_the_loopback_alone(foxglove):
     with foxglove("rig", port=0) as view:
         table = Path("/proc/net/tcp")
         if not table.exists():
-            pytest.skip("only Linux tells who listens where")
+            pytest.skip("only Linux lists the listening sockets")
         listening = [line.split()[1] for line in table.read_text().splitlines()[1:]]
         own = [a for a in listening if a.endswith(f":{view.port:04X}")]
         assert "0100007F:" + f"{view.port:04X}" in own
@@ -243,10 +243,10 @@ def test_there_is_no_view_by_default():
         assert watch(Fault("a")) is None
 
 
-def test_presses_are_recorded_and_reported_under_a_view(sautereau, tmp_path):
-    """`--json` stays one object, whatever is shown beside it."""
+def test_presses_are_recorded_and_reported_under_a_view(sautereau, bare, tmp_path):
+    """`--json` stays one object beside a view."""
     ran = sautereau(
-        "press", "-n", 2, "--scene", "ideal", "--out", tmp_path / "out", "--view", "--json"
+        "press", "-n", 2, "--scene", bare, "--out", tmp_path / "out", "--view", "--json"
     )
     assert ran.returncode == 0, ran.stderr
     assert len(json.loads(ran.stdout)["recordings"]) == 2
