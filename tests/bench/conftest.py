@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from sautereau.rig.load import load_rig
+from sautereau.rig.load import load_rig, with_values
 from sautereau.robot.drivers.galil.driver import GalilController
 from sautereau.robot.experiment.session import run_session
 from sautereau.sim_backend.bench import StandIn
@@ -36,7 +36,8 @@ def bare(tmp_path):
 
 def run_on_stand_in(scene: str, out: Path, n: int = 1, seed: int = 0, rig=None):
     """Run n presses; return the recordings and the true events."""
-    with StandIn(rig or load_rig(), load_scene(scene), seed) as stand_in:
+    rig = rig or with_values(load_rig(), {"controller.timeout": "20 s"})  # for a busy machine
+    with StandIn(rig, load_scene(scene), seed) as stand_in:
         paths = run_session(
             stand_in.rig, plan_press(stand_in.rig), GalilController(stand_in.rig), out, n
         )
@@ -57,11 +58,14 @@ def ideal(tmp_path_factory):
 
 @pytest.fixture
 def rig_file(tmp_path):
-    """Write the paper's rig with lines replaced: rig_file(port='...', terminal='...')."""
+    """Write the paper's rig with lines replaced: rig_file(port='...', terminal='...').
+
+    The controller's timeout is long, for a busy machine, unless the test sets it.
+    """
 
     def write(**changes: str) -> Path:
         text = resources.files("sautereau.rig").joinpath("paper.toml").read_text(encoding="utf-8")
-        for key, value in changes.items():
+        for key, value in ({"timeout": '"20 s"'} | changes).items():
             text, n = re.subn(
                 rf"(?m)^{key} = .*$", lambda _, k=key, v=value: f"{k} = {v}", text, count=1
             )
