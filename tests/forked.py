@@ -82,7 +82,7 @@ def serve(path: str) -> None:
     listener = socket.socket(socket.AF_UNIX)
     listener.bind(path)
     listener.listen()
-    signal.signal(signal.SIGTERM, lambda *_: sys.exit())
+    signal.signal(signal.SIGTERM, lambda *_: (listener.close(), sys.exit()))
     os.write(1, b"ready\n")
     running = 0
     while True:

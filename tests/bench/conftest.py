@@ -27,6 +27,12 @@ step = "1 ms"
 
 
 @pytest.fixture
+def slow_host_rig():
+    """The paper's rig with a long timeout of the controller, for a busy machine."""
+    return with_values(load_rig(), {"controller.timeout": "20 s"})
+
+
+@pytest.fixture
 def bare(tmp_path):
     """Scene file of a key without strings, for tests that need no pluck."""
     path = tmp_path / "bare.toml"

@@ -110,14 +110,14 @@ def test_another_plan_in_the_same_folder_is_refused_with_the_differences(
     assert names(tmp_path / "out") == before
 
 
-def test_a_table_of_presses_with_warm_up_on_the_stand_in(sautereau, tmp_path):
+def test_a_table_of_presses_with_warm_up_on_the_stand_in(sautereau, rig_file, tmp_path):
     (tmp_path / "plan.csv").write_text(
         "press.jack_speed, plectrum.overlap, repeats, notes\n"
         "0.06 m/s, , 3, slow\n"
         "0.08 m/s, 0.35 mm, , \n"
     )
     done = sautereau(
-        *("press", "--scene", "ideal", "--table", "plan.csv", "--warm-up", 1, "--json"),
+        *("press", rig_file(), "--scene", "ideal", "--table", "plan.csv", "--warm-up", 1, "--json"),
         *("--rest", "1 ms", "--notes", "monday", "--out", "out"),
     )
     assert done.returncode == 0, done.stderr
@@ -189,11 +189,11 @@ def test_on_a_terminal_the_session_waits_for_the_operator(bare, rig_file, tmp_pa
     assert (len(result["recordings"]), result["left"], result["to_set"]) == (1, 0, {})
 
 
-def test_a_known_jitter_is_recovered_within_its_interval(bare, tmp_path):
+def test_a_known_jitter_is_recovered_within_its_interval(bare, slow_host_rig, tmp_path):
     """Each press is planned with a different speed; the recordings have the nominal one."""
     presses, sigma = 10, 4e-3
     speeds = 1 + sigma * np.random.default_rng(5).standard_normal(presses)
-    with StandIn(load_rig(), load_scene(str(bare))) as stand_in:
+    with StandIn(slow_host_rig, load_scene(str(bare))) as stand_in:
         rig = stand_in.rig
         nominal = rig.press.jack_speed
         plans = [
@@ -208,8 +208,8 @@ def test_a_known_jitter_is_recovered_within_its_interval(bare, tmp_path):
     assert found.velocity_accuracy == pytest.approx(speeds.mean() - 1, abs=3e-4)
 
 
-def test_sensors_noise_is_far_below_a_robots_repeatability(tmp_path):
-    with StandIn(load_rig(), load_scene("paper"), 1) as stand_in:
+def test_sensors_noise_is_far_below_a_robots_repeatability(slow_host_rig, tmp_path):
+    with StandIn(slow_host_rig, load_scene("paper"), 1) as stand_in:
         rig = stand_in.rig
         items = [Item(rig, plan_press(rig))] * 4
         paths = make_presses(GalilController(rig), tmp_path, items)
