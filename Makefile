@@ -2,10 +2,10 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 OUT ?= out
-# The folders under the one name by which they are imported, for tools that read source text.
+# Links to the folders under their import names, for tools that read source text.
 LINKS := build/checked
 
-.PHONY: press test test-all faults lint bench docs gallery clean links
+.PHONY: press test test-all faults lint layers bench docs gallery clean links
 
 $(VENV)/installed: pyproject.toml
 	$(PYTHON) -m venv $(VENV)
@@ -39,6 +39,9 @@ lint: $(VENV)/installed links
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/pyright
+	@$(MAKE) --no-print-directory layers
+
+layers: $(VENV)/installed links
 	cd $(LINKS) && PYTHONPATH=. $(CURDIR)/$(BIN)/lint-imports --no-cache \
 	  --config $(CURDIR)/pyproject.toml
 

@@ -1,6 +1,7 @@
-"""Run benchmarks, all of them or those that are named, and print what they have measured.
+"""Run all benchmarks, or those that are named, and print their figures.
 
-All of them, or those that are named after `--write`, go onto the page of figures.
+The figures of all, or of those named after `--write`, are written to the page of figures. A
+figure beyond its limit is marked MISSED; the exit status is then 1.
 """
 
 import ast
@@ -30,19 +31,27 @@ ALL = (
 )
 
 
-def main() -> None:
-    names = [name for name in sys.argv[1:] if name != "--write"]
+def main(arguments: list[str]) -> int:
+    """Run the benchmarks; return the exit status."""
+    names = [name for name in arguments if name != "--write"]
+    missed = 0
     for name in names or ALL:
-        found = table(title(name), importlib.import_module(f"benchmarks.{name}").run())
+        figures = importlib.import_module(f"benchmarks.{name}").run()
+        found = table(title(name), figures)
         print(found, flush=True)
-        if not names or "--write" in sys.argv:
+        missed += sum(figure.missed for figure in figures)
+        if not names or "--write" in arguments:
             write_page([found], [title(each) for each in ALL])
+    if missed:
+        print(f"{missed} MISSED limit{'s' * (missed > 1)}", file=sys.stderr)
+    return int(missed > 0)
 
 
 def title(name: str) -> str:
-    """Return the heading of a benchmark's figures, its first line."""
+    """Return the heading of a benchmark's figures: the first line of its docstring."""
     module = ast.parse((Path(__file__).parent / f"{name}.py").read_text(encoding="utf-8"))
     return (ast.get_docstring(module) or name).splitlines()[0].rstrip(".")
 
 
-main()
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

@@ -1,4 +1,4 @@
-"""A measured figure, and the page that tables of them are written to."""
+"""A measured figure, and the page of figures."""
 
 import os
 import platform
@@ -10,67 +10,79 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 RUNS = 21
-"""Of what is timed."""
+"""Repetitions of a timed function."""
+UPPER, LOWER = "limit", "at least"
+"""Names of the references that are limits; every other one is a peer."""
 PAGE = Path(__file__).parents[1] / "docs" / "figures.md"
 
 
 @dataclass(frozen=True)
 class Figure:
-    """One measured number beside the limit or the peer of the same run."""
+    """One measured number beside its limit, or beside a peer measured in the same run."""
 
     what: str
     value: float
     unit: str
     against: str
-    """Name of the limit or peer."""
+    """Name of the reference: `UPPER`, `LOWER`, or a peer's name."""
     reference: float
-    """Of the limit or peer, in the same unit."""
+    """Value of the limit or peer, in the same unit."""
+
+    @property
+    def missed(self) -> bool:
+        """Whether the value is beyond its limit; NaN, for a figure not measured, is not."""
+        if self.against == UPPER:
+            return abs(self.value) > self.reference
+        return self.against == LOWER and self.value < self.reference
 
     def __str__(self) -> str:
         unit = f" {self.unit}" if self.unit not in ("", "1") else ""
         return (
-            f"| {self.what} | {self.value:.4g}{unit} | {self.against}:"
-            f" {self.reference:.4g}{unit} | {self.value / self.reference:.3g} |"
+            f"| {self.what} | {self.value:.4g}{unit} | {self.against}: {self.reference:.4g}{unit}"
+            f" | {self.value / self.reference:.3g}{' MISSED' * self.missed} |"
         )
 
 
 def machine() -> str:
-    """Return what this machine is, without its name."""
+    """Return a description of this machine, without its name."""
     cores = os.cpu_count()
     system = f"{platform.system()}, Python {platform.python_version()}"
     return f"{platform.machine()}, {cores} cores, {system}"
 
 
 def median_time(work: Callable[[], object]) -> float:
-    """Return the median time [s] of several runs, after one that warms up."""
+    """Return the median time [s] of several runs, after a warm-up run."""
     work()
     times = []
     for _ in range(RUNS):
-        begun = time.perf_counter()
+        start = time.perf_counter()
         work()
-        times.append(time.perf_counter() - begun)
+        times.append(time.perf_counter() - start)
     return statistics.median(times)
 
 
 def table(title: str, figures: Sequence[Figure]) -> str:
     """Return a titled Markdown table, with the day and the machine below it."""
     head = "| what | measured | against | ratio |\n|---|---|---|---|"
-    told = f"Measured on {datetime.now(UTC).date().isoformat()}; {machine()}."
-    return "\n".join([f"## {title}", "", head, *map(str, figures), "", told])
+    measured = f"Measured on {datetime.now(UTC).date().isoformat()}; {machine()}."
+    return "\n".join([f"## {title}", "", head, *map(str, figures), "", measured])
 
 
 def write_page(tables: Sequence[str], titles: Sequence[str]) -> None:
-    """Put tables on the page of figures, each in the place of the older one of its title.
+    """Write tables to the page of figures; each replaces the older one of the same title.
 
     Args:
         tables: As `table` returns them.
-        titles: Of all benchmarks, in the order of the page; a table of no other stays.
+        titles: Titles of all benchmarks, in the order of the page; other tables are removed.
     """
     page = PAGE.read_text(encoding="utf-8") if PAGE.exists() else ""
     found = {_title(text): text.strip() for text in page.split("\n## ")[1:]}
     found |= {_title(text): text.removeprefix("## ").strip() for text in tables}
     kept = [f"## {found[title]}" for title in titles if title in found]
-    how = "Written by `make bench`, or one by one: `python -m benchmarks --write NAME`."
+    how = (
+        "Written by `make bench`, or one by one: `python -m benchmarks --write NAME`. A figure"
+        "\nbeyond its limit is marked MISSED."
+    )
     PAGE.write_text("\n\n".join(["# Figures", how, *kept]) + "\n", encoding="utf-8")
 
 

@@ -77,7 +77,7 @@ def _many(rig: Rig) -> list[Figure]:
         what = f"a batch of {CASES} with friction {friction}"
         rate = statistics.median(rates)
         figures += [
-            Figure(f"{what}: predictions per second, at least", rate, "1/s", "limit", 20_000.0),
+            Figure(f"{what}: predictions per second", rate, "1/s", "at least", 20_000.0),
             Figure(f"{what}: error of {CHECKED} of them", error, "1", "limit", SAME),
         ]
     return figures

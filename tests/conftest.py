@@ -1,4 +1,4 @@
-"""Sessions on disk, quickly: one press of the stand-in, recorded anew with noise of its own."""
+"""Shared by all tests: a server of commands, and sessions made of one press of the stand-in."""
 
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -16,11 +16,12 @@ from sautereau.robot.experiment.session import run_session
 from sautereau.sim_backend.bench import StandIn
 from sautereau.sim_backend.scene import load_scene
 from sautereau.trajectory.press import plan_press
+from tests.forked import CommandServer
 
 
 @dataclass(frozen=True)
 class SessionWriter:
-    """Writes recordings that differ by their noise and by what they say."""
+    """Writes recordings that differ in their noise and in their metadata."""
 
     one: Recorded
 
@@ -34,16 +35,16 @@ class SessionWriter:
         events: tuple[tuple[str, str], ...] = (),
         noise: float = 1e-3,
         scale: float = 1.0,
-        **said: object,
+        **metadata: object,
     ) -> list[Path]:
-        """Write n presses into a folder; `noise` is in V, `scale` of all volts."""
+        """Write n presses into a folder; `noise` is in V, `scale` multiplies all volts."""
         folder.mkdir(parents=True, exist_ok=True)
         paths = []
         rig = rig or self.one.rig
         volts = np.stack([self.one.volts[channel.name] for channel in self.one.rig.daq.channels])
         for number in range(first, first + n):
             random = np.random.default_rng(number)
-            session = replace(self.one.session, press=number, item=number, **said)
+            session = replace(self.one.session, press=number, item=number, **metadata)
             path = folder / f"press-{number:04d}.mcap"
             with Recording(path, rig, session=session, rate=self.one.rate) as recording:
                 noisy = scale * volts + noise * random.standard_normal(volts.shape)
@@ -56,8 +57,15 @@ class SessionWriter:
 
 
 @pytest.fixture(scope="session")
+def command_server(tmp_path_factory):
+    """Server that starts commands quickly."""
+    with CommandServer(str(tmp_path_factory.mktemp("server") / "socket")) as server:
+        yield server
+
+
+@pytest.fixture(scope="session")
 def write_session(tmp_path_factory) -> SessionWriter:
-    """Write sessions of presses that the stand-in's scene `ideal` made once."""
+    """Write sessions made of one press of the scene `ideal`."""
     with StandIn(load_rig(), load_scene("ideal"), 0) as stand_in:
         (path,) = run_session(
             stand_in.rig,

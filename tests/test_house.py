@@ -1,4 +1,4 @@
-"""Rules of the checkout that the linters of `make lint` do not know."""
+"""Rules of the repository that the linters do not check."""
 
 import re
 import tomllib

@@ -1,4 +1,4 @@
-"""A room brings no more than it needs until it is used, so that commands start quickly."""
+"""A package imports only what it needs, so that commands start quickly."""
 
 import pytest
 
@@ -6,6 +6,6 @@ from benchmarks.imports import FRONTS, imported
 
 
 @pytest.mark.parametrize("front", FRONTS, ids=lambda front: front.module)
-def test_a_room_brings_only_what_it_needs(front):
+def test_a_package_imports_only_what_it_needs(front):
     _, brought = imported(front.module)
     assert brought <= set(front.brings)

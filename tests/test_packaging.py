@@ -1,4 +1,4 @@
-"""Wheel and sdist: what is in them, that an empty environment can press with them, the extras."""
+"""Wheel and sdist: their contents, their use from other folders, and the extras."""
 
 import ast
 import json
@@ -6,8 +6,10 @@ import re
 import shutil
 import subprocess
 import sys
+import sysconfig
 import tarfile
 import tomllib
+import venv
 import zipfile
 from email.parser import Parser
 from pathlib import Path
@@ -27,7 +29,7 @@ getattr(build_meta, f"build_{sys.argv[1]}")(sys.argv[2])
 
 
 def run(*words: object, cwd: Path, **options) -> str:
-    """Run a command and return what it prints; its errors are the test's."""
+    """Run a command and return its output; its failure fails the test."""
     done = subprocess.run(
         [str(word) for word in words],
         cwd=cwd, capture_output=True, text=True, check=False, **options,
@@ -37,20 +39,11 @@ def run(*words: object, cwd: Path, **options) -> str:
 
 
 def build(source: Path, out: Path) -> tuple[Path, Path]:
-    """Return wheel and sdist of a source tree; a copy is built, for setuptools writes into it."""
-    left_out = (
-        ".git",
-        ".venv",
-        "build",
-        "out",
-        "site",
-        "*.egg-info",
-        "__pycache__",
-        "node_modules",
-    )
-    left_out += ("__pycache__", ".*_cache")
+    """Return wheel and sdist of a copy of a source tree, because setuptools writes into it."""
+    ignored = (".git", ".venv", "build", "out", "site", "*.egg-info", "__pycache__")
     copy = out / "source"
-    shutil.copytree(source, copy, ignore=shutil.ignore_patterns(*left_out))
+    ignore = shutil.ignore_patterns(*ignored, "node_modules", ".*_cache")
+    shutil.copytree(source, copy, ignore=ignore)
     for kind in ("sdist", "wheel"):
         run(sys.executable, "-c", BUILD, kind, out, cwd=copy)
     (wheel,), (sdist,) = out.glob("*.whl"), out.glob("*.tar.gz")
@@ -72,41 +65,43 @@ def files(folder: Path, root: Path) -> set[str]:
     return {str(p.relative_to(root)) for p in found if "__pycache__" not in p.parts}
 
 
-def test_the_wheel_holds_the_rooms_and_nothing_else(built):
+def test_the_wheel_holds_the_packages_and_nothing_else(built):
     held = {name for name in contents(built[0]) if ".dist-info/" not in name}
-    wanted = {str(Path("sautereau", p)) for room in ROOMS for p in files(ROOT / room, ROOT)}
-    wanted |= files(ROOT / "sautereau", ROOT)
-    assert held == wanted
+    expected = {str(Path("sautereau", p)) for room in ROOMS for p in files(ROOT / room, ROOT)}
+    assert held == expected | files(ROOT / "sautereau", ROOT)
     assert {"sautereau/rig/paper.toml", "sautereau/sim_backend/scenes/paper.toml"} <= held
 
 
 def test_the_sdist_is_complete_and_small(built, tmp_path):
-    """What is built of it is the same wheel, to the byte."""
+    """A wheel built from the sdist is the same, to the byte."""
     wheel, sdist = built
     with tarfile.open(sdist) as archive:
         names = archive.getnames()
         archive.extractall(tmp_path, filter="data")
     (folder,) = tmp_path.iterdir()
-    for name in ("README.md", "LICENSE", "CHANGELOG.md", "Makefile", "tests/test_packaging.py"):
+    texts = ("README.md", "LICENSE", "CHANGELOG.md", "CONTRIBUTING.md", "CITATION.cff")
+    for name in (*texts, "Makefile", "tests/test_packaging.py"):
         assert f"{folder.name}/{name}" in names
-    assert not [name for name in names if "node_modules" in name or name.endswith(".mcap")]
+    assert not [name for name in names if "node_modules" in name]
+    recordings = [name for name in names if name.endswith(".mcap")]
+    assert all("/tests/data/written_by_0.1/" in name for name in recordings)
     assert sdist.stat().st_size < 3e6
     again, _ = build(folder, tmp_path / "again")
     assert contents(again) == contents(wheel)
 
 
-def test_the_wheel_tells_what_it_is(built):
+def test_the_wheel_has_its_metadata(built):
     held = contents(built[0])
     (metadata,) = (text for name, text in held.items() if name.endswith("/METADATA"))
-    told = Parser().parsestr(metadata.decode())
-    assert (told["Name"], told["Version"]) == ("sautereau", PROJECT["version"])
-    assert set(told.get_all("Provides-Extra", [])) == set(PROJECT["optional-dependencies"])
+    fields = Parser().parsestr(metadata.decode())
+    assert (fields["Name"], fields["Version"]) == ("sautereau", PROJECT["version"])
+    assert set(fields.get_all("Provides-Extra", [])) == set(PROJECT["optional-dependencies"])
     (entries,) = (text for name, text in held.items() if name.endswith("/entry_points.txt"))
     assert "sautereau = sautereau.commands.app:main" in entries.decode()
 
 
 def imported(path: Path) -> set[str]:
-    """Return the top names of the modules that a file imports, wherever in it."""
+    """Return the top-level names of all modules that a file imports."""
     found = set()
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
         if isinstance(node, ast.Import):
@@ -117,7 +112,7 @@ def imported(path: Path) -> set[str]:
 
 
 def test_what_is_imported_is_required():
-    """Every package imported by a room is a requirement of it, or of an extra."""
+    """Every imported package is a requirement, or one of an extra."""
     brought_by = {
         "google": "protobuf", "PIL": "pillow", "serial": "pyserial", "skfem": "scikit-fem",
         "foxglove": "foxglove-sdk", "grpc": "nidaqmx", "session_pb2": "nidaqmx",
@@ -147,16 +142,71 @@ def test_what_is_imported_is_required():
         ),
     ],
 )
-def test_a_missing_extra_is_told_with_its_command(extra, module, use):
+def test_a_missing_extra_is_reported_with_its_command(extra, module, use):
     program = (
         f"import sys\nsys.modules[{module!r}] = None\n"
         "from sautereau.rig.errors import SautereauError\n"
         "try:\n" + "".join(f"    {line}\n" for line in use.split("\n"))
         + "except SautereauError as error:\n    print(error)\n"
     )  # fmt: skip
-    said = run(sys.executable, "-c", program, cwd=ROOT)
-    assert f"pip install 'sautereau[{extra}]'" in said
+    message = run(sys.executable, "-c", program, cwd=ROOT)
+    assert f"pip install 'sautereau[{extra}]'" in message
     assert extra in PROJECT["optional-dependencies"]
+
+
+TRAPS = ("analysis", "robot", "daq", "commands", "rig", "trajectory", "sim_backend")
+"""Modules of a user, in the folder where the commands run: to import one is an error."""
+
+
+def site_packages(home: Path) -> Path:
+    """Return the folder of packages of a virtual environment."""
+    scheme = "nt" if sys.platform == "win32" else "posix_prefix"
+    return Path(sysconfig.get_path("purelib", scheme, {"base": home, "platbase": home}))
+
+
+def interpreter(home: Path) -> Path:
+    return home / ("Scripts/python.exe" if sys.platform == "win32" else "bin/python")
+
+
+def use_beside_other_modules(python: Path, folder: Path) -> None:
+    """Run what users run, from a folder whose own modules have the names of our folders."""
+    for name in TRAPS:
+        (folder / f"{name}.py").write_text(f"raise ImportError('{name}.py of the user')")
+
+    def sautereau(*words: str) -> str:
+        return run(python, "-m", "sautereau", *words, cwd=folder)
+
+    assert sautereau("--version").strip() == PROJECT["version"]
+    assert sautereau("--help").lstrip().startswith("Usage: sautereau COMMAND")
+    # -P: the program's own folder is not searched, as for the script `robot`.
+    run(python, "-P", "-c", "from robot import run_cli", cwd=folder)
+    where = run(python, "-c", "import sautereau.rig as rig; print(rig.__file__)", cwd=folder)
+    assert Path(where.strip()).is_relative_to(python.parents[1])
+    pressed = json.loads(sautereau("press", "--scene", "ideal", "-n", "2", "--out", "s", "--json"))
+    for press in pressed["presses"]:
+        assert press["release"] - press["contact"] == pytest.approx(0.02, abs=1e-4)
+    options = ("--free", "plectrum.overlap", "--starts", "1", "--json")
+    fit = sautereau("identify", *pressed["recordings"], *options)
+    assert json.loads(fit)["parameters"]["plectrum.overlap"]["identifiable"]
+    table = sautereau("campaign", ".", "--out", "c.parquet", "--processes", "2", "--json")
+    assert json.loads(table)["presses"] == 2
+    sautereau("report", "s", "--out", "report.html")
+    assert {"c.parquet", "report.html"} <= {path.name for path in folder.iterdir()}
+
+
+@pytest.mark.timeout(300)
+def test_the_wheel_works_beside_robotframework_and_modules_of_the_same_names(built, tmp_path):
+    """In an environment that takes from the running one its dependencies, but not this code."""
+    home, elsewhere = tmp_path / "venv", tmp_path / "elsewhere"
+    elsewhere.mkdir()
+    venv.create(home, symlinks=sys.platform != "win32")
+    packages = site_packages(home)
+    with zipfile.ZipFile(built[0]) as wheel:
+        wheel.extractall(packages)
+    # A folder named in a .pth file has its own .pth files ignored: no editable install gets in.
+    shared = [path for path in sys.path if path.endswith("site-packages")]
+    (packages / "shared.pth").write_text("\n".join(shared))
+    use_beside_other_modules(interpreter(home), elsewhere)
 
 
 @pytest.mark.slow
@@ -164,23 +214,17 @@ def test_a_missing_extra_is_told_with_its_command(extra, module, use):
 def test_an_empty_environment_presses_from_another_folder(built, tmp_path):
     home, elsewhere = tmp_path / "venv", tmp_path / "elsewhere"
     elsewhere.mkdir()
-    run(sys.executable, "-m", "venv", home, cwd=elsewhere)
-    python = home / ("Scripts" if sys.platform == "win32" else "bin") / "python"
-    tool = python.with_name("sautereau")
-    run(python, "-m", "pip", "install", "--quiet", built[0], cwd=elsewhere)
+    venv.create(home, with_pip=True)
+    python = interpreter(home)
+    install = (python, "-m", "pip", "install", "--quiet")
+    run(*install, built[0], "robotframework>=7,<8", cwd=elsewhere)
     run(python, "-m", "pip", "check", cwd=elsewhere)
+    use_beside_other_modules(python, elsewhere)
+    tool = python.with_name("sautereau")
     assert run(tool, "--version", cwd=elsewhere).strip() == PROJECT["version"]
-    where = run(python, "-c", "import sautereau.rig; print(rig.__file__)", cwd=elsewhere)
-    assert Path(where.strip()).is_relative_to(home)
-    pressed = run(
-        tool, "press", "--scene", "ideal", "-n", "1", "--out", "s", "--json", cwd=elsewhere
-    )
-    (press,) = json.loads(pressed)["presses"]
-    assert press["release"] - press["contact"] == pytest.approx(0.02, abs=1e-4)
     words = ("--since", "60 ms", "--until", "70 ms")
     run(tool, "animate", "s/press-0001.mcap", "--out", "pluck.gif", *words, cwd=elsewhere)
     run(tool, "listen", "--out", "pluck.wav", "--duration", "100 ms", cwd=elsewhere)
     run(tool, "plan", "--plot", "plan.png", "--bench", "bench.svg", cwd=elsewhere)
-    run(tool, "report", "s", "--out", "report.html", cwd=elsewhere)
     made = {path.name for path in elsewhere.iterdir()}
-    assert {"pluck.gif", "pluck.wav", "plan.png", "bench.svg", "report.html"} <= made
+    assert {"pluck.gif", "pluck.wav", "plan.png", "bench.svg"} <= made

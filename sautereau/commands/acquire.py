@@ -1,24 +1,24 @@
-"""Record what the sensors show, without the robot."""
+"""Record the sensors without the robot."""
 
 import signal
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import asdict
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from sautereau.commands.common import (
     Flag,
     Json,
+    OutFile,
     RigName,
     Simulation,
     answer,
     fail,
+    fraction_bar,
     hardware,
     load_rig,
     on_signals,
     say,
-    share_bar,
 )
 
 if TYPE_CHECKING:
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 def acquire(
     rig: RigName = "paper",
     *,
-    out: Path | None = None,
+    out: OutFile | None = None,
     duration: str | None = None,
     triggered: Annotated[bool, Flag] = False,
     dry_run: Annotated[bool, Flag] = False,
@@ -37,20 +37,20 @@ def acquire(
     simulation: Simulation = Simulation(),
     json: Json = False,
 ) -> int:
-    """Record all channels continuously, without the robot; Ctrl-C ends the recording well.
+    """Record all channels without the robot, until a given time or Ctrl-C.
 
     Parameters
     ----------
     out
         File of the recording, which must not exist yet.
     duration
-        How long, as "60 s"; without it until Ctrl-C.
+        Duration of the recording, such as "60 s". Default: until Ctrl-C.
     triggered
-        Begin with the trigger's edge, and not at once.
+        Start at the trigger's edge instead of immediately.
     dry_run
-        Tell what the device would do, and start nothing.
+        Print the settings that the device would use, and start nothing.
     notes
-        Operator's notes, kept in the recording.
+        Operator's notes, saved in the recording.
     """
     from sautereau.daq.errors import DaqError
     from sautereau.daq.source.continuous import record
@@ -59,11 +59,11 @@ def acquire(
     try:
         seconds = None if duration is None else parse_quantity(duration, "s")
     except ValueError as error:
-        return fail(f"--duration: {error}; write it like --duration '60 s'", status=2)
+        return fail(json, f"--duration: {error}; write it like --duration '60 s'", 2)
     if out is None and not dry_run:
-        return fail("--out: there is no file to record into; give one, or --dry-run", status=2)
+        return fail(json, "Missing option: --out FILE, or --dry-run", 2)
     if out is not None and not dry_run and out.exists():
-        raise DaqError(f"--out: {out} exists already; give another file")
+        raise DaqError(f"--out: {out} already exists; give another file")
     nominal = load_rig(rig)
     with _asked_to_stop() as asked, hardware(nominal, simulation) as bench:
         if dry_run or out is None:
@@ -71,7 +71,7 @@ def acquire(
             answer(json, asdict(settings), _lines(settings))
             return 0
         say(not json, f"rig {nominal.name} on {bench.where}; Ctrl-C ends the recording")
-        with share_bar() as show:
+        with fraction_bar() as show:
             rate = bench.rig.daq.sample_rate
             n = record(
                 bench.rig,
@@ -82,7 +82,7 @@ def acquire(
                 seed=bench.seed,
                 notes=notes,
                 keep_going=lambda: not asked(),
-                on_block=lambda there: show(there / rate / seconds) if seconds else None,
+                on_block=lambda n_read: show(n_read / rate / seconds) if seconds else None,
             )
     result: dict[str, Any] = {
         "recording": str(out),
@@ -116,17 +116,17 @@ def _lines(settings: "TaskSettings") -> list[str]:
         f"rate:       {settings.rate:.9g} Hz, of every channel",
         f"buffer:     {settings.buffer} samples of each channel,"
         f" {settings.buffer / settings.rate:.3g} s",
-        f"reads:      {settings.block} samples, {settings.rate / settings.block:.3g} a second",
-        f"trigger:    {settings.trigger or 'none: it begins at once'}",
+        f"reads:      {settings.block} samples, {settings.rate / settings.block:.3g} per second",
+        f"trigger:    {settings.trigger or 'none: starts immediately'}",
         "nothing was started",
     ]
 
 
 @contextmanager
 def _asked_to_stop() -> Iterator[Callable[[], bool]]:
-    """Yield whether Ctrl-C, SIGTERM or a closed terminal has asked for the end.
+    """Yield a function that returns whether Ctrl-C, SIGTERM or a closed terminal requested a stop.
 
-    The first only asks, so that no block is cut; one more interrupts at once.
+    The first request lets the current block finish; a second one interrupts immediately.
     """
     asked: list[int] = []
 

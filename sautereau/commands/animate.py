@@ -1,4 +1,4 @@
-"""A press to look at, and to listen to."""
+"""A press as a film in slow motion, and as a sound."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -6,7 +6,7 @@ from typing import Annotated
 
 from cyclopts import Parameter, Token
 
-from sautereau.commands.common import Json, Level, RigName, answer, load_rig, share_bar
+from sautereau.commands.common import Json, Level, OutFile, RigName, answer, fraction_bar, load_rig
 
 
 def _seconds(_: object, tokens: Sequence[Token]) -> float:
@@ -22,7 +22,7 @@ def animate(
     recording: Path,
     /,
     *,
-    out: Path,
+    out: OutFile,
     slow: float = 20.0,
     since: Time | None = None,
     until: Time | None = None,
@@ -33,15 +33,15 @@ def animate(
     Parameters
     ----------
     recording
-        Of one press.
+        Recording of one press.
     out
-        File to write: .gif, or .mp4 where ffmpeg is.
+        File to write: .gif, or .mp4 if ffmpeg is installed.
     slow
-        How many times slower it is shown.
+        Slow-motion factor.
     since
-        When it begins, from the trigger: "70 ms". Default: just before the jack rises.
+        Start, after the trigger: "70 ms". Default: just before the jack rises.
     until
-        When it ends. Default: with the recording.
+        End, after the trigger. Default: end of the recording.
     """
     from sautereau.analysis.figures.movie import FRAME_RATE, frame_times
     from sautereau.analysis.figures.movie import animate as write_animation
@@ -55,7 +55,7 @@ def animate(
     phases = find_phases(press)
     start, stop = shown_stretch(press, phases, since, until)
     scene = replay(press, phases, frame_times(start, stop, slow), recorded.joints or recorded.plan)
-    with share_bar() as show:
+    with fraction_bar() as show:
         write_animation(out, scene, show)
     plucked = sum(motion.plucks for motion in scene.choirs)
     result = {
@@ -71,10 +71,10 @@ def animate(
     }
     lines = [
         f"{'SIMULATED' if press.simulated else 'measured'}: {out}",
-        f"{start * 1e3:.4g} to {stop * 1e3:.4g} ms from the trigger in {len(scene.time)} frames,"
+        f"{start * 1e3:.4g} to {stop * 1e3:.4g} ms after the trigger, {len(scene.time)} frames,"
         f" {slow:g} times slower",
-        f"{plucked} of {len(scene.choirs)} strings were plucked; plectra and strings move by the"
-        " model, set to the measured contact and release",
+        f"{plucked} of {len(scene.choirs)} strings were plucked; plectra and strings are computed"
+        " by the model from the measured contact and release",
         *result["warnings"],
     ]
     answer(json, result, lines)
@@ -84,26 +84,26 @@ def animate(
 def listen(
     rig: RigName = "paper",
     *,
-    out: Path,
+    out: OutFile,
     level: Level = "elastica",
     duration: Time = 4.0,
     held: Time | None = None,
     quality: float = 1500.0,
     json: Json = False,
 ) -> int:
-    """Write what the bridge hears of a press by the model, as a WAV file.
+    """Compute the string's force on the bridge in a press, and write it as a WAV file.
 
     Parameters
     ----------
     out
         WAV file.
     duration
-        Of the sound, which begins 20 ms before the first contact: "4 s".
+        Duration of the sound, which starts 20 ms before the first contact: "4 s".
     held
-        From the last release until the dampers fall on the strings: "1.5 s". Default: they
-        do not.
+        Time from the last release until the dampers touch the strings: "1.5 s". Default: no
+        dampers.
     quality
-        Quality factor of the strings, for all losses but the air's.
+        Quality factor of the strings, for all losses except those to the air.
     """
     from sautereau.analysis.press.sound import LEVEL, SAMPLE_RATE, sound_of, write_sound
 
@@ -124,10 +124,10 @@ def listen(
     lines = [
         f"computed by the model, not recorded: {out}",
         f"{sound.duration:.4g} s at {SAMPLE_RATE / 1e3:g} kHz; full scale is"
-        f" {sound.full_scale:.4g} N on the bridge, the loudest sample lies at {LEVEL:g} dB",
+        f" {sound.full_scale:.4g} N on the bridge, the loudest sample is at {LEVEL:g} dB",
         *(
-            f"choir {i}: let go at {release * 1e3:.4g} ms, {modes} modes, of which the lowest falls"
-            f" by 60 dB in {decay:.3g} s"
+            f"choir {i}: release at {release * 1e3:.4g} ms into the file, {modes} modes; the lowest"
+            f" decays by 60 dB in {decay:.3g} s"
             for i, (release, modes, decay) in enumerate(heard, 1)
         ),
     ]

@@ -1,13 +1,15 @@
 """The command line: every command, and how its errors are reported.
 
-Packages are imported inside the commands that need them, so that `sautereau --help` is quick.
+Packages are imported inside the commands that need them, so that `sautereau --help` starts
+quickly.
 """
 
 import os
 import sys
+import traceback
 
-# Nothing here has matrices large enough for BLAS's threads, which wait for each other by
-# spinning and bring a busy machine to a stand. Whoever has set it otherwise keeps that.
+# No matrix here is large enough for the threads of BLAS, which wait for each other in busy loops
+# and slow a loaded machine down. A value set by the user stays.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 from cyclopts import App, CycloptsError
@@ -31,6 +33,7 @@ from sautereau.commands import (
     simulate,
 )
 from sautereau.commands.common import fail
+from sautereau.commands.usage import usage_message
 
 app = App(
     name="sautereau",
@@ -69,20 +72,31 @@ app.register_install_completion_command()
 
 
 def main() -> None:
-    """Run the command line and exit with its status."""
+    """Run the command line and exit with its status: 0, 1 for an error, 2 for wrong usage.
+
+    With `--json` an error, too, is one JSON object, on standard error.
+    """
+    as_json = "--json" in sys.argv
     try:
         status = app(print_error=False, exit_on_error=False)
     except CycloptsError as error:
-        status = fail(f"{error}\nsautereau --help tells the commands", status=2)
+        status = fail(as_json, usage_message(error), 2)
     except BrokenPipeError:
-        sys.stderr.close()  # whoever read our output has gone, and with it any use of a message
+        sys.stderr.close()  # the reader of the output has ended: no message would be read
         status = 1
     except KeyboardInterrupt as error:
-        status = fail("\n".join(["interrupted", *getattr(error, "__notes__", [])]))
+        status = fail(as_json, _with_notes("interrupted", error))
     except Exception as error:
         from sautereau.rig.errors import SautereauError
 
-        if not isinstance(error, SautereauError | OSError):
+        if isinstance(error, SautereauError | OSError):
+            status = fail(as_json, _with_notes(str(error), error))
+        elif as_json:
+            status = fail(True, f"bug: {error!r}", traceback=traceback.format_exc())
+        else:
             raise
-        status = fail("\n".join([str(error), *getattr(error, "__notes__", [])]))
     sys.exit(status)
+
+
+def _with_notes(message: str, error: BaseException) -> str:
+    return "\n".join([message, *getattr(error, "__notes__", [])])

@@ -1,4 +1,4 @@
-"""From thousands of recordings to what the finger feels."""
+"""Features of thousands of recordings, and the force at the key that they give."""
 
 from pathlib import Path
 from typing import Annotated
@@ -6,30 +6,40 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from sautereau.analysis.summary.text import SOME_SIMULATED
-from sautereau.commands.common import Json, Picture, answer, fail, share_bar, signals_stop
+from sautereau.commands.common import (
+    Json,
+    OutFile,
+    Picture,
+    answer,
+    fail,
+    fraction_bar,
+    signals_stop,
+)
 
 SHOWN = 20
-"""Faulty recordings that are named in the text; JSON has them all."""
+"""Faulty recordings that the text lists; JSON lists all."""
 
 
 def campaign(
     folder: Path,
     /,
     *,
-    out: Path,
-    processes: Annotated[int | None, Parameter(help="Default: one for each core.")] = None,
+    out: OutFile,
+    processes: Annotated[
+        int | None, Parameter(help="Number of processes. Default: one per core.")
+    ] = None,
     cluster: Annotated[str | None, Parameter(help="Address of a Dask scheduler.")] = None,
     json: Json = False,
 ) -> int:
-    """Make one table of the features of all recordings in a folder.
+    """Write one table of the features of all recordings in a folder.
 
-    Call it again to go on after an interruption, or when there are more recordings: those that
-    the table holds are not read again. A faulty recording is listed and left out.
+    Run it again to continue after an interruption or to add new recordings: recordings that are
+    in the table are not read again. Faulty recordings are listed and omitted.
 
     Parameters
     ----------
     folder
-        Of recordings, and of folders of them.
+        Folder of recordings; its subfolders are searched, too.
     out
         Parquet file of the table.
     """
@@ -38,10 +48,10 @@ def campaign(
     from sautereau.analysis.campaign.run import run_campaign
 
     if processes is not None and cluster is not None:
-        return fail("--processes and --cluster: work is done here or there; give one", status=2)
+        return fail(json, "--processes and --cluster exclude each other; give one of them", 2)
     here = processes if processes is not None else os.cpu_count() or 1
     where = here if cluster is None else cluster
-    with signals_stop(), share_bar() as show:
+    with signals_stop(), fraction_bar() as show:
         made = run_campaign(folder, out, where, on_read=lambda done, total: show(done / total))
     found = made.campaign
     presses, faults = len(found.table), found.faults
@@ -56,25 +66,25 @@ def campaign(
     }
     lines = [
         f"{out}: {presses} presses, {len(found.table.column_names)} columns;"
-        f" {made.read} recordings read, {made.kept} known before"
-        + (f", {made.dropped} gone or changed since" if made.dropped else "")
+        f" {made.read} recordings read, {made.kept} in the table before"
+        + (f", {made.dropped} deleted or changed since" if made.dropped else "")
     ]
     if found.simulated:
         lines.insert(0, SOME_SIMULATED)
-    lines += [f"left out: {f.source.path}: {f.text}" for f in faults[:SHOWN]]
+    lines += [f"omitted: {f.source.path}: {f.text}" for f in faults[:SHOWN]]
     if len(faults) > SHOWN:
-        lines.append(f"left out: {len(faults) - SHOWN} more; --json tells them all")
+        lines.append(f"omitted: {len(faults) - SHOWN} more; --json lists all")
     answer(json, result, lines)
     return 0
 
 
 def touch(file: Path, /, *, plot: Picture = None, json: Json = False) -> int:
-    """Tell how the plectrum's shape shapes the force felt at the key.
+    """Show how the force at the key depends on the plectrum's shape.
 
     Parameters
     ----------
     file
-        Table that `sautereau campaign` has written.
+        Table written by `sautereau campaign`.
     """
     from sautereau.analysis.campaign.table import read_campaign
     from sautereau.analysis.campaign.touch import find_touch

@@ -1,4 +1,4 @@
-"""What the commands share: their parameters, the way they answer, the bench they get."""
+"""Shared by the commands: parameters, answers and errors, and the bench that they run on."""
 
 import signal
 import sys
@@ -23,33 +23,37 @@ if TYPE_CHECKING:
     from sautereau.trajectory.expected import Expectation
 
 Flag = Parameter(negative=())
-Json = Annotated[
-    bool, Parameter(negative=(), help="Print one JSON object in SI units and nothing else.")
-]
+OutFile = Annotated[Path, "FILE"]
+OutFolder = Annotated[Path, "FOLDER"]
+"""The text names the value in the message for a missing option."""
+Json = Annotated[bool, Parameter(negative=(), help="Print one JSON object, in SI units.")]
 RigName = Annotated[str, Parameter(help="Path of a rig file, or name of a packaged one.")]
 Level = Annotated[str, Parameter(help=levels_help())]
 PICTURES = (".png", ".svg", ".pdf", ".jpg", ".webp", ".eps")
-"""Suffixes of the pictures that are drawn."""
+"""File extensions of the plots that can be written."""
+SCHEMA = 1
+"""Version of the JSON that commands print; raised when a key changes its name or meaning."""
 
 
-def _can_be_drawn(_: object, path: Path | None) -> None:
-    """Refuse a picture that could not be written, before there is any work to lose."""
+def _check_plot_path(_: object, path: Path | None) -> None:
+    """Refuse a path to which no plot can be written, before the computation."""
     if path is None:
         return
     faults = []
     if path.suffix.lower() not in PICTURES:
-        faults.append(f"it ends in {path.suffix or 'nothing'}; end it in {', '.join(PICTURES)}")
+        ending = f"the file extension {path.suffix}" if path.suffix else "no file extension"
+        faults.append(f"it has {ending}; use one of {', '.join(PICTURES)}")
     if not path.parent.is_dir():
         faults.append(f"there is no folder {path.parent}; make it first")
     if faults:
-        raise ValueError(f"picture {path}: {'; '.join(faults)}")
+        raise ValueError(f"Plot {path}: {'; '.join(faults)}.")
 
 
 Picture = Annotated[
     Path | None,
-    Parameter(help="File for a picture; its suffix tells how.", validator=_can_be_drawn),
+    Parameter(help="Save the plot here (.png, .svg, .pdf).", validator=_check_plot_path),
 ]
-Seed = Annotated[int | None, Parameter(validator=lambda _, value: seed_fits(value))]
+Seed = Annotated[int | None, Parameter(validator=lambda _, value: _check_seed(value))]
 
 
 @Parameter(name="*")
@@ -62,11 +66,11 @@ class Simulation:
     scene: str | None = None
     """Scene of the stand-in, by path or packaged name; implies --sim. Default: paper."""
     seed: Seed = None
-    """Of every random number. Default: a fresh one, which is recorded."""
+    """Seed of every random number. Default: a new one, which is recorded."""
 
     @property
-    def wanted(self) -> bool:
-        """Whether there is to be a stand-in."""
+    def requested(self) -> bool:
+        """Whether to run on the stand-in."""
         return self.sim or self.scene is not None
 
     def load(self) -> "Scene":
@@ -83,14 +87,14 @@ def load_rig(name: str) -> "Rig":
 
 
 def expected_of(rig: "Rig") -> "tuple[Expectation | None, list[str]]":
-    """Return what the model expects a press to meet, or why it expects nothing."""
+    """Return the string's force that the model expects in a press, or why there is none."""
     from sautereau.analysis.errors import ModelError
     from sautereau.analysis.model.predict import expectation, predict
 
     try:
         return expectation(predict(rig)), []
     except ModelError as error:
-        return None, [f"planned as if the key were empty, for the model says: {error}"]
+        return None, [f"planned without the string's force, because the model failed: {error}"]
 
 
 def load(files: list[Path]) -> "list[tuple[Press, Phases]]":
@@ -108,34 +112,34 @@ def load(files: list[Path]) -> "list[tuple[Press, Phases]]":
 
 @dataclass(frozen=True)
 class Bench:
-    """The bench that a command presses on, real or simulated."""
+    """The bench that a command runs on, real or simulated."""
 
     rig: "Rig"
-    """With the addresses to use."""
+    """The rig, with the addresses in use."""
     scene: str = ""
-    """Of the stand-in, as text; empty on the hardware."""
+    """The stand-in's scene as text; empty on the hardware."""
     seed: int | None = None
-    """Of the stand-in's random numbers."""
+    """Seed of the stand-in's random numbers."""
     reached: str = ""
-    """What the stand-in settled on where its scene asks for an accuracy."""
+    """Solver and step that the stand-in selected, if its scene requests an accuracy."""
     truth: Callable[[], Any] | None = None
-    """What really happened in the last press, where the scene lets it be recorded."""
+    """Return the true events of the last press, if the scene records them."""
 
     @property
     def where(self) -> str:
-        """On what the rig is, as it is said to people."""
+        """Name of the bench in messages."""
         return "the stand-in: SIMULATED" if self.scene else "the hardware"
 
     def keep_truth(self, recording: Path) -> None:
-        """Leave what really happened beside a recording, where the scene lets it."""
+        """Write the true events beside a recording, if the scene records them."""
         if self.truth:
             write(recording.with_suffix(".truth.json"), json_text(asdict(self.truth())))
 
 
 @contextmanager
 def hardware(rig: "Rig", simulation: Simulation) -> Iterator[Bench]:
-    """Yield the hardware of a rig, or the stand-in for it."""
-    if not simulation.wanted:
+    """Yield the hardware of a rig, or its stand-in."""
+    if not simulation.requested:
         yield Bench(rig)
         return
     from sautereau.sim_backend.bench import StandIn
@@ -157,7 +161,7 @@ def hardware(rig: "Rig", simulation: Simulation) -> Iterator[Bench]:
 
 
 def fresh_seed() -> int:
-    """Return a seed that nobody has chosen."""
+    """Return a random seed."""
     import secrets
 
     return secrets.randbits(32)
@@ -171,7 +175,7 @@ def draw(path: Path, presses: Any, found: Any, prediction: "Prediction") -> None
 
 @contextmanager
 def signals_stop() -> Iterator[None]:
-    """Let SIGTERM and a closed terminal end a command as Ctrl-C does: by an exception."""
+    """Raise KeyboardInterrupt on SIGTERM and on a closed terminal, as on Ctrl-C."""
 
     def interrupt(number: int, _frame: object) -> None:
         raise KeyboardInterrupt(signal.Signals(number).name)
@@ -182,7 +186,7 @@ def signals_stop() -> Iterator[None]:
 
 @contextmanager
 def on_signals(names: tuple[str, ...], handle: Callable[[int, Any], None]) -> Iterator[None]:
-    """Let a function handle the signals of these names that the system has, for a while."""
+    """Handle these signals, as far as the system has them, inside the context."""
     known = [name for name in names if hasattr(signal, name)]
     before = {name: signal.signal(getattr(signal, name), handle) for name in known}
     try:
@@ -194,7 +198,7 @@ def on_signals(names: tuple[str, ...], handle: Callable[[int, Any], None]) -> It
 
 @contextmanager
 def bar(total: int) -> "Iterator[Any]":
-    """Yield a function that advances a progress bar on a terminal, and does nothing else."""
+    """Yield a function that advances a progress bar by one step; without a terminal, no bar."""
     with _progress() as progress:
         if progress is None or total < 2:
             yield lambda: None
@@ -204,14 +208,14 @@ def bar(total: int) -> "Iterator[Any]":
 
 
 @contextmanager
-def share_bar() -> "Iterator[Callable[[float], None]]":
-    """Yield a function that takes the share that is done, from 0 to 1; as `bar`."""
+def fraction_bar() -> "Iterator[Callable[[float], None]]":
+    """Yield a function that sets a progress bar to a fraction from 0 to 1; see `bar`."""
     with _progress() as progress:
         if progress is None:
-            yield lambda share: None
+            yield lambda fraction: None
             return
         task = progress.add_task("", total=1.0)
-        yield lambda share: progress.update(task, completed=share)
+        yield lambda fraction: progress.update(task, completed=fraction)
 
 
 @contextmanager
@@ -227,9 +231,9 @@ def _progress() -> "Iterator[Progress | None]":
         yield progress
 
 
-def seed_fits(value: int | None) -> None:
+def _check_seed(value: int | None) -> None:
     if value is not None and not 0 <= value < 2**63:
-        raise ValueError("a seed is a whole number from 0 to 2**63 - 1")
+        raise ValueError("A seed is an integer from 0 to 2**63 - 1.")
 
 
 def json_text(result: dict[str, Any]) -> str:
@@ -239,13 +243,22 @@ def json_text(result: dict[str, Any]) -> str:
 
 
 def answer(as_json: bool, result: dict[str, Any], lines: list[str]) -> None:
-    sys.stdout.write((json_text(result) if as_json else "\n".join(lines)) + "\n")
+    """Print the result of a command: as JSON with its schema, or as lines."""
+    text = json_text({"schema": SCHEMA} | result) if as_json else "\n".join(lines)
+    sys.stdout.write(text + "\n")
 
 
-def say(wanted: bool, line: str) -> None:
-    if wanted:
+def say(as_text: bool, line: str) -> None:
+    """Print a line while a command runs, unless its answer is JSON."""
+    if as_text:
         sys.stdout.write(line + "\n")
         sys.stdout.flush()
+
+
+def warn(as_text: bool, warning: str) -> None:
+    """Print a warning on standard error, unless the answer is JSON, which holds it."""
+    if as_text:
+        sys.stderr.write(f"warning: {warning}\n")
 
 
 def write(path: Path, text: str) -> None:
@@ -253,6 +266,19 @@ def write(path: Path, text: str) -> None:
     path.write_text(text + "\n", encoding="utf-8")
 
 
-def fail(message: str, status: int = 1) -> int:
-    sys.stderr.write(f"sautereau: {message}\n")
+def fail(as_json: bool, message: str, status: int = 1, **more: str) -> int:
+    """Report an error on standard error, as text or as one JSON object.
+
+    Args:
+        as_json: Whether `--json` was given.
+        message: The error and how to fix it.
+        status: Exit status: 1, or 2 for wrong usage.
+        more: Further keys of the JSON object.
+
+    Returns:
+        The status.
+    """
+    error = {"message": message, "status": status, **more}
+    text = json_text({"schema": SCHEMA, "error": error}) if as_json else f"sautereau: {message}"
+    sys.stderr.write(text + "\n")
     return status

@@ -1,4 +1,4 @@
-"""Recordings for other programs, and from them."""
+"""Export recordings to the formats of other programs, and import from them."""
 
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -6,34 +6,34 @@ from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
-from sautereau.commands.common import Flag, Json, answer, bar, load_rig
+from sautereau.commands.common import Flag, Json, OutFile, answer, bar, load_rig
 
 PerChannel = Annotated[dict[str, str], Parameter(negative=())]
 
 
 @Parameter(name="*")
 @dataclass(frozen=True)
-class Told:
-    """What the file does not tell."""
+class Unstated:
+    """Facts that the imported file does not state."""
 
     column: PerChannel = field(default_factory=dict)
-    """Column of a channel: --column.velocity NAME. Default: one of the channel's name."""
+    """Column of a channel: --column.velocity NAME. Default: the column named as the channel."""
     unit: PerChannel = field(default_factory=dict)
-    """Of a channel's values: --unit.velocity V, or mm/s."""
+    """Unit of a channel's values: --unit.velocity V, or mm/s."""
     full_scale: PerChannel = field(default_factory=dict)
-    """Of a WAV file's channel: --full-scale.velocity "100 mm/s", or "4 V"."""
+    """Full scale of a WAV file's channel: --full-scale.velocity "100 mm/s", or "4 V"."""
     without: Annotated[tuple[str, ...], Parameter(negative=())] = ()
-    """A channel of the rig that the file does not have; may be given again."""
+    """Channel of the rig that the file does not hold; repeat it for several."""
     time: str | None = None
     """Column of times in s."""
     rate: str | None = None
-    """Of the samples: "51.2 kHz"."""
+    """Sample rate: "51.2 kHz"."""
     trigger: str | None = None
-    """When the trigger came: "12 ms" on the column of times, or after the file's begin."""
+    """Time of the trigger: "12 ms" in the column of times, or after the start of the file."""
     started: str | None = None
     """Date of the file's time 0: 2026-02-03T04:05:06+01:00."""
     simulated: Annotated[bool | None, Parameter(negative="--measured")] = None
-    """Whether a simulation made it, or an instrument."""
+    """Whether the data were simulated, or measured on an instrument."""
 
 
 def export(
@@ -45,19 +45,19 @@ def export(
     raw: Annotated[bool, Flag] = False,
     json: Json = False,
 ) -> int:
-    """Write recordings for other programs.
+    """Export recordings to Parquet or CSV.
 
     Parameters
     ----------
     files
         Recordings.
     to
-        A CSV file has its metadata beside it, in NAME.csv.json.
+        Format. The metadata of a CSV file are in NAME.csv.json beside it.
     out
         File to write, or folder for several. Default: beside each recording. Nothing is
         overwritten.
     raw
-        Write the raw volts alone, without the values in SI units.
+        Write raw volts only, without values in SI units.
     """
     from sautereau.daq.convert.export import export as export_recording
     from sautereau.daq.convert.export import targets
@@ -76,12 +76,12 @@ def import_(
     /,
     *,
     rig: str | None = None,
-    out: Path,
+    out: OutFile,
     notes: str = "",
-    told: Told = Told(),
+    unstated: Unstated = Unstated(),
     json: Json = False,
 ) -> int:
-    """Make a recording of another program's file.
+    """Import a TDMS, CSV, WAV or Parquet file as a recording.
 
     Parameters
     ----------
@@ -89,11 +89,11 @@ def import_(
         .tdms, .csv, .wav, .parquet, or a format that an installed package adds. A file written
         by `export` needs only --out.
     rig
-        Path of a rig file, or name of a packaged one, with the charts of the sensors.
+        Path of a rig file, or name of a packaged one: it holds the sensors' calibrations.
     out
         Recording to write; nothing is overwritten.
     notes
-        Operator's notes, kept in the recording.
+        Operator's notes, saved in the recording.
     """
     from dataclasses import asdict
 
@@ -101,11 +101,11 @@ def import_(
     from sautereau.daq.convert.options import ImportOptions
 
     bench = None if rig is None else load_rig(rig)
-    done = import_file(file, out, rig=bench, options=ImportOptions(**vars(told)), notes=notes)
+    done = import_file(file, out, rig=bench, options=ImportOptions(**vars(unstated)), notes=notes)
     lines = [
         f"{'SIMULATED' if done.simulated else 'measured'}: {done.path}",
-        f"{done.n_samples} samples at {done.rate:.9g} Hz from sample {done.first_sample} on",
-        f"the trigger lies {done.trigger_shift * 1e6:.3g} us after sample 0",
+        f"{done.n_samples} samples at {done.rate:.9g} Hz, the first is sample {done.first_sample}",
+        f"trigger: {done.trigger_shift * 1e6:.3g} us after sample 0",
     ]
     answer(json, asdict(done), lines)
     return 0

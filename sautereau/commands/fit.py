@@ -1,4 +1,4 @@
-"""Recordings against the model: compare them, and fit the model to them."""
+"""Compare recordings with the model, and fit the model to recordings."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -10,6 +10,7 @@ from sautereau.commands.common import (
     Flag,
     Json,
     Level,
+    OutFile,
     Picture,
     answer,
     draw,
@@ -39,8 +40,8 @@ def compare(
     files
         Recordings of one rig.
     rig
-        Path of the rig file to predict with, such as one that identify wrote. Default: the rig
-        that the first recording carries.
+        Path of the rig file to predict with, for example one written by identify. Default: the
+        rig saved in the first recording.
     """
     from sautereau.analysis.model.predict import predict as predict_press
     from sautereau.analysis.press.features import features
@@ -69,37 +70,37 @@ def identify(
     files: list[Path],
     /,
     *,
-    free: str,
+    free: Annotated[str, "NAMES"],
     prior: Annotated[list[str] | None, Parameter(negative=())] = None,
     level: Level = "elastica",
     starts: int = 3,
     robust: Annotated[bool, Flag] = False,
     profile: Annotated[bool, Flag] = False,
-    out: Path | None = None,
+    out: OutFile | None = None,
     plot: Picture = None,
     json: Json = False,
 ) -> int:
-    """Fit unknown numbers of the rig to recorded presses, and say which of them these tell.
+    """Fit unknown values of the rig to recorded presses, and report which are identifiable.
 
     Parameters
     ----------
     files
         Recordings of one instrument.
     free
-        What is fitted, with commas between: plectrum.overlap,key.inertia.
+        Parameters to fit, separated by commas: plectrum.overlap,key.inertia.
     prior
-        What is known of one of them beforehand, "key.inertia=7e-4 kg m^2 +- 1e-4 kg m^2", or
-        its bounds, "plectrum.overlap=0.1 mm to 0.5 mm"; may be given again. Default bounds are
-        the ranges assumed in the rig.
+        Prior knowledge of a parameter, "key.inertia=7e-4 kg m^2 +- 1e-4 kg m^2", or its bounds,
+        "plectrum.overlap=0.1 mm to 0.5 mm"; repeat it for several. Default bounds: the ranges
+        assumed in the rig.
     starts
-        Points to set out from: the rig's values, and others between the bounds.
+        Number of starting points: the rig's values, and others between the bounds.
     robust
-        Let large misfits count in proportion and not by their squares.
+        Weight large residuals linearly instead of quadratically.
     profile
-        Find the 95 % intervals by profile likelihood as well, which takes longer.
+        Compute 95 % intervals by profile likelihood, too; this takes longer.
     out
-        Rig file for the values that were told. What is in it otherwise stays; a new one is made
-        of the recordings' rig.
+        Rig file for the identifiable values. Other values of an existing file stay; a new file
+        is written from the recordings' rig.
     """
     from sautereau.analysis.identify.fit import fit, inverse_dynamics
     from sautereau.analysis.identify.identified import evaluate
@@ -133,7 +134,7 @@ def identify(
 
 
 def _write_rig(out: Path, nominal: "Rig", found: "Identified", simulated: bool) -> dict[str, Any]:
-    """Write the values that were told into a rig file, and return them by their keys."""
+    """Write the identifiable values into a rig file, and return them by their keys."""
     from datetime import date
 
     from sautereau.analysis.identify.parameters import rig_values

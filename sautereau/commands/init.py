@@ -1,4 +1,4 @@
-"""Start: a rig file of one's own."""
+"""A new rig file."""
 
 from pathlib import Path
 
@@ -6,12 +6,12 @@ from sautereau.commands.common import Json, answer
 
 
 def init(file: Path = Path("my-rig.toml"), /, *, json: Json = False) -> int:
-    """Write a rig file to start from: every key with its meaning, unit and limits.
+    """Write a new rig file that explains every key: its meaning, unit and limits.
 
     Parameters
     ----------
     file
-        The new file, which must not exist.
+        New file, which must not exist yet.
     """
     from sautereau.rig.errors import RigError
     from sautereau.rig.template import commented_rig
@@ -20,9 +20,7 @@ def init(file: Path = Path("my-rig.toml"), /, *, json: Json = False) -> int:
         with file.open("x", encoding="utf-8") as new:
             new.write(commented_rig())
     except FileExistsError as error:
-        raise RigError(f"rig file {file}: it is there and is not overwritten; name another") from (
-            error
-        )
+        raise RigError(f"rig file {file} already exists; give another name") from error
     answer(
         json,
         {"path": str(file)},

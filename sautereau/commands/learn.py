@@ -1,4 +1,4 @@
-"""Learn to keep the jack's speed, press after press."""
+"""Correct the trajectory from the measured speed of the jack, press after press."""
 
 import uuid
 from pathlib import Path
@@ -8,6 +8,7 @@ from cyclopts import Parameter
 
 from sautereau.commands.common import (
     Json,
+    OutFolder,
     RigName,
     Simulation,
     answer,
@@ -17,10 +18,11 @@ from sautereau.commands.common import (
     load_rig,
     say,
     signals_stop,
+    warn,
 )
 
 LEARNED = "learned.json"
-"""Name of the correction in the folder."""
+"""File of the correction in the folder."""
 
 
 def learn(
@@ -28,23 +30,23 @@ def learn(
     *,
     n: Annotated[int, Parameter(name=["-n", "--number"])] = 6,
     feed_forward: Path | None = None,
-    out: Path,
+    out: OutFolder,
     notes: str = "",
     simulation: Simulation = Simulation(),
     json: Json = False,
 ) -> int:
-    """Press up to n times, and learn from each press how to keep the jack's speed in the next.
+    """Press up to n times, correcting the trajectory from the measured speed of the jack.
 
     Parameters
     ----------
     n
-        Presses at most; learning stops by itself where nothing improves.
+        Maximum number of presses; learning stops when the speed error no longer improves.
     feed_forward
-        Recording of an earlier press, whose force the motors push against.
+        Recording of an earlier press, for feed-forward torques against its measured force.
     out
-        Folder for the recordings and for learned.json, which `press --learned` takes.
+        Folder for the recordings and for learned.json, the correction for `press --learned`.
     notes
-        Operator's notes, kept in every recording.
+        Operator's notes, saved in every recording.
     """
     from sautereau.daq.file.reading import read_session
     from sautereau.robot.drivers.registry import motion_controller
@@ -58,14 +60,15 @@ def learn(
     expected, doubts = expected_of(nominal)
     file = out / LEARNED
     if file.exists():
-        raise RobotError(f"learning: {file} is there and is not overwritten; give another --out")
+        raise RobotError(f"learning: {file} already exists; give another --out")
     pushed = digest(feed_forward) if feed_forward else ""
     measured = force_of(feed_forward) if feed_forward else None
     lesson = IterativeLearning(nominal, expected, n, measured=measured, notes=notes)
-    for warning in (*doubts, *lesson.warnings):
-        say(not json, f"warning: {warning}")
+    warnings = [*doubts, *lesson.warnings]
+    for warning in warnings:
+        warn(not json, warning)
     with signals_stop(), hardware(nominal, simulation) as bench, bar(n) as step:
-        say(not json, f"rig {nominal.name} on {bench.where}\n{'press':<18} rms error of speed")
+        say(not json, f"rig {nominal.name} on {bench.where}\n{'press':<18} RMS speed error")
 
         def done(item: Item, path: Path) -> None:
             bench.keep_truth(path)
@@ -83,10 +86,10 @@ def learn(
     best = lesson.best
     lines = [f"learning stopped: {lesson.stopped}"] if lesson.stopped else []
     if best is None:
-        lines.append("no correction was better than none")
+        lines.append("no correction reduced the speed error")
     else:
         Learned(best, tuple(lesson.errors), pushed).write(file, nominal)
-        lines.append(f"learned:    {file}; press with it by --learned")
+        lines.append(f"learned:    {file}; use it with press --learned")
     result = {
         "rms_speed_error": lesson.errors,
         "stopped": lesson.stopped,
@@ -94,6 +97,7 @@ def learn(
         "recordings": [str(path) for path in recordings],
         "simulated": any(read_session(path).simulated for path in recordings),
         "seed": bench.seed,
+        "warnings": warnings,
     }
     answer(json, result, [*lines, *(f"recording:  {path}" for path in recordings)])
     return 0

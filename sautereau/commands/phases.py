@@ -1,4 +1,4 @@
-"""From recordings to conclusions."""
+"""Contact and release in recorded presses."""
 
 from pathlib import Path
 
@@ -6,7 +6,7 @@ from sautereau.commands.common import Json, Picture, answer, load
 
 
 def phases(files: list[Path], /, *, plot: Picture = None, json: Json = False) -> int:
-    """Find when strings were met and let go in recorded presses, and how surely.
+    """Find contact and release of every string in recorded presses, with uncertainties.
 
     Parameters
     ----------

@@ -1,12 +1,15 @@
-"""Plan a press, place the robot, predict what the model says."""
+"""Plan a press, place the robot, predict a press by the model."""
 
 from pathlib import Path
 from typing import Annotated, Any
+
+from cyclopts import Parameter
 
 from sautereau.commands.common import (
     Flag,
     Json,
     Level,
+    OutFile,
     Picture,
     RigName,
     answer,
@@ -21,9 +24,10 @@ from sautereau.commands.common import (
 def plan(
     rig: RigName = "paper",
     *,
-    out: Path | None = None,
+    out: OutFile | None = None,
     plot: Picture = None,
     bench: Picture = None,
+    verbose: Annotated[bool, Parameter(name=["-v", "--verbose"], negative=())] = False,
     json: Json = False,
 ) -> int:
     """Plan one press and check it.
@@ -31,9 +35,11 @@ def plan(
     Parameters
     ----------
     out
-        File for the controller's segments, as JSON; written only if every check holds.
+        File for the controller's segments, as JSON; written only if every check passes.
     bench
-        File for a picture of the bench to scale; its suffix tells how.
+        Save a drawing of the bench to scale here (.png, .svg, .pdf).
+    verbose
+        Print all checks instead of the five tightest.
     """
     from sautereau.analysis.summary.plan import plan_lines, plan_summary
     from sautereau.trajectory.press import draft_press
@@ -44,7 +50,10 @@ def plan(
     draft = draft_press(nominal, expected)
     failed = [check for check in draft.checks if not check.holds]
     warnings = [*doubts, *draft.warnings]
-    result, lines = plan_summary(draft, warnings), plan_lines(nominal, draft, warnings)
+    result, lines = (
+        plan_summary(draft, warnings),
+        plan_lines(nominal, draft, warnings, all_checks=verbose),
+    )
     if out and not failed:
         period = nominal.controller.sample_period
         document = segments_document(draft.segments, period, draft.home, draft.hover)
@@ -62,9 +71,8 @@ def plan(
         lines.append(f"bench: {bench}")
     answer(json, result, lines)
     if failed:
-        return fail(
-            "\n  ".join(["the press cannot be made:", *(f"{c}; {c.how_to_fix}" for c in failed)])
-        )
+        faults = (f"{check}; {check.how_to_fix}" for check in failed)
+        return fail(json, "\n  ".join(["the press is not feasible:", *faults]))
     return 0
 
 
@@ -76,16 +84,16 @@ def mount(
     trust_homing: Annotated[bool, Flag] = False,
     json: Json = False,
 ) -> int:
-    """Find where to clamp the robot, and from touches where it is clamped.
+    """Find where to clamp the robot, or from touches where it is clamped.
 
     Parameters
     ----------
     touches
-        CSV file of points that the jogged fingertip touched on the key at rest, with the
-        columns point [mm] (from the balance pin, negative in front), joint1 [counts] and
+        CSV file of points on the key at rest that were touched with the jogged fingertip.
+        Columns: point [mm] (from the balance pin, negative in front), joint1 [counts] and
         joint2 [counts], or [deg].
     trust_homing
-        Take the zeros of the joints as exact, and estimate the base alone.
+        Take the joint zeros as exact, and estimate only the position of the base.
     """
     import numpy as np
 
@@ -124,7 +132,7 @@ def mount(
 def predict(
     rig: RigName = "paper", *, level: Level = "elastica", plot: Picture = None, json: Json = False
 ) -> int:
-    """Predict a press by the model alone; the picture shows all levels."""
+    """Predict a press by the model alone; the plot shows all plectrum models."""
     from sautereau.analysis.model.plectrum.levels import LEVELS
     from sautereau.analysis.model.predict import predict as predict_press
     from sautereau.analysis.summary.prediction import prediction_lines, prediction_summary

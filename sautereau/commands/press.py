@@ -11,6 +11,7 @@ from cyclopts import Parameter
 from sautereau.commands.common import (
     Flag,
     Json,
+    OutFolder,
     RigName,
     Simulation,
     bar,
@@ -19,6 +20,7 @@ from sautereau.commands.common import (
     hardware,
     load_rig,
     signals_stop,
+    warn,
 )
 from sautereau.commands.live.watching import watching
 
@@ -37,7 +39,7 @@ def _is_time(_: object, text: str) -> None:
     from sautereau.rig.units import parse_quantity
 
     if parse_quantity(text, "s") < 0:
-        raise ValueError(f"{text!r} is less than no rest")
+        raise ValueError(f"The rest must be 0 s or longer, not {text!r}.")
 
 
 def press(
@@ -49,7 +51,7 @@ def press(
     rest: Annotated[str, Parameter(validator=_is_time)] = "0 s",
     learned: Path | None = None,
     feed_forward: Path | None = None,
-    out: Path,
+    out: OutFolder,
     notes: str = "",
     view: Annotated[bool, Flag] = False,
     live: Annotated[bool, Flag] = False,
@@ -58,32 +60,32 @@ def press(
 ) -> int:
     """Press the key n times, record each press, and compare them with the model.
 
-    A session that was interrupted goes on when the same command is given again.
+    To continue an interrupted session, run the same command again.
 
     Parameters
     ----------
     n
-        Presses; with a table, of every row that does not say its repeats.
+        Number of presses; with a table, of each row without a number of repeats.
     table
         CSV file of presses: columns are the rig's dotted keys (press.jack_speed), cells
-        hold values with units; further columns are repeats and notes. Where a row changes
+        hold values with units; further columns are repeats and notes. If a row changes
         the instrument, you are asked to set it.
     warm_up
-        Presses for warming up, before the first and whenever the instrument was changed.
+        Number of warm-up presses, at the start and after each change of the instrument.
     rest
         Time between presses: "2 s".
     learned
-        Correction to press with, as `sautereau learn` wrote it.
+        Correction of the trajectory, written by `sautereau learn`.
     feed_forward
-        Recording of an earlier press, whose force the motors push against.
+        Recording of an earlier press, for feed-forward torques against its measured force.
     out
         Folder for the recordings; nothing in it is overwritten.
     notes
-        Operator's notes, kept in every recording.
+        Operator's notes, saved in every recording.
     view
-        Show arm, acquisition, force and speed in the terminal meanwhile.
+        Show arm, acquisition, force and speed in the terminal during the session.
     live
-        Serve the same to Foxglove on this machine.
+        Serve them to Foxglove on this machine.
     """
     from sautereau.commands.session import SessionReport
     from sautereau.rig.units import parse_quantity
@@ -100,15 +102,20 @@ def press(
         rows,
         warm_up,
         parse_quantity(rest, "s"),
-        simulation.load().model_dump_json() if simulation.wanted else "",
+        simulation.load().model_dump_json() if simulation.requested else "",
         files,
     )
+    warnings: list[str] = []
     trajectories = plan_rows(
-        rows, lambda bench: _planned(bench, learned, files.get("feed_forward", ""))
+        rows, lambda bench: _planned(bench, learned, files.get("feed_forward", ""), warnings)
     )
+    for warning in warnings:
+        warn(not json, warning)
     tables = _torques(rows, trajectories, feed_forward)
-    folder = SessionFolder(out, plan, simulation.seed, fresh_seed() if simulation.wanted else None)
-    report = SessionReport(folder, json)
+    folder = SessionFolder(
+        out, plan, simulation.seed, fresh_seed() if simulation.requested else None
+    )
+    report = SessionReport(folder, warnings, json)
     report.begin()
     waiting: dict[str, Any] = {}
     with signals_stop():
@@ -125,23 +132,24 @@ def press(
     return 0
 
 
-def _planned(rig: "Rig", learned: Path | None, feed_forward: str) -> "Trajectory":
-    """Plan the press of one rig, and say what is doubtful about it."""
+def _planned(
+    rig: "Rig", learned: Path | None, feed_forward: str, warnings: list[str]
+) -> "Trajectory":
+    """Plan the press of one rig, and append what is doubtful about it to the warnings."""
     from sautereau.robot.experiment.learning import read_learned
     from sautereau.trajectory.press import plan_press
 
     expected, doubts = expected_of(rig)
     correction = read_learned(learned, rig, feed_forward) if learned else None
     trajectory = plan_press(rig, expected, correction)
-    for warning in (*doubts, *trajectory.warnings):
-        sys.stderr.write(f"warning: {warning}\n")
+    warnings += [*doubts, *trajectory.warnings]
     return trajectory
 
 
 def _torques(
     rows: "Sequence[Row]", trajectories: "list[Trajectory]", feed_forward: Path | None
 ) -> "list[TorqueTable | None]":
-    """Return what every row's presses push against."""
+    """Return the feed-forward torques of each row."""
     if feed_forward is None:
         return [None for _ in rows]
     from sautereau.robot.experiment.feedforward import force_of, torque_table
@@ -163,18 +171,18 @@ def _press(
     view: bool,
     live: bool,
 ) -> None:
-    """Make the presses of one set-up of the instrument."""
+    """Run the presses of one set-up of the instrument."""
     from sautereau.robot.drivers.registry import motion_controller
     from sautereau.robot.experiment.session import Item, Origin, make_presses
 
     plan = folder.plan
     seed = _seed_from(folder.seed, places[0].number)
-    wanted = plan.rows[places[0].row].rig
+    nominal = plan.rows[places[0].row].rig
     with (
-        hardware(wanted, replace(simulation, seed=seed)) as bench,
+        hardware(nominal, replace(simulation, seed=seed)) as bench,
         nullcontext(lambda: None) if view else bar(len(places)) as step,
         watching(
-            f"rig {wanted.name} on {bench.where}", in_terminal=view, to_foxglove=live
+            f"rig {nominal.name} on {bench.where}", in_terminal=view, to_foxglove=live
         ) as watch,
     ):
         report.on(bench)
@@ -211,7 +219,7 @@ def _press(
 
 
 def _instrument_to_set(folder: "SessionFolder", row: "Row", simulated: bool) -> dict[str, Any]:
-    """Let the operator set the instrument; return what is to be set where nobody can be asked."""
+    """Ask the operator to set the instrument; without a terminal, return what must be set."""
     from sautereau.robot.experiment.plan import to_set
 
     if simulated or dict(folder.set_up) == row.set_up:
@@ -219,7 +227,7 @@ def _instrument_to_set(folder: "SessionFolder", row: "Row", simulated: bool) -> 
     changes = to_set(folder.plan.rig, folder.set_up, row)
     text = ", ".join(f"{key} = {value}" for key, value in changes.items())
     if sys.stdin.isatty() and sys.stderr.isatty():
-        sys.stderr.write(f"Set the instrument: {text}. Enter goes on, Ctrl-C ends here. ")
+        sys.stderr.write(f"Set the instrument: {text}. Continue with Enter, stop with Ctrl-C. ")
         sys.stderr.flush()
         if sys.stdin.readline():
             folder.note_set_up(row.set_up)
@@ -229,7 +237,7 @@ def _instrument_to_set(folder: "SessionFolder", row: "Row", simulated: bool) -> 
 
 
 def _seed_from(seed: int | None, number: int) -> int | None:
-    """Return the seed of a stand-in that begins with a press; each has noise of its own."""
+    """Return the seed of a stand-in that starts with this press: each has its own noise."""
     if seed is None or number == 1:
         return seed
     import numpy as np

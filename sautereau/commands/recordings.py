@@ -1,18 +1,18 @@
-"""What is in a recording, and what is left of a damaged one."""
+"""Describe recordings, and recover damaged ones."""
 
 from dataclasses import asdict
 from pathlib import Path
 
-from sautereau.commands.common import Json, answer
+from sautereau.commands.common import Json, OutFile, answer
 
 
 def info(file: Path, /, *, json: Json = False) -> int:
-    """Describe a recording, be it whole or damaged.
+    """Describe a recording, complete or damaged.
 
     Parameters
     ----------
     file
-        The recording.
+        Recording.
     """
     from sautereau.daq.file.survey import describe
 
@@ -31,19 +31,19 @@ def recover(
     file: Path,
     /,
     *,
-    out: Path | None = None,
+    out: OutFile | None = None,
     json: Json = False,
 ) -> int:
-    """Make a whole recording of what a damaged one has left.
+    """Write a valid recording with everything that is readable in a damaged one.
 
-    The damaged file is not changed. No sample is made up: what is missing is told.
+    The damaged file is not changed. No sample is invented: missing samples are reported.
 
     Parameters
     ----------
     file
-        The damaged recording: without its end, or with bytes that have changed.
+        Damaged recording: truncated, or with changed bytes.
     out
-        New recording, which must not exist. Default: the name without .part, or
+        New recording, which must not exist yet. Default: the name without .part, or
         NAME-recovered.mcap.
     """
     from sautereau.daq.file.recovery import recover
@@ -52,6 +52,6 @@ def recover(
     lines = [f"{found.path}: recovered from {file}; {found.damage}"]
     lines += [f"{name}: {count} samples" for name, count in found.samples.items()]
     lines += [str(gap) for gap in found.gaps] or ["nothing is missing"]
-    told = {key: value for key, value in asdict(found).items() if key != "gaps"}
-    answer(json, told | {"missing": [gap.document() for gap in found.gaps]}, lines)
+    result = {key: value for key, value in asdict(found).items() if key != "gaps"}
+    answer(json, result | {"missing": [gap.document() for gap in found.gaps]}, lines)
     return 0

@@ -1,4 +1,4 @@
-"""A session as one page."""
+"""A session as one HTML page."""
 
 from importlib.util import find_spec
 from pathlib import Path
@@ -6,7 +6,7 @@ from shlex import quote
 from typing import TYPE_CHECKING
 
 from sautereau.analysis.summary.text import SOME_SIMULATED
-from sautereau.commands.common import Json, Level, answer, bar
+from sautereau.commands.common import Json, Level, OutFile, answer, bar
 
 if TYPE_CHECKING:
     from sautereau.analysis.report.build import About, Again
@@ -16,28 +16,28 @@ if TYPE_CHECKING:
 PAGE = "report.html"
 """Name of the page in the session's folder."""
 PACKAGES = ("jinja2", "plotly")
-"""That only a report needs; a checkout that was updated may lack them."""
+"""Packages that only a report needs; an updated checkout may lack them."""
 
 
 def report(
-    session: Path, /, *, out: Path | None = None, level: Level = "elastica", json: Json = False
+    session: Path, /, *, out: OutFile | None = None, level: Level = "elastica", json: Json = False
 ) -> int:
-    """Write one HTML page on a session, which opens anywhere without a network.
+    """Write one HTML page about a session; it opens offline, in any browser.
 
     Parameters
     ----------
     session
-        Folder of recordings, as `sautereau press --out` made it. Files fit*.json in it are
-        fits, as `sautereau identify --json` wrote them.
+        Folder of recordings, written by `sautereau press --out`. Files fit*.json in it are
+        fits, written by `sautereau identify --json`.
     out
-        File of the page, which is written anew. Default: report.html in the folder.
+        File of the page; an existing one is replaced. Default: report.html in the folder.
     """
     from sautereau.analysis.errors import AnalysisError
 
     missing = [name for name in PACKAGES if find_spec(name) is None]
     if missing:
         raise AnalysisError(
-            f"report: not installed: {', '.join(missing)}; install what it needs with"
+            f"report: not installed: {', '.join(missing)}; install with"
             f" `python -m pip install {' '.join(missing)}`"
         )
     from sautereau.analysis.report.build import build_report
@@ -48,8 +48,8 @@ def report(
     recordings, warnings = _recordings(session, manifest)
     if not recordings:
         raise AnalysisError(
-            f"report: no recording of a press is in {session}; give the folder that"
-            " `sautereau press --out` has made"
+            f"report: {session} holds no recording of a press; give a folder written by"
+            " `sautereau press --out`"
         )
     with bar(len(recordings)) as step:
         contents = gather(recordings, level, step)
@@ -61,7 +61,7 @@ def report(
     lines = [f"report:     {out}"]
     if simulated:
         lines.insert(0, SOME_SIMULATED)
-    lines += [f"left out:   {path}: {why}" for path, why in contents.unread.items()]
+    lines += [f"omitted:    {path}: {why}" for path, why in contents.unread.items()]
     result = {
         "path": str(out),
         "presses": len(contents.presses),
@@ -73,14 +73,14 @@ def report(
 
 
 def _recordings(session: Path, manifest: "Manifest | None") -> tuple[list[Path], list[str]]:
-    """Return the recordings of the session, and what is to be warned of the folder."""
+    """Return the recordings of the session, and warnings about the folder."""
     from sautereau.daq.errors import RecordingError
     from sautereau.daq.file.container.durable import PART
     from sautereau.daq.file.reading import read_session
 
     found = sorted(session.glob("*.mcap"))
     warnings = [
-        f"{path.name} is of a press that was cut short; `sautereau recover` saves what it holds"
+        f"{path.name} is of an interrupted press; `sautereau recover` makes it readable"
         for path in sorted(session.glob(f"*.mcap{PART}"))
     ]
     own = []
@@ -89,7 +89,7 @@ def _recordings(session: Path, manifest: "Manifest | None") -> tuple[list[Path],
             if manifest is not None and read_session(path).session != manifest.session:
                 continue
         except RecordingError:
-            pass  # it stays in the list: the page says why it cannot be read
+            pass  # it stays in the list: the page reports why it cannot be read
         own.append(path)
     if len(own) < len(found):
         warnings.append(f"{len(found) - len(own)} recordings in the folder are of other sessions")
@@ -102,7 +102,7 @@ def _about(
     presses: "tuple[PressRecord, ...]",
     warnings: list[str],
 ) -> "About":
-    """Return what the manifest and the command line know of the session."""
+    """Return facts on the session from its manifest and from the command line."""
     from importlib.metadata import version
 
     from sautereau.analysis.errors import AnalysisError
@@ -125,8 +125,8 @@ def _about(
             warnings += left
         except (KeyError, TypeError, ValueError) as error:
             warnings.append(
-                f"{MANIFEST}: its plan cannot be read ({type(error).__name__}: {error}), so that"
-                " this page does not tell how to press again"
+                f"{MANIFEST}: its plan cannot be read ({type(error).__name__}: {error}); this page"
+                " therefore does not show how to repeat the session"
             )
     return About(
         name=name,
@@ -144,19 +144,19 @@ def _about(
 
 
 def _left(manifest: "Manifest", presses: "tuple[PressRecord, ...]") -> list[str]:
-    """Return what is to be said of presses that were planned and are not there."""
-    wanted = sum(int(row["repeats"]) for row in manifest.plan["presses"])
+    """Return a warning if planned presses are missing."""
+    planned = sum(int(row["repeats"]) for row in manifest.plan["presses"])
     counted = sum(not record.session.warm_up for record in presses)
-    if counted >= wanted:
+    if counted >= planned:
         return []
     return [
-        f"{counted} of {wanted} planned presses are on this page; give the same"
-        " `sautereau press` again to go on with the session"
+        f"{counted} of {planned} planned presses are on this page; run the same"
+        " `sautereau press` again to continue the session"
     ]
 
 
 def _again(manifest: "Manifest", presses: "tuple[PressRecord, ...]") -> "Again":
-    """Return the command that makes such a session, with the rig file of this page."""
+    """Return the command that repeats the session, with the rig file of this page."""
     from sautereau.analysis.report.build import Again
 
     rows = manifest.plan["presses"]
@@ -169,15 +169,17 @@ def _again(manifest: "Manifest", presses: "tuple[PressRecord, ...]") -> "Again":
     needs = ["the rig below as rig.toml"]
     if len(rows) > 1:
         needs.append("the conditions above as table.csv")
-    needs += [f"the file of {kind} whose SHA-256 is {sum_}" for kind, sum_ in _files(manifest)]
+    needs += [f"the file of {kind} with SHA-256 {sum_}" for kind, sum_ in _files(manifest)]
     words += [f"--{kind.replace('_', '-')} FILE" for kind, _ in _files(manifest)]
     scene = presses[0].session.scene
     if scene:
         name = _packaged(scene)
         words.append(f"--scene {name or 'scene.toml'} --seed {manifest.seed}")
         if not name:
-            needs.append("the scene below as scene.toml, every number with its SI unit")
-    return Again(f"To press so again, with {', '.join(needs)}:", " ".join([*words, "--out AGAIN"]))
+            needs.append("the scene below as scene.toml, each number with its SI unit")
+    return Again(
+        f"To repeat this session, with {', '.join(needs)}:", " ".join([*words, "--out AGAIN"])
+    )
 
 
 def _files(manifest: "Manifest") -> list[tuple[str, str]]:
@@ -185,7 +187,7 @@ def _files(manifest: "Manifest") -> list[tuple[str, str]]:
 
 
 def _packaged(scene: str) -> str:
-    """Return the name of the packaged scene that a text is of; empty for none."""
+    """Return the name of the packaged scene with this text; empty for none."""
     from sautereau.sim_backend.scene import load_scene, packaged_scenes
 
     return next((n for n in packaged_scenes() if load_scene(n).model_dump_json() == scene), "")

@@ -1,4 +1,4 @@
-"""What a session says while it goes on, and at its end."""
+"""Output of a session: while it runs, and its summary."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -13,16 +13,17 @@ if TYPE_CHECKING:
     from sautereau.robot.experiment.session_folder import SessionFolder
 
 PICTURED = 8
-"""Presses of a row that its picture shows, the first ones."""
+"""Number of presses of a row that its plot shows, the first ones."""
 BESIDE = 1e-3
-"""s, on either side of the cruise, that is kept of the others."""
+"""s, kept of the other presses before and after the cruise."""
 
 
 class SessionReport:
-    """Every press of a session, told as it is made and summed up at the end."""
+    """Prints every press of a session when it is recorded, and a summary at the end."""
 
-    def __init__(self, folder: "SessionFolder", as_json: bool):
+    def __init__(self, folder: "SessionFolder", warnings: list[str], as_json: bool):
         self._folder = folder
+        self._warnings = warnings
         self._json = as_json
         self._found: dict[int, tuple[Press, Phases]] = {}
         self._places = {p.number: p for places in folder.plan.set_ups for p in places}
@@ -37,7 +38,7 @@ class SessionReport:
         self._headed = False
 
     def begin(self) -> None:
-        """Say what was found in the folder."""
+        """Print what the folder holds."""
         folder = self._folder
         if folder.resumed:
             self._say(
@@ -45,12 +46,12 @@ class SessionReport:
                 f" in {folder.path}"
             )
         for path in folder.left_behind:
-            self._say(f"left as it is: {path}, of a press that was cut short")
+            self._say(f"not changed: {path}, of an interrupted press")
         if folder.others:
-            self._say(f"left as they are: {folder.others} recordings of other sessions")
+            self._say(f"not changed: {folder.others} recordings of other sessions")
 
     def on(self, bench: "Bench") -> None:
-        """Say on what the presses are made."""
+        """Print the bench of the next presses."""
         from sautereau.analysis.summary.press import HEADER
 
         self._reached = bench.reached
@@ -62,7 +63,7 @@ class SessionReport:
             self._headed = True
 
     def pressed(self, number: int, path: Path) -> None:
-        """Take in a press of the plan, and tell it."""
+        """Analyse a press of the plan, and print its results."""
         from sautereau.analysis.summary.press import press_line
 
         self._folder.done[number] = path
@@ -70,10 +71,10 @@ class SessionReport:
         self._say(press_line(*both) + "  warm-up" * self._places[number].warm_up)
 
     def end(self, to_set: dict[str, Any]) -> None:
-        """Sum up all presses of the session, those of earlier runs as well.
+        """Print the summary of all presses of the session, including earlier runs.
 
         Args:
-            to_set: What the operator has to set before the session can go on.
+            to_set: Rig keys and values that the operator must set before the session continues.
         """
         from sautereau.analysis.summary.press import press_summary
 
@@ -100,29 +101,30 @@ class SessionReport:
             "left": left,
             "left_behind": [str(path) for path in folder.left_behind],
             "to_set": to_set,
+            "warnings": self._warnings,
         }
         lines = [warning for number in order for warning in self._found[number][1].warnings]
         summaries = []
         for index in range(len(folder.plan.rows)):
-            summary, told = self._row(index)
+            summary, row_lines = self._row(index)
             if summary:
                 summaries.append(summary)
-                lines += told
+                lines += row_lines
         if len(folder.plan.rows) == 1 and summaries:
             result |= {key: value for key, value in summaries[0].items() if key != "recordings"}
         else:
             result["rows"] = summaries
         lines += [f"recording:  {path}" for path in recordings]
         if to_set:
-            wanted = ", ".join(f"{key} = {value}" for key, value in to_set.items())
+            values = ", ".join(f"{key} = {value}" for key, value in to_set.items())
             lines.append(
-                f"{left} presses are left: set {wanted} on the instrument, then give the same"
-                " command again"
+                f"{left} press{'es' * (left > 1)} left: set {values} on the instrument, then run"
+                " the same command again"
             )
         answer(self._json, result, lines)
 
     def _row(self, index: int) -> tuple[dict[str, Any], list[str]]:
-        """Return what the presses of one row say together."""
+        """Return results and lines on all presses of one row."""
         from sautereau.analysis.model.predict import predict
         from sautereau.analysis.session.compare import compare
         from sautereau.analysis.session.repeatability import LEAST, repeatability
@@ -156,7 +158,7 @@ class SessionReport:
             result |= comparison_summary(comparison) | {"picture": str(picture)}
             lines += [*comparison_lines(comparison, prediction.level), f"picture:    {picture}"]
         else:
-            lines.append("no press has a pluck: there is nothing to compare with the model")
+            lines.append("no press has a pluck; nothing to compare with the model")
         if len(numbers) >= LEAST and row.rig.press.gesture is None:
             spread = repeatability(pressed, press_law(row.rig.press))
             result["repeatability"] = repeatability_summary(spread)
@@ -164,7 +166,7 @@ class SessionReport:
         return result, lines
 
     def _take(self, number: int, path: Path) -> "tuple[Press, Phases]":
-        """Analyse a press; of later ones only what a session's figures need is kept."""
+        """Analyse a press; of presses not plotted, keep only the jack's rise in the cruise."""
         from sautereau.analysis.phases import find_phases
         from sautereau.analysis.press.load import load_press
         from sautereau.trajectory.timing import press_law

@@ -1,4 +1,4 @@
-"""Set a bench up, step by step."""
+"""Set up a bench, step by step."""
 
 import sys
 from contextlib import contextmanager
@@ -16,6 +16,7 @@ from sautereau.commands.common import (
     load_rig,
     say,
     signals_stop,
+    warn,
 )
 
 if TYPE_CHECKING:
@@ -24,8 +25,8 @@ if TYPE_CHECKING:
     from sautereau.rig.edit import Edit
     from sautereau.rig.schema import Rig
 
-_PATIENCE = "60 s"
-"""Timeout of the stand-in's controller, which answers only when nothing moves any more."""
+_TIMEOUT = "60 s"
+"""Timeout of the stand-in's controller, which answers only after the motion has ended."""
 
 StepName = Literal["all", "port", "controller", "home", "encoders", "contact", "touch", "dry-run"]
 
@@ -39,36 +40,36 @@ def setup(
     simulation: Simulation = Simulation(),
     json: Json = False,
 ) -> int:
-    """Set the bench up: find the controller, home, check, touch the key, play in the air.
+    """Set up the bench: find the controller, home, check, touch the key, dry run.
 
-    Every step asks before anything moves, and tells what it found. What differs from the rig
-    file is shown, and written into it if you agree.
+    Every step asks before anything moves, and reports its results. Differences from the rig
+    file are shown, and written into it if you agree.
 
     Parameters
     ----------
     step
-        Step to make alone. Default: all, in this order.
+        Run only this step. Default: all, in this order.
     yes
-        Agree to every motion beforehand; for the stand-in and for scripts that are watched.
-        What a person would measure is not measured then.
+        Agree to every motion in advance; for the stand-in and for supervised scripts. Manual
+        measurements are skipped.
     save
-        Write what was found into the rig file without asking.
+        Write the results into the rig file without asking.
     """
     from sautereau.robot.experiment.setup.steps import make_steps
 
     nominal = load_rig(rig)
     if not yes and not sys.stdin.isatty():
-        return fail("setup: nobody can be asked; run it on a terminal, or give --yes", status=2)
+        return fail(json, "setup asks before motions: run it on a terminal, or give --yes", 2)
     if save and not Path(rig).is_file():
-        return fail(f"--save: {rig} is no file of your own; copy the rig file first", status=2)
+        return fail(json, f"--save: {rig} is not a file; write one with `sautereau init`", 2)
     values: dict[str, str | int] = {}
     steps: dict[str, Any] = {}
     with signals_stop(), _bench(nominal, simulation) as (wired, simulated):
-        for name, found in make_steps(wired, _Person(yes), None if step == "all" else step):
+        for name, found in make_steps(wired, _Operator(yes), None if step == "all" else step):
             for line in found.lines:
                 say(not json, line)
             for warning in found.warnings:
-                sys.stderr.write(f"warning: {name}: {warning}\n")
+                warn(not json, f"{name}: {warning}")
             values |= _of_bench(found.values, simulated)
             steps[name] = {
                 "lines": list(found.lines),
@@ -77,7 +78,7 @@ def setup(
                 "warnings": list(found.warnings),
             }
     edit = _edit(rig, values) if values and Path(rig).is_file() else None
-    saved = edit is not None and _save(edit, save, yes, told=not json)
+    saved = edit is not None and _save(edit, save, yes, as_text=not json)
     result = {
         "steps": steps,
         "values": values,
@@ -91,20 +92,20 @@ def setup(
 
 @contextmanager
 def _bench(nominal: "Rig", simulation: Simulation) -> "Iterator[tuple[Rig, bool]]":
-    """Yield the rig to set up, and whether it is the stand-in's."""
+    """Yield the rig to set up, and whether it is simulated."""
     from sautereau.rig.load import with_values
 
-    if simulation.wanted:
-        nominal = with_values(nominal, {"controller.timeout": _PATIENCE})
+    if simulation.requested:
+        nominal = with_values(nominal, {"controller.timeout": _TIMEOUT})
     with hardware(nominal, simulation) as bench:
         yield bench.rig, bool(bench.scene)
 
 
-class _Person:
-    """Whoever sits at the terminal.
+class _Operator:
+    """Asks the person at the terminal.
 
     Args:
-        agreed: Whether everything is agreed to; then nobody is asked.
+        agreed: Whether every motion was agreed to in advance; then nothing is asked.
     """
 
     def __init__(self, agreed: bool):
@@ -115,13 +116,13 @@ class _Person:
         return self._agreed or _asked(f"{question} [y/N] ").lower() in ("y", "yes")
 
     def number(self, question: str, unit: str, expected: float) -> float | None:
-        """Return what was measured; see `Ask`."""
+        """Return the measured value; see `Ask`."""
         if self._agreed:
             return None
         from sautereau.rig.units import format_quantity, parse_quantity
 
         shown = _readable(expected, unit)
-        while text := _asked(f"{question} It should be {shown}; Enter if you cannot tell: "):
+        while text := _asked(f"{question} Expected: {shown}; press Enter if unknown: "):
             try:
                 return parse_quantity(text, unit)
             except ValueError as error:
@@ -131,7 +132,7 @@ class _Person:
 
 
 def _of_bench(values: "Mapping[str, str | int]", simulated: bool) -> dict[str, str | int]:
-    """Return what is true of the bench itself: the stand-in's port is not."""
+    """Return the values that hold for the real bench: not the port of the stand-in."""
     return {k: v for k, v in values.items() if not (simulated and k.startswith("controller."))}
 
 
@@ -144,7 +145,7 @@ def _readable(value: float, unit: str) -> str:
 
 
 def _asked(question: str) -> str:
-    """Return a line of the terminal; the end of input is no answer."""
+    """Return a line of the terminal; empty at the end of input."""
     sys.stderr.write(question)
     sys.stderr.flush()
     return sys.stdin.readline().strip()
@@ -158,11 +159,11 @@ def _edit(rig: str, values: dict[str, str | int]) -> "Edit":
     return edit_rig(rig, values, f"sautereau setup, {date.today().isoformat()}")
 
 
-def _save(edit: "Edit", save: bool, agreed: bool, *, told: bool) -> bool:
-    """Show the difference, and write it where that is agreed to."""
+def _save(edit: "Edit", save: bool, agreed: bool, *, as_text: bool) -> bool:
+    """Show the difference, and write it if the operator agrees."""
     if not edit.difference:
         return False
-    say(told, edit.difference)
+    say(as_text, edit.difference)
     if not save and (agreed or _asked(f"Write this into {edit.path}? [y/N] ").lower() != "y"):
         return False
     edit.save()
@@ -171,7 +172,7 @@ def _save(edit: "Edit", save: bool, agreed: bool, *, told: bool) -> bool:
 
 def _closing(rig: str, values: dict[str, str | int], saved: bool) -> list[str]:
     if not values:
-        return ["the rig holds all this already"]
+        return ["the rig file already holds these values"]
     if saved:
         return [f"written into {rig}"]
     found = ", ".join(f"{key} = {value}" for key, value in values.items())

@@ -1,4 +1,4 @@
-"""The stand-in."""
+"""Serve the stand-in, and measure its speed and accuracy."""
 
 import sys
 from contextlib import suppress
@@ -12,8 +12,8 @@ from sautereau.commands.common import (
     Seed,
     answer,
     fail,
+    fraction_bar,
     load_rig,
-    share_bar,
     signals_stop,
 )
 
@@ -34,9 +34,9 @@ def stand_in(
     scene
         Path of a scene file, or name of a packaged one.
     seed
-        Of every random number.
+        Seed of every random number.
     fast
-        Let simulated time go as fast as it can, and not with the clock on the wall.
+        Run as fast as possible instead of in real time.
     """
     from sautereau.sim_backend.bench import StandIn
     from sautereau.sim_backend.scene import load_scene
@@ -49,7 +49,7 @@ def stand_in(
     ):
         result = {"serial_port": served.serial_port, "daq_address": served.daq_address}
         lines = [
-            f"scene {scene} of rig {bench.name}, SIMULATED; Ctrl-C ends it",
+            f"scene {scene} of rig {bench.name}, SIMULATED; stop with Ctrl-C",
             *([str(served.bench.reached)] if served.bench.reached else []),
             f"serial port:  {served.serial_port}",
             f"DAQ address:  {served.daq_address}",
@@ -69,16 +69,16 @@ def trade(
     plot: Picture = None,
     json: Json = False,
 ) -> int:
-    """Measure the stand-in's speed against its accuracy on this machine.
+    """Measure speed and accuracy of the stand-in's solvers on this machine.
 
     Parameters
     ----------
     scene
         Path of a scene file, or name of a packaged one.
     fresh
-        Measure again, whatever was measured before on this machine.
+        Measure again instead of reusing an earlier measurement on this machine.
     stability
-        Map where the engines stand and where they refuse, in place of the trade.
+        Map at which steps the engines are stable, and at which they refuse to run.
     """
     from sautereau.sim_backend.scene import load_scene
     from sautereau.sim_backend.trade.results import plot_trade, trade_document, trade_text
@@ -91,11 +91,13 @@ def trade(
 
     bench = load_rig(rig)
     if stability:
-        with signals_stop(), share_bar() as progress:
+        with signals_stop(), fraction_bar() as progress:
             found = run_stability(bench, progress=progress)
         answer(json, stability_document(found), stability_text(found))
-        return 0 if not found.silent_failures else fail("the engines failed silently; see above")
-    with signals_stop(), share_bar() as progress:
+        if found.silent_failures:
+            return fail(json, "an engine diverged without an error; see the table")
+        return 0
+    with signals_stop(), fraction_bar() as progress:
         measured = run_trade(bench, load_scene(scene), fresh=fresh, progress=progress)
     result, lines = trade_document(measured), trade_text(measured)
     if plot:

@@ -1,4 +1,4 @@
-"""What is installed, connected and missing on this machine, each with its remedy."""
+"""What is installed, connected and missing on this machine, and how to fix it."""
 
 import os
 import re
@@ -10,15 +10,13 @@ from pathlib import Path
 from sautereau.doctor.machine import Finding, clock, disk_room, disk_speed
 from sautereau.rig.schema import Rig
 
-PACKAGE = "sautereau"
-
 
 def examine(rig: Rig, folder: Path) -> list[Finding]:
-    """Look at Python, packages, serial port, DAQ device, disk and clock; nothing is moved.
+    """Check Python, packages, serial port, DAQ device, disk and clock; nothing moves.
 
     Args:
-        rig: The bench whose port and device are looked for.
-        folder: Where recordings will go.
+        rig: Rig whose port and device are checked.
+        folder: Folder for recordings.
     """
     return [
         _python(),
@@ -38,22 +36,17 @@ def _python() -> Finding:
 
 
 def _packages() -> Iterator[Finding]:
-    """Look for whatever this program was installed with, extras left out."""
-    try:
-        needed = metadata.requires(PACKAGE) or []
-    except metadata.PackageNotFoundError:
-        remedy = "python -m pip install -e . in the checkout"
-        yield Finding(PACKAGE, False, "run from a folder, and not installed", remedy)
-        return
-    for requirement in needed:
-        wanted, _, marker = requirement.partition(";")
+    """Check all requirements of this program except those of its extras."""
+    for text in metadata.requires("sautereau") or []:
+        requirement, _, marker = text.partition(";")
         if "extra ==" in marker:
             continue
-        name = re.split(r"[\s\[<>=!~(]", wanted, maxsplit=1)[0]
+        name = re.split(r"[\s\[<>=!~(]", requirement, maxsplit=1)[0]
         try:
             yield Finding(name, True, metadata.version(name))
         except metadata.PackageNotFoundError:
-            yield Finding(name, False, "not installed", f'python -m pip install "{wanted.strip()}"')
+            fix = f'python -m pip install "{requirement.strip()}"'
+            yield Finding(name, False, "not installed", fix)
 
 
 def _serial(port: str) -> Finding:
@@ -61,25 +54,25 @@ def _serial(port: str) -> Finding:
 
     found = [p.device for p in comports()]
     if "://" in port:
-        return Finding("controller", True, f"{port}, a URL: not tried")
+        return Finding("controller", True, f"{port}, a URL: not checked")
     if os.name == "nt":
-        there, allowed = port in found, True
+        exists, allowed = port in found, True
     else:
-        there, allowed = Path(port).exists(), os.access(port, os.R_OK | os.W_OK)
-    if not there:
-        remedy = "plug the controller in; `sautereau setup port` finds where it is"
-        detail = f"{port} is not there; serial ports: {', '.join(found) or 'none'}"
-        return Finding("controller", False, detail, remedy)
+        exists, allowed = Path(port).exists(), os.access(port, os.R_OK | os.W_OK)
+    if not exists:
+        fix = "connect the controller; `sautereau setup port` finds its port"
+        detail = f"{port} does not exist; serial ports: {', '.join(found) or 'none'}"
+        return Finding("controller", False, detail, fix)
     if not allowed:
         group = _group(Path(port))
-        detail = f"{port} may not be opened by you; it belongs to the group {group}"
-        remedy = f"sudo usermod -aG {group} $USER, then log in again"
-        return Finding("controller", False, detail, remedy)
-    return Finding("controller", True, f"{port} is there and may be opened")
+        detail = f"no permission to open {port}, which belongs to the group {group}"
+        fix = f"sudo usermod -aG {group} $USER, then log in again"
+        return Finding("controller", False, detail, fix)
+    return Finding("controller", True, f"{port} exists and can be opened")
 
 
 def _group(port: Path) -> str:
-    """Return the group of a port by name, or by number where it has none."""
+    """Return the group of a port by name, or by number if it has no name."""
     try:
         return port.group()
     except KeyError:
@@ -94,8 +87,8 @@ def _daq(rig: Rig) -> Finding:
         with Acquisition(rig.daq, 0.1) as acquisition:
             return Finding("daq", True, acquisition.device_description)
     except DaqError as error:
-        detail, _, remedy = str(error).partition("; ")
-        return Finding("daq", False, detail, remedy)
+        detail, _, fix = str(error).partition("; ")
+        return Finding("daq", False, detail, fix)
 
 
 def _stand_in() -> Finding:

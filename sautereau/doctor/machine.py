@@ -1,4 +1,4 @@
-"""What a bench needs of the machine it hangs on: room and speed of the disk, and the clock."""
+"""Checks of this machine: space and speed of the disk, and the clock."""
 
 import os
 import shutil
@@ -12,43 +12,45 @@ from pathlib import Path
 from sautereau.rig.acquisition import Daq
 
 LEAST_SPACE = 1e9
-"""Bytes that should be free where recordings go: some 2,000 presses."""
+"""Bytes that should be free for recordings: about 2,000 presses."""
 WRITTEN = 1 << 23
-"""Bytes that are written to see how fast a disk takes them."""
+"""Bytes that are written to measure the speed of a disk."""
 DISK_MARGIN = 5.0
-"""1, by which a disk should be faster than the samples that come."""
+"""Dimensionless factor by which a disk should be faster than the acquisition."""
 SAMPLE_BYTES = 8
 BEHIND = 86_400.0
-"""s, by which the clock may be behind this program's own files, which another machine dated."""
+"""s, by which the clock may be behind the dates of this program's files, set elsewhere."""
 
 
 @dataclass(frozen=True)
 class Finding:
-    """One thing looked at."""
+    """Result of one check."""
 
     name: str
     ok: bool
     detail: str
-    remedy: str = ""
-    """What to do about it; empty where all is well."""
+    how_to_fix: str = ""
+    """How to fix it; empty if the check passed."""
 
 
 def disk_room(folder: Path) -> Finding:
-    """Look how much room there is where recordings go."""
+    """Check the free space for recordings."""
     free = shutil.disk_usage(folder).free
     enough = free >= LEAST_SPACE
     detail = f"{free / 1e9:.1f} GB free in {folder.resolve()}"
-    return Finding("disk", enough, detail, "" if enough else "free some space, or record elsewhere")
+    return Finding(
+        "disk", enough, detail, "" if enough else "delete files, or record to another disk"
+    )
 
 
 def disk_speed(folder: Path, daq: Daq) -> Finding:
-    """Write 8 MiB through to the disk, and compare with what the channels bring.
+    """Write 8 MiB to the disk, and compare its speed with the data rate of the channels.
 
     Args:
-        folder: Where recordings will go; the file is gone afterwards.
-        daq: Channels and their rate.
+        folder: Folder for recordings; the file is deleted afterwards.
+        daq: Channels and their sample rate.
     """
-    name, elsewhere = "disk speed", "record elsewhere: a disk of this machine is best"
+    name, elsewhere = "disk speed", "record to another disk, preferably a local one"
     block = os.urandom(1 << 20)
     start = time.perf_counter()
     try:
@@ -58,20 +60,20 @@ def disk_speed(folder: Path, daq: Daq) -> Finding:
             file.flush()
             os.fsync(file.fileno())
     except OSError as error:
-        detail = f"nothing can be written in {folder.resolve()}: {error.strerror}"
+        detail = f"no file can be written to {folder.resolve()}: {error.strerror}"
         return Finding(name, False, detail, elsewhere)
     speed = WRITTEN / (time.perf_counter() - start)
     needed = SAMPLE_BYTES * len(daq.channels) * daq.sample_rate
     enough = speed >= DISK_MARGIN * needed
-    detail = f"{speed / 1e6:.3g} MB/s, and the channels bring {needed / 1e6:.3g} MB/s"
+    detail = f"{speed / 1e6:.3g} MB/s; the channels need {needed / 1e6:.3g} MB/s"
     return Finding(name, enough, detail, "" if enough else elsewhere)
 
 
 def clock(now: float | None = None) -> Finding:
-    """Look whether the clock, from which recordings take their dates, can be right.
+    """Check whether the clock, which dates the recordings, can be right.
 
     Args:
-        now: s since 1970; None for the clock itself.
+        now: s since 1970; None for the clock of this machine.
     """
     now = time.time() if now is None else now
     detail = f"{datetime.fromtimestamp(now, UTC):%Y-%m-%d %H:%M:%S} UTC"
@@ -79,21 +81,21 @@ def clock(now: float | None = None) -> Finding:
     if now < newest - BEHIND:
         installed = datetime.fromtimestamp(newest, UTC)
         detail += f", before this program was installed on {installed:%Y-%m-%d}"
-        return Finding("clock", False, detail, "set the clock: recordings take their dates from it")
-    kept = _kept_by_network_time()
-    if kept is None:
-        return Finding("clock", True, f"{detail}; whether network time keeps it is not known")
-    if kept:
-        return Finding("clock", True, f"{detail}, kept by network time")
-    remedy = "let network time keep it (timedatectl set-ntp true), or see that its date is right"
-    return Finding("clock", False, f"{detail}, not kept by network time", remedy)
+        return Finding("clock", False, detail, "set the clock, which dates the recordings")
+    synchronised = _synchronised()
+    if synchronised is None:
+        return Finding("clock", True, f"{detail}; network synchronisation unknown")
+    if synchronised:
+        return Finding("clock", True, f"{detail}, synchronised with network time")
+    fix = "synchronise it (timedatectl set-ntp true), or check its date"
+    return Finding("clock", False, f"{detail}, not synchronised with network time", fix)
 
 
-def _kept_by_network_time() -> bool | None:
-    """Return whether systemd says so; None where nobody can be asked."""
-    asked = ("timedatectl", "show", "--property=NTPSynchronized", "--value")
+def _synchronised() -> bool | None:
+    """Return whether systemd reports a synchronised clock; None without systemd."""
+    command = ("timedatectl", "show", "--property=NTPSynchronized", "--value")
     try:
-        done = subprocess.run(asked, capture_output=True, text=True, timeout=5, check=False)
+        done = subprocess.run(command, capture_output=True, text=True, timeout=5, check=False)
     except (OSError, subprocess.TimeoutExpired):
         return None
     return {"yes": True, "no": False}.get(done.stdout.strip()) if done.returncode == 0 else None

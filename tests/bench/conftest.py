@@ -1,25 +1,49 @@
-"""Whole presses: real pyserial and real nidaqmx against the stand-in, files on disk."""
+"""Complete presses: real pyserial and real nidaqmx against the stand-in, files on disk."""
 
-import os
+import json
 import re
 import subprocess
-import sys
 from importlib import resources
 from pathlib import Path
 
 import pytest
 
-from sautereau.rig.load import load_rig
+from sautereau.rig.load import load_rig, with_values
 from sautereau.robot.drivers.galil.driver import GalilController
 from sautereau.robot.experiment.session import run_session
 from sautereau.sim_backend.bench import StandIn
 from sautereau.sim_backend.scene import load_scene
 from sautereau.trajectory.press import plan_press
 
+BARE = """
+description = "a key without strings: quick"
+finger = "ideal"
+plectrum = "none"
+string = "none"
+friction = false
+felt = false
+step = "1 ms"
+"""
+
+
+@pytest.fixture
+def slow_host_rig():
+    """The paper's rig with a long timeout of the controller, for a busy machine."""
+    return with_values(load_rig(), {"controller.timeout": "20 s"})
+
+
+@pytest.fixture
+def bare(tmp_path):
+    """Scene file of a key without strings, for tests that need no pluck."""
+    path = tmp_path / "bare.toml"
+    path.write_text(BARE)
+    return path
+
 
 def run_on_stand_in(scene: str, out: Path, n: int = 1, seed: int = 0, rig=None):
-    """Make n presses; return the recordings and what really happened in them."""
-    with StandIn(rig or load_rig(), load_scene(scene), seed) as stand_in:
+    """Run n presses; return the recordings and the true events."""
+    rig = rig or with_values(load_rig(), {"controller.timeout": "20 s"})  # for a busy machine
+    with StandIn(rig, load_scene(scene), seed) as stand_in:
         paths = run_session(
             stand_in.rig, plan_press(stand_in.rig), GalilController(stand_in.rig), out, n
         )
@@ -40,11 +64,14 @@ def ideal(tmp_path_factory):
 
 @pytest.fixture
 def rig_file(tmp_path):
-    """Write the paper's rig with lines replaced: rig_file(port='...', terminal='...')."""
+    """Write the paper's rig with lines replaced: rig_file(port='...', terminal='...').
+
+    The controller's timeout is long, for a busy machine, unless the test sets it.
+    """
 
     def write(**changes: str) -> Path:
         text = resources.files("sautereau.rig").joinpath("paper.toml").read_text(encoding="utf-8")
-        for key, value in changes.items():
+        for key, value in ({"timeout": '"20 s"'} | changes).items():
             text, n = re.subn(
                 rf"(?m)^{key} = .*$", lambda _, k=key, v=value: f"{k} = {v}", text, count=1
             )
@@ -57,19 +84,15 @@ def rig_file(tmp_path):
 
 
 @pytest.fixture
-def sautereau(tmp_path):
-    """Run the command line in a process of its own."""
+def sautereau(command_server, tmp_path):
+    """Run a command in its own process and in `tmp_path`; with --json, check both streams."""
 
-    def run(*words: object, **options) -> subprocess.CompletedProcess:
-        return subprocess.run(
-            [sys.executable, "-m", "sautereau", *map(str, words)],
-            capture_output=True,
-            text=True,
-            cwd=tmp_path,
-            env=os.environ | {"PYTHONWARNINGS": "error"},
-            timeout=60,
-            check=False,
-            **options,
-        )
+    def run(*words: object) -> subprocess.CompletedProcess[str]:
+        done = command_server.run(*words, folder=tmp_path)
+        if "--json" in words:
+            printed = done.stderr if done.returncode else done.stdout
+            assert json.loads(printed)["schema"] == 1, printed
+            assert done.returncode or "warning" not in done.stderr
+        return done
 
     return run

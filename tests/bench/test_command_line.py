@@ -1,4 +1,4 @@
-"""The command line as users' scripts meet it: keys, exit codes, one message a fault."""
+"""The command line as scripts use it: JSON keys, exit statuses, one message per fault."""
 
 import json
 import math
@@ -15,6 +15,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from sautereau import __version__
+from sautereau.commands.app import app, main
 from sautereau.rig.load import load_rig
 from sautereau.sim_backend.bench import StandIn
 from sautereau.sim_backend.scene import load_scene
@@ -23,9 +25,12 @@ from sautereau.trajectory.motion import Motion
 
 
 def refused(done: subprocess.CompletedProcess, *words: str) -> None:
-    """Check that a command ended with 1, and one message that has all these words."""
+    """Check that a command ended with 1, and one message that contains all these words."""
     assert done.returncode == 1, done.stderr
-    assert done.stderr.count("sautereau: ") == 1
+    if "--json" in done.args:
+        assert json.loads(done.stderr)["error"]["status"] == 1
+    else:
+        assert done.stderr.count("sautereau: ") == 1
     assert "Traceback" not in done.stderr
     for word in words:
         assert word in done.stderr
@@ -58,7 +63,7 @@ def test_plan_answers_the_keys_of_the_contract(sautereau, tmp_path):
     assert len(plan["steps"]) == result["segments"]
 
 
-def test_a_refused_plan_is_told_and_drawn_but_not_written(sautereau, rig_file, tmp_path):
+def test_an_infeasible_plan_is_reported_and_plotted_but_not_written(sautereau, rig_file, tmp_path):
     path = rig_file(dip='"7 mm"')
     done = sautereau("plan", path, "--json", "--out", "plan.json", "--plot", "plan.png")
     refused(done, "depth of the key", "press.jack_rise")
@@ -67,7 +72,7 @@ def test_a_refused_plan_is_told_and_drawn_but_not_written(sautereau, rig_file, t
     assert not (tmp_path / "plan.json").exists()
 
 
-def test_a_cruise_that_begins_after_contact_warns(sautereau, rig_file):
+def test_a_cruise_that_starts_after_contact_warns(sautereau, rig_file):
     done = sautereau("plan", rig_file(run_up_acceleration='"1 m/s^2"'), "--json")
     assert "cruises from" in json.loads(done.stdout)["warnings"][0]
 
@@ -80,7 +85,7 @@ def test_mount_answers_the_keys_of_the_contract(sautereau, tmp_path):
     assert (tmp_path / "mount.png").read_bytes().startswith(b"\x89PNG")
 
 
-def test_mount_tells_from_touches_where_the_base_is(sautereau, tmp_path):
+def test_mount_locates_the_base_from_touches(sautereau, tmp_path):
     rig = load_rig()
     marks = np.array([-0.180, -0.165, -0.150])
     centres = np.stack([marks, np.full(3, rig.key.surface_height + 4e-3)], -1)
@@ -121,11 +126,10 @@ def test_press_phases_compare_info_on_the_stand_in(sautereau, tmp_path):
         low, high = compared[key]["ci95"]
         assert low < compared[key]["value"] < high
 
-    told = sautereau("info", result["recordings"][0])
-    assert told.stdout.startswith("SIMULATED")
+    assert sautereau("info", result["recordings"][0]).stdout.startswith("SIMULATED")
     assert json.loads(sautereau("info", result["recordings"][0], "--json").stdout)["simulated"]
-    told = sautereau("compare", result["recordings"][0], "--plot", "figure.svg")
-    assert "SIMULATED" in told.stdout
+    done = sautereau("compare", result["recordings"][0], "--plot", "figure.svg")
+    assert "SIMULATED" in done.stdout
     assert "simulated" in (tmp_path / "figure.svg").read_text()
 
 
@@ -136,40 +140,92 @@ def test_predict_and_doctor_answer_the_keys_of_the_contract(sautereau):
         "peak_force", "v_osc", "work", "released_string",
     } <= set(predicted)  # fmt: skip
     checks = json.loads(sautereau("doctor", "--json").stdout)["checks"]
-    assert all(check["remedy"] for check in checks if not check["ok"])
+    assert all(check["how_to_fix"] for check in checks if not check["ok"])
 
 
 @pytest.mark.parametrize(
-    "words",
+    ("words", "message"),
     [
-        ["frobnicate"],
-        ["plan", "--nonsense"],
-        ["press"],
-        ["press", "--sim", "--out", "out", "-n", "many"],
-        ["press", "--sim", "--out", "out", "--rest", "2 mm"],
-        ["learn", "--sim"],
-        ["press", "--sim", "--out", "out", "--seed", "-1"],
-        ["phases"],
-        ["plan", "--plot", "plan.foo"],
-        ["plan", "--bench", "bench"],
+        ("frobnicate", 'Unknown command "frobnicate"'),
+        ("plan --nonsense", "Unknown option: --nonsense"),
+        ("plan paper paper", "Unexpected argument: paper"),
+        ("press", "Missing option: --out FOLDER"),
+        ("press --sim --out", "Missing value of option: --out FOLDER"),
+        ("press --sim --out out -n many", 'unable to convert "many" into int'),
+        ("press --sim --out out --rest 2_mm", "'2_mm'"),
+        ("press --sim --out out --seed -1", "from 0 to 2**63 - 1"),
+        ("learn --sim", "Missing option: --out FOLDER"),
+        ("listen", "Missing option: --out FILE"),
+        ("phases", "Missing argument: FILES"),
+        ("identify a.mcap", "Missing option: --free NAMES"),
+        ("export a.mcap", "Missing option: --to parquet|csv"),
+        ("acquire --sim", "Missing option: --out FILE, or --dry-run"),
+        ("setup", "give --yes"),
+        ("plan --plot plan.foo", "file extension .foo"),
+        ("plan --bench bench", "no file extension"),
+        ("predict --plot no/folder/pluck.png", "there is no folder no/folder"),
     ],
 )
-def test_wrong_usage_ends_with_two(sautereau, words):
-    done = sautereau(*words)
+def test_wrong_usage_ends_with_two(sautereau, tmp_path, words, message):
+    done = sautereau(*words.split())
     assert done.returncode == 2
     assert done.stdout == ""
-    assert "--help" in done.stderr
-
-
-def test_a_picture_that_cannot_be_written_is_refused_before_the_work(sautereau, tmp_path):
-    done = sautereau("predict", "--plot", "no/folder/pluck")
-    assert done.returncode == 2
-    assert "there is no folder no/folder" in done.stderr.replace("\n", " ")
-    assert "ends in nothing" in done.stderr
+    assert message in done.stderr.removeprefix("sautereau: ")
+    as_json = sautereau(*words.split(), "--json")
+    error = json.loads(as_json.stderr)["error"]
+    assert (as_json.returncode, as_json.stdout, error["status"]) == (2, "", 2)
+    assert error["message"] == done.stderr.removeprefix("sautereau: ").rstrip("\n")
     assert not any(tmp_path.iterdir())
 
 
-def test_every_fault_of_a_rig_is_told_at_once(sautereau, rig_file):
+ERRORS = (
+    "init none/rig.toml", "setup all none --yes", "plan none", "mount none", "predict none",
+    "press none --out out", "learn none --out out", "acquire none --out a.mcap",
+    "phases none.mcap", "compare none.mcap", "identify none.mcap --free key.inertia",
+    "animate none.mcap --out a.gif", "listen none --out a.wav", "report none",
+    "campaign none --out a.parquet", "touch none.parquet", "info none.mcap", "recover none.mcap",
+    "export none.mcap --to csv", "import none.csv --rig paper --out a.mcap", "stand-in none",
+    "trade none", "doctor none",
+)  # fmt: skip
+
+
+def test_errors_of_every_command_are_json_under_json(sautereau):
+    assert {words.split()[0] for words in ERRORS} == {n for n in app if not n.startswith("-")}
+    for words in ERRORS:
+        done = sautereau(*words.split(), "--json")
+        assert (done.returncode, done.stdout) == (1, ""), words
+        error = json.loads(done.stderr)["error"]
+        assert error["status"] == 1
+        assert "none" in error["message"]
+
+
+@pytest.mark.parametrize(
+    ("error", "message"),
+    [(KeyboardInterrupt(), "interrupted\nthe arm is off"), (RuntimeError("oh"), "bug: RuntimeErr")],
+)
+def test_interrupts_and_bugs_are_json_under_json(monkeypatch, capsys, error, message):
+    def fail(**_):
+        error.add_note("the arm is off")
+        raise error
+
+    monkeypatch.setattr("sautereau.commands.app.app", fail)
+    monkeypatch.setattr(sys, "argv", ["sautereau", "press", "--json"])
+    with pytest.raises(SystemExit, match="1"):
+        main()
+    answer = json.loads(capsys.readouterr().err)
+    assert (answer["schema"], answer["error"]["status"]) == (1, 1)
+    assert answer["error"]["message"].startswith(message)
+
+
+def test_the_module_is_the_command_line(tmp_path):
+    """In a real process: `python -m sautereau` names itself and its version."""
+    for option, printed in (("--help", "Usage: sautereau COMMAND"), ("--version", __version__)):
+        command = [sys.executable, "-m", "sautereau", option]
+        done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=True)
+        assert printed in done.stdout
+
+
+def test_every_fault_of_a_rig_is_reported_at_once(sautereau, rig_file):
     path = rig_file(
         press_arm='"171 g"', tension='"66.95 N"\ntensoin = "1 N"', baud_rate="115200\nspeed = 3"
     )
@@ -192,7 +248,7 @@ def test_a_serial_port_that_does_not_exist(sautereau, tmp_path):
 
 @pytest.fixture
 def answering_port():
-    """A pseudo-terminal that answers every line with the same bytes, but knows TC1."""
+    """A pseudo-terminal that gives the same answer to every line except TC1."""
     masters = []
 
     def serve(answer: bytes) -> str:
@@ -231,9 +287,9 @@ def test_a_controller_that_refuses_everything(sautereau, rig_file, answering_por
 
 
 @pytest.fixture
-def stand_in():
-    """The scene `ideal` in this process, for a command line in another."""
-    with StandIn(load_rig(), load_scene("ideal")) as served:
+def stand_in(bare):
+    """The scene `bare` in this process, for a command line in another."""
+    with StandIn(load_rig(), load_scene(str(bare))) as served:
         yield served
         assert served.bench.firmware.motors_on == (False, False)
 
@@ -273,39 +329,43 @@ def test_a_trigger_that_never_comes(sautereau, rig_file, stand_in, tmp_path):
     assert left == {"press-0001.mcap.part", "session.json"}
 
 
-def test_a_full_disk(sautereau, tmp_path):
+def test_a_full_disk(tmp_path, bare):
     def small_files_only():
         signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
-        resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, 100_000))
+        resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, 20_000))
 
-    done = sautereau("press", "--sim", "--out", "out", preexec_fn=small_files_only)
+    done = subprocess.run(
+        [sys.executable, "-m", "sautereau", "press", "--scene", bare, "--out", "out"],
+        capture_output=True, text=True, cwd=tmp_path, check=False, preexec_fn=small_files_only,
+    )  # fmt: skip
     refused(done, "press-0001.mcap.part", "cannot be written")
 
 
-def test_a_recording_that_is_none(sautereau, tmp_path):
+def test_a_file_that_is_no_recording(sautereau, tmp_path):
     (tmp_path / "notes.txt").write_text("not a recording")
     for words in (["info"], ["phases"], ["compare"]):
         refused(sautereau(*words, "notes.txt"), "notes.txt", "no MCAP file")
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
-def test_an_interrupted_session_leaves_a_safe_arm_and_whole_files(rig_file, tmp_path, number):
-    with StandIn(load_rig(), load_scene("ideal")) as served:
-        path = rig_file(port=f'"{served.serial_port}"', address=f'"{served.daq_address}"')
-        command = [sys.executable, "-m", "sautereau", "press", path, "-n", "500", "--out", "out"]
-        with subprocess.Popen(
-            command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-        ) as process:
-            assert process.stdout
-            for line in process.stdout:
-                if "press-0002" in line:
-                    break
-            process.send_signal(number)
-            _, message = process.communicate(timeout=30)
-        assert process.returncode == 1
-        assert "interrupted" in message
-        assert "Traceback" not in message
-        assert served.bench.firmware.motors_on == (False, False)
+def test_an_interrupted_session_leaves_a_safe_arm_and_complete_files(
+    rig_file, tmp_path, stand_in, number
+):
+    path = rig_file(port=f'"{stand_in.serial_port}"', address=f'"{stand_in.daq_address}"')
+    command = [sys.executable, "-m", "sautereau", "press", path, "-n", "500", "--out", "out"]
+    with subprocess.Popen(
+        command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as process:
+        assert process.stdout
+        for line in process.stdout:
+            if "press-0002" in line:
+                break
+        process.send_signal(number)
+        _, message = process.communicate(timeout=30)
+    assert process.returncode == 1
+    assert "interrupted" in message
+    assert "Traceback" not in message
+    assert stand_in.bench.firmware.motors_on == (False, False)
     for left in (tmp_path / "out").iterdir():
         assert left.suffix in (".mcap", ".json") or left.name in message
 
@@ -337,7 +397,9 @@ def test_plain_clients_press_against_a_served_stand_in(tmp_path, sautereau):
             assert server.wait(timeout=10) == 0
 
 
-def test_learn_answers_the_keys_of_the_contract_and_is_pressed_again(sautereau, rig_file, tmp_path):
+def test_learn_answers_the_keys_of_the_contract_and_its_correction_is_used(
+    sautereau, rig_file, tmp_path
+):
     done = sautereau("learn", "--sim", "-n", 3, "--seed", 3, "--out", "out", "--json")
     assert done.returncode == 0, done.stderr
     result = json.loads(done.stdout)

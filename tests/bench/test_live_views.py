@@ -1,4 +1,4 @@
-"""The views of a session: the terminal's, and Foxglove's over its own websocket."""
+"""Live views of a session: in the terminal, and in Foxglove over its websocket."""
 
 import io
 import json
@@ -13,7 +13,8 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 from rich.console import Console
 
-from sautereau.commands.live.process import LiveError, ViewProcess
+from sautereau.commands.live.errors import LiveError
+from sautereau.commands.live.process import ViewProcess
 from sautereau.commands.live.terminal import TerminalView
 from sautereau.commands.live.trace import thinned, trace_lines
 from sautereau.commands.live.watching import watching
@@ -73,14 +74,14 @@ def test_the_terminal_shows_state_traces_and_faults():
         view.show([Fault("joint 1 is off its plan\x1b[2J")], 3)
         view.show([], 3)
     text = console.file.getvalue()
-    for told in ("SIMULATED", "moving", "reading", "force (N)", "velocity (m/s)", "⠤"):
-        assert told in text
+    for shown in ("SIMULATED", "moving", "reading", "force (N)", "velocity (m/s)", "⠤"):
+        assert shown in text
     last = text[text.rindex("╭") :]
     assert "joint 1 is off its plan?[2J" in last
-    assert "3 things that happened are not shown" in last
+    assert "3 events are not shown" in last
 
 
-def test_the_terminal_stands_what_is_no_number():
+def test_the_terminal_shows_traces_with_nan():
     console = terminal()
     one = samples()
     one.block.volts[0] = np.nan
@@ -89,7 +90,7 @@ def test_the_terminal_stands_what_is_no_number():
     assert "velocity (m/s): nothing" in console.file.getvalue()
 
 
-def test_a_new_press_begins_a_new_trace():
+def test_a_new_press_starts_a_new_trace():
     view = TerminalView("rig", terminal())
     view.show([Stage("moving", "reading", 1), samples(1), samples(1, 1024)], 0)
     assert {len(parts) for parts in view._traces.values()} == {2}
@@ -105,8 +106,8 @@ def foxglove():
     return FoxgloveView
 
 
-def looked_at(port, show, wanted):
-    """Connect as Foxglove does, subscribe to all, and return what comes of each topic."""
+def received(port, show, topics):
+    """Connect as Foxglove does, subscribe to all, and return the messages of each topic."""
     from websockets.sync.client import connect
 
     channels, found = {}, {}
@@ -114,22 +115,22 @@ def looked_at(port, show, wanted):
     with connect(
         address, subprotocols=["foxglove.sdk.v1"], proxy=None, close_timeout=0.2
     ) as client:
-        while not wanted <= set(channels.values()) or sum(map(len, found.values())) == 0:
+        while not topics <= set(channels.values()) or sum(map(len, found.values())) == 0:
             message = client.recv(timeout=20)
             if isinstance(message, str):
-                told = json.loads(message)
-                if told["op"] == "serverInfo":
+                operation = json.loads(message)
+                if operation["op"] == "serverInfo":
                     show()
-                if told["op"] == "advertise":
-                    ids = {c["id"]: c["topic"] for c in told["channels"]}
+                if operation["op"] == "advertise":
+                    ids = {c["id"]: c["topic"] for c in operation["channels"]}
                     channels |= ids
                     asked = [{"id": number, "channelId": number} for number in ids]
                     client.send(json.dumps({"op": "subscribe", "subscriptions": asked}))
-                    if wanted <= set(channels.values()):
+                    if topics <= set(channels.values()):
                         break
-        client.ping().wait(20)  # the subscriptions have been heard
+        client.ping().wait(20)  # the server has received the subscriptions
         show()
-        while not wanted <= set(found):
+        while not topics <= set(found):
             message = client.recv(timeout=20)
             if isinstance(message, bytes) and message[0] == 1:
                 number, at = struct.unpack_from("<IQ", message, 1)
@@ -138,8 +139,8 @@ def looked_at(port, show, wanted):
 
 
 def test_foxglove_sees_previews_and_events(foxglove):
-    """A client of another make reads our messages, under the names that the layout knows."""
-    wanted = {"/preview/velocity", "/preview/force", "/events"}
+    """An independent client reads our messages, under the topic names of the layout."""
+    topics = {"/preview/velocity", "/preview/force", "/events"}
     with foxglove("rig", port=0) as view:
         numbers = iter(range(1, 9))
 
@@ -148,7 +149,7 @@ def test_foxglove_sees_previews_and_events(foxglove):
             blocks = [samples(press, first) for first in range(0, 8192, 1024)]
             view.show([Stage("moving", "reading", press), *blocks, Fault("oh")], 0)
 
-        found = looked_at(view.port, show, wanted)
+        found = received(view.port, show, topics)
     at, data = found["/preview/force"][0]
     scale = RIG.daq.channel("force").scale
     value = declared_class("Scalar").FromString(data).value
@@ -157,14 +158,14 @@ def test_foxglove_sees_previews_and_events(foxglove):
     event = declared_class("Event").FromString(found["/events"][0][1])
     assert (event.kind, event.text) == ("state", "arm moving, acquisition reading")
     layout = LAYOUT.read_text(encoding="utf-8")
-    assert all(topic in layout for topic in wanted)
+    assert all(topic in layout for topic in topics)
 
 
 def test_foxglove_is_served_on_the_loopback_alone(foxglove):
     with foxglove("rig", port=0) as view:
         table = Path("/proc/net/tcp")
         if not table.exists():
-            pytest.skip("only Linux tells who listens where")
+            pytest.skip("only Linux lists the listening sockets")
         listening = [line.split()[1] for line in table.read_text().splitlines()[1:]]
         own = [a for a in listening if a.endswith(f":{view.port:04X}")]
         assert "0100007F:" + f"{view.port:04X}" in own
@@ -182,7 +183,7 @@ def test_without_the_package_it_says_what_to_install(foxglove, monkeypatch):
         foxglove("rig")
 
 
-def test_the_views_have_a_process_of_their_own(capfd):
+def test_the_views_run_in_their_own_process(capfd):
     with watching("rig paper", in_terminal=True, to_foxglove=False) as watch:
         watch(Stage("moving", "reading", 7))
         watch(samples(7))
@@ -194,10 +195,10 @@ def test_the_views_have_a_process_of_their_own(capfd):
 
 
 class Unknown:
-    """What the process of the views cannot read: it has no module of this name."""
+    """An event that the process of the views cannot unpickle: it lacks this module."""
 
 
-def test_views_that_end_early_are_told_of(capsys):
+def test_views_that_end_early_are_reported(capsys):
     with watching("rig", in_terminal=True, to_foxglove=False) as watch:
         watch(Unknown())
         watch(Fault("a"))
@@ -214,17 +215,17 @@ def test_views_that_are_killed_stop_nothing():
     assert feed.faults[0].startswith("ViewProcess: LiveError: its process has ended")
 
 
-def test_views_that_cannot_begin_refuse_the_session(monkeypatch):
-    """A process that ends at once, before any press is made."""
+def test_views_that_cannot_start_refuse_the_session(monkeypatch):
+    """A process that ends at the start, before any press."""
     monkeypatch.setattr("sautereau.commands.live.process._run", int)
     with (
-        pytest.raises(LiveError, match="has ended at once; press without"),
+        pytest.raises(LiveError, match="ended at the start; press without"),
         watching("rig", in_terminal=True, to_foxglove=False),
     ):
         pass
 
 
-def test_what_is_said_meanwhile_comes_when_the_terminal_is_free(monkeypatch):
+def test_output_during_a_view_is_printed_after_it(monkeypatch):
     class Terminal(io.StringIO):
         def isatty(self):
             return True
@@ -237,15 +238,15 @@ def test_what_is_said_meanwhile_comes_when_the_terminal_is_free(monkeypatch):
     assert screen.getvalue() == "press-0001.mcap\n"
 
 
-def test_nobody_looks_by_default():
+def test_there_is_no_view_by_default():
     with watching("rig", in_terminal=False, to_foxglove=False) as watch:
         assert watch(Fault("a")) is None
 
 
-def test_presses_are_made_and_told_under_a_view(sautereau, tmp_path):
-    """`--json` stays one object, whatever is shown beside it."""
+def test_presses_are_recorded_and_reported_under_a_view(sautereau, bare, tmp_path):
+    """`--json` stays one object beside a view."""
     ran = sautereau(
-        "press", "-n", 2, "--scene", "ideal", "--out", tmp_path / "out", "--view", "--json"
+        "press", "-n", 2, "--scene", bare, "--out", tmp_path / "out", "--view", "--json"
     )
     assert ran.returncode == 0, ran.stderr
     assert len(json.loads(ran.stdout)["recordings"]) == 2

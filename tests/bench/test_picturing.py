@@ -34,9 +34,9 @@ def test_a_recording_is_animated(sautereau, ideal, tmp_path):
 def test_the_lines_say_simulated(ideal, tmp_path, capsys):
     path = tmp_path / "pluck.gif"
     assert call("animate", ideal[0][0], "--out", path, "--slow", "4", *STRETCH) == 0
-    said = capsys.readouterr().out
-    assert said.startswith(f"SIMULATED: {path}\n60 to 80 ms")
-    assert "1 of 1 strings were plucked" in said
+    printed = capsys.readouterr().out
+    assert printed.startswith(f"SIMULATED: {path}\n60 to 80 ms")
+    assert "1 of 1 strings were plucked" in printed
 
 
 @pytest.mark.parametrize(

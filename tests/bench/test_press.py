@@ -1,4 +1,6 @@
-"""What a press on the stand-in must show, from the trigger to the phases."""
+"""Properties of a press on the stand-in, from the trigger to the phases."""
+
+from functools import cache
 
 import numpy as np
 import pytest
@@ -8,10 +10,14 @@ from sautereau.analysis.phases import find_phases
 from sautereau.analysis.press.load import load_press
 from sautereau.daq.file.reading import read_recording
 from sautereau.rig.load import load_rig, with_values
+from sautereau.robot.drivers.galil.driver import GalilController
+from sautereau.robot.experiment.session import run_session
+from sautereau.sim_backend.bench import StandIn
+from sautereau.sim_backend.scene import load_scene
 from sautereau.trajectory.press import plan_press
 
 
-def test_ideal_jack_cruises_at_the_speed_asked_for(ideal):
+def test_ideal_jack_cruises_at_the_requested_speed(ideal):
     for path in ideal[0]:
         press = load_press(path)
         phases = find_phases(press)
@@ -42,45 +48,54 @@ def test_ideal_contact_release_and_force_are_the_models(ideal):
         assert held.release_force == pytest.approx(prediction.peak_force, rel=0.005)
 
 
-def test_encoders_were_where_the_plan_wanted_them(ideal):
+def test_encoders_followed_the_plan(ideal):
     recorded = read_recording(ideal[0][0])
     for name in ("q1", "q2"):
         planned = np.interp(recorded.joints.t, recorded.plan.t, getattr(recorded.plan, name))
         assert np.abs(getattr(recorded.joints, name) - planned).max() < 3e-5
 
 
-def test_a_simulated_recording_says_so_whatever_the_command_line_says(ideal):
+def test_a_simulated_recording_is_marked_by_its_devices(ideal):
     recorded = read_recording(ideal[0][0])
     assert recorded.simulated
     assert "stand-in" in recorded.session.controller
     assert "stand-in" in recorded.session.daq
 
 
-def test_the_same_seed_gives_the_same_bytes_and_another_does_not(bench, tmp_path):
-    volts = []
-    for folder, seed in (("a", 5), ("b", 5), ("c", 6)):
-        paths, _ = bench("paper", tmp_path / folder, 2, seed)
-        volts.append([read_recording(path).volts for path in paths])
+@pytest.fixture(scope="module")
+def paper(bench, tmp_path_factory):
+    """Return a press of the scene `paper` with a seed, and its truth; pressed once."""
+    folder = tmp_path_factory.mktemp("paper")
+
+    @cache
+    def press(seed: int):
+        paths, truths = bench("paper", folder / str(seed), 1, seed)
+        return paths[0], truths[0]
+
+    return press
+
+
+def test_the_same_seed_gives_the_same_bytes_and_another_does_not(bench, paper, tmp_path):
+    paths, _ = bench("paper", tmp_path, 2, 0)
+    again, second = (read_recording(path).volts for path in paths)
+    first, other = (read_recording(paper(seed)[0]).volts for seed in (0, 1))
     for name in ("velocity", "force"):
-        for press in (0, 1):
-            assert volts[0][press][name].tobytes() == volts[1][press][name].tobytes()
-            assert volts[0][press][name].tobytes() != volts[2][press][name].tobytes()
+        assert first[name].tobytes() == again[name].tobytes()
+        assert len({volts[name].tobytes() for volts in (first, second, other)}) == 3
 
 
 @pytest.mark.parametrize("seeds", [4, pytest.param(20, marks=pytest.mark.slow)])
-def test_paper_phases_are_found_on_every_seed(bench, tmp_path, seeds):
-    for seed in range(seeds):
-        paths, truths = bench("paper", tmp_path / str(seed), 1, seed)
-        phases = find_phases(load_press(paths[0]))
+def test_paper_phases_are_found_on_every_seed(paper, seeds):
+    for path, truth in map(paper, range(seeds)):
+        phases = find_phases(load_press(path))
         held = phases.plucks[0]
-        assert held.contact == pytest.approx(truths[0].contacts[0], abs=0.3e-3)
-        assert held.release == pytest.approx(truths[0].releases[0], abs=0.3e-3)
+        assert held.contact == pytest.approx(truth.contacts[0], abs=0.3e-3)
+        assert held.release == pytest.approx(truth.releases[0], abs=0.3e-3)
         assert not phases.warnings
 
 
-def test_paper_jack_slows_down_while_the_string_is_held(bench, tmp_path):
-    (path,), _ = bench("paper", tmp_path, 1)
-    press = load_press(path)
+def test_paper_jack_slows_down_while_the_string_is_held(paper):
+    press = load_press(paper(0)[0])
     held = find_phases(press).plucks[0]
     speed = press.data["jack_speed"].rolling(51, center=True).mean()
     before = speed.loc[held.contact - 3e-3 : held.contact].mean()
@@ -88,15 +103,10 @@ def test_paper_jack_slows_down_while_the_string_is_held(bench, tmp_path):
     assert 0.10 < 1 - at_release / before < 0.30
 
 
-def test_truth_apart_from_the_rig_is_seen_in_the_recording(tmp_path):
-    from sautereau.robot.drivers.galil.driver import GalilController
-    from sautereau.robot.experiment.session import run_session
-    from sautereau.sim_backend.bench import StandIn
-    from sautereau.sim_backend.scene import load_scene
-
+def test_truth_apart_from_the_rig_is_seen_in_the_recording(slow_host_rig, tmp_path):
     truth = {"plectrum.overlap": "0.35 mm", "jack.string_clearance": "2.5 mm"}
     scene = load_scene("ideal").model_copy(update={"truth": truth})
-    with StandIn(load_rig(), scene) as stand_in:
+    with StandIn(slow_host_rig, scene) as stand_in:
         rig = stand_in.rig
         assert rig.plectrum.overlap == load_rig().plectrum.overlap
         (path,) = run_session(rig, plan_press(rig), GalilController(rig), tmp_path, 1)
@@ -106,7 +116,7 @@ def test_truth_apart_from_the_rig_is_seen_in_the_recording(tmp_path):
     assert phases.plucks[0].contact - phases.start == pytest.approx(2.5 / 72, abs=0.1e-3)
 
 
-def test_numbers_go_on_where_a_folder_ends(bench, tmp_path):
+def test_numbers_continue_after_the_last_of_a_folder(bench, tmp_path):
     (tmp_path / "press-0007.mcap.part").write_bytes(b"left behind")
     paths, _ = bench("ideal", tmp_path, 1)
     assert [path.name for path in paths] == ["press-0008.mcap"]

@@ -1,4 +1,4 @@
-"""The first things that people do: a rig file of their own, completion, a terminal or none."""
+"""First steps: a new rig file, completion, with a terminal and without."""
 
 import json
 import os
@@ -20,7 +20,7 @@ posix = pytest.mark.skipif(sys.platform == "win32", reason="pseudo-terminals are
 
 def test_init_writes_a_rig_that_plans(sautereau, tmp_path):
     made = sautereau("init", "mine.toml", "--json")
-    assert json.loads(made.stdout) == {"path": "mine.toml"}
+    assert json.loads(made.stdout)["path"] == "mine.toml"
     assert load_rig(tmp_path / "mine.toml") == load_rig()
     assert sautereau("plan", "mine.toml").returncode == 0
 
@@ -29,11 +29,11 @@ def test_init_overwrites_nothing(sautereau, tmp_path):
     (tmp_path / "my-rig.toml").write_text("mine")
     done = sautereau("init")
     assert done.returncode == 1
-    assert "my-rig.toml: it is there and is not overwritten" in done.stderr
+    assert "my-rig.toml already exists" in done.stderr
     assert (tmp_path / "my-rig.toml").read_text() == "mine"
 
 
-def test_init_tells_of_a_folder_that_is_not_there(sautereau):
+def test_init_reports_a_missing_folder(sautereau):
     done = sautereau("init", "nowhere/rig.toml")
     assert done.returncode == 1
     assert "nowhere" in done.stderr
@@ -50,7 +50,7 @@ def test_init_tells_of_a_folder_that_is_not_there(sautereau):
         (["press", "--scene", "idea", "--out", "x"], "ideal", 1),
     ],
 )
-def test_what_is_nearly_right_is_offered(sautereau, words, meant, status):
+def test_the_nearest_name_is_suggested(sautereau, words, meant, status):
     done = sautereau(*words)
     assert done.returncode == status
     assert re.search(rf"[Dd]id you mean ['\"]?{meant}", done.stderr)
@@ -79,7 +79,7 @@ def test_bash_completes(tmp_path, typed, offered):
 
 
 @pytest.mark.parametrize("shell", ["bash", "zsh", "fish", "powershell"])
-def test_completion_is_there_for_every_shell(shell):
+def test_completion_exists_for_every_shell(shell):
     assert "stand-in" in app.generate_completion(shell=shell)
 
 

@@ -1,4 +1,4 @@
-"""The pages, taken apart into what can be run and what can be read."""
+"""The pages of the documentation: their commands, snippets and prose."""
 
 import re
 import textwrap
@@ -21,7 +21,7 @@ class Block:
 
     language: str
     title: str
-    """Name of the file that it shows; empty where it shows none."""
+    """Name of the file that it shows; empty for none."""
     body: str
 
 
@@ -38,7 +38,7 @@ class Page:
 
     @property
     def indented(self) -> list[str]:
-        """The blocks that are shown by indentation alone."""
+        """The blocks that are only indented."""
         return [textwrap.dedent(found) for found in _INDENTED.findall(self.prose)]
 
 
@@ -63,7 +63,7 @@ def _paths() -> list[Path]:
 
 
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
-    """Give a test that asks for a page every page, or those with commands that are run."""
+    """Parametrize tests by page: all pages, or those with commands that are run."""
     pages = [read_page(path) for path in _paths()]
     if "page" in metafunc.fixturenames:
         metafunc.parametrize("page", pages, ids=[p.path.stem for p in pages])

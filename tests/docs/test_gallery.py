@@ -1,4 +1,4 @@
-"""Every example of the gallery runs, draws its picture, and keeps to its number."""
+"""Every example of the gallery runs, draws its picture, and reproduces its number."""
 
 import math
 import re
@@ -21,7 +21,7 @@ from sautereau.rig.load import load_rig
 
 ROOT = Path(__file__).parents[2]
 LARGEST = 200e3
-"""Bytes of a picture that is kept with the text."""
+"""Largest size of a picture in the repository, in bytes."""
 RIG = load_rig()
 
 
@@ -37,7 +37,7 @@ def test_session_finds_the_contacts_of_the_stand_in(tmp_path):
     assert drawn(tmp_path / "a.png")
 
 
-def test_beams_hold_the_string_too_long(tmp_path):
+def test_beams_predict_a_longer_pluck(tmp_path):
     held = levels.study(RIG)
     assert held["elastica"] == pytest.approx(20e-3, rel=1e-3)
     assert held["beam"] / held["elastica"] == pytest.approx(1.222, abs=1e-3)
@@ -58,7 +58,7 @@ def test_the_string_comes_back_after_a_period(tmp_path):
     waves = string_waves.study(RIG)
     assert waves.period == pytest.approx(1 / RIG.string.frequency, rel=5e-3)
     half = len(waves.time) // 4
-    # After half a period the triangle stands on its head, mirrored between nut and bridge.
+    # After half a period the triangle is inverted and mirrored between nut and bridge.
     mirrored = -waves.lift[::-1, half]
     assert abs(mirrored - waves.lift[:, 0]).max() < 0.03 * waves.lift[:, 0].max()
     string_waves.plot(tmp_path / "a.png", waves)
@@ -96,10 +96,10 @@ def test_the_bench_is_drawn(tmp_path):
     assert drawn(tmp_path / "a.png")
 
 
-def test_the_page_shows_every_picture_that_there_is():
+def test_the_page_shows_every_picture():
     shown = re.findall(r"\]\(gallery/([^)]+)\)", (ROOT / "docs" / "gallery.md").read_text())
     assert sorted(shown) == sorted(gallery.pictures())
 
 
-def test_the_readmes_picture_is_kept_with_the_text():
+def test_the_readmes_picture_is_in_the_repository():
     assert drawn(ROOT / "docs" / "gallery" / "session.png")

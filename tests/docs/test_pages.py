@@ -1,11 +1,10 @@
-"""Every command of README and docs is run, or at least understood; every snippet is valid.
+"""Every command of README and docs runs, or at least parses; every snippet is valid.
 
 A ```console block is run: its `$ ` lines in bash, all of a page in one folder and in order, on
-the stand-in. What a page shows beneath a command has to be what comes, but for numbers that the
-machine decides, which the page writes as `...`. A block with title="NAME" is that file. `make`
-runs the recipe with this environment; what it would run for longer than a test may is only
-looked at with `make -n`. Commands in any other block need the hardware, or hours: they have to
-parse.
+the stand-in. The output shown beneath a command must be the real one, except for numbers that
+depend on the machine, which the page writes as `...`. A block with title="NAME" is that file.
+Recipes of `make` are checked with `make -n`: the docs run their commands. Commands in other blocks
+need the hardware, or hours: they must parse.
 """
 
 import ast
@@ -29,32 +28,22 @@ from sautereau.commands.app import app
 ROOT = Path(__file__).parents[2]
 BIN = Path(sys.executable).parent
 MARK = "@@ command "
-FORKED = Path(__file__).with_name("forked.py")
+FORKED = ROOT / "tests" / "forked.py"
 PROLOGUE = f"""
 set -eo pipefail
 sautereau() {{ {sys.executable} -S {FORKED} run "$SERVER" "$@"; }}
-make() {{
-    local run=-n
-    [ "$1" = press ] && run=
-    command make -C {ROOT} -s -o .venv/installed $run BIN={BIN} OUT="$PWD/out" "$@"
-}}
+make() {{ command make -C {ROOT} -s -o .venv/installed -n BIN={BIN} OUT="$PWD/out" "$@"; }}
 trap 'kill $(jobs -p) 2>/dev/null || true' EXIT
 """
 LONGEST = 280
-"""s, of a page's commands on a busy machine; alone it takes a tenth of that."""
+"""s, timeout of a page's commands on a busy machine; alone they take a tenth of it."""
 pytestmark = pytest.mark.timeout(300)
 
 
-@pytest.fixture(scope="module")
-def server(tmp_path_factory):
-    """Path of the socket at which commands are begun."""
-    path = str(tmp_path_factory.mktemp("server") / "socket")
-    command = [sys.executable, str(FORKED), "serve", path]
-    environment = os.environ | {"PYTHONPATH": str(ROOT)}
-    with subprocess.Popen(command, env=environment, stdout=subprocess.PIPE) as process:
-        assert process.stdout.readline() == b"ready\n"
-        yield path
-        process.terminate()
+@pytest.fixture
+def server(command_server):
+    """Path of the socket of the command server."""
+    return command_server.path
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="the pages are written for bash")
@@ -108,7 +97,7 @@ def _bash(script: str, folder: Path, server: str) -> subprocess.CompletedProcess
 
 
 def _session(body: str) -> list[tuple[str, str]]:
-    """Return the commands of a session, each with what is shown beneath it."""
+    """Return the commands of a session, each with the output shown beneath it."""
     found = []
     for part in re.split(r"(?m)^\$ ", body)[1:]:
         command, _, output = re.sub(r"\\\n", "", part).partition("\n")

@@ -1,4 +1,4 @@
-"""The site: every page is in it, every link leads somewhere, nothing is fetched from elsewhere."""
+"""The site: it holds every page, every link has a target, nothing is loaded from elsewhere."""
 
 import importlib.util
 import os
@@ -30,7 +30,7 @@ def hooks():
 
 @pytest.fixture(scope="module")
 def written(hooks):
-    """Names of the pages and pictures that the hooks make."""
+    """Names of the pages and pictures that the hooks generate."""
     rooms = {f"api/{room}/index.md" for room in hooks.ROOMS}
     modules = {
         f"api/{room}/{name.partition('.')[2]}.md"
@@ -49,9 +49,9 @@ def test_every_page_is_in_the_navigation(written):
             [leaf for inner in node for leaf in leaves(inner)] if isinstance(node, list) else [node]
         )
 
-    told = set(leaves(yaml.safe_load((ROOT / "mkdocs.yml").read_text(encoding="utf-8"))["nav"]))
+    listed = set(leaves(yaml.safe_load((ROOT / "mkdocs.yml").read_text(encoding="utf-8"))["nav"]))
     pages = {path.name for path in DOCS.glob("*.md")}
-    assert told == pages | {"rig-file.md", "commands.md"}
+    assert listed == pages | {"rig-file.md", "commands.md"}
 
 
 def test_every_relative_link_leads_to_a_page(written):
@@ -81,7 +81,7 @@ def test_measured_tables_are_those_of_the_figures(hooks):
     shown = hooks.on_page_markdown(text, None, None, None)
     assert "<!-- figures" in text
     assert "<!-- figures" not in shown
-    assert "| | error of release force | error of contact duration |" in shown
+    assert "| | error of release force | error of pluck duration |" in shown
     assert re.search(r"\| beam \| 22\.\d+ % \|", shown)
     assert "| what | measured |" in shown
     with pytest.raises(hooks.PluginError, match="no such thing"):

@@ -19,12 +19,12 @@ def found(rig, folder):
     return {finding.name: finding for finding in examine(rig, folder)}
 
 
-def test_everything_missing_has_a_fix(tmp_path):
+def test_every_fault_says_how_to_fix_it(tmp_path):
     findings = found(with_values(RIG, {"controller.port": "/dev/nowhere"}), tmp_path)
     assert not findings["controller"].ok
-    assert "/dev/nowhere is not there" in findings["controller"].detail
+    assert "/dev/nowhere does not exist" in findings["controller"].detail
     assert {"python", "nidaqmx", "daq", "disk", "disk speed", "clock"} <= set(findings)
-    assert all(finding.ok or finding.remedy for finding in findings.values())
+    assert all(finding.ok or finding.how_to_fix for finding in findings.values())
     assert not list(tmp_path.iterdir())
 
 
@@ -41,7 +41,7 @@ def test_every_package_of_the_installation_is_checked(tmp_path, monkeypatch):
     findings = found(RIG, tmp_path)
     assert findings["numpy"].ok
     assert not findings["no-such_thing"].ok
-    assert 'install "no-such_thing[grpc]>=2"' in findings["no-such_thing"].remedy
+    assert 'install "no-such_thing[grpc]>=2"' in findings["no-such_thing"].how_to_fix
     assert "x" not in findings
 
 
@@ -53,14 +53,14 @@ def test_a_port_without_permission_is_reported_with_its_group(tmp_path, monkeypa
     monkeypatch.setattr(os, "access", lambda *_: False)
     finding = found(with_values(RIG, {"controller.port": str(port)}), tmp_path)["controller"]
     assert not finding.ok
-    assert f"usermod -aG {port.group()}" in finding.remedy
+    assert f"usermod -aG {port.group()}" in finding.how_to_fix
 
 
 def test_a_folder_that_cannot_be_written_is_reported(tmp_path):
     finding = disk_speed(tmp_path / "none", RIG.daq)
     assert not finding.ok
-    assert "nothing can be written" in finding.detail
-    assert finding.remedy
+    assert "no file can be written" in finding.detail
+    assert finding.how_to_fix
 
 
 def test_a_disk_slower_than_the_channels_is_reported(tmp_path, monkeypatch):
@@ -68,7 +68,7 @@ def test_a_disk_slower_than_the_channels_is_reported(tmp_path, monkeypatch):
     monkeypatch.setattr(machine, "DISK_MARGIN", 1e9)
     finding = disk_speed(tmp_path, RIG.daq)
     assert not finding.ok
-    assert "bring 0.819 MB/s" in finding.detail
+    assert "need 0.819 MB/s" in finding.detail
 
 
 def test_a_full_disk_is_reported(tmp_path, monkeypatch):
@@ -86,9 +86,9 @@ def test_a_clock_before_the_program_is_wrong():
 @pytest.mark.parametrize(
     ("script", "ok", "words"),
     [
-        ("echo yes", True, "kept by network time"),
-        ("echo no", False, "not kept by network time"),
-        ("exit 1", True, "not known"),
+        ("echo yes", True, "synchronised with network time"),
+        ("echo no", False, "not synchronised with network time"),
+        ("exit 1", True, "network synchronisation unknown"),
     ],
 )
 def test_the_state_of_the_clock_is_reported(tmp_path, monkeypatch, script, ok, words):

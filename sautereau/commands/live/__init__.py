@@ -1,1 +1,1 @@
-"""A session while it goes on: in the terminal, and in Foxglove."""
+"""Live views of a running session: in the terminal, and in Foxglove."""

@@ -1,17 +1,17 @@
-"""A session while it goes on, for Foxglove on the same machine."""
+"""A live view of a session in Foxglove, on the same machine."""
 
 import time
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from sautereau.commands.live.process import LiveError
+from sautereau.commands.live.errors import LiveError
 
 if TYPE_CHECKING:
     from sautereau.robot.experiment.monitor import Samples, Seen
 
 LOOPBACK = "127.0.0.1"
 PORT = 8765
-"""Where Foxglove looks by itself; another free one where it is taken."""
+"""Default port of Foxglove; if it is in use, another free one is taken."""
 
 
 class FoxgloveView:
@@ -21,7 +21,7 @@ class FoxgloveView:
     a context manager.
 
     Raises:
-        LiveError: The package is not installed, or no port could be had.
+        LiveError: The package is not installed, or no port is free.
     """
 
     def __init__(self, title: str, port: int = PORT):
@@ -43,17 +43,17 @@ class FoxgloveView:
 
     @property
     def port(self) -> int:
-        """On which it is served."""
+        """Port of the server."""
         return self._server.port
 
     @property
-    def told(self) -> str:
-        """How to look."""
+    def instruction(self) -> str:
+        """How to connect Foxglove."""
         from sautereau.daq.file.survey import LAYOUT
 
         return (
-            f"live: open a connection to ws://{LOOPBACK}:{self.port} in Foxglove, and there the"
-            f" layout {LAYOUT}"
+            f"live: in Foxglove, open the connection ws://{LOOPBACK}:{self.port} and the layout"
+            f" {LAYOUT}"
         )
 
     def __enter__(self) -> "FoxgloveView":
@@ -66,7 +66,7 @@ class FoxgloveView:
             except RuntimeError as error:
                 if port == 0:
                     raise LiveError(
-                        f"--live: no port of {LOOPBACK} could be had: {error}; press without --live"
+                        f"--live: no port of {LOOPBACK} is free: {error}; press without --live"
                     ) from error
         return self
 
@@ -74,7 +74,7 @@ class FoxgloveView:
         self._server.stop()
 
     def show(self, seen: "Sequence[Seen]", dropped: int) -> None:
-        """Send what has come since the last call to whoever looks."""
+        """Send everything new since the last call to all connected viewers."""
         from sautereau.robot.experiment.monitor import Made, Samples, Stage
 
         for one in seen:
@@ -89,7 +89,7 @@ class FoxgloveView:
                     self._event("fault", one.text)
         if dropped != self._dropped:
             self._dropped = dropped
-            self._event("dropped", f"{dropped} things that happened are not shown")
+            self._event("dropped", f"{dropped} events are not shown")
 
     def _send(self, samples: "Samples") -> None:
         from sautereau.daq.file.preview import Decimator
@@ -114,10 +114,9 @@ class FoxgloveView:
         from sautereau.daq.file.schemas import encode
 
         now = time.time_ns()
-        told = encode(
-            "Event", time=(now - self._t0) / 1e9 if self._t0 else 0.0, kind=kind, text=text
-        )
-        self._topic("/events", "Event").log(told, log_time=now)
+        since_start = (now - self._t0) / 1e9 if self._t0 else 0.0
+        event = encode("Event", time=since_start, kind=kind, text=text)
+        self._topic("/events", "Event").log(event, log_time=now)
 
     def _topic(self, name: str, message: str, **metadata: str) -> Any:
         from sautereau.daq.file.schemas import PACKAGE, schema_data

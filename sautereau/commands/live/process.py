@@ -1,7 +1,7 @@
-"""Views in a process of their own: what they compute takes no time from the press.
+"""Live views in their own process, so that their computations do not delay the press.
 
-Python runs one thread of a process at a time, and a host that streams setpoints may not be
-late by more than a few milliseconds; a view that draws would make it so.
+Python runs one thread of a process at a time. A host that streams setpoints may be late by a
+few milliseconds only, and drawing takes longer.
 """
 
 import signal
@@ -11,67 +11,63 @@ from multiprocessing import get_context
 from multiprocessing.connection import Connection
 from typing import TYPE_CHECKING
 
-from sautereau.rig.errors import SautereauError
+from sautereau.commands.live.errors import LiveError
 
 if TYPE_CHECKING:
     from sautereau.robot.experiment.monitor import Seen, View
 
-PATIENCE = 30.0
-"""s, that the views may take to begin."""
-LEAVE = 1.5
-"""s, that they may take to end."""
-
-
-class LiveError(SautereauError):
-    """A live view that cannot be had; says why and what to do."""
+START_TIMEOUT = 30.0
+"""s, for the views to start."""
+END_TIMEOUT = 1.5
+"""s, for the views to end."""
 
 
 class ViewProcess:
-    """The views of a session, in a process of their own; a context manager.
+    """The live views of a session in their own process; a context manager.
 
     Raises:
-        LiveError: They cannot begin.
+        LiveError: The views cannot start.
     """
 
     def __init__(self, title: str, *, in_terminal: bool, to_foxglove: bool):
         context = get_context("spawn")
         self._pipe, self._theirs = context.Pipe()
-        wanted = (self._theirs, title, in_terminal, to_foxglove)
-        self._process = context.Process(target=_run, args=wanted, name="live view", daemon=True)
-        self.told: Sequence[str] = ()
-        """What people have to know to look."""
+        arguments = (self._theirs, title, in_terminal, to_foxglove)
+        self._process = context.Process(target=_run, args=arguments, name="live view", daemon=True)
+        self.instructions: Sequence[str] = ()
+        """How to open the views, for the operator."""
 
     def __enter__(self) -> "ViewProcess":
         self._process.start()
-        self._theirs.close()  # so that its end is heard here
+        self._theirs.close()  # so that the pipe ends when the process does
         try:
-            if not self._pipe.poll(PATIENCE):
+            if not self._pipe.poll(START_TIMEOUT):
                 raise LiveError(
-                    f"live view: not there in {PATIENCE:g} s; press without --view and --live"
+                    f"live view: not started within {START_TIMEOUT:g} s; press without --view and"
+                    " --live"
                 )
-            begun, self.told = self._pipe.recv()
+            started, self.instructions = self._pipe.recv()
+            if not started:
+                raise LiveError(" ".join(self.instructions))
         except (EOFError, LiveError) as error:
             self.__exit__()
             if isinstance(error, LiveError):
                 raise
             raise LiveError(
-                "live view: its process has ended at once; press without --view and --live"
+                "live view: its process ended at the start; press without --view and --live"
             ) from error
-        if not begun:
-            self.__exit__()
-            raise LiveError(" ".join(self.told))
         return self
 
     def __exit__(self, *exception: object) -> None:
         self._pipe.close()
-        self._process.join(LEAVE)
+        self._process.join(END_TIMEOUT)
         if self._process.is_alive():
             self._process.kill()
             self._process.join()
         self._process.close()
 
     def show(self, seen: "Sequence[Seen]", dropped: int) -> None:
-        """Hand over what has come since the last call, and wait until it is shown."""
+        """Send everything new since the last call, and wait until it is shown."""
         try:
             self._pipe.send((seen, dropped))
             fault = self._pipe.recv()
@@ -82,29 +78,29 @@ class ViewProcess:
 
 
 def _run(pipe: Connection, title: str, in_terminal: bool, to_foxglove: bool) -> None:
-    """Show what comes, until the other end of the pipe is closed."""
-    # Ctrl-C and a closed terminal are the session's affair, and its end is the views' end.
+    """Show everything received, until the other end of the pipe is closed."""
+    # The session handles Ctrl-C and a closed terminal; the views end when it does.
     for name in ("SIGINT", "SIGHUP"):
         if hasattr(signal, name):
             signal.signal(getattr(signal, name), signal.SIG_IGN)
     with ExitStack() as stack:
         views: list[View] = []
-        told = []
+        instructions = []
         try:
             if to_foxglove:
                 from sautereau.commands.live.foxglove import FoxgloveView
 
                 served = stack.enter_context(FoxgloveView(title))
                 views.append(served)
-                told.append(served.told)
+                instructions.append(served.instruction)
             if in_terminal:
                 from sautereau.commands.live.terminal import TerminalView
 
                 views.append(stack.enter_context(TerminalView(title)))
-        except SautereauError as error:
+        except LiveError as error:
             pipe.send((False, (str(error),)))
             return
-        pipe.send((True, tuple(told)))
+        pipe.send((True, tuple(instructions)))
         while True:
             try:
                 seen, dropped = pipe.recv()
@@ -113,6 +109,6 @@ def _run(pipe: Connection, title: str, in_terminal: bool, to_foxglove: bool) -> 
                 pipe.send("")
             except (EOFError, ConnectionError):
                 return
-            except Exception as error:  # noqa: BLE001 - the session is told, and tells
+            except Exception as error:  # noqa: BLE001 - the session reports it
                 pipe.send(f"{type(error).__name__}: {error}")
                 return

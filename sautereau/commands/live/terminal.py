@@ -1,4 +1,4 @@
-"""A session in the terminal, while it goes on."""
+"""A live view of a session in the terminal."""
 
 from collections.abc import Sequence
 
@@ -13,9 +13,9 @@ from sautereau.commands.live.trace import thinned, trace_lines
 from sautereau.robot.experiment.monitor import Made, Samples, Seen, Stage
 
 HEIGHT = 5
-"""Lines of a trace."""
+"""Height of a trace, in lines."""
 STRETCH = 32
-"""Samples of which the least and the largest are kept for drawing."""
+"""Number of samples of which the smallest and the largest are drawn."""
 
 
 class TerminalView:
@@ -43,7 +43,7 @@ class TerminalView:
             live.stop()
 
     def show(self, seen: Sequence[Seen], dropped: int) -> None:
-        """Show what has come since the last call."""
+        """Show everything new since the last call."""
         for one in seen:
             self._take(one)
         changed = bool(seen) or dropped != self._dropped
@@ -64,7 +64,7 @@ class TerminalView:
                 self._made += 1
             case _:
                 self._arm, self._daq = "see below", "ended"
-                # What a device has answered must not steer the terminal.
+                # The answer of a device must not contain control characters for the terminal.
                 self._fault = "".join(c if c.isprintable() or c == "\n" else "?" for c in one.text)
 
     def _add(self, samples: Samples) -> None:
@@ -82,7 +82,7 @@ class TerminalView:
         )  # fmt: skip
         lines = [state]
         if self._dropped:
-            lines.append(Text(f"{self._dropped} things that happened are not shown", "yellow"))
+            lines.append(Text(f"{self._dropped} events are not shown", "yellow"))
         if self._fault:
             lines.append(Text(self._fault, "bold red"))
         width = max(10, self._console.width - 6)

@@ -11,12 +11,12 @@ _BLANK = 0x2800
 def trace_lines(values: NDArray[np.float64], width: int, height: int) -> list[str]:
     """Draw a signal in Braille, two columns and four rows of dots to a character.
 
-    Every column holds the least and the largest of its samples and all between.
+    Every column shows the range from the smallest to the largest of its samples.
 
     Args:
-        values: Shape (n,), n >= 1; what is no number is not drawn.
-        width: Characters.
-        height: Lines.
+        values: Signal, shape (n,), n >= 1; NaN and infinity are not drawn.
+        width: In characters.
+        height: In lines.
     """
     rows, columns = 4 * height, min(2 * width, len(values))
     finite = values[np.isfinite(values)]
@@ -29,18 +29,18 @@ def trace_lines(values: NDArray[np.float64], width: int, height: int) -> list[st
         if not len(part):
             continue
         ends = ((part.min() - low) / span, (part.max() - low) / span)
-        bottom, top = (round(share * (rows - 1)) for share in ends)
+        bottom, top = (round(fraction * (rows - 1)) for fraction in ends)
         for row in range(rows - 1 - top, rows - bottom):
             cells[row // 4, column // 2] |= _DOTS[column % 2][row % 4]
     return ["".join(map(chr, line)) for line in cells]
 
 
 def thinned(values: NDArray[np.float64], stretch: int) -> NDArray[np.float64]:
-    """Return the least and the largest of even stretches: every peak stays.
+    """Return the smallest and the largest of every stretch of samples, so that peaks stay.
 
     Args:
-        values: Shape (n,), n >= 1.
-        stretch: Samples of one; the last is shorter.
+        values: Signal, shape (n,), n >= 1.
+        stretch: Length of a stretch, in samples; the last one may be shorter.
     """
     starts = np.arange(0, len(values), stretch)
     ends = np.minimum.reduceat(values, starts), np.maximum.reduceat(values, starts)

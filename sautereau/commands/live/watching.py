@@ -1,4 +1,4 @@
-"""Who looks at a session while it goes on."""
+"""Live views during a session."""
 
 import sys
 from collections.abc import Iterator
@@ -12,15 +12,15 @@ if TYPE_CHECKING:
 
 @contextmanager
 def watching(title: str, *, in_terminal: bool, to_foxglove: bool) -> "Iterator[Watch]":
-    """Yield what a session tells what happens; nobody hears it where nobody wants to see it.
+    """Yield the function to which a session reports its events; without a view it does nothing.
 
     Args:
-        title: Of the session.
-        in_terminal: Whether the terminal shows it.
-        to_foxglove: Whether Foxglove may come and look, from this machine.
+        title: Title of the session.
+        in_terminal: Whether to show the session in the terminal.
+        to_foxglove: Whether to serve it to Foxglove on this machine.
 
     Raises:
-        LiveError: A view cannot begin.
+        LiveError: A view cannot start.
     """
     if not (in_terminal or to_foxglove):
         yield lambda seen: None
@@ -32,17 +32,17 @@ def watching(title: str, *, in_terminal: bool, to_foxglove: bool) -> "Iterator[W
         views = ViewProcess(title, in_terminal=in_terminal, to_foxglove=to_foxglove)
         feed = Feed([views])
         if in_terminal:
-            stack.enter_context(_kept_from_the_terminal())
-        stack.callback(_tell, feed)
+            stack.enter_context(_held_back())
+        stack.callback(_report, feed)
         stack.enter_context(views)
-        for text in views.told:
-            sys.stderr.write(f"{text}\n")
+        for instruction in views.instructions:
+            sys.stderr.write(f"{instruction}\n")
         yield stack.enter_context(feed)
 
 
 @contextmanager
-def _kept_from_the_terminal() -> Iterator[None]:
-    """Keep what is said until the view has left the terminal."""
+def _held_back() -> Iterator[None]:
+    """Hold output to the terminal back until the view has ended."""
     with ExitStack() as stack:
         for stream, redirected in (
             (sys.stdout, redirect_stdout),
@@ -55,12 +55,11 @@ def _kept_from_the_terminal() -> Iterator[None]:
         yield
 
 
-def _tell(feed: "Feed") -> None:
-    """Say what the views have not shown."""
+def _report(feed: "Feed") -> None:
+    """Print the faults of the views, and how many events they did not show."""
     for fault in feed.faults:
         sys.stderr.write(f"warning: live view: {fault}\n")
     if feed.dropped:
         sys.stderr.write(
-            f"warning: live view: {feed.dropped} things that happened were not shown; the"
-            " recordings have them all\n"
+            f"warning: live view: {feed.dropped} events were not shown; the recordings hold all\n"
         )

@@ -1,0 +1,7 @@
+"""Errors of live views."""
+
+from sautereau.rig.errors import SautereauError
+
+
+class LiveError(SautereauError):
+    """A live view cannot be shown; the message says why, and how to fix it."""

@@ -1,0 +1,137 @@
+"""Start commands quickly: a server imports everything once, and forks for each command.
+
+Most of the second that a command takes is imports. Each command is a process with its own
+folder, environment and streams; only its start differs from `python -m sautereau`.
+
+python forked.py serve SOCKET       print a line when the server is ready
+python forked.py run SOCKET WORDS   run `sautereau WORDS`, for the shell of a page
+"""
+
+import json
+import os
+import signal
+import socket
+import subprocess
+import sys
+import tomllib
+import traceback
+from pathlib import Path
+
+SLOW = (
+    "matplotlib.backends.backend_agg", "matplotlib.figure", "nidaqmx", "pandas", "pyarrow.parquet",
+    "pymunk", "scipy.integrate", "scipy.interpolate", "scipy.ndimage", "scipy.optimize",
+    "scipy.signal", "scipy.stats",
+)  # fmt: skip
+ROOT = Path(__file__).parents[1]
+
+
+class CommandServer:
+    """Runs commands of `sautereau`; a context manager. `path` is the server's socket."""
+
+    def __init__(self, path: str):
+        self.path = path
+
+    def __enter__(self) -> "CommandServer":
+        command = [sys.executable, __file__, "serve", self.path]
+        environment = os.environ | {"PYTHONPATH": str(ROOT), "PYTHONWARNINGS": "error"}
+        self._process = subprocess.Popen(command, env=environment, stdout=subprocess.PIPE)
+        assert self._process.stdout.readline() == b"ready\n"
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self._process.terminate()
+        self._process.communicate()
+
+    def run(self, *words: object, folder: Path) -> subprocess.CompletedProcess[str]:
+        """Run a command in a folder, without a terminal; return its status and its output."""
+        out, error = folder / ".out", folder / ".error"
+        arguments = [str(word) for word in words]
+        with open(os.devnull, "rb") as nothing, out.open("wb") as o, error.open("wb") as e:  # noqa: PTH123
+            streams = [nothing.fileno(), o.fileno(), e.fileno()]
+            status = run(self.path, arguments, str(folder), streams)
+        texts = out.read_text(encoding="utf-8"), error.read_text(encoding="utf-8")
+        out.unlink()
+        error.unlink()
+        return subprocess.CompletedProcess(arguments, status, *texts)
+
+
+def project_modules() -> list[str]:
+    """Return the names of all modules of the project that need none of its extras."""
+    settings = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]
+    mapped = settings["setuptools"]["package-dir"]
+    found = []
+    for package in settings["setuptools"]["packages"]:
+        top = ".".join(package.split(".")[:2])
+        folder = ROOT / package.replace(top, mapped.get(top, top), 1).replace(".", "/")
+        names = [path.stem for path in folder.glob("*.py") if not path.stem.startswith("__")]
+        found += [package, *(f"{package}.{name}" for name in names)]
+    return found
+
+
+def serve(path: str) -> None:
+    """Fork for every client until SIGTERM."""
+    import importlib
+
+    import sautereau.commands.app  # noqa: F401 (limits the threads of BLAS before it is loaded)
+
+    for name in (*SLOW, *project_modules()):
+        importlib.import_module(name)
+    from sautereau.rig.load import load_rig
+
+    load_rig()
+    listener = socket.socket(socket.AF_UNIX)
+    listener.bind(path)
+    listener.listen()
+    signal.signal(signal.SIGTERM, lambda *_: (listener.close(), sys.exit()))
+    os.write(1, b"ready\n")
+    running = 0
+    while True:
+        client, _ = listener.accept()
+        if os.fork() == 0:
+            listener.close()
+            signal.signal(signal.SIGTERM, signal.SIG_DFL)
+            _command(client)
+        client.close()
+        running += 1
+        while running and os.waitpid(-1, os.WNOHANG)[0]:
+            running -= 1
+
+
+def _command(client: socket.socket) -> None:
+    """Run the command of a client in this process, and end."""
+    from sautereau.commands.app import main
+
+    request, streams, *_ = socket.recv_fds(client, 1 << 20, 3)
+    for number, stream in enumerate(streams):
+        os.dup2(stream, number)
+    asked = json.loads(request)
+    os.chdir(asked["folder"])
+    os.environ.clear()
+    os.environ.update(asked["environment"])
+    sys.argv = ["sautereau", *asked["words"]]
+    status = 1
+    try:
+        main()
+    except SystemExit as end:
+        status = end.code if isinstance(end.code, int) else int(end.code is not None)
+    except BaseException:  # noqa: BLE001 (as Python itself ends with any exception)
+        traceback.print_exc()
+    sys.stdout.flush()
+    client.sendall(bytes([status]))
+    os._exit(status)
+
+
+def run(path: str, words: list[str], folder: str, streams: list[int]) -> int:
+    """Return the status of a command; 1 if it was killed."""
+    request = {"folder": folder, "environment": dict(os.environ), "words": words}
+    with socket.socket(socket.AF_UNIX) as server:
+        server.connect(path)
+        socket.send_fds(server, [json.dumps(request).encode()], streams)
+        status = server.recv(1)
+    return status[0] if status else 1
+
+
+if __name__ == "__main__":
+    if sys.argv[1] == "serve":
+        serve(sys.argv[2])
+    sys.exit(run(sys.argv[2], sys.argv[3:], str(Path.cwd()), [0, 1, 2]))
