@@ -87,7 +87,10 @@ def find_phases(press: Press) -> Phases:
         free_speed=float(speed[settled].mean()),
         held_speed=held_speed,
         released_speed=released_speed,
-        warnings=(*ending(signals, begin), *pluck_warnings(signals, press.quality_flags, plucks, steady)),
+        warnings=(
+            *ending(signals, begin),
+            *pluck_warnings(signals, press.quality_flags, plucks, steady),
+        ),
         bottomed=_bottomed(signals, begin, plucks),
         returned=_returned(signals, end),
         peak_force=peak,
