@@ -172,6 +172,7 @@ def test_energy_is_the_work_of_the_load(body):
     assert work == pytest.approx(body.energy(states[-1]), rel=1e-9)
 
 
+@pytest.mark.slow
 def test_convergence_at_the_rate_of_the_element():
     """A manufactured solution: errors fall with the square, and the cube, of the size."""
     trapezoid = Profile(np.array([0.0, 1.0]), np.array([0.3, 0.2]), np.array([-0.2, -0.3]))

@@ -108,7 +108,7 @@ class Equilibria:
         """Return the equilibria of a sliding string; positions that are not found are NaN."""
         under, pull = self.plectra.under(load), self._pull * load
         rest, mu = self.rest, self.plectra.friction
-        least = rest / 2
+        least, done = rest / 2, np.zeros(load.shape, bool)
         s = np.repeat(self.length, load.shape[1], axis=1)
         for _ in range(NEWTON_STEPS):
             # s^2 times the residual: of the elastica a cubic in s, convex on the way from the tip.
@@ -124,12 +124,12 @@ class Equilibria:
             if small.all():
                 s = new
                 break
-            near = np.abs(value) <= ROUNDING * (self.length * square + pull)
-            if np.all(small | near):
+            done = small | (np.abs(value) <= ROUNDING * (self.length * square + pull))
+            if done.all():
                 break
             s = new
         else:
-            s = np.where(small | near, s, np.nan)
+            s = np.where(done, s, np.nan)
         return self._curve(under(s), load, s, np.full_like(s, mu))
 
     def stick_slope(self, curve: Curve) -> Floats:

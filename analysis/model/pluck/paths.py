@@ -85,7 +85,7 @@ def solve_paths(equilibria: Equilibria, points: int) -> Paths:
     # A string that never slips has a slide of no length, at no load.
     start, end = np.where(slips, [slip, np.maximum(end, slip)], 0.0)
     loads = {STICK: (np.zeros_like(slip), slip), SLIDE: (start, end)}
-    curves = [kind.at(equilibria, ramp(*loads[kind], points)) for kind in kinds]
+    curves = [kind.at(equilibria, ramp(loads[kind][0], loads[kind][1], points)) for kind in kinds]
     parts = []
     for kind, curve in zip(kinds, curves, strict=True):
         falling = np.diff(curve.height) <= 0
