@@ -45,11 +45,17 @@ def true(rig, scene):
 
 
 @pytest.fixture(scope="module")
-def two(rig, scene):
-    """Two noisy presses of one motion, and their phases."""
+def five(rig, scene):
+    """Five noisy presses of one motion, and their phases."""
     seen = observe(rig, scene)
-    pressed = [sensed(rig, scene, seen, seed)[0] for seed in range(2)]
+    pressed = [sensed(rig, scene, seen, seed)[0] for seed in range(5)]
     return pressed, [find_phases(press) for press in pressed]
+
+
+@pytest.fixture(scope="module")
+def two(five):
+    """The first two of them, which are quicker to fit."""
+    return [part[:2] for part in five]
 
 
 @pytest.fixture(scope="module")
@@ -113,15 +119,14 @@ def test_a_picture_shows_every_part(made, found):
     assert {"measured", "model before", "model fitted"} <= labels
 
 
-def test_one_press_is_enough_and_less_certain(two, found, true):
-    pressed, phases = two
+def test_one_press_is_enough_and_five_are_more_certain(five, true):
+    pressed, phases = five
     one = identify(pressed[:1], phases[:1], FREE, starts=1)
-    ratios = []
-    for alone, together in zip(one.estimates, found.estimates, strict=True):
+    all_five = identify(pressed, phases, FREE, starts=1)
+    for alone, together in zip(one.estimates, all_five.estimates, strict=True):
         assert alone.value == pytest.approx(value_of(true, alone.name), rel=0.05)
-        ratios.append(alone.std / together.std)
-    # The noise of each fit is estimated, so single uncertainties may be smaller.
-    assert np.mean(ratios) > 1.1
+        assert together.value == pytest.approx(value_of(true, alone.name), rel=0.03)
+        assert alone.std > together.std
 
 
 def test_two_frictions_with_the_same_effect_are_not_identifiable(two):
