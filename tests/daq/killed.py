@@ -29,7 +29,7 @@ MOST = round(60 * RATE)
 
 
 def truth(first: int, n: int) -> np.ndarray:
-    """Return samples that tell their own index, and cannot be guessed by a compressor."""
+    """Return samples with their own index, and incompressible ones."""
     index = np.arange(first, first + n, dtype=np.uint64)
     mixed = (index * np.uint64(0x9E3779B97F4A7C15)) >> np.uint64(11)
     return np.stack([mixed.astype(float) * 2.0**-53, index.astype(float)])
@@ -38,9 +38,9 @@ def truth(first: int, n: int) -> np.ndarray:
 def child(path: Path, handed: np.ndarray, block: int, paced: bool) -> None:
     session = SessionInfo(1, "2026-01-01T00:00:00Z", True, "c", "d")
     with Recording(path, load_rig(), session=session) as recording:
-        begun = time.monotonic()
+        start = time.monotonic()
         for first in range(0, MOST, block):
-            while paced and time.monotonic() < begun + (first + block) / RATE:
+            while paced and time.monotonic() < start + (first + block) / RATE:
                 time.sleep(0.001)
             recording.write_block(Block(first, truth(first, block)))
             handed[0] = first + block

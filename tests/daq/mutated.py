@@ -1,8 +1,8 @@
 """Reads, describes and recovers mutated recordings, and prints what became of them.
 
-Run as a program: a whole recording, folder, first seed, number of files. It ends with an
+Run as a program: an undamaged recording, folder, first seed, number of files. It ends with an
 error if a wrong sample was returned, anything but a RecordingError raised, or a file took
-longer than `PATIENCE`.
+longer than `LONGEST`.
 """
 
 import json
@@ -24,7 +24,7 @@ from sautereau.daq.file.reading import read_parts, read_recording
 from sautereau.daq.file.recovery import recover
 from sautereau.daq.file.survey import describe
 
-PATIENCE = 20
+LONGEST = 20
 """s, for one file."""
 
 
@@ -51,11 +51,11 @@ def oversized(data: bytearray, dice: random.Random) -> bytes:
     place = dice.choice(places) + dice.choice([1, 25, 33, 41, 49])
     wide = dice.choice([2**31, 2**32 - 1, 2**40, 2**64 - 1, len(data), dice.randrange(2**20)])
     data[place : place + 8] = wide.to_bytes(8, "little")
-    return sealed(data) if dice.random() < 0.5 else bytes(data)
+    return with_checksums(data) if dice.random() < 0.5 else bytes(data)
 
 
 def bomb(data: bytearray, dice: random.Random) -> bytes:
-    """Put in a chunk of zeros, that tells its size or lies about it."""
+    """Insert a chunk of zeros with its true size or a wrong one."""
     size = dice.choice([2**20, 2**25, 2**28])
     if size not in BOMBS:
         compressor = zstandard.ZstdCompressor(level=1).compressobj(size=size)
@@ -66,13 +66,13 @@ def bomb(data: bytearray, dice: random.Random) -> bytes:
         for _ in range(size // 2**20):
             CRCS[size] = zlib.crc32(piece, CRCS[size])
     packed = BOMBS[size]
-    told = dice.choice([size, 1000, 2**63, 0])
-    head = struct.pack("<QQQII", 0, 0, told, CRCS[size], 4) + b"zstd"
+    claimed = dice.choice([size, 1000, 2**63, 0])
+    head = struct.pack("<QQQII", 0, 0, claimed, CRCS[size], 4) + b"zstd"
     body = head + struct.pack("<Q", len(packed)) + packed
     place = first_chunk(data)
     record = struct.pack("<BQ", Opcode.CHUNK, len(body)) + body
     data[place:place] = record * dice.choice([1, 5])
-    return sealed(data)
+    return with_checksums(data)
 
 
 def first_chunk(data: bytearray) -> int:
@@ -82,7 +82,7 @@ def first_chunk(data: bytearray) -> int:
     return at
 
 
-def sealed(data: bytearray) -> bytes:
+def with_checksums(data: bytearray) -> bytes:
     """Make the file's checksums right again, as one would who means harm."""
     end = data.rfind(struct.pack("<BQ", Opcode.DATA_END, 4))
     body = bytes(data[:end]) + data[end : end + 9] + struct.pack("<I", zlib.crc32(data[:end]))
@@ -107,41 +107,41 @@ def is_true(part, truth: dict[str, np.ndarray]) -> bool:
 
 
 def main() -> None:
-    whole, folder = Path(sys.argv[1]), Path(sys.argv[2])
+    intact, folder = Path(sys.argv[1]), Path(sys.argv[2])
     seed, count = int(sys.argv[3]), int(sys.argv[4])
-    original = whole.read_bytes()
-    truth = {k: v.copy() for k, v in read_recording(whole).volts.items()}
+    original = intact.read_bytes()
+    truth = {k: v.copy() for k, v in read_recording(intact).volts.items()}
     path, out = folder / "mutated.mcap", folder / "recovered.mcap"
-    told: Counter[str] = Counter()
+    outcomes: Counter[str] = Counter()
     for number in range(seed, seed + count):
         dice = random.Random(number)
         kind = KINDS[number % len(KINDS)]
         path.write_bytes(kind(bytearray(original), dice))
-        signal.alarm(PATIENCE)
+        signal.alarm(LONGEST)
         try:
             if not is_true(read_recording(path), truth):
                 sys.exit(f"seed {number}, {kind.__name__}: a wrong sample was read")
-            told["read"] += 1
+            outcomes["read"] += 1
         except RecordingError:
-            told["refused"] += 1
+            outcomes["refused"] += 1
         try:
             describe(path)
-            told["described"] += 1
+            outcomes["described"] += 1
         except RecordingError:
-            told["not described"] += 1
+            outcomes["not described"] += 1
         try:
             recover(path, out)
-            told["recovered"] += 1
+            outcomes["recovered"] += 1
             if not all(is_true(part, truth) for part in read_parts(out)):
                 sys.exit(f"seed {number}, {kind.__name__}: a wrong sample was recovered")
         except RecordingError:
-            told["not recovered"] += 1
+            outcomes["not recovered"] += 1
         signal.alarm(0)
         out.unlink(missing_ok=True)
     # Not ru_maxrss, which begins with what the process that started this one had.
     status = Path("/proc/self/status").read_text()
-    told["peak memory, MiB"] = int(re.search(r"VmHWM:\s+(\d+)", status)[1]) // 1024
-    print(json.dumps(told))  # noqa: T201
+    outcomes["peak memory, MiB"] = int(re.search(r"VmHWM:\s+(\d+)", status)[1]) // 1024
+    print(json.dumps(outcomes))  # noqa: T201
 
 
 if __name__ == "__main__":

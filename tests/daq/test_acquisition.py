@@ -13,7 +13,7 @@ from sautereau.daq.source.acquisition import Acquisition
 
 
 def acquire(daq, after_block=lambda: None):
-    """Run a whole acquisition of 50 ms."""
+    """Run a complete acquisition of 50 ms."""
     with Acquisition(daq, 0.05) as acquisition:
         acquisition.start()
         for _ in acquisition.blocks():
@@ -21,7 +21,7 @@ def acquire(daq, after_block=lambda: None):
 
 
 def fault_of(daq, after_block=lambda: None):
-    """Return the one error that a whole acquisition raises."""
+    """Return the one error that a complete acquisition raises."""
     with pytest.raises(DaqError) as caught:
         acquire(daq, after_block)
     return caught.value
@@ -173,7 +173,7 @@ def test_server_gone_in_mid_read(bench):
     assert "clearing the task failed" in note
 
 
-def test_server_gone_at_the_end_is_told(bench):
+def test_server_gone_at_the_end_is_reported(bench):
     _, server, rig = bench()
     with pytest.raises(DaqError, match="while clearing"), Acquisition(rig.daq, 0.05):
         server.__exit__(None, None, None)

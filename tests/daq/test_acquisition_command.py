@@ -32,9 +32,9 @@ def test_a_dry_run_starts_nothing(capsys):
     assert (found["n_samples"], found["rate"], found["buffer"]) == (None, 51_200.0, 512_000)
     assert [channel["terminal"] for channel in found["channels"]] == ["Dev1/ai0", "Dev1/ai1"]
     assert acquire(dry_run=True, triggered=True, simulation=IDEAL) == 0
-    told = capsys.readouterr().out
-    assert "/Dev1/PFI0" in told
-    assert "nothing was started" in told
+    result = capsys.readouterr().out
+    assert "/Dev1/PFI0" in result
+    assert "nothing was started" in result
 
 
 def test_a_recording_of_a_given_duration(tmp_path, capsys):
@@ -49,7 +49,7 @@ def test_a_recording_of_a_given_duration(tmp_path, capsys):
         acquire(out=path, simulation=IDEAL)
 
 
-def test_an_interrupted_recording_is_whole(tmp_path):
+def test_an_interrupted_recording_is_complete(tmp_path):
     path = tmp_path / "a.mcap"
     part = path.with_name("a.mcap.part")
     with subprocess.Popen(

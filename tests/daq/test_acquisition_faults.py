@@ -15,7 +15,7 @@ from sautereau.sim_backend.scene import load_scene
 
 AT = 3000
 WHOLE = 2048
-"""Samples, of the whole blocks before that."""
+"""Samples, of the complete blocks before that."""
 
 FAULTS = [
     ("overrun", {"sample": AT}, WHOLE, "-200279", "raise daq.block"),
@@ -26,8 +26,8 @@ FAULTS = [
 
 
 @pytest.mark.parametrize("duration", [0.1, None], ids=["finite", "continuous"])
-@pytest.mark.parametrize(("name", "fault", "n", "what", "remedy"), FAULTS)
-def test_a_fault_of_the_card(tmp_path, session, duration, name, fault, n, what, remedy):
+@pytest.mark.parametrize(("name", "fault", "n", "what", "how_to_fix"), FAULTS)
+def test_a_fault_of_the_card(tmp_path, session, duration, name, fault, n, what, how_to_fix):
     scene = load_scene("ideal").model_copy(
         update={
             "plectrum": "none",
@@ -47,7 +47,7 @@ def test_a_fault_of_the_card(tmp_path, session, duration, name, fault, n, what, 
         ):
             _record(stand_in, acquisition, recording)
     assert what in str(caught.value)
-    assert remedy in str(caught.value)
+    assert how_to_fix in str(caught.value)
     assert not (tmp_path / "a.mcap").exists()
     if n == 0:
         with pytest.raises(RecordingError, match="holds no samples"):

@@ -156,7 +156,7 @@ def test_a_device_without_a_reference_trigger_says_so(bench):
         acquisition.start()
 
 
-def test_a_slow_reader_is_told_and_what_came_before_is_kept(card, rig, session, tmp_path):
+def test_a_slow_reader_is_an_error_and_earlier_samples_are_kept(card, rig, session, tmp_path):
     card.there = lambda n: n if n <= 4096 else n + 512_001
     path = tmp_path / "a.mcap"
     with (
@@ -225,7 +225,7 @@ def test_a_dry_run_finds_what_could_not_start(rig):
         acquisition.settings()
 
 
-def test_every_fault_of_a_plan_is_told_at_once(paper):
+def test_every_fault_of_a_plan_is_reported_at_once(paper):
     daq = paper.daq.model_copy(update={"block": 16, "pre_trigger": 0.1})
     with pytest.raises(DaqError) as caught:
         Acquisition(daq, None)

@@ -108,7 +108,7 @@ def test_a_server_of_another_authority_is_refused(served, certificates):
         count(trust(served(), certificates["other"][0]))
 
 
-def test_a_server_that_speaks_tls_is_not_reached_without(served):
+def test_a_server_with_tls_is_not_reached_without(served):
     with pytest.raises(DaqError, match=r"or daq\.tls if it uses TLS"):
         count(served())
 
@@ -120,7 +120,7 @@ def test_a_server_without_tls_is_not_reached_with(bench, certificates):
         count(trust(daq, certificates["root"][0]))
 
 
-def test_certificates_that_are_not_there_are_told_all_at_once(paper, tmp_path):
+def test_missing_certificates_are_reported_together(paper, tmp_path):
     gone = tmp_path / "gone.pem"
     daq = paper.daq.model_copy(update={"address": "daq.example.org:31763"})
     with pytest.raises(DaqError) as caught:

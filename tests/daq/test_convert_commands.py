@@ -29,9 +29,9 @@ def test_there_and_back(tmp_path, recordings, to, capsys):
     assert set(map(str, tables)) <= set(files)
     back = tmp_path / "back.mcap"
     assert run("import", tables[1], "--out", back, "--json") == 0
-    told = json.loads(capsys.readouterr().out)
-    assert told["simulated"] is True
-    assert told["n_samples"] == 5000
+    result = json.loads(capsys.readouterr().out)
+    assert result["simulated"] is True
+    assert result["n_samples"] == 5000
     for name, signal in read_recording(recordings[1]).volts.items():
         assert np.array_equal(read_recording(back).volts[name], signal)
 

@@ -56,12 +56,12 @@ def test_parquet_carries_units_and_all_else(tmp_path, recording, paper, session)
     schema = pq.read_schema(out)
     assert schema.field("velocity [m/s]").metadata[b"unit"] == b"m/s"
     assert b"delay of 0.0011 s" in schema.field("velocity [m/s]").metadata[b"what"]
-    told = json.loads(schema.metadata[b"sautereau"])
-    assert told["session"] == session.to_metadata()
-    assert told["rig"]["values"]["name"] == paper.name
-    assert told["source"]["name"] == "press.mcap"
-    assert len(told["source"]["sha256"]) == 64
-    assert told["software"]["mcap"]
+    result = json.loads(schema.metadata[b"sautereau"])
+    assert result["session"] == session.to_metadata()
+    assert result["rig"]["values"]["name"] == paper.name
+    assert result["source"]["name"] == "press.mcap"
+    assert len(result["source"]["sha256"]) == 64
+    assert result["software"]["mcap"]
 
 
 def test_csv_is_a_plain_table_with_its_metadata_beside_it(tmp_path, recording):
@@ -71,8 +71,8 @@ def test_csv_is_a_plain_table_with_its_metadata_beside_it(tmp_path, recording):
     assert first == '"time [s]","velocity [V]","force [V]","simulated"'
     assert second.startswith("0,0.3455841920")
     assert second.endswith(",true")
-    told = json.loads((tmp_path / "table.csv.json").read_text())
-    assert told["columns"]["force [V]"]["unit"] == "V"
+    result = json.loads((tmp_path / "table.csv.json").read_text())
+    assert result["columns"]["force [V]"]["unit"] == "V"
 
 
 def test_what_was_measured_has_no_column_simulated(tmp_path, paper, session, volts):
@@ -88,13 +88,13 @@ def test_what_was_measured_has_no_column_simulated(tmp_path, paper, session, vol
     assert "simulated" not in load(tmp_path / "table.csv").columns
 
 
-def test_marks_are_told(tmp_path, record):
+def test_quality_flags_are_exported(tmp_path, record):
     volts = np.zeros((2, 2000))
     volts[1, 100:200] = 10.0
     export(record(tmp_path / "press.mcap", volts), "parquet", tmp_path / "table.parquet")
-    told = json.loads(pq.read_schema(tmp_path / "table.parquet").metadata[b"sautereau"])
-    (mark,) = told["quality_flags"]
-    assert (mark["kind"], mark["channel"]) == ("clipped", "force")
+    result = json.loads(pq.read_schema(tmp_path / "table.parquet").metadata[b"sautereau"])
+    (flag,) = result["quality_flags"]
+    assert (flag["kind"], flag["channel"]) == ("clipped", "force")
 
 
 @pytest.mark.parametrize("taken", ["table.csv", "table.csv.json", "table.csv.part"])

@@ -34,9 +34,9 @@ def bits(signal):
     return np.ascontiguousarray(signal).view(np.uint64)
 
 
-def refused(path, out, rig, told):
+def refused(path, out, rig, options):
     with pytest.raises(RecordingError) as caught:
-        import_file(path, out, rig=rig, options=told)
+        import_file(path, out, rig=rig, options=options)
     assert not out.exists()
     return str(caught.value)
 
@@ -105,7 +105,7 @@ def read_session():
     return SessionInfo(1, STARTED, False, "DMC", "card")
 
 
-def test_an_export_tells_all_of_itself(tmp_path, recording, paper):
+def test_an_export_needs_no_options(tmp_path, recording, paper):
     table = tmp_path / "table.parquet"
     export(recording, "parquet", table)
     out = tmp_path / "back.mcap"
@@ -135,9 +135,11 @@ def test_a_simulated_table_never_passes_for_measured(tmp_path, recording, paper)
     table = tmp_path / "table.csv"
     export(recording, "csv", table)
     (tmp_path / "table.csv.json").unlink()
-    told = answers(column={"velocity": "velocity [V]"}, unit={"velocity": "V"}, without=("force",))
-    told = ImportOptions(**(vars(told) | {"rate": "51.2 kHz"}))
-    message = refused(table, tmp_path / "back.mcap", paper, told)
+    options = answers(
+        column={"velocity": "velocity [V]"}, unit={"velocity": "V"}, without=("force",)
+    )
+    options = ImportOptions(**(vars(options) | {"rate": "51.2 kHz"}))
+    message = refused(table, tmp_path / "back.mcap", paper, options)
     assert "`simulated`" in message.replace("'", "`")
     assert "give --simulated" in message
 
@@ -160,11 +162,11 @@ AI = {"velocity": "ai0", "force": "ai1"}
 
 
 @pytest.mark.parametrize("units", ["V", "Volts"])
-def test_tdms_tells_unit_rate_and_start(tmp_path, paper, volts, units):
+def test_tdms_has_unit_rate_and_start(tmp_path, paper, volts, units):
     path = write_tdms(tmp_path / "labview.tdms", volts, units=units)
     out = tmp_path / "back.mcap"
-    told = ImportOptions(column=AI, trigger="0 s", simulated=False)
-    done = import_file(path, out, rig=paper, options=told, notes="from the archive")
+    options = ImportOptions(column=AI, trigger="0 s", simulated=False)
+    done = import_file(path, out, rig=paper, options=options, notes="from the archive")
     assert (done.rate, done.n_samples, done.first_sample) == (51_200.0, 5000, 0)
     found = read_recording(out)
     assert not found.simulated
@@ -188,20 +190,20 @@ def test_tdms_of_floats_and_integers(tmp_path, paper, volts):
         assert np.array_equal(read_recording(out).volts["force"], rows[1].astype(float) * 1e-3)
 
 
-def test_si_values_become_volts_by_the_chart(tmp_path, paper, volts):
+def test_si_values_become_volts_by_the_calibration(tmp_path, paper, volts):
     path = write_tdms(tmp_path / "si.tdms", volts, units=None)
-    told = answers(column=AI, unit={"velocity": "mm/s", "force": "mN"})
-    import_file(path, tmp_path / "back.mcap", rig=paper, options=told)
+    options = answers(column=AI, unit={"velocity": "mm/s", "force": "mN"})
+    import_file(path, tmp_path / "back.mcap", rig=paper, options=options)
     found = read_recording(tmp_path / "back.mcap").volts
     np.testing.assert_allclose(found["velocity"], volts[0] / 25, rtol=1e-15)
     np.testing.assert_allclose(found["force"], volts[1] / 1000, rtol=1e-15)
 
 
-def test_columns_of_the_channels_names_need_not_be_told(tmp_path, paper):
+def test_columns_with_the_channels_names_need_no_option(tmp_path, paper):
     path = tmp_path / "table.csv"
     path.write_text("velocity,force\n1,2\n3,4\n")
-    told = answers(rate="1 kHz", unit={"velocity": "V", "force": "V"})
-    import_file(path, tmp_path / "back.mcap", rig=paper, options=told)
+    options = answers(rate="1 kHz", unit={"velocity": "V", "force": "V"})
+    import_file(path, tmp_path / "back.mcap", rig=paper, options=options)
     found = read_recording(tmp_path / "back.mcap")
     assert found.rate == 1000.0
     assert found.volts["force"].tolist() == [2.0, 4.0]
@@ -219,8 +221,10 @@ def test_columns_of_the_channels_names_need_not_be_told(tmp_path, paper):
 def test_dialects_of_csv(tmp_path, paper, text):
     path = tmp_path / "table.csv"
     path.write_text(text, encoding="utf-8", newline="")
-    told = answers(column={"velocity": "a"}, unit={"velocity": "V"}, without=("force",), time="t")
-    done = import_file(path, tmp_path / "back.mcap", rig=paper, options=told)
+    options = answers(
+        column={"velocity": "a"}, unit={"velocity": "V"}, without=("force",), time="t"
+    )
+    done = import_file(path, tmp_path / "back.mcap", rig=paper, options=options)
     assert done.rate == 1000.0
     found = read_recording(tmp_path / "back.mcap")
     assert found.volts["velocity"].tolist() == [1.25, -2.5, 0.1]
@@ -229,12 +233,12 @@ def test_dialects_of_csv(tmp_path, paper, text):
 
 def test_a_table_without_names(tmp_path, paper):
     (tmp_path / "table.csv").write_text("1,2\n3,4\n")
-    told = answers(
+    options = answers(
         column={"velocity": "2", "force": "1"},
         unit={"velocity": "V", "force": "V"},
         rate="1 kHz",
     )
-    import_file(tmp_path / "table.csv", tmp_path / "back.mcap", rig=paper, options=told)
+    import_file(tmp_path / "table.csv", tmp_path / "back.mcap", rig=paper, options=options)
     assert read_recording(tmp_path / "back.mcap").volts["velocity"].tolist() == [2.0, 4.0]
 
 
@@ -256,8 +260,8 @@ def test_wav_integers_are_scaled_exactly(tmp_path, paper, width):
     else:
         frames = b"".join(value.to_bytes(width, "little", signed=True) for value in values)
     path = write_wav(tmp_path / "laser.wav", frames, width)
-    told = answers(column={"velocity": "1"}, full_scale={"velocity": "4 V"}, without=("force",))
-    done = import_file(path, tmp_path / "back.mcap", rig=paper, options=told)
+    options = answers(column={"velocity": "1"}, full_scale={"velocity": "4 V"}, without=("force",))
+    done = import_file(path, tmp_path / "back.mcap", rig=paper, options=options)
     assert done.rate == 48_000.0
     found = read_recording(tmp_path / "back.mcap").volts["velocity"]
     assert found.tolist() == [value * (4 / most) for value in values]
@@ -268,13 +272,13 @@ def test_wav_at_full_scale_of_the_vibrometers_range(tmp_path, paper):
     frames = struct.pack("<6h", 0, 16_384, 0, -32_768, 0, 1)
     path = write_wav(tmp_path / "laser.wav", frames, 2, channels=2)
     scale = {"velocity": "100 mm/s"}
-    told = answers(column={"velocity": "2"}, full_scale=scale, without=("force",))
-    import_file(path, tmp_path / "back.mcap", rig=paper, options=told)
+    options = answers(column={"velocity": "2"}, full_scale=scale, without=("force",))
+    import_file(path, tmp_path / "back.mcap", rig=paper, options=options)
     found = read_recording(tmp_path / "back.mcap").volts["velocity"]
     np.testing.assert_allclose(found, [2.0, -4.0, 4 / 32_768], rtol=1e-15)
 
 
-def test_everything_missing_is_told_at_once(tmp_path, paper):
+def test_everything_missing_is_reported_at_once(tmp_path, paper):
     (tmp_path / "table.csv").write_text("a,b\n1,2\n")
     message = refused(tmp_path / "table.csv", tmp_path / "back.mcap", paper, ImportOptions())
     for word in (
@@ -314,7 +318,7 @@ def test_everything_missing_is_told_at_once(tmp_path, paper):
         ({"time": "t"}, "--time 't' is not a column of the file"),
     ],
 )
-def test_each_fault_is_told(tmp_path, paper, given, word):
+def test_each_fault_is_reported(tmp_path, paper, given, word):
     (tmp_path / "table.csv").write_text("a,b\n1,2\n")
     base = {
         "column": {"velocity": "a", "force": "b"},
@@ -332,8 +336,8 @@ def test_each_fault_is_told(tmp_path, paper, given, word):
 
 def test_every_channel_left_out(tmp_path, paper):
     (tmp_path / "table.csv").write_text("a\n1\n")
-    told = answers(without=("velocity", "force"), rate="1 kHz")
-    message = refused(tmp_path / "table.csv", tmp_path / "back.mcap", paper, told)
+    options = answers(without=("velocity", "force"), rate="1 kHz")
+    message = refused(tmp_path / "table.csv", tmp_path / "back.mcap", paper, options)
     assert "--without names every channel" in message
 
 
@@ -362,13 +366,13 @@ def test_a_rate_that_is_not_the_files(tmp_path, paper, volts):
 def test_rows_that_are_none(tmp_path, paper, text, word):
     path = tmp_path / "table.csv"
     path.write_text(text)
-    told = answers(
+    options = answers(
         column={"velocity": "a"}, unit={"velocity": "V"}, without=("force",), rate="1 kHz"
     )
     if word is None:
-        import_file(path, tmp_path / "back.mcap", rig=paper, options=told)
+        import_file(path, tmp_path / "back.mcap", rig=paper, options=options)
     else:
-        assert word in refused(path, tmp_path / "back.mcap", paper, told)
+        assert word in refused(path, tmp_path / "back.mcap", paper, options)
 
 
 @pytest.mark.parametrize(
@@ -382,13 +386,15 @@ def test_rows_that_are_none(tmp_path, paper, text, word):
 def test_uneven_times_are_never_resampled(tmp_path, paper, times, word):
     path = tmp_path / "table.csv"
     path.write_text("t,a\n" + "".join(f"{t!r},1\n" for t in times))
-    told = answers(column={"velocity": "a"}, unit={"velocity": "V"}, without=("force",), time="t")
-    assert word in refused(path, tmp_path / "back.mcap", paper, told)
+    options = answers(
+        column={"velocity": "a"}, unit={"velocity": "V"}, without=("force",), time="t"
+    )
+    assert word in refused(path, tmp_path / "back.mcap", paper, options)
 
 
-@pytest.mark.parametrize("suffix", [".tdms", ".wav", ".parquet", ".csv", ".xlsx"])
-def test_files_of_rubbish(tmp_path, paper, suffix):
-    path = tmp_path / f"rubbish{suffix}"
+@pytest.mark.parametrize("extension", [".tdms", ".wav", ".parquet", ".csv", ".xlsx"])
+def test_files_of_random_bytes(tmp_path, paper, extension):
+    path = tmp_path / f"rubbish{extension}"
     path.write_bytes(b"\xff\xfe\x00rubbish" * 10)
     message = refused(path, tmp_path / "back.mcap", paper, answers())
     assert str(path) in message
@@ -396,23 +402,25 @@ def test_files_of_rubbish(tmp_path, paper, suffix):
 
 
 @pytest.mark.parametrize("kind", ["tdms", "wav", "parquet"])
-def test_files_cut_short_are_refused_or_whole(tmp_path, paper, volts, recording, kind):
-    """No cut gives another number of samples unsaid; a CSV cut between rows cannot be told."""
-    path = tmp_path / f"whole.{kind}"
-    told = answers(column=AI, started=None)
+def test_truncated_files_are_refused(tmp_path, paper, volts, recording, kind):
+    """No truncation changes the number of samples silently; of CSV it cannot be detected."""
+    path = tmp_path / f"complete.{kind}"
+    options = answers(column=AI, started=None)
     if kind == "tdms":
         write_tdms(path, volts)
     elif kind == "wav":
         write_wav(path, np.arange(1000, dtype="<i2").tobytes(), 2)
-        told = answers(column={"velocity": "1"}, full_scale={"velocity": "4 V"}, without=("force",))
+        options = answers(
+            column={"velocity": "1"}, full_scale={"velocity": "4 V"}, without=("force",)
+        )
     else:
         export(recording, "parquet", path, raw=True)
-        told = ImportOptions()
+        options = ImportOptions()
     data = path.read_bytes()
     cut = tmp_path / f"cut.{kind}"
     for size in (0, 3, 40, len(data) // 2, len(data) - 9, len(data) - 1):
         cut.write_bytes(data[:size])
-        refused(cut, tmp_path / "back.mcap", paper, told)
+        refused(cut, tmp_path / "back.mcap", paper, options)
 
 
 def test_a_missing_file_and_no_rig(tmp_path, paper):
@@ -434,14 +442,14 @@ def test_samples_before_the_trigger_have_negative_indices(tmp_path, paper, sessi
     """From a table of times, and again through an export."""
     path = tmp_path / "table.csv"
     path.write_text("t,a\n" + "".join(f"{k / 1000!r},{k}\n" for k in range(5000)))
-    told = answers(
+    options = answers(
         column={"velocity": "a"},
         unit={"velocity": "V"},
         without=("force",),
         time="t",
         trigger="1.5 s",
     )
-    done = import_file(path, tmp_path / "first.mcap", rig=paper, options=told)
+    done = import_file(path, tmp_path / "first.mcap", rig=paper, options=options)
     assert (done.first_sample, done.rate) == (-1500, 1000.0)
     first = read_recording(tmp_path / "first.mcap")
     assert first.first_sample == -1500
@@ -457,12 +465,14 @@ def test_samples_before_the_trigger_have_negative_indices(tmp_path, paper, sessi
 def test_a_file_that_begins_after_the_trigger(tmp_path, paper):
     path = tmp_path / "table.csv"
     path.write_text("t,a\n0.010,1\n0.011,2\n")
-    told = answers(column={"velocity": "a"}, unit={"velocity": "V"}, without=("force",), time="t")
-    message = refused(path, tmp_path / "back.mcap", paper, told)
+    options = answers(
+        column={"velocity": "a"}, unit={"velocity": "V"}, without=("force",), time="t"
+    )
+    message = refused(path, tmp_path / "back.mcap", paper, options)
     assert "starts 10 ms after the trigger" in message
 
 
-def test_what_has_lost_its_end_does_not_pass_for_whole(tmp_path, record):
+def test_a_truncated_recording_is_not_complete_after_export_and_import(tmp_path, record):
     from sautereau.daq.file.recovery import recover
 
     noise = np.random.default_rng(0).standard_normal((2, 60_000))
@@ -481,16 +491,16 @@ def test_what_has_lost_its_end_does_not_pass_for_whole(tmp_path, record):
     assert np.array_equal(second.volts["force"], first.volts["force"])
 
 
-def test_a_trigger_between_two_samples_is_told(tmp_path, paper):
+def test_a_trigger_between_two_samples_is_reported(tmp_path, paper):
     """The nearest sample is 0; by how much it is not the trigger is in the answer."""
     (tmp_path / "table.csv").write_text("a\n1\n2\n")
-    told = answers(
+    options = answers(
         column={"velocity": "a"},
         unit={"velocity": "V"},
         without=("force",),
         rate="1 kHz",
         trigger="0.2 ms",
     )
-    done = import_file(tmp_path / "table.csv", tmp_path / "back.mcap", rig=paper, options=told)
+    done = import_file(tmp_path / "table.csv", tmp_path / "back.mcap", rig=paper, options=options)
     assert done.first_sample == 0
     assert done.trigger_shift == pytest.approx(0.2e-3)

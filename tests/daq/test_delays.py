@@ -27,8 +27,8 @@ def test_a_sine_comes_back(lag, frequency, error):
 def test_as_many_as_there_are(n, lag):
     signal = np.arange(float(n))
     found = undelayed(signal, lag)
-    whole = abs(lag - round(lag)) < 1e-9
-    assert len(found) == max(0, n - (round(lag) if whole else int(np.ceil(lag))))
+    integer = abs(lag - round(lag)) < 1e-9
+    assert len(found) == max(0, n - (round(lag) if integer else int(np.ceil(lag))))
     # A straight line is carried between two samples by any polynomial.
     np.testing.assert_allclose(found, lag + np.arange(len(found)), atol=1e-9)
 
@@ -43,7 +43,7 @@ def test_near_the_ends_the_polynomial_is_through_fewer():
     np.testing.assert_allclose(found[1:-1], exact[1:-1], atol=1e-14)
 
 
-def test_whole_samples_are_not_touched():
+def test_integer_delays_keep_the_samples():
     signal = np.random.default_rng(0).standard_normal(100)
     for lag in (3.0, 3 + 1e-12, 3 - 1e-12):
         assert np.array_equal(undelayed(signal, lag), signal[3:])

@@ -1,6 +1,6 @@
 """A reader that is not ours, of another language and another protobuf, gets the same bits.
 
-It needs node and `npm ci` in tests/daq/mcap_core; without them it is left out.
+It needs node and `npm ci` in tests/daq/mcap_core; without them it is skipped.
 """
 
 import hashlib

@@ -16,11 +16,11 @@ MEMORY = 500
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="alarms and peak memory are POSIX's")
 
 
-def mutated(whole, folder, seed, count):
+def mutated(intact, folder, seed, count):
     """Return what became of ``count`` mutations of a recording."""
     done = subprocess.run(
         [sys.executable, "-W", "error", "-m", "tests.daq.mutated"]
-        + [str(word) for word in (whole, folder, seed, count)],
+        + [str(word) for word in (intact, folder, seed, count)],
         cwd=ROOT,
         capture_output=True,
         text=True,
@@ -31,22 +31,22 @@ def mutated(whole, folder, seed, count):
 
 
 @pytest.fixture
-def whole(tmp_path, record):
+def intact(tmp_path, record):
     volts = np.random.default_rng(3).standard_normal((2, 12_000))
-    return record(tmp_path / "whole.mcap", volts, block=512)
+    return record(tmp_path / "intact.mcap", volts, block=512)
 
 
-def test_some_mutations(tmp_path, whole):
-    told = mutated(whole, tmp_path, 0, 60)
-    assert told["refused"] + told.get("read", 0) == 60
-    assert told["recovered"] > 30
-    assert told["peak memory, MiB"] < MEMORY
+def test_some_mutations(tmp_path, intact):
+    outcomes = mutated(intact, tmp_path, 0, 60)
+    assert outcomes["refused"] + outcomes.get("read", 0) == 60
+    assert outcomes["recovered"] > 30
+    assert outcomes["peak memory, MiB"] < MEMORY
 
 
 @pytest.mark.slow
 @pytest.mark.timeout(3000)
-def test_ten_thousand_mutations(tmp_path, whole):
-    told = mutated(whole, tmp_path, 1000, 10_000)
-    assert told["refused"] + told.get("read", 0) == 10_000
-    assert told["recovered"] > 5000
-    assert told["peak memory, MiB"] < MEMORY
+def test_ten_thousand_mutations(tmp_path, intact):
+    outcomes = mutated(intact, tmp_path, 1000, 10_000)
+    assert outcomes["refused"] + outcomes.get("read", 0) == 10_000
+    assert outcomes["recovered"] > 5000
+    assert outcomes["peak memory, MiB"] < MEMORY

@@ -1,4 +1,4 @@
-"""Marks on signals whose faults are known, and none on signals without."""
+"""Flags in signals with known faults, and none in signals without."""
 
 import numpy as np
 import pytest
@@ -27,8 +27,8 @@ def press(n=25_600, seed=0, noise=0.002):
     return 1.1 * down - 0.8 * up + noise * np.random.default_rng(seed).standard_normal(n)
 
 
-def samples(mark, channel):
-    return tuple(round((t + channel.lag) * RATE, 6) for t in (mark.start, mark.stop))
+def samples(flag, channel):
+    return tuple(round((t + channel.lag) * RATE, 6) for t in (flag.start, flag.stop))
 
 
 def test_clipping_finds_both_ends_of_the_range(force):
@@ -39,22 +39,22 @@ def test_clipping_finds_both_ends_of_the_range(force):
     volts[12] = 9.98
     volts[198:] = -10.0
     found = find_quality_flags(volts, force, RATE)
-    assert [mark.kind for mark in found] == ["clipped"] * 4
+    assert [flag.kind for flag in found] == ["clipped"] * 4
     assert [samples(m, force) for m in found] == [(0, 2), (5, 6), (8, 11), (198, 200)]
 
 
 def test_times_are_the_motions(velocity):
     volts = np.zeros(100)
     volts[40:50] = 4.0
-    (mark,) = find_quality_flags(volts, velocity, RATE, first_sample=-30)
-    assert mark == QualityFlag("clipped", "velocity", 10 / RATE - 1.1e-3, 20 / RATE - 1.1e-3)
+    (flag,) = find_quality_flags(volts, velocity, RATE, first_sample=-30)
+    assert flag == QualityFlag("clipped", "velocity", 10 / RATE - 1.1e-3, 20 / RATE - 1.1e-3)
 
 
 def test_beyond_the_range_is_an_overload(velocity):
     """The input takes 10 V, the sensor 4 V."""
     time = np.arange(2000) / RATE
     found = find_quality_flags(5 * np.sin(2 * np.pi * 50 * time), velocity, RATE)
-    assert {mark.kind for mark in found} == {"overload"}
+    assert {flag.kind for flag in found} == {"overload"}
     assert len(found) == 4
 
 
@@ -64,7 +64,7 @@ def test_a_saturated_amplifier_stands_still_below_the_range(force):
     noise = 0.005 * np.random.default_rng(0).standard_normal(len(time))
     volts = np.clip(9 * np.sin(2 * np.pi * 8 * time) + noise, -10, 7.0)
     found = find_quality_flags(volts, force, RATE)
-    assert {mark.kind for mark in found} == {"overload"}
+    assert {flag.kind for flag in found} == {"overload"}
     marked = sum(m.stop - m.start for m in found) * RATE
     assert marked == pytest.approx(np.count_nonzero(volts == 7.0), rel=0.02)
 
@@ -84,17 +84,17 @@ def test_drop_outs_are_found_where_they_are(velocity, depth):
     for start, stop in zip(starts, stops, strict=True):
         volts[start:stop] -= depth * 1.1
     found = find_quality_flags(volts, velocity, RATE)
-    assert {mark.kind for mark in found} == {"drop-out"}
-    edges = np.array([samples(mark, velocity) for mark in found])
+    assert {flag.kind for flag in found} == {"drop-out"}
+    edges = np.array([samples(flag, velocity) for flag in found])
     np.testing.assert_allclose(edges, np.stack([starts, stops], 1), atol=2)
 
 
 def test_a_spike_of_one_sample(velocity):
     volts = press()
     volts[5000] += 0.1
-    (mark,) = find_quality_flags(volts, velocity, RATE)
-    assert mark.kind == "drop-out"
-    assert samples(mark, velocity) == (5000, 5001)
+    (flag,) = find_quality_flags(volts, velocity, RATE)
+    assert flag.kind == "drop-out"
+    assert samples(flag, velocity) == (5000, 5001)
 
 
 def test_a_force_has_no_drop_outs(force):
@@ -136,17 +136,17 @@ def test_what_is_no_number_is_no_fault_of_the_search(velocity):
     volts = press()
     volts[300:310] = np.nan
     volts[400] = np.inf
-    assert "overload" in {mark.kind for mark in find_quality_flags(volts, velocity, RATE)}
+    assert "overload" in {flag.kind for flag in find_quality_flags(volts, velocity, RATE)}
 
 
 def test_warnings_say_how_often_and_what_to_do():
-    marks = [
+    flags = [
         QualityFlag("clipped", "force", 0.01, 0.011),
         QualityFlag("clipped", "force", 0.02, 0.022),
         QualityFlag("drop-out", "velocity", 0.03, 0.0301),
         QualityFlag("drop-out", "velocity", 0.04, 0.0402),
     ]
-    assert quality_warnings(marks) == [
+    assert quality_warnings(flags) == [
         "force: clipped in 2 stretches, 3 ms in total, first at 10 ms after the trigger; use a"
         " larger range or a lower gain",
         "velocity: drop-out in 2 stretches, 0.3 ms in total, first at 30 ms after the trigger; aim"

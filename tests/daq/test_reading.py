@@ -1,4 +1,4 @@
-"""A recording is read whole or refused, whatever has happened to the file."""
+"""A recording is read completely or refused, whatever happened to the file."""
 
 import shutil
 
@@ -30,7 +30,7 @@ def refused(path):
     return message
 
 
-def told_by(path, what):
+def described(path, what):
     """Return what `describe` says of a file, whether it describes or refuses it."""
     try:
         return describe(path)[what]
@@ -76,7 +76,7 @@ def test_every_truncation_is_refused(tmp_path, good):
         message = refused(write(path, data[:size]))
         assert "it is truncated" in message, size
         assert f"`sautereau recover {path}`" in message
-        assert "it is truncated" in told_by(path, "damage")
+        assert "it is truncated" in described(path, "damage")
 
 
 def test_more_bytes_than_were_written_are_refused(tmp_path, good):
@@ -110,7 +110,7 @@ def test_a_chunk_with_its_checksums_removed_is_refused(tmp_path, good):
         assert data.count(stored) == 1
         changed = write(tmp_path / "zeroed.mcap", data.replace(stored, b"\x00" * 4))
         assert "corrupted" in refused(changed)
-        assert "corrupted" in told_by(changed, "damage")
+        assert "corrupted" in described(changed, "damage")
 
 
 def forge(path, rig, session, blocks, *, metadata=None):
@@ -148,7 +148,9 @@ def test_a_hole_is_named_and_never_filled(tmp_path, paper, session):
     message = refused(path)
     assert "samples 512 to 1023 of velocity are missing, 10 ms to 20 ms" in message
     assert "daq.file.reading.read_parts" in message
-    assert (512, 1024) in [(m["first_sample"], m["stop_sample"]) for m in told_by(path, "missing")]
+    assert (512, 1024) in [
+        (m["first_sample"], m["stop_sample"]) for m in described(path, "missing")
+    ]
 
 
 def test_a_channel_that_ends_early_is_a_hole(tmp_path, paper, session):

@@ -1,4 +1,4 @@
-"""Recordings come back bit for bit, under their name only when whole."""
+"""Recordings are read back bit for bit, and get their name only when complete."""
 
 import itertools
 import json
@@ -53,14 +53,14 @@ def test_many_bits_in_blocks_of_any_length_come_back(bits):
 
 
 def check_round_trip(bits):
-    whole = np.concatenate(bits, axis=1)
+    together = np.concatenate(bits, axis=1)
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "press.mcap"
         with Recording(path, PAPER, session=SESSION) as recording:
             for part in bits:
                 recording.write_block(Block(recording.n_samples, part.view(np.float64)))
         found = read_recording(path).volts
-    for channel, row in zip(PAPER.daq.channels, whole, strict=True):
+    for channel, row in zip(PAPER.daq.channels, together, strict=True):
         assert np.array_equal(found[channel.name].view(np.uint64), row)
 
 
@@ -105,8 +105,8 @@ def test_the_head_stands_before_everything_else(tmp_path, record, volts):
     assert names == [*head, *head, "end"]
     assert all(isinstance(record, Metadata) for record in rest[:10])
     channels = {r.topic: r.id for r in rest if isinstance(r, Channel)}
-    told = {t: text for t, text in rest[0].metadata.items() if t != "crc32"}
-    assert {t: json.loads(text)["id"] for t, text in told.items()} == channels
+    result = {t: text for t, text in rest[0].metadata.items() if t != "crc32"}
+    assert {t: json.loads(text)["id"] for t, text in result.items()} == channels
 
 
 def test_times_do_not_drift(tmp_path, paper, session):

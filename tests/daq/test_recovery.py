@@ -1,4 +1,4 @@
-"""What a damaged recording has left comes back, and what it has lost is told."""
+"""The intact part of a damaged recording is recovered, and the loss reported."""
 
 import json
 
@@ -68,7 +68,7 @@ def is_valid_for_others(path):
 
 
 def test_a_killed_recording(make, volts):
-    """All after the third chunk is gone; the fourth has begun."""
+    """Everything after the third chunk is missing, within the fourth."""
     path = make()
     place, length = chunks(path)[3]
     part = path.with_name("press.mcap.part")
@@ -77,9 +77,9 @@ def test_a_killed_recording(make, volts):
     path.unlink()
     with pytest.raises(RecordingError, match=r"truncated.*`sautereau recover"):
         read_recording(part)
-    told = describe(part)
-    assert "sautereau recover" in (told["damage"] or "")
-    assert told["n_samples"] == 3 * CHUNK
+    result = describe(part)
+    assert "sautereau recover" in (result["damage"] or "")
+    assert result["n_samples"] == 3 * CHUNK
     found = recover(part)
     assert part.read_bytes() == data
     assert found.path == path
@@ -155,9 +155,9 @@ def test_a_hole_in_the_file(make):
 
 def test_damage_outside_the_samples_loses_none(make, volts):
     path = make()
-    size, whole = path.stat().st_size, path.read_bytes()
+    size, intact = path.stat().st_size, path.read_bytes()
     for place in (0, 12, 30, 200, 6000, size - 20, size - 400):
-        path.write_bytes(whole)
+        path.write_bytes(intact)
         spoil(path, place)
         found = recover(path)
         assert found.gaps == ()
@@ -241,8 +241,8 @@ def test_the_command(make, capsys):
     path = make()
     spoil(path, chunks(path)[1][0])
     assert recordings.info(path, json=True) == 0
-    told = json.loads(capsys.readouterr().out)
-    assert f"`sautereau recover {path}`" in told["damage"]
+    result = json.loads(capsys.readouterr().out)
+    assert f"`sautereau recover {path}`" in result["damage"]
     missing = [
         {
             "channel": name,
@@ -253,13 +253,13 @@ def test_the_command(make, capsys):
         }
         for name in ("velocity", "force")
     ]
-    assert told["missing"] == missing
-    out = path.with_name("mended.mcap")
+    assert result["missing"] == missing
+    out = path.with_name("repaired.mcap")
     assert recordings.recover(path, out=out, json=True) == 0
-    told = json.loads(capsys.readouterr().out)
-    assert told["missing"] == missing
-    assert told["path"] == str(out)
-    assert told["samples"] == {"velocity": N - CHUNK, "force": N - CHUNK}
+    result = json.loads(capsys.readouterr().out)
+    assert result["missing"] == missing
+    assert result["path"] == str(out)
+    assert result["samples"] == {"velocity": N - CHUNK, "force": N - CHUNK}
     out.unlink()
     assert recordings.recover(path, out=out) == 0
     assert "samples 10240 to 20479 of velocity are missing, 200 ms to 400 ms" in (

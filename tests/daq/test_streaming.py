@@ -58,7 +58,7 @@ def test_a_stream_of_single_samples(long):
 
 
 @pytest.mark.parametrize("seconds", [0.01, 0.25, 100.0])
-def test_a_stream_is_the_whole(long, volts, seconds):
+def test_a_stream_is_complete(long, volts, seconds):
     stretches = list(stream(long, seconds))
     n = round(seconds * RATE)
     assert [s.first_sample for s in stretches] == list(range(BEGIN, BEGIN + N, n))

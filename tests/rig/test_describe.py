@@ -1,4 +1,4 @@
-"""That what is told of the rig file is what the schema has, and that `init` gives all of it."""
+"""The reference of the rig file matches the schema, and `init` writes all of it."""
 
 import re
 import tomllib
@@ -57,7 +57,7 @@ def test_a_key_is_described_as_it_is(key, unit, kind, default, limits):
     assert (found.unit, found.kind, found.default, found.limits) == (unit, kind, default, limits)
 
 
-def test_units_are_told_once():
+def test_units_are_given_once():
     assert entry("key.press_arm").meaning == "from the pin to the pressing point."
     assert entry("controller.watchdog_period").meaning.startswith("time without a command")
 

@@ -52,7 +52,7 @@ def test_lists_tables_of_lists_and_defaults(file):
     assert 'kind = "galil"' in file.read_text()
 
 
-def test_every_unknown_key_is_told_at_once(file):
+def test_every_unknown_key_is_reported_at_once(file):
     with pytest.raises(RigError) as caught:
         edit_rig(file, {"arm.base_q.z": "1 mm", "daq.channels.7.range": "1 V", "key": 3})
     for key in ("arm.base_q.z", "daq.channels.7.range", "key"):

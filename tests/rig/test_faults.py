@@ -1,4 +1,4 @@
-"""Every fault of a rig file, all at once, each with its line, key, value and remedy."""
+"""All faults of a rig file in one message, each with line, key, value and how to fix it."""
 
 import re
 from importlib import resources
@@ -83,7 +83,7 @@ def test_faults_come_in_the_order_of_the_file(changed):
         ('source = "paper"', "source = 5", ["key.jack_arm.source: 5 is refused: give a text"]),
     ],
 )
-def test_a_fault_says_key_value_and_remedy(changed, old, new, messages):
+def test_a_fault_has_key_value_and_how_to_fix_it(changed, old, new, messages):
     with pytest.raises(RigError) as raised:
         changed((old, new))
     for message in messages:

@@ -79,7 +79,7 @@ def test_a_pointed_tip_is_blunted(outline_of):
 
 @pytest.mark.parametrize("left", [False, True])
 def test_the_contour_of_a_photograph(outline_of, left):
-    """Read to within a pixel of 0.01 mm, though each edge steps by whole ones."""
+    """Read to within a pixel of 0.01 mm, though the edges are pixelated."""
     x = np.arange(-60, 451)
     half = np.round(24 - 9 * np.maximum(x, 0) / 450).astype(int)
     up, down = np.column_stack([x, 8 - half]), np.column_stack([x, 8 + half])

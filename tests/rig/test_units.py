@@ -32,7 +32,7 @@ UNITS = [
         ("0.35", "", 0.35),
     ],
 )
-def test_reads_a_quantity_in_the_wanted_unit(text, unit, value):
+def test_reads_a_quantity_in_the_requested_unit(text, unit, value):
     assert parse_quantity(text, unit) == pytest.approx(value, rel=1e-15)
 
 

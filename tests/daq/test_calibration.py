@@ -94,10 +94,10 @@ def test_the_low_pass_lags_as_scipys_does(velocity, order, corner):
 
 
 def test_the_nexus_low_pass_lags_by_10_to_225_us(velocity):
-    """As its chart says for 22.4 and 1 kHz: a filter of second order."""
+    """As its data sheet says for 22.4 and 1 kHz: a filter of second order."""
     for corner, lag in ((22_400.0, 10e-6), (1000.0, 225e-6)):
-        chart = {"delay": 0.0, "low_pass": corner, "low_pass_order": 2}
-        assert velocity.model_copy(update=chart).lag == pytest.approx(lag, rel=0.01)
+        calibration = {"delay": 0.0, "low_pass": corner, "low_pass_order": 2}
+        assert velocity.model_copy(update=calibration).lag == pytest.approx(lag, rel=0.01)
 
 
 def test_without_an_order_the_delay_is_all(velocity):
@@ -111,7 +111,7 @@ def test_an_order_needs_a_corner(paper):
 
 
 @pytest.mark.parametrize("std", [1e-6, 1.0])
-def test_white_noise_is_told_from_motion(std):
+def test_white_noise_is_separated_from_motion(std):
     time = np.arange(51_200) / RATE
     noise = std * np.random.default_rng(0).standard_normal(len(time))
     assert white_noise(1e3 * std * np.sin(300 * time) + noise) == pytest.approx(std, rel=0.02)
