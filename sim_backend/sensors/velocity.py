@@ -47,7 +47,7 @@ def _source(rig: Rig) -> Source:
     arm = rig.key.laser_arm
 
     def velocity(motions: Motions) -> Floats:
-        return motions.spin * arm
+        return motions.angular_velocity * arm
 
     return velocity
 
