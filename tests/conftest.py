@@ -1,4 +1,4 @@
-"""Sessions on disk, quickly: one press of the stand-in, recorded anew with noise of its own."""
+"""Sessions on disk, quickly: copies of one simulated press, each with noise of its own."""
 
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -6,22 +6,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from benchmarks.simulated import acquired
 from sautereau.daq.block import Block
-from sautereau.daq.file.reading import read_recording
 from sautereau.daq.file.recorded import Recorded
 from sautereau.daq.file.recording import Recording
 from sautereau.rig.load import load_rig
 from sautereau.rig.schema import Rig
-from sautereau.robot.drivers.galil.driver import GalilController
-from sautereau.robot.experiment.session import run_session
-from sautereau.sim_backend.bench import StandIn
+from sautereau.sim_backend.physics.observation import observe
 from sautereau.sim_backend.scene import load_scene
-from sautereau.trajectory.press import plan_press
 
 
 @dataclass(frozen=True)
 class SessionWriter:
-    """Writes recordings that differ by their noise and by what they say."""
+    """Writes recordings that differ by their noise and their metadata."""
 
     one: Recorded
 
@@ -57,14 +54,7 @@ class SessionWriter:
 
 
 @pytest.fixture(scope="session")
-def write_session(tmp_path_factory) -> SessionWriter:
-    """Write sessions of presses that the stand-in's scene `ideal` made once."""
-    with StandIn(load_rig(), load_scene("ideal"), 0) as stand_in:
-        (path,) = run_session(
-            stand_in.rig,
-            plan_press(stand_in.rig),
-            GalilController(stand_in.rig),
-            tmp_path_factory.mktemp("one"),
-            1,
-        )
-    return SessionWriter(read_recording(path))
+def write_session() -> SessionWriter:
+    """Write sessions from one press of the scene `ideal`, simulated without the devices."""
+    rig, scene = load_rig(), load_scene("ideal")
+    return SessionWriter(acquired(rig, scene, observe(rig, scene))[0])
