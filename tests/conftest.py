@@ -32,7 +32,7 @@ class SessionWriter:
         events: tuple[tuple[str, str], ...] = (),
         noise: float = 1e-3,
         scale: float = 1.0,
-        **said: object,
+        **metadata: object,
     ) -> list[Path]:
         """Write n presses into a folder; `noise` is in V, `scale` of all volts."""
         folder.mkdir(parents=True, exist_ok=True)
@@ -41,7 +41,7 @@ class SessionWriter:
         volts = np.stack([self.one.volts[channel.name] for channel in self.one.rig.daq.channels])
         for number in range(first, first + n):
             random = np.random.default_rng(number)
-            session = replace(self.one.session, press=number, item=number, **said)
+            session = replace(self.one.session, press=number, item=number, **metadata)
             path = folder / f"press-{number:04d}.mcap"
             with Recording(path, rig, session=session, rate=self.one.rate) as recording:
                 noisy = scale * volts + noise * random.standard_normal(volts.shape)
