@@ -1,7 +1,7 @@
-"""Identification: presses of benches that differ from their rig, and what a fit finds of them.
+"""Identification: fits to presses of benches that differ from their rig by known amounts.
 
-The stand-in's engine goes in steps of 20 us here: at the scene's own 100 us its force is late
-by 20 us, which is no error of a bench.
+The simulation has steps of 20 us: with the 100 us of the scene its force is 20 us late, which is
+not an error of a bench.
 """
 
 import time
@@ -29,31 +29,31 @@ FREE = (
     "key.pivot_coulomb_friction",
 )
 BENCHES, REPEATS, PRESSES = 20, 10, 5
-"""Benches with values of their own, fits of each with noise of their own, presses a fit."""
+"""Random benches, fits of each with different noise, presses of each fit."""
 STEP = 20e-6
-"""s, of the engine."""
+"""s, step of the simulation."""
 LIMIT = 0.03
-"""1, of a parameter's error, and of the slope's after the fit."""
+"""Dimensionless, of the error of a parameter, and of the force slope after the fit."""
 
 
 @dataclass(frozen=True)
 class Coverage:
-    """What many fits found; arrays of shape (fits, parameters)."""
+    """Results of many fits; arrays of shape (fits, parameters)."""
 
     errors: np.ndarray
-    """1, found / true - 1."""
+    """Dimensionless, fitted / true - 1."""
     covered: np.ndarray
-    """Whether the 95 % interval holds the truth."""
+    """Whether the 95 % interval contains the true value."""
     identifiable: np.ndarray
-    """Whether the fit says that the data tell the parameter."""
+    """Whether the fit reports the parameter as identifiable."""
     slopes: np.ndarray
-    """1, slope error of the comparison before and after, shape (fits, 2)."""
+    """Dimensionless, slope error of the comparison before and after the fit, shape (fits, 2)."""
     seconds: float
     """Median time of a fit."""
 
 
 def bench(seed: int) -> tuple[Rig, Scene]:
-    """Return the nominal bench, and a scene whose instrument is another, drawn at random."""
+    """Return the nominal bench, and a scene with a different, random instrument."""
     uniform = np.random.default_rng([8, 2, seed]).uniform
     truth = {
         "plectrum.youngs_modulus": f"{uniform(1.8, 3.8)} GPa",
@@ -65,14 +65,14 @@ def bench(seed: int) -> tuple[Rig, Scene]:
 
 
 def presses_of(rig: Rig, scene: Scene, seeds: range) -> tuple[list[Press], list[Phases]]:
-    """Return presses of one motion, each with noise of its own, and their phases."""
+    """Return presses of one motion with different noise, and their phases."""
     seen = observe(rig, scene)
     pressed = [sensed(rig, scene, seen, seed)[0] for seed in seeds]
     return pressed, [find_phases(press) for press in pressed]
 
 
 def coverage(benches: int, repeats: int) -> Coverage:
-    """Return what fits of several benches found, several times each."""
+    """Return the results of several fits of each of several benches."""
     rows, times = [], []
     for number in range(benches):
         rig, scene = bench(number)
@@ -82,42 +82,54 @@ def coverage(benches: int, repeats: int) -> Coverage:
         before = predict(rig)
         for k in range(repeats):
             part = slice(k * PRESSES, (k + 1) * PRESSES)
-            begun = time.perf_counter()
+            start = time.perf_counter()
             found = identify(pressed[part], phases[part], FREE, starts=1)
-            times.append(time.perf_counter() - begun)
+            times.append(time.perf_counter() - start)
             slopes = [
                 compare(phases[part], prediction).slope_error.value
                 for prediction in (before, predict(found.rig))
             ]
             rows.append((*_judged(found, truth), slopes))
-    errors, covered, told, slopes = (np.array(column) for column in zip(*rows, strict=True))
-    return Coverage(errors, covered, told, slopes, float(np.median(times)))
+    errors, covered, identifiable, slopes = (np.array(column) for column in zip(*rows, strict=True))
+    return Coverage(errors, covered, identifiable, slopes, float(np.median(times)))
 
 
 def _judged(found: Identified, truth: np.ndarray) -> tuple[list[float], list[bool], list[bool]]:
-    errors, covered, told = [], [], []
+    errors, covered, identifiable = [], [], []
     for estimate, true in zip(found.estimates, truth, strict=True):
         assert estimate.low is not None
         assert estimate.high is not None
         errors.append(estimate.value / true - 1)
         covered.append(estimate.low <= true <= estimate.high)
-        told.append(estimate.identifiable)
-    return errors, covered, told
+        identifiable.append(estimate.identifiable)
+    return errors, covered, identifiable
 
 
 def run() -> list[Figure]:
-    """Return coverage and largest errors of 200 fits to 5 presses each, and the slope's error."""
+    """Return coverage and largest errors of 200 fits to 5 presses each, and the slope errors."""
     found = coverage(BENCHES, REPEATS)
     fits = len(found.errors)
     figures = []
     for k, name in enumerate(FREE):
-        told = found.identifiable[:, k]
-        worst = float(np.abs(found.errors[told, k]).max()) if told.any() else 0.0
-        share = float(found.covered[:, k].mean())
-        assert share >= 0.90, (name, share)
+        identifiable = found.identifiable[:, k]
+        worst = float(np.abs(found.errors[identifiable, k]).max()) if identifiable.any() else 0.0
+        fraction = float(found.covered[:, k].mean())
+        assert fraction >= 0.90, (name, fraction)
         figures += [
-            Figure(f"{name}: 95 % intervals that hold the truth", share, "1", "nominal", 0.95),
-            Figure(f"{name}: largest error of {told.sum()} told", worst, "1", "limit", LIMIT),
+            Figure(
+                f"{name}: 95 % intervals that contain the true value",
+                fraction,
+                "1",
+                "nominal",
+                0.95,
+            ),
+            Figure(
+                f"{name}: largest error of {identifiable.sum()} identifiable",
+                worst,
+                "1",
+                "limit",
+                LIMIT,
+            ),
         ]
         assert worst < LIMIT, (name, worst)
     before, after = np.median(np.abs(found.slopes), axis=0)

@@ -20,35 +20,34 @@ from sautereau.trajectory.motion import Floats
 
 CASES = 1000
 PEER_CASES, PEER_ROWS = 40, 250
-"""On which `ruptures` is tried as well, and means that it is given of each: its time grows with
-the square of their number."""
+"""Presses for `ruptures`, and rows of each that it is given: its time grows with their square."""
 PEER_MARGIN = 8e-3
-"""s, that it is spared after the start and before the bottom, where lines do not hold."""
+"""s, excluded after the start and before the bottom, where the force is not piecewise linear."""
 
 
 @dataclass(frozen=True)
 class Study:
-    """Presses found right and wrong, and the errors of all boundaries of those found right."""
+    """Numbers of correct and wrong presses, and the errors of all instants of the correct ones."""
 
     cases: int
     wrong: tuple[int, ...]
     """Seeds of cases with a wrong number of plucks."""
     mute_plucked: int
-    """Mute presses that were given a pluck."""
+    """Presses without a string in which a pluck was found."""
     contact: Floats
     """s, errors; shape (plucks,)."""
     contact_std: Floats
-    """s, what was stated."""
+    """s, stated standard uncertainty."""
     release: Floats
     """s."""
     release_std: Floats
     """s."""
     seconds: Floats
-    """s of the processor, for each press."""
+    """s, processor time of each press."""
 
     @property
     def passed(self) -> bool:
-        """Whether this is as exact and as honest as it is meant to be."""
+        """Whether errors and stated uncertainties are within the requirements."""
         return (
             len(self.wrong) <= 0.005 * self.cases
             and self.mute_plucked == 0
@@ -66,7 +65,7 @@ class Study:
 
 
 def covered(error: Floats, std: Floats, deviations: float) -> float:
-    """Return the share of errors within so many of their stated uncertainties."""
+    """Return the fraction of errors within a number of their stated uncertainties."""
     return float(np.mean(np.abs(error) <= deviations * std))
 
 
@@ -75,9 +74,9 @@ def study(seeds: range) -> Study:
     wrong, rows, seconds, mute = [], [], [], 0
     for seed in seeds:
         press, truth = simulated_press(*random_case(seed), seed)
-        begun = time.process_time()
+        start = time.process_time()
         found = find_phases(press)
-        seconds.append(time.process_time() - begun)
+        seconds.append(time.process_time() - start)
         if len(found.plucks) != len(truth.releases):
             wrong.append(seed)
             mute += not truth.contacts
@@ -99,7 +98,7 @@ def study(seeds: range) -> Study:
 
 
 def run() -> list[Figure]:
-    """Return the errors, their honesty, the time of a press, and the peer's."""
+    """Return the errors, their coverage, the time of a press, and the same of `ruptures`."""
     found = study(range(CASES))
     assert found.passed, found
     figures = [Figure(f"wrong number of plucks, of {CASES}", len(found.wrong), "", "limit", 5)]
@@ -126,40 +125,40 @@ def run() -> list[Figure]:
 
 
 def from_files(presses: int = 20) -> float:
-    """Return how many presses a second one core reads, loads and finds the features of.
+    """Return the number of presses per second from file to features, on one core.
 
-    It is the processor's time that counts, in the median of the presses; each is of 27,000
-    samples of two channels, and its file has been read once before.
+    From the median processor time of the presses; each has 27,000 samples of two channels, and
+    its file was read once before.
     """
     with TemporaryDirectory() as folder:
         paths = write_presses(Path(folder), plectra=1, sessions=1, presses=presses)
         seconds = []
         for path in [*paths, *paths]:
-            begun = time.process_time()
+            start = time.process_time()
             press = load_press(path)
             found = features(press, find_phases(press))
-            seconds.append(time.process_time() - begun)
+            seconds.append(time.process_time() - start)
             assert len(found.plucks) == 1, path
     return 1 / statistics.median(seconds[presses:])
 
 
 def _peer() -> list[Figure]:
-    """Let `ruptures` find as many boundaries as there are, in the same presses."""
+    """Return errors and times of this analysis and of `ruptures` for the same presses."""
     ours: list[tuple[float, float]] = []
     theirs: list[tuple[float, float]] = []
     seconds = [0.0, 0.0]
     for seed in range(CASES):
         rig, scene = random_case(seed)
-        if scene.push is not None:  # its force tells nothing, and the peer sees the force alone
+        if scene.push is not None:  # the force shows no pluck, and `ruptures` gets the force alone
             continue
         press, truth = simulated_press(rig, scene, seed)
         if len(truth.releases) != 1:
             continue
-        begun = time.process_time()
+        start = time.process_time()
         found = find_phases(press)
         then = time.process_time()
         contact, release = _by_ruptures(press, found)
-        seconds = [seconds[0] + then - begun, seconds[1] + time.process_time() - then]
+        seconds = [seconds[0] + then - start, seconds[1] + time.process_time() - then]
         held = found.plucks[0]
         ours.append(_errors(truth, held.contact, held.release))
         theirs.append(_errors(truth, contact, release))
@@ -174,9 +173,9 @@ def _peer() -> list[Figure]:
 
 
 def _by_ruptures(press: Press, found: Phases) -> tuple[float, float]:
-    """Return the two changes of a piecewise line that `ruptures` sees on the way down [s].
+    """Return the two changes of a piecewise line that `ruptures` finds on the way down [s].
 
-    It is told that there are two, and where the way down begins and ends; its search is exact.
+    It is given their number and the range of the way down; its search is exact.
     """
     import ruptures
 

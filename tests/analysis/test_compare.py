@@ -1,4 +1,4 @@
-"""Departures of a prediction from presses that depart by a known amount."""
+"""Comparison with presses that differ from the prediction by known amounts."""
 
 from dataclasses import replace
 
@@ -19,7 +19,7 @@ def prediction(paper):
 
 
 def phases_of(prediction, *, slope=0.0, rise=0.0, duration=0.0):
-    """Return phases that a measurement has from which the prediction departs by this much."""
+    """Return the phases of a measurement for given model errors."""
     predicted_slope, predicted_rise = predicted_features(prediction)
     magnitude = predicted_rise / (1 + rise)
     held = HeldString(
@@ -38,7 +38,7 @@ def phases_of(prediction, *, slope=0.0, rise=0.0, duration=0.0):
 MUTE = Phases(0.01, 0.2, (), 0.072, None, None, ())
 
 
-def test_known_departures_of_one_press(prediction):
+def test_known_model_errors_of_one_press(prediction):
     found = compare([phases_of(prediction, slope=0.1, rise=-0.2, duration=0.05)], prediction)
     assert found.presses == 1
     assert found.slope_error.value == pytest.approx(0.1, rel=1e-12)
@@ -58,7 +58,7 @@ def test_mean_and_interval_of_three(prediction):
     assert found.magnitude_error.high == pytest.approx(0.2 + half, rel=1e-6)
 
 
-def test_mute_presses_do_not_count(prediction):
+def test_presses_without_a_pluck_do_not_count(prediction):
     found = compare([MUTE, phases_of(prediction, slope=0.1), MUTE], prediction)
     assert found.presses == 1
     assert found.slope_error.value == pytest.approx(0.1, rel=1e-12)
@@ -84,13 +84,13 @@ def test_the_interval_covers_the_mean_in_95_of_100(n, kind, repeats, within):
 
 
 @pytest.mark.parametrize("n", [2, 20])
-def test_presses_that_are_all_alike_have_an_interval_of_no_width(n):
+def test_equal_presses_have_an_interval_of_zero_width(n):
     found = mean_of([0.25] * n)
     assert (found.low, found.high) == pytest.approx((0.25, 0.25), abs=1e-15)
 
 
 def test_a_skewed_feature_has_a_skewed_interval():
-    """BCa reaches further to the side of the long tail, which Student's t does not see."""
+    """BCa reaches further to the side of the long tail, unlike Student's t."""
     values = list(np.random.default_rng(1).exponential(1.0, 30))
     found = mean_of(values)
     assert found.interval == "bootstrap"
@@ -98,14 +98,14 @@ def test_a_skewed_feature_has_a_skewed_interval():
 
 
 def features_of(predicted, share=0.0):
-    """Return the features of a press that departs from a prediction by a share of each."""
+    """Return the features of a press for a given relative model error of each."""
     pluck = PluckFeatures(**{name: value / (1 + share) for name, value in predicted.items()})
     return Features(
         "press.mcap", True, 0, 0.2, None, None, 0.07, 0.07, 0.07, 0.8, 1e-3, 0, (pluck,)
     )
 
 
-def test_every_feature_stands_beside_the_models(paper, prediction):
+def test_every_feature_is_compared_with_the_models(paper, prediction):
     predicted = pluck_features(paper, prediction, prediction.choirs[0])
     rows = [features_of(predicted, share) for share in (-0.1, 0.0, 0.1)]
     found = {f.name: f for f in compare_features(rows, paper, prediction)}

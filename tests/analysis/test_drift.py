@@ -1,4 +1,4 @@
-"""The integral of a noisy, AC-coupled velocity with an offset, held to the press's own rests."""
+"""Drift removal for a noisy, AC-coupled velocity with an offset."""
 
 import numpy as np
 import pytest
@@ -17,7 +17,7 @@ SENSORS = load_scene("paper").sensors
 
 
 def motion(time, back=True, start=0.02):
-    """Velocity under the laser, m/s: 3.8 mm down in 0.15 s, at rest, and back by 0.5 s."""
+    """Velocity at the laser, m/s: 3.8 mm down in 0.15 s, at rest, and back by 0.5 s."""
 
     def stroke(begin, length, width):
         u = np.clip((time - begin) / length, 0, 1)
@@ -80,8 +80,8 @@ def test_times_are_from_the_trigger():
 
 
 @pytest.mark.parametrize("returns", [True, False])
-def test_a_key_that_stays_down_is_not_brought_back(returns):
-    """Planned or not; where it was to come back there is a warning."""
+def test_the_deflection_of_a_key_that_stays_down_is_kept(returns):
+    """Whether planned or not; if a return was planned there is a warning."""
     velocity, drift, warnings = held(sampled(back=False), returns)
     assert deflection(velocity)[-1] == pytest.approx(3.8e-3, abs=5e-6)
     assert drift.closure is None
@@ -90,7 +90,7 @@ def test_a_key_that_stays_down_is_not_brought_back(returns):
         assert "the key did not return: 3.8 mm of" in warnings[0]
 
 
-def test_without_a_rest_before_nothing_is_taken_off():
+def test_without_a_rest_before_nothing_is_subtracted():
     volts = sampled()[2000:]
     velocity, drift, (warning,) = held(volts)
     alone = undelayed(correct(volts, VELOCITY, RATE), VELOCITY.lag * RATE)
@@ -115,23 +115,23 @@ def test_a_key_that_never_moved_has_no_rests():
         assert len(velocity[rests.before]) == len(velocity[rests.after]) == 0
 
 
-def test_a_cruise_that_the_record_ends_in_is_no_rest():
+def test_a_cruise_at_the_end_of_the_recording_is_no_rest():
     time = np.arange(20_000) / RATE
     rests = find_rests(0.027 * np.clip((time - 0.05) / 0.01, 0, 1), RATE)
     assert len(time[rests.before]) > 2000
     assert len(time[rests.after]) == 0
 
 
-def test_a_wrong_corner_is_told():
-    """A sensor of 0.6 Hz whose chart says 0.5 Hz: the rests and the return contradict."""
+def test_a_wrong_corner_frequency_gives_a_warning():
+    """A sensor of 0.6 Hz calibrated as 0.5 Hz: the rests and the return contradict."""
     volts = sampled(channel=VELOCITY.model_copy(update={"high_pass": 0.6}))
     _, _, warnings = held(volts)
     assert len(warnings) == 1
     assert "corner" in warnings[0]
 
 
-def test_what_no_offset_can_be_is_not_taken_for_one():
-    """A key that creeps in its rests by 0.2 mm/s, and yet comes back."""
+def test_a_velocity_that_cannot_be_an_offset_is_not_treated_as_one():
+    """A key that creeps by 0.2 mm/s in its rests, and yet returns."""
     time = np.arange(int(0.53 * RATE)) / RATE
     creep = 2e-4 * ((time < 0.02) | (time > 0.5))
     velocity, drift, (warning,) = without_drift(
@@ -160,11 +160,11 @@ def test_an_offset_stays_and_an_earlier_force_decays(seed):
     assert level == pytest.approx(0.1 - 0.15 * w * 0.1, abs=1e-3)
 
 
-def test_a_short_rest_cannot_tell_and_takes_it_for_an_offset():
+def test_in_a_short_rest_the_level_counts_as_an_offset():
     assert force_at_rest(rest_of(0.01, -0.006, 0.02), 0.005, RATE, 0.1)[1]
 
 
-def test_an_offset_taken_off_first_leaves_no_ramp():
+def test_an_offset_subtracted_before_the_coupling_is_inverted_leaves_no_ramp():
     """Which is what the force's level is for: 50 mN would become 16 mN in 0.5 s."""
     n = 25_600
     shown = np.full(n, 0.05)

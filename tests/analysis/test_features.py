@@ -1,4 +1,4 @@
-"""The flat row of numbers of a press."""
+"""The flat row of features of a press."""
 
 import json
 from dataclasses import replace
@@ -38,7 +38,7 @@ def test_the_numbers_are_those_of_the_press(found):
     assert row["force_slope"] == pytest.approx(27 / (0.072 * lever), rel=0.02)
 
 
-def test_a_mute_press_has_empty_columns(make_press):
+def test_a_press_without_a_pluck_has_empty_columns(make_press):
     press = make_press(slope=0)
     row = features(press, find_phases(press)).row()
     assert set(row) == set(UNITS)
@@ -48,7 +48,7 @@ def test_a_mute_press_has_empty_columns(make_press):
     assert row["press_work"] > 0
 
 
-def test_later_plucks_have_their_number_behind(found):
+def test_columns_of_later_plucks_end_in_their_number(found):
     _, features_ = found
     (pluck,) = features_.plucks
     row = replace(features_, plucks=(pluck, pluck)).row()

@@ -1,4 +1,4 @@
-"""Residuals that hold together, made white although some are missing."""
+"""Whitening of correlated residuals with gaps."""
 
 import numpy as np
 import pytest
@@ -49,7 +49,7 @@ def test_whitening_is_that_of_the_dense_covariance(levelled):
     assert white(residual) == pytest.approx(expected, abs=1e-9)
 
 
-def test_a_level_and_a_ramp_are_taken_off():
+def test_a_level_and_a_ramp_are_removed():
     used = with_gaps(400)
     white = whitening(used, np.array([1e-6]), True)
     ramp = 0.3 + 2.0 * np.flatnonzero(used) * STEP

@@ -1,4 +1,4 @@
-"""What a fit takes of a press: smoothed alike, and masked where the model does not hold."""
+"""Input of a fit: signals smoothed alike, and excluded where the model is not valid."""
 
 from dataclasses import replace
 
@@ -25,7 +25,7 @@ def taken(press):
     return observed(press, find_phases(press))
 
 
-def balanced(press, rate):
+def oscillating(press, rate):
     """Return a press whose force is the model's own, of an oscillating key without friction."""
     rig = press.rig
     rig = rig.model_copy(
@@ -61,9 +61,9 @@ def balanced(press, rate):
 
 
 @pytest.mark.parametrize("rate", [10e3, 25.6e3, 51.2e3, 102.4e3])
-def test_the_balance_of_a_swinging_key_closes(press, rate):
-    """Force and acceleration are seen through the same window, so nothing of it is left."""
-    swinging, force = balanced(press, rate)
+def test_the_residual_of_an_oscillating_key_is_zero(press, rate):
+    """Force and acceleration are smoothed by the same window, which therefore cancels."""
+    swinging, force = oscillating(press, rate)
     phases = replace(find_phases(press), plucks=())
     taken = observed(swinging, phases)
     dynamics = InverseDynamics(
@@ -74,7 +74,7 @@ def test_the_balance_of_a_swinging_key_closes(press, rate):
     assert np.abs(residual).max() < 1e-4 * np.abs(force).max()
 
 
-def test_what_the_model_does_not_hold_for_is_left_out(press, taken):
+def test_instants_outside_the_model_are_excluded(press, taken):
     assert taken.used.sum() > LEAST
     (release,) = taken.releases
     assert release == pytest.approx(0.072, abs=1e-4)
@@ -85,7 +85,7 @@ def test_what_the_model_does_not_hold_for_is_left_out(press, taken):
     assert taken.release_stds[0] >= 1e-6
 
 
-def test_marked_stretches_are_left_out(press):
+def test_flagged_samples_are_excluded(press):
     phases = find_phases(press)
     gap = Mark("drop-out", "velocity", 0.100, 0.102)
     taken = observed(replace(press, marks=(gap,)), phases)
@@ -97,7 +97,7 @@ def test_marked_stretches_are_left_out(press):
     assert not taken.used[taken.time > 0.100].any()
 
 
-def test_a_shift_that_is_asked_for_widens_what_is_left_out(press):
+def test_a_requested_shift_widens_the_excluded_intervals(press):
     phases = find_phases(press)
     assert observed(press, phases, 1e-3).used.sum() < observed(press, phases).used.sum()
 

@@ -1,4 +1,4 @@
-"""What may be fitted: names, bounds, priors, and the way back into a rig file."""
+"""Parameters: names, bounds, priors, and writing them into a rig file."""
 
 import pytest
 
@@ -57,7 +57,7 @@ def test_priors_set_bounds_or_an_expectation(paper):
         ("", "a range or a standard uncertainty"),
     ],
 )
-def test_a_prior_that_cannot_be_read_says_what_one_looks_like(text, words):
+def test_an_invalid_prior_is_refused_with_an_example(text, words):
     with pytest.raises(AnalysisError, match=words):
         read_prior(text)
 

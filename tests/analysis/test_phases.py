@@ -1,4 +1,4 @@
-"""Contact and release in presses of which both are known."""
+"""Contact and release in presses with known instants."""
 
 import numpy as np
 import pytest
@@ -38,7 +38,7 @@ def test_a_clean_press_is_known_to_a_sample(make_press, rate):
     held, phases = only_pluck(make_press(rate=rate))
     assert held.contact == pytest.approx(CONTACT, abs=1e-6)
     assert held.release == pytest.approx(RELEASE, abs=0.7 / rate)
-    # Where in a sample it is, and a lag of the low-pass that the chart may leave out.
+    # Sampling, and a delay of the low-pass that the calibration may omit.
     known = np.hypot(1 / rate, 2 * LAG) / np.sqrt(12)
     assert known * (1 - 1e-9) <= held.release_std < 1.3 * known
     assert held.pluck_duration == pytest.approx(0.020, abs=0.7 / rate)
@@ -77,7 +77,7 @@ def test_weak_and_strong_strings(make_press, slope, limit):
 
 @pytest.mark.parametrize("curvature", [-500.0, 300.0, 1000.0])
 def test_a_force_that_bends(make_press, curvature):
-    """Where its first guess lay beyond its search, contact once came half a millisecond late."""
+    """Regression: with a first guess outside the search, contact was half a millisecond late."""
     held, _ = only_pluck(make_press(slope=20, curvature=curvature))
     assert held.contact == pytest.approx(CONTACT, abs=1e-5)
     errors = [
@@ -112,7 +112,7 @@ def test_speeds(make_press, speed, contact, release, slope):
 @pytest.mark.parametrize(
     "change", [{}, {"slope": 10}, {"slope": 10, "curvature": 1000}, {"rate": 10e3}, {"rate": 100e3}]
 )
-def test_the_uncertainty_is_that_of_repeated_presses(make_press, change):
+def test_the_uncertainty_agrees_with_repeated_presses(make_press, change):
     """Their errors in units of the standard uncertainty have an rms of about 1."""
     presses = (make_press(seed=seed, **{**NOISY, "hum": 0.0, **change}) for seed in range(30))
     held = [only_pluck(press)[0] for press in presses]
@@ -123,7 +123,7 @@ def test_the_uncertainty_is_that_of_repeated_presses(make_press, change):
 
 
 @pytest.mark.parametrize("noise", [{}, NOISY, {"force_noise": 0.05}, {"hum": 0.02}])
-def test_a_mute_press_has_no_pluck(make_press, noise):
+def test_a_press_without_a_string_has_no_pluck(make_press, noise):
     phases = find_phases(make_press(slope=0, **noise))
     assert phases.plucks == ()
     assert phases.held_speed is None
@@ -162,7 +162,7 @@ def test_nothing_moves(make_press):
     assert_finite(phases)
 
 
-def test_a_vibrometer_of_the_wrong_sign_is_told(make_press):
+def test_a_vibrometer_of_the_wrong_sign_gives_a_warning(make_press):
     press = make_press()
     velocity, force = (press.data[name].to_numpy() for name in ("velocity", "force"))
     phases = find_phases(make_press.build(-velocity, force, press.rate))
@@ -193,7 +193,7 @@ def test_a_stretch_in_the_middle_of_a_press(make_press, n):
 
 @pytest.mark.parametrize(("contact", "release"), [(0.029, 0.072), (0.029, 0.0375), (0.027, 0.031)])
 def test_contact_in_the_run_up_is_not_claimed(make_press, contact, release):
-    """Inertia hides it: the uncertainty covers where it may be, and a warning says why."""
+    """Inertia hides it: the uncertainty covers the possible instants, and a warning says why."""
     phases = find_phases(make_press(contact=contact, release=release, slope=60, **NOISY))
     assert_finite(phases)
     for held in phases.plucks:
@@ -202,7 +202,7 @@ def test_contact_in_the_run_up_is_not_claimed(make_press, contact, release):
 
 
 @pytest.mark.parametrize("column", ["force", "velocity"])
-def test_samples_that_are_no_numbers_are_refused(make_press, column):
+def test_samples_that_are_not_numbers_are_refused(make_press, column):
     press = make_press()
     data = press.data.copy()
     data.loc[data.index[[7, 1000]], column] = np.nan
@@ -254,8 +254,8 @@ def test_strong_and_weak_forces(make_press, peak, noise):
     assert held.force_drop == pytest.approx(peak, rel=0.02)
 
 
-def test_a_pluck_of_a_millinewton_is_not_told(make_press):
-    """It is below what the rest of the model leaves out, and docs/phases.md says so."""
+def test_a_pluck_of_a_millinewton_is_not_found(make_press):
+    """It is smaller than the errors of the model, as docs/phases.md states."""
     phases = find_phases(make_press(slope=1e-3 / 0.020))
     assert phases.plucks == ()
     assert_finite(phases)

@@ -50,7 +50,7 @@ def test_every_scene(scene, speed):
 
 
 @pytest.mark.parametrize("scene", ["ideal", "paper", "return"])
-def test_a_mute_string_is_never_plucked(scene):
+def test_a_scene_without_a_string_has_no_pluck(scene):
     press, truth = simulated(scene, mute=True)
     assert not truth.contacts
     assert find_phases(press).plucks == ()

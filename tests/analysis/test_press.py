@@ -1,4 +1,4 @@
-"""Recordings read back as presses: scale, droop, delay, marks, drift."""
+"""Recordings loaded as presses: scale, AC coupling, delay, quality flags, drift."""
 
 from datetime import date
 
@@ -53,7 +53,7 @@ def test_columns_units_and_origin(paper, record):
 
 
 def test_constant_speed_through_the_lever(paper, record):
-    """1 V is 25 mm/s under the laser; the angle is its integral over the laser's arm."""
+    """1 V is 25 mm/s at the laser; the angle is its integral over the laser's arm."""
     press = load_press(record(ideal(paper), np.stack([np.ones(2000), np.full(2000, 0.5)]), False))
     assert not press.simulated
     time, key = press.data.index.to_numpy(), paper.key
@@ -69,8 +69,8 @@ def test_constant_speed_through_the_lever(paper, record):
 
 
 @pytest.mark.parametrize("delay", ["0 s", "10 us", "19.53125 us", "1.1 ms"])
-def test_every_delay_is_taken_back(paper, record, delay):
-    """A sine that the chart says came late is back in its place, whole samples or not."""
+def test_every_delay_is_corrected(paper, record, delay):
+    """A sine with a calibrated delay is shifted back, also by fractions of a sample."""
     rig = ideal(paper, **{"daq.channels.0.delay": delay})
     late, f = rig.daq.channels[0].delay, 200.0
     time = np.arange(4000) / RATE
@@ -83,8 +83,8 @@ def test_every_delay_is_taken_back(paper, record, delay):
     assert len(press.data) == 4000 - int(np.ceil(late * RATE - 1e-9))
 
 
-def test_droop_is_undone(paper, record):
-    """A step of force through AC coupling of 0.1 Hz comes back as a step."""
+def test_ac_coupling_is_inverted(paper, record):
+    """A step of force through AC coupling of 0.1 Hz is restored as a step."""
     rig = ideal(paper, **{"daq.channels.1.high_pass": "0.1 Hz"})
     time = np.arange(25_600) / RATE
     volts = np.stack([np.zeros_like(time), np.exp(-2 * np.pi * 0.1 * time)])
@@ -123,7 +123,7 @@ def test_a_file_that_is_not_there(tmp_path):
 
 
 def sensed(rig, signals, seed=0, until=0.5, silent=False):
-    """Return what the simulated sensors of a rig make of functions of time, in volts."""
+    """Return the volts of the simulated sensors of a rig for functions of time."""
     sensors = load_scene("paper").sensors
     if silent:
         quiet = {"velocity_noise": 0.0, "force_noise": 0.0, "hum": 0.0}
@@ -139,7 +139,7 @@ def sensed(rig, signals, seed=0, until=0.5, silent=False):
 
 
 def stroke(time):
-    """Velocity under the laser, m/s: 3.8 mm down and back between 20 and 470 ms."""
+    """Velocity at the laser, m/s: 3.8 mm down and back between 20 and 470 ms."""
     down, up = (np.clip((time - at) / length, 0, 1) for at, length in ((0.02, 0.15), (0.2, 0.27)))
     return 3.8e-3 / 0.15 * (1 - np.cos(2 * np.pi * down)) * (down < 1) - 3.8e-3 / 0.27 * (
         1 - np.cos(2 * np.pi * up)
@@ -147,7 +147,7 @@ def stroke(time):
 
 
 @pytest.mark.parametrize("silent", [True, False])
-def test_a_step_that_both_sensors_saw_is_at_one_time(paper, record, silent):
+def test_a_step_of_both_sensors_is_at_one_time(paper, record, silent):
     """Of velocity and force at 123.4567 ms, to 10 us, as either reaches half its height."""
     at = 0.1234567
     heights = (0.02, 0.5)
@@ -165,8 +165,8 @@ def test_a_step_that_both_sensors_saw_is_at_one_time(paper, record, silent):
     assert abs(found[0] - found[1]) < 5e-6
 
 
-def test_a_slow_low_pass_is_taken_back_by_its_order(paper, record):
-    """Of 1 kHz, 159 us: the middle of a ramp of force meets that of velocity to 10 us."""
+def test_the_delay_of_a_slow_low_pass_is_corrected_by_its_order(paper, record):
+    """Of 1 kHz, 159 us: the middle of a ramp of force agrees with that of velocity to 10 us."""
     slow = {"daq.channels.1.low_pass": "1 kHz", "daq.channels.1.low_pass_order": 1}
     rig = with_values(paper, slow)
 
@@ -188,7 +188,7 @@ def test_a_slow_low_pass_is_taken_back_by_its_order(paper, record):
 
 
 @pytest.mark.parametrize("corner", ["0.1 Hz", "0.5 Hz", "1 Hz"])
-def test_droop_is_undone_to_two_thousandths_over_500_ms(paper, record, corner):
+def test_ac_coupling_is_inverted_to_two_thousandths_over_500_ms(paper, record, corner):
     """A step of 1 N, in the simulated chain with all its noise: the mean over each 20 ms."""
     rig = with_values(paper, {"daq.channels.1.high_pass": corner})
     volts = sensed(rig, [stroke, lambda t: 1.0 * (t > 0.03)], until=0.54)
@@ -200,7 +200,7 @@ def test_droop_is_undone_to_two_thousandths_over_500_ms(paper, record, corner):
 
 
 def test_an_offset_does_not_become_a_ramp(paper, record):
-    """4 mV after the coupling are 4 mN of force: 1.3 mN more after 0.5 s if not taken off."""
+    """4 mV after the coupling are 4 mN of force: 1.3 mN more after 0.5 s if not subtracted."""
     offsets = np.array([[0.0005], [0.004]])
     volts = offsets + sensed(paper, [stroke, lambda t: 0.5 * (t > 0.03)])
     press = load_press(record(paper, volts))
@@ -213,7 +213,7 @@ def test_an_offset_does_not_become_a_ramp(paper, record):
     assert "count as an offset of the sensor" in press.warnings[0]
 
 
-def test_a_clean_press_has_no_marks_and_no_warnings(paper, record):
+def test_a_clean_press_has_no_quality_flags_and_no_warnings(paper, record):
     for seed in range(5):
         volts = sensed(paper, [stroke, lambda t: 0.5 * ((t > 0.05) & (t < 0.07))], seed)
         press = load_press(record(paper, volts))
@@ -221,7 +221,7 @@ def test_a_clean_press_has_no_marks_and_no_warnings(paper, record):
         press.path.unlink()
 
 
-def test_marks_stand_at_the_motions_time(paper, record):
+def test_quality_flags_are_at_the_time_of_the_motion(paper, record):
     volts = sensed(paper, [stroke, lambda t: 20.0 * ((t > 0.05) & (t < 0.06))])
     lost = slice(round(0.1 * RATE), round(0.1005 * RATE))
     volts[0, lost] = 0.0
@@ -232,7 +232,7 @@ def test_marks_stand_at_the_motions_time(paper, record):
     assert (velocity.start, velocity.stop) == pytest.approx((0.0989, 0.0994), abs=7e-5)
     assert any("force: clipped" in warning for warning in press.warnings)
     assert any("velocity: drop-out" in warning for warning in press.warnings)
-    # They are told, and not mended: 0 V are only what the undone coupling adds.
+    # They are flagged, not replaced: 0 V differ only by the inverted coupling.
     assert press.data["velocity"].loc[0.09895:0.09935].mean() < 0.4 * stroke(np.array(0.099))
 
 

@@ -15,7 +15,7 @@ def law(paper):
 
 
 def presses(paper, law, offsets, speeds):
-    """Make presses that are the plan but for an offset [m] and a factor of speed."""
+    """Make presses equal to the plan except for an offset [m] and a factor of the speed."""
     from pathlib import Path
 
     import pandas as pd
@@ -63,7 +63,7 @@ def test_a_slow_press_is_less_accurate(paper, law):
 
 
 def test_intervals_cover_a_known_jitter(paper, law):
-    """95 % intervals of the spread hold the truth in some 95 % of sessions."""
+    """95 % intervals of the spread contain the true value in about 95 % of sessions."""
     random = np.random.default_rng(3)
     sigma, sessions = 2e-3, 120
     held = 0

@@ -1,4 +1,4 @@
-"""A press put together again: what was measured stays, and the model fits onto it."""
+"""Replay of a press: measured motion, and the model aligned with it."""
 
 from dataclasses import replace
 
@@ -39,7 +39,7 @@ def test_the_key_is_where_it_was_measured(scene, press):
 
 
 def test_the_wire_lies_on_the_plectrum_while_it_is_held(scene):
-    """Clamp plus the mid-line's point under the string is where the string is."""
+    """The clamp plus the centre line's point under the string is the position of the string."""
     (motion,) = scene.choirs
     during = held(scene)
     plectrum = motion.choir.plectrum
@@ -72,7 +72,7 @@ def test_the_jacks_height_is_0_at_contact_and_rises_all_the_way(scene, press):
     np.testing.assert_allclose(np.diff(motion.height[free]), np.diff(rise[free]), atol=1e-9)
 
 
-def test_after_release_it_swings_at_the_strings_pitch(press, phases):
+def test_after_release_it_vibrates_at_the_strings_pitch(press, phases):
     (pluck,) = phases.plucks
     start = pluck.release + 1e-3
     fine = replay(press, phases, start + np.arange(2000) / 20_000)
@@ -114,7 +114,7 @@ def test_the_arm_is_the_encoders_and_may_be_missing(press, phases, scene):
 
 
 def test_on_the_way_back_the_tongue_lets_the_plectrum_pass(make_press):
-    """A press that returns: the tongue swings back once, between the wire's top and rest."""
+    """A press that returns: the tongue rotates back once, between the wire's top and rest."""
     forth = make_press(until=0.25)
     velocity = forth.data["velocity"].to_numpy()
     force = forth.data["force"].to_numpy()
@@ -174,7 +174,7 @@ def test_two_choirs_are_plucked_in_turn(make_press):
     assert [motion.plucks for motion in scene.choirs] == [True, False]
 
 
-def test_what_is_shown_lies_in_the_recording(press, phases):
+def test_the_shown_interval_must_be_in_the_recording(press, phases):
     start, stop = shown_stretch(press, phases, None, None)
     assert start == pytest.approx(phases.start - 10e-3)
     assert stop == press.data.index[-1]

@@ -25,7 +25,7 @@ def sound():
     return sound_of(RIG, duration=2.0)
 
 
-def test_the_file_holds_the_force_at_the_told_level(tmp_path, sound):
+def test_the_file_contains_the_force_at_the_stated_level(tmp_path, sound):
     path = tmp_path / "new" / "pluck.wav"
     write_sound(path, sound)
     rate, samples = wavfile.read(path)
@@ -56,7 +56,7 @@ def test_its_pitch_is_the_strings(sound):
     assert size[np.abs(frequency - 550) < 50].max() < 1e-3 * size.max()
 
 
-def test_its_lowest_mode_falls_as_told(sound):
+def test_its_lowest_mode_decays_as_stated(sound):
     """The amplitude at 365 Hz in two windows 1 s apart."""
     (decay_time,) = sound.decay_times
     n = round(0.5 * SAMPLE_RATE)

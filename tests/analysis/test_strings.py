@@ -1,4 +1,4 @@
-"""Strings that are held, let go and stilled, against the modal pluck and closed forms."""
+"""Strings held, released and damped, compared with the modal pluck and closed forms."""
 
 import math
 
@@ -42,7 +42,7 @@ def test_the_papers_string_falls_by_60_db_in_6_s():
 
 
 @pytest.mark.parametrize("quality", [1.0, 0.0, -3.0, math.nan])
-def test_a_string_that_would_not_sound_is_refused(quality):
+def test_a_quality_factor_of_1_or_less_is_refused(quality):
     with pytest.raises(ModelError, match=r"quality: .* must be above 1"):
         string_decay(RIG.string, 30, quality)
 
@@ -75,7 +75,7 @@ def test_before_contact_it_rests_and_held_it_is_a_triangle(string):
     assert not string.bridge_force(time)[:2].any()
 
 
-def test_it_does_not_jump_when_it_is_let_go(string):
+def test_it_is_continuous_at_release(string):
     near = string.release + np.array([-1e-7, 1e-7])
     before, after = string.displacement(near, PLACE)[1, :, 0]
     assert after == pytest.approx(before, rel=0.02)  # 30 modes of a corner
@@ -83,7 +83,7 @@ def test_it_does_not_jump_when_it_is_let_go(string):
     assert after == pytest.approx(before, rel=0.05)
 
 
-def test_the_damper_takes_over_without_a_jump(string):
+def test_it_is_continuous_when_the_damper_touches_it(string):
     end = string.release + 0.1
     damped = stilled(string, end)
     early = np.linspace(string.release, end - 1e-9, 300)
@@ -97,7 +97,7 @@ def test_the_damper_takes_over_without_a_jump(string):
     assert (soft * np.exp(40 * (late - end))).std() == pytest.approx(loud.std(), rel=0.02)
 
 
-def test_a_damper_that_is_not_there_or_too_early_is_refused(string):
+def test_a_missing_or_too_early_damper_is_refused(string):
     with pytest.raises(ModelError, match="before the release"):
         stilled(string, string.release - 1e-3)
     bare = RIG.model_copy(update={"jack": RIG.jack.model_copy(update={"damper": None})})
@@ -115,7 +115,7 @@ def test_every_choir_is_plucked_at_its_own_time():
         assert string.release == pytest.approx(choir.release, rel=5e-3)
 
 
-def test_modes_go_up_to_what_is_asked_for():
+def test_modes_are_limited_to_the_requested_frequency():
     (found,) = vibrating_strings(RIG, highest=3650.0)
     assert len(found.string.order) == 10
     with pytest.raises(ModelError, match="0 modes"):
