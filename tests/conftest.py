@@ -6,16 +6,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sautereau.daq.file.reading import read_recording
+from benchmarks.simulated import acquired
 from sautereau.daq.file.recorded import Block, Recorded
 from sautereau.daq.file.recording import Recording
 from sautereau.rig.load import load_rig
 from sautereau.rig.schema import Rig
-from sautereau.robot.drivers.galil.driver import GalilController
-from sautereau.robot.experiment.session import run_session
-from sautereau.sim_backend.bench import StandIn
+from sautereau.sim_backend.physics.observation import observe
 from sautereau.sim_backend.scene import load_scene
-from sautereau.trajectory.press import plan_press
 from tests.forked import CommandServer
 
 
@@ -64,14 +61,7 @@ def command_server(tmp_path_factory):
 
 
 @pytest.fixture(scope="session")
-def write_session(tmp_path_factory) -> SessionWriter:
-    """Write sessions made of one press of the scene `ideal`."""
-    with StandIn(load_rig(), load_scene("ideal"), 0) as stand_in:
-        (path,) = run_session(
-            stand_in.rig,
-            plan_press(stand_in.rig),
-            GalilController(stand_in.rig),
-            tmp_path_factory.mktemp("one"),
-            1,
-        )
-    return SessionWriter(read_recording(path))
+def write_session() -> SessionWriter:
+    """Write sessions from one press of the scene `ideal`, simulated without the devices."""
+    rig, scene = load_rig(), load_scene("ideal")
+    return SessionWriter(acquired(rig, scene, observe(rig, scene))[0])

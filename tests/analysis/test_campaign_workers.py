@@ -33,19 +33,23 @@ def address():
 
 def test_sweeps_of_model_and_stand_in_are_the_same_everywhere(address):
     rig, scene = load_rig(), load_scene("ideal")
-    functions = (partial(predict_many, rig), partial(sweep, rig, scene))
+    fields = {partial(predict_many, rig): "pluck_duration", partial(sweep, rig, scene): "release"}
     pieces = [{"plectrum.overlap": piece} for piece in np.array_split(OVERLAPS, 2)]
-    calls = [partial(function, piece) for function in functions for piece in pieces]
+    calls = [partial(function, piece) for function in fields for piece in pieces]
 
-    def releases(where):
+    def results(where):
         found = dict(run_over(operator.call, calls, where))
-        return np.concatenate([found[i].release for i in range(len(calls))], axis=-1)
+        names = [name for name in fields.values() for _ in pieces]
+        return [np.ravel(getattr(found[i], name)) for i, name in enumerate(names)]
 
-    here = releases(1)
-    at_once = [function({"plectrum.overlap": OVERLAPS}).release for function in functions]
-    np.testing.assert_allclose(here, np.concatenate(at_once, axis=-1), rtol=1e-9)
+    here = results(1)
+    for i, (function, name) in enumerate(fields.items()):
+        at_once = np.ravel(getattr(function({"plectrum.overlap": OVERLAPS}), name))
+        joined = np.concatenate(here[2 * i : 2 * i + 2])
+        np.testing.assert_allclose(joined, at_once, rtol=1e-9)
     for where in (2, address):
-        assert np.array_equal(releases(where), here)
+        for one, other in zip(results(where), here, strict=True):
+            assert np.array_equal(one, other)
 
 
 @pytest.mark.parametrize("where", [1, 2, "the cluster"])

@@ -292,7 +292,7 @@ def page_with(write_session, folder, monkeypatch, simulated, texts, long):
     left = iter(texts)
     channels = {f"daq.channels.{i}.sensor": next(left) for i in (0, 1)}
     rig = with_values(write_session.one.rig, {"name": next(left), **channels})
-    said = ("controller", "daq", "scene", "session", "started")
+    places = ("controller", "daq", "scene", "session", "started")
     software = {next(left): next(left) for _ in range(20)}
     monkeypatch.setattr("sautereau.daq.file.provenance.software", lambda: software)
     notes = [next(left), long, next(left)]
@@ -308,7 +308,7 @@ def page_with(write_session, folder, monkeypatch, simulated, texts, long):
             events=tuple(events),
             notes=notes[number - 1],
             simulated=simulated,
-            **{name: next(left) for name in said},
+            **{name: next(left) for name in places},
         )
     fit = Fit(next(left), next(left), ((next(left), next(left), next(left), next(left)),))
     again = Again(next(left), next(left))
