@@ -22,7 +22,7 @@ from sautereau.rig.faults import (
     unit_of,
     validation_faults,
 )
-from sautereau.rig.packaged import named_text, packaged_names
+from sautereau.rig.packaged import named_text
 from sautereau.rig.renamed import RENAMED_KEYS, current_key, rename_keys
 from sautereau.rig.schema import Rig
 from sautereau.rig.units import format_quantity, parse_quantity, shown
@@ -39,11 +39,6 @@ def load_rig(name: str | Path = "paper") -> Rig:
         RigError: Lists every fault of the file with its line, value, what is allowed.
     """
     return parse_rig(*named_text(name, "sautereau.rig", "rig", RigError))
-
-
-def packaged_rigs() -> list[str]:
-    """Return the names of the rigs that come with sautereau."""
-    return packaged_names("sautereau.rig")
 
 
 def parse_rig(text: str, origin: str = "rig", folder: Path | None = None) -> Rig:

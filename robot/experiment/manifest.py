@@ -49,8 +49,8 @@ def read_manifest(folder: Path) -> Manifest | None:
                 f"session {path}: it is of version {found['version']!r}, not {VERSION}; continue"
                 " with the version of sautereau that started it, or give another folder"
             )
-        rename_keys(found["plan"]["rig"])
-        for row in found["plan"]["presses"]:
+        rename_keys(found["plan"].get("rig", {}))
+        for row in found["plan"].get("presses", ()):
             row["values"] = {current_key(key): value for key, value in row["values"].items()}
         found["set_up"] = {current_key(key): value for key, value in found["set_up"].items()}
         return Manifest(**{name: found[name] for name in Manifest.__dataclass_fields__})

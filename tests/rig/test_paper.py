@@ -4,7 +4,8 @@ import math
 
 import pytest
 
-from sautereau.rig.load import load_rig, packaged_rigs
+from sautereau.rig.load import load_rig
+from sautereau.rig.packaged import packaged_names
 from sautereau.rig.section import GRAVITY
 
 
@@ -101,5 +102,5 @@ def test_angles_are_in_radians(paper):
 
 
 def test_the_paper_is_packaged_and_the_default(paper):
-    assert "paper" in packaged_rigs()
+    assert "paper" in packaged_names("sautereau.rig")
     assert load_rig() == paper
