@@ -4,7 +4,7 @@ y = X b + group + subgroup + residual, with three independent normal deviations,
 values in each. Estimated by restricted maximum likelihood (REML; Patterson and Thompson 1971),
 which for balanced numbers and positive variances is the nested analysis of variance. The inverse
 and the determinant of the covariance are closed forms of the sums over subgroups, so a hundred
-thousand values cost no more than their subgroups. docs/decisions/0009 compares `statsmodels`.
+thousand values cost no more than their subgroups. docs/decisions/0010 compares `statsmodels`.
 """
 
 from collections.abc import Callable

@@ -334,7 +334,7 @@ def test_each_fault_is_reported(tmp_path, paper, given, word):
     assert "table.csv" in message
 
 
-def test_every_channel_left_out(tmp_path, paper):
+def test_every_channel_omitted(tmp_path, paper):
     (tmp_path / "table.csv").write_text("a\n1\n")
     options = answers(without=("velocity", "force"), rate="1 kHz")
     message = refused(tmp_path / "table.csv", tmp_path / "back.mcap", paper, options)

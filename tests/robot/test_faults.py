@@ -498,7 +498,7 @@ def ctrl_c_in_state_off(desk):
     interrupt(desk, "TM 1000")
 
 
-@fault("Ctrl-C when the motors go on", HOST, "interrupted.*" + OFF)
+@fault("Ctrl-C when the motors are switched on", HOST, "interrupted.*" + OFF)
 def ctrl_c_in_state_stopped(desk):
     interrupt(desk, "SH")
 
@@ -649,14 +649,14 @@ def _table():
     path = os.environ.get("SAUTEREAU_FAULTS")
     if path and len(ROWS) == len(FAULTS):
         rows = "\n".join(ROWS[each.name] for each in FAULTS)
-        Path(path).write_text(HEAD.format(count=len(FAULTS)) + rows + "\n", encoding="utf-8")
+        Path(path).write_text(HEAD + rows + "\n", encoding="utf-8")
 
 
 HEAD = """# What happens when something goes wrong
 
-Written by `make faults`, which injects {count} faults on the stand-in in real time, so that the arm
-continues to move while the host reacts. "Off after" is simulated time from the fault to both motors
-off; 0 where they were off already, or never on.
+Written by `make faults`, which injects each fault of the table on the stand-in in real time, so
+that the arm continues to move while the host reacts. "Off after" is simulated time from the fault to
+both motors off; 0 where they were off already, or never on.
 
 - A fault that the controller detects switches the motors off within 50 ms of its detection. A
   stalled motor is detected when its joint is `controller.position_error_limit` behind, which takes
