@@ -655,8 +655,8 @@ def _table():
 HEAD = """# What happens when something goes wrong
 
 Written by `make faults`, which injects each fault of the table on the stand-in in real time, so
-that the arm continues to move while the host reacts. "Off after" is simulated time from the fault to
-both motors off; 0 where they were off already, or never on.
+that the arm continues to move while the host reacts. "Off after" is simulated time from the fault
+to both motors off; 0 where they were off already, or never on.
 
 - A fault that the controller detects switches the motors off within 50 ms of its detection. A
   stalled motor is detected when its joint is `controller.position_error_limit` behind, which takes
