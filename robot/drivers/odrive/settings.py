@@ -1,4 +1,4 @@
-"""Settings of an ODrive: those made before the motors are switched on, and those it must have already."""
+"""Settings of an ODrive: those made before its motors are on, and those it must have already."""
 
 import math
 
