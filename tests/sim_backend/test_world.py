@@ -16,7 +16,7 @@ from tests.sim_backend.scenes import MUTE, RIG, at_rest, push_of, scene_of
 
 def test_an_open_choice_is_refused():
     scene = scene_of("pluck", step=None, accuracy="10 us", engine="auto", string="auto")
-    with pytest.raises(SceneError, match=r"step, engine, string .* 10 us; .*choose\.select_solver"):
+    with pytest.raises(SceneError, match=r"step, engine, string .* 10 us; .*select\.select_solver"):
         new_world(RIG, scene)
 
 
