@@ -6,7 +6,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from sautereau.analysis.errors import AnalysisError
-from sautereau.analysis.identify.noise import Whitening, autocovariance, whitening
 from sautereau.analysis.identify.observed import observed
 from sautereau.analysis.identify.parameters import (
     CLEARANCE,
@@ -17,7 +16,13 @@ from sautereau.analysis.identify.parameters import (
     Prior,
     parameters,
 )
-from sautereau.analysis.identify.problem import Problem, descend
+from sautereau.analysis.identify.problem import (
+    Problem,
+    Whitening,
+    autocovariance,
+    descend,
+    whitening,
+)
 from sautereau.analysis.identify.residuals import InverseDynamics, check_alike
 from sautereau.analysis.phases import Phases
 from sautereau.analysis.press.load import Press

@@ -13,8 +13,12 @@ from sautereau.analysis.press.features import Features, features
 from sautereau.analysis.press.load import Press, press_of
 from sautereau.analysis.report.drawing import envelope
 from sautereau.analysis.report.slow_motion import SlowMotion, slow_motion
-from sautereau.analysis.session.compare import Comparison, compare
-from sautereau.analysis.session.compare_features import ComparedFeature, compare_features
+from sautereau.analysis.session.compare import (
+    ComparedFeature,
+    Comparison,
+    compare,
+    compare_features,
+)
 from sautereau.analysis.session.repeatability import LEAST, Repeatability, repeatability
 from sautereau.daq.file.reading import read_recording
 from sautereau.daq.file.recorded import Event, Recorded

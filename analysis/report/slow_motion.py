@@ -13,8 +13,12 @@ from sautereau.analysis.phases import Phases
 from sautereau.analysis.press.load import Press
 from sautereau.analysis.press.replay import Replay, replay
 from sautereau.analysis.report.drawing import Picture
-from sautereau.analysis.report.head_picture import head_picture
-from sautereau.analysis.report.scene_pictures import force_picture, key_picture, string_picture
+from sautereau.analysis.report.pictures import (
+    force_picture,
+    head_picture,
+    key_picture,
+    string_picture,
+)
 
 FRAMES = 101
 OF_ALL_CHOIRS = 202

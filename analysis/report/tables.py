@@ -6,8 +6,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from sautereau.analysis.report.contents import PressRecord
-from sautereau.analysis.session.compare import Comparison, Mean
-from sautereau.analysis.session.compare_features import ComparedFeature
+from sautereau.analysis.session.compare import ComparedFeature, Comparison, Mean
 from sautereau.analysis.session.repeatability import Repeatability
 from sautereau.rig.quantities import QUANTITIES
 

@@ -9,8 +9,15 @@ from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.model.predict import predict
 from sautereau.analysis.phases import HeldString, Phases
 from sautereau.analysis.press.features import Features, PluckFeatures
-from sautereau.analysis.session.compare import Mean, compare, mean_of, predicted_features
-from sautereau.analysis.session.compare_features import COMPARED, compare_features, pluck_features
+from sautereau.analysis.session.compare import (
+    COMPARED,
+    Mean,
+    compare,
+    compare_features,
+    mean_of,
+    pluck_features,
+    predicted_features,
+)
 
 
 @pytest.fixture(scope="module")
