@@ -9,7 +9,7 @@ from typing import Any
 from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.model.predict import Prediction, predict
 from sautereau.analysis.phases import Phases, find_phases
-from sautereau.analysis.press.features import Features, features
+from sautereau.analysis.press.features import Row, features
 from sautereau.analysis.press.load import Press, press_of
 from sautereau.analysis.report.drawing import envelope
 from sautereau.analysis.report.slow_motion import SlowMotion, slow_motion
@@ -65,7 +65,7 @@ class PressRecord:
     press: Press
     """Its data are reduced to the jack rise over the cruise, for the repeatability."""
     phases: Phases
-    features: Features
+    features: Row
     traces: Mapping[str, Trace]
     """By the names in `COLUMNS`; empty if the press is not drawn."""
     held: Trace | None

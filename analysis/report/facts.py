@@ -1,7 +1,6 @@
 """The report's texts: warnings, conditions of the presses, software; and how texts are cleaned."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 from markupsafe import Markup
@@ -20,15 +19,6 @@ MOST_EVENTS = 10
 """Events of one recording on the page."""
 
 Facts = list[tuple[str, str]]
-
-
-@dataclass(frozen=True)
-class Warned:
-    """One warning with all presses that it applies to."""
-
-    text: str
-    where: str
-    """The presses; empty for the session."""
 
 
 def cleaned(value: Any, most: int = MOST_CHARACTERS) -> Any:
@@ -51,25 +41,27 @@ def _escape(character: str) -> str:
     return f"\\x{number:02x}" if number < 0x100 else f"\\u{{{number:x}}}"
 
 
-def warnings(contents: Contents, of_session: Sequence[str]) -> list[Warned]:
-    """Return all warnings: of the session, of unreadable recordings, of presses.
+def warnings(contents: Contents, of_session: Sequence[str]) -> Facts:
+    """Return all warnings, of the session, of unreadable recordings and of presses.
+
+    Each has the text of the presses that it applies to, which is empty for the session.
 
     Args:
         contents: The presses.
         of_session: Warnings of the session.
     """
-    found = [Warned(text, "") for text in of_session]
+    found = [(text, "") for text in of_session]
     found += [
-        Warned(f"{path.name} could not be read: {why}", "") for path, why in contents.unread.items()
+        (f"{path.name} could not be read: {why}", "") for path, why in contents.unread.items()
     ]
     for number, condition in enumerate(contents.conditions, 1):
         where = f"condition {number}" if len(contents.conditions) > 1 else ""
-        found += [Warned(text, where) for text in condition.warnings]
+        found += [(text, where) for text in condition.warnings]
     same: dict[str, list[int]] = {}
     for record in contents.presses:
         for text in record.warnings:
             same.setdefault(text, []).append(record.number)
-    return found + [Warned(text, f"press {_numbers(n)}") for text, n in same.items()]
+    return found + [(text, f"press {_numbers(n)}") for text, n in same.items()]
 
 
 def how_pressed(contents: Contents) -> Facts:

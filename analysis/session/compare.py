@@ -11,7 +11,7 @@ from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.model.choirs import ChoirPluck
 from sautereau.analysis.model.predict import Prediction
 from sautereau.analysis.phases import Phases
-from sautereau.analysis.press.features import UNITS, Features
+from sautereau.analysis.press.features import UNITS, Row, column
 from sautereau.rig.schema import Rig
 
 MANY = 20
@@ -134,7 +134,7 @@ class ComparedFeature:
     """One feature over repeated presses beside the model's; in its unit."""
 
     name: str
-    """Column of `press.features.UNITS`; those of the second pluck end in `_2`, and so on."""
+    """Column of `sautereau.analysis.press.features`."""
     unit: str
     presses: int
     """Presses that have it."""
@@ -143,12 +143,12 @@ class ComparedFeature:
 
 
 def compare_features(
-    rows: Sequence[Features], rig: Rig, prediction: Prediction
+    rows: Sequence[Row], rig: Rig, prediction: Prediction
 ) -> tuple[ComparedFeature, ...]:
     """Compare the features of repeated presses with those of a prediction.
 
     Args:
-        rows: Of the presses.
+        rows: Features of the presses.
         rig: The predicted bench.
         prediction: The model's press.
 
@@ -159,16 +159,12 @@ def compare_features(
     found = []
     for number, choir in enumerate(choirs, 1):
         predicted = pluck_features(rig, prediction, choir)
-        plucks = [row.plucks[number - 1] for row in rows if number <= len(row.plucks)]
         for name in COMPARED:
-            values = [v for p in plucks if (v := getattr(p, name)) is not None]
+            key = column(name, number)
+            values = [value for row in rows if isinstance(value := row.get(key), float)]
             if values:
-                column = f"{name}_{number}" if number > 1 else name
-                found.append(
-                    ComparedFeature(
-                        column, UNITS[name], len(values), mean_of(values), predicted[name]
-                    )
-                )
+                mean = mean_of(values)
+                found.append(ComparedFeature(key, UNITS[name], len(values), mean, predicted[name]))
     return tuple(found)
 
 

@@ -12,28 +12,16 @@ from sautereau.rig.schema import Rig
 
 def prediction_summary(rig: Rig, found: Prediction) -> dict[str, Any]:
     """Return a prediction's scalars as JSON; SI units, the first choir's first."""
+    names = ("contact", "release", "pluck_duration", "release_force", "plectrum_force",
+             "release_lift", "release_angle", "peak_force", "work", "v_osc")  # fmt: skip
+    of_choir = ("contact", "release", "plectrum_force", "release_lift", "work")
     return {
-        "contact": found.contact,
-        "release": found.release,
-        "pluck_duration": found.pluck_duration,
-        "release_force": found.release_force,
-        "plectrum_force": found.plectrum_force,
-        "release_lift": found.release_lift,
-        "release_angle": found.release_angle,
-        "peak_force": found.peak_force,
-        "work": found.work,
-        "v_osc": found.v_osc,
+        **{name: getattr(found, name) for name in names},
         "v_osc_first_mode": first_mode_release_speed(rig.string, found.release_lift),
         "released_string": _string(found.choirs[0]),
         "choirs": [
-            {
-                "contact": choir.contact,
-                "release": choir.release,
-                "plectrum_force": choir.plectrum_force,
-                "release_lift": choir.release_lift,
-                "work": choir.work,
-                "gives_way": choir.released_at_fold,
-            }
+            {name: getattr(choir, name) for name in of_choir}
+            | {"gives_way": choir.released_at_fold}
             for choir in found.choirs
         ],
     }
@@ -78,10 +66,5 @@ def _shown(name: str, value: float) -> str:
 def _string(choir: ChoirPluck) -> dict[str, float | None]:
     """Return the string's initial condition; a speed that is infinite, at a fold, is None."""
     state = choir.released_string
-    values = {
-        "x": state.x,
-        "z": state.z,
-        "velocity_x": state.velocity_x,
-        "velocity_z": state.velocity_z,
-    }
+    values = {name: getattr(state, name) for name in ("x", "z", "velocity_x", "velocity_z")}
     return {name: value if math.isfinite(value) else None for name, value in values.items()}

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import fields
 from typing import Any
 
-from sautereau.analysis.press.features import split_column
+from sautereau.analysis.press.features import split_column, title_of
 from sautereau.analysis.session.compare import ComparedFeature, Comparison, Mean
 from sautereau.analysis.session.repeatability import Repeatability, Spread, Trend
 from sautereau.analysis.summary.text import counted, percent
@@ -32,33 +32,43 @@ def repeatability_summary(found: Repeatability) -> dict[str, Any]:
     return {field.name: plain(getattr(found, field.name)) for field in fields(found)}
 
 
+def repeatability_rows(found: Repeatability) -> list[tuple[str, str, str, bool]]:
+    """Return label, value and interval of each figure, and whether a drift is significant."""
+    spread, rise, speed = found.velocity_repeatability, found.rise_drift, found.speed_drift
+    rows = {
+        "path_repeatability": (f"{found.path_repeatability * 1e6:.3g} um", "", True),
+        "path_accuracy": (f"{found.path_accuracy * 1e6:.3g} um", "", True),
+        "velocity_accuracy": (f"{found.velocity_accuracy:+.3%}", "", True),
+        "velocity_repeatability": (
+            f"{spread.value:.3%}",
+            f"{spread.low:.3%} to {spread.high:.3%}",
+            True,
+        ),
+        "velocity_fluctuation": (f"{found.velocity_fluctuation:.3%}", "", True),
+        "rise_drift": (
+            f"{rise.per_press * 1e6:+.3g} um per press",
+            f"{rise.low * 1e6:+.3g} to {rise.high * 1e6:+.3g}",
+            rise.significant,
+        ),
+        "speed_drift": (
+            f"{speed.per_press:+.3%} per press",
+            f"{speed.low:+.3%} to {speed.high:+.3%}",
+            speed.significant,
+        ),
+    }
+    return [(QUANTITIES[name].label, *row) for name, row in rows.items()]
+
+
 def repeatability_lines(found: Repeatability) -> list[str]:
     """Return a session's repeatability as text; of the drifts only those that are significant."""
-    lines = [f"repeatability over the cruise (ISO 9283), {found.presses} presses:"]
-    for name, shown in (
-        ("path_repeatability", f"{found.path_repeatability * 1e6:.3g} um"),
-        ("path_accuracy", f"{found.path_accuracy * 1e6:.3g} um"),
-        ("velocity_accuracy", f"{found.velocity_accuracy:+.3%}"),
-        ("velocity_repeatability", _with_interval(found.velocity_repeatability)),
-        ("velocity_fluctuation", f"{found.velocity_fluctuation:.3%}"),
-    ):
-        lines.append(f"  {QUANTITIES[name].label:<32} {shown}")
-    rise, speed = found.rise_drift, found.speed_drift
-    if rise.significant:
-        lines.append(
-            f"  {QUANTITIES['rise_drift'].label:<32} {rise.per_press * 1e6:+.3g} um per press"
-            f" (95 %: {rise.low * 1e6:+.3g} to {rise.high * 1e6:+.3g})"
-        )
-    if speed.significant:
-        lines.append(
-            f"  {QUANTITIES['speed_drift'].label:<32} {speed.per_press:+.3%} per press"
-            f" (95 %: {speed.low:+.3%} to {speed.high:+.3%})"
-        )
-    return lines
-
-
-def _with_interval(spread: Spread) -> str:
-    return f"{spread.value:.3%} (95 %: {spread.low:.3%} to {spread.high:.3%})"
+    return [
+        f"repeatability over the cruise (ISO 9283), {found.presses} presses:",
+        *(
+            f"  {label:<32} {value}" + (f" (95 %: {interval})" if interval else "")
+            for label, value, interval, significant in repeatability_rows(found)
+            if significant
+        ),
+    ]
 
 
 def comparison_summary(
@@ -101,7 +111,9 @@ def comparison_lines(
     ]
     if features:
         lines.append(f"  {'feature':<34} {'measured':>10}  {'95 % of the mean':>20} {'model':>10}")
-        lines += [_feature_line(feature) for feature in features]
+        for label, mean, interval, predicted in map(feature_cells, features):
+            between = interval or "one press: none"
+            lines.append(f"  {label:<34} {mean:>10}  {between:>20} {predicted:>10}")
         kind = features[0].measured.interval
         lines += [f"  95 % intervals: {INTERVALS[kind]}"] if kind in INTERVALS else []
     return lines
@@ -115,16 +127,13 @@ def _error_line(name: str, error: Mean) -> str:
     return f"  {QUANTITIES[name].label:<30} {percent(error.value)} ({sign}), {interval}"
 
 
-def _feature_line(feature: ComparedFeature) -> str:
-    name, pluck = split_column(feature.name)
-    scale, unit = QUANTITIES[name].displayed
-    label = QUANTITIES[name].title(unit) + (f", pluck {pluck}" if pluck > 1 else "")
+def feature_cells(feature: ComparedFeature) -> tuple[str, str, str, str]:
+    """Return label, mean, its interval (empty for one press) and the model's value as texts."""
+    scale, _ = QUANTITIES[split_column(feature.name)[0]].displayed
     ends = _ends(feature.measured)
-    between = f"{ends[0] * scale:.5g} to {ends[1] * scale:.5g}" if ends else "one press: none"
-    return (
-        f"  {label:<34} {feature.measured.value * scale:>10.5g}  {between:>20}"
-        f" {feature.predicted * scale:>10.5g}"
-    )
+    interval = f"{ends[0] * scale:.5g} to {ends[1] * scale:.5g}" if ends else ""
+    mean, predicted = f"{feature.measured.value * scale:.5g}", f"{feature.predicted * scale:.5g}"
+    return title_of(feature.name), mean, interval, predicted
 
 
 def _ends(mean: Mean) -> list[float] | None:

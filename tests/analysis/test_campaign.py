@@ -51,7 +51,7 @@ def test_a_row_holds_session_plectrum_and_features(campaign_folder, complete):
     path = campaign_folder / complete.data["path"][0]
     press = load_press(path)
     row = complete.table.to_pylist()[0]
-    found = features(press, find_phases(press)).row()
+    found = features(press, find_phases(press))
     for name in set(found) - {"path"}:
         assert row[name] == found[name], name
     assert row["path"] == "plectrum-01-session-1/press-0001.mcap"

@@ -8,7 +8,6 @@ import pytest
 from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.model.predict import predict
 from sautereau.analysis.phases import HeldString, Phases
-from sautereau.analysis.press.features import Features, PluckFeatures
 from sautereau.analysis.session.compare import (
     COMPARED,
     Mean,
@@ -106,10 +105,7 @@ def test_a_skewed_feature_has_a_skewed_interval():
 
 def features_of(predicted, share=0.0):
     """Return the features of a press for a given relative model error of each."""
-    pluck = PluckFeatures(**{name: value / (1 + share) for name, value in predicted.items()})
-    return Features(
-        "press.mcap", True, 0, 0.2, None, None, 0.07, 0.07, 0.07, 0.8, 1e-3, 0, (pluck,)
-    )
+    return {name: value / (1 + share) for name, value in predicted.items()}
 
 
 def test_every_feature_is_compared_with_the_models(paper, prediction):
@@ -135,8 +131,7 @@ def test_one_press_has_features_without_intervals(paper, prediction):
 
 
 def test_features_without_a_pluck_are_not_compared(paper, prediction):
-    mute = Features("press.mcap", True, 0, 0.2, None, None, 0.07, None, None, 0.8, 1e-3, 0, ())
-    assert compare_features([mute], paper, prediction) == ()
+    assert compare_features([dict.fromkeys(COMPARED)], paper, prediction) == ()
 
 
 def test_the_held_work_of_a_prediction_is_its_own(paper, prediction):
