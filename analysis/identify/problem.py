@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from sautereau.analysis.errors import ModelError
 from sautereau.analysis.identify.parameters import Parameter
 from sautereau.analysis.identify.residuals import InverseDynamics
+from sautereau.analysis.phases.signals import SOLVE
 from sautereau.trajectory.motion import Floats
 
 DIFFERENCE = 1e-3
@@ -81,11 +82,7 @@ def whitening(used: NDArray[np.bool_], covariance: Floats, levelled: bool) -> Wh
 
 def _solved(factor: Floats, values: Floats) -> Floats:
     """Return the solution for a banded lower factor by forward substitution."""
-    from scipy.linalg import get_lapack_funcs
-
-    (tbtrs,) = get_lapack_funcs(("tbtrs",), (factor,))
-    found, _ = tbtrs(factor, values[:, None], uplo="L")
-    return np.asarray(found, float)[:, 0]
+    return np.asarray(SOLVE(factor, values, uplo="L")[0], float)
 
 
 def autocovariance(

@@ -35,10 +35,6 @@ class InverseDynamics:
         self.rig, self.free, self.presses, self.level = rig, tuple(free), tuple(presses), level
         self._solved: dict[tuple[object, ...], Pluck] = {}
 
-    def values(self, point: Floats) -> dict[str, float]:
-        """Return the values [SI] of the parameters by name."""
-        return dict(zip((p.name for p in self.free), point.tolist(), strict=True))
-
     @property
     def rise_stds(self) -> Floats:
         """m, uncertainty of the rise at each release of the model; shape (releases,)."""
@@ -58,7 +54,7 @@ class InverseDynamics:
         Raises:
             ModelError: The model has no solution there.
         """
-        values = self.values(point)
+        values = dict(zip((p.name for p in self.free), point.tolist(), strict=True))
         rig, lag = with_parameters(self.rig, values), values.get(TIME, 0.0)
         gain = values.get(GAIN, 1.0)
         plucks = [self._pluck(choir) for choir in choirs(rig)]

@@ -94,16 +94,22 @@ def signals_of(press: Press) -> Signals:
     force, velocity, deflection, rise, speed = press.columns(
         "force", "velocity", "deflection", "jack_rise", "jack_speed"
     )
-    _must_be_numbers(press, {"force": force, "velocity": velocity})
+    for name, signal in (("force", force), ("velocity", velocity)):
+        bad = len(signal) - int(np.count_nonzero(np.isfinite(signal)))
+        if bad:
+            raise AnalysisError(
+                f"press {press.path}: {bad} samples of its {name} are not finite numbers;"
+                " check the recording, and press again"
+            )
     force_noise, velocity_noise = (white_noise(signal[:NOISE_ROWS]) for signal in (force, velocity))
     names = {c.name: c.quantity for c in press.rig.daq.channels}
-    bad = {quantity: np.zeros(len(time), bool) for quantity in ("force", "velocity")}
+    flagged = {quantity: np.zeros(len(time), bool) for quantity in ("force", "velocity")}
     for mark in press.quality_flags:
         first, last = np.searchsorted(time, (mark.start, mark.stop))
-        bad[names[mark.channel]][max(0, first - SPREAD) : last + SPREAD] = True
+        flagged[names[mark.channel]][max(0, first - SPREAD) : last + SPREAD] = True
     force = _without_spikes(force, force_noise)
-    if bad["velocity"].any() and not bad["velocity"].all():
-        good = ~bad["velocity"]
+    if flagged["velocity"].any() and not flagged["velocity"].all():
+        good = ~flagged["velocity"]
         velocity = np.interp(time, time[good], velocity[good])
         _, _, _, deflection, rise, speed = columns_of(key, velocity, force, rate)
     inertia = key.inertia + press.rig.jack.mass * key.jack_arm**2
@@ -119,19 +125,9 @@ def signals_of(press: Press) -> Signals:
         force_noise=max(force_noise, FORCE_FLOOR),
         velocity_noise=max(velocity_noise, VELOCITY_FLOOR),
         instant_std=math.hypot(1 / rate / math.sqrt(12), _lag_std(press.rig)),
-        no_force=bad["force"],
-        no_velocity=bad["velocity"],
+        no_force=flagged["force"],
+        no_velocity=flagged["velocity"],
     )
-
-
-def _must_be_numbers(press: Press, signals: dict[str, Floats]) -> None:
-    for name, signal in signals.items():
-        bad = len(signal) - int(np.count_nonzero(np.isfinite(signal)))
-        if bad:
-            raise AnalysisError(
-                f"press {press.path}: {bad} samples of its {name} are not finite numbers;"
-                " check the recording, and press again"
-            )
 
 
 def _lag_std(rig: Rig) -> float:
@@ -244,7 +240,7 @@ def rows_of(
         at_rows(flags.astype(float)) > 0 if flags.any() else np.zeros(blocks - 1, bool)
         for flags in (signals.no_force, signals.no_velocity)
     )
-    inertia = signals.inertial * _steps(means(signals.velocity)) / step
+    inertia = signals.inertial * np.diff(means(signals.velocity)) / step
     # Difference of block means of a running sum: late samples of a block, early ones of the next.
     late = (np.arange(n) + 0.5) / n
     parts = signals.force[first:last].reshape(blocks, n) @ np.stack([late, 1 - late], 1)
@@ -269,10 +265,6 @@ def rows_of(
         variance=variance + (HIDDEN * no_force) ** 2,
         covariance=np.where(alone[1:] | alone[:-1], 0.0, shared),
     )
-
-
-def _steps(signal: Floats) -> Floats:
-    return signal[1:] - signal[:-1]
 
 
 def _bridged(signal: Floats, good: NDArray[np.bool_], width: int) -> Floats:

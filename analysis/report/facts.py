@@ -8,7 +8,6 @@ from markupsafe import Markup
 from sautereau.analysis.report.contents import Contents, PressRecord
 from sautereau.daq.file.provenance import software as software_here
 from sautereau.rig.load import rig_document
-from sautereau.rig.schema import Rig
 from sautereau.rig.units import readable_quantity
 
 MOST_CHARACTERS = 500
@@ -69,12 +68,16 @@ def how_pressed(contents: Contents) -> Facts:
     presses = contents.presses
     rig, first = contents.conditions[0].rig, presses[0].session
     document = rig_document(rig)
+    press = "replay of a recorded gesture"
+    if rig.press.gesture is None:
+        names = ("jack_speed", "jack_rise", "hold", "run_up_acceleration", "settle")
+        press = _listed(document["press"], names)
     warm_up = sum(record.session.warm_up for record in presses)
     facts = [
         ("rig", rig.name),
         ("presses", f"{len(presses)}" + (f", {warm_up} of them warm-up" if warm_up else "")),
         ("date", _range(record.session.started for record in presses)),
-        ("press", _press(rig, document["press"])),
+        ("press", press),
         ("key", _listed(document["key"], ("press_arm", "laser_arm", "jack_arm", "inertia"))),
         ("plectrum", _listed(document["plectrum"], ("length", "width", "thickness", "overlap"))),
         ("string", _listed(document["string"], ("frequency", "tension", "length", "diameter"))),
@@ -123,12 +126,6 @@ def software(presses: Sequence[PressRecord]) -> list[tuple[str, str, str]]:
     if len(names) > MOST_LISTED:
         rows.append((f"and {len(names) - MOST_LISTED} more", "", ""))
     return rows
-
-
-def _press(rig: Rig, document: Mapping[str, Any]) -> str:
-    if rig.press.gesture is not None:
-        return "replay of a recorded gesture"
-    return _listed(document, ("jack_speed", "jack_rise", "hold", "run_up_acceleration", "settle"))
 
 
 def _listed(values: Mapping[str, Any], names: Iterable[str]) -> str:

@@ -23,11 +23,10 @@ def repeatability_summary(found: Repeatability) -> dict[str, Any]:
     """Return a session's repeatability as JSON; SI units."""
 
     def plain(value: Any) -> Any:
-        if isinstance(value, Spread):
-            return {"value": value.value, "ci95": [value.low, value.high]}
-        if isinstance(value, Trend):
-            return {"per_press": value.per_press, "ci95": [value.low, value.high]}
-        return value
+        if not isinstance(value, Spread):
+            return value
+        key = "per_press" if isinstance(value, Trend) else "value"
+        return {key: value.value, "ci95": [value.low, value.high]}
 
     return {field.name: plain(getattr(found, field.name)) for field in fields(found)}
 
@@ -46,12 +45,12 @@ def repeatability_rows(found: Repeatability) -> list[tuple[str, str, str, bool]]
         ),
         "velocity_fluctuation": (f"{found.velocity_fluctuation:.3%}", "", True),
         "rise_drift": (
-            f"{rise.per_press * 1e6:+.3g} um per press",
+            f"{rise.value * 1e6:+.3g} um per press",
             f"{rise.low * 1e6:+.3g} to {rise.high * 1e6:+.3g}",
             rise.significant,
         ),
         "speed_drift": (
-            f"{speed.per_press:+.3%} per press",
+            f"{speed.value:+.3%} per press",
             f"{speed.low:+.3%} to {speed.high:+.3%}",
             speed.significant,
         ),

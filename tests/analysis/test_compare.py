@@ -78,7 +78,11 @@ def test_without_a_pluck_there_is_nothing_to_compare(prediction, phases):
 
 @pytest.mark.parametrize(
     ("n", "kind", "repeats", "within"),
-    [(2, "student", 2000, 0.015), (5, "student", 2000, 0.015), (20, "bootstrap", 400, 0.045)],
+    [
+        (2, "student", 2000, 0.015),
+        (20, "bootstrap", 400, 0.045),
+        pytest.param(5, "student", 2000, 0.015, marks=pytest.mark.slow),
+    ],
 )
 def test_the_interval_covers_the_mean_in_95_of_100(n, kind, repeats, within):
     """Resampling of 20 covers 93 of 100 and no less, where the values are normal."""
