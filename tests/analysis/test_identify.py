@@ -146,7 +146,7 @@ def test_two_frictions_with_the_same_effect_are_not_identifiable(two):
 
 
 def test_a_weight_that_only_shifts_the_force_is_undetermined(two):
-    """The level of an AC-coupled force is unknown, and front heaviness only changes the level."""
+    """The level of an AC-coupled force is unknown, and the gravity moment only changes it."""
     pressed, phases = two
     found = identify(pressed[:1], phases[:1], ["key.gravity_moment", *FREE], starts=1)
     unseen = by_name(found)["key.gravity_moment"]
