@@ -2,22 +2,29 @@
 
 import hashlib
 import math
-import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.phases import find_phases
 from sautereau.analysis.press.features import UNITS as FEATURE_UNITS
-from sautereau.analysis.press.features import Value, features
+from sautereau.analysis.press.features import Row, features, split_column
 from sautereau.analysis.press.load import press_of
 from sautereau.daq.file.reading import read_recording
 from sautereau.rig.errors import SautereauError
 from sautereau.rig.schema import Rig
 
-Row = dict[str, Value]
-"""Values of one press by the columns of `UNITS`; columns without a value are absent."""
-
+PLECTRUM = {
+    "length": "m",
+    "width": "m",
+    "thickness": "m",
+    "overlap": "m",
+    "youngs_modulus": "Pa",
+    "bending_stiffness": "N m^2",
+    "friction": "1",
+}
+"""Units of the rig's values of the plectrum that are columns."""
 UNITS = {
     "path": "",
     "size": "byte",
@@ -31,13 +38,7 @@ UNITS = {
     "notes": "",
     "rig": "",
     "plectrum": "",
-    "plectrum_length": "m",
-    "plectrum_width": "m",
-    "plectrum_thickness": "m",
-    "plectrum_overlap": "m",
-    "plectrum_youngs_modulus": "Pa",
-    "plectrum_bending_stiffness": "N m^2",
-    "plectrum_friction": "1",
+    **{f"plectrum_{name}": unit for name, unit in PLECTRUM.items()},
     "string_stiffness": "N/m",
     "string_clearance": "m",
     "jack_speed": "m/s",
@@ -46,8 +47,6 @@ UNITS = {
 """Units of the columns, in their order; empty for text and yes/no. `mtime` is the time since 1970
 of the file's last change; plectrum, string and `jack_speed` are the rig's, so `jack_speed` is the
 planned one; the features are those of `sautereau.analysis.press.features`."""
-_LATER = re.compile(r"_\d+$")
-"""End of the names of columns of a second or later pluck."""
 
 
 @dataclass(frozen=True)
@@ -71,30 +70,22 @@ class Fault:
     """Reason, and how to fix it."""
 
 
-@dataclass(frozen=True)
-class Batch:
-    """Recordings that one process reads together."""
-
-    folder: Path
-    sources: tuple[Source, ...]
-
-
-def read_batch(batch: Batch) -> tuple[list[Row], list[Fault]]:
-    """Read recordings; each gives a row or a fault.
+def read_batch(folder: Path, sources: Sequence[Source]) -> tuple[list[Row], list[Fault]]:
+    """Read recordings of a folder; each gives a row or a fault.
 
     Raises:
         AnalysisError: The folder does not exist on this machine.
     """
-    if not batch.folder.is_dir():
+    if not folder.is_dir():
         raise AnalysisError(
-            f"campaign of {batch.folder}: this folder does not exist on a worker; mount it there"
+            f"campaign of {folder}: this folder does not exist on a worker; mount it there"
             " under the same path"
         )
     rows: list[Row] = []
     faults: list[Fault] = []
-    for source in batch.sources:
+    for source in sources:
         try:
-            rows.append(read_row(batch.folder, source))
+            rows.append(read_row(folder, source))
         except (SautereauError, OSError) as error:
             faults.append(Fault(source, str(error)))
         except (ValueError, ArithmeticError, LookupError) as error:
@@ -113,8 +104,8 @@ def read_row(folder: Path, source: Source) -> Row:
     """
     recorded = read_recording(folder / source.path)
     press = press_of(recorded)
-    found = features(press, find_phases(press)).row()
-    session = recorded.session
+    found = features(press, find_phases(press))
+    session, rig = recorded.session, recorded.rig
     row: Row = {
         "path": source.path,
         "size": source.size,
@@ -126,12 +117,20 @@ def read_row(folder: Path, source: Source) -> Row:
         "warm_up": session.warm_up,
         "simulated": recorded.simulated,
         "notes": session.notes,
-        "rig": recorded.rig.name,
-        "plectrum": plectrum_id(recorded.rig),
-        **_rig_columns(recorded.rig),
+        "rig": rig.name,
+        "plectrum": plectrum_id(rig),
+        **{f"plectrum_{name}": getattr(rig.plectrum, name) for name in PLECTRUM},
+        "string_stiffness": rig.string.static_stiffness,
+        "string_clearance": rig.jack.string_clearance,
+        "jack_speed": rig.press.jack_speed,
     }
     row |= {name: value for name, value in found.items() if name not in row}
-    _check(row, folder / source.path)
+    bad = [n for n, v in row.items() if isinstance(v, float) and not math.isfinite(v)]
+    if bad:
+        raise AnalysisError(
+            f"press {folder / source.path}: {', '.join(bad)} is not a finite number; look at the"
+            " recording, and repeat the press"
+        )
     return row
 
 
@@ -146,38 +145,11 @@ def plectrum_id(rig: Rig) -> str:
 
 def unit_of(column: str) -> str:
     """Return the unit of a column; empty for text and yes/no."""
-    return UNITS.get(column) or UNITS.get(_LATER.sub("", column), "")
+    return UNITS.get(split_column(column)[0], "")
 
 
 def place_of(column: str) -> tuple[int, int, str]:
     """Return the sort key of a column: later plucks last, otherwise as in `UNITS`."""
-    later = _LATER.search(column)
-    name = _LATER.sub("", column)
+    name, pluck = split_column(column)
     place = list(UNITS).index(name) if name in UNITS else len(UNITS)
-    return int(later[0][1:]) if later else 1, place, column
-
-
-def _rig_columns(rig: Rig) -> Row:
-    plectrum = rig.plectrum
-    return {
-        "plectrum_length": plectrum.length,
-        "plectrum_width": plectrum.width,
-        "plectrum_thickness": plectrum.thickness,
-        "plectrum_overlap": plectrum.overlap,
-        "plectrum_youngs_modulus": plectrum.youngs_modulus,
-        "plectrum_bending_stiffness": plectrum.bending_stiffness,
-        "plectrum_friction": plectrum.friction,
-        "string_stiffness": rig.string.static_stiffness,
-        "string_clearance": rig.jack.string_clearance,
-        "jack_speed": rig.press.jack_speed,
-    }
-
-
-def _check(row: Row, path: Path) -> None:
-    """Refuse a row with a feature that is not a finite number."""
-    bad = [n for n, v in row.items() if isinstance(v, float) and not math.isfinite(v)]
-    if bad:
-        raise AnalysisError(
-            f"press {path}: {', '.join(bad)} is not a finite number; look at the recording, and"
-            " repeat the press"
-        )
+    return pluck, place, column

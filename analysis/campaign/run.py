@@ -2,10 +2,11 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from importlib.metadata import version
 from pathlib import Path
 
-from sautereau.analysis.campaign.row import Batch, Fault, Row, Source, read_batch
+from sautereau.analysis.campaign.row import Fault, Row, Source, read_batch
 from sautereau.analysis.campaign.table import SCHEMA, Campaign, empty_campaign, read_campaign
 from sautereau.analysis.campaign.workers import Where, run_over
 from sautereau.analysis.errors import AnalysisError
@@ -60,15 +61,15 @@ def run_campaign(
     campaign = earlier.only(set(found))
     kept = set(campaign.sources)
     unread = [source for source in found if source not in kept]
-    batches = [Batch(folder, tuple(unread[i : i + BATCH])) for i in range(0, len(unread), BATCH)]
+    batches = [unread[i : i + BATCH] for i in range(0, len(unread), BATCH)]
     rows: list[Row] = []
     faults: list[Fault] = []
     done = 0
     try:
-        for number, (more, faulty) in run_over(read_batch, batches, where):
+        for number, (more, faulty) in run_over(partial(read_batch, folder), batches, where):
             rows += more
             faults += faulty
-            done += len(batches[number].sources)
+            done += len(batches[number])
             on_read(done, len(unread))
             if len(rows) >= max(UNWRITTEN, UNWRITTEN_FRACTION * len(campaign.table)):
                 campaign = campaign.grown(rows, faults)

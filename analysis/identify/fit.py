@@ -6,8 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sautereau.analysis.errors import AnalysisError
-from sautereau.analysis.identify.noise import Whitening, autocovariance, whitening
-from sautereau.analysis.identify.observed import observed
+from sautereau.analysis.identify.observed import coupled_force, observed
 from sautereau.analysis.identify.parameters import (
     CLEARANCE,
     GAIN,
@@ -17,7 +16,13 @@ from sautereau.analysis.identify.parameters import (
     Prior,
     parameters,
 )
-from sautereau.analysis.identify.problem import Problem, descend
+from sautereau.analysis.identify.problem import (
+    Problem,
+    Whitening,
+    autocovariance,
+    descend,
+    whitening,
+)
 from sautereau.analysis.identify.residuals import InverseDynamics, check_alike
 from sautereau.analysis.phases import Phases
 from sautereau.analysis.press.load import Press
@@ -86,7 +91,7 @@ def fit(
         levelled: Whether the zero of each force is free although the force is not AC-coupled.
     """
     free = dynamics.free
-    levelled = levelled or _coupled(dynamics.rig)
+    levelled = levelled or coupled_force(dynamics.rig) is not None
     values = np.array([p.start for p in free])
     before, _ = dynamics.residuals(values)
     noise = _white(dynamics, before, levelled)
@@ -99,7 +104,8 @@ def fit(
     for _ in range(ROUNDS - 1):
         forces, rises = dynamics.residuals(values)
         noise = _coloured(dynamics, forces, noise, levelled)
-        factor = _factor(rises)
+        # The scatter of the rises at release over their stated uncertainties.
+        factor = max(1.0, float(np.std(rises, ddof=1))) if len(rises) > 2 else 1.0
         _, values = descend(_problem(dynamics, values, noise, factor), values, robust)
     return Fit(_problem(dynamics, values, noise, factor), values, residual_before)
 
@@ -118,12 +124,6 @@ def _errors(rig: Rig) -> list[Parameter]:
         Parameter(name, unit, value, value - FAR * std, value + FAR * std, value, std, hidden=True)
         for name, unit, value, std in known
     ]
-
-
-def _coupled(rig: Rig) -> bool:
-    """Return whether the force at rest is unknown because of AC coupling."""
-    channel = rig.daq.channel("force")
-    return channel is not None and channel.high_pass > 0
 
 
 def _problem(
@@ -150,11 +150,6 @@ def _coloured(
         left, [p.used for p in dynamics.presses], dynamics.presses[0].step, spent
     )
     return [whitening(p.used, covariance, levelled) for p in dynamics.presses]
-
-
-def _factor(rises: Floats) -> float:
-    """Return the scatter of the rises at release over their stated uncertainties; at least 1."""
-    return max(1.0, float(np.std(rises, ddof=1))) if len(rises) > 2 else 1.0
 
 
 def _starts(free: Sequence[Parameter], count: int) -> list[Floats]:

@@ -1,4 +1,8 @@
-"""The result of a fit: values, uncertainties and identifiability."""
+"""The result of a fit: values, uncertainties and identifiability.
+
+The singular values of the scaled Jacobian are the inverse standard uncertainties of its right
+singular vectors: the combinations of parameters that the data determine.
+"""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -7,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sautereau.analysis.identify.fit import Fit, fit, inverse_dynamics, rms
-from sautereau.analysis.identify.identifiability import IDENTIFIABLE, Combination, combinations
 from sautereau.analysis.identify.parameters import FORCE, Parameter, Prior, with_parameters
 from sautereau.analysis.identify.problem import AT_BOUND, Problem
 from sautereau.analysis.identify.residuals import InverseDynamics
@@ -20,6 +23,11 @@ INTERVAL = 1.96
 """Standard uncertainties from a value to the ends of its 95 % interval."""
 UNDETERMINED = 1e-7
 """Fraction of the largest singular value below which a combination is undetermined."""
+IDENTIFIABLE = 0.015
+"""Dimensionless, standard uncertainty over the scale of a parameter below which it is identifiable:
+its 95 % interval is at most 3 % of the scale either way."""
+LEAST_WEIGHT = 0.1
+"""Dimensionless, smallest weight of a parameter that a combination lists."""
 
 
 @dataclass(frozen=True)
@@ -41,6 +49,22 @@ class Estimate:
     """Whether the value is at a bound: then the interval describes the bound, not the data."""
     identifiable: bool
     """Whether the data alone determine it, to `IDENTIFIABLE` of its scale, with the others free."""
+
+
+@dataclass(frozen=True)
+class Combination:
+    """A direction among the scaled parameters."""
+
+    weights: dict[str, float]
+    """By parameter, of its change over its scale; squares sum to 1, small ones are omitted."""
+    std: float | None
+    """Dimensionless standard uncertainty of the combination; None where undetermined."""
+    identifiable: bool
+    """Whether the uncertainty is below `IDENTIFIABLE`."""
+
+    def __str__(self) -> str:
+        parts = [f"{'-' if w < 0 else '+'} {abs(w):.2f} {n}" for n, w in self.weights.items()]
+        return " ".join(parts).removeprefix("+ ")
 
 
 @dataclass(frozen=True)
@@ -188,3 +212,31 @@ def _warnings(estimates: Sequence[Estimate], dynamics: InverseDynamics) -> tuple
     if not any(len(press.releases) for press in dynamics.presses):
         found.append("no press has a pluck: plectrum, string and clearance are not identifiable")
     return tuple(found)
+
+
+def combinations(jacobian: Floats, names: Sequence[str]) -> list[Combination]:
+    """Return the combinations of parameters, the best determined first.
+
+    Args:
+        jacobian: Of whitened residuals by the scaled parameters, shape (n, parameters).
+        names: Of the parameters.
+    """
+    _, singular, directions = np.linalg.svd(jacobian, full_matrices=False)
+    found = []
+    for value, direction in zip(singular, directions, strict=True):
+        largest = int(np.argmax(np.abs(direction)))
+        direction = direction * np.sign(direction[largest])
+        order = np.argsort(-np.abs(direction))
+        std = 1 / float(value) if value > 1e-9 * max(float(singular[0]), 1e-300) else None
+        found.append(
+            Combination(
+                {
+                    names[int(i)]: float(direction[i])
+                    for i in order
+                    if abs(direction[i]) >= LEAST_WEIGHT
+                },
+                std,
+                std is not None and std < IDENTIFIABLE,
+            )
+        )
+    return found

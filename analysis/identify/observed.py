@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.phases import Phases
 from sautereau.analysis.press.load import Press
+from sautereau.rig.acquisition import Channel
 from sautereau.rig.schema import Rig
 from sautereau.trajectory.key import rise_of_angle
 from sautereau.trajectory.motion import Floats, Motion
@@ -169,9 +170,10 @@ def _used(
     used &= ~_beside(caught, edge / step)
     for pluck in phases.plucks:
         used &= np.abs(time - pluck.release) > BESIDE_RELEASE + edge
+    coupled = coupled_force(rig)
     for mark in press.quality_flags:
         used &= (time < mark.start - edge) | (time > mark.stop + edge)
-        if mark.channel == _force_channel(rig) and mark.kind != "drop-out":
+        if coupled and mark.channel == coupled.name and mark.kind != "drop-out":
             # An AC-coupled force has another level after an overload.
             used &= time < mark.start - edge
     used &= rig.key.press_arm * motion.position < rig.key.dip - BESIDE_DIP
@@ -179,10 +181,10 @@ def _used(
     return used & ~(down & (rise_of_angle(rig.key, motion.position) < _highest_string(rig)))
 
 
-def _force_channel(rig: Rig) -> str | None:
-    """Return the name of the force channel where it is AC-coupled."""
+def coupled_force(rig: Rig) -> Channel | None:
+    """Return the force channel where it is AC-coupled, so that the force at rest is unknown."""
     channel = rig.daq.channel("force")
-    return channel.name if channel is not None and channel.high_pass > 0 else None
+    return channel if channel is not None and channel.high_pass > 0 else None
 
 
 def _beside(which: NDArray[np.bool_], reach: float) -> NDArray[np.bool_]:

@@ -35,10 +35,6 @@ class InverseDynamics:
         self.rig, self.free, self.presses, self.level = rig, tuple(free), tuple(presses), level
         self._solved: dict[tuple[object, ...], Pluck] = {}
 
-    def values(self, point: Floats) -> dict[str, float]:
-        """Return the values [SI] of the parameters by name."""
-        return dict(zip((p.name for p in self.free), point.tolist(), strict=True))
-
     @property
     def rise_stds(self) -> Floats:
         """m, uncertainty of the rise at each release of the model; shape (releases,)."""
@@ -58,15 +54,23 @@ class InverseDynamics:
         Raises:
             ModelError: The model has no solution there.
         """
-        values = self.values(point)
+        values = dict(zip((p.name for p in self.free), point.tolist(), strict=True))
         rig, lag = with_parameters(self.rig, values), values.get(TIME, 0.0)
         gain = values.get(GAIN, 1.0)
         plucks = [self._pluck(choir) for choir in choirs(rig)]
-        order = _order(rig, plucks)
+        released = [
+            angle_of_rise(key_of(rig, choir), choir.jack.string_clearance + pluck.release_height)
+            for choir, pluck in zip(choirs(rig), plucks, strict=True)
+        ]
+        angles = np.array(released, float)
+        order = np.argsort(angles, kind="stable").tolist()  # in which the strings are released
+        modelled = rise_of_angle(rig.key, angles[order])
         forces, rises = [], []
         for press in self.presses:
             forces.append(self._force(rig, plucks, order, press, lag, gain))
-            rises.append(_rises(rig, plucks, order, press, lag))
+            count = min(len(order), len(press.releases))
+            measured = press.release_rises[:count] - press.release_speeds[:count] * lag
+            rises.append((measured - modelled[:count]) / press.release_stds[:count])
         return forces, np.concatenate(rises)
 
     def _force(
@@ -129,29 +133,3 @@ def check_alike(rigs: Mapping[str, Rig]) -> Rig:
             )
         )
     return first
-
-
-def _order(rig: Rig, plucks: Sequence[Pluck]) -> list[int]:
-    """Return the choirs in the order in which their strings are released."""
-
-    def released(number: int) -> float:
-        choir = choirs(rig)[number]
-        height = choir.jack.string_clearance + plucks[number].release_height
-        return float(angle_of_rise(key_of(rig, choir), height))
-
-    return sorted(range(len(plucks)), key=released)
-
-
-def _rises(
-    rig: Rig, plucks: Sequence[Pluck], order: Sequence[int], press: Observed, lag: float
-) -> Floats:
-    """Return the residuals of the rises at the releases in standard uncertainties."""
-    rises = []
-    for number in order[: len(press.releases)]:
-        choir = choirs(rig)[number]
-        own = choir.jack.string_clearance + plucks[number].release_height
-        angle = angle_of_rise(key_of(rig, choir), own)
-        rises.append(float(rise_of_angle(rig.key, angle)))
-    count = len(rises)
-    measured = press.release_rises[:count] - press.release_speeds[:count] * lag
-    return (measured - np.array(rises)) / press.release_stds[:count]

@@ -4,12 +4,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sautereau.analysis.phases.contact import Contact, find_contact
-from sautereau.analysis.phases.found import HeldString, Phases
-from sautereau.analysis.phases.measure import line_through, measured
+from sautereau.analysis.phases.found import (
+    HeldString,
+    Phases,
+    ending,
+    line_through,
+    measured,
+    pluck_warnings,
+)
 from sautereau.analysis.phases.release import LEAST_FALL, Release, find_falls, refine, robust_std
-from sautereau.analysis.phases.signals import LEFT, Signals, signals_of, way_down
-from sautereau.analysis.phases.stroke import Rows, rows_of
-from sautereau.analysis.phases.warnings import ending, pluck_warnings
+from sautereau.analysis.phases.signals import LEFT, Rows, Signals, rows_of, signals_of, way_down
 from sautereau.analysis.press.load import Press
 from sautereau.rig.schema import Rig
 from sautereau.trajectory.motion import Floats

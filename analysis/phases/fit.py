@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sautereau.analysis.phases.release import Release
-from sautereau.analysis.phases.stroke import Rows
+from sautereau.analysis.phases.signals import Rows
 from sautereau.rig.schema import Rig
 from sautereau.trajectory.motion import Floats
 

@@ -5,8 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sautereau.analysis.phases.signals import Signals
-from sautereau.analysis.phases.stroke import BRIDGED, Rows, rows_of
+from sautereau.analysis.phases.signals import BRIDGED, Rows, Signals, rows_of
 from sautereau.trajectory.motion import Floats
 
 WINDOW = 20

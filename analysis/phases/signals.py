@@ -1,10 +1,19 @@
-"""The signals of a press for finding phases, with flagged samples interpolated."""
+"""The signals of a press for finding phases, with flagged samples interpolated, and the load.
+
+The load is the finger force minus inertia on the way down, in rows with known noise. The finger
+force F at its arm p accelerates the key's inertia I against the load s of all other forces:
+s p = F p - I a''. With the vibrometer's velocity v = l a', s is the derivative of the integral
+Q = int F dt - I v / (l p). Differences of its means over blocks of samples are s with a triangular
+weight. This needs no derivative of the velocity, and the noise is known: white from the force,
+differenced white noise from the velocity.
+"""
 
 import math
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import get_lapack_funcs
 
 from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.press.load import Press, columns_of
@@ -24,6 +33,18 @@ FORCE_FLOOR, VELOCITY_FLOOR = 5e-4, 5e-6
 """N and m/s, smallest noise of a sample: errors of the model of the key."""
 SPIKE = 12.0
 """Height of a spike in standard deviations."""
+ROWS = 800
+"""Largest number of rows of a way down."""
+LEAST_ROWS = 8
+"""Fewest rows for a fit."""
+LEAST_STEP = 80e-6
+"""s, shortest row; in shorter ones the noise of the velocity exceeds the load."""
+BRIDGE = 0.5e-3
+"""s, on either side of a drop-out, of the means between which the acceleration is interpolated."""
+BRIDGED, HIDDEN = 0.03, 10.0
+"""N, noise of a row with flagged velocity, and with flagged force."""
+FACTOR, SOLVE = get_lapack_funcs(("pbtrf", "tbtrs"))
+"""LAPACK's Cholesky factorisation of a banded matrix, and the triangular solve."""
 
 
 @dataclass(frozen=True)
@@ -73,16 +94,22 @@ def signals_of(press: Press) -> Signals:
     force, velocity, deflection, rise, speed = press.columns(
         "force", "velocity", "deflection", "jack_rise", "jack_speed"
     )
-    _must_be_numbers(press, {"force": force, "velocity": velocity})
+    for name, signal in (("force", force), ("velocity", velocity)):
+        bad = len(signal) - int(np.count_nonzero(np.isfinite(signal)))
+        if bad:
+            raise AnalysisError(
+                f"press {press.path}: {bad} samples of its {name} are not finite numbers;"
+                " check the recording, and press again"
+            )
     force_noise, velocity_noise = (white_noise(signal[:NOISE_ROWS]) for signal in (force, velocity))
     names = {c.name: c.quantity for c in press.rig.daq.channels}
-    bad = {quantity: np.zeros(len(time), bool) for quantity in ("force", "velocity")}
+    flagged = {quantity: np.zeros(len(time), bool) for quantity in ("force", "velocity")}
     for mark in press.quality_flags:
         first, last = np.searchsorted(time, (mark.start, mark.stop))
-        bad[names[mark.channel]][max(0, first - SPREAD) : last + SPREAD] = True
+        flagged[names[mark.channel]][max(0, first - SPREAD) : last + SPREAD] = True
     force = _without_spikes(force, force_noise)
-    if bad["velocity"].any() and not bad["velocity"].all():
-        good = ~bad["velocity"]
+    if flagged["velocity"].any() and not flagged["velocity"].all():
+        good = ~flagged["velocity"]
         velocity = np.interp(time, time[good], velocity[good])
         _, _, _, deflection, rise, speed = columns_of(key, velocity, force, rate)
     inertia = key.inertia + press.rig.jack.mass * key.jack_arm**2
@@ -98,19 +125,9 @@ def signals_of(press: Press) -> Signals:
         force_noise=max(force_noise, FORCE_FLOOR),
         velocity_noise=max(velocity_noise, VELOCITY_FLOOR),
         instant_std=math.hypot(1 / rate / math.sqrt(12), _lag_std(press.rig)),
-        no_force=bad["force"],
-        no_velocity=bad["velocity"],
+        no_force=flagged["force"],
+        no_velocity=flagged["velocity"],
     )
-
-
-def _must_be_numbers(press: Press, signals: dict[str, Floats]) -> None:
-    for name, signal in signals.items():
-        bad = len(signal) - int(np.count_nonzero(np.isfinite(signal)))
-        if bad:
-            raise AnalysisError(
-                f"press {press.path}: {bad} samples of its {name} are not finite numbers;"
-                " check the recording, and press again"
-            )
 
 
 def _lag_std(rig: Rig) -> float:
@@ -150,3 +167,109 @@ def _without_spikes(force: Floats, noise: float) -> Floats:
     bridged = force.copy()
     bridged[out] = (force[out - 3] + force[out + 3]) / 2
     return bridged
+
+
+@dataclass(frozen=True)
+class Rows:
+    """The load on the key over time; arrays of shape (n,)."""
+
+    time: Floats
+    """s after the trigger."""
+    step: float
+    """s, from row to row."""
+    load: Floats
+    """N at the finger."""
+    rise: Floats
+    """m, of the jack."""
+    speed: Floats
+    """m/s, of the jack."""
+    inertia: Floats
+    """N, subtracted inertia."""
+    variance: Floats
+    """N^2, of each row's load."""
+    covariance: Floats
+    """N^2, with the next row's; shape (n - 1,)."""
+
+    def whitener(self) -> "Whitener":
+        """Return the transformation of this noise to white noise of variance 1."""
+        return Whitener(self.variance, self.covariance)
+
+
+NO_ROWS = Rows(*[np.zeros(0), 0.0, *[np.zeros(0)] * 6])
+"""Rows without samples."""
+
+
+class Whitener:
+    """Maps columns whose noise has a tridiagonal covariance to columns with white noise."""
+
+    def __init__(self, variance: Floats, covariance: Floats):
+        band = np.zeros((2, len(variance)))
+        band[0], band[1, :-1] = variance, covariance
+        self._factor, _ = FACTOR(band, lower=1)
+
+    def __call__(self, columns: Floats) -> Floats:
+        """Return columns, shape (n,) or (n, k), in units of their noise."""
+        found, _ = SOLVE(self._factor, columns, uplo="L")
+        return found
+
+
+def rows_of(
+    signals: Signals, first: int, last: int, n: int | None = None, *, most: int = ROWS
+) -> Rows:
+    """Return the load over samples first to last - 1, one row for every n samples.
+
+    By default there are at most ``most`` rows, each at least `LEAST_STEP` long.
+    """
+    rate = signals.rate
+    n = max(1, -(-(last - first) // most), round(LEAST_STEP * rate)) if n is None else n
+    blocks = (last - first) // n
+    if blocks < LEAST_ROWS:
+        return NO_ROWS
+    last = first + blocks * n
+    weights = np.full(n, 1 / n)
+
+    def means(signal: Floats) -> Floats:
+        return signal[first:last].reshape(blocks, n) @ weights
+
+    def at_rows(signal: Floats) -> Floats:
+        each = means(signal)
+        return (each[1:] + each[:-1]) / 2
+
+    step = n / rate
+    no_force, no_velocity = (
+        at_rows(flags.astype(float)) > 0 if flags.any() else np.zeros(blocks - 1, bool)
+        for flags in (signals.no_force, signals.no_velocity)
+    )
+    inertia = signals.inertial * np.diff(means(signals.velocity)) / step
+    # Difference of block means of a running sum: late samples of a block, early ones of the next.
+    late = (np.arange(n) + 0.5) / n
+    parts = signals.force[first:last].reshape(blocks, n) @ np.stack([late, 1 - late], 1)
+    load = (parts[:-1, 0] + parts[1:, 1]) / n - inertia
+    if no_velocity.any() and not no_velocity.all():
+        bridged = _bridged(inertia, ~no_velocity, max(1, round(BRIDGE / step)))
+        load, inertia = load + inertia - bridged, bridged
+    shape = np.concatenate([late, 1 - late]) / n
+    of_force = signals.force_noise**2
+    of_velocity = (signals.inertial * signals.velocity_noise / step) ** 2 / n
+    # An interpolated velocity adds the error of the interpolation instead of its noise.
+    variance = of_force * (shape @ shape) + np.where(no_velocity, BRIDGED**2, 2 * of_velocity)
+    shared = of_force * (shape[n:] @ shape[:-n]) - of_velocity
+    alone = no_force | no_velocity
+    return Rows(
+        time=signals.time[first] + (np.arange(1, blocks) * n - 0.5) / rate,
+        step=step,
+        load=load,
+        rise=at_rows(signals.rise),
+        speed=at_rows(signals.speed),
+        inertia=inertia,
+        variance=variance + (HIDDEN * no_force) ** 2,
+        covariance=np.where(alone[1:] | alone[:-1], 0.0, shared),
+    )
+
+
+def _bridged(signal: Floats, good: NDArray[np.bool_], width: int) -> Floats:
+    """Return a signal with lines over bad rows, between means of `width` rows on either side."""
+    kernel, place = np.ones(2 * width + 1), np.arange(len(signal))
+    weight = np.convolve(good, kernel)[width:-width]
+    means = np.convolve(signal * good, kernel)[width:-width] / np.maximum(weight, 1)
+    return np.where(good, signal, np.interp(place, place[good], means[good]))

@@ -130,7 +130,7 @@ def without_drift(
             f"no rest after the press: the mean velocity at rest, {abs(level) * 1e6:.3g} um/s, is"
             " subtracted as an offset without a check at the end; record for longer"
         )
-        return _without(velocity, line, rate), Drift(before, None, *taken), [text]
+        return without_line(velocity, line, rate), Drift(before, None, *taken), [text]
     late, late_std = _level(velocity[rests.after])
     middles = middle, _middle(rests.after, rate)
     between = slice(*(int(t * rate) for t in middles))
@@ -169,7 +169,7 @@ def without_drift(
         rows = between.stop - between.start
         closure = end - (line[0] + line[1] * _middle(between, rate)) * rows / rate
     found = Drift(before, after, *_taken(line, n, rate), closure)
-    return _without(velocity, line, rate), found, warnings
+    return without_line(velocity, line, rate), found, warnings
 
 
 def force_at_rest(measured: Floats, noise: float, rate: float, corner: float) -> tuple[float, bool]:
@@ -217,12 +217,12 @@ def _middle(rows: slice, rate: float) -> float:
     return (rows.start + rows.stop - 1) / 2 / rate
 
 
-def _without(velocity: Floats, line: tuple[float, float], rate: float) -> Floats:
-    """Return a velocity minus a line [m/s, m/s^2]."""
-    off = np.arange(len(velocity), dtype=float)
+def without_line(signal: Floats, line: tuple[float, float], rate: float) -> Floats:
+    """Return a signal minus the line with this value at row 0 and this slope [per s]."""
+    off = np.arange(len(signal), dtype=float)
     off *= -line[1] / rate
     off -= line[0]
-    off += velocity
+    off += signal
     return off
 
 

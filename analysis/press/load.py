@@ -17,6 +17,7 @@ from sautereau.analysis.press.drift import (
     find_rests,
     force_at_rest,
     without_drift,
+    without_line,
 )
 from sautereau.daq.signals.calibration import calibration_warning, correct, to_si, white_noise
 from sautereau.daq.signals.delays import undelayed
@@ -249,11 +250,7 @@ def _from_rest(
     level, is_offset = force_at_rest(at_rest, noise, rate, corner)
     slope = 2 * pi * corner * level / rate
     doubt = abs(slope) * (len(force) - 1)
-    off = np.arange(len(force), dtype=float)
-    off *= -slope * is_offset
-    off -= level
-    off += force
-    force = off
+    force = without_line(force, (level, slope * rate * is_offset), rate)
     hidden = noise / np.sqrt(FORCE_MEAN * rate)
     largest = max(force.max(), -force.min())
     if doubt <= max(FORCE_DRIFT * largest, hidden):

@@ -5,7 +5,7 @@ measured: they move as in the model, aligned with the measured contact and relea
 is held, the model is at the same fraction of the way from contact to release as the jack.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -142,9 +142,19 @@ def _choir(
     rise = rise_of_angle(key_of(rig, choir), turned)
     places = np.linspace(0, choir.string.length, PLACES)
     first, last = np.interp([held.contact, held.release], seen, rise) if held else (0.0, 0.0)
+    n = len(time)
+    at_rest = ChoirMotion(
+        choir=choir,
+        plucks=False,
+        height=np.interp(time, seen, rise) - choir.jack.string_clearance,
+        line=np.repeat(straight(choir.plectrum)[None], n, 0),
+        tongue=np.zeros(n),
+        wire=np.zeros((n, EXPOSURES, 2)),
+        places=places,
+        deflection=np.zeros((n, EXPOSURES, PLACES)),
+    )
     if held is None or not last > first:
-        height = np.interp(time, seen, rise) - choir.jack.string_clearance
-        return _at_rest(choir, height, places)
+        return at_rest
     pluck = string.pluck
     way = float(pluck.height[-1])
     # Height of the jack in the model: 0 at contact, `way` at release.
@@ -154,40 +164,24 @@ def _choir(
     string = _with_damper(string, rise, after, seen - held.release)
     exposed = np.linspace(0, time[1] - time[0], EXPOSURES, endpoint=False)
     clock = _model_clock(string, held, seen, known, (time[:, None] + exposed).ravel())
-    shape = string.displacement(clock, places)[1].reshape(len(time), EXPOSURES, PLACES)
+    shape = string.displacement(clock, places)[1].reshape(n, EXPOSURES, PLACES)
     wire = string.displacement(clock, np.array([choir.string.plucking_point]))[:, :, 0]
     height = np.interp(time, seen, known)
     holding = (time >= held.contact) & (time < held.release)
-    line = np.repeat(straight(choir.plectrum)[None], len(time), 0)
+    line = at_rest.line.copy()
     line[holding] = mid_line(
         Elastica(choir.plectrum),
         np.interp(height[holding], pluck.height, pluck.position),
         np.interp(height[holding], pluck.height, pluck.force),
     )
-    return ChoirMotion(
-        choir=choir,
+    return replace(
+        at_rest,
         plucks=True,
         height=height,
         line=line,
         tongue=_tongue(choir, height, time > held.release),
-        wire=wire.T.reshape(len(time), EXPOSURES, 2),
-        places=places,
+        wire=wire.T.reshape(n, EXPOSURES, 2),
         deflection=shape,
-    )
-
-
-def _at_rest(choir: Choir, height: Floats, places: Floats) -> ChoirMotion:
-    """Return a choir whose string is not plucked."""
-    n = len(height)
-    return ChoirMotion(
-        choir=choir,
-        plucks=False,
-        height=height,
-        line=np.repeat(straight(choir.plectrum)[None], n, 0),
-        tongue=np.zeros(n),
-        wire=np.zeros((n, EXPOSURES, 2)),
-        places=places,
-        deflection=np.zeros((n, EXPOSURES, PLACES)),
     )
 
 

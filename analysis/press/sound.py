@@ -13,7 +13,7 @@ import numpy as np
 
 from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.model.plectrum.base import Floats
-from sautereau.analysis.press.strings import QUALITY, VibratingString, stilled, vibrating_strings
+from sautereau.analysis.press.strings import QUALITY, stilled, vibrating_strings
 from sautereau.rig.schema import Rig
 
 SAMPLE_RATE = 48_000
@@ -79,7 +79,10 @@ def sound_of(
         )
     strings = vibrating_strings(rig, level, quality=quality, highest=HIGHEST)
     begin = min(string.contact for string in strings) - LEAD
-    strings = tuple(_shifted(string, -begin) for string in strings)
+    strings = tuple(
+        replace(string, contact=string.contact - begin, release=string.release - begin)
+        for string in strings
+    )
     last = max(string.release for string in strings)
     if not duration > last:
         raise AnalysisError(
@@ -111,7 +114,3 @@ def write_sound(path: str | Path, sound: Sound) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
     samples = np.round(sound.force / sound.full_scale * np.iinfo(np.int16).max)
     wavfile.write(path, SAMPLE_RATE, samples.astype(np.int16))
-
-
-def _shifted(string: VibratingString, by: float) -> VibratingString:
-    return replace(string, contact=string.contact + by, release=string.release + by)

@@ -5,12 +5,12 @@ import hashlib
 from dataclasses import dataclass
 from functools import cache
 from importlib import resources
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from sautereau.analysis.report import facts, figures
 from sautereau.analysis.report.contents import Contents
 from sautereau.analysis.report.fits import Fit
-from sautereau.analysis.report.slow_motion import Moving, moving
+from sautereau.analysis.report.slow_motion import moving
 from sautereau.analysis.report.tables import (
     compared_rows,
     comparison_rows,
@@ -77,7 +77,7 @@ def build_report(contents: Contents, about: About) -> str:
         version=about.version,
         policy=_policy(plotly, script),
         moving=shown,
-        about_moving=shown and escape(shown.about),
+        about_moving=shown and escape(shown["about"]),
         not_moving=contents.no_slow_motion,
         css=Markup(_part("page.css")),
         plotly=plotly,
@@ -116,7 +116,7 @@ def build_report(contents: Contents, about: About) -> str:
         ],
         fits=about.fits,
         presses=[
-            {"number": p.number, "path": p.path.name, "facts": facts.of_recording(p)}
+            {"number": p.number, "path": p.press.path.name, "facts": facts.of_recording(p)}
             for p in presses
         ],
         commands="\n".join(about.commands),
@@ -128,7 +128,7 @@ def build_report(contents: Contents, about: About) -> str:
     )
 
 
-def _data(contents: Contents, shown: Moving | None) -> dict[str, "Markup"]:
+def _data(contents: Contents, shown: dict[str, Any] | None) -> dict[str, "Markup"]:
     drawn = {
         "over-time": figures.over_time(contents),
         "force-on-deflection": figures.force_on_deflection(contents),
@@ -137,7 +137,7 @@ def _data(contents: Contents, shown: Moving | None) -> dict[str, "Markup"]:
         drawn["over-session"] = figures.over_session(contents, course(contents.presses))
     data = {name: figure.to_json(validate=False) or "" for name, figure in drawn.items()}
     if shown:
-        data["slow-motion"] = shown.data
+        data["slow-motion"] = shown["data"]
     return {name: _embedded(text) for name, text in data.items()}
 
 

@@ -9,12 +9,16 @@ from typing import Any
 from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.model.predict import Prediction, predict
 from sautereau.analysis.phases import Phases, find_phases
-from sautereau.analysis.press.features import Features, features
+from sautereau.analysis.press.features import Row, features
 from sautereau.analysis.press.load import Press, press_of
 from sautereau.analysis.report.drawing import envelope
 from sautereau.analysis.report.slow_motion import SlowMotion, slow_motion
-from sautereau.analysis.session.compare import Comparison, compare
-from sautereau.analysis.session.compare_features import ComparedFeature, compare_features
+from sautereau.analysis.session.compare import (
+    ComparedFeature,
+    Comparison,
+    compare,
+    compare_features,
+)
 from sautereau.analysis.session.repeatability import LEAST, Repeatability, repeatability
 from sautereau.daq.file.reading import read_recording
 from sautereau.daq.file.recorded import Event, Recorded
@@ -51,17 +55,15 @@ class PressRecord:
 
     number: int
     """Number of the press on the page, from 1, in the order in which they were made."""
-    path: Path
     digest: str
     """SHA-256 of the file."""
     session: SessionInfo
     software: Mapping[str, str]
     events: tuple[Event, ...]
-    rig: Rig
     press: Press
     """Its data are reduced to the jack rise over the cruise, for the repeatability."""
     phases: Phases
-    features: Features
+    features: Row
     traces: Mapping[str, Trace]
     """By the names in `COLUMNS`; empty if the press is not drawn."""
     held: Trace | None
@@ -144,7 +146,7 @@ def gather(paths: Sequence[Path], level: str, step: Callable[[], Any] = lambda: 
             press = press_of(recorded)
             phases = find_phases(press)
             drawn = points if (number - 1) % every == 0 else 0
-            records.append(_record(path, number, recorded, press, phases, drawn))
+            records.append(_record(number, recorded, press, phases, drawn))
             if phases.plucks and not (shown or reason):
                 try:
                     shown = slow_motion(number, press, phases)
@@ -156,10 +158,10 @@ def gather(paths: Sequence[Path], level: str, step: Callable[[], Any] = lambda: 
     if not records:
         first = next(iter(unread.values()), "there is none; give the folder of a session")
         raise AnalysisError(f"report: no recording of {len(paths)} can be read: {first}")
-    base = values_of(records[0].rig)
+    base = values_of(records[0].press.rig)
     by_rig: dict[str, list[PressRecord]] = {}
     for record in records:
-        by_rig.setdefault(repr(values_of(record.rig)), []).append(record)
+        by_rig.setdefault(repr(values_of(record.press.rig)), []).append(record)
     return Contents(
         tuple(_condition(of_one_rig, base, level) for of_one_rig in by_rig.values()),
         unread,
@@ -171,7 +173,7 @@ def gather(paths: Sequence[Path], level: str, step: Callable[[], Any] = lambda: 
 
 
 def _record(
-    path: Path, number: int, recorded: Recorded, press: Press, phases: Phases, points: int
+    number: int, recorded: Recorded, press: Press, phases: Phases, points: int
 ) -> PressRecord:
     """Return the record of one press; with 0 points it is not drawn."""
     time = press.data.index.to_numpy()
@@ -184,12 +186,10 @@ def _record(
     cruise = slice(law.cruise_start - 1e-3, law.cruise_end + 1e-3)
     return PressRecord(
         number=number,
-        path=path,
-        digest=hashlib.sha256(path.read_bytes()).hexdigest(),
+        digest=hashlib.sha256(press.path.read_bytes()).hexdigest(),
         session=recorded.session,
         software=recorded.software,
         events=recorded.events,
-        rig=press.rig,
         press=replace(press, data=press.data.loc[cruise, ["jack_rise"]].copy()),
         phases=phases,
         features=features(press, phases),
@@ -210,7 +210,7 @@ def _held(press: Press, phases: Phases, points: int) -> Trace | None:
 
 def _condition(records: list[PressRecord], base: Mapping[str, Any], level: str) -> Condition:
     """Return the comparison and repeatability of presses of one rig, without warm-up presses."""
-    rig = records[0].rig
+    rig = records[0].press.rig
     counted = [record for record in records if not record.session.warm_up]
     prediction = comparison = spread = None
     compared: tuple[ComparedFeature, ...] = ()
@@ -228,16 +228,8 @@ def _condition(records: list[PressRecord], base: Mapping[str, Any], level: str) 
             warnings.append(f"no repeatability: {error}")
     own = values_of(rig)
     changed = {key: own.get(key) for key in [*base, *own] if own.get(key) != base.get(key)}
-    return Condition(
-        rig,
-        changed,
-        tuple(records),
-        prediction,
-        comparison,
-        compared,
-        spread,
-        tuple(warnings),
-    )
+    found = (prediction, comparison, compared, spread, tuple(warnings))
+    return Condition(rig, changed, tuple(records), *found)
 
 
 def values_of(rig: Rig) -> dict[str, Any]:

@@ -1,7 +1,6 @@
 """The report's texts: warnings, conditions of the presses, software; and how texts are cleaned."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 from markupsafe import Markup
@@ -9,7 +8,6 @@ from markupsafe import Markup
 from sautereau.analysis.report.contents import Contents, PressRecord
 from sautereau.daq.file.provenance import software as software_here
 from sautereau.rig.load import rig_document
-from sautereau.rig.schema import Rig
 from sautereau.rig.units import readable_quantity
 
 MOST_CHARACTERS = 500
@@ -20,15 +18,6 @@ MOST_EVENTS = 10
 """Events of one recording on the page."""
 
 Facts = list[tuple[str, str]]
-
-
-@dataclass(frozen=True)
-class Warned:
-    """One warning with all presses that it applies to."""
-
-    text: str
-    where: str
-    """The presses; empty for the session."""
 
 
 def cleaned(value: Any, most: int = MOST_CHARACTERS) -> Any:
@@ -51,25 +40,27 @@ def _escape(character: str) -> str:
     return f"\\x{number:02x}" if number < 0x100 else f"\\u{{{number:x}}}"
 
 
-def warnings(contents: Contents, of_session: Sequence[str]) -> list[Warned]:
-    """Return all warnings: of the session, of unreadable recordings, of presses.
+def warnings(contents: Contents, of_session: Sequence[str]) -> Facts:
+    """Return all warnings, of the session, of unreadable recordings and of presses.
+
+    Each has the text of the presses that it applies to, which is empty for the session.
 
     Args:
         contents: The presses.
         of_session: Warnings of the session.
     """
-    found = [Warned(text, "") for text in of_session]
+    found = [(text, "") for text in of_session]
     found += [
-        Warned(f"{path.name} could not be read: {why}", "") for path, why in contents.unread.items()
+        (f"{path.name} could not be read: {why}", "") for path, why in contents.unread.items()
     ]
     for number, condition in enumerate(contents.conditions, 1):
         where = f"condition {number}" if len(contents.conditions) > 1 else ""
-        found += [Warned(text, where) for text in condition.warnings]
+        found += [(text, where) for text in condition.warnings]
     same: dict[str, list[int]] = {}
     for record in contents.presses:
         for text in record.warnings:
             same.setdefault(text, []).append(record.number)
-    return found + [Warned(text, f"press {_numbers(n)}") for text, n in same.items()]
+    return found + [(text, f"press {_numbers(n)}") for text, n in same.items()]
 
 
 def how_pressed(contents: Contents) -> Facts:
@@ -77,12 +68,16 @@ def how_pressed(contents: Contents) -> Facts:
     presses = contents.presses
     rig, first = contents.conditions[0].rig, presses[0].session
     document = rig_document(rig)
+    press = "replay of a recorded gesture"
+    if rig.press.gesture is None:
+        names = ("jack_speed", "jack_rise", "hold", "run_up_acceleration", "settle")
+        press = _listed(document["press"], names)
     warm_up = sum(record.session.warm_up for record in presses)
     facts = [
         ("rig", rig.name),
         ("presses", f"{len(presses)}" + (f", {warm_up} of them warm-up" if warm_up else "")),
         ("date", _range(record.session.started for record in presses)),
-        ("press", _press(rig, document["press"])),
+        ("press", press),
         ("key", _listed(document["key"], ("press_arm", "laser_arm", "jack_arm", "inertia"))),
         ("plectrum", _listed(document["plectrum"], ("length", "width", "thickness", "overlap"))),
         ("string", _listed(document["string"], ("frequency", "tension", "length", "diameter"))),
@@ -131,12 +126,6 @@ def software(presses: Sequence[PressRecord]) -> list[tuple[str, str, str]]:
     if len(names) > MOST_LISTED:
         rows.append((f"and {len(names) - MOST_LISTED} more", "", ""))
     return rows
-
-
-def _press(rig: Rig, document: Mapping[str, Any]) -> str:
-    if rig.press.gesture is not None:
-        return "replay of a recorded gesture"
-    return _listed(document, ("jack_speed", "jack_rise", "hold", "run_up_acceleration", "settle"))
 
 
 def _listed(values: Mapping[str, Any], names: Iterable[str]) -> str:

@@ -76,15 +76,11 @@ def read_fit(path: Path) -> Fit:
 
 
 def _row(name: str, found: _Estimate) -> tuple[str, str, str, str]:
+    unit = found.unit.replace("**2", "²").replace("**3", "³").replace("*", "·")
     note = "" if found.identifiable else ", not identifiable from these recordings"
     return (
         f"{name}{note}",
-        f"{found.value:.6g} {_readable(found.unit)}",
+        f"{found.value:.6g} {unit}",
         "undetermined" if found.std is None else f"{found.std:.2g}",
         "none" if found.ci95 is None else f"{found.ci95[0]:.6g} to {found.ci95[1]:.6g}",
     )
-
-
-def _readable(unit: str) -> str:
-    """Return a unit as it is usually written: kg*m**2 as kg·m²."""
-    return unit.replace("**2", "²").replace("**3", "³").replace("*", "·")

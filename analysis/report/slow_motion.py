@@ -3,6 +3,7 @@
 import json
 from dataclasses import dataclass
 from itertools import chain
+from typing import Any
 
 import numpy as np
 
@@ -12,9 +13,13 @@ from sautereau.analysis.model.choirs import choirs
 from sautereau.analysis.phases import Phases
 from sautereau.analysis.press.load import Press
 from sautereau.analysis.press.replay import Replay, replay
-from sautereau.analysis.report.drawing import Picture
-from sautereau.analysis.report.head_picture import head_picture
-from sautereau.analysis.report.scene_pictures import force_picture, key_picture, string_picture
+from sautereau.analysis.report.drawing import Frames
+from sautereau.analysis.report.pictures import (
+    force_picture,
+    head_picture,
+    key_picture,
+    string_picture,
+)
 
 FRAMES = 101
 OF_ALL_CHOIRS = 202
@@ -40,15 +45,6 @@ class SlowMotion:
         """Frame that is shown first and printed: the last one before the first release."""
         release = self.scene.phases.plucks[0].release
         return max(0, int(np.searchsorted(self.scene.time, release)) - 1)
-
-
-@dataclass(frozen=True)
-class Reading:
-    """A value that is shown beside the pictures."""
-
-    name: str
-    values: tuple[str, ...]
-    """One text per frame."""
 
 
 def slow_motion(number: int, press: Press, phases: Phases) -> SlowMotion:
@@ -78,20 +74,20 @@ def slow_motion(number: int, press: Press, phases: Phases) -> SlowMotion:
     return SlowMotion(number, replay(press, phases, np.linspace(start, stop, frames)))
 
 
-def readings(shown: SlowMotion) -> tuple[Reading, ...]:
-    """Return time, phase, force and speed of every frame as texts."""
+def readings(shown: SlowMotion) -> dict[str, Frames]:
+    """Return the values beside the pictures by their names, with one text per frame."""
     scene = shown.scene
     data = scene.press.data
     seen = data.index.to_numpy()
     force, speed = (
         np.interp(scene.time, seen, data[column].to_numpy()) for column in ("force", "jack_speed")
     )
-    return (
-        Reading("time", tuple(f"{time * 1e3:.2f} ms" for time in scene.time)),
-        Reading("phase", tuple(_phase(scene, float(time)) for time in scene.time)),
-        Reading("finger force", tuple(f"{newton:.3f} N" for newton in force)),
-        Reading("jack speed", tuple(f"{one * 1e3:.1f} mm/s" for one in speed)),
-    )
+    return {
+        "time": tuple(f"{time * 1e3:.2f} ms" for time in scene.time),
+        "phase": tuple(_phase(scene, float(time)) for time in scene.time),
+        "finger force": tuple(f"{newton:.3f} N" for newton in force),
+        "jack speed": tuple(f"{one * 1e3:.1f} mm/s" for one in speed),
+    }
 
 
 def about(shown: SlowMotion) -> str:
@@ -125,51 +121,38 @@ def _phase(scene: Replay, time: float) -> str:
     return f"{gone} of {len(plucks)} strings released" if len(plucks) > 1 else "string released"
 
 
-@dataclass(frozen=True)
-class Moving:
-    """A slow motion as the template draws it."""
+def moving(shown: SlowMotion) -> dict[str, Any]:
+    """Draw a slow motion for the page.
 
-    about: str
-    simulated: bool
-    columns: tuple[tuple[Picture, ...], tuple[Picture, ...]]
-    """Pictures on the left (jacks) and on the right (strings, force and key)."""
-    readings: tuple[Reading, ...]
-    frame: int
-    """Frame that is shown first, and printed."""
-    last: int
-    """Number of the last frame; the first is 0."""
-
-    @property
-    def descriptions(self) -> tuple[str, ...]:
-        """Every frame in words, for screen readers."""
-        each = zip(*(reading.values for reading in self.readings), strict=True)
-        return tuple(", ".join(values) for values in each)
-
-    @property
-    def data(self) -> str:
-        """Values of all changing attributes in every frame, by id and attribute, as JSON."""
-        moves = {SLIDER: {"aria-valuetext": self.descriptions}}
-        moves |= {f"{READING}-{i}": {"": one.values} for i, one in enumerate(self.readings, 1)}
-        for picture in chain(*self.columns):
-            moves |= picture.moves
-        return json.dumps(moves, separators=(",", ":"))
-
-
-def moving(shown: SlowMotion) -> Moving:
-    """Draw a slow motion for the page."""
+    Returns:
+        As the template reads them: `about`, `simulated`, `columns` of pictures on the left (jacks)
+        and on the right (strings, force and key), `readings`, the `frame` that is shown first and
+        printed, the number of the `last` frame (the first is 0), `descriptions` of every frame for
+        screen readers, and `data`: the values of all changing attributes in every frame, by id and
+        attribute, as JSON.
+    """
     scene = shown.scene
     several = len(scene.choirs) > 1
     named = [
         (i, motion, f"choir {i}: " if several else "") for i, motion in enumerate(scene.choirs, 1)
     ]
-    return Moving(
-        about=about(shown),
-        simulated=scene.press.simulated,
-        columns=(
-            tuple(head_picture(*one) for one in named),
-            (*(string_picture(*one) for one in named), force_picture(scene), key_picture(scene)),
-        ),
-        readings=readings(shown),
-        frame=shown.at_release,
-        last=len(scene.time) - 1,
+    columns = (
+        [head_picture(*one) for one in named],
+        [*(string_picture(*one) for one in named), force_picture(scene), key_picture(scene)],
     )
+    beside = readings(shown)
+    descriptions = [", ".join(values) for values in zip(*beside.values(), strict=True)]
+    moves: dict[str, Any] = {SLIDER: {"aria-valuetext": descriptions}}
+    moves |= {f"{READING}-{i}": {"": values} for i, values in enumerate(beside.values(), 1)}
+    for picture in chain(*columns):
+        moves |= picture.moves
+    return {
+        "about": about(shown),
+        "simulated": scene.press.simulated,
+        "columns": columns,
+        "readings": beside,
+        "frame": shown.at_release,
+        "last": len(scene.time) - 1,
+        "descriptions": descriptions,
+        "data": json.dumps(moves, separators=(",", ":")),
+    }

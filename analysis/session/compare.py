@@ -1,20 +1,35 @@
-"""Recordings against the model: slope, magnitude and duration."""
+"""Recordings against the model: slope, magnitude and duration, and every feature."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+from scipy.integrate import trapezoid
 
 from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.model.choirs import ChoirPluck
 from sautereau.analysis.model.predict import Prediction
 from sautereau.analysis.phases import Phases
+from sautereau.analysis.press.features import UNITS, Row, column
+from sautereau.rig.schema import Rig
 
 MANY = 20
 """Presses from which on the interval is a bootstrap's: of fewer, Student's covers better."""
 RESAMPLES = 9999
 """Of a bootstrap."""
+COMPARED = (
+    "pluck_duration",
+    "contact_rise",
+    "release_rise",
+    "held_deflection",
+    "contact_force",
+    "release_force",
+    "force_drop",
+    "force_slope",
+    "held_work",
+)
+"""Features of a pluck that the model predicts; forces are counted from those at rest."""
 
 
 @dataclass(frozen=True)
@@ -112,3 +127,63 @@ def mean_of(values: Sequence[float]) -> Mean:
         return Mean(mean, float(found.low), float(found.high), "bootstrap")
     half = float(t.ppf(0.975, count - 1) * np.std(values, ddof=1) / np.sqrt(count))
     return Mean(mean, mean - half, mean + half, "student")
+
+
+@dataclass(frozen=True)
+class ComparedFeature:
+    """One feature over repeated presses beside the model's; in its unit."""
+
+    name: str
+    """Column of `sautereau.analysis.press.features`."""
+    unit: str
+    presses: int
+    """Presses that have it."""
+    measured: Mean
+    predicted: float
+
+
+def compare_features(
+    rows: Sequence[Row], rig: Rig, prediction: Prediction
+) -> tuple[ComparedFeature, ...]:
+    """Compare the features of repeated presses with those of a prediction.
+
+    Args:
+        rows: Features of the presses.
+        rig: The predicted bench.
+        prediction: The model's press.
+
+    Returns:
+        The features that both have, pluck by pluck; none where no press has a pluck.
+    """
+    choirs = sorted(prediction.choirs, key=lambda choir: choir.release)
+    found = []
+    for number, choir in enumerate(choirs, 1):
+        predicted = pluck_features(rig, prediction, choir)
+        for name in COMPARED:
+            key = column(name, number)
+            values = [value for row in rows if isinstance(value := row.get(key), float)]
+            if values:
+                mean = mean_of(values)
+                found.append(ComparedFeature(key, UNITS[name], len(values), mean, predicted[name]))
+    return tuple(found)
+
+
+def pluck_features(rig: Rig, prediction: Prediction, choir: ChoirPluck) -> dict[str, float]:
+    """Return the features of one predicted pluck [SI], by the names of `COMPARED`."""
+    held = held_steps(choir)
+    force, deflection = prediction.finger_force[held], prediction.deflection[held]
+    slope, _ = predicted_features(prediction, choir)
+    after = prediction.finger_force[min(held.stop, len(prediction.finger_force) - 1)]
+    travel = deflection * rig.key.press_arm / rig.key.laser_arm
+    rise = prediction.rise[held]
+    return {
+        "pluck_duration": choir.pluck_duration,
+        "contact_rise": float(rise[0]),
+        "release_rise": float(rise[-1]),
+        "held_deflection": float(deflection[-1] - deflection[0]),
+        "contact_force": float(force[0]),
+        "release_force": float(force[-1]),
+        "force_drop": float(force[-1] - after),
+        "force_slope": slope,
+        "held_work": float(trapezoid(force, travel)),
+    }

@@ -25,7 +25,7 @@ COVERAGE = 0.95
 
 @dataclass(frozen=True)
 class Spread:
-    """A measure of spread with its interval, for normally distributed presses."""
+    """A figure with its interval, for normally distributed presses."""
 
     value: float
     low: float
@@ -34,15 +34,8 @@ class Spread:
     """Upper end of the 95 % interval."""
 
 
-@dataclass(frozen=True)
-class Trend:
-    """Change of a quantity from press to press, from a straight line through all presses."""
-
-    per_press: float
-    low: float
-    """Lower end of the 95 % interval."""
-    high: float
-    """Upper end of the 95 % interval."""
+class Trend(Spread):
+    """Change of a quantity per press, from a straight line through all presses."""
 
     @property
     def significant(self) -> bool:

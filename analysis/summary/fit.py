@@ -3,8 +3,7 @@
 from collections.abc import Sequence
 from typing import Any
 
-from sautereau.analysis.identify.identifiability import IDENTIFIABLE
-from sautereau.analysis.identify.identified import Estimate, Identified
+from sautereau.analysis.identify.identified import IDENTIFIABLE, Estimate, Identified
 from sautereau.analysis.identify.profile import Profile
 from sautereau.analysis.summary.text import counted
 from sautereau.rig.quantities import QUANTITIES

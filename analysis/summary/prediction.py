@@ -3,7 +3,6 @@
 import math
 from typing import Any
 
-from sautereau.analysis.model.choirs import ChoirPluck
 from sautereau.analysis.model.predict import Prediction
 from sautereau.analysis.model.string.string import first_mode_release_speed
 from sautereau.rig.quantities import QUANTITIES
@@ -12,28 +11,20 @@ from sautereau.rig.schema import Rig
 
 def prediction_summary(rig: Rig, found: Prediction) -> dict[str, Any]:
     """Return a prediction's scalars as JSON; SI units, the first choir's first."""
+    names = ("contact", "release", "pluck_duration", "release_force", "plectrum_force",
+             "release_lift", "release_angle", "peak_force", "work", "v_osc")  # fmt: skip
+    state = found.choirs[0].released_string  # at a fold a speed is infinite, and None here
+    of_choir = ("contact", "release", "plectrum_force", "release_lift", "work")
     return {
-        "contact": found.contact,
-        "release": found.release,
-        "pluck_duration": found.pluck_duration,
-        "release_force": found.release_force,
-        "plectrum_force": found.plectrum_force,
-        "release_lift": found.release_lift,
-        "release_angle": found.release_angle,
-        "peak_force": found.peak_force,
-        "work": found.work,
-        "v_osc": found.v_osc,
+        **{name: getattr(found, name) for name in names},
         "v_osc_first_mode": first_mode_release_speed(rig.string, found.release_lift),
-        "released_string": _string(found.choirs[0]),
+        "released_string": {
+            name: speed if math.isfinite(speed := getattr(state, name)) else None
+            for name in ("x", "z", "velocity_x", "velocity_z")
+        },
         "choirs": [
-            {
-                "contact": choir.contact,
-                "release": choir.release,
-                "plectrum_force": choir.plectrum_force,
-                "release_lift": choir.release_lift,
-                "work": choir.work,
-                "gives_way": choir.released_at_fold,
-            }
+            {name: getattr(choir, name) for name in of_choir}
+            | {"gives_way": choir.released_at_fold}
             for choir in found.choirs
         ],
     }
@@ -73,15 +64,3 @@ def _shown(name: str, value: float) -> str:
     quantity = QUANTITIES[name]
     scale, unit = quantity.displayed
     return f"{quantity.label} {value * scale:.4g} {unit}"
-
-
-def _string(choir: ChoirPluck) -> dict[str, float | None]:
-    """Return the string's initial condition; a speed that is infinite, at a fold, is None."""
-    state = choir.released_string
-    values = {
-        "x": state.x,
-        "z": state.z,
-        "velocity_x": state.velocity_x,
-        "velocity_z": state.velocity_z,
-    }
-    return {name: value if math.isfinite(value) else None for name, value in values.items()}

@@ -46,8 +46,8 @@ def compare(
     from sautereau.analysis.model.predict import predict as predict_press
     from sautereau.analysis.press.features import features
     from sautereau.analysis.session.compare import compare as compare_presses
-    from sautereau.analysis.session.compare_features import compare_features
-    from sautereau.analysis.summary.comparison import comparison_lines, comparison_summary
+    from sautereau.analysis.session.compare import compare_features
+    from sautereau.analysis.summary.session import comparison_lines, comparison_summary
 
     both = load(files)
     pressed, found = [p for p, _ in both], [f for _, f in both]

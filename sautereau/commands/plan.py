@@ -97,7 +97,7 @@ def mount(
     """
     import numpy as np
 
-    from sautereau.analysis.summary.mount import (
+    from sautereau.analysis.summary.plan import (
         located_lines,
         located_summary,
         mount_lines,

@@ -128,8 +128,12 @@ class SessionReport:
         from sautereau.analysis.model.predict import predict
         from sautereau.analysis.session.compare import compare
         from sautereau.analysis.session.repeatability import LEAST, repeatability
-        from sautereau.analysis.summary.comparison import comparison_lines, comparison_summary
-        from sautereau.analysis.summary.session import repeatability_lines, repeatability_summary
+        from sautereau.analysis.summary.session import (
+            comparison_lines,
+            comparison_summary,
+            repeatability_lines,
+            repeatability_summary,
+        )
         from sautereau.trajectory.timing import press_law
 
         row = self._folder.plan.rows[index]

@@ -51,7 +51,7 @@ def test_a_row_holds_session_plectrum_and_features(campaign_folder, complete):
     path = campaign_folder / complete.data["path"][0]
     press = load_press(path)
     row = complete.table.to_pylist()[0]
-    found = features(press, find_phases(press)).row()
+    found = features(press, find_phases(press))
     for name in set(found) - {"path"}:
         assert row[name] == found[name], name
     assert row["path"] == "plectrum-01-session-1/press-0001.mcap"
@@ -78,17 +78,6 @@ def test_plectra_differ_by_the_rigs_numbers_and_name():
     assert plectrum_id(rig) != plectrum_id(with_values(rig, {"plectrum.overlap": "0.3 mm"}))
     assert plectrum_id(rig) != plectrum_id(rig.model_copy(update={"name": "another"}))
     assert plectrum_id(rig) == plectrum_id(with_values(rig, {"press.jack_speed": "0.1 m/s"}))
-
-
-def test_two_processes_make_the_same_table(campaign_folder, complete, tmp_path, monkeypatch):
-    monkeypatch.setattr(campaign_run, "BATCH", 1)
-    progress = []
-    found = run_campaign(
-        campaign_folder, tmp_path / "two.parquet", 2, on_read=lambda *done: progress.append(done)
-    )
-    assert found.campaign.table.equals(complete.table)
-    assert progress[-1] == (GOOD, GOOD)
-    assert len(progress) == GOOD
 
 
 def test_faulty_files_are_listed_and_excluded(recordings, complete, tmp_path):
@@ -175,7 +164,9 @@ run.run_campaign(sys.argv[1], sys.argv[2], 2, on_read=kill)
 """
 
 
-def test_a_killed_campaign_is_continued_and_leaves_no_process(campaign_folder, complete, tmp_path):
+def test_a_killed_campaign_is_continued_by_two_processes_and_leaves_none(
+    campaign_folder, complete, tmp_path, monkeypatch
+):
     out = tmp_path / "table.parquet"
     words = [sys.executable, "-c", KILLED, str(campaign_folder), str(out)]
     # The workers inherit the pipe, so communicate() returns when the last of them has ended.
@@ -184,9 +175,12 @@ def test_a_killed_campaign_is_continued_and_leaves_no_process(campaign_folder, c
     assert killed.returncode == -signal.SIGKILL
     assert len(read_campaign(out).table) == 4
     out.with_name(out.name + PART).write_bytes(b"of an interrupted write")
-    found = run_campaign(campaign_folder, out)
+    monkeypatch.setattr(campaign_run, "BATCH", 1)
+    progress = []
+    found = run_campaign(campaign_folder, out, 2, on_read=lambda *done: progress.append(done))
     assert found.kept == 4
     assert found.campaign.table.equals(complete.table)
+    assert progress == [(done, GOOD - 4) for done in range(1, GOOD - 3)]
     assert not out.with_name(out.name + PART).exists()
 
 

@@ -42,7 +42,7 @@ def test_campaign_in_json(recordings, table, capsys):
 
 
 def test_campaign_in_lines(recordings, table, capsys):
-    assert run("campaign", recordings, "--out", table) == 0
+    assert run("campaign", recordings, "--out", table, "--processes", 1) == 0
     lines = capsys.readouterr().out.splitlines()
     assert lines[0].startswith("SIMULATED")
     assert "12 presses" in lines[1]

@@ -12,7 +12,7 @@ import pytest
 from benchmarks.campaign import cluster
 from sautereau.analysis.campaign import run as campaign_run
 from sautereau.analysis.campaign import workers
-from sautereau.analysis.campaign.row import Batch, Source, read_batch
+from sautereau.analysis.campaign.row import Source, read_batch
 from sautereau.analysis.campaign.run import run_campaign
 from sautereau.analysis.campaign.workers import run_over
 from sautereau.analysis.errors import AnalysisError
@@ -21,7 +21,7 @@ from sautereau.rig.load import load_rig
 from sautereau.sim_backend.physics.reduced.sweep import sweep
 from sautereau.sim_backend.scene import load_scene
 
-OVERLAPS = np.linspace(0.2e-3, 0.32e-3, 4)
+OVERLAPS = np.array([0.2e-3, 0.32e-3])
 NOWHERE = "tcp://127.0.0.1:1"
 
 
@@ -116,6 +116,6 @@ def test_a_killed_worker_changes_no_table(campaign_folder, tmp_path, monkeypatch
 
 
 def test_a_cluster_without_the_folder_is_reported(address, tmp_path):
-    batch = Batch(tmp_path / "elsewhere", (Source("a.mcap", 1, 1),))
+    read = partial(read_batch, tmp_path / "elsewhere")
     with pytest.raises(AnalysisError, match="does not exist on a worker"):
-        list(run_over(read_batch, [batch], address))
+        list(run_over(read, [[Source("a.mcap", 1, 1)]], address))

@@ -8,9 +8,15 @@ import pytest
 from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.model.predict import predict
 from sautereau.analysis.phases import HeldString, Phases
-from sautereau.analysis.press.features import Features, PluckFeatures
-from sautereau.analysis.session.compare import Mean, compare, mean_of, predicted_features
-from sautereau.analysis.session.compare_features import COMPARED, compare_features, pluck_features
+from sautereau.analysis.session.compare import (
+    COMPARED,
+    Mean,
+    compare,
+    compare_features,
+    mean_of,
+    pluck_features,
+    predicted_features,
+)
 
 
 @pytest.fixture(scope="module")
@@ -72,7 +78,11 @@ def test_without_a_pluck_there_is_nothing_to_compare(prediction, phases):
 
 @pytest.mark.parametrize(
     ("n", "kind", "repeats", "within"),
-    [(2, "student", 2000, 0.015), (5, "student", 2000, 0.015), (20, "bootstrap", 400, 0.045)],
+    [
+        (2, "student", 2000, 0.015),
+        (20, "bootstrap", 400, 0.045),
+        pytest.param(5, "student", 2000, 0.015, marks=pytest.mark.slow),
+    ],
 )
 def test_the_interval_covers_the_mean_in_95_of_100(n, kind, repeats, within):
     """Resampling of 20 covers 93 of 100 and no less, where the values are normal."""
@@ -99,10 +109,7 @@ def test_a_skewed_feature_has_a_skewed_interval():
 
 def features_of(predicted, share=0.0):
     """Return the features of a press for a given relative model error of each."""
-    pluck = PluckFeatures(**{name: value / (1 + share) for name, value in predicted.items()})
-    return Features(
-        "press.mcap", True, 0, 0.2, None, None, 0.07, 0.07, 0.07, 0.8, 1e-3, 0, (pluck,)
-    )
+    return {name: value / (1 + share) for name, value in predicted.items()}
 
 
 def test_every_feature_is_compared_with_the_models(paper, prediction):
@@ -128,8 +135,7 @@ def test_one_press_has_features_without_intervals(paper, prediction):
 
 
 def test_features_without_a_pluck_are_not_compared(paper, prediction):
-    mute = Features("press.mcap", True, 0, 0.2, None, None, 0.07, None, None, 0.8, 1e-3, 0, ())
-    assert compare_features([mute], paper, prediction) == ()
+    assert compare_features([dict.fromkeys(COMPARED)], paper, prediction) == ()
 
 
 def test_the_held_work_of_a_prediction_is_its_own(paper, prediction):

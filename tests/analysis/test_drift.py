@@ -5,7 +5,7 @@ import pytest
 from scipy.integrate import cumulative_trapezoid
 
 from sautereau.analysis.press.drift import find_rests, force_at_rest, without_drift
-from sautereau.daq.signals.calibration import correct, undo_high_pass
+from sautereau.daq.signals.calibration import correct
 from sautereau.daq.signals.delays import undelayed
 from sautereau.rig.load import load_rig
 from sautereau.sim_backend.scene import load_scene
@@ -162,11 +162,3 @@ def test_an_offset_stays_and_an_earlier_force_decays(seed):
 
 def test_in_a_short_rest_the_level_counts_as_an_offset():
     assert force_at_rest(rest_of(0.01, -0.006, 0.02), 0.005, RATE, 0.1)[1]
-
-
-def test_an_offset_subtracted_before_the_coupling_is_inverted_leaves_no_ramp():
-    """Which is what the force's level is for: 50 mN would become 16 mN in 0.5 s."""
-    n = 25_600
-    shown = np.full(n, 0.05)
-    undone = undo_high_pass(shown, 0.1, RATE)
-    assert undone[-1] - undone[0] == pytest.approx(0.0157, rel=0.01)

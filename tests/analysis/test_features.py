@@ -12,12 +12,12 @@ from sautereau.analysis.press.features import UNITS, features
 @pytest.fixture(scope="module")
 def found(make_press):
     press = make_press()
-    return press, features(press, find_phases(press))
+    phases = find_phases(press)
+    return press, phases, features(press, phases)
 
 
 def test_a_row_has_a_column_for_every_unit(found):
-    _, features_ = found
-    row = features_.row()
+    *_, row = found
     assert set(row) == set(UNITS)
     assert None not in {row[name] for name in row if name not in ("bottomed", "returned")}
     json.dumps(row, allow_nan=False)
@@ -25,8 +25,7 @@ def test_a_row_has_a_column_for_every_unit(found):
 
 def test_the_numbers_are_those_of_the_press(found):
     """Closed forms: a jack at 72 mm/s, and a force that rises by 27 N/s for 20 ms."""
-    press, features_ = found
-    row = features_.row()
+    press, _, row = found
     key = press.rig.key
     assert row["pluck_duration"] == pytest.approx(0.020, rel=1e-3)
     assert row["release_rise"] - row["contact_rise"] == pytest.approx(0.072 * 0.020, rel=1e-3)
@@ -40,7 +39,7 @@ def test_the_numbers_are_those_of_the_press(found):
 
 def test_a_press_without_a_pluck_has_empty_columns(make_press):
     press = make_press(slope=0)
-    row = features(press, find_phases(press)).row()
+    row = features(press, find_phases(press))
     assert set(row) == set(UNITS)
     assert row["plucks"] == 0
     assert row["contact"] is None
@@ -49,9 +48,8 @@ def test_a_press_without_a_pluck_has_empty_columns(make_press):
 
 
 def test_columns_of_later_plucks_end_in_their_number(found):
-    _, features_ = found
-    (pluck,) = features_.plucks
-    row = replace(features_, plucks=(pluck, pluck)).row()
+    press, phases, _ = found
+    row = features(press, replace(phases, plucks=phases.plucks * 2))
     assert row["plucks"] == 2
     assert row["contact_2"] == row["contact"]
     assert {name.removesuffix("_2") for name in row} == set(UNITS)

@@ -146,7 +146,7 @@ def test_two_frictions_with_the_same_effect_are_not_identifiable(two):
 
 
 def test_a_weight_that_only_shifts_the_force_is_undetermined(two):
-    """The gravity moment only changes the level, which is unknown for an AC-coupled force."""
+    """The level of an AC-coupled force is unknown, and the gravity moment only changes it."""
     pressed, phases = two
     found = identify(pressed[:1], phases[:1], ["key.gravity_moment", *FREE], starts=1)
     unseen = by_name(found)["key.gravity_moment"]
@@ -213,15 +213,12 @@ def test_noise_alone_is_refused(rig):
         identify([still], [find_phases(still)], ["key.inertia"], starts=1)
 
 
-def test_samples_that_are_not_numbers_are_refused(two):
+def test_samples_that_are_not_numbers_and_no_press_are_refused(two):
     pressed, phases = two
     data = pressed[0].data.copy()
     data.iloc[100, 0] = np.nan
     with pytest.raises(AnalysisError, match="not finite numbers"):
         identify([replace(pressed[0], data=data)], phases[:1], ["key.inertia"])
-
-
-def test_no_press_is_refused():
     with pytest.raises(AnalysisError, match="there is no press to fit"):
         identify([], [], ["key.inertia"])
 

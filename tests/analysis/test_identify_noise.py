@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.linalg import toeplitz
 
-from sautereau.analysis.identify.noise import autocovariance, whitening
+from sautereau.analysis.identify.problem import autocovariance, whitening
 
 STEP = 0.5e-3
 

@@ -110,13 +110,11 @@ def test_values_go_into_the_rig_and_back_into_a_file(paper):
 
 
 def test_a_rig_written_as_text_is_the_same_rig(paper):
+    """With its sources, choirs, tongue and outline."""
     again = parse_rig(rig_text(paper))
     assert again == paper
     assert again.assumed == paper.assumed
     assert again.sources == paper.sources
-
-
-def test_choirs_tongues_and_outlines_survive_the_text(paper):
     outline = Outline.model_construct(
         x=(0.0, 4.5e-3), top=(0.24e-3, 0.1e-3), bottom=(-0.24e-3, -0.1e-3)
     )

@@ -1,6 +1,9 @@
 """Repeatability of presses whose spread and drift are known."""
 
+from pathlib import Path
+
 import numpy as np
+import pandas as pd
 import pytest
 
 from sautereau.analysis.errors import AnalysisError
@@ -16,14 +19,10 @@ def law(paper):
 
 def presses(paper, law, offsets, speeds):
     """Make presses equal to the plan except for an offset [m] and a factor of the speed."""
-    from pathlib import Path
-
-    import pandas as pd
-
     time = np.arange(0, law.law.duration, 1e-4)
+    plan = law.law.at(time)
     made = []
     for offset, factor in zip(offsets, speeds, strict=True):
-        plan = law.law.at(time)
         rise = offset + factor * plan.position
         frame = pd.DataFrame(
             {"jack_rise": rise, "jack_speed": factor * plan.velocity},

@@ -203,8 +203,8 @@ def test_a_pluck_without_a_string_is_reported(make_press):
     later = replace(held, contact=held.contact + 0.05, release=held.release + 0.05)
     shown = slow_motion(1, press, replace(phases, plucks=(held, later)))
     assert "2 plucks were found, and 1 can be assigned" in about(shown)
-    assert readings(shown)[1].values[shown.at_release] == "string held, pluck 1"
-    assert readings(shown)[1].values[-1] == "2 of 2 strings released"
+    assert readings(shown)["phase"][shown.at_release] == "string held, pluck 1"
+    assert readings(shown)["phase"][-1] == "2 of 2 strings released"
 
 
 def test_the_frames_are_the_replays(two):
