@@ -186,7 +186,7 @@ def test_a_hung_server_is_a_fault(bench, noise_card, monkeypatch):
             run.wait_for = lambda n, timeout: run.stopped.wait() and 0
             return run
 
-    monkeypatch.setattr("sautereau.daq.source.connection.ANSWER_DEADLINE", 0.2)
+    monkeypatch.setattr("sautereau.daq.source.connection.ANSWER_DEADLINE", 2.0)
     _, _, rig = bench(Hung())
     assert "no answer while reading" in str(fault_of(rig.daq))
 

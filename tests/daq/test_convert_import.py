@@ -100,7 +100,7 @@ def test_any_number_comes_back_from_any_table(tmp_path_factory, values):
 
 
 def read_session():
-    from sautereau.daq.file.session_info import SessionInfo
+    from sautereau.daq.file.recorded import SessionInfo
 
     return SessionInfo(1, STARTED, False, "DMC", "card")
 

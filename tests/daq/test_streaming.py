@@ -5,10 +5,9 @@ import pytest
 from mcap.reader import make_reader
 
 from sautereau.daq.errors import RecordingError
-from sautereau.daq.file.reading import read_recording
+from sautereau.daq.file.reading import read_recording, read_window, stream
 from sautereau.daq.file.recording import Block, Recording
 from sautereau.daq.file.recovery import recover
-from sautereau.daq.file.streaming import read_window, stream
 
 RATE = 51_200.0
 N = 70_000
