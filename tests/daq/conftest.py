@@ -58,6 +58,16 @@ def paper():
 
 
 @pytest.fixture
+def velocity(paper):
+    return paper.daq.channels[0]
+
+
+@pytest.fixture
+def force(paper):
+    return paper.daq.channels[1]
+
+
+@pytest.fixture
 def bench(paper):
     """Serve a card and return it with its server and a rig of its address."""
     servers = []

@@ -14,7 +14,7 @@ from sautereau.sim_backend.devices.daqmx.server import serve
 
 
 def ramp(first, n, channels=2):
-    """Tell what a ramp card shows: shape (channels, n), V."""
+    """Return the volts of a ramp card, shape (channels, n), V."""
     index = np.arange(first, first + n)
     return (index % 1000 - 500) / 100 + np.arange(channels)[:, None] / 1000
 
@@ -93,7 +93,7 @@ def record(acquisition, recording):
 
 
 @pytest.mark.parametrize("triggered", [False, True])
-def test_a_continuous_acquisition_goes_on_until_it_is_left(card, rig, triggered):
+def test_a_continuous_acquisition_continues_until_it_is_left(card, rig, triggered):
     with Acquisition(rig.daq, None, triggered=triggered) as acquisition:
         assert acquisition.n_samples is None
         acquisition.start()
@@ -193,7 +193,7 @@ def test_samples_that_the_driver_passes_over(paper, card):
                 next(blocks)
 
 
-def test_a_dry_run_tells_what_the_device_has_taken(card, rig):
+def test_a_dry_run_returns_what_the_device_has_accepted(card, rig):
     with Acquisition(changed(rig, pre_trigger=0.01).daq, 0.1) as acquisition:
         found = acquisition.settings()
     assert card.runs == []

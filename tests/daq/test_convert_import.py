@@ -306,7 +306,7 @@ def test_each_fault_is_reported(tmp_path, back, paper, given, word):
     assert "table.csv" in message
 
 
-def test_every_channel_left_out(tmp_path, back, paper):
+def test_no_channel_at_all(tmp_path, back, paper):
     (tmp_path / "table.csv").write_text("a\n1\n")
     options = answers(without=("velocity", "force"), rate="1 kHz")
     message = refused(tmp_path / "table.csv", back, paper, options)
