@@ -17,11 +17,10 @@ import numpy as np
 
 from benchmarks.figures import Figure
 from sautereau.daq.file.container.writer import McapWriter
-from sautereau.daq.file.reading import read_recording
+from sautereau.daq.file.reading import read_recording, stream
 from sautereau.daq.file.recorded import Block
 from sautereau.daq.file.recording import Recording, SessionInfo
 from sautereau.daq.file.schemas import encode, schema_data
-from sautereau.daq.file.streaming import stream
 from sautereau.rig.load import load_rig
 from sautereau.rig.schema import Rig
 

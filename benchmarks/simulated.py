@@ -9,8 +9,7 @@ from numpy.random import Generator
 
 from sautereau.analysis.errors import ModelError
 from sautereau.analysis.press.load import Press, press_of
-from sautereau.daq.file.recorded import Recorded
-from sautereau.daq.file.session_info import SessionInfo
+from sautereau.daq.file.recorded import Recorded, SessionInfo
 from sautereau.rig.load import load_rig, with_values
 from sautereau.rig.schema import Rig
 from sautereau.sim_backend.devices.daqmx.runs import SampledRun

@@ -6,7 +6,7 @@ import json
 import re
 import textwrap
 import types
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from datetime import date
 from functools import cache
@@ -16,7 +16,7 @@ from typing import Annotated, Any, Literal, Union, cast, get_args, get_origin
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
-from sautereau.rig.faults import unit_of
+from sautereau.rig.faults import submodels, unit_of
 from sautereau.rig.registry import NameIn
 from sautereau.rig.schema import Rig
 from sautereau.rig.units import format_quantity
@@ -68,10 +68,10 @@ def describe(model: type[BaseModel] = Rig) -> list[TableDescription]:
 
 
 def _tables(
-    models: tuple[type[BaseModel], ...], name: str, *, repeated: bool, needed: bool
+    models: Sequence[type[BaseModel]], name: str, *, repeated: bool, needed: bool
 ) -> Iterator[TableDescription]:
     fields = {k: f for m in models for k, f in m.model_fields.items() if not f.exclude}
-    inner = {key: found for key, field in fields.items() if (found := _models(field.annotation))}
+    inner = {key: found for key, field in fields.items() if (found := submodels(field.annotation))}
     entries = tuple(_entry(key, models) for key in fields if key not in inner)
     meaning = " Or: ".join(_prose(model.__doc__ or "") for model in models)
     yield TableDescription(name, repeated, needed, meaning, entries)
@@ -81,7 +81,7 @@ def _tables(
         yield from _tables(found, dotted, repeated=many, needed=fields[key].is_required())
 
 
-def _entry(key: str, models: tuple[type[BaseModel], ...]) -> KeyDescription:
+def _entry(key: str, models: Sequence[type[BaseModel]]) -> KeyDescription:
     """Return the description of a key, joined over all kinds of tables that have it."""
     described = [_described(key, model) for model in models if key in model.model_fields]
 
@@ -133,13 +133,6 @@ def _docstrings(model: type[BaseModel]) -> dict[str, str]:
 def _written(unit: str) -> str:
     """Return a unit as people write it: kg m^2 for pint's kg*m**2."""
     return unit.replace("**", "^").replace("*", " ")
-
-
-def _models(annotation: Any) -> tuple[type[BaseModel], ...]:
-    """Return the tables that an annotation allows; none if it is a value."""
-    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        return (annotation,)
-    return tuple(model for inner in get_args(annotation) for model in _models(inner))
 
 
 def _bare(annotation: Any) -> Any:

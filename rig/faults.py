@@ -3,7 +3,7 @@
 import difflib
 import re
 from collections.abc import Iterator
-from typing import Any
+from typing import Any, get_args
 
 from pydantic import BaseModel, ValidationError
 
@@ -95,13 +95,11 @@ def line_of(text: str, key: str) -> int | None:
     return best[1] if best else None
 
 
-def _submodels(annotation: Any) -> list[type[BaseModel]]:
+def submodels(annotation: Any) -> list[type[BaseModel]]:
+    """Return the tables that an annotation allows; none if it is a value."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return [annotation]
-    found = []
-    for inner in getattr(annotation, "__args__", ()):
-        found += _submodels(inner)
-    return found
+    return [model for inner in get_args(annotation) for model in submodels(inner)]
 
 
 def unit_of(model: type[BaseModel], location: list[Any], values: Any = None) -> str | None:
@@ -123,7 +121,7 @@ def unit_of(model: type[BaseModel], location: list[Any], values: Any = None) -> 
         for candidate in models:
             if field := candidate.model_fields.get(str(part)):
                 unit = unit or _find_unit(field.metadata) or _find_unit([field.annotation])
-                following += _submodels(field.annotation)
+                following += submodels(field.annotation)
         if isinstance(unit, UnitBy):
             unit = _resolved(unit, values)
         models, values = following, _value(values, str(part))
@@ -155,5 +153,5 @@ def model_keys(model: type[BaseModel], prefix: str = "") -> Iterator[str]:
         if field.exclude:
             continue
         yield prefix + name
-        for inner in _submodels(field.annotation):
+        for inner in submodels(field.annotation):
             yield from model_keys(inner, f"{prefix}{name}.")

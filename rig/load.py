@@ -4,7 +4,7 @@ import json
 import logging
 import re
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -64,13 +64,20 @@ def parse_rig(text: str, origin: str = "rig", folder: Path | None = None) -> Rig
     faults = [
         at_line(line_of(text, key), f"{key}: {fault}") for key, fault in faults + range_faults
     ]
+    rig = _validated(values, origin, faults, text)
+    return rig.model_copy(update={"assumed": ranges, "sources": sources})
+
+
+def _validated(values: Any, origin: str, faults: Sequence[str] = (), text: str = "") -> Rig:
+    """Return the rig of a document, or raise its faults together with those already found."""
     try:
         rig = Rig.model_validate(values)
     except ValidationError as error:
-        raise RigError(fault_list(origin, validation_faults(error, Rig, text) + faults)) from error
+        found = [*validation_faults(error, Rig, text), *faults]
+        raise RigError(fault_list(origin, found)) from error
     if faults:
-        raise RigError(fault_list(origin, faults))
-    return rig.model_copy(update={"assumed": ranges, "sources": sources})
+        raise RigError(fault_list(origin, list(faults)))
+    return rig
 
 
 def with_values(rig: Rig, values: Mapping[str, Any]) -> Rig:
@@ -98,13 +105,7 @@ def with_values(rig: Rig, values: Mapping[str, Any]) -> Rig:
             faults.append(f"{dotted}: unknown quantity{near_miss(dotted, list(model_keys(Rig)))}")
             continue
         node[last] = value
-    try:
-        changed = Rig.model_validate(document)
-    except ValidationError as error:
-        faults += validation_faults(error, Rig, "")
-        raise RigError(fault_list(f"rig {rig.name}", faults)) from error
-    if faults:
-        raise RigError(fault_list(f"rig {rig.name}", faults))
+    changed = _validated(document, f"rig {rig.name}", faults)
     return changed.model_copy(update={"assumed": rig.assumed, "sources": rig.sources})
 
 
@@ -136,9 +137,7 @@ def rig_from_json(text: str) -> Rig:
             name: {current_key(key): about for key, about in stored[name].items()}
             for name in ("assumed", "sources")
         }
-        return Rig.model_validate(values | origins)
-    except ValidationError as error:
-        raise RigError(fault_list(origin, validation_faults(error, Rig, ""))) from error
+        return _validated(values | origins, origin)
     except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
         raise RigError(
             f"{origin}: {type(error).__name__}: {error}; only text written by rig_json can be read"

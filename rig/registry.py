@@ -1,4 +1,4 @@
-"""Implementations by name: those of sautereau, and those that other installed packages provide."""
+"""Implementations by name: sautereau's own, and those of other packages; motion controllers."""
 
 import difflib
 from collections.abc import Mapping
@@ -9,7 +9,7 @@ from typing import Any
 from pydantic import GetCoreSchemaHandler
 from pydantic_core import PydanticCustomError, core_schema
 
-from sautereau.rig.errors import SautereauError
+from sautereau.rig.errors import RigError, SautereauError
 
 
 class Registry:
@@ -96,3 +96,26 @@ class NameIn:
         except SautereauError as error:
             raise PydanticCustomError("unknown_name", "{fault}", {"fault": str(error)}) from error
         return name
+
+
+_BUILT_IN = {
+    "galil": "sautereau.robot.drivers.galil.driver:GalilController",
+    "odrive": "sautereau.robot.drivers.odrive.driver:OdriveController",
+}
+CONTROLLERS = Registry("sautereau.controllers", "controller", _BUILT_IN, RigError)
+"""Each is called with a `Rig` and returns a `sautereau.robot.controller.MotionController`."""
+
+
+def known_kind(kind: str) -> str:
+    """Return the kind of a controller.
+
+    Raises:
+        ValueError: No installed package provides it.
+    """
+    # Looking through the installed packages takes milliseconds, and rigs are validated often.
+    if kind not in _BUILT_IN and kind not in (names := CONTROLLERS.names()):
+        raise ValueError(
+            f"{kind!r} is unknown; known: {', '.join(names)}. Another package adds one by an entry"
+            f" point in the group {CONTROLLERS.group!r}"
+        )
+    return kind

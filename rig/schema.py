@@ -14,8 +14,8 @@ from typing import Annotated, Literal
 from pydantic import AfterValidator, Field, model_validator
 
 from sautereau.rig.acquisition import Daq
-from sautereau.rig.controllers import known_kind
 from sautereau.rig.instrument import Choir, Jack, Key, Plectrum, String
+from sautereau.rig.registry import known_kind
 from sautereau.rig.section import (
     GRAVITY,
     Angle,
@@ -222,16 +222,12 @@ class Rig(Section):
     def _parts_fit(self):
         key, jack = self.key, self.jack
         faults = []
-        if key.press_arm > key.front_arm:
-            faults.append(
-                f"key.press_arm: {key.press_arm * 1e3:.6g} mm is beyond the key's front edge at"
-                f" {key.front_arm * 1e3:.6g} mm; lower press_arm or raise front_arm"
-            )
-        if key.laser_arm > key.front_arm:
-            faults.append(
-                f"key.laser_arm: {key.laser_arm * 1e3:.6g} mm is beyond the key's front edge at"
-                f" {key.front_arm * 1e3:.6g} mm; lower laser_arm or raise front_arm"
-            )
+        for name in ("press_arm", "laser_arm"):
+            if getattr(key, name) > key.front_arm:
+                faults.append(
+                    f"key.{name}: {getattr(key, name) * 1e3:.6g} mm is beyond the key's front edge"
+                    f" at {key.front_arm * 1e3:.6g} mm; lower {name} or raise front_arm"
+                )
         if self.plectrum.overlap >= self.plectrum.length:
             faults.append(
                 f"plectrum.overlap: {self.plectrum.overlap * 1e3:.6g} mm is not less than the"

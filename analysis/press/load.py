@@ -19,8 +19,13 @@ from sautereau.analysis.press.drift import (
     without_drift,
     without_line,
 )
-from sautereau.daq.signals.calibration import calibration_warning, correct, to_si, white_noise
-from sautereau.daq.signals.delays import undelayed
+from sautereau.daq.signals.calibration import (
+    calibration_warning,
+    correct,
+    to_si,
+    undelayed,
+    white_noise,
+)
 from sautereau.daq.signals.quality_flags import QualityFlag, find_quality_flags, quality_warnings
 from sautereau.rig.acquisition import Channel
 from sautereau.rig.instrument import Key

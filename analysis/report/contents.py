@@ -21,8 +21,7 @@ from sautereau.analysis.session.compare import (
 )
 from sautereau.analysis.session.repeatability import LEAST, Repeatability, repeatability
 from sautereau.daq.file.reading import read_recording
-from sautereau.daq.file.recorded import Event, Recorded
-from sautereau.daq.file.session_info import SessionInfo
+from sautereau.daq.file.recorded import Event, Recorded, SessionInfo
 from sautereau.rig.errors import SautereauError
 from sautereau.rig.load import rig_document
 from sautereau.rig.schema import Rig

@@ -6,14 +6,12 @@ from typing import TYPE_CHECKING, BinaryIO, Literal
 
 import numpy as np
 
-from sautereau.daq.convert.document import PARQUET_KEY, document_text
-from sautereau.daq.convert.formats import SIMULATED
+from sautereau.daq.convert.formats import PARQUET_KEY, SIMULATED, document_text
 from sautereau.daq.errors import RecordingError
 from sautereau.daq.file.container.durable import DurableFile
 from sautereau.daq.file.reading import read_recording
 from sautereau.daq.file.recorded import Recorded
-from sautereau.daq.signals.calibration import correct
-from sautereau.daq.signals.delays import undelayed
+from sautereau.daq.signals.calibration import correct, undelayed
 from sautereau.rig.faults import fault_list
 
 if TYPE_CHECKING:

@@ -5,8 +5,14 @@ from pathlib import Path
 
 import numpy as np
 
-from sautereau.daq.convert.document import Document, digest, sha256
-from sautereau.daq.convert.formats import ImportSource, open_source, refuse_missing
+from sautereau.daq.convert.formats import (
+    Document,
+    ImportSource,
+    digest,
+    open_source,
+    refuse_missing,
+    sha256,
+)
 from sautereau.daq.convert.options import (
     ChannelColumn,
     ImportOptions,
@@ -15,9 +21,8 @@ from sautereau.daq.convert.options import (
     resolve_options,
 )
 from sautereau.daq.errors import RecordingError
-from sautereau.daq.file.recorded import Block, Event, Signal
+from sautereau.daq.file.recorded import Block, SessionInfo, Signal
 from sautereau.daq.file.recording import Recording
-from sautereau.daq.file.session_info import SessionInfo
 from sautereau.daq.signals.calibration import to_volts
 from sautereau.rig.schema import Rig
 
@@ -102,8 +107,9 @@ def _restore(
             recording.write_plan(plan.t, plan.q1, plan.q2, plan.jack_rise)
         if document.joints is not None:
             recording.write_joints(document.joints)
-        for event in (*document.events, _event(origin)):
+        for event in document.events:
             recording.event(event.kind, event.text, event.time)
+        recording.event("imported", origin, 0.0)
     return Imported(out, session.simulated, document.rate, volts.shape[1], first, 0.0)
 
 
@@ -152,8 +158,7 @@ def _import(
     volts = np.stack([_volts(data[column.name], column) for column in columns])
     with _recording(out, part, session, volts, first, rate, settings.t0_ns) as recording:
         _write_volts(recording, volts, first, rig.daq.block)
-        event = _event(origin)
-        recording.event(event.kind, event.text, event.time)
+        recording.event("imported", origin, 0.0)
     shift = settings.trigger - start + first / rate
     return Imported(out, session.simulated, rate, volts.shape[1], first, shift)
 
@@ -195,10 +200,6 @@ def _start_and_rate(times: Signal, rate: float | None) -> tuple[float, float]:
             " --rate, or a file without missing samples: nothing is resampled"
         )
     return float(times[0]), rate
-
-
-def _event(text: str) -> Event:
-    return Event(0.0, "imported", text)
 
 
 def _joined(*texts: str) -> str:

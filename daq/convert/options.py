@@ -95,7 +95,13 @@ def resolve_options(source: ImportSource, rig: Rig, options: ImportOptions) -> I
     if options.time is not None and options.time not in source.names:
         faults.append(f"--time {options.time!r} is not a column of the file; {_columns(source)}")
     rate = _rate(source, columns, options, faults)
-    trigger = _trigger(options, faults)
+    if options.trigger is None:
+        trigger = None
+        faults.append(
+            'when did the trigger occur on the file\'s own time axis? give --trigger "12 ms"'
+        )
+    else:
+        trigger = _quantity("trigger", options.trigger, "s", "12 ms", faults)
     started = _started(source, options, faults)
     if options.simulated is None:
         faults.append("measured or simulated? give --measured or --simulated")
@@ -224,15 +230,6 @@ def _rate(
             f"--rate {options.rate!r} differs from the file's {in_file.pop():.9g} Hz; remove --rate"
         )
     return rate
-
-
-def _trigger(options: ImportOptions, faults: list[str]) -> float | None:
-    if options.trigger is None:
-        faults.append(
-            'when did the trigger occur on the file\'s own time axis? give --trigger "12 ms"'
-        )
-        return None
-    return _quantity("trigger", options.trigger, "s", "12 ms", faults)
 
 
 def _quantity(option: str, text: str, unit: str, example: str, faults: list[str]) -> float | None:

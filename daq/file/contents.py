@@ -24,9 +24,8 @@ from sautereau.daq.file.container.records import (
     text_within,
     texts_within,
 )
-from sautereau.daq.file.recorded import Event, Joints, Plan
+from sautereau.daq.file.recorded import Event, Joints, Plan, SessionInfo, session_from_metadata
 from sautereau.daq.file.schemas import FIELDS, decode, doubles
-from sautereau.daq.file.session_info import SessionInfo, session_from_metadata
 from sautereau.rig.errors import RigError
 from sautereau.rig.load import rig_from_json
 from sautereau.rig.schema import Rig

@@ -10,8 +10,8 @@ from mcap.records import Channel, Schema
 
 from sautereau.daq.file.container.writer import McapWriter
 from sautereau.daq.file.preview import ATTENUATION, PASS_BAND, Decimator
+from sautereau.daq.file.recorded import SessionInfo
 from sautereau.daq.file.schemas import FIELDS, PACKAGE, schema_data
-from sautereau.daq.file.session_info import SessionInfo
 from sautereau.rig.load import rig_document, rig_json
 from sautereau.rig.schema import Rig
 

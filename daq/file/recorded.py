@@ -1,16 +1,85 @@
-"""What a recording holds: samples, plan, joints, events, gaps."""
+"""What a recording holds: the session, samples, plan, joints, events, gaps."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from pathlib import Path
-from typing import TypedDict
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sautereau.daq.file.session_info import SessionInfo
+from sautereau.daq.errors import RecordingError
 from sautereau.rig.schema import Rig
 
 Signal = NDArray[np.float64]
+
+_BEFORE_SESSIONS = {"session": "", "item": "", "warm_up": "false"}
+"""Metadata of a recording that was made before sessions had plans."""
+
+
+@dataclass(frozen=True)
+class SessionInfo:
+    """One press of a session."""
+
+    press: int
+    """Number of the press in its session, from 1."""
+    started: str
+    """Date of the start of the press, ISO 8601 with the time zone."""
+    simulated: bool
+    """Whether the stand-in made the samples, as the DAQ device itself reports."""
+    controller: str
+    """Identification of the motor controller."""
+    daq: str
+    """Product type and serial number of the DAQ device."""
+    scene: str = ""
+    """Text of the stand-in's scene; empty on the hardware."""
+    seed: int | None = None
+    """Seed of every random number; None without one."""
+    notes: str = ""
+    """The operator's notes."""
+    session: str = ""
+    """Identifier of the session; empty for a single press."""
+    item: int | None = None
+    """Number of the press in the session's plan, from 1; None without a plan."""
+    warm_up: bool = False
+    """Whether it is a warm-up press, which is excluded from all results."""
+
+    def to_metadata(self) -> dict[str, str]:
+        """Return the fields as text, for a Metadata record."""
+        flags = {False: "false", True: "true", None: ""}
+        values = vars(self).items()
+        return {
+            name: flags[value] if isinstance(value, bool | None) else str(value)
+            for name, value in values
+        }
+
+
+def session_from_metadata(metadata: dict[str, str]) -> SessionInfo:
+    """Read back what `SessionInfo.to_metadata` wrote.
+
+    Raises:
+        RecordingError: A field is missing or invalid.
+    """
+    known = _BEFORE_SESSIONS | metadata
+    missing = [field.name for field in fields(SessionInfo) if field.name not in known]
+    if missing:
+        raise RecordingError(f"its session metadata lack {', '.join(missing)}")
+    for flag in ("simulated", "warm_up"):
+        if known[flag] not in ("true", "false"):
+            raise RecordingError(f"its session says {flag} = {known[flag]!r}, not true or false")
+    texts = ("started", "controller", "daq", "scene", "notes", "session")
+    try:
+        return SessionInfo(
+            press=int(known["press"]),
+            seed=int(known["seed"]) if known["seed"] else None,
+            item=int(known["item"]) if known["item"] else None,
+            simulated=known["simulated"] == "true",
+            warm_up=known["warm_up"] == "true",
+            **{name: known[name] for name in texts},
+        )
+    except ValueError as error:
+        raise RecordingError(
+            f"press, seed or item of its session is not a number: {error}"
+        ) from error
 
 
 @dataclass(frozen=True)
@@ -69,16 +138,6 @@ class Event:
     """What happened."""
 
 
-class MissingSamples(TypedDict):
-    """A gap as JSON: samples as in `Gap`, times in s after the trigger."""
-
-    channel: str
-    first_sample: int
-    stop_sample: int | None
-    start: float
-    stop: float | None
-
-
 @dataclass(frozen=True)
 class Gap:
     """Consecutive missing samples of one channel of a recording."""
@@ -102,15 +161,10 @@ class Gap:
         """Time after the trigger of the sample after the last, s; None for an unknown end."""
         return None if self.stop_sample is None else self.stop_sample / self.rate
 
-    def document(self) -> MissingSamples:
-        """Return the gap as JSON."""
-        return MissingSamples(
-            channel=self.channel,
-            first_sample=self.first_sample,
-            stop_sample=self.stop_sample,
-            start=self.start,
-            stop=self.stop,
-        )
+    def document(self) -> dict[str, Any]:
+        """Return the gap as JSON, with its times instead of the rate."""
+        names = ("channel", "first_sample", "stop_sample", "start", "stop")
+        return {name: getattr(self, name) for name in names}
 
     def __str__(self) -> str:
         if self.stop_sample is None or self.stop is None:

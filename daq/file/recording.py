@@ -8,15 +8,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from sautereau.daq.errors import RecordingError
-from sautereau.daq.file.container.durable import PART
-from sautereau.daq.file.container.recording_file import RecordingFile, SteadyClock
+from sautereau.daq.file.container.durable import PART, RecordingFile, SteadyClock
 from sautereau.daq.file.container.records import CHUNK_SIZE
 from sautereau.daq.file.container.writer import McapWriter
 from sautereau.daq.file.preview import Decimator
 from sautereau.daq.file.provenance import write_head
-from sautereau.daq.file.recorded import Block, Joints
+from sautereau.daq.file.recorded import Block, Joints, SessionInfo
 from sautereau.daq.file.schemas import encode, encode_scalars
-from sautereau.daq.file.session_info import SessionInfo
 from sautereau.rig.schema import Rig
 
 __all__ = ["Block", "Recording", "SessionInfo"]

@@ -1,6 +1,7 @@
 """Repair: make a readable recording of the intact parts of a damaged one, which is kept."""
 
 import json
+from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO
@@ -8,10 +9,9 @@ from typing import BinaryIO
 from mcap.records import Chunk
 
 from sautereau.daq.errors import RecordingError
-from sautereau.daq.file.container.chunks import unpack_chunk
+from sautereau.daq.file.container.chunks import find_intact, unpack_chunk
 from sautereau.daq.file.container.durable import PART, DurableFile
 from sautereau.daq.file.container.records import Opcode, stream_of
-from sautereau.daq.file.container.salvage import find_intact
 from sautereau.daq.file.container.writer import McapWriter
 from sautereau.daq.file.integrity import opened, verified
 from sautereau.daq.file.provenance import start_head
@@ -54,7 +54,10 @@ def recover(path: str | Path, out: str | Path | None = None) -> Recovery:
         RecordingError: The file needs no recovery, or nothing of it can be recovered.
     """
     path = Path(path)
-    out = _named(path) if out is None else Path(out)
+    if out is None:
+        recovered = path.with_name(f"{path.stem}-recovered.mcap")
+        out = path.with_suffix("") if path.suffix == PART else recovered
+    out = Path(out)
     with opened(path, damaged=True) as file:
         if not file.read(1):
             raise RecordingError("it is empty: nothing was recorded; delete it and press again")
@@ -67,8 +70,8 @@ def recover(path: str | Path, out: str | Path | None = None) -> Recovery:
         damage = found.damage or "it is undamaged, but its press was aborted"
         target = DurableFile(out, ending=ENDING)
         try:
-            with target.writing():
-                _write(target.stream, out.parent, file, found, path.name, damage)
+            with target.writing(), closing(McapWriter(target.stream, out.parent)) as writer:
+                _write(writer, file, found, path.name, damage)
             target.close()
             target.publish()
         except BaseException:
@@ -85,30 +88,13 @@ def recover(path: str | Path, out: str | Path | None = None) -> Recovery:
     )
 
 
-def _named(path: Path) -> Path:
-    if path.suffix == PART:
-        return path.with_suffix("")
-    return path.with_name(f"{path.stem}-recovered.mcap")
-
-
-def _write(
-    stream: BinaryIO, folder: Path, file: BinaryIO, found: Survey, name: str, damage: str
-) -> None:
+def _write(writer: McapWriter, file: BinaryIO, found: Survey, name: str, damage: str) -> None:
     metadata = found.contents.metadata
     lost = [key for key in HEAD if key not in metadata]
     if lost:
         raise RecordingError(
             f"both copies of its metadata {', '.join(lost)} are damaged; use a copy of it"
         )
-    writer = McapWriter(stream, folder)
-    try:
-        _fill(writer, file, found, name, damage)
-    finally:
-        writer.close()
-
-
-def _fill(writer: McapWriter, file: BinaryIO, found: Survey, name: str, damage: str) -> None:
-    metadata = found.contents.metadata
     try:
         start_head(writer, {key: metadata[key] for key in HEAD})
     except (KeyError, ValueError, TypeError) as error:

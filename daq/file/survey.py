@@ -3,16 +3,15 @@
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import BinaryIO, TypedDict
+from typing import Any, BinaryIO, TypedDict
 
 from sautereau.daq.errors import RecordingError
+from sautereau.daq.file.container.chunks import find_intact
 from sautereau.daq.file.container.records import DamageError, Record
-from sautereau.daq.file.container.salvage import find_intact
 from sautereau.daq.file.contents import Contents
 from sautereau.daq.file.integrity import check_header, opened, size_of, verified
-from sautereau.daq.file.recorded import Gap, MissingSamples
+from sautereau.daq.file.recorded import Gap, SessionInfo
 from sautereau.daq.file.runs import Runs
-from sautereau.daq.file.session_info import SessionInfo
 from sautereau.rig.schema import Rig
 
 LAYOUT = Path(__file__).parents[1] / "foxglove-layout.json"
@@ -39,7 +38,8 @@ class Description(TypedDict):
     """Number of samples that every channel has."""
     duration: float
     """Their duration, s."""
-    missing: list[MissingSamples]
+    missing: list[dict[str, Any]]
+    """Gaps, each as `Gap.document` returns it."""
     channels: dict[str, dict[str, str]]
     messages: dict[str, int]
     """Number of messages, by topic."""

@@ -83,14 +83,29 @@ class Acquisition:
                 self._task = Task(grpc_options=self._options)
                 self._rate = build_task(self._task, self._plan)
             with driver_errors(self._daq, "identifying the device", self._options):
-                self._describe_device()
+                (device,) = self._task.devices
+                self._simulated = bool(device.is_simulated)
+                self._description = (
+                    f"{device.product_type}, serial number {device.serial_num:08X},"
+                    f" {self._daq.device}"
+                )
         except BaseException as error:
-            self._leave(error)
+            self.__exit__(type(error), error, None)
             raise
         return self
 
-    def __exit__(self, _type: object, error: BaseException | None, _trace: object) -> None:
-        self._leave(error)
+    def __exit__(self, _type: object, first: BaseException | None, _trace: object) -> None:
+        """Clear the task and the connection; an error here never replaces ``first``."""
+        task, self._task = self._task, None
+        try:
+            with self._stack:
+                if task is not None:
+                    with driver_errors(self._daq, "clearing the task", self._options):
+                        task.close()
+        except DaqError as error:
+            if first is None:
+                raise
+            first.add_note(f"then clearing the task failed as well: {error}")
 
     def settings(self) -> TaskSettings:
         """Return the task as the device has accepted and verified it."""
@@ -242,23 +257,3 @@ class Acquisition:
                 "acquisition: no task; use it inside `with Acquisition(...) as acquisition:`"
             )
         return self._task
-
-    def _describe_device(self) -> None:
-        (device,) = self._task.devices
-        self._simulated = bool(device.is_simulated)
-        self._description = (
-            f"{device.product_type}, serial number {device.serial_num:08X}, {self._daq.device}"
-        )
-
-    def _leave(self, first: BaseException | None) -> None:
-        """Clear the task and the connection; an error here never replaces ``first``."""
-        task, self._task = self._task, None
-        try:
-            with self._stack:
-                if task is not None:
-                    with driver_errors(self._daq, "clearing the task", self._options):
-                        task.close()
-        except DaqError as error:
-            if first is None:
-                raise
-            first.add_note(f"then clearing the task failed as well: {error}")

@@ -1,6 +1,7 @@
 """Connection to the DAQmx driver of this machine, or of a machine with NI's gRPC device server."""
 
 import ipaddress
+import json
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -43,14 +44,11 @@ def connect(daq: Daq, longest_wait: float) -> Iterator[Any]:
         yield None
         return
     _must_be_safe(daq)
-    import grpc
     from nidaqmx import GrpcSessionOptions
 
-    with _channel(daq) as channel:
+    with _channel(daq, longest_wait + ANSWER_DEADLINE) as channel:
         _must_answer(daq, channel)
-        limit = longest_wait + ANSWER_DEADLINE
-        bounded = grpc.intercept_channel(channel, _deadline(limit))
-        yield GrpcSessionOptions(bounded, "")
+        yield GrpcSessionOptions(channel, "")
 
 
 def _must_be_safe(daq: Daq) -> None:
@@ -73,14 +71,17 @@ def _must_be_safe(daq: Daq) -> None:
         )
 
 
-def _channel(daq: Daq) -> "grpc.Channel":
+def _channel(daq: Daq, limit: float) -> "grpc.Channel":
+    """Return a channel that limits every call to ``limit`` s: a hung server raises an error."""
     import grpc
 
+    calls = {"methodConfig": [{"name": [{}], "timeout": f"{limit:.3f}s"}]}
+    options = [*_OPTIONS, ("grpc.service_config", json.dumps(calls))]
     if daq.tls is None:
-        return grpc.insecure_channel(daq.address, _OPTIONS)
+        return grpc.insecure_channel(daq.address, options)
     root, certificate, key = _certificates(daq.tls)
     credentials = grpc.ssl_channel_credentials(root, key, certificate)
-    return grpc.secure_channel(daq.address, credentials, _OPTIONS)
+    return grpc.secure_channel(daq.address, credentials, options)
 
 
 def _certificates(tls: Tls) -> list[bytes | None]:
@@ -128,26 +129,3 @@ def _must_answer(daq: Daq, channel: "grpc.Channel") -> None:
             f"daq.address {daq.address}: no server answered within {CONNECT_DEADLINE:g} s"
             f" ({error.details()}); {how_to_fix}"  # pyright: ignore[reportAttributeAccessIssue]
         ) from error
-
-
-def _deadline(seconds: float) -> Any:
-    """Return an interceptor that limits every call, so that a hung server raises an error."""
-    import grpc
-
-    class Deadline(grpc.UnaryUnaryClientInterceptor):
-        def intercept_unary_unary(self, continuation: Any, client_call_details: Any, request: Any):
-            return continuation(_Details(client_call_details, seconds), request)
-
-    return Deadline()
-
-
-class _Details:
-    """The details of a gRPC call with another timeout (s)."""
-
-    def __init__(self, call: Any, timeout: float):
-        self.method = call.method
-        self.metadata = call.metadata
-        self.credentials = call.credentials
-        self.wait_for_ready = call.wait_for_ready
-        self.compression = call.compression
-        self.timeout = timeout

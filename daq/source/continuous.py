@@ -6,9 +6,8 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from sautereau.daq.errors import DaqError
-from sautereau.daq.file.recorded import Block
+from sautereau.daq.file.recorded import Block, SessionInfo
 from sautereau.daq.file.recording import Recording
-from sautereau.daq.file.session_info import SessionInfo
 from sautereau.daq.source.acquisition import Acquisition
 from sautereau.rig.schema import Rig
 

@@ -1,6 +1,6 @@
 """The motion controller that a rig names, by `controller.kind`."""
 
-from sautereau.rig.controllers import CONTROLLERS
+from sautereau.rig.registry import CONTROLLERS
 from sautereau.rig.schema import Rig
 from sautereau.robot.controller import MotionController
 

@@ -5,8 +5,7 @@ import pytest
 from scipy.integrate import cumulative_trapezoid
 
 from sautereau.analysis.press.drift import find_rests, force_at_rest, without_drift
-from sautereau.daq.signals.calibration import correct
-from sautereau.daq.signals.delays import undelayed
+from sautereau.daq.signals.calibration import correct, undelayed
 from sautereau.rig.load import load_rig
 from sautereau.sim_backend.scene import load_scene
 from sautereau.sim_backend.sensors.chain import SensorChain

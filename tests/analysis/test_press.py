@@ -8,9 +8,8 @@ import pytest
 from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.press.load import UNITS, load_press
 from sautereau.daq.errors import RecordingError
-from sautereau.daq.file.recorded import Block
+from sautereau.daq.file.recorded import Block, SessionInfo
 from sautereau.daq.file.recording import Recording
-from sautereau.daq.file.session_info import SessionInfo
 from sautereau.rig.load import with_values
 from sautereau.sim_backend.scene import load_scene
 from sautereau.sim_backend.sensors.chain import SensorChain

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from sautereau.daq.file.recorded import Joints
 from sautereau.daq.file.recording import Block, Recording, SessionInfo
 from sautereau.rig.load import load_rig, with_values
 from sautereau.sim_backend.devices.daqmx.server import DaqmxError, TaskSetup, serve
@@ -54,6 +55,16 @@ class NoiseCard:
 @pytest.fixture(scope="session")
 def paper():
     return load_rig("paper")
+
+
+@pytest.fixture
+def velocity(paper):
+    return paper.daq.channels[0]
+
+
+@pytest.fixture
+def force(paper):
+    return paper.daq.channels[1]
 
 
 @pytest.fixture
@@ -114,3 +125,18 @@ def record(paper, session):
         return path
 
     return write
+
+
+@pytest.fixture
+def complete_recording(tmp_path, paper, session, volts):
+    """A recording with samples, a plan, joints and an event, at a rate of its own."""
+    path = tmp_path / "press.mcap"
+    t = np.linspace(0, 0.14, 30)
+    with Recording(
+        path, paper, session=session, rate=51_203.277, clock=lambda: 1_700_000_000_000_000_000
+    ) as recording:
+        recording.write_plan(t, t + 1, t + 2, t + 3)
+        recording.write_block(Block(0, volts))
+        recording.event("trigger", "PFI0 rose", 0.0)
+        recording.write_joints(Joints(t, t + 4, t + 5))
+    return path

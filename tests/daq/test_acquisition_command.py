@@ -2,9 +2,9 @@
 
 import json
 import math
+import os
 import signal
-import subprocess
-import sys
+import threading
 import time
 from pathlib import Path
 
@@ -15,11 +15,6 @@ from sautereau.commands.common import Simulation
 from sautereau.daq.errors import DaqError
 from sautereau.daq.file.reading import read_recording
 from sautereau.daq.source.continuous import record
-
-
-def command(*words):
-    return [sys.executable, "-m", "sautereau", "acquire", *map(str, words)]
-
 
 IDEAL = Simulation(scene="ideal", seed=3)
 
@@ -45,21 +40,22 @@ def test_a_recording_of_a_given_duration(tmp_path, capsys):
     recording = read_recording(path)
     assert len(recording.volts["velocity"]) == 26_112
     assert recording.session.simulated
-    with pytest.raises(DaqError, match="exists already"):
+    with pytest.raises(DaqError, match="already exists"):
         acquire(out=path, simulation=IDEAL)
 
 
-def test_an_interrupted_recording_is_complete(tmp_path):
+def test_an_interrupted_recording_is_complete(tmp_path, capsys):
     path = tmp_path / "a.mcap"
     part = path.with_name("a.mcap.part")
-    with subprocess.Popen(
-        command("--scene", "ideal", "--out", path, "--json"), stdout=subprocess.PIPE, text=True
-    ) as process:
-        while not (part.exists() and part.stat().st_size > 50_000) and process.poll() is None:
+
+    def interrupt():
+        while not (part.exists() and part.stat().st_size > 50_000):
             time.sleep(0.01)
-        process.send_signal(signal.SIGINT)
-        found = json.loads(process.communicate(timeout=60)[0])
-    assert process.returncode == 0
+        os.kill(os.getpid(), signal.SIGINT)
+
+    threading.Thread(target=interrupt, daemon=True).start()
+    assert acquire(out=path, simulation=IDEAL, json=True) == 0
+    found = json.loads(capsys.readouterr().out)
     assert found["stopped"] is True
     recording = read_recording(path)
     assert len(recording.volts["force"]) == found["n_samples"] > 0

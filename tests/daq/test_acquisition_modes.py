@@ -14,7 +14,7 @@ from sautereau.sim_backend.devices.daqmx.server import serve
 
 
 def ramp(first, n, channels=2):
-    """Return the ramp that the card shows: shape (channels, n), V."""
+    """Return the volts of a ramp card, shape (channels, n), V."""
     index = np.arange(first, first + n)
     return (index % 1000 - 500) / 100 + np.arange(channels)[:, None] / 1000
 
@@ -93,7 +93,7 @@ def record(acquisition, recording):
 
 
 @pytest.mark.parametrize("triggered", [False, True])
-def test_a_continuous_acquisition_runs_until_it_is_left(card, rig, triggered):
+def test_a_continuous_acquisition_continues_until_it_is_left(card, rig, triggered):
     with Acquisition(rig.daq, None, triggered=triggered) as acquisition:
         assert acquisition.n_samples is None
         acquisition.start()
@@ -156,37 +156,28 @@ def test_a_device_without_a_reference_trigger_says_so(bench):
         acquisition.start()
 
 
-def test_a_slow_reader_is_an_error_and_earlier_samples_are_kept(card, rig, session, tmp_path):
-    card.there = lambda n: n if n <= 4096 else n + 512_001
-    path = tmp_path / "a.mcap"
+@pytest.mark.parametrize(
+    ("there", "message", "n"),
+    [
+        (lambda n: n if n <= 4096 else n + 512_001, r"-200279.*raise daq\.block", 4096),
+        (lambda n: min(n, 1500), "stopped at 1500:", 1500),
+    ],
+    ids=["slow reader", "short block"],
+)
+def test_samples_before_an_error_are_kept(card, rig, session, tmp_path, there, message, n):
+    """The file is properly closed with n samples, and gives the reason."""
+    card.there = there
     with (
-        pytest.raises(DaqError, match=r"-200279.*raise daq\.block") as caught,
+        pytest.raises(DaqError, match=message) as caught,
         Acquisition(rig.daq, None, triggered=False) as acquisition,
-        Recording(path, rig, session=session) as recording,
+        Recording(tmp_path / "a.mcap", rig, session=session) as recording,
     ):
         record(acquisition, recording)
-    _is_kept(recording, caught.value, 4096)
-
-
-def test_the_samples_of_a_block_that_stays_short_are_kept(card, rig, session, tmp_path):
-    card.there = lambda n: min(n, 1500)
-    path = tmp_path / "a.mcap"
-    with (
-        pytest.raises(DaqError, match="stopped at 1500:") as caught,
-        Acquisition(rig.daq, None, triggered=False) as acquisition,
-        Recording(path, rig, session=session) as recording,
-    ):
-        record(acquisition, recording)
-    _is_kept(recording, caught.value, 1500)
-
-
-def _is_kept(recording, error, n):
-    """Check that the file is well closed with n samples, and says what happened."""
-    assert any(str(recording.part_path) in note for note in error.__notes__)
+    assert any(str(recording.part_path) in note for note in caught.value.__notes__)
     found = read_recording(recording.part_path)
     assert np.array_equal(found.volts["velocity"], ramp(0, n)[0])
     assert found.events[-1].kind == "aborted"
-    assert str(error) in found.events[-1].text
+    assert str(caught.value) in found.events[-1].text
 
 
 def test_samples_that_the_driver_passes_over(paper, card):
@@ -202,7 +193,7 @@ def test_samples_that_the_driver_passes_over(paper, card):
                 next(blocks)
 
 
-def test_a_dry_run_reports_the_settings_of_the_device(card, rig):
+def test_a_dry_run_returns_what_the_device_has_accepted(card, rig):
     with Acquisition(changed(rig, pre_trigger=0.01).daq, 0.1) as acquisition:
         found = acquisition.settings()
     assert card.runs == []

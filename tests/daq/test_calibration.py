@@ -21,11 +21,6 @@ from sautereau.rig.load import with_values
 RATE = 51_200.0
 
 
-@pytest.fixture
-def velocity(paper):
-    return paper.daq.channels[0]
-
-
 def with_high_pass(channel, corner):
     return channel.model_copy(update={"high_pass": corner})
 
@@ -71,9 +66,6 @@ def test_no_high_pass_leaves_the_scaled_signal(velocity):
     volts = np.array([1.0, 2.0, -3.0])
     found = correct(volts, with_high_pass(velocity, 0.0), RATE)
     assert np.array_equal(found, volts * velocity.scale)
-
-
-def test_empty_signal_stays_empty(velocity):
     assert correct(np.empty(0), velocity, RATE).shape == (0,)
 
 
@@ -145,8 +137,3 @@ def test_white_noise_of_what_is_hardly_a_number(bad):
     noisy[::97] = bad
     assert white_noise(noisy) == pytest.approx(1.0, rel=0.15)
     assert white_noise(np.full(50, bad)) == 0.0
-
-
-@pytest.mark.parametrize("n", [0, 1, 2])
-def test_too_few_samples_have_no_white_noise(n):
-    assert white_noise(np.arange(float(n))) == 0.0

@@ -53,8 +53,8 @@ def test_a_table_of_another_program(tmp_path, capsys):
     assert run(*words, "--notes", "old") == 0
     assert capsys.readouterr().out.splitlines() == [
         f"measured: {back}",
-        "3 samples at 1000 Hz from sample -1 on",
-        "the trigger lies 0 us after sample 0",
+        "3 samples at 1000 Hz, the first is sample -1",
+        "trigger: 0 us after sample 0",
     ]
     found = read_recording(back)
     np.testing.assert_allclose(found.volts["velocity"], [0.4, 0.8, 1.2], rtol=1e-15)

@@ -1,6 +1,7 @@
 """What other programs see of a recording."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
@@ -10,6 +11,8 @@ import pytest
 from sautereau.daq.convert.export import export, targets
 from sautereau.daq.errors import RecordingError
 from sautereau.daq.file.reading import read_recording
+from sautereau.daq.file.recorded import Block
+from sautereau.daq.file.recording import Recording
 from sautereau.daq.signals.calibration import correct
 
 
@@ -76,11 +79,6 @@ def test_csv_is_a_plain_table_with_its_metadata_beside_it(tmp_path, recording):
 
 
 def test_what_was_measured_has_no_column_simulated(tmp_path, paper, session, volts):
-    from dataclasses import replace
-
-    from sautereau.daq.file.recorded import Block
-    from sautereau.daq.file.recording import Recording
-
     path = tmp_path / "press.mcap"
     with Recording(path, paper, session=replace(session, simulated=False)) as recording:
         recording.write_block(Block(0, volts))

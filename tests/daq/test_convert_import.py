@@ -17,12 +17,17 @@ from sautereau.daq.convert.importing import import_file
 from sautereau.daq.convert.options import ImportOptions
 from sautereau.daq.errors import RecordingError
 from sautereau.daq.file.reading import read_recording
-from sautereau.daq.file.recorded import Block, Joints
+from sautereau.daq.file.recorded import Block, SessionInfo
 from sautereau.daq.file.recording import Recording
+from sautereau.daq.file.recovery import recover
 from sautereau.rig.load import load_rig, with_values
 
-T0 = 1_700_000_000_000_000_000
 STARTED = "2026-02-03T04:05:06+01:00"
+ONE = {"column": {"velocity": "a"}, "unit": {"velocity": "V"}, "without": ("force",)}
+"""A table with one channel."""
+WAV = {"column": {"velocity": "1"}, "full_scale": {"velocity": "4 V"}, "without": ("force",)}
+"""A WAV file with one channel."""
+NO_OPTIONS = ImportOptions()
 KNOWN = {"trigger": "0 s", "started": STARTED, "simulated": False}
 
 
@@ -42,26 +47,17 @@ def refused(path, out, rig, options):
 
 
 @pytest.fixture
-def recording(tmp_path, paper, session, volts):
-    path = tmp_path / "press.mcap"
-    t = np.linspace(0, 0.14, 30)
-    with Recording(path, paper, session=session, rate=51_203.277, clock=lambda: T0) as written:
-        written.write_plan(t, t + 1, t + 2, t + 3)
-        written.write_block(Block(0, volts))
-        written.event("trigger", "PFI0 rose", 0.0)
-        written.write_joints(Joints(t, t + 4, t + 5))
-    return path
+def back(tmp_path):
+    return tmp_path / "back.mcap"
 
 
 @pytest.mark.parametrize("raw", [True, False])
 @pytest.mark.parametrize("to", ["parquet", "csv"])
-def test_an_export_comes_back_with_everything(tmp_path, recording, to, raw):
+def test_an_export_comes_back_with_everything(tmp_path, back, complete_recording, to, raw):
     table = tmp_path / f"table.{to}"
-    export(recording, to, table, raw=raw)
-    done = import_file(
-        table, tmp_path / "back.mcap", rig=None, options=ImportOptions(), notes="back"
-    )
-    first, second = read_recording(recording), read_recording(tmp_path / "back.mcap")
+    export(complete_recording, to, table, raw=raw)
+    done = import_file(table, back, rig=None, options=NO_OPTIONS, notes="back")
+    first, second = read_recording(complete_recording), read_recording(back)
     assert done.simulated is second.simulated is True
     assert second.rig == first.rig
     assert second.rig.sources == first.rig.sources
@@ -84,62 +80,48 @@ def test_any_number_comes_back_from_any_table(tmp_path_factory, values):
     """CSV keeps every finite number, the zeros' signs and infinities; a NaN loses its payload."""
     folder = tmp_path_factory.mktemp("any")
     rig = load_rig("paper")
-    session_ = read_session()
-    with Recording(folder / "press.mcap", rig, session=session_) as written:
+    session = SessionInfo(1, STARTED, False, "DMC", "card")
+    with Recording(folder / "press.mcap", rig, session=session) as written:
         written.write_block(Block(0, np.nan_to_num(values, nan=1.5, posinf=np.inf, neginf=-np.inf)))
     first = read_recording(folder / "press.mcap")
     for to in ("parquet", "csv"):
         export(folder / "press.mcap", to, folder / f"table.{to}", raw=True)
-        import_file(
-            folder / f"table.{to}", folder / f"{to}.mcap", rig=None, options=ImportOptions()
-        )
+        import_file(folder / f"table.{to}", folder / f"{to}.mcap", rig=None, options=NO_OPTIONS)
         second = read_recording(folder / f"{to}.mcap")
         for name, signal in first.volts.items():
             assert np.array_equal(bits(second.volts[name]), bits(signal))
     shutil.rmtree(folder)
 
 
-def read_session():
-    from sautereau.daq.file.session_info import SessionInfo
-
-    return SessionInfo(1, STARTED, False, "DMC", "card")
-
-
-def test_an_export_needs_no_options(tmp_path, recording, paper):
+def test_an_export_needs_no_options(tmp_path, back, complete_recording, paper):
     table = tmp_path / "table.parquet"
-    export(recording, "parquet", table)
-    out = tmp_path / "back.mcap"
-    message = refused(table, out, None, ImportOptions(rate="48 kHz", simulated=False))
+    export(complete_recording, "parquet", table)
+    message = refused(table, back, None, ImportOptions(rate="48 kHz", simulated=False))
     assert "remove --rate, --simulated" in message
     other = with_values(paper, {"daq.channels.0.scale": "5 mm/s/V"})
-    assert "remove --rig" in refused(table, out, other, ImportOptions())
-    import_file(table, out, rig=paper, options=ImportOptions())
+    assert "remove --rig" in refused(table, back, other, NO_OPTIONS)
+    import_file(table, back, rig=paper, options=NO_OPTIONS)
 
 
-def test_an_export_that_has_changed_is_refused(tmp_path, recording):
+def test_an_export_that_has_changed_is_refused(tmp_path, back, complete_recording):
     table = tmp_path / "table.csv"
-    export(recording, "csv", table, raw=True)
+    export(complete_recording, "csv", table, raw=True)
     text = table.read_text()
     table.write_text(text.replace("0.3455841", "0.3455842", 1))
-    assert "volts differ" in refused(table, tmp_path / "back.mcap", None, ImportOptions())
+    assert "volts differ" in refused(table, back, None, NO_OPTIONS)
     table.write_text("".join(text.splitlines(keepends=True)[:-1]))
-    assert "volts differ" in refused(table, tmp_path / "back.mcap", None, ImportOptions())
+    assert "volts differ" in refused(table, back, None, NO_OPTIONS)
     (tmp_path / "table.csv.json").write_text("{}")
-    assert "metadata cannot be read" in refused(
-        table, tmp_path / "back.mcap", None, ImportOptions()
-    )
+    assert "metadata cannot be read" in refused(table, back, None, NO_OPTIONS)
 
 
-def test_a_simulated_table_never_passes_for_measured(tmp_path, recording, paper):
+def test_a_simulated_table_never_passes_for_measured(tmp_path, back, complete_recording, paper):
     """Even without its metadata."""
     table = tmp_path / "table.csv"
-    export(recording, "csv", table)
+    export(complete_recording, "csv", table)
     (tmp_path / "table.csv.json").unlink()
-    options = answers(
-        column={"velocity": "velocity [V]"}, unit={"velocity": "V"}, without=("force",)
-    )
-    options = ImportOptions(**(vars(options) | {"rate": "51.2 kHz"}))
-    message = refused(table, tmp_path / "back.mcap", paper, options)
+    options = answers(**ONE | {"column": {"velocity": "velocity [V]"}}, rate="51.2 kHz")
+    message = refused(table, back, paper, options)
     assert "`simulated`" in message.replace("'", "`")
     assert "give --simulated" in message
 
@@ -162,13 +144,12 @@ AI = {"velocity": "ai0", "force": "ai1"}
 
 
 @pytest.mark.parametrize("units", ["V", "Volts"])
-def test_tdms_has_unit_rate_and_start(tmp_path, paper, volts, units):
+def test_tdms_has_unit_rate_and_start(tmp_path, back, paper, volts, units):
     path = write_tdms(tmp_path / "labview.tdms", volts, units=units)
-    out = tmp_path / "back.mcap"
     options = ImportOptions(column=AI, trigger="0 s", simulated=False)
-    done = import_file(path, out, rig=paper, options=options, notes="from the archive")
+    done = import_file(path, back, rig=paper, options=options, notes="from the archive")
     assert (done.rate, done.n_samples, done.first_sample) == (51_200.0, 5000, 0)
-    found = read_recording(out)
+    found = read_recording(back)
     assert not found.simulated
     assert found.rig.daq == paper.daq
     for name, row in zip(("velocity", "force"), volts, strict=True):
@@ -190,23 +171,27 @@ def test_tdms_of_floats_and_integers(tmp_path, paper, volts):
         assert np.array_equal(read_recording(out).volts["force"], rows[1].astype(float) * 1e-3)
 
 
-def test_si_values_become_volts_by_the_calibration(tmp_path, paper, volts):
+def test_si_values_become_volts_by_the_calibration(tmp_path, back, paper, volts):
     path = write_tdms(tmp_path / "si.tdms", volts, units=None)
     options = answers(column=AI, unit={"velocity": "mm/s", "force": "mN"})
-    import_file(path, tmp_path / "back.mcap", rig=paper, options=options)
-    found = read_recording(tmp_path / "back.mcap").volts
+    import_file(path, back, rig=paper, options=options)
+    found = read_recording(back).volts
     np.testing.assert_allclose(found["velocity"], volts[0] / 25, rtol=1e-15)
     np.testing.assert_allclose(found["force"], volts[1] / 1000, rtol=1e-15)
 
 
-def test_columns_with_the_channels_names_need_no_option(tmp_path, paper):
-    path = tmp_path / "table.csv"
-    path.write_text("velocity,force\n1,2\n3,4\n")
-    options = answers(rate="1 kHz", unit={"velocity": "V", "force": "V"})
-    import_file(path, tmp_path / "back.mcap", rig=paper, options=options)
-    found = read_recording(tmp_path / "back.mcap")
+@pytest.mark.parametrize(
+    ("text", "column"),
+    [("force,velocity\n1,2\n3,4\n", {}), ("1,2\n3,4\n", {"velocity": "2", "force": "1"})],
+)
+def test_columns_named_as_the_channels_or_not_at_all(tmp_path, back, paper, text, column):
+    (tmp_path / "table.csv").write_text(text)
+    options = answers(column=column, unit={"velocity": "V", "force": "V"}, rate="1 kHz")
+    import_file(tmp_path / "table.csv", back, rig=paper, options=options)
+    found = read_recording(back)
     assert found.rate == 1000.0
-    assert found.volts["force"].tolist() == [2.0, 4.0]
+    assert found.volts["velocity"].tolist() == [2.0, 4.0]
+    assert found.volts["force"].tolist() == [1.0, 3.0]
 
 
 @pytest.mark.parametrize(
@@ -218,28 +203,15 @@ def test_columns_with_the_channels_names_need_no_option(tmp_path, paper):
         '\ufeff"t","a"\n0.000,1.25\n0.001,-2.5\n0.002,0.1\n',
     ],
 )
-def test_dialects_of_csv(tmp_path, paper, text):
+def test_dialects_of_csv(tmp_path, back, paper, text):
     path = tmp_path / "table.csv"
     path.write_text(text, encoding="utf-8", newline="")
-    options = answers(
-        column={"velocity": "a"}, unit={"velocity": "V"}, without=("force",), time="t"
-    )
-    done = import_file(path, tmp_path / "back.mcap", rig=paper, options=options)
+    options = answers(**ONE, time="t")
+    done = import_file(path, back, rig=paper, options=options)
     assert done.rate == 1000.0
-    found = read_recording(tmp_path / "back.mcap")
+    found = read_recording(back)
     assert found.volts["velocity"].tolist() == [1.25, -2.5, 0.1]
     assert [channel.name for channel in found.rig.daq.channels] == ["velocity"]
-
-
-def test_a_table_without_names(tmp_path, paper):
-    (tmp_path / "table.csv").write_text("1,2\n3,4\n")
-    options = answers(
-        column={"velocity": "2", "force": "1"},
-        unit={"velocity": "V", "force": "V"},
-        rate="1 kHz",
-    )
-    import_file(tmp_path / "table.csv", tmp_path / "back.mcap", rig=paper, options=options)
-    assert read_recording(tmp_path / "back.mcap").volts["velocity"].tolist() == [2.0, 4.0]
 
 
 def write_wav(path, frames, width, rate=48_000, channels=1):
@@ -252,7 +224,7 @@ def write_wav(path, frames, width, rate=48_000, channels=1):
 
 
 @pytest.mark.parametrize("width", [1, 2, 3, 4])
-def test_wav_integers_are_scaled_exactly(tmp_path, paper, width):
+def test_wav_integers_are_scaled_exactly(tmp_path, back, paper, width):
     most = 2 ** (8 * width - 1)
     values = [0, 1, -1, most - 1, -most, most // 3]
     if width == 1:
@@ -260,27 +232,27 @@ def test_wav_integers_are_scaled_exactly(tmp_path, paper, width):
     else:
         frames = b"".join(value.to_bytes(width, "little", signed=True) for value in values)
     path = write_wav(tmp_path / "laser.wav", frames, width)
-    options = answers(column={"velocity": "1"}, full_scale={"velocity": "4 V"}, without=("force",))
-    done = import_file(path, tmp_path / "back.mcap", rig=paper, options=options)
+    options = answers(**WAV)
+    done = import_file(path, back, rig=paper, options=options)
     assert done.rate == 48_000.0
-    found = read_recording(tmp_path / "back.mcap").volts["velocity"]
+    found = read_recording(back).volts["velocity"]
     assert found.tolist() == [value * (4 / most) for value in values]
 
 
-def test_wav_at_full_scale_of_the_vibrometers_range(tmp_path, paper):
+def test_wav_at_full_scale_of_the_vibrometers_range(tmp_path, back, paper):
     """Two channels of 16 bits; 100 mm/s are 4 V at 25 mm/s/V."""
     frames = struct.pack("<6h", 0, 16_384, 0, -32_768, 0, 1)
     path = write_wav(tmp_path / "laser.wav", frames, 2, channels=2)
     scale = {"velocity": "100 mm/s"}
     options = answers(column={"velocity": "2"}, full_scale=scale, without=("force",))
-    import_file(path, tmp_path / "back.mcap", rig=paper, options=options)
-    found = read_recording(tmp_path / "back.mcap").volts["velocity"]
+    import_file(path, back, rig=paper, options=options)
+    found = read_recording(back).volts["velocity"]
     np.testing.assert_allclose(found, [2.0, -4.0, 4 / 32_768], rtol=1e-15)
 
 
-def test_everything_missing_is_reported_at_once(tmp_path, paper):
+def test_everything_missing_is_reported_at_once(tmp_path, back, paper):
     (tmp_path / "table.csv").write_text("a,b\n1,2\n")
-    message = refused(tmp_path / "table.csv", tmp_path / "back.mcap", paper, ImportOptions())
+    message = refused(tmp_path / "table.csv", back, paper, NO_OPTIONS)
     for word in (
         "8 faults",
         "give --column.velocity NAME or --without velocity; it has 'a', 'b'",
@@ -294,7 +266,7 @@ def test_everything_missing_is_reported_at_once(tmp_path, paper):
     ):
         assert word in message
     path = write_wav(tmp_path / "laser.wav", b"\0\0", 2)
-    message = refused(path, tmp_path / "back.mcap", paper, ImportOptions(without=("force",)))
+    message = refused(path, back, paper, ImportOptions(without=("force",)))
     assert 'velocity: which full scale? give --full-scale.velocity "4 V"' in message
     assert "rate" not in message
 
@@ -318,7 +290,7 @@ def test_everything_missing_is_reported_at_once(tmp_path, paper):
         ({"time": "t"}, "--time 't' is not a column of the file"),
     ],
 )
-def test_each_fault_is_reported(tmp_path, paper, given, word):
+def test_each_fault_is_reported(tmp_path, back, paper, given, word):
     (tmp_path / "table.csv").write_text("a,b\n1,2\n")
     base = {
         "column": {"velocity": "a", "force": "b"},
@@ -329,23 +301,21 @@ def test_each_fault_is_reported(tmp_path, paper, given, word):
         key: (base[key] | value if isinstance(value, dict) and key in base else value)
         for key, value in given.items()
     }
-    message = refused(tmp_path / "table.csv", tmp_path / "back.mcap", paper, answers(**merged))
+    message = refused(tmp_path / "table.csv", back, paper, answers(**merged))
     assert word in message
     assert "table.csv" in message
 
 
-def test_every_channel_omitted(tmp_path, paper):
+def test_no_channel_at_all(tmp_path, back, paper):
     (tmp_path / "table.csv").write_text("a\n1\n")
     options = answers(without=("velocity", "force"), rate="1 kHz")
-    message = refused(tmp_path / "table.csv", tmp_path / "back.mcap", paper, options)
+    message = refused(tmp_path / "table.csv", back, paper, options)
     assert "--without names every channel" in message
 
 
-def test_a_rate_that_is_not_the_files(tmp_path, paper, volts):
+def test_a_rate_that_is_not_the_files(tmp_path, back, paper, volts):
     path = write_tdms(tmp_path / "labview.tdms", volts)
-    message = refused(
-        path, tmp_path / "back.mcap", paper, answers(column=AI, started=None, rate="48 kHz")
-    )
+    message = refused(path, back, paper, answers(column=AI, started=None, rate="48 kHz"))
     assert "differs from the file's 51200 Hz" in message
 
 
@@ -363,16 +333,14 @@ def test_a_rate_that_is_not_the_files(tmp_path, paper, volts):
         ("a,a\n1,2\n", "several columns are called 'a'"),
     ],
 )
-def test_rows_that_are_none(tmp_path, paper, text, word):
+def test_rows_that_are_none(tmp_path, back, paper, text, word):
     path = tmp_path / "table.csv"
     path.write_text(text)
-    options = answers(
-        column={"velocity": "a"}, unit={"velocity": "V"}, without=("force",), rate="1 kHz"
-    )
+    options = answers(**ONE, rate="1 kHz")
     if word is None:
-        import_file(path, tmp_path / "back.mcap", rig=paper, options=options)
+        import_file(path, back, rig=paper, options=options)
     else:
-        assert word in refused(path, tmp_path / "back.mcap", paper, options)
+        assert word in refused(path, back, paper, options)
 
 
 @pytest.mark.parametrize(
@@ -383,26 +351,24 @@ def test_rows_that_are_none(tmp_path, paper, text, word):
         ([0], "fewer than two rows"),
     ],
 )
-def test_uneven_times_are_never_resampled(tmp_path, paper, times, word):
+def test_uneven_times_are_never_resampled(tmp_path, back, paper, times, word):
     path = tmp_path / "table.csv"
     path.write_text("t,a\n" + "".join(f"{t!r},1\n" for t in times))
-    options = answers(
-        column={"velocity": "a"}, unit={"velocity": "V"}, without=("force",), time="t"
-    )
-    assert word in refused(path, tmp_path / "back.mcap", paper, options)
+    options = answers(**ONE, time="t")
+    assert word in refused(path, back, paper, options)
 
 
 @pytest.mark.parametrize("extension", [".tdms", ".wav", ".parquet", ".csv", ".xlsx"])
-def test_files_of_random_bytes(tmp_path, paper, extension):
+def test_files_of_random_bytes(tmp_path, back, paper, extension):
     path = tmp_path / f"rubbish{extension}"
     path.write_bytes(b"\xff\xfe\x00rubbish" * 10)
-    message = refused(path, tmp_path / "back.mcap", paper, answers())
+    message = refused(path, back, paper, answers())
     assert str(path) in message
     assert ";" in message or "damaged" in message
 
 
 @pytest.mark.parametrize("kind", ["tdms", "wav", "parquet"])
-def test_truncated_files_are_refused(tmp_path, paper, volts, recording, kind):
+def test_truncated_files_are_refused(tmp_path, back, paper, volts, complete_recording, kind):
     """No truncation changes the number of samples silently; of CSV it cannot be detected."""
     path = tmp_path / f"complete.{kind}"
     options = answers(column=AI, started=None)
@@ -410,71 +376,58 @@ def test_truncated_files_are_refused(tmp_path, paper, volts, recording, kind):
         write_tdms(path, volts)
     elif kind == "wav":
         write_wav(path, np.arange(1000, dtype="<i2").tobytes(), 2)
-        options = answers(
-            column={"velocity": "1"}, full_scale={"velocity": "4 V"}, without=("force",)
-        )
+        options = answers(**WAV)
     else:
-        export(recording, "parquet", path, raw=True)
-        options = ImportOptions()
+        export(complete_recording, "parquet", path, raw=True)
+        options = NO_OPTIONS
     data = path.read_bytes()
     cut = tmp_path / f"cut.{kind}"
     for size in (0, 3, 40, len(data) // 2, len(data) - 9, len(data) - 1):
         cut.write_bytes(data[:size])
-        refused(cut, tmp_path / "back.mcap", paper, options)
+        refused(cut, back, paper, options)
 
 
-def test_a_missing_file_and_no_rig(tmp_path, paper):
-    out = tmp_path / "back.mcap"
-    assert "no such file" in refused(tmp_path / "none.wav", out, paper, answers())
+def test_a_missing_file_and_no_rig(tmp_path, back, paper):
+    assert "no such file" in refused(tmp_path / "none.wav", back, paper, answers())
     (tmp_path / "table.csv").write_text("a\n1\n")
-    assert "--rig is required" in refused(tmp_path / "table.csv", out, None, answers())
+    assert "--rig is required" in refused(tmp_path / "table.csv", back, None, answers())
 
 
-def test_nothing_is_overwritten(tmp_path, recording):
-    export(recording, "parquet", tmp_path / "table.parquet")
-    before = recording.read_bytes()
+def test_nothing_is_overwritten(tmp_path, complete_recording):
+    export(complete_recording, "parquet", tmp_path / "table.parquet")
+    before = complete_recording.read_bytes()
     with pytest.raises(RecordingError, match="never overwritten"):
-        import_file(tmp_path / "table.parquet", recording, rig=None, options=ImportOptions())
-    assert recording.read_bytes() == before
+        import_file(tmp_path / "table.parquet", complete_recording, rig=None, options=NO_OPTIONS)
+    assert complete_recording.read_bytes() == before
 
 
 def test_samples_before_the_trigger_have_negative_indices(tmp_path, paper, session):
     """From a table of times, and again through an export."""
     path = tmp_path / "table.csv"
     path.write_text("t,a\n" + "".join(f"{k / 1000!r},{k}\n" for k in range(5000)))
-    options = answers(
-        column={"velocity": "a"},
-        unit={"velocity": "V"},
-        without=("force",),
-        time="t",
-        trigger="1.5 s",
-    )
+    options = answers(**ONE, time="t", trigger="1.5 s")
     done = import_file(path, tmp_path / "first.mcap", rig=paper, options=options)
     assert (done.first_sample, done.rate) == (-1500, 1000.0)
     first = read_recording(tmp_path / "first.mcap")
     assert first.first_sample == -1500
     assert first.t0_ns == 1_770_087_907_500_000_000
     export(tmp_path / "first.mcap", "csv", tmp_path / "again.csv")
-    import_file(tmp_path / "again.csv", tmp_path / "again.mcap", rig=None, options=ImportOptions())
+    import_file(tmp_path / "again.csv", tmp_path / "again.mcap", rig=None, options=NO_OPTIONS)
     again = read_recording(tmp_path / "again.mcap")
     assert (again.first_sample, again.t0_ns) == (-1500, first.t0_ns)
     assert np.array_equal(again.time, first.time)
     assert np.array_equal(again.volts["velocity"], np.arange(5000.0))
 
 
-def test_a_file_that_begins_after_the_trigger(tmp_path, paper):
+def test_a_file_that_begins_after_the_trigger(tmp_path, back, paper):
     path = tmp_path / "table.csv"
     path.write_text("t,a\n0.010,1\n0.011,2\n")
-    options = answers(
-        column={"velocity": "a"}, unit={"velocity": "V"}, without=("force",), time="t"
-    )
-    message = refused(path, tmp_path / "back.mcap", paper, options)
+    options = answers(**ONE, time="t")
+    message = refused(path, back, paper, options)
     assert "starts 10 ms after the trigger" in message
 
 
-def test_a_truncated_recording_is_not_complete_after_export_and_import(tmp_path, record):
-    from sautereau.daq.file.recovery import recover
-
+def test_a_truncated_recording_is_not_complete_after_export_and_import(tmp_path, back, record):
     noise = np.random.default_rng(0).standard_normal((2, 60_000))
     data = record(tmp_path / "press.mcap", noise).read_bytes()
     (tmp_path / "cut.mcap").write_bytes(data[: len(data) * 2 // 3])
@@ -482,25 +435,17 @@ def test_a_truncated_recording_is_not_complete_after_export_and_import(tmp_path,
     first = read_recording(recovered)
     assert first.gaps
     export(recovered, "parquet", tmp_path / "table.parquet")
-    import_file(
-        tmp_path / "table.parquet", tmp_path / "back.mcap", rig=None, options=ImportOptions()
-    )
-    second = read_recording(tmp_path / "back.mcap")
+    import_file(tmp_path / "table.parquet", back, rig=None, options=NO_OPTIONS)
+    second = read_recording(back)
     assert not second.complete
     assert str(first.gaps[0]) in [event.text for event in second.events]
     assert np.array_equal(second.volts["force"], first.volts["force"])
 
 
-def test_a_trigger_between_two_samples_is_reported(tmp_path, paper):
+def test_a_trigger_between_two_samples_is_reported(tmp_path, back, paper):
     """The nearest sample is 0; by how much it is not the trigger is in the answer."""
     (tmp_path / "table.csv").write_text("a\n1\n2\n")
-    options = answers(
-        column={"velocity": "a"},
-        unit={"velocity": "V"},
-        without=("force",),
-        rate="1 kHz",
-        trigger="0.2 ms",
-    )
-    done = import_file(tmp_path / "table.csv", tmp_path / "back.mcap", rig=paper, options=options)
+    options = answers(**ONE, rate="1 kHz", trigger="0.2 ms")
+    done = import_file(tmp_path / "table.csv", back, rig=paper, options=options)
     assert done.first_sample == 0
     assert done.trigger_shift == pytest.approx(0.2e-3)

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sautereau.daq.signals.delays import HALF_WIDTH, WIDTH, undelayed
+from sautereau.daq.signals.calibration import HALF_WIDTH, WIDTH, undelayed
 
 RATE = 51_200.0
 

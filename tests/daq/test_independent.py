@@ -11,9 +11,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from mcap.reader import make_reader
 
 from sautereau.daq.file.recovery import recover
+from tests.daq.damage import chunks, corrupt
 
 FOLDER = Path(__file__).with_name("mcap_core")
 
@@ -52,10 +52,5 @@ def test_a_recording(tmp_path, record):
 def test_a_recovered_one(tmp_path, record):
     volts = np.random.default_rng(6).standard_normal((2, 40_960))
     path = record(tmp_path / "press.mcap", volts)
-    with path.open("rb") as file:
-        summary = make_reader(file).get_summary()
-    assert summary is not None
-    data = bytearray(path.read_bytes())
-    data[summary.chunk_indexes[0].chunk_start_offset + 99] ^= 1
-    path.write_bytes(bytes(data))
+    corrupt(path, chunks(path)[0][0] + 99)
     assert by_mcap_core(recover(path).path)["digests"] == digests(*volts[:, 10_240:])

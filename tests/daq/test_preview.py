@@ -37,7 +37,7 @@ def test_a_preview_is_never_faster_than_1_khz(rate, factor):
 
 @pytest.mark.parametrize("factor", [2, 3, 52, 1000])
 def test_the_filter_is_what_it_says(factor):
-    """On its frequency response, at frequencies in units of the preview's rate."""
+    """On its frequency response, at frequencies as fractions of the preview's rate."""
     weights = low_pass(factor)
     n = 16 * 2 ** int(np.ceil(np.log2(len(weights))))
     response, frequency = np.abs(np.fft.rfft(weights, n)), np.fft.rfftfreq(n) * factor

@@ -10,16 +10,6 @@ NOISE = {"velocity": 0.002, "force": 0.005}
 """V, of the scene `paper`."""
 
 
-@pytest.fixture
-def velocity(paper):
-    return paper.daq.channels[0]
-
-
-@pytest.fixture
-def force(paper):
-    return paper.daq.channels[1]
-
-
 def press(n=25_600, seed=0, noise=0.002):
     """Volts of a key that goes down and up, with the vibrometer's noise."""
     time = np.arange(n) / RATE
@@ -58,8 +48,8 @@ def test_beyond_the_range_is_an_overload(velocity):
     assert len(found) == 4
 
 
-def test_a_saturated_amplifier_is_constant_below_the_range(force):
-    """A charge amplifier at its end of 7 V, whose noise vanishes meanwhile."""
+def test_a_saturated_amplifier_is_flat_below_the_range(force):
+    """A charge amplifier at its end of 7 V, without noise while saturated."""
     time = np.arange(25_600) / RATE
     noise = 0.005 * np.random.default_rng(0).standard_normal(len(time))
     volts = np.clip(9 * np.sin(2 * np.pi * 8 * time) + noise, -10, 7.0)
@@ -105,7 +95,7 @@ def test_a_force_has_no_drop_outs(force):
 
 @pytest.mark.parametrize("name", ["velocity", "force"])
 def test_none_in_two_million_samples_of_clean_noise(paper, name):
-    """40 s of it; a drop-out would need a jump of 7 sigma, 1e-12 a sample."""
+    """40 s of it; a drop-out needs a jump of 7 sigma, probability 1e-12 per sample."""
     channel = paper.daq.channel(name)
     for seed in (0, 1):
         noise = NOISE[name] * np.random.default_rng(seed).standard_normal(1_000_000)

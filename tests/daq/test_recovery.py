@@ -1,6 +1,9 @@
 """The intact part of a damaged recording is recovered, and the loss reported."""
 
+import itertools
 import json
+import shutil
+from functools import cache
 
 import numpy as np
 import pytest
@@ -13,6 +16,7 @@ from sautereau.daq.file.reading import read_parts, read_recording
 from sautereau.daq.file.recording import Block, Recording
 from sautereau.daq.file.recovery import recover
 from sautereau.daq.file.survey import describe
+from tests.daq.damage import chunks, corrupt, record_and
 
 RATE = 51_200.0
 N = 60_000
@@ -20,42 +24,32 @@ CHUNK = 10_240
 """Samples in a chunk of these recordings: 0.2 s."""
 
 
-@pytest.fixture
-def volts():
-    return np.random.default_rng(5).standard_normal((2, N))
+VOLTS = np.random.default_rng(5).standard_normal((2, N))
 
 
-@pytest.fixture
-def make(tmp_path, paper, session, volts):
-    """Record the volts from a first sample on and return the file's path."""
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory, paper, session):
+    """Return a function that records the volts from a first sample on, once for each."""
 
-    def made(begin=0, name="press.mcap"):
-        path = tmp_path / name
+    @cache
+    def made(begin):
+        path = tmp_path_factory.mktemp("recorded") / "press.mcap"
         t = np.linspace(0, 1, 7)
         with Recording(
             path, paper, session=session, clock=lambda: 10**18, monotonic=lambda: 0.0
         ) as recording:
             recording.write_plan(t, t + 1, t + 2, t + 3)
             for at in range(0, N, 512):
-                recording.write_block(Block(begin + at, volts[:, at : at + 512]))
+                recording.write_block(Block(begin + at, VOLTS[:, at : at + 512]))
         return path
 
     return made
 
 
-def chunks(path):
-    """Return where the chunks of a file stand: (offset, length)."""
-    with path.open("rb") as file:
-        summary = make_reader(file).get_summary()
-    assert summary is not None
-    return [(c.chunk_start_offset, c.chunk_length) for c in summary.chunk_indexes]
-
-
-def spoil(path, *places):
-    data = bytearray(path.read_bytes())
-    for place in places:
-        data[place] ^= 0xFF
-    path.write_bytes(bytes(data))
+@pytest.fixture
+def make(tmp_path, recorded):
+    """Return a function that copies such a recording."""
+    return lambda begin=0: shutil.copy(recorded(begin), tmp_path / "press.mcap")
 
 
 def is_valid_for_others(path):
@@ -67,7 +61,7 @@ def is_valid_for_others(path):
     return by_stream > 0 and by_index > 0
 
 
-def test_a_killed_recording(make, volts):
+def test_a_killed_recording(make):
     """Everything after the third chunk is missing, within the fourth."""
     path = make()
     place, length = chunks(path)[3]
@@ -89,7 +83,7 @@ def test_a_killed_recording(make, volts):
     }
     assert is_valid_for_others(path)
     read = read_recording(path)
-    assert np.array_equal(np.stack(list(read.volts.values())), volts[:, : 3 * CHUNK])
+    assert np.array_equal(np.stack(list(read.volts.values())), VOLTS[:, : 3 * CHUNK])
     assert read.gaps == found.gaps
     assert not read.complete
     assert read.plan is not None
@@ -98,14 +92,15 @@ def test_a_killed_recording(make, volts):
     assert (describe(path)["recovered"] or {})["from"] == "press.mcap.part"
 
 
-@pytest.mark.parametrize("begin", [0, -700])
-@pytest.mark.parametrize("where", [0.0, 0.001, 0.5, 1.0])
-@pytest.mark.parametrize("number", [0, 2, 5])
-def test_a_corrupt_chunk(make, volts, number, where, begin):
+@pytest.mark.parametrize(
+    ("number", "where", "begin"),
+    [*itertools.product([0, 2, 5], [0.0, 0.001, 0.5, 1.0], [0]), (0, 0.5, -700), (5, 0.5, -700)],
+)
+def test_a_corrupt_chunk(make, number, where, begin):
     """A byte of its opcode, its length, its content, or its last; first, middle, last chunk."""
     path = make(begin)
     place, length = chunks(path)[number]
-    spoil(path, place + round(where * (length - 1)))
+    corrupt(path, place + round(where * (length - 1)))
     damaged = path.read_bytes()
     with pytest.raises(RecordingError, match=r"corrupted.*`sautereau recover"):
         read_recording(path)
@@ -122,7 +117,7 @@ def test_a_corrupt_chunk(make, volts, number, where, begin):
     for part in parts:
         at = part.first_sample - begin
         assert np.array_equal(
-            np.stack(list(part.volts.values())), volts[:, at : at + part.n_samples]
+            np.stack(list(part.volts.values())), VOLTS[:, at : at + part.n_samples]
         )
     assert sum(part.n_samples for part in parts) == N - (stop - first)
     if number == 5:
@@ -132,7 +127,7 @@ def test_a_corrupt_chunk(make, volts, number, where, begin):
             read_recording(found.path)
 
 
-def test_a_length_that_leads_astray(make, volts):
+def test_a_length_that_leads_astray(make):
     """A chunk that says it reaches to the file's end hides none of those that follow."""
     path = make()
     place, _ = chunks(path)[1]
@@ -153,16 +148,16 @@ def test_a_hole_in_the_file(make):
     assert {(g.first_sample, g.stop_sample) for g in recover(path).gaps} == {(CHUNK, 3 * CHUNK)}
 
 
-def test_damage_outside_the_samples_loses_none(make, volts):
+def test_damage_outside_the_samples_loses_none(make):
     path = make()
     size, intact = path.stat().st_size, path.read_bytes()
     for place in (0, 12, 30, 200, 6000, size - 20, size - 400):
         path.write_bytes(intact)
-        spoil(path, place)
+        corrupt(path, place)
         found = recover(path)
         assert found.gaps == ()
         read = read_recording(found.path)
-        assert np.array_equal(np.stack(list(read.volts.values())), volts)
+        assert np.array_equal(np.stack(list(read.volts.values())), VOLTS)
         assert read.complete
         found.path.unlink()
 
@@ -170,7 +165,7 @@ def test_damage_outside_the_samples_loses_none(make, volts):
 def test_a_head_whose_copies_are_both_damaged(make):
     path = make()
     data = path.read_bytes()
-    spoil(path, *(i for i in range(len(data) - 11) if data[i : i + 11] == b"laser_arm\\x22"[:9]))
+    corrupt(path, *(i for i in range(len(data) - 11) if data[i : i + 11] == b"laser_arm\\x22"[:9]))
     spoilt = data.replace(b"laser_arm", b"laser_ARM")
     path.write_bytes(spoilt)
     with pytest.raises(RecordingError, match="lacks the metadata rig"):
@@ -179,30 +174,24 @@ def test_a_head_whose_copies_are_both_damaged(make):
     assert [p.name for p in path.parent.iterdir()] == ["press.mcap"]
 
 
-def test_an_aborted_press_takes_its_name(tmp_path, paper, session, volts):
+def test_an_aborted_press_takes_its_name(tmp_path, paper, session):
     recording = Recording(tmp_path / "press.mcap", paper, session=session)
-
-    def press():
-        with recording:
-            recording.write_block(Block(0, volts))
-            raise ValueError("the finger fell off")
-
-    with pytest.raises(ValueError, match="fell off"):
-        press()
+    with pytest.raises(ZeroDivisionError):
+        record_and(recording, VOLTS, lambda: 1 / 0)
     found = recover(recording.part_path)
     assert found.gaps == ()
     read = read_recording(found.path)
     assert read.complete is False
-    assert np.array_equal(np.stack(list(read.volts.values())), volts)
+    assert np.array_equal(np.stack(list(read.volts.values())), VOLTS)
 
 
 def test_a_recovered_file_damaged_again(make):
     path = make()
     place, _ = chunks(path)[1]
-    spoil(path, place)
+    corrupt(path, place)
     once = recover(path).path
     place, _ = chunks(once)[1]
-    spoil(once, place + 99)
+    corrupt(once, place + 99)
     found = recover(once)
     assert found.path.name == "press-recovered-recovered.mcap"
     assert {(g.first_sample, g.stop_sample) for g in found.gaps} == {(CHUNK, 3 * CHUNK)}
@@ -228,7 +217,7 @@ def test_what_needs_no_recovery_and_what_allows_none(make, tmp_path):
 
 def test_nothing_is_overwritten(make, tmp_path):
     path = make()
-    spoil(path, chunks(path)[1][0])
+    corrupt(path, chunks(path)[1][0])
     taken = tmp_path / "taken.mcap"
     taken.write_text("precious")
     with pytest.raises(RecordingError, match="never overwritten"):
@@ -239,7 +228,7 @@ def test_nothing_is_overwritten(make, tmp_path):
 
 def test_the_command(make, capsys):
     path = make()
-    spoil(path, chunks(path)[1][0])
+    corrupt(path, chunks(path)[1][0])
     assert recordings.info(path, json=True) == 0
     result = json.loads(capsys.readouterr().out)
     assert f"`sautereau recover {path}`" in result["damage"]

@@ -2,13 +2,12 @@
 
 import numpy as np
 import pytest
-from mcap.reader import make_reader
 
 from sautereau.daq.errors import RecordingError
-from sautereau.daq.file.reading import read_recording
+from sautereau.daq.file.reading import read_recording, read_window, stream
 from sautereau.daq.file.recording import Block, Recording
 from sautereau.daq.file.recovery import recover
-from sautereau.daq.file.streaming import read_window, stream
+from tests.daq.damage import chunks, corrupt
 
 RATE = 51_200.0
 N = 70_000
@@ -33,12 +32,7 @@ def long(tmp_path, paper, session, volts):
 @pytest.fixture
 def holed(long):
     """The same without its third chunk, of 11,000 samples."""
-    with long.open("rb") as file:
-        summary = make_reader(file).get_summary()
-    assert summary is not None
-    data = bytearray(long.read_bytes())
-    data[summary.chunk_indexes[2].chunk_start_offset + 5000] ^= 1
-    long.write_bytes(bytes(data))
+    corrupt(long, chunks(long)[2][0] + 5000)
     found = recover(long)
     assert {(g.first_sample, g.stop_sample) for g in found.gaps} == {(21_000, 32_000)}
     return found.path
@@ -117,13 +111,7 @@ def test_a_window_over_a_gap(holed):
 
 def test_a_window_reads_nothing_corrupt(long):
     """A changed byte in another chunk does no harm; in its own it is refused."""
-    with long.open("rb") as file:
-        summary = make_reader(file).get_summary()
-    assert summary is not None
-    place = summary.chunk_indexes[3].chunk_start_offset + 5000
-    data = bytearray(long.read_bytes())
-    data[place] ^= 1
-    long.write_bytes(bytes(data))
+    corrupt(long, chunks(long)[3][0] + 5000)
     assert read_window(long, 0.0, 0.2).n_samples == 10_240
     with pytest.raises(RecordingError, match="`sautereau recover"):
         read_window(long, 0.65, 0.7)

@@ -2,7 +2,6 @@
 
 import re
 import tomllib
-from importlib import resources
 
 import pytest
 
@@ -11,7 +10,7 @@ from sautereau.rig.errors import RigError
 from sautereau.rig.faults import model_keys
 from sautereau.rig.load import load_rig, parse_rig
 from sautereau.rig.schema import Rig
-from sautereau.rig.template import commented_rig
+from sautereau.rig.text import commented_rig
 
 TABLES = {table.name: table for table in describe()}
 
@@ -62,16 +61,12 @@ def test_units_are_given_once():
     assert entry("controller.watchdog_period").meaning.startswith("time without a command")
 
 
-def test_the_file_to_start_from_is_the_packaged_rig():
+def test_the_file_to_start_from_is_the_packaged_rig(paper_text):
+    assert tomllib.loads(commented_rig()) == tomllib.loads(paper_text)
     started, packaged = parse_rig(commented_rig()), load_rig()
     assert started == packaged
     assert started.sources == packaged.sources
     assert started.assumed == packaged.assumed
-
-
-def test_the_file_to_start_from_keeps_what_the_packaged_one_writes():
-    text = resources.files("sautereau.rig").joinpath("paper.toml").read_text(encoding="utf-8")
-    assert tomllib.loads(commented_rig()) == tomllib.loads(text)
 
 
 def test_defaults_that_stand_as_comments_are_valid():

@@ -109,17 +109,17 @@ def test_a_faulty_assumed_range(changed, old, new, message):
 
 
 @pytest.mark.parametrize(
-    ("old", "key"),
+    ("old", "new", "key"),
     [
-        ("value = 0.35", "plectrum.poisson_ratio"),
-        ('home_angles = ["0 deg", "-90 deg"]', "arm.home_angles"),
+        ("value = 0.35", "value = 0.35, assumed = [0.3, 0.4]", "plectrum.poisson_ratio"),
+        (
+            '["0 deg", "-90 deg"]',
+            '{ value = ["0 deg", "1 deg"], assumed = ["0 m", "1 m"] }',
+            "arm.home_angles",
+        ),
     ],
 )
-def test_only_a_quantity_has_an_assumed_range(changed, old, key):
-    new = {
-        "plectrum.poisson_ratio": "value = 0.35, assumed = [0.3, 0.4]",
-        "arm.home_angles": 'home_angles = { value = ["0 deg", "1 deg"], assumed = ["0 m", "1 m"] }',
-    }[key]
+def test_only_a_quantity_has_an_assumed_range(changed, old, new, key):
     with pytest.raises(RigError, match=f"{key}: only a single quantity .* remove assumed"):
         changed((old, new))
 

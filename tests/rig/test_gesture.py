@@ -95,10 +95,10 @@ def test_many_bad_cells_are_counted(file):
         read_gesture(file("time [s], rise [mm]\n" + "0, x\n" * 8))
 
 
-@pytest.mark.parametrize("name", ["nowhere.csv", "."])
-def test_a_file_that_is_not_there(tmp_path, name):
-    with pytest.raises(RigError, match="cannot be read"):
-        read_gesture(tmp_path / name)
+def test_a_file_that_does_not_exist(tmp_path):
+    for name in ("nowhere.csv", "."):
+        with pytest.raises(RigError, match="cannot be read"):
+            read_gesture(tmp_path / name)
 
 
 @pytest.mark.parametrize(

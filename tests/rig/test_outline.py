@@ -193,8 +193,8 @@ def check_points(points):
 
 
 def test_a_dense_tracing_is_thinned():
-    """Of 4,000 points, with noise of 0.2 um."""
-    x = np.linspace(0, 4.5e-3, 2000)
+    """Of 1,600 points, with noise of 0.2 um."""
+    x = np.linspace(0, 4.5e-3, 800)
     half = 0.24e-3 - 0.02 * x + 2e-7 * np.sin(1e7 * x)
     edges = [np.column_stack([x, half]), np.column_stack([x, -half])[::-1]]
     x, top, bottom = split(np.concatenate(edges))

@@ -49,16 +49,13 @@ def test_each_number_of_the_paper(paper, key, value):
     assert getattr(getattr(paper, section), name) == pytest.approx(value, rel=1e-12)
 
 
-def test_stiffness_of_string_and_plectrum(paper):
+def test_stiffness_and_mass_of_string_and_plectrum(paper):
     assert paper.string.plucking_point / paper.string.length == pytest.approx(0.2348, abs=5e-5)
     assert paper.string.static_stiffness == pytest.approx(810.0, rel=1e-3)
     assert paper.string.linear_density == pytest.approx(5.937e-4, rel=1e-4)
     assert paper.plectrum.bending_stiffness == pytest.approx(2.0045e-5, rel=1e-4)
     cantilever = 3 * paper.plectrum.bending_stiffness / paper.plectrum.length**3
     assert cantilever == pytest.approx(660.0, rel=1e-3)
-
-
-def test_mass_of_the_string_element(paper):
     element = paper.string.linear_density * paper.plectrum.width
     assert element == pytest.approx(4.45e-7, rel=1e-3)
 

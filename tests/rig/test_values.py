@@ -12,6 +12,7 @@ from sautereau.rig.load import load_rig, rig_document, rig_from_json, rig_json, 
 
 
 def test_replaces_values_and_leaves_the_rest(paper):
+    assert with_values(paper, {}) == paper
     faster = with_values(
         paper,
         {
@@ -28,10 +29,6 @@ def test_replaces_values_and_leaves_the_rest(paper):
     assert faster.assumed == paper.assumed
     assert faster.sources == paper.sources
     assert paper.press.jack_speed == 0.072
-
-
-def test_no_values_change_nothing(paper):
-    assert with_values(paper, {}) == paper
 
 
 def test_a_rig_is_frozen(paper):

@@ -1,17 +1,25 @@
-"""A file that gets its name only when it is complete and on the disk."""
+"""Files that get their names only when they are complete and on the disk; when they are flushed."""
 
 import errno
 import os
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import BinaryIO
 
 from sautereau.daq.errors import RecordingError
+from sautereau.daq.file.container.writer import McapWriter
 from sautereau.rig.disk import sync_folder
 
 PART = ".part"
 """Appended to the name of a recording until it is complete."""
+FLUSH_PERIOD = 0.2
+"""Samples or time in s after which samples are flushed: a killed process loses at most this
+and one block."""
+SYNC_PERIOD = 1.0
+"""Time in s after which samples are synced to the disk: a power failure loses at most this and
+one block."""
 _FULL = {
     errno.ENOSPC: "the disk is full; free some space",
     errno.EFBIG: "the file has reached the size that the system allows; raise the limit",
@@ -94,3 +102,111 @@ class DurableFile:
         with self.writing():
             self.part_path.rename(self.path)
             sync_folder(self.path.parent)
+
+
+class SteadyClock:
+    """Dates that follow from a single reading of the host's clock, whatever is set later."""
+
+    def __init__(
+        self,
+        clock: Callable[[], int] = time.time_ns,
+        monotonic: Callable[[], float] = time.monotonic,
+    ):
+        """Read the host's clock.
+
+        Args:
+            clock: ns since 1970.
+            monotonic: Time in s of a clock that is never set.
+        """
+        self._monotonic = monotonic
+        self._start = monotonic()
+        self._start_ns = clock()
+
+    def seconds(self) -> float:
+        """Return the time since that reading, s."""
+        return self._monotonic() - self._start
+
+    def now_ns(self) -> int:
+        """Return the date, ns since 1970."""
+        return self._start_ns + round(self.seconds() * 1e9)
+
+
+class RecordingFile:
+    """An MCAP file that gets its name when it is finished; after a fault it accepts no more."""
+
+    def __init__(self, path: Path, *, compress: bool, rate: float, seconds: Callable[[], float]):
+        """Open the unfinished file, ``path.part``.
+
+        Args:
+            path: Path of the finished file.
+            compress: Whether to compress chunks with zstd.
+            rate: Sampling rate, Hz.
+            seconds: Time in s of a clock that is never set.
+        """
+        self._file = DurableFile(path)
+        self._writer = McapWriter(self._file.stream, path.parent, compress=compress)
+        self._seconds = seconds
+        self._flushed = self._synced = seconds()
+        self._pending = 0
+        self._most_pending = round(FLUSH_PERIOD * rate)
+        self.broken = False
+        """Whether something could not be written completely."""
+
+    @contextmanager
+    def writing(self) -> Iterator[McapWriter]:
+        """Yield the writer; an error while writing marks the file as broken."""
+        if self.broken:
+            raise RecordingError(
+                f"recording {self._file.path}: an earlier fault truncated it; recover the content"
+                f" of {self._file.part_path} with `sautereau recover`, and press again"
+            )
+        try:
+            with self._file.writing():
+                yield self._writer
+        except RecordingError as error:
+            self.broken |= isinstance(error.__cause__, OSError)
+            raise
+        except BaseException:
+            self.broken = True
+            raise
+
+    def keep(self, n_samples: int) -> None:
+        """Count written samples; flush and sync them when enough samples or time have passed."""
+        self._pending += n_samples
+        now = self._seconds()
+        if self._pending >= self._most_pending or now - self._flushed >= FLUSH_PERIOD:
+            self.flush()
+        if now - self._synced >= SYNC_PERIOD:
+            self._synced = now
+            with self.writing():
+                self._file.sync()
+
+    def flush(self) -> None:
+        """Flush everything written to the operating system."""
+        self._flushed, self._pending = self._seconds(), 0
+        with self.writing() as writer:
+            writer.close_chunk(least=0)
+
+    def finish(self, stop_sample: int) -> None:
+        """Complete the file, flush it to the disk and close it, still under its ``.part`` name.
+
+        Args:
+            stop_sample: Index after the last sample, written into the file.
+        """
+        try:
+            with self.writing() as writer:
+                writer.close_chunk(least=0)
+                writer.add_metadata("end", {"stop_sample": str(stop_sample)})
+                writer.finish()
+            self._file.close()
+        finally:
+            self.abandon()
+
+    def publish(self) -> None:
+        """Rename the finished file to its final name."""
+        self._file.publish()
+
+    def abandon(self) -> None:
+        """Close the file without completing it."""
+        self._file.abandon()
+        self._writer.close()

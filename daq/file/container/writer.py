@@ -82,7 +82,7 @@ class McapWriter:
         """Write the header; the definitions go into the first chunk and the summary."""
         self._definitions = list(definitions)
         self._put(MAGIC + record_bytes(Header(profile, LIBRARY_IDENTIFIER)))
-        self._open.define(b"".join(map(record_bytes, self._definitions)))
+        self._open.data += b"".join(map(record_bytes, self._definitions))
 
     def add_metadata(self, name: str, data: dict[str, str]) -> None:
         """Write a Metadata record with its own checksum immediately."""
