@@ -11,11 +11,10 @@ from sautereau.sim_backend.errors import SceneError
 from sautereau.sim_backend.parts import Push
 from sautereau.sim_backend.physics.finger import Reference
 from sautereau.sim_backend.scene import Scene
-from sautereau.trajectory.cubic import Cubics, motion_at, segment_cubics
 from sautereau.trajectory.errors import TrajectoryError
 from sautereau.trajectory.motion import Floats, Motion
 from sautereau.trajectory.press import plan_press
-from sautereau.trajectory.segments import Segments
+from sautereau.trajectory.segments import Cubics, Segments, motion_at, segment_cubics
 
 LEAD = 20
 """Controller samples of rest before a press."""

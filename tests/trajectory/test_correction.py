@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from sautereau.rig.load import load_rig
-from sautereau.trajectory.correction import Correction
 from sautereau.trajectory.errors import TrajectoryError
+from sautereau.trajectory.learning import Correction
 from sautereau.trajectory.press import draft_press, plan_press
 from sautereau.trajectory.timing import press_law
 

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sautereau.trajectory.counts import to_angles, to_counts
+from sautereau.trajectory.segments import to_angles, to_counts
 
 
 def test_a_quarter_turn():

@@ -5,9 +5,15 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from sautereau.trajectory.cubic import Cubics, controller_motion, evaluate, extremes, segment_cubics
 from sautereau.trajectory.press import plan_press
-from sautereau.trajectory.segments import Segments
+from sautereau.trajectory.segments import (
+    Cubics,
+    Segments,
+    evaluate,
+    extremes,
+    motion_at,
+    segment_cubics,
+)
 
 PERIOD = 1e-3
 
@@ -40,7 +46,9 @@ def test_the_controllers_motion_of_a_press_is_the_cubic_spline(bench, spline):
         rig = bench(press__hold=hold)
         plan = plan_press(rig)
         scale, period = rig.arm.counts_per_revolution / (2 * np.pi), rig.controller.sample_period
-        time, motion = controller_motion(plan.segments, 7, scale, period)
+        ticks = np.arange(plan.segments.total_samples * 7 + 1) / 7
+        time = ticks * period
+        motion = motion_at(plan.segments, segment_cubics(plan.segments, scale, period), ticks)
         assert time[-1] == pytest.approx(plan.time[-1], rel=1e-14)
         curve = spline(plan.segments, period)
         assert motion.position == pytest.approx(curve(time) / scale, abs=1e-12)
@@ -54,8 +62,9 @@ def test_the_controllers_motion_of_a_press_is_the_cubic_spline(bench, spline):
 
 @given(segments_of())
 def test_any_segments_are_played_as_the_cubic_spline(spline, segments):
-    _, motion = controller_motion(segments, 3, 1.0, PERIOD)
-    time = np.arange(segments.total_samples * 3 + 1) / 3 * PERIOD
+    ticks = np.arange(segments.total_samples * 3 + 1) / 3
+    motion = motion_at(segments, segment_cubics(segments, 1.0, PERIOD), ticks)
+    time = ticks * PERIOD
     curve = spline(segments, PERIOD)
     assert motion.position == pytest.approx(curve(time), abs=1e-8)
     assert motion.velocity == pytest.approx(curve(time, 1), abs=1e-5)

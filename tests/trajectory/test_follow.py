@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from sautereau.trajectory.arm import fingertip_motion
+from sautereau.trajectory.arm import fingertip_motion, follow_down, follow_key
 from sautereau.trajectory.errors import TrajectoryError
-from sautereau.trajectory.follow import follow_down, follow_key
 from sautereau.trajectory.key import key_under_fingertip
 from sautereau.trajectory.motion import Motion
 from sautereau.trajectory.press import plan_press

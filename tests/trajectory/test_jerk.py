@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sautereau.trajectory.jerk import (
+from sautereau.trajectory.timing import (
     chained,
     falling,
     jerk_law,

@@ -6,9 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from sautereau.rig.load import load_rig
-from sautereau.trajectory.arm import fingertip_motion
+from sautereau.trajectory.arm import fingertip_motion, follow_key
 from sautereau.trajectory.errors import TrajectoryError
-from sautereau.trajectory.follow import follow_key
 from sautereau.trajectory.key import angle_of_rise, key_under_fingertip, rise_of_angle
 from sautereau.trajectory.motion import Motion
 from sautereau.trajectory.mount.bases import ELBOWS, LIMITS, assess_bases, key_angles

@@ -164,9 +164,9 @@ def test_the_finest_encoder_fits_into_the_fifo(bench):
 
 
 def test_a_motion_longer_than_the_fifo_is_refused():
-    rig = with_values(PAPER, {"press.bottom_hold": "20 s"})
+    rig = with_values(PAPER, {"press.bottom_hold": "20 s", "controller.segment_limit": 8})
     with pytest.raises(TrajectoryError, match=r"longer than the .* s of 8 segments of 1024"):
-        sample_times(press_law(rig.press).law, 976.5625e-6, 8)
+        sample_times(rig.controller, press_law(rig.press).law)
 
 
 def test_the_slowest_press_is_planned_in_bounded_memory(bench):
