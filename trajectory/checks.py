@@ -22,6 +22,11 @@ SLOWER_PRESS = (
 )
 """How to fix checks of several kinds that fail."""
 
+INSIDE = np.linspace(0.0, 1.0, 5)
+"""Points at which each segment is sampled."""
+STOPPED = np.linspace(0.25, 1.0, 4)
+"""Fractions of the slower joint's stop at which a stop is sampled."""
+
 
 @dataclass(frozen=True)
 class Check:
@@ -66,12 +71,6 @@ def at_most(name: str, value: float, limit: float, unit: str, how_to_fix: str) -
 def at_least(name: str, value: float, limit: float, unit: str, how_to_fix: str) -> Check:
     """Return a check against a minimum."""
     return Check(name, float(value), float(limit), unit, True, how_to_fix)
-
-
-INSIDE = np.linspace(0.0, 1.0, 5)
-"""Points at which each segment is sampled."""
-STOPPED = np.linspace(0.25, 1.0, 4)
-"""Fractions of the slower joint's stop at which a stop is sampled."""
 
 
 class Sampled(NamedTuple):

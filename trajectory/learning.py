@@ -17,6 +17,23 @@ from sautereau.trajectory.errors import TrajectoryError
 from sautereau.trajectory.motion import Floats
 from sautereau.trajectory.timing import JerkLaw, PressLaw, spline_law
 
+CUTOFF = 200.0
+"""Hz, of Q."""
+GAIN = 1.0
+"""Dimensionless, fraction of the error that is corrected in one press."""
+BANDWIDTH = 1000.0
+"""Hz, of the speed error; above it the vibrometer's noise dominates."""
+KNOT = 2
+"""Controller samples between knots of a correction, the grain of PVT segments."""
+FADE_IN = 4e-3
+"""s, over which learning is faded in from the start of the run-up."""
+IMPROVEMENT = 0.05
+"""Dimensionless, fraction by which an error must fall to count as an improvement."""
+PATIENCE = 2
+"""Presses without improvement after which learning stops."""
+DIVERGENCE = 1.5
+"""Dimensionless, error relative to the best one above which learning stops at once."""
+
 
 @dataclass(frozen=True)
 class Correction:
@@ -78,24 +95,6 @@ def _sum(law: JerkLaw, added: JerkLaw) -> JerkLaw:
     return JerkLaw(times, states, jerks)
 
 
-CUTOFF = 200.0
-"""Hz, of Q."""
-GAIN = 1.0
-"""Dimensionless, fraction of the error that is corrected in one press."""
-BANDWIDTH = 1000.0
-"""Hz, of the speed error; above it the vibrometer's noise dominates."""
-KNOT = 2
-"""Controller samples between knots of a correction, the grain of PVT segments."""
-FADE_IN = 4e-3
-"""s, over which learning is faded in from the start of the run-up."""
-IMPROVEMENT = 0.05
-"""Dimensionless, fraction by which an error must fall to count as an improvement."""
-PATIENCE = 2
-"""Presses without improvement after which learning stops."""
-DIVERGENCE = 1.5
-"""Dimensionless, error relative to the best one above which learning stops at once."""
-
-
 def speed_error(law: PressLaw, time: Floats, speed: Floats) -> float:
     """Return the RMS error of the jack's speed in the cruise, relative to the planned speed.
 
@@ -123,7 +122,6 @@ def corrected(
     period: float,
     *,
     gain: float = GAIN,
-    cutoff: float = CUTOFF,
 ) -> Correction:
     """Return the next press's correction.
 
@@ -134,7 +132,6 @@ def corrected(
         speed: m/s, of the jack as measured; shape (n,).
         period: s, of the controller's samples.
         gain: Dimensionless, fraction of the error that is corrected in one press.
-        cutoff: Hz, of the filter Q.
 
     Raises:
         TrajectoryError: As `speed_error`.
@@ -146,7 +143,7 @@ def corrected(
         own = before.onto(law).law.at(time).velocity - planned
         deficit = deficit + own
     deficit = deficit * np.clip((time - law.start) / FADE_IN, 0.0, 1.0) * (time < law.bottom)
-    rate = _low_pass(deficit, cutoff, time)
+    rate = _low_pass(deficit, CUTOFF, time)
     step = np.diff(time, prepend=time[0])
     added = np.cumsum(rate * step)
     knots = np.arange(law.start, law.return_start, KNOT * period)

@@ -16,6 +16,9 @@ from sautereau.trajectory.motion import Floats, Motion
 Phase = tuple[float, float]
 """Duration [s] and constant jerk [m/s^3]."""
 
+STILL = 1e-9
+"""m, least range of a gesture."""
+
 
 @dataclass(frozen=True)
 class JerkLaw:
@@ -125,10 +128,6 @@ def _advance(state, jerk, t):
         v + a * t + jerk * t**2 / 2,
         a + jerk * t,
     )
-
-
-STILL = 1e-9
-"""m, least range of a gesture."""
 
 
 @dataclass(frozen=True)

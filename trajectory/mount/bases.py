@@ -37,6 +37,15 @@ LIMITS = {
 }
 """The limits that may exclude a base, each with how to fix it."""
 
+DISPLACEMENT = 1e-3
+"""m, assumed displacement of the base."""
+TURN = np.radians(0.1)
+"""rad, assumed rotation of the base about joint 1."""
+POINTS = 257
+"""Number of key angles over the press."""
+DIRECTIONS = 180
+"""Number of directions of a displacement that the plan includes."""
+
 
 class BaseAssessment(NamedTuple):
     """Residuals and margins of n bases with one elbow branch."""
@@ -60,10 +69,6 @@ class BaseAssessment(NamedTuple):
     def cost(self) -> Floats:
         """The worst residual if all limits hold, and far more otherwise; shape (n,)."""
         return np.where(self.violation > 0, 1e6 + self.violation, self.worst_residual)
-
-    def select(self, index: int) -> "BaseAssessment":
-        """Return the assessment of one of the bases."""
-        return BaseAssessment(self.residual[index : index + 1], self.margins[:, index : index + 1])
 
 
 def key_angles(rig: Rig, n: int) -> Floats:
@@ -155,16 +160,6 @@ def _torque(arm: Arm, joints: Floats, push: Floats) -> Floats:
     weight = gravity_torque(arm, joints)
     carried = weight - tip_torque(arm, joints, push)
     return np.maximum(np.abs(weight), np.abs(carried)).max((-2, -1))
-
-
-DISPLACEMENT = 1e-3
-"""m, assumed displacement of the base."""
-TURN = np.radians(0.1)
-"""rad, assumed rotation of the base about joint 1."""
-POINTS = 257
-"""Number of key angles over the press."""
-DIRECTIONS = 180
-"""Number of directions of a displacement that the plan includes."""
 
 
 @dataclass(frozen=True)

@@ -79,11 +79,10 @@ class MountMap(NamedTuple):
     z: Floats
     """m, shape (n,)."""
     residual: Floats
-    """Largest tilt [rad] or slide [m], for each of `elbows`; shape (2, n, n) over (z, x).
+    """Largest tilt [rad] or slide [m], for each of `ELBOWS`; shape (2, n, n) over (z, x).
     Finite everywhere, but meaningful only where `feasible`."""
     feasible: np.ndarray
     """Whether every limit holds, bool, shape (2, n, n)."""
-    elbows: tuple[str, str] = ELBOWS
 
     def best(self) -> tuple[Floats, np.ndarray]:
         """Return the residual of the better elbow, and whether either is feasible; (n, n)."""
@@ -205,7 +204,8 @@ def _refine(
         best = int(candidates.cost.argmin())
         newly_feasible = here.violation[0] > 0 >= candidates.violation[best]
         if candidates.cost[best] < here.cost[0]:
-            base, here = bases[best], candidates.select(best)
+            base = bases[best]
+            here = BaseAssessment(candidates.residual[[best]], candidates.margins[:, [best]])
             size = 2.0 if newly_feasible else size * (1.0 if edge[best] else 0.5)
         else:
             size *= 0.5
