@@ -1,16 +1,18 @@
-"""The two-link finger: joint motion from the fingertip's, and back, in closed form.
+"""The two-link finger: joint motion from the fingertip's or the key's, and back, in closed form.
 
 Joint angle 1 is measured from the x axis, joint angle 2 from link 1. The two holds are the two
 ways in which two joints can follow the key: `point` keeps the contact point on the key, `normal`
 keeps link 2 along the key's normal.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from sautereau.rig.instrument import Key
-from sautereau.rig.schema import Arm
+from sautereau.rig.schema import Arm, Rig
 from sautereau.trajectory.errors import TrajectoryError
-from sautereau.trajectory.key import surface_axes
+from sautereau.trajectory.key import key_motion, point_on_key, surface_axes
 from sautereau.trajectory.motion import Floats, Motion, cross
 
 
@@ -170,15 +172,19 @@ def _elbow_motion(angle, along, across, height, base_above, tangent, normal) -> 
 
 def tilt(angle: Floats, joints: Floats) -> Floats:
     """Return the angle [rad] from the key's inward normal to link 2, shape (n,)."""
-    raw = joints[..., 0] + joints[..., 1] - (angle - np.pi / 2)
-    return raw - 2 * np.pi * np.round(raw / (2 * np.pi))
+    return nearest_turn(joints[..., 0] + joints[..., 1] - (angle - np.pi / 2), 0.0)
+
+
+def nearest_turn(angle: Floats, reference: Floats | float) -> Floats:
+    """Return angles [rad] plus the integer number of turns nearest to a reference."""
+    return angle - 2 * np.pi * np.round((angle - reference) / (2 * np.pi))
 
 
 def _unwound(arm: Arm, first: Floats) -> Floats:
     """Return joint 1 [rad] without jumps, starting in the turn of its limits."""
     path = np.unwrap(first)
     middle = (arm.lower_limits[0] + arm.upper_limits[0]) / 2
-    return path - 2 * np.pi * np.round((path[0] - middle) / (2 * np.pi))
+    return path + nearest_turn(path[0], middle) - path[0]
 
 
 def link_vectors(length: float, angle: Floats) -> tuple[Floats, Floats]:
@@ -190,3 +196,54 @@ def link_vectors(length: float, angle: Floats) -> tuple[Floats, Floats]:
 def _solve(column1: Floats, column2: Floats, determinant: Floats, right: Floats) -> Floats:
     """Solve the 2 by 2 systems [column1, column2] x = right by Cramer's rule."""
     return np.stack([cross(right, column2) / determinant, cross(column1, right) / determinant], -1)
+
+
+@dataclass(frozen=True)
+class Path:
+    """Motion of the mechanism on one time base; arrays of the same first length."""
+
+    rise: Motion
+    """Of the jack [m]; shape (n,)."""
+    angle: Motion
+    """Of the key [rad]; shape (n,)."""
+    fingertip: Motion
+    """Of the fingertip's centre [m]; shape (n, 2)."""
+    joints: Motion
+    """rad; shape (n, 2)."""
+    slide: Floats
+    """m, of the contact along the key; shape (n,)."""
+
+
+def follow_key(rig: Rig, rise: Motion) -> Path:
+    """Return the motion for a rise of the jack, with the rig's hold."""
+    key, arm = rig.key, rig.arm
+    angle = key_motion(key, rise)
+    if rig.press.hold == "normal":
+        joints, slide = joints_holding_normal(arm, key, angle)
+        return Path(rise, angle, fingertip_motion(arm, joints), joints, slide)
+    above = key.surface_height + arm.fingertip_radius
+    fingertip = point_on_key(angle, -key.press_arm, above)
+    joints = joints_holding_point(arm, fingertip)
+    return Path(rise, angle, fingertip, joints, np.zeros_like(angle.position))
+
+
+def follow_down(rig: Rig, contact: Path, height: Motion) -> Motion:
+    """Return the joints [rad] of the straight approach from above the key to contact.
+
+    Args:
+        rig: The bench.
+        contact: The press, which starts at the end of the approach.
+        height: Of the fingertip above its position at contact [m]; shape (n,).
+    """
+    up = np.array([0.0, 1.0])
+    start = contact.fingertip.position[0]
+    centre = Motion(
+        start + height.position[:, None] * up,
+        height.velocity[:, None] * up,
+        height.acceleration[:, None] * up,
+    )
+    joints = joints_holding_point(rig.arm, centre, "the approach from press.hover above the key")
+    unwound = joints.position.copy()
+    last = unwound[-1, 0]
+    unwound[:, 0] += nearest_turn(last, contact.joints.position[0, 0]) - last
+    return joints._replace(position=unwound)

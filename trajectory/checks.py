@@ -1,14 +1,31 @@
-"""A check of a planned press: a value, its limit and the margin."""
+"""Checks of a planned press: a value, its limit and the margin.
+
+Quantities without exact extremes are sampled along every segment, with a bound.
+"""
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
+
+from sautereau.rig.schema import Rig
+from sautereau.trajectory.arm import fingertip_place
+from sautereau.trajectory.dynamics import joint_torques
+from sautereau.trajectory.expected import Expectation
+from sautereau.trajectory.key import contact_angle, rise_of_angle, surface_axes
+from sautereau.trajectory.motion import Floats, Motion, dot
+from sautereau.trajectory.segments import Cubics, evaluate
 
 MOVE_BASE = "move arm.base_x or arm.base_z"
 SLOWER_PRESS = (
     "lower press.jack_speed, press.run_up_acceleration, run_up_jerk or run_down_acceleration"
 )
 """How to fix checks of several kinds that fail."""
+
+INSIDE = np.linspace(0.0, 1.0, 5)
+"""Points at which each segment is sampled."""
+STOPPED = np.linspace(0.25, 1.0, 4)
+"""Fractions of the slower joint's stop at which a stop is sampled."""
 
 
 @dataclass(frozen=True)
@@ -54,3 +71,154 @@ def at_most(name: str, value: float, limit: float, unit: str, how_to_fix: str) -
 def at_least(name: str, value: float, limit: float, unit: str, how_to_fix: str) -> Check:
     """Return a check against a minimum."""
     return Check(name, float(value), float(limit), unit, True, how_to_fix)
+
+
+class Sampled(NamedTuple):
+    """The controller's motion at `INSIDE` of m segments; arrays (m, 5) and (m, 5, 2)."""
+
+    joints: Motion
+    """rad."""
+    centre: Floats
+    """m, of the fingertip."""
+    angle: Floats
+    """rad, of the key under it; negative where the fingertip is above a key at rest."""
+    pressing: slice
+    """The segments of the press, between approach and retreat."""
+
+
+def sample(rig: Rig, cubics: Cubics, pressing: slice) -> Sampled:
+    """Sample a motion along every segment."""
+    joints = evaluate(Cubics(*(array[:, None] for array in cubics)), INSIDE[:, None])
+    centre = fingertip_place(rig.arm, joints.position)
+    return Sampled(joints, centre, _angle(rig, centre), pressing)
+
+
+def places(rig: Rig, sampled: Sampled) -> list[Check]:
+    """Check the contact point on the key, and the height of the hovering fingertip."""
+    key, centre = rig.key, sampled.centre
+    tangent, _ = surface_axes(np.maximum(sampled.angle[sampled.pressing], 0.0))
+    from_pin = -dot(centre[sampled.pressing], tangent)
+    # At lift-off this quantity has a kink, which a full second difference bounds.
+    slack = 4 * _bend(from_pin)
+    near, far = from_pin.min() - slack, from_pin.max() + slack
+    hover = min(centre[0, 0, 1], centre[-1, -1, 1]) - rig.arm.fingertip_radius
+    return [
+        at_least(
+            "contact on the key",
+            min(near, key.front_arm - far),
+            0.0,
+            "m",
+            f'{MOVE_BASE}, lower key.press_arm, or set press.hold = "point":'
+            " the finger slides off the key",
+        ),
+        at_least(
+            "clearance of the hovering fingertip",
+            hover,
+            key.neighbour_height,
+            "m",
+            "raise press.hover: the fingertip would touch the neighbouring keys",
+        ),
+    ]
+
+
+def loads(rig: Rig, sampled: Sampled, expected: Expectation | None) -> list[Check]:
+    """Check the torques for inertia, weight and the expected force on the finger."""
+    free = joint_torques(rig.arm, sampled.joints)
+    peaks = [_peak(free[..., j]) for j in (0, 1)]
+    if expected is not None:
+        peaks = _loaded(rig, sampled, free, expected)
+    how_to_fix = f"{SLOWER_PRESS}, or {MOVE_BASE}"
+    return [
+        at_most(f"joint {j + 1} torque", peaks[j], rig.arm.torque_limit, "N*m", how_to_fix)
+        for j in (0, 1)
+    ]
+
+
+def depth_and_stops(rig: Rig, sampled: Sampled) -> list[Check]:
+    """Check that the key does not reach its felt, and that a stop at any time is safe."""
+    key, arm = rig.key, rig.arm
+    position, velocity, _ = sampled.joints
+    # Each joint decelerates independently, at its acceleration limit, as in a controller's stop.
+    speed = np.abs(velocity)
+    slower = np.maximum(speed[..., 0], speed[..., 1])[..., None]
+    left = np.maximum(speed - STOPPED[:, None, None, None] * slower, 0.0)
+    turned = np.copysign((speed**2 - left**2) / (2 * arm.acceleration_limit), velocity)
+    stopping = position + turned
+    stopped, spare = stopping[-1], np.inf
+    for j in (0, 1):
+        joint = stopped[..., j]
+        room = min(joint.min() - arm.lower_limits[j], arm.upper_limits[j] - joint.max())
+        spare = min(spare, room - _bend(joint))
+    depth = _depth(rig, sampled.angle)
+    sinking = _depth(rig, _angle(rig, fingertip_place(arm, stopping)))
+    slack = _bend(sinking) + _bend(np.stack([depth, *sinking], -1))
+    return [
+        at_most(
+            "depth of the key",
+            max(depth.max() + _bend(depth), 0.0),
+            key.dip,
+            "m",
+            "lower press.jack_rise: the key would reach its felt",
+        ),
+        at_most(
+            "depth of the key after a stop",
+            max(depth.max() + slack, sinking.max() + slack, 0.0),
+            key.dip,
+            "m",
+            "lower press.jack_speed or jack_rise, or raise arm.acceleration_limit",
+        ),
+        at_least("joints after a stop", spare, 0.0, "rad", MOVE_BASE),
+    ]
+
+
+def _loaded(rig: Rig, sampled: Sampled, free: Floats, expected: Expectation) -> list[float]:
+    """Bound the torques with the expected force: free - force x lever, by virtual work.
+
+    The force may peak between samples, so each sample takes the largest force up to its
+    neighbours.
+    """
+    pressing = sampled.pressing
+    angle = np.maximum(sampled.angle[pressing], 0.0)
+    joints = Motion(*(array[pressing] for array in sampled.joints))
+    _, normal = surface_axes(angle)
+    lever = free[pressing] - joint_torques(rig.arm, joints, normal)
+    rise = rise_of_angle(rig.key, angle)
+    around = np.pad(rise, ((0, 0), (1, 1)), mode="edge")
+    around = np.stack([around[:, :-2], rise, around[:, 2:]])
+    slack = _bend(rise)
+    forces = expected.range_between(around.min(axis=0) - slack, around.max(axis=0) + slack)
+    most = max(np.abs(force).max() for force in forces)
+    peaks = []
+    for j in (0, 1):
+        bare, arm = free[..., j], lever[..., j]
+        loaded = max(np.abs(bare[pressing] - force * arm).max() for force in forces)
+        slack = _bend(bare) + most * _bend(arm)
+        peaks.append(max(_peak(bare), float(loaded + slack)))
+    return peaks
+
+
+def _angle(rig: Rig, centre: Floats) -> Floats:
+    """Return the angle [rad] of a key in contact with the fingertip, negative above rest."""
+    return contact_angle(rig.key.surface_height + rig.arm.fingertip_radius, centre)
+
+
+def _depth(rig: Rig, angle: Floats) -> Floats:
+    """Return the depth [m] of the pressing point below rest."""
+    key = rig.key
+    lowered = key.press_arm * np.sin(angle) - key.surface_height * np.cos(angle)
+    return lowered + key.surface_height
+
+
+def _peak(values: Floats) -> float:
+    """Bound the largest magnitude of a smooth quantity from its samples in each segment."""
+    return float(max(values.max(), -values.min())) + _bend(values)
+
+
+def _bend(values: Floats) -> float:
+    """Bound the excess of a smooth quantity over its samples along the last axis.
+
+    Between samples at a distance h it is at most h^2/8 times the second derivative. A quarter of
+    the largest second difference is used: twice that bound, in case the derivative varies.
+    """
+    seconds = values[..., 2:] - 2 * values[..., 1:-1] + values[..., :-2]
+    return float(max(seconds.max(), -seconds.min())) / 4

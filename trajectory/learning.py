@@ -9,14 +9,13 @@ The filter Q limits learning to frequencies at which the arm follows its plan, s
 errors that the arm cannot correct do not accumulate.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from sautereau.trajectory.correction import Correction
 from sautereau.trajectory.errors import TrajectoryError
 from sautereau.trajectory.motion import Floats
-from sautereau.trajectory.timing import PressLaw
+from sautereau.trajectory.timing import JerkLaw, PressLaw, spline_law
 
 CUTOFF = 200.0
 """Hz, of Q."""
@@ -34,6 +33,66 @@ PATIENCE = 2
 """Presses without improvement after which learning stops."""
 DIVERGENCE = 1.5
 """Dimensionless, error relative to the best one above which learning stops at once."""
+
+
+@dataclass(frozen=True)
+class Correction:
+    """A smooth addition to the rise, zero at its ends and cubic between its knots.
+
+    Raises:
+        TrajectoryError: The knots are not increasing, the arrays do not fit, or the correction
+            is not zero at its ends.
+    """
+
+    time: Floats
+    """s from the start of motion, knots; shape (n,)."""
+    rise: Floats
+    """m, added at the knots; shape (n,)."""
+
+    def __post_init__(self):
+        fault = ""
+        if self.time.ndim != 1 or self.time.shape != self.rise.shape or len(self.time) < 3:
+            shapes = f"times of shape {self.time.shape} and rises of shape {self.rise.shape}"
+            fault = f"{shapes}; give 3 or more of each"
+        elif not (np.isfinite(self.time).all() and np.isfinite(self.rise).all()):
+            fault = "a time or a rise is not finite; learn again"
+        elif (np.diff(self.time) <= 0).any():
+            fault = "its times do not increase; sort them"
+        elif self.rise[0] != 0 or self.rise[-1] != 0:
+            fault = (
+                f"it adds {self.rise[0] * 1e3:.4g} and {self.rise[-1] * 1e3:.4g} mm at its ends,"
+                " where it must be zero; learn again"
+            )
+        if fault:
+            raise TrajectoryError(f"correction: {fault}")
+
+    def onto(self, law: PressLaw) -> PressLaw:
+        """Return a press's law with the correction added; its parts start as before.
+
+        Raises:
+            TrajectoryError: The correction exceeds the time from the run-up to the return.
+        """
+        if self.time[0] < law.start - 1e-9 or self.time[-1] > law.return_start + 1e-9:
+            raise TrajectoryError(
+                f"correction: it acts from {self.time[0]:.6g} to {self.time[-1]:.6g} s, and the"
+                f" press lasts from {law.start:.6g} to {law.return_start:.6g} s; it was learned for"
+                " another press: learn again"
+            )
+        return replace(law, law=_sum(law.law, spline_law(self.time, self.rise)))
+
+
+def _sum(law: JerkLaw, added: JerkLaw) -> JerkLaw:
+    """Return the sum of two laws, the second zero outside its times, as piecewise cubics."""
+    times = np.union1d(law.times, added.times)
+    times = times[np.concatenate([[True], np.diff(times) > 1e-12])]
+    middles = (times[:-1] + times[1:]) / 2
+    states = np.stack(law.at(times), -1)
+    jerks = law.jerks[law.phase(middles)].astype(float)
+    inside = (middles > added.times[0]) & (middles < added.times[-1])
+    jerks[inside] += added.jerks[added.phase(middles[inside])]
+    within = (times >= added.times[0]) & (times < added.times[-1])
+    states[within] += np.stack(added.at(times[within]), -1)
+    return JerkLaw(times, states, jerks)
 
 
 def speed_error(law: PressLaw, time: Floats, speed: Floats) -> float:
@@ -63,7 +122,6 @@ def corrected(
     period: float,
     *,
     gain: float = GAIN,
-    cutoff: float = CUTOFF,
 ) -> Correction:
     """Return the next press's correction.
 
@@ -74,7 +132,6 @@ def corrected(
         speed: m/s, of the jack as measured; shape (n,).
         period: s, of the controller's samples.
         gain: Dimensionless, fraction of the error that is corrected in one press.
-        cutoff: Hz, of the filter Q.
 
     Raises:
         TrajectoryError: As `speed_error`.
@@ -86,7 +143,7 @@ def corrected(
         own = before.onto(law).law.at(time).velocity - planned
         deficit = deficit + own
     deficit = deficit * np.clip((time - law.start) / FADE_IN, 0.0, 1.0) * (time < law.bottom)
-    rate = _low_pass(deficit, cutoff, time)
+    rate = _low_pass(deficit, CUTOFF, time)
     step = np.diff(time, prepend=time[0])
     added = np.cumsum(rate * step)
     knots = np.arange(law.start, law.return_start, KNOT * period)
@@ -165,17 +222,15 @@ def _low_pass(values: Floats, cutoff: float, time: Floats) -> Floats:
 
 
 def _check(law: PressLaw, time: Floats, speed: Floats) -> None:
-    faults = []
+    fault = ""
     if time.ndim != 1 or time.shape != speed.shape or len(time) < 16:
-        faults.append(
-            f"times of shape {time.shape} and speeds of shape {speed.shape}; give 16 or more"
-        )
+        fault = f"times of shape {time.shape} and speeds of shape {speed.shape}; give 16 or more"
     elif not (np.isfinite(time).all() and np.isfinite(speed).all()):
-        faults.append("a time or a speed is not finite; omit this press")
+        fault = "a time or a speed is not finite; omit this press"
     elif time[0] > law.start + 1e-9 or time[-1] < law.cruise_end - 1e-9:
-        faults.append(
+        fault = (
             f"speeds from {time[0]:.6g} to {time[-1]:.6g} s do not cover the press from"
             f" {law.start:.6g} to {law.cruise_end:.6g} s; record for longer"
         )
-    if faults:
-        raise TrajectoryError("learning: " + "; ".join(faults))
+    if fault:
+        raise TrajectoryError(f"learning: {fault}")

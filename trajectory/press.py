@@ -5,20 +5,23 @@ from dataclasses import dataclass
 import numpy as np
 
 from sautereau.rig.schema import Rig
-from sautereau.trajectory.arm import fingertip_motion, tilt
+from sautereau.trajectory.arm import Path, fingertip_motion, follow_down, follow_key, tilt
 from sautereau.trajectory.checks import Check
-from sautereau.trajectory.correction import Correction
-from sautereau.trajectory.counts import to_counts
-from sautereau.trajectory.cubic import Cubics, evaluate, segment_cubics
 from sautereau.trajectory.dynamics import joint_torques
 from sautereau.trajectory.errors import TrajectoryError
 from sautereau.trajectory.expected import Expectation
-from sautereau.trajectory.follow import Path, follow_down, follow_key
-from sautereau.trajectory.jerk import JerkLaw
 from sautereau.trajectory.key import jack_motion, key_under_fingertip, surface_axes
+from sautereau.trajectory.learning import Correction
 from sautereau.trajectory.motion import Floats, Motion
 from sautereau.trajectory.quantise import quantise, sample_times
-from sautereau.trajectory.segments import Counts, Segments
+from sautereau.trajectory.segments import (
+    Counts,
+    Cubics,
+    Segments,
+    evaluate,
+    segment_cubics,
+    to_counts,
+)
 from sautereau.trajectory.timing import PressLaw, approach_law, press_law
 from sautereau.trajectory.verify import verify
 
@@ -45,26 +48,16 @@ class Cruise:
 
 
 @dataclass(frozen=True)
-class Trajectory:
+class Trajectory(Path):
     """One press on one time base, every array of the same first length."""
 
     law: PressLaw
     time: Floats
     """s from the start of motion, at every controller sample; shape (n,)."""
-    rise: Motion
-    """Of the jack [m]; shape (n,)."""
-    angle: Motion
-    """Of the key [rad]; shape (n,)."""
-    fingertip: Motion
-    """Of the fingertip's centre [m]; shape (n, 2)."""
-    joints: Motion
-    """rad; shape (n, 2)."""
     torques: Floats
     """N m, required for weight, inertia and the expected force; shape (n, 2)."""
     tilt: Floats
     """rad, of link 2 against the key's normal; shape (n,)."""
-    slide: Floats
-    """m, of the contact along the key; shape (n,)."""
     segments: Segments
     """Segments of the press, which starts and ends on the key."""
     approach: Segments
@@ -115,9 +108,9 @@ def draft_press(
     law = press_law(rig.press)
     if correction is not None:
         law = correction.onto(law)
-    time = sample_times(law.law, rig.controller.sample_period, rig.controller.segment_limit)
+    time = sample_times(rig.controller, law.law)
     path = follow_key(rig, law.law.at(time))
-    segments = _quantised(rig, law.law, path.joints)
+    segments = quantise(rig, law.law, path.joints)
     approach = _approach(rig, path)
     retreat = approach.reversed()
     cruise = _cruise(rig, law, segments)
@@ -126,15 +119,11 @@ def draft_press(
         _, normal = surface_axes(path.angle.position)
         force = expected.force_at(path.rise.position)[:, None] * normal
     return Trajectory(
+        **vars(path),
         law=law,
         time=time,
-        rise=path.rise,
-        angle=path.angle,
-        fingertip=path.fingertip,
-        joints=path.joints,
         torques=joint_torques(rig.arm, path.joints, force),
         tilt=tilt(path.angle.position, path.joints.position),
-        slide=path.slide,
         segments=segments,
         approach=approach,
         retreat=retreat,
@@ -145,24 +134,13 @@ def draft_press(
     )
 
 
-def _quantised(rig: Rig, law: JerkLaw, joints: Motion) -> Segments:
-    return quantise(
-        law,
-        joints,
-        rig.arm.counts_per_revolution / (2 * np.pi),
-        rig.controller.sample_period,
-        rig.arm.acceleration_limit,
-        rig.controller.segment_limit,
-    )
-
-
 def _approach(rig: Rig, path: Path) -> Segments:
     """Return the approach, from `hover` down to the start of the press."""
     law = approach_law(rig.press)
-    time = sample_times(law, rig.controller.sample_period, rig.controller.segment_limit)
+    time = sample_times(rig.controller, law)
     down = law.at(time)
     height = Motion(rig.press.hover - down.position, -down.velocity, -down.acceleration)
-    return _quantised(rig, law, follow_down(rig, path, height))
+    return quantise(rig, law, follow_down(rig, path, height))
 
 
 def _cruise(rig: Rig, law: PressLaw, segments: Segments) -> Cruise:

@@ -2,10 +2,11 @@
 
 import numpy as np
 
+from sautereau.rig.schema import Controller, Rig
 from sautereau.trajectory.errors import TrajectoryError
-from sautereau.trajectory.jerk import JerkLaw
 from sautereau.trajectory.motion import Floats, Motion
 from sautereau.trajectory.segments import Counts, Segments
+from sautereau.trajectory.timing import JerkLaw
 
 GRAIN = 2
 """Controller samples; the duration of every segment is a multiple, as PVT mode requires."""
@@ -21,12 +22,13 @@ ROUNDING_FRACTION = 0.1
 """Dimensionless, largest acceleration by rounding to counts, relative to the joints' limit."""
 
 
-def sample_times(law: JerkLaw, period: float, limit: int) -> Floats:
+def sample_times(controller: Controller, law: JerkLaw) -> Floats:
     """Return the times [s] of a law's controller samples, an even number of steps.
 
     Raises:
         TrajectoryError: The law is longer than the longest possible segments.
     """
+    period, limit = controller.sample_period, controller.segment_limit
     longest = limit * LONGEST_SEGMENT * period
     if law.duration > longest:
         raise TrajectoryError(
@@ -38,38 +40,30 @@ def sample_times(law: JerkLaw, period: float, limit: int) -> Floats:
     return np.arange(grains * GRAIN + 1, dtype=np.float64) * period
 
 
-def quantise(
-    law: JerkLaw,
-    joints: Motion,
-    counts_per_radian: float,
-    period: float,
-    acceleration_limit: float,
-    segment_limit: int,
-) -> Segments:
+def quantise(rig: Rig, law: JerkLaw, joints: Motion) -> Segments:
     """Round a motion to integer counts, counts per second and controller samples.
 
     Positions are rounded, not steps, so that rounding errors do not accumulate. Knots are placed
-    further apart if necessary to fit into the controller's FIFO.
+    further apart if necessary to fit into the controller's FIFO, final segment included.
 
     Args:
+        rig: The bench.
         law: Law of the jack that the joints follow.
         joints: Their motion at every controller sample [rad], arrays (n, 2).
-        counts_per_radian: Encoder counts.
-        period: s, one controller sample.
-        acceleration_limit: rad/s^2, of the joints.
-        segment_limit: Capacity of the FIFO in segments, including the final one.
     """
+    counts_per_radian = rig.arm.counts_per_revolution / (2 * np.pi)
+    period = rig.controller.sample_period
     exact = joints.position * counts_per_radian
     rounded = np.rint(exact)
     # A cubic with errors of half a count at both ends has an acceleration error of 6 counts / T^2.
-    coarse = 6 / counts_per_radian / (ROUNDING_FRACTION * acceleration_limit)
+    coarse = 6 / counts_per_radian / (ROUNDING_FRACTION * rig.arm.acceleration_limit)
     longest = LONGEST_SEGMENT // GRAIN
     grains = int(np.clip(np.ceil(np.sqrt(coarse) / period / GRAIN), 1, longest))
     speed = np.abs(joints.velocity).min(axis=1) * counts_per_radian * period
     rounding = np.abs(exact - rounded).max(axis=1)
     while True:
         knots = _knots(law, speed, rounding, period, grains)
-        if len(knots) <= segment_limit or grains >= longest:
+        if len(knots) <= rig.controller.segment_limit or grains >= longest:
             break
         grains += 1
     positions = rounded[knots].astype(np.int64)

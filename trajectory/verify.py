@@ -4,11 +4,19 @@ import numpy as np
 
 from sautereau.rig.schema import Rig
 from sautereau.trajectory.arm import elbow_sign
-from sautereau.trajectory.checks import MOVE_BASE, SLOWER_PRESS, Check, at_least, at_most
-from sautereau.trajectory.cubic import Cubics, Extremes, extremes, segment_cubics
+from sautereau.trajectory.checks import (
+    MOVE_BASE,
+    SLOWER_PRESS,
+    Check,
+    at_least,
+    at_most,
+    depth_and_stops,
+    loads,
+    places,
+    sample,
+)
 from sautereau.trajectory.expected import Expectation
-from sautereau.trajectory.sampled import depth_and_stops, loads, places, sample
-from sautereau.trajectory.segments import Segments
+from sautereau.trajectory.segments import Cubics, Extremes, Segments, extremes, segment_cubics
 
 SINGULARITY_MARGIN = np.radians(5.0)
 """rad, least distance of joint 2 from straight and from folded."""
@@ -66,7 +74,8 @@ def _geometry(rig: Rig, reached: Extremes) -> list[Check]:
     l1, l2 = arm.upper_length, arm.lower_length
     far, near = np.sqrt(l1**2 + l2**2 + 2 * l1 * l2 * np.cos(np.sort(np.abs(bends))))
     low, high = reached.low[0], reached.high[0]
-    lowest_sine = -1.0 if _contains(low, high, -np.pi / 2) else min(np.sin(low), np.sin(high))
+    downwards = -np.pi / 2 + 2 * np.pi * np.ceil((low + np.pi / 2) / (2 * np.pi))
+    lowest_sine = -1.0 if downwards <= high else min(np.sin(low), np.sin(high))
     elbow = arm.base_z + l1 * lowest_sine
     return [
         at_least("reach", min(l1 + l2 - far, near - abs(l1 - l2)), 0.0, "m", MOVE_BASE),
@@ -103,9 +112,3 @@ def _limits(rig: Rig, reached: Extremes) -> list[Check]:
             at_most(f"{name} jerk", jerk, arm.jerk_limit, "rad/s^3", SLOWER_PRESS),
         ]
     return found
-
-
-def _contains(low: float, high: float, angle: float) -> bool:
-    """Return whether the range from low to high contains an angle, modulo a turn."""
-    turns = np.ceil((low - angle) / (2 * np.pi))
-    return bool(angle + 2 * np.pi * turns <= high)

@@ -6,8 +6,7 @@ import numpy as np
 
 from sautereau.rig.schema import Arm
 from sautereau.robot.errors import NotReady, UnsafeRequest
-from sautereau.trajectory.counts import to_angles, to_counts
-from sautereau.trajectory.segments import Counts, Segments
+from sautereau.trajectory.segments import Counts, Segments, to_angles, to_counts
 
 _TOLERANCE = 25e-6
 """Fraction of a revolution between the position of a joint and its target."""

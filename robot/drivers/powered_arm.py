@@ -20,8 +20,7 @@ from sautereau.robot.drivers.limits import Limits
 from sautereau.robot.drivers.serial_port import Port, open_port
 from sautereau.robot.drivers.states import State, States
 from sautereau.robot.errors import MotionFault, NotReady, RobotError
-from sautereau.trajectory.counts import to_counts
-from sautereau.trajectory.segments import Counts, Segments
+from sautereau.trajectory.segments import Counts, Segments, to_counts
 
 _SAFE = "The arm was stopped and its motors are off: the controller confirms it."
 

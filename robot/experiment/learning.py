@@ -15,10 +15,9 @@ from sautereau.robot.errors import RobotError
 from sautereau.robot.experiment.feedforward import torque_table
 from sautereau.robot.experiment.manifest import differences
 from sautereau.robot.experiment.session import Item
-from sautereau.trajectory.correction import Correction
 from sautereau.trajectory.errors import TrajectoryError
 from sautereau.trajectory.expected import Expectation
-from sautereau.trajectory.learning import Learner
+from sautereau.trajectory.learning import Correction, Learner
 from sautereau.trajectory.press import Trajectory, plan_press
 from sautereau.trajectory.timing import press_law
 

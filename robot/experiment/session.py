@@ -17,10 +17,9 @@ from sautereau.rig.schema import Rig
 from sautereau.robot.controller import Capture, MotionController, TorqueTable
 from sautereau.robot.errors import RobotError
 from sautereau.robot.experiment.monitor import Fault, Made, Samples, Stage, Watch
-from sautereau.trajectory.counts import to_angles
 from sautereau.trajectory.motion import Floats
 from sautereau.trajectory.press import Trajectory
-from sautereau.trajectory.segments import Segments
+from sautereau.trajectory.segments import Segments, to_angles
 
 FILE = "press-{:04d}.mcap"
 _NAME = re.compile(r"press-(\d+)\.mcap")

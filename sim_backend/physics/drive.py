@@ -1,7 +1,6 @@
 """The drive of a scene: a planned press, or a push without an arm."""
 
 import math
-from functools import cached_property
 from typing import Protocol
 
 import numpy as np
@@ -11,11 +10,10 @@ from sautereau.sim_backend.errors import SceneError
 from sautereau.sim_backend.parts import Push
 from sautereau.sim_backend.physics.finger import Reference
 from sautereau.sim_backend.scene import Scene
-from sautereau.trajectory.cubic import Cubics, motion_at, segment_cubics
 from sautereau.trajectory.errors import TrajectoryError
 from sautereau.trajectory.motion import Floats, Motion
 from sautereau.trajectory.press import plan_press
-from sautereau.trajectory.segments import Segments
+from sautereau.trajectory.segments import Segments, motion_at, segment_cubics
 
 LEAD = 20
 """Controller samples of rest before a press."""
@@ -65,6 +63,9 @@ class PressDrive:
         self.start = (first, second)
         self._last = segments.total_samples
         self.samples = LEAD + self._last + TAIL
+        self.breaks: Floats = np.asarray(LEAD + segments.ends, float) * self.period
+        """s, joints between the cubics of the reference; shape (n,)."""
+        self._cubics = segment_cubics(segments, 1 / self.radians, self.period)
 
     def reference(self, sample: int) -> Reference:
         """Return the reference: counts from the start, and counts per sample."""
@@ -76,11 +77,6 @@ class PressDrive:
 
         return at
 
-    @cached_property
-    def breaks(self) -> Floats:
-        """s, joints between the cubics of the reference; shape (n,)."""
-        return np.asarray(LEAD + self.segments.ends, float) * self.period
-
     def joints(self, time: Floats) -> Motion:
         """Return the reference of the joints [rad] at times [s], arrays (n, 2)."""
         sample = np.asarray(time, float) / self.period - LEAD
@@ -88,10 +84,6 @@ class PressDrive:
         motion = motion_at(self.segments, self._cubics, inside)
         moving = ((sample >= 0) & (sample < self._last))[:, None]
         return Motion(motion.position, motion.velocity * moving, motion.acceleration * moving)
-
-    @cached_property
-    def _cubics(self) -> Cubics:
-        return segment_cubics(self.segments, 1 / self.radians, self.period)
 
 
 def drive_of(rig: Rig, scene: Scene) -> Drive:

@@ -29,11 +29,15 @@ class Finger(Protocol):
 
 
 class SteppedFinger(Finger, Protocol):
-    """A finger as the rigid-body engine advances it; mm, g and ms."""
+    """A finger as the rigid-body engine advances it; mm, g and ms.
 
-    moment: float
+    The methods given here are those of a finger without a body in the engine, which no contact can
+    involve.
+    """
+
+    moment: float = 0.0
     """N mm, on the key without a contact."""
-    push_end: float
+    push_end: float = math.inf
     """ms into the controller sample, end of that moment; inf if not within this sample."""
 
     def begin_sample(self, reference: Reference, powered: bool, time: float) -> bool:
@@ -52,7 +56,6 @@ class SteppedFinger(Finger, Protocol):
             step: ms, of the engine.
             fraction: Dimensionless, of the forces to apply in this step.
         """
-        ...
 
     def contact_force(self, weight: float) -> float:
         """Return the force [N] on the key in the last step.
@@ -64,7 +67,7 @@ class SteppedFinger(Finger, Protocol):
 
     def reaches_key(self, angle: float, step: float) -> bool:
         """Return whether a separated finger reaches the key, at an angle [rad] after a step."""
-        ...
+        return False
 
     def gap(self, angle: float, time: float, ahead: float) -> float:
         """Return the gap [mm] to the key.
@@ -74,11 +77,10 @@ class SteppedFinger(Finger, Protocol):
             time: ms from the present position.
             ahead: ms, by half of which the last impulse advanced the velocity.
         """
-        ...
+        return math.inf
 
     def make_contact(self, time: float) -> None:
         """Be in contact with the key from a time [s] on."""
-        ...
 
     def correct_and_drift(self, back: float, drift: float) -> None:
         """Undo the surplus of the last impulse and compute the state after a drift.
@@ -87,11 +89,9 @@ class SteppedFinger(Finger, Protocol):
             back: ms, by which the last forces acted too long.
             drift: ms.
         """
-        ...
 
     def set_bodies(self, step: float) -> None:
         """Set the bodies so that a step [ms] of the engine ends in their target state."""
-        ...
 
     def end_sample(self, angle: float) -> tuple[float, float]:
         """End a controller sample with the key at an angle [rad].
@@ -100,7 +100,7 @@ class SteppedFinger(Finger, Protocol):
             The contact angle if the finger touches the key, else the angle itself; and the largest
             error [mm] of a joint or a contact.
         """
-        ...
+        return angle, 0.0
 
 
 class StandingFinger:
@@ -123,31 +123,7 @@ class StandingFinger:
         return True
 
 
-class BodilessFinger(StandingFinger):
-    """A finger without a body in the engine, which no contact can involve."""
-
-    moment = 0.0
-    push_end = math.inf
-
-    def reaches_key(self, angle: float, step: float) -> bool:
-        """Return False: there is no body."""
-        return False
-
-    def gap(self, angle: float, time: float, ahead: float) -> float:
-        """Return infinity: there is no body."""
-        return math.inf
-
-    def make_contact(self, time: float) -> None:
-        """Do nothing: there is no body."""
-
-    def correct_and_drift(self, back: float, drift: float) -> None:
-        """Do nothing: there is no body."""
-
-    def set_bodies(self, step: float) -> None:
-        """Do nothing: there is no body."""
-
-
-class PushFinger(BodilessFinger):
+class PushFinger(StandingFinger, SteppedFinger):
     """A force on the key from the first instant on; the arm is not simulated and stays still."""
 
     def __init__(self, push: Push, press_arm: float, start: tuple[float, float], period: float):
@@ -164,15 +140,6 @@ class PushFinger(BodilessFinger):
         self.push_end = left * 1e3 if within else math.inf
         return self.moment != before
 
-    def apply_forces(
-        self, elapsed: float, angle: float, ahead: float, step: float, fraction: float
-    ) -> None:
-        """Do nothing: there is no body."""
-
     def contact_force(self, weight: float) -> float:
         """Return the force [N] on the key."""
         return self.moment / self._arm / 1e3
-
-    def end_sample(self, angle: float) -> tuple[float, float]:
-        """Return the angle: there is no body."""
-        return angle, 0.0

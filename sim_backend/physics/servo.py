@@ -24,7 +24,7 @@ class PositionLoops:
 
     def engage(self, joints: tuple[float, float]) -> None:
         """Take over an arm at rest: the integrators start at the torques of its weight."""
-        self._integral = list(weight_torque(self.arm, joints))
+        self._integral = gravity_torque(self.arm, np.array(joints)).tolist()
         self._last = [0.0, 0.0]
 
     def torque(
@@ -54,9 +54,3 @@ class PositionLoops:
                 self._integral[j] += servo.stiffness[j] * lag * self.period / servo.integral_time
             torques.append(max(-limit, min(limit, torque)))
         return torques[0], torques[1]
-
-
-def weight_torque(arm: Arm, joints: tuple[float, float]) -> tuple[float, float]:
-    """Return the joint torques [N m] that balance the links' weight."""
-    first, second = gravity_torque(arm, np.array(joints)).tolist()
-    return first, second

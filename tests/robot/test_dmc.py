@@ -11,8 +11,7 @@ from sautereau.robot.drivers.galil.capture import plan_capture
 from sautereau.robot.drivers.galil.dmc import segment_commands
 from sautereau.robot.drivers.galil.program import SETTLE, controller_program
 from sautereau.robot.errors import UnsafeRequest
-from sautereau.trajectory.counts import to_angles, to_counts
-from sautereau.trajectory.segments import Segments
+from sautereau.trajectory.segments import Segments, to_angles, to_counts
 
 row = st.tuples(
     *[st.integers(-(2**31), 2**31)] * 4,

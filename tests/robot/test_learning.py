@@ -14,8 +14,8 @@ from sautereau.robot.experiment.learning import HALVINGS, IterativeLearning, Lea
 from sautereau.robot.experiment.session import Item, make_presses
 from sautereau.sim_backend.bench import StandIn
 from sautereau.sim_backend.scene import load_scene
-from sautereau.trajectory.correction import Correction
 from sautereau.trajectory.errors import TrajectoryError
+from sautereau.trajectory.learning import Correction
 from sautereau.trajectory.press import plan_press
 from sautereau.trajectory.timing import press_law
 

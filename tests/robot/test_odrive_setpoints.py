@@ -6,8 +6,8 @@ import pytest
 from sautereau.rig.load import load_rig, with_values
 from sautereau.robot.drivers.odrive.setpoints import INTERVAL, Setpoints, bandwidth
 from sautereau.sim_backend.devices.odrive.setpoint import Setpoint, filtered
-from sautereau.trajectory.cubic import controller_motion
 from sautereau.trajectory.press import plan_press
+from sautereau.trajectory.segments import motion_at, segment_cubics
 
 
 @pytest.fixture(scope="module")
@@ -36,7 +36,8 @@ def test_the_filter_goes_where_the_plan_wants_it(rig):
     plan, period = plan_press(rig), rig.controller.sample_period
     segments = plan.segments
     setpoints = Setpoints.of(segments, period)
-    _, motion = controller_motion(segments, 1, 1.0, period)
+    ticks = np.arange(segments.total_samples + 1)
+    motion = motion_at(segments, segment_cubics(segments, 1.0, period), ticks)
     cruise = slice(int(plan.cruise.start / period) + 30, int(plan.cruise.end / period) - 2)
     for joint in (0, 1):
         states, end = followed(setpoints, segments.start, joint, period)

@@ -3,6 +3,7 @@
 from functools import cache
 
 import numpy as np
+import pytest
 
 from sautereau.rig.instrument import Choir
 from sautereau.rig.load import load_rig
@@ -16,6 +17,11 @@ MUTE = {"plectrum": "none", "string": "none"}
 BARE = {**MUTE, "friction": False, "felt": False}
 RETURNING = {"tongue": True, "damper": True}
 """Parts that act while the jack falls."""
+
+
+def slow(value):
+    """Return a parameter whose test is slow."""
+    return pytest.param(value, marks=pytest.mark.slow)
 
 
 def push_of(force, duration, rest=0.0):

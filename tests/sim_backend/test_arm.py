@@ -9,9 +9,9 @@ from sautereau.analysis.model.key import finger_force
 from sautereau.analysis.model.predict import rig_pluck
 from sautereau.sim_backend.physics.drive import LEAD, PressDrive
 from sautereau.sim_backend.physics.observation import observe
-from sautereau.sim_backend.physics.servo import weight_torque
 from sautereau.sim_backend.physics.world import new_world
 from sautereau.trajectory.arm import fingertip_motion
+from sautereau.trajectory.dynamics import gravity_torque
 from sautereau.trajectory.key import key_under_fingertip, rise_slope
 from sautereau.trajectory.motion import Motion
 from sautereau.trajectory.press import plan_press
@@ -88,7 +88,7 @@ def test_a_standing_arm_is_held(powered):
     np.testing.assert_allclose(moved.angle, 0, atol=1e-9)
     np.testing.assert_array_equal(moved.finger_force, 0)
     assert world.finger.settled
-    expected = weight_torque(RIG.arm, before) if powered else (0.0, 0.0)
+    expected = gravity_torque(RIG.arm, np.array(before)) if powered else (0.0, 0.0)
     np.testing.assert_allclose(world.finger.torques(), expected, atol=1e-6)
 
 

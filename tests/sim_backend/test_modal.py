@@ -10,19 +10,15 @@ from scipy.optimize import brentq
 from sautereau.analysis.model.choirs import choirs
 from sautereau.analysis.model.plectrum.elastica import Elastica
 from sautereau.analysis.model.predict import rig_pluck
-from sautereau.rig.load import load_rig, with_values
+from sautereau.rig.load import with_values
 from sautereau.sim_backend.errors import SceneError
 from sautereau.sim_backend.physics.events import PluckEvents
 from sautereau.sim_backend.physics.rigid.modal import ModalPlucking
 from sautereau.sim_backend.scene import Scene
+from tests.sim_backend.scenes import RIG, slow
 
-RIG = load_rig()
 CLEARANCE = RIG.jack.string_clearance * 1e3
 FREQUENCY = RIG.string.frequency
-
-
-def slow(value):
-    return pytest.param(value, marks=pytest.mark.slow)
 
 
 def strung(rig=RIG, modes=30, level="elastica", **parts):
@@ -32,15 +28,6 @@ def strung(rig=RIG, modes=30, level="elastica", **parts):
     values |= {"friction": False, "felt": False, "step": "10 us"}
     scene = Scene.model_validate(values | parts)
     return ModalPlucking(choirs(rig)[0], scene, 0, PluckEvents(), modes)
-
-
-def with_plectrum(**values):
-    plectrum = RIG.plectrum.model_copy(update=values)
-    return RIG.model_copy(update={"plectrum": plectrum})
-
-
-def with_tension(factor):
-    return with_values(RIG, {"string.tension": f"{RIG.string.tension * factor} N"})
 
 
 def rising(speed, growth=0.0, start=0.0):
@@ -204,7 +191,7 @@ def test_the_forces_of_long_steps_carry_the_same_momentum(step):
 
 @pytest.mark.parametrize("factor", [1e-3, 0.1, 10.0, 1e3])
 def test_strings_of_any_stiffness_are_converged_or_refused(factor):
-    rig = with_tension(factor)
+    rig = with_values(RIG, {"string.tension": f"{RIG.string.tension * factor} N"})
     try:
         string = strung(rig)
     except SceneError:
@@ -367,7 +354,7 @@ def test_an_overcritical_damper_is_refused():
 
 def test_a_string_that_is_never_plucked_is_refused():
     with pytest.raises(SceneError, match=r"plectrum\.overlap"):
-        strung(with_plectrum(overlap=4.4999e-3))
+        strung(with_values(RIG, {"plectrum.overlap": "4.4999 mm"}))
 
 
 def test_a_path_that_is_not_finite_is_refused():

@@ -1,7 +1,6 @@
 """The reduced engine against closed forms, an independent solver, the model, the reference."""
 
 import math
-import os
 import subprocess
 import sys
 
@@ -11,7 +10,6 @@ import pytest
 from sautereau.analysis.model.key import finger_force
 from sautereau.analysis.model.predict import rig_pluck
 from sautereau.rig.load import with_values
-from sautereau.rig.section import GRAVITY
 from sautereau.sim_backend.errors import SceneError
 from sautereau.sim_backend.physics.drive import PushDrive, drive_of
 from sautereau.sim_backend.physics.observation import errors, observe
@@ -20,8 +18,8 @@ from sautereau.sim_backend.physics.reference.observe import reference
 from sautereau.trajectory.arm import fingertip_motion
 from sautereau.trajectory.key import key_under_fingertip, surface_axes
 from tests import key_oracle
-from tests.key_oracle import rise, slope
-from tests.sim_backend.scenes import MUTE, RETURNING, RIG, choir, pressed, pushed
+from tests.key_oracle import rise
+from tests.sim_backend.scenes import MUTE, RETURNING, RIG, choir, pressed, pushed, slow
 
 KEY, JACK = RIG.key, RIG.jack
 PERIOD = RIG.controller.sample_period
@@ -77,10 +75,6 @@ def test_steps_are_of_order_four():
     ]
     assert wrong[0] / wrong[1] > 10
     assert wrong[1] / wrong[2] > 10
-
-
-def slow(value):
-    return pytest.param(value, marks=pytest.mark.slow)
 
 
 COVERED_BY_OTHERS = ("an ideal finger", "two choirs", "a heavy push")
@@ -160,39 +154,6 @@ def test_energy_is_that_of_the_push_less_that_of_the_pluck():
     np.testing.assert_allclose(energy[free], work[free], atol=1e-13, rtol=1e-9)
 
 
-@pytest.fixture(scope="module")
-def flight():
-    """Return a push into the felt, and its rows while the jack flies on; mute, frictionless."""
-    scene = pushed(force=0.5, duration=0.18, friction=False, **MUTE)
-    motions = run(RIG, scene.model_copy(update={"step": 2e-6})).motions
-    flying = np.flatnonzero(motions.rise - rise(KEY, motions.angle) > 1e-7)
-    rows = flying[: 1 + np.argmax(np.diff(flying, append=10**9) > 1)]
-    assert len(rows) > 1000
-    assert rows[-1] + 10 < len(motions.time)
-    return motions, rows
-
-
-def test_a_jack_in_the_air_is_ballistic(flight):
-    motions, rows = flight
-    time = motions.time[rows] - motions.time[rows[0]]
-    parabola = np.polynomial.Polynomial.fit(time, motions.rise[rows], 2).convert()
-    assert 2 * parabola.coef[2] == pytest.approx(-GRAVITY, rel=1e-9)
-    np.testing.assert_allclose(parabola(time), motions.rise[rows], atol=1e-14)
-
-
-def test_landing_conserves_momentum(flight):
-    motions, rows = flight
-    before, after = rows[-1] - 1, rows[-1] + 3
-    step = motions.time[1] - motions.time[0]
-    speed = (motions.rise[before] - motions.rise[before - 1]) / step - GRAVITY * step / 2
-    by_angle = slope(KEY, motions.angle[before])
-    together = (KEY.inertia + JACK.mass * by_angle**2) * motions.angular_velocity[after]
-    carried = JACK.mass * by_angle * speed
-    assert carried < -1e-4
-    expected = KEY.inertia * motions.angular_velocity[before] + carried
-    assert together == pytest.approx(expected, abs=5e-3 * abs(carried))  # felt, in 8 us
-
-
 def test_a_resting_key_stays_at_rest():
     happened = run(RIG, pushed(force=0, **RETURNING))
     for name in ("angle", "angular_velocity", "rise", "finger_force", "string_force"):
@@ -242,13 +203,6 @@ def test_extremes_converge(values, force):
     assert len(first[0]) == len(first[1])
     for a, b in zip(*first, strict=True):
         assert a.time == pytest.approx(b.time, abs=1e-6)
-
-
-@pytest.mark.parametrize("step", [slow(1e-6), 1e-5, 3e-4, 2e-3])
-def test_any_step_gives_the_same_pluck(step):
-    exact = times(run(RIG, pushed(step=5e-05)).events)
-    found = times(run(RIG, pushed().model_copy(update={"step": step})).events)
-    np.testing.assert_allclose(found, exact, atol=2e-8)
 
 
 def test_an_endless_series_of_landings_ends_at_rest():
@@ -317,29 +271,16 @@ def test_unsupported_scenes_are_refused():
         ReducedWorld(near, scene, (shoulder, elbow)).advance(drive.reference(0), True)
 
 
-SCRIPT = """
-import sys
-if sys.argv[1] == "without": sys.modules["numba"] = None
-from sautereau.sim_backend.physics.observation import observe
-from tests.sim_backend.scenes import RETURNING, RIG, pushed
-seen = observe(RIG, pushed(duration=0.03, rest=0.01, **RETURNING))
-for row in zip(*vars(seen.motions).values()):
-    print(*(float(value).hex() for value in row))
-print(seen.events)
-"""
+def bits():
+    seen = observe(RIG, pushed(duration=0.03, rest=0.01, **RETURNING))
+    rows = zip(*vars(seen.motions).values(), strict=True)
+    return "\n".join([*(" ".join(float(v).hex() for v in row) for row in rows), str(seen.events)])
 
 
-def test_the_same_bits_in_every_process_and_without_numba():
-    def printed(how, **environment):
-        return subprocess.run(
-            [sys.executable, "-c", SCRIPT, how],
-            env=os.environ | environment,
-            capture_output=True,
-            text=True,
-            check=True,
-        ).stdout
-
-    first = printed("with")
-    assert first.count("\n") > 40
-    assert printed("with") == first
-    assert printed("without") == first
+def test_the_same_bits_in_another_process_without_numba():
+    code = "import sys; sys.modules['numba'] = None\n"
+    code += "from tests.sim_backend.test_reduced import bits; print(bits())"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    expected = bits()
+    assert expected.count("\n") > 40
+    assert done.stdout.strip() == expected

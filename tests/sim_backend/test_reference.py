@@ -12,7 +12,7 @@ from sautereau.analysis.model.key import finger_force
 from sautereau.rig.load import with_values
 from sautereau.rig.section import GRAVITY
 from sautereau.sim_backend.errors import SceneError
-from sautereau.sim_backend.physics.drive import LEAD, PressDrive, drive_of
+from sautereau.sim_backend.physics.drive import LEAD, PressDrive
 from sautereau.sim_backend.physics.reference.drive_segments import DriveSegment
 from sautereau.sim_backend.physics.reference.jack import JackLaw, PluckLaw, StringMode
 from sautereau.sim_backend.physics.reference.linkage import Linkage
@@ -27,13 +27,9 @@ from sautereau.trajectory.key import angle_of_rise, key_under_fingertip, rise_of
 from sautereau.trajectory.motion import Motion
 from sautereau.trajectory.press import plan_press
 from tests import key_oracle
-from tests.sim_backend.scenes import BARE, MUTE, RIG, press_solved, pushed, scene_of
+from tests.sim_backend.scenes import BARE, MUTE, RIG, press_solved, pushed, scene_of, slow
 
 PERIOD = RIG.controller.sample_period
-
-
-def slow(value):
-    return pytest.param(value, marks=pytest.mark.slow)
 
 
 def when(solution, name):
@@ -257,23 +253,6 @@ def test_a_key_without_its_finger_moves_freely():
     assert len(rows) > 10
     alone = finger_force(rig, Motion(*np.array(rows).T), np.zeros(len(rows)))
     np.testing.assert_allclose(alone, 0, atol=1e-12)
-
-
-@pytest.mark.slow
-def test_two_choirs_pluck_in_sequence():
-    first = choirs(RIG)[0]
-    jack = first.jack.model_copy(update={"string_clearance": 2.6e-3})
-    second = first.model_copy(update={"jack_arm": 0.225, "jack": jack})
-    scene = scene_of("ideal", more_choirs=(second,))
-    moved = solve(RIG, scene)
-    drive = drive_of(RIG, scene)
-    assert [e.choir for e in moved.events.contacts] == [0, 1]
-    top = LEAD * PERIOD + plan_press(RIG).law.return_start
-    key = RIG.key.model_copy(update={"jack_arm": 0.225})
-    rise = float(rise_of_angle(RIG.key, angle_of_rise(key, 2.6e-3)))
-    expected = reaches(drive, rise, LEAD * PERIOD, top)
-    assert moved.events.contacts[1].time == pytest.approx(expected, abs=1e-9)
-    assert sorted(e.choir for e in moved.events.returns) == [0, 1]
 
 
 # The servo.

@@ -1,21 +1,34 @@
-"""The position loops alone, against closed forms."""
+"""The position loops against closed forms; the servo's free arm against its equations of motion."""
 
 import math
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
-from sautereau.rig.load import load_rig
-from sautereau.rig.section import GRAVITY
-from sautereau.sim_backend.physics.servo import PositionLoops, weight_torque
+from sautereau.rig.load import with_values
+from sautereau.sim_backend.errors import SceneError
+from sautereau.sim_backend.parts import Servo
+from sautereau.sim_backend.physics.servo import PositionLoops
+from sautereau.sim_backend.physics.world import new_world
 from sautereau.sim_backend.scene import load_scene
+from sautereau.trajectory.dynamics import gravity_torque, joint_torques, mass_matrix
+from sautereau.trajectory.motion import Motion
+from tests.sim_backend.scenes import RIG
 
-PERIOD = 976.5625e-6
+PERIOD = RIG.controller.sample_period
 
-
-@pytest.fixture
-def arm():
-    return load_rig("paper").arm
+START = (0.3, -1.6)
+SAMPLES = 60
+LIMP = Servo.model_validate(
+    {
+        "stiffness": ["0 N m/rad"] * 2,
+        "damping": ["0 N m s/rad"] * 2,
+        "integral_time": "1 s",
+        "feedforward": ["1 kg m^2"] * 2,
+    }
+)
+"""Servo without feedback: torque from the feedforward, and the weight at power-on."""
 
 
 @pytest.fixture
@@ -24,48 +37,25 @@ def servo():
 
 
 @pytest.fixture
-def loops(servo, arm):
-    return PositionLoops(servo, arm, PERIOD)
+def loops(servo):
+    return PositionLoops(servo, RIG.arm, PERIOD)
 
 
-def potential(arm, joints):
-    """Return the potential energy [J] of the links' weight."""
-    elbow = arm.upper_length * math.sin(joints[0])
-    return GRAVITY * (
-        arm.upper_mass * elbow / 2
-        + arm.lower_mass * (elbow + arm.lower_length / 2 * math.sin(joints[0] + joints[1]))
-    )
+def weight_torque(joints):
+    return tuple(gravity_torque(RIG.arm, np.array(joints)).tolist())
 
 
-@pytest.mark.parametrize("joints", [(0.0, -1.5), (0.4, -0.9), (-1.2, -2.0)])
-def test_weight_torque_is_the_gradient_of_the_potential(arm, joints):
-    step = 1e-5
-    for j in (0, 1):
-        up, down = list(joints), list(joints)
-        up[j] += step
-        down[j] -= step
-        slope = (potential(arm, up) - potential(arm, down)) / (2 * step)
-        assert weight_torque(arm, joints)[j] == pytest.approx(slope, rel=1e-8)
-
-
-def test_a_stretched_arm_by_hand(arm):
-    """0.15 kg at 60 mm and 0.10 kg at 170 mm."""
-    first, second = weight_torque(arm, (0.0, 0.0))
-    assert first == pytest.approx((0.15 * 0.06 + 0.10 * 0.17) * GRAVITY, rel=1e-12)
-    assert second == pytest.approx(0.10 * 0.05 * GRAVITY, rel=1e-12)
-
-
-def test_at_rest_the_torque_balances_the_weight(loops, arm):
+def test_at_rest_the_torque_balances_the_weight(loops):
     loops.engage((0.3, -1.2))
     for _ in range(50):
-        assert loops.torque((0, 0), (0, 0)) == weight_torque(arm, (0.3, -1.2))
+        assert loops.torque((0, 0), (0, 0)) == weight_torque((0.3, -1.2))
 
 
-def test_each_term_of_the_pid(loops, servo, arm):
+def test_each_term_of_the_pid(loops, servo):
     """P on the error, D on its change, feedforward on acceleration; then the integral."""
     loops.engage((0.3, -1.2))
-    weight = weight_torque(arm, (0.3, -1.2))
-    lag = 100 * 2 * math.pi / arm.counts_per_revolution
+    weight = weight_torque((0.3, -1.2))
+    lag = 100 * 2 * math.pi / RIG.arm.counts_per_revolution
     first = loops.torque((100, 0), (0, 5.0))
     expected = servo.stiffness[0] * lag + servo.damping[0] * lag / PERIOD + weight[0]
     assert first[0] == pytest.approx(expected, rel=1e-12)
@@ -77,25 +67,75 @@ def test_each_term_of_the_pid(loops, servo, arm):
 
 
 @pytest.mark.parametrize("counts", [1e5, -1e5, 1e12])
-def test_the_torque_limit_is_respected(loops, arm, counts):
+def test_the_torque_limit_is_respected(loops, counts):
     loops.engage((0.3, -1.2))
     for _ in range(20):
         torque = loops.torque((counts, -counts), (0, 0))
-        assert np.abs(torque).max() <= arm.torque_limit
+        assert np.abs(torque).max() <= RIG.arm.torque_limit
     assert torque == (math.copysign(2.0, counts), -math.copysign(2.0, counts))
 
 
-def test_saturation_does_not_wind_the_integral_up(loops, arm):
+def test_saturation_does_not_wind_the_integral_up(loops):
     loops.engage((0.3, -1.2))
     for _ in range(1000):
         loops.torque((1e6, 1e6), (0, 0))
     loops.torque((0, 0), (0, 0))
-    assert loops.torque((0, 0), (0, 0)) == pytest.approx(weight_torque(arm, (0.3, -1.2)), rel=1e-12)
+    assert loops.torque((0, 0), (0, 0)) == pytest.approx(weight_torque((0.3, -1.2)), rel=1e-12)
 
 
-def test_engaging_again_resets_the_integral(loops, arm):
+def test_engaging_again_resets_the_integral(loops):
     loops.engage((0.3, -1.2))
     for _ in range(10):
         loops.torque((50, -50), (0, 0))
     loops.engage((0.1, -1.0))
-    assert loops.torque((0, 0), (0, 0)) == weight_torque(arm, (0.1, -1.0))
+    assert loops.torque((0, 0), (0, 0)) == weight_torque((0.1, -1.0))
+
+
+def geared(first, second):
+    inertias = [f"{first} kg m^2", f"{second} kg m^2"]
+    return with_values(RIG, {"arm.rotor_inertias": inertias, "arm.gear_ratios": [30.0, 30.0]})
+
+
+def swung(rig, steps):
+    """Return joints [rad] and torques [N m] of the stand-in's arm under constant torques."""
+    period = rig.controller.sample_period
+    scene = load_scene("paper").model_copy(update={"servo": LIMP, "step": period / steps})
+    world = new_world(rig, scene, START)
+    speeds = np.array([[0.0, 0.0], [0.08, -0.01]]) * period**2 / world.radians_per_count
+    for _ in range(SAMPLES):
+        world.advance(lambda fractions: (np.zeros((len(fractions), 2)), speeds), True)
+    return np.array(world.finger.joints()), np.array(world.finger.torques())
+
+
+def solved(arm, torque, duration):
+    def rate(_, state):
+        joints, speed = np.split(state, 2)
+        rest = joint_torques(arm, Motion(joints, speed, np.zeros(2)))
+        return np.concatenate([speed, np.linalg.solve(mass_matrix(arm, joints), torque - rest)])
+
+    state = np.concatenate([START, np.zeros(2)])
+    return solve_ivp(rate, (0, duration), state, rtol=1e-10, atol=1e-12).y[:2, -1]
+
+
+@pytest.mark.parametrize("rotor", [0, 2e-6])
+def test_the_free_arm_follows_its_equations(rotor):
+    """Second order: half the step gives a quarter of the error."""
+    rig = geared(rotor, 0)
+    coarse, torque = swung(rig, 5)
+    fine, _ = swung(rig, 10)
+    exact = solved(rig.arm, torque, SAMPLES * rig.controller.sample_period)
+    assert np.abs(exact - START).min() > 0.03
+    np.testing.assert_allclose(fine, exact, rtol=0, atol=1e-7)
+    np.testing.assert_allclose((coarse - exact) / (fine - exact), 4, rtol=0.05)
+
+
+def test_joint_2s_rotor_is_refused():
+    with pytest.raises(SceneError, match=r"rotor_inertias: joint 2's .* 0\.0009 kg m\^2 .*truth"):
+        new_world(geared(0, 1e-6), load_scene("paper"))
+
+
+def test_the_fixes_named_by_the_refusal_work():
+    rig, scene = geared(1e-6, 1e-6), load_scene("paper")
+    new_world(rig, load_scene("ideal"))
+    truth = {"arm.rotor_inertias": ["1e-6 kg m^2", "0 kg m^2"]}
+    new_world(rig, scene.model_copy(update={"truth": truth}))

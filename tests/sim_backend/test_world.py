@@ -59,15 +59,7 @@ def digest(name):
 
 @pytest.mark.parametrize("name", ["pluck", pytest.param("paper", marks=pytest.mark.slow)])
 def test_another_process_gives_the_same_bits(name):
-    code = f"""
-import hashlib, numpy as np
-from sautereau.rig.load import load_rig
-from sautereau.sim_backend.physics.observation import observe
-from sautereau.sim_backend.scene import load_scene
-seen = observe(load_rig("paper"), load_scene({name!r}))
-data = b"".join(np.ascontiguousarray(array).tobytes() for array in vars(seen.motions).values())
-print(hashlib.sha256(data + repr(seen.events).encode()).hexdigest())
-"""
+    code = f"from tests.sim_backend.test_world import digest; print(digest({name!r}))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == digest(name)
 

@@ -78,6 +78,12 @@ def brute():
     return _brute
 
 
+@pytest.fixture(scope="session")
+def true_cruise_error():
+    """Return a function that recomputes the error of the cruise's speed from the integers."""
+    return _cruise_error
+
+
 def _spline(segments, period):
     times = np.concatenate([[0], np.cumsum(segments.samples)]) * period
     positions = segments.start + np.vstack([[0, 0], np.cumsum(segments.steps, axis=0)])

@@ -95,19 +95,6 @@ def test_holding_the_point_brings_the_fingertip_there(derivatives, close, arm):
     assert (np.sign(joints.position[:, 1]) == elbow_sign(arm)).all()
 
 
-@given(arms())
-def test_joint_speeds_are_time_derivatives_holding_the_point(derivatives, close, arm):
-    assume(within_reach(arm, along_the_key(arm, rocking(np.linspace(-0.1, 1.1, 200)))))
-    joints = joints_holding_point(arm, along_the_key(arm, rocking(TIME)))
-
-    def position(t):
-        return joints_holding_point(arm, along_the_key(arm, rocking(t))).position
-
-    first, second = derivatives(position, TIME, 0.002)
-    close(joints.velocity, first, 1e-6)
-    close(joints.acceleration, second, 1e-5)
-
-
 @given(standing_arms())
 def test_holding_the_normal_keeps_link_2_upright(derivatives, close, arm):
     angle = rocking(TIME)
@@ -126,18 +113,6 @@ def test_holding_the_normal_keeps_link_2_upright(derivatives, close, arm):
     assert np.abs(under.position - angle.position).max() < 1e-11
     close(under.velocity, angle.velocity, 1e-9)
     close(under.acceleration, angle.acceleration, 1e-8)
-
-
-@given(standing_arms())
-def test_joint_speeds_are_time_derivatives_holding_the_normal(derivatives, close, arm):
-    joints, _ = joints_holding_normal(arm, KEY, rocking(TIME))
-
-    def position(t):
-        return joints_holding_normal(arm, KEY, rocking(t))[0].position
-
-    first, second = derivatives(position, TIME, 0.005)
-    close(joints.velocity, first, 1e-8)
-    close(joints.acceleration, second, 1e-7)
 
 
 @given(arms(), st.integers(-3, 3))
@@ -163,24 +138,6 @@ def test_the_base_may_be_above_the_pressing_point():
     joints, slide = joints_holding_normal(arm, KEY, still)
     assert np.isfinite(joints.velocity).all()
     assert slide == pytest.approx(0.12, abs=1e-12)
-
-
-@pytest.mark.parametrize(
-    ("base_x", "side"), [(-0.5, "beyond the outer"), (-0.175, "inside the inner")]
-)
-def test_a_point_out_of_reach_is_one_clear_message(base_x, side):
-    arm = PAPER.arm.model_copy(update={"base_x": base_x, "base_z": 0.02})
-    with pytest.raises(TrajectoryError, match=f"reach: the fingertip's path .* mm {side} reach"):
-        joints_holding_point(arm, along_the_key(arm, rocking(TIME)))
-
-
-@pytest.mark.parametrize("base_z", [0.3, -0.1])
-def test_a_base_too_far_from_the_elbows_height(base_z):
-    arm = PAPER.arm.model_copy(update={"base_z": base_z})
-    with pytest.raises(
-        TrajectoryError, match=r'hold = "normal".*link 1 of 120 mm; move arm.base_z'
-    ):
-        joints_holding_normal(arm, KEY, rocking(TIME))
 
 
 def by_complex_steps(arm, joints):

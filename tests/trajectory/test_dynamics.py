@@ -82,14 +82,6 @@ def test_the_motors_work_is_the_energy_gained(arm, seed):
 
 
 @given(arms(), seeds())
-def test_power_is_the_rate_of_energy(derivatives, close, arm, seed):
-    time = np.linspace(0, 1, 40)
-    joints = swing(seed, time)
-    rate, _ = derivatives(lambda t: energy(arm, swing(seed, t)), time, 1e-3)
-    close(dot(joint_torques(arm, joints), joints.velocity), rate, 1e-9)
-
-
-@given(arms(), seeds())
 def test_the_mass_matrix_is_symmetric_and_positive(arm, seed):
     matrix = mass_matrix(arm, states(seed).position)
     np.testing.assert_array_equal(matrix, matrix.swapaxes(-1, -2))

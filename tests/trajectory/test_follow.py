@@ -3,9 +3,7 @@
 import numpy as np
 import pytest
 
-from sautereau.trajectory.arm import fingertip_motion
-from sautereau.trajectory.errors import TrajectoryError
-from sautereau.trajectory.follow import follow_down, follow_key
+from sautereau.trajectory.arm import fingertip_motion, follow_down, follow_key
 from sautereau.trajectory.key import key_under_fingertip
 from sautereau.trajectory.motion import Motion
 from sautereau.trajectory.press import plan_press
@@ -96,8 +94,3 @@ def test_the_finger_rests_on_the_key_before_it_accelerates(bench, spline, settle
     assert (curve(t) == plan.segments.start).all()
     assert (plan.rise.position[plan.time <= rig.press.settle] == 0).all()
     assert curve(rig.press.settle + 0.01)[1] != plan.segments.start[1]
-
-
-def test_a_hover_out_of_reach_is_refused(bench):
-    with pytest.raises(TrajectoryError, match=r"reach: the approach from press.hover above"):
-        plan_press(bench(press__hover="400 mm"))

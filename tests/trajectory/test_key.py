@@ -41,14 +41,6 @@ def rocking(t):
     return Motion(0.05 * np.sin(9 * t), 0.45 * np.cos(9 * t), -4.05 * np.sin(9 * t))
 
 
-def test_rise_at_a_known_angle():
-    key = PAPER.model_copy(update={"jack_arm": 0.2, "jack_surface_height": 0.01})
-    expected = 0.2 / np.sqrt(3) + 0.01 * (2 / np.sqrt(3) - 1)
-    assert rise_of_angle(key, np.pi / 6) == pytest.approx(expected, rel=1e-15)
-    assert rise_of_angle(key, 0.0) == 0.0
-    assert angle_of_rise(key, 0.0) == 0.0
-
-
 def test_a_rise_of_10_mm_needs_a_dip_of_7_95_mm():
     angle = angle_of_rise(PAPER, 0.01)
     front = point_on_key(Motion(angle, angle, angle), -PAPER.press_arm, PAPER.surface_height)

@@ -1,4 +1,4 @@
-"""Learning over repeats, on plants whose answer is known in closed form."""
+"""Corrections of the rise, and their learning, on plants whose answer is known in closed form."""
 
 import numpy as np
 import pytest
@@ -8,7 +8,8 @@ from scipy.signal import butter, sosfilt
 
 from sautereau.rig.load import load_rig
 from sautereau.trajectory.errors import TrajectoryError
-from sautereau.trajectory.learning import Learner, corrected, speed_error
+from sautereau.trajectory.learning import Correction, Learner, corrected, speed_error
+from sautereau.trajectory.press import draft_press, plan_press
 from sautereau.trajectory.timing import press_law
 
 RIG = load_rig("paper")
@@ -20,6 +21,8 @@ CRUISE = np.abs(2 * TIME - LAW.cruise_start - LAW.cruise_end) < LAW.cruise_end -
 MIDDLE = (LAW.cruise_start + LAW.cruise_end) / 2
 DIP = -0.01 * np.exp(-(((TIME - MIDDLE) / 0.01) ** 2))
 """m/s, change of the jack's speed by a string."""
+
+KNOTS = np.linspace(LAW.start, LAW.return_start, 60)
 
 
 def commanded(correction):
@@ -113,3 +116,72 @@ def test_noise_alone_stops_learning():
 def test_measured_speeds_that_are_none_are_refused(time, speed, says):
     with pytest.raises(TrajectoryError, match=says):
         speed_error(LAW, time, speed)
+
+
+def hump(height=2e-4):
+    return height * np.sin(np.pi * (KNOTS - KNOTS[0]) / (KNOTS[-1] - KNOTS[0])) ** 4
+
+
+def addition(height=2e-4):
+    rise = hump(height)
+    rise[-1] = 0.0
+    return Correction(KNOTS, rise)
+
+
+def test_the_corrected_law_is_the_sum():
+    law = addition().onto(LAW)
+    np.testing.assert_allclose(
+        law.law.at(KNOTS).position, LAW.law.at(KNOTS).position + hump(), atol=1e-15
+    )
+    fine = np.linspace(0, LAW.law.duration, 40001)
+    motion = law.law.at(fine)
+    for value, rate in ((motion.position, motion.velocity), (motion.velocity, motion.acceleration)):
+        step = fine[1] - fine[0]  # trapezoids are exact but for the corners of the acceleration
+        steps = np.diff(value) - step * (rate[1:] + rate[:-1]) / 2
+        np.testing.assert_allclose(steps, 0, atol=3000 * step**2)
+
+
+def test_a_zero_correction_changes_nothing():
+    law = Correction(KNOTS, np.zeros_like(KNOTS)).onto(LAW)
+    fine = np.linspace(0, LAW.law.duration, 5001)
+    for ours, theirs in zip(law.law.at(fine), LAW.law.at(fine), strict=True):
+        np.testing.assert_allclose(ours, theirs, atol=1e-12)
+
+
+def test_outside_its_knots_the_press_is_as_planned():
+    law = addition().onto(LAW)
+    outside = np.concatenate(
+        [np.linspace(0, LAW.start, 100), np.linspace(LAW.return_start, LAW.law.duration, 100)]
+    )
+    for ours, theirs in zip(law.law.at(outside)[:2], LAW.law.at(outside)[:2], strict=True):
+        np.testing.assert_allclose(ours, theirs, atol=1e-12)
+
+
+def test_a_corrected_press_is_planned_and_checked():
+    plan = plan_press(RIG, correction=addition(5e-5))
+    assert plan.cruise.error <= RIG.press.speed_tolerance
+    assert plan.segments.end.tolist() == plan_press(RIG).segments.end.tolist()
+
+
+def test_a_correction_beyond_the_limits_fails_the_checks():
+    assert not all(check.holds for check in draft_press(RIG, correction=addition(8e-3)).checks)
+
+
+@pytest.mark.parametrize(
+    ("time", "rise", "says"),
+    [
+        (KNOTS, np.ones(60), "at its ends"),
+        (KNOTS[::-1], np.zeros(60), "do not increase"),
+        (KNOTS, np.full(60, np.nan), "not finite"),
+        (KNOTS, np.zeros(59), "shape"),
+        (KNOTS[:2], np.zeros(2), "3 or more"),
+    ],
+)
+def test_corrections_that_do_not_fit_are_refused(time, rise, says):
+    with pytest.raises(TrajectoryError, match=says):
+        Correction(time, rise)
+
+
+def test_a_correction_of_another_press_is_refused():
+    with pytest.raises(TrajectoryError, match="another press"):
+        Correction(KNOTS + 0.05, np.zeros_like(KNOTS)).onto(LAW)

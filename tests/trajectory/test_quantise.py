@@ -3,11 +3,9 @@
 import numpy as np
 import pytest
 
-from sautereau.rig.load import load_rig, with_values
-from sautereau.trajectory.errors import TrajectoryError
+from sautereau.rig.load import load_rig
 from sautereau.trajectory.press import draft_press, plan_press
-from sautereau.trajectory.quantise import GRAIN, LONGEST_SEGMENT, sample_times
-from sautereau.trajectory.timing import press_law
+from sautereau.trajectory.quantise import GRAIN, LONGEST_SEGMENT
 
 PAPER = load_rig()
 
@@ -55,13 +53,9 @@ MIDDLE = (65_536, 500_000, 2**24)
 SPEEDS = [
     (0.005, 12, 3000),
     (0.01, 12, 3000),
-    (0.02, 12, 3000),
-    (0.05, 12, 3000),
     (0.072, 12, 3000),
     (0.1, 12, 3000),
-    (0.2, 30, 20_000),
     (0.3, 60, 50_000),
-    (0.5, 200, 200_000),
     (0.7, 300, 500_000),
 ]
 
@@ -75,7 +69,7 @@ SPEEDS = [
     ],
 )
 def test_at_two_million_counts_the_cruise_keeps_its_speed_to_a_thousandth(
-    bench, brute, hold, speed, acceleration, jerk
+    bench, true_cruise_error, hold, speed, acceleration, jerk
 ):
     rig = bench(
         press__hold=hold,
@@ -92,7 +86,7 @@ def test_at_two_million_counts_the_cruise_keeps_its_speed_to_a_thousandth(
     draft = draft_press(rig)
     assert draft.cruise.error <= 1e-3
     assert draft.cruise.speed == pytest.approx(speed, rel=1e-3)
-    found = brute(rig, draft)["cruise speed error"]
+    found = true_cruise_error(rig, draft)
     assert draft.cruise.error == pytest.approx(found, rel=0.01, abs=1e-7)
 
 
@@ -100,11 +94,11 @@ def test_at_two_million_counts_the_cruise_keeps_its_speed_to_a_thousandth(
 @pytest.mark.parametrize(
     "counts", [8192, *(pytest.param(n, marks=pytest.mark.slow) for n in MIDDLE), 2**31]
 )
-def test_other_encoders_are_reported_truthfully(bench, brute, counts, hold):
+def test_other_encoders_are_reported_truthfully(bench, true_cruise_error, counts, hold):
     for speed in ("0.01 m/s", "0.072 m/s"):
         rig = bench(arm__counts_per_revolution=counts, press__hold=hold, press__jack_speed=speed)
         draft = draft_press(rig)
-        found = brute(rig, draft)["cruise speed error"]
+        found = true_cruise_error(rig, draft)
         assert draft.cruise.error == pytest.approx(found, rel=0.01, abs=1e-7)
         assert abs(draft.cruise.speed / rig.press.jack_speed - 1) <= draft.cruise.error
 
@@ -161,12 +155,6 @@ def test_the_finest_encoder_fits_into_the_fifo(bench):
         plan = plan_press(bench(arm__counts_per_revolution=2**31, press__jack_speed=speed))
         assert len(plan.segments) < 255
         assert plan.cruise.error < 1e-4
-
-
-def test_a_motion_longer_than_the_fifo_is_refused():
-    rig = with_values(PAPER, {"press.bottom_hold": "20 s"})
-    with pytest.raises(TrajectoryError, match=r"longer than the .* s of 8 segments of 1024"):
-        sample_times(press_law(rig.press).law, 976.5625e-6, 8)
 
 
 def test_the_slowest_press_is_planned_in_bounded_memory(bench):

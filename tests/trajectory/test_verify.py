@@ -7,11 +7,62 @@ from hypothesis import strategies as st
 
 from sautereau.rig.load import load_rig, with_values
 from sautereau.rig.schema import Gesture
+from sautereau.trajectory.checks import at_least, at_most
 from sautereau.trajectory.errors import TrajectoryError
 from sautereau.trajectory.expected import Expectation
 from sautereau.trajectory.press import draft_press, plan_press
 
+CURVE = Expectation(
+    np.array([0.001, 0.002, 0.0021, 0.005]), np.array([0.5, 3.0, -1.0, 2.0]), 0.001, 0.002
+)
+
 PAPER = load_rig()
+
+
+def test_the_force_is_constant_beyond_the_curve():
+    assert CURVE.force_at(np.array([-1.0, 0.0015, 0.02])).tolist() == [0.5, 1.75, 2.0]
+
+
+def test_a_peak_between_two_rises_is_included():
+    low, high = np.array([[0.0015, 0.0, 0.003]]), np.array([[0.00205, 0.01, 0.003]])
+    least, most = CURVE.range_between(low, high)
+    assert most.shape == low.shape
+    assert most[0].tolist() == [3.0, 3.0, CURVE.force_at(np.array(0.003))]
+    assert np.allclose(least[0], [1.0, -1.0, CURVE.force_at(np.array(0.003))])
+
+
+@given(
+    st.lists(st.tuples(st.integers(0, 1000), st.floats(-9, 9)), min_size=1, max_size=12),
+    st.lists(st.tuples(st.floats(-5, 1005), st.floats(0, 500)), min_size=1, max_size=6),
+)
+def test_the_range_is_that_of_a_dense_sampling(points, windows):
+    rise, first = np.unique([p[0] for p in points], return_index=True)
+    force = np.array([points[i][1] for i in first])
+    curve = Expectation(rise.astype(float), force, 0.0, 0.0)
+    low = np.array([w[0] for w in windows])
+    high = low + np.array([w[1] for w in windows])
+    least, most = curve.range_between(low, high)
+    for a, b, down, up in zip(low, high, least, most, strict=True):
+        inside = curve.rise[(curve.rise >= a) & (curve.rise <= b)]
+        sampled = curve.force_at(np.concatenate([[a, b], inside, np.linspace(a, b, 50)]))
+        assert np.isclose(sampled.min(), down, rtol=1e-12, atol=1e-12)
+        assert np.isclose(sampled.max(), up, rtol=1e-12, atol=1e-12)
+
+
+def test_a_check_prints_value_limit_and_margin():
+    assert str(at_most("speed", 7.0, 6.0, "rad/s", "")) == (
+        "speed: 7 rad/s, at most 6 rad/s: fails by 1 rad/s"
+    )
+    assert str(at_least("segments", 10, 8, "1", "")) == "segments: 10, at least 8: holds by 2"
+
+
+def test_a_check_holds_at_the_limit_and_fails_for_nan():
+    assert at_most("", 1.0, 1.0, "m", "").holds
+    assert at_least("", 1.0, 1.0, "m", "").holds
+    for value in (np.nan, np.inf, -np.inf):
+        assert not at_most("", value, 1.0, "m", "").holds
+        assert not at_least("", value, 1.0, "m", "").holds
+    assert at_most("", 3.0, 1.0, "m", "").margin == -2.0
 
 
 def powers(low, high):

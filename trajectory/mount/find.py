@@ -20,11 +20,9 @@ from sautereau.trajectory.mount.bases import (
     ELBOWS,
     LIMITS,
     BaseAssessment,
+    Misplacement,
     assess_bases,
     key_angles,
-)
-from sautereau.trajectory.mount.misplacement import (
-    Misplacement,
     residual_and_sensitivity,
     unnoticed,
 )
@@ -81,11 +79,10 @@ class MountMap(NamedTuple):
     z: Floats
     """m, shape (n,)."""
     residual: Floats
-    """Largest tilt [rad] or slide [m], for each of `elbows`; shape (2, n, n) over (z, x).
+    """Largest tilt [rad] or slide [m], for each of `ELBOWS`; shape (2, n, n) over (z, x).
     Finite everywhere, but meaningful only where `feasible`."""
     feasible: np.ndarray
     """Whether every limit holds, bool, shape (2, n, n)."""
-    elbows: tuple[str, str] = ELBOWS
 
     def best(self) -> tuple[Floats, np.ndarray]:
         """Return the residual of the better elbow, and whether either is feasible; (n, n)."""
@@ -132,18 +129,18 @@ def assess_mount(rig: Rig) -> Mount:
         TrajectoryError: The arm does not reach the key from there, or no such press exists.
     """
     arm, hold = rig.arm, rig.press.hold
-    residual, sensitivity = residual_and_sensitivity(rig)
-    leans = hold == "point"
+    found, none = residual_and_sensitivity(rig), (0.0, 0.0)
+    tilt, slide = (found, none) if hold == "point" else (none, found)
     x, z, turn = unnoticed(rig)
     return Mount(
         base_x=arm.base_x,
         base_z=arm.base_z,
         elbow=arm.elbow,
         hold=hold,
-        tilt_max=residual if leans else 0.0,
-        slide_max=0.0 if leans else residual,
-        tilt_per_metre=sensitivity if leans else 0.0,
-        slide_per_metre=0.0 if leans else sensitivity,
+        tilt_max=tilt[0],
+        slide_max=slide[0],
+        tilt_per_metre=tilt[1],
+        slide_per_metre=slide[1],
         unnoticed_x=x,
         unnoticed_z=z,
         unnoticed_turn=turn,
@@ -207,7 +204,8 @@ def _refine(
         best = int(candidates.cost.argmin())
         newly_feasible = here.violation[0] > 0 >= candidates.violation[best]
         if candidates.cost[best] < here.cost[0]:
-            base, here = bases[best], candidates.select(best)
+            base = bases[best]
+            here = BaseAssessment(candidates.residual[[best]], candidates.margins[:, [best]])
             size = 2.0 if newly_feasible else size * (1.0 if edge[best] else 0.5)
         else:
             size *= 0.5

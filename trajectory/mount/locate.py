@@ -8,7 +8,6 @@ readings q1 and q2 and their offsets o1 and o2, each pose gives
 """
 
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
@@ -79,13 +78,13 @@ def locate_base(
     """
     joints, points = np.asarray(joints, dtype=float), np.asarray(points, dtype=float)
     _check(rig, joints, points, touch, offsets)
-    solved, warnings = _solve_determined(rig, joints, points, offsets)
-    zeros, solution, residuals, jacobian, lengths, condition = solved
+    solution, residuals, scaled, lengths, warnings = _solve_determined(rig, joints, points, offsets)
+    condition = float(np.linalg.cond(scaled))
     if condition > CONDITION_WARNING:
         warnings.append(
-            f"the touches hardly determine the zero of joint {zeros} (condition number"
-            f" {condition:.2g}), which increases the uncertainty of the base: touch points further"
-            " apart, or estimate fewer offsets if the homing is reliable"
+            f"the touches hardly determine the zero of joint {len(solution) - 2} (condition"
+            f" number {condition:.2g}), which increases the uncertainty of the base: touch points"
+            " further apart, or estimate fewer offsets if the homing is reliable"
         )
     freedom = residuals.size - len(solution)
     observed = float(np.sqrt((residuals**2).sum() / freedom)) if freedom else 0.0
@@ -95,8 +94,7 @@ def locate_base(
             f" {touch * 1e3:.3g} mm: check the points, the readings, and that the key is at rest"
         )
     used = max(touch, observed)
-    inverse = np.linalg.inv((jacobian / lengths).T @ (jacobian / lengths))
-    covariance = used**2 * inverse / np.outer(lengths, lengths)
+    covariance = used**2 * np.linalg.inv(scaled.T @ scaled) / np.outer(lengths, lengths)
     found = np.zeros(4)
     found[: len(solution)] = solution
     return Located(
@@ -113,29 +111,25 @@ def locate_base(
     )
 
 
-class _Solved(NamedTuple):
-    zeros: int
-    solution: Floats
-    residuals: Floats
-    jacobian: Floats
-    lengths: Floats
-    """Displacement per unit of each unknown at the arm's full reach: 1, or m."""
-    condition: float
-
-
 def _solve_determined(
     rig: Rig, joints: Floats, points: Floats, offsets: int | None
-) -> tuple[_Solved, list[str]]:
-    """Solve for as many offsets as the touches determine; warn of the others."""
+) -> tuple[Floats, Floats, Floats, Floats, list[str]]:
+    """Solve for as many offsets as the touches determine; warn of the others.
+
+    Returns:
+        The unknowns, the residuals and the Jacobian of `_solve`, divided by the displacement per
+        unit of each unknown at the arm's full reach (1, or m); that displacement; and warnings.
+    """
     warnings: list[str] = []
     reach = rig.arm.upper_length + rig.arm.lower_length
     zeros = min(2, len(points) - 1) if offsets is None else offsets
     while True:
         lengths = np.array([1.0, 1.0, *[reach] * zeros])
         solution, residuals, jacobian = _solve(rig, joints, points, lengths)
-        condition = float(np.linalg.cond(jacobian / lengths))
+        scaled = jacobian / lengths
+        condition = float(np.linalg.cond(scaled))
         if condition < CONDITION_LIMIT or zeros == 0:
-            return _Solved(zeros, solution, residuals, jacobian, lengths, condition), warnings
+            return solution, residuals, scaled, lengths, warnings
         fault = (
             f"the touches do not determine the zero of joint {zeros} (condition number"
             f" {condition:.2g}, at most {CONDITION_LIMIT:.2g}): touch points further apart,"

@@ -12,9 +12,8 @@ from sautereau.robot.drivers.odrive.power import Power
 from sautereau.robot.drivers.odrive.setpoints import Setpoints
 from sautereau.robot.drivers.odrive.settings import AXES, set_limits
 from sautereau.robot.drivers.polling import MARGIN, Polling
-from sautereau.trajectory.counts import to_counts
 from sautereau.trajectory.motion import Floats
-from sautereau.trajectory.segments import Counts
+from sautereau.trajectory.segments import Counts, to_counts
 
 _POSITION_FILTER = 3  # input_mode
 _POSITIONS = ("f 0", "f 1")

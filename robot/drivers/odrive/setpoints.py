@@ -18,9 +18,8 @@ from typing import Self
 
 import numpy as np
 
-from sautereau.trajectory.cubic import controller_motion
 from sautereau.trajectory.motion import Floats
-from sautereau.trajectory.segments import Counts, Segments
+from sautereau.trajectory.segments import Counts, Segments, motion_at, segment_cubics
 
 INTERVAL = 4
 """Controller samples between two setpoints: 256 per second."""
@@ -55,8 +54,9 @@ class Setpoints:
     @classmethod
     def of(cls, segments: Segments, sample_period: float) -> Self:
         """Return the setpoints of a motion, and of a rest at its end."""
-        _, motion = controller_motion(segments, 1, 1.0, sample_period)
         last, interval = segments.total_samples, INTERVAL * sample_period
+        cubics = segment_cubics(segments, 1.0, sample_period)
+        motion = motion_at(segments, cubics, np.arange(last + 1))
         width = bandwidth(sample_period)
         starts = np.arange(0, last + _SETTLE, INTERVAL)
         middles = np.minimum(starts + INTERVAL // 2, last)

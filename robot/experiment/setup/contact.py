@@ -16,10 +16,9 @@ from sautereau.robot.experiment.setup.step import (
     homed,
 )
 from sautereau.trajectory.arm import joints_holding_point, link_vectors
-from sautereau.trajectory.counts import to_counts
 from sautereau.trajectory.dynamics import gravity_torque
 from sautereau.trajectory.motion import Floats, Motion
-from sautereau.trajectory.segments import Counts, Segments
+from sautereau.trajectory.segments import Counts, Segments, to_counts
 
 _REST = 0.04
 """s, that the finger rests before and after each step; the force is averaged over half of it,

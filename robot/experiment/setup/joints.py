@@ -13,7 +13,7 @@ from sautereau.robot.experiment.setup.step import (
     ask_first,
     homed,
 )
-from sautereau.trajectory.counts import to_counts
+from sautereau.trajectory.segments import to_counts
 
 TURN = math.radians(10)
 """rad, that each joint turns in the check of its encoder."""

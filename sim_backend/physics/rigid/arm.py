@@ -8,7 +8,7 @@ import pymunk
 from sautereau.rig.schema import Rig
 from sautereau.sim_backend.errors import SceneError
 from sautereau.sim_backend.parts import Servo
-from sautereau.sim_backend.physics.finger import Reference
+from sautereau.sim_backend.physics.finger import Reference, SteppedFinger
 from sautereau.sim_backend.physics.rigid.bodies import (
     FAR,
     INERTIA,
@@ -29,7 +29,7 @@ SETTLED = 10
 _ENDS = np.array([0.0, 1.0])
 
 
-class ServoFinger:
+class ServoFinger(SteppedFinger):
     """Two links, their motors under the controller's position loops.
 
     Link 1 rotates with joint 1 and carries its armature inertia. The armature of joint 2 resists
@@ -45,9 +45,6 @@ class ServoFinger:
     Raises:
         SceneError: The motor of joint 2 has a rotor.
     """
-
-    moment = 0.0
-    push_end = math.inf
 
     def __init__(
         self,
@@ -204,7 +201,7 @@ class ServoFinger:
         tip_x, tip_z = lower_x + out_x, lower_z + out_z
         gap = tip_z * math.cos(angle) - tip_x * math.sin(angle) - self._height
         if gap < 0 or (not self._separated and gap < REACH):
-            angle = touching_angle(self._rig, tip_x / MM, tip_z / MM)
+            angle = float(touching_angle(self._rig, np.array([tip_x, tip_z]) / MM))
         return angle, max(shoulder, hinge, -gap)
 
     def _set(self, reference: Reference) -> tuple[float, float]:

@@ -52,14 +52,6 @@ _STILL = 1e-300
 """Speed at which a unilateral joint corrects an overlap: none, which would be a rebound."""
 
 
-def new_space(iterations: int) -> pymunk.Space:
-    """Return an empty world with gravity."""
-    space = pymunk.Space()
-    space.gravity = WEIGHT
-    space.iterations = iterations
-    return space
-
-
 def add_key(space: pymunk.Space, key: Key, angle: float) -> pymunk.Body:
     """Add the key on its pin and its back rail, at an angle [rad].
 

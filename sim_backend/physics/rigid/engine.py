@@ -17,10 +17,9 @@ import numpy as np
 from sautereau.rig.schema import Rig
 from sautereau.sim_backend.errors import SceneError
 from sautereau.sim_backend.physics.events import Motions, PluckEvents
-from sautereau.sim_backend.physics.finger import Finger, Reference
-from sautereau.sim_backend.physics.rigid.assembly import assemble
+from sautereau.sim_backend.physics.finger import Reference
+from sautereau.sim_backend.physics.rigid.assembly import TICK, assemble, even_steps
 from sautereau.sim_backend.physics.rigid.bodies import MM, set_angle, set_torque
-from sautereau.sim_backend.physics.rigid.division import TICK, even_steps
 from sautereau.sim_backend.physics.rigid.key_loads import LARGEST_ANGLE
 from sautereau.sim_backend.physics.rigid.step_event import Event, earliest
 from sautereau.sim_backend.scene import Scene
@@ -52,7 +51,9 @@ class RigidWorld:
         self.events = PluckEvents()
         self._parts = parts = assemble(rig, scene, self.start, self.events)
         self._space, self._key, self._loads = parts.space, parts.key, parts.loads
-        self._jacks, self._finger, self._division = parts.jacks, parts.finger, parts.division
+        self._jacks, self._division = parts.jacks, parts.division
+        self.finger = parts.finger
+        """What presses the key."""
         self._loaded = [jack for jack in self._jacks if jack.loaded]
         self._iterations = scene.iterations
         self._most_iterations = max(scene.iterations, ITERATIONS[scene.finger])
@@ -70,14 +71,9 @@ class RigidWorld:
         """Simulated time [s]; advanced by motion and acquisition only."""
         return self.samples * self.rig.controller.sample_period
 
-    @property
-    def finger(self) -> Finger:
-        """What presses the key."""
-        return self._finger
-
     def advance(self, reference: Reference, powered: bool) -> Motions:
         """Advance by one controller sample; see `sautereau.sim_backend.physics.world.World`."""
-        finger, loads, time = self._finger, self._loads, self.time
+        finger, loads, time = self.finger, self._loads, self.time
         self._rows = []
         self._elapsed = 0.0
         if finger.begin_sample(reference, powered, time) or not self.samples:
@@ -115,7 +111,7 @@ class RigidWorld:
 
     def _cruise(self, count: int) -> int:
         """Take equal steps; return how many were done before the first one with an event."""
-        space_step, key, finger, rows = self._space.step, self._key, self._finger, self._rows
+        space_step, key, finger, rows = self._space.step, self._key, self.finger, self._rows
         jacks, loaded, moment = self._jacks, self._loaded, self._loads.moment
         first, step, seconds = jacks[0], self._step, self._step / MM
         apply_forces, reaches_key = finger.apply_forces, finger.reaches_key
@@ -152,22 +148,10 @@ class RigidWorld:
             for jack in jacks:
                 jack.update(step)
             angle = ahead
-            rows.append(
-                (
-                    elapsed,
-                    angle,
-                    (before + omega) / 2 * MM,
-                    first.rise / MM,
-                    contact_force(step),
-                    pull,
-                )
-            )
-        self._angle, self._omega, self._acceleration, self._elapsed = (
-            angle,
-            omega,
-            acceleration,
-            elapsed,
-        )
+            speed = (before + omega) / 2 * MM
+            rows.append((elapsed, angle, speed, first.rise / MM, contact_force(step), pull))
+        self._angle, self._omega = angle, omega
+        self._acceleration, self._elapsed = acceleration, elapsed
         return done
 
     def _split(self, drift: float, event: Event | None, end: float) -> None:
@@ -178,7 +162,7 @@ class RigidWorld:
             event: At the end of the drift; None for no change of mode.
             end: ms into the controller sample, end of the next steps.
         """
-        key, jacks, loads, finger = self._key, self._jacks, self._loads, self._finger
+        key, jacks, loads, finger = self._key, self._jacks, self._loads, self.finger
         back = (self._ahead - drift) / 2
         self._omega -= self._acceleration * back
         angle = self._angle + self._omega * drift
@@ -235,7 +219,7 @@ class RigidWorld:
 
     def _possible_events(self, drift: float) -> list[Event]:
         """Return the events that may occur within a drift [ms]."""
-        loads, finger = self._loads, self._finger
+        loads, finger = self._loads, self.finger
         omega = self._omega - self._acceleration * self._ahead / 2
         angle, acceleration = self._angle, self._acceleration
 
@@ -256,15 +240,11 @@ class RigidWorld:
 
     def _end_sample(self) -> None:
         """End a controller sample: correct the drift of the constraints and record its size."""
-        angle, worst = self._finger.end_sample(self._key.angle)
+        angle, worst = self.finger.end_sample(self._key.angle)
         self._angle = angle
         set_angle(self._key, angle)
-        tangent = math.tan(angle)
-        secant = math.sqrt(1 + tangent * tangent)
         x, z = self._key.position
-        worst = max(
-            worst, abs(x), abs(z), *[jack.end_sample(tangent, secant) for jack in self._jacks]
-        )
+        worst = max(worst, abs(x), abs(z), *[jack.end_sample(angle) for jack in self._jacks])
         self.worst_gap = max(self.worst_gap, worst / MM)
 
     def _diverged(self) -> SceneError:

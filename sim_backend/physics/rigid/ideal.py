@@ -7,25 +7,29 @@ import pymunk
 
 from sautereau.rig.schema import Rig
 from sautereau.sim_backend.errors import SceneError
-from sautereau.sim_backend.physics.finger import BodilessFinger, Reference
+from sautereau.sim_backend.physics.finger import Reference, StandingFinger, SteppedFinger
 from sautereau.sim_backend.physics.rigid.bodies import MM, add_driver
 from sautereau.trajectory.arm import fingertip_place
+from sautereau.trajectory.key import contact_angle
+from sautereau.trajectory.motion import Floats, dot
 
 
-def touching_angle(rig: Rig, x: float, z: float) -> float:
-    """Return the angle [rad] at which the key touches a fingertip centred at (x, z) [m].
+def touching_angle(rig: Rig, centre: Floats) -> Floats:
+    """Return the angles [rad] at which the key touches fingertips centred at (..., 2) [m].
 
     Raises:
-        SceneError: The fingertip is too close to the balance pin for a contact.
+        SceneError: A fingertip is too close to the balance pin for a contact.
     """
     height = rig.key.surface_height + rig.arm.fingertip_radius
-    squared = x * x + z * z - height * height
-    if not squared > 0:
-        raise _too_near(height)
-    return math.atan2(-x, z) - math.atan2(math.sqrt(squared), height)
+    if not dot(centre, centre).min() > height**2:
+        raise SceneError(
+            f"contact: the fingertip comes within {height * 1e3:.4g} mm of the balance pin, where"
+            " no angle of the key gives a contact; start elsewhere, or move arm.base_x"
+        )
+    return contact_angle(height, centre)
 
 
-class IdealFinger(BodilessFinger):
+class IdealFinger(StandingFinger, SteppedFinger):
     """A fingertip of prescribed motion.
 
     The key's angle is never below that of contact with the fingertip. In each step a kinematic
@@ -51,9 +55,7 @@ class IdealFinger(BodilessFinger):
         cells: int,
     ):
         super().__init__(start)
-        self._arm = rig.arm
-        self._height = rig.key.surface_height + rig.arm.fingertip_radius
-        self._radians = rig.arm.radians_per_count
+        self._rig = rig
         self._start = np.array(start)
         self._body, self._contact = add_driver(space, lever)
         cells = max(cells, 4)
@@ -67,15 +69,12 @@ class IdealFinger(BodilessFinger):
     def begin_sample(self, reference: Reference, powered: bool, time: float) -> bool:
         """Compute the key's least angle over a controller sample; see `SteppedFinger`."""
         counts, _ = reference(self._fractions)
-        joints = self._start + counts * self._radians
-        place = fingertip_place(self._arm, joints)
-        x, z = place[:, 0], place[:, 1]
-        squared = x * x + z * z - self._height**2
-        if not squared.min() > 0:
-            raise _too_near(self._height)
-        reach = np.sqrt(squared)
-        self._angles = (np.arctan2(-x, z) - np.arctan2(reach, self._height)).tolist()
-        self._reaches = (reach * MM).tolist()
+        key, arm = self._rig.key, self._rig.arm
+        joints = self._start + counts * arm.radians_per_count
+        place = fingertip_place(arm, joints)
+        self._angles = touching_angle(self._rig, place).tolist()
+        height = key.surface_height + arm.fingertip_radius
+        self._reaches = (np.sqrt(dot(place, place) - height**2) * MM).tolist()
         first, second = joints[self._end].tolist()
         self._joints = (first, second)
         return False
@@ -118,10 +117,3 @@ class IdealFinger(BodilessFinger):
             - c * u * (u - 1) * (u - 3) / 2
             + d * u * (u - 1) * (u - 2) / 6
         )
-
-
-def _too_near(height: float) -> SceneError:
-    return SceneError(
-        f"contact: the fingertip comes within {height * 1e3:.4g} mm of the balance pin, where no"
-        " angle of the key gives a contact; start elsewhere, or move arm.base_x"
-    )

@@ -51,8 +51,7 @@ class CarriedJack:
         self.arm, self.top = key.jack_arm * MM, key.jack_surface_height * MM
         self.mass = choir.jack.mass * MM
         self.string = string
-        tangent = math.tan(lever.angle)
-        self.rise = self.next = self.surface(tangent, math.sqrt(1 + tangent * tangent))
+        self.rise = self.next = self.surface(lever.angle)
         self.speed = self.acceleration = 0.0
         self.standing = True
         self.pull = 0.0
@@ -64,13 +63,13 @@ class CarriedJack:
             self.dry = add_register_friction(space, self.body, self.dry_force)
         self._damper = choir.jack.damper if scene.damper else None
         self.loaded = string is not None or self._damper is not None
-        self._x, self._z = self.arm, self.top
         self.low, self.high = -math.inf, math.inf
         self._state = self if string is None else string
 
-    def surface(self, tangent: float, secant: float) -> float:
-        """Return the rise [mm] of a jack that stands on the key, at tan and 1/cos of its angle."""
-        return self.arm * tangent + self.top * (secant - 1)
+    def surface(self, angle: float) -> float:
+        """Return the rise [mm] of a jack that stands on the key, at its angle [rad]."""
+        tangent = math.tan(angle)
+        return self.arm * tangent + self.top * (math.sqrt(1 + tangent * tangent) - 1)
 
     def slope(self, angle: float) -> float:
         """Return d(rise)/da [mm/rad] of a jack that stands."""
@@ -104,7 +103,7 @@ class CarriedJack:
 
     def set_bodies(self, step: float, force: float) -> None:
         """Set the body so that a step [ms] of the engine ends at its position; push it down [N]."""
-        self.body.position = self._x, self._z + self.next - self.speed * step
+        self.body.position = self.arm, self.top + self.next - self.speed * step
         self.body.velocity = 0.0, self.speed
         set_force(self.body, (0.0, -force))
 
@@ -140,8 +139,7 @@ class CarriedJack:
         speed, acceleration = self.speed - self.acceleration * ahead / 2, self.acceleration
 
         def surface(time: float) -> float:
-            tangent = math.tan(turned(time))
-            return self.surface(tangent, math.sqrt(1 + tangent * tangent))
+            return self.surface(turned(time))
 
         def flown(time: float) -> float:
             return self.rise + (speed + acceleration * time / 2) * time
@@ -176,13 +174,13 @@ class CarriedJack:
         self.standing = True
         self.foot_contact.min = FAR + REACH
 
-    def end_sample(self, tangent: float, secant: float) -> float:
+    def end_sample(self, angle: float) -> float:
         """Move the body to the jack's position; return its error before [mm]."""
         x, z = self.body.position
         if self.standing:
-            self.rise = self.surface(tangent, secant)
-        set_position(self.body, (self._x, self._z + self.rise))
-        return max(abs(x - self._x), abs(z - self._z - self.rise))
+            self.rise = self.surface(angle)
+        set_position(self.body, (self.arm, self.top + self.rise))
+        return max(abs(x - self.arm), abs(z - self.top - self.rise))
 
 
 def _carried(damper: Damper, rise: float) -> float:

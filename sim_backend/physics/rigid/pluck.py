@@ -95,35 +95,27 @@ class Plucking:
         """Enter the next mode; see `StringForce`."""
         self._upwards[upwards](time)
 
-    def _go_below(self) -> None:
+    def _go_below(self, time: float = 0.0) -> None:
         self._enter(_nothing, -math.inf, self.clearance, 0.0, self._never, self._contact)
 
-    def _go_above(self) -> None:
+    def _go_above(self, time: float) -> None:
         self._enter(_nothing, self.clearance, math.inf, 0.0, self._reach_from_above, self._never)
 
     def _contact(self, time: float) -> None:
         self.events.contacts.append(StringEvent(time, self.number, self._force[0]))
         top = self.clearance + self.release_height
-        self._enter(
-            self._held, self.clearance, top, self._steepest, self._lose_contact, self._release
-        )
+        self._enter(self._held, self.clearance, top, self._steepest, self._go_below, self._release)
 
     def _release(self, time: float) -> None:
         self.events.releases.append(StringEvent(time, self.number, self._force[TABLE]))
-        self._go_above()
-
-    def _lose_contact(self, time: float) -> None:
-        self._go_below()
+        self._go_above(time)
 
     def _reach_from_above(self, time: float) -> None:
         if self._travel == 0:
             self._return(time)
             return
         low, high = self.clearance - self._travel, self.clearance
-        self._enter(self._passing, low, high, self._yielding, self._return, self._lift_again)
-
-    def _lift_again(self, time: float) -> None:
-        self._go_above()
+        self._enter(self._passing, low, high, self._yielding, self._return, self._go_above)
 
     def _return(self, time: float) -> None:
         force = self._passing(self.clearance - self._travel)
