@@ -6,7 +6,6 @@ import numpy as np
 
 from sautereau.rig.schema import Rig
 from sautereau.robot.controller import TorqueTable
-from sautereau.robot.drivers.galil.handshake import verify
 from sautereau.robot.drivers.galil.line import Line
 from sautereau.robot.drivers.galil.program import PUSH, PUSH_EVERY, PUSHES
 from sautereau.robot.errors import SettingNotTaken, UnsafeRequest
@@ -87,11 +86,11 @@ def write_push(line: Line, push: Push | None) -> Push | None:
     """Write the offsets into the controller, and return what it holds; None for no offsets."""
     if push is None:
         line.ask(f"{PUSHES}=0")
-        verify(line, {PUSHES: 0})
+        line.verify({PUSHES: 0})
         return None
     line.ask_packed(push.commands())
     rows = len(push.volts)
-    verify(line, {PUSHES: rows, PUSH_EVERY: -push.interval})
+    line.verify({PUSHES: rows, PUSH_EVERY: -push.interval})
     held = np.column_stack([line.numbers(f"QU {name}[],0,{rows - 1},1", rows) for name in PUSH])
     if (wrong := np.abs(held - push.volts).max()) > _VOLTAGE_STEP:
         raise SettingNotTaken(

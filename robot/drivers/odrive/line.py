@@ -7,8 +7,7 @@ answers a line that asks nothing only to refuse it.
 import math
 import threading
 
-from sautereau.robot.drivers.serial_port import Port
-from sautereau.robot.drivers.wire import Wire
+from sautereau.robot.drivers.serial_port import Port, Wire
 from sautereau.robot.errors import GarbledAnswer, RobotError, SettingNotTaken
 
 _REFUSALS = (
