@@ -45,7 +45,40 @@ class Capture:
         return self.samples.astype(np.float64) * self.sample_period
 
 
-class MotionController(Protocol):
+class Player(Protocol):
+    """What a `MotionController` and the `Driver` of a `PoweredArm` have in common."""
+
+    @property
+    def loaded_torque(self) -> TorqueTable | None:
+        """The torques of the loaded motion, as the controller holds them; None for none."""
+        ...
+
+    def arm(self) -> None:
+        """Prepare capture, trigger and start."""
+
+    def start(self) -> None:
+        """Start the motion and return at once."""
+
+    def wait(self) -> None:
+        """Wait until the motion has ended, and verify that it ended as it should."""
+
+    def capture(self) -> Capture:
+        """Read what was recorded of the last complete motion."""
+        ...
+
+    def positions(self) -> Counts:
+        """Read the joint positions: counts, shape (2,)."""
+        ...
+
+    def abort(self) -> None:
+        """Stop at once, switch motors and trigger off, and verify by reading back.
+
+        Raises:
+            RobotError: The controller did not confirm that the motors are off.
+        """
+
+
+class MotionController(Player, Protocol):
     """Two joints that play a loaded motion.
 
     A controller that stores motions (Galil) plays them by itself: it starts the motion, raises
@@ -110,24 +143,6 @@ class MotionController(Protocol):
         """
         ...
 
-    @property
-    def loaded_torque(self) -> TorqueTable | None:
-        """The torques of the loaded motion, as the controller holds them; None for none."""
-        ...
-
-    def arm(self) -> None:
-        """Prepare capture, trigger and start; refuse where the arm is not at the start."""
-
-    def start(self) -> None:
-        """Start the motion and return at once."""
-
-    def wait(self) -> None:
-        """Wait until the motion has ended, and verify that it ended as it should."""
-
-    def capture(self) -> Capture:
-        """Read what was recorded of the last complete motion."""
-        ...
-
     def check_home(self) -> None:
         """Check that the home switches are where they were found.
 
@@ -137,16 +152,9 @@ class MotionController(Protocol):
             MotionFault: An encoder has slipped, or a switch has moved; the motors are off.
         """
 
-    def positions(self) -> Counts:
-        """Read the joint positions: counts, shape (2,)."""
-        ...
-
     def stop(self) -> Counts:
         """Decelerate to a standstill, motors on; return the positions (counts, shape (2,))."""
         ...
-
-    def abort(self) -> None:
-        """Stop at once and switch the motors off; raise where this is not confirmed."""
 
     def __enter__(self) -> Self: ...
     def __exit__(self, *exception: object) -> None: ...

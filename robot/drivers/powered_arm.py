@@ -214,6 +214,7 @@ class PoweredArm(MotionController, Generic[DriverT]):
         return None if self._driver is None else self._driver.loaded_torque
 
     def arm(self) -> None:
+        """Prepare capture, trigger and start; refuse where the arm is not at the start."""
         driver = self._ready("arm")
         if self._motion is None:
             raise NotReady("arm: no motion is loaded; call load() first")

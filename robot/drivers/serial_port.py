@@ -50,7 +50,8 @@ def open_port(name: str, baud_rate: int, timeout: float) -> Port:
         )
     except (OSError, ValueError) as error:  # SerialException is an OSError
         raise PortUnavailable(
-            f"port {name}: cannot be opened: {error}; {_fix(error)}; {_ports()}"
+            f"port {name}: cannot be opened: {error}; {_fix(error)}; ports of this"
+            f" machine: {', '.join(machine_ports()) or 'none'}"
         ) from error
 
 
@@ -75,11 +76,11 @@ def _fix(error: Exception) -> str:
     return "plug the controller in and switch it on, or correct controller.port in the rig file"
 
 
-def _ports() -> str:
+def machine_ports() -> list[str]:
+    """Return the names of this machine's serial ports, sorted."""
     from serial.tools import list_ports
 
-    found = sorted(port.device for port in list_ports.comports())
-    return f"ports of this machine: {', '.join(found) or 'none'}"
+    return sorted(port.device for port in list_ports.comports())
 
 
 class Wire:

@@ -10,7 +10,12 @@ from sautereau.rig.load import load_rig, with_values
 from sautereau.robot.drivers.galil.driver import GalilController
 from sautereau.robot.errors import RobotError
 from sautereau.robot.experiment.feedforward import force_of
-from sautereau.robot.experiment.learning import HALVINGS, IterativeLearning, Learned, read_learned
+from sautereau.robot.experiment.learning import (
+    HALVINGS,
+    IterativeLearning,
+    read_learned,
+    write_learned,
+)
 from sautereau.robot.experiment.session import Item, make_presses
 from sautereau.sim_backend.bench import StandIn
 from sautereau.sim_backend.scene import load_scene
@@ -143,22 +148,22 @@ def test_no_presses_are_refused():
 
 def test_what_was_learned_is_written_and_read_back(tmp_path):
     path = tmp_path / "learned.json"
-    learned = Learned(bump(1e-4), (0.07, 0.01))
-    learned.write(path, RIG)
+    correction = bump(1e-4)
+    write_learned(path, RIG, correction, [0.07, 0.01])
     moved = with_values(RIG, {"controller.port": "/dev/other", "jack.mass": "7 g"})
     found = read_learned(path, moved)
-    np.testing.assert_array_equal(found.time, learned.correction.time)
-    np.testing.assert_array_equal(found.rise, learned.correction.rise)
+    np.testing.assert_array_equal(found.time, correction.time)
+    np.testing.assert_array_equal(found.rise, correction.rise)
     assert json.loads(path.read_text())["rms_speed_error"] == [0.07, 0.01]
     with pytest.raises(RobotError, match=r"learned_for|feed_forward"):
         read_learned(path, RIG, "sha of a recording")
     with pytest.raises(RobotError, match="File exists"):
-        learned.write(path, RIG)
+        write_learned(path, RIG, correction, [])
 
 
 def test_it_is_refused_for_another_press_arm_or_controller(tmp_path):
     path = tmp_path / "learned.json"
-    Learned(bump(1e-4), (0.07,)).write(path, RIG)
+    write_learned(path, RIG, bump(1e-4), [0.07])
     other = with_values(
         RIG,
         {

@@ -73,12 +73,6 @@ def make_room(line: Line, total_samples: int, torque_rows: int) -> CapturePlan:
     return plan
 
 
-def choose_sources(line: Line) -> None:
-    """Let a capture record `SOURCES` into their arrays."""
-    line.ask(f"RA {','.join(f'{name}[]' for name in SOURCES)}")
-    line.ask(f"RD {','.join(SOURCES.values())}")
-
-
 def read_capture(line: Line, plan: CapturePlan, rig: Rig) -> Capture:
     """Read what the controller has recorded."""
     columns = {

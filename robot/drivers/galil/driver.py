@@ -12,12 +12,7 @@ from sautereau.rig.schema import Rig
 from sautereau.robot.controller import Capture, TorqueTable
 from sautereau.robot.drivers.driver import Clock, Sleep
 from sautereau.robot.drivers.galil.axes import Axes
-from sautereau.robot.drivers.galil.capture import (
-    CapturePlan,
-    choose_sources,
-    make_room,
-    read_capture,
-)
+from sautereau.robot.drivers.galil.capture import SOURCES, CapturePlan, make_room, read_capture
 from sautereau.robot.drivers.galil.dmc import (
     CLEAR_SEGMENTS,
     END_OF_MOTION,
@@ -133,7 +128,8 @@ class GalilDriver(Axes):
 
     def arm(self) -> None:
         _, plan = self._loaded("arm")
-        choose_sources(self.line)
+        self.line.ask(f"RA {','.join(f'{name}[]' for name in SOURCES)}")
+        self.line.ask(f"RD {','.join(SOURCES.values())}")
         self.line.ask(f"{RATE}={plan.exponent}")
         self.line.verify({RATE: plan.exponent, f"_XQ{PRESS}": -1, "_MOA": 0, "_MOB": 0})
 

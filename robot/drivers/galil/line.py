@@ -114,18 +114,17 @@ class Line(Wire):
             self._send(";".join(commands))
             return self._answer(commands, keep_waiting)
 
-    def numbers(self, command: str, count: int | None = None) -> list[float]:
+    def numbers(self, command: str, count: int) -> list[float]:
         """Return the numbers that a query answers; refuse another number of them than ``count``."""
         text = self.ask(command)
         try:
             values = [float(word) for word in text.replace(",", " ").split()]
         except ValueError:
             values = []
-        if not values or (count is not None and len(values) != count):
-            due = "numbers" if count is None else f"{count} numbers"
+        if len(values) != count:
             raise GarbledAnswer(
                 f"controller on {self.name} answered {command!r} with {_short(text)}, where"
-                f" {due} were expected; check the baud rate and the firmware's revision"
+                f" {count} numbers were expected; check the baud rate and the firmware's revision"
             )
         return values
 

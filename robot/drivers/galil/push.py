@@ -28,14 +28,6 @@ class Push:
     interval: int
     """Controller samples that each row is held."""
 
-    def commands(self) -> list[str]:
-        """Return the commands that write it into the controller's arrays."""
-        return [
-            f"{name}[{row}]={value:.4f}"
-            for name, column in zip(PUSH, self.volts.T, strict=True)
-            for row, value in enumerate(column)
-        ] + [f"{PUSHES}={len(self.volts)}", f"{PUSH_EVERY}={-self.interval}"]
-
 
 def plan_push(rig: Rig, torque: TorqueTable, motion: Segments) -> Push:
     """Return the offsets that play a table of torques during a motion.
@@ -88,8 +80,13 @@ def write_push(line: Line, push: Push | None) -> Push | None:
         line.ask(f"{PUSHES}=0")
         line.verify({PUSHES: 0})
         return None
-    line.ask_packed(push.commands())
     rows = len(push.volts)
+    arrays = [
+        f"{name}[{row}]={value:.4f}"
+        for name, column in zip(PUSH, push.volts.T, strict=True)
+        for row, value in enumerate(column)
+    ]
+    line.ask_packed([*arrays, f"{PUSHES}={rows}", f"{PUSH_EVERY}={-push.interval}"])
     line.verify({PUSHES: rows, PUSH_EVERY: -push.interval})
     held = np.column_stack([line.numbers(f"QU {name}[],0,{rows - 1},1", rows) for name in PUSH])
     if (wrong := np.abs(held - push.volts).max()) > _VOLTAGE_STEP:

@@ -30,7 +30,8 @@ class Axes(Power):
     def __init__(self, rig: Rig, port: Port, clock: Clock, sleep: Sleep):
         super().__init__(rig, port, clock, sleep)
         self._home = to_counts(rig.arm.home_angles, rig.arm.counts_per_revolution)
-        self._per_turn = rig.arm.counts_per_revolution / np.array(rig.arm.gear_ratios)
+        self.per_turn = rig.arm.counts_per_revolution / np.array(rig.arm.gear_ratios)
+        """Counts of each joint per turn of its motor."""
         self._per_ampere = np.ones(2)
 
     def set_up_axes(self) -> None:
@@ -76,7 +77,7 @@ class Axes(Power):
     def setpoints(self, setpoints: Setpoints) -> list[tuple[str, str]]:
         """Return the commands of setpoints, for both axes."""
         turns = self._turns(setpoints.positions)
-        speeds = setpoints.velocities / self._per_turn
+        speeds = setpoints.velocities / self.per_turn
         return [
             (f"p 0 {first:.7f} {v:.6f}", f"p 1 {second:.7f} {w:.6f}")
             for (first, second), (v, w) in zip(turns, speeds, strict=True)
@@ -105,14 +106,10 @@ class Axes(Power):
         """Read the encoders: counts, shape (2,)."""
         return self._counts(self._turns_from(self.line.exchange(_POSITIONS, 2))[0])
 
-    def in_turns(self, joint: int, counts: float) -> float:
-        """Return the motor turns (per second) of counts (per second) of joint 1 or 2."""
-        return counts / float(self._per_turn[joint - 1])
-
     def move(self, target: Floats | Counts, speed: float, acceleration: float) -> None:
         """Start a move of both joints; counts, counts per second, counts per second squared."""
         settings = {}
-        for name, per_turn in zip(AXES, self._per_turn, strict=True):
+        for name, per_turn in zip(AXES, self.per_turn, strict=True):
             settings |= {
                 f"{name}.trap_traj.config.vel_limit": speed / per_turn,
                 f"{name}.trap_traj.config.accel_limit": acceleration / per_turn,
@@ -126,7 +123,7 @@ class Axes(Power):
         """Start a decelerated stop: a move to where the joints can come to rest."""
         acceleration = self.limits.acceleration
         turns, rates = self._turns_from(self.line.exchange(_POSITIONS, 2))
-        speeds = rates * self._per_turn
+        speeds = rates * self.per_turn
         rest = self._counts(turns) + speeds * np.abs(speeds) / (2 * acceleration)
         self.move(rest, self.limits.speed, acceleration)
 
@@ -160,11 +157,11 @@ class Axes(Power):
 
     def _turns(self, counts: Floats | Counts) -> Floats:
         """Return the motors' turns from home of joint positions (counts, (..., 2))."""
-        return (counts - self._home) / self._per_turn
+        return (counts - self._home) / self.per_turn
 
     def _counts(self, turns: Floats) -> Counts:
         """Return joint positions (counts, (2,)) of the motors' turns from home."""
-        return np.rint(turns * self._per_turn + self._home).astype(np.int64)
+        return np.rint(turns * self.per_turn + self._home).astype(np.int64)
 
     def _turns_from(self, answers: list[str]) -> tuple[Floats, Floats]:
         """Return the turns, and turns per second, of the answers to `f`; shape (2,) each."""

@@ -58,7 +58,9 @@ def _find(axes: Axes, joint: int, speed: float) -> None:
     _enable_switch(axes, joint, True)
     axes.switch_on()
     _open(axes, joint)
-    axes.line.set({f"{name}.controller.config.homing_speed": axes.in_turns(joint, speed)})
+    axes.line.set(
+        {f"{name}.controller.config.homing_speed": speed / float(axes.per_turn[joint - 1])}
+    )
     axes.line.confirmed(f"w {name}.requested_state {_HOMING}")
     limit = 2 * math.pi * axes.limits.in_counts(1.0) / speed + MARGIN
     axes.polling.until(lambda: axes.line.read(f"{name}.current_state") != _HOMING, "homing", limit)

@@ -180,9 +180,6 @@ class Power:
                     f" not off ({IDLE})"
                 )
             self.polling.sleep(POLL)
-        return self._trigger_level()
-
-    def _trigger_level(self) -> float:
         try:
             return self.line.read(self._trigger)
         except LineRefused as error:

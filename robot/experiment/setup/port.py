@@ -6,6 +6,7 @@ from pathlib import Path
 from sautereau.rig.load import with_values
 from sautereau.rig.schema import Rig
 from sautereau.robot.drivers.registry import motion_controller
+from sautereau.robot.drivers.serial_port import machine_ports
 from sautereau.robot.errors import RobotError
 from sautereau.robot.experiment.setup.step import Ask, Found, ask_first
 
@@ -25,7 +26,7 @@ def find_port(rig: Rig, ask: Ask, ports: Iterable[str] | None = None) -> Found:
         RobotError: No port has a usable controller; the message lists the answer of each.
     """
     mine = rig.controller.port
-    others = [port for port in (_ports() if ports is None else ports) if port != mine]
+    others = [port for port in (machine_ports() if ports is None else ports) if port != mine]
     answers = []
     if "://" in mine or Path(mine).exists():
         found = _try(rig, mine, answers)
@@ -67,12 +68,6 @@ def identify(rig: Rig, ask: Ask) -> Found:
                 "it has taken the rig's limits; its motors are off",
             )
         )
-
-
-def _ports() -> list[str]:
-    from serial.tools import list_ports
-
-    return sorted(port.device for port in list_ports.comports())
 
 
 def _try(rig: Rig, port: str, answers: list[str]) -> Found | None:
