@@ -117,16 +117,9 @@ class Emulated:
         self.closed = True
 
 
-@pytest.fixture(scope="module")
-def rig():
-    return with_values(
-        load_rig(),
-        {
-            "controller.kind": "odrive",
-            "controller.baud_rate": 921600,
-            "controller.timeout": "0.2 s",
-        },
-    )
+@pytest.fixture
+def rig(odrive_rig):
+    return odrive_rig
 
 
 @pytest.fixture
