@@ -73,11 +73,6 @@ class Plan:
             divided.append(places)
         return divided
 
-    @property
-    def presses(self) -> int:
-        """Number of presses, including warm-up."""
-        return sum(map(len, self.set_ups))
-
     def document(self) -> dict[str, Any]:
         """Return the plan as a JSON document; equal plans give equal documents."""
         rig = rig_document(self.rig)

@@ -489,7 +489,7 @@ def interrupt(desk, pattern):
 
 for where, moment, pattern in (
     ("state off", "when it is connected", "TM 1000"),
-    ("state stopped", "when the motors go on", "SH"),
+    ("state stopped", "when the motors are switched on", "SH"),
     ("homing", "when it homes", "BG"),
     ("state homed", "when it moves to the key", "PA"),
     ("loading", "while segments are sent", "PVB"),

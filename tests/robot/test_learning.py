@@ -49,13 +49,13 @@ def learn_on(scene, out, presses, seed=0, measured=None, **changes):
 
 @pytest.fixture(scope="module")
 def learned(tmp_path_factory):
-    """Four presses on the paper's bench, each corrected by those before it."""
-    return learn_on("paper", tmp_path_factory.mktemp("learned"), 4)
+    """Three presses on the paper's bench, each corrected by those before it."""
+    return learn_on("paper", tmp_path_factory.mktemp("learned"), 3)
 
 
 def test_the_jack_speed_is_learned_in_a_few_presses(learned, tmp_path):
     learning, paths = learned
-    assert len(paths) == len(learning.errors) == 4
+    assert len(paths) == len(learning.errors) == 3
     assert learning.errors[0] > 0.05
     assert learning.errors[-1] < 0.01
     assert learning.best is not None
@@ -73,7 +73,7 @@ def test_the_jack_speed_is_learned_in_a_few_presses(learned, tmp_path):
 
 def test_feed_forward_leaves_little_to_learn(learned, tmp_path):
     alone, (path, *_) = learned
-    pushed, paths = learn_on("paper", tmp_path, 3, seed=1, measured=force_of(path))
+    pushed, paths = learn_on("paper", tmp_path, 2, seed=1, measured=force_of(path))
     assert pushed.errors[0] < 0.5 * alone.errors[0]
     assert pushed.errors[-1] < 0.01
     (event,) = (e for e in read_recording(paths[0]).events if e.kind == "feed-forward")
@@ -107,7 +107,7 @@ def test_no_seed_diverges(tmp_path, seed):
 
 
 def test_an_ideal_finger_has_nothing_to_learn(tmp_path):
-    learning, paths = learn_on("ideal", tmp_path, 6)
+    learning, paths = learn_on("ideal", tmp_path, 6, step=1e-3)
     assert len(paths) < 6
     assert learning.stopped
     assert max(learning.errors) < 0.005

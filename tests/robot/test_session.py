@@ -100,7 +100,6 @@ def test_warm_up_comes_before_every_set_up():
         [(5, 2, True), (6, 2, False)],
         [(7, 3, True), (8, 3, False)],
     ]
-    assert plan.presses == 8
     assert to_set(RIG, {}, plan.rows[2]) == mass
     assert to_set(RIG, mass, plan.rows[3]) == {"jack.mass": "0.006 kg"}
 

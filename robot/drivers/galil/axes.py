@@ -52,6 +52,7 @@ class Axes:
         trigger_off = f"CB {settings.trigger_output}"
         # Ends everything that the program does except its watchdog.
         self._quiet = (f"HX {PRESS}", f"HX {TORQUES}", "OF 0,0", "RC 0", trigger_off)
+        self._abort_commands = ("AB", "MO AB", ";".join(self._quiet))
 
     def close(self) -> None:
         self.line.close()
@@ -220,10 +221,6 @@ class Axes:
     def send_abort(self) -> None:
         """Send what `abort` sends, unacknowledged."""
         self.line.send_unacknowledged(*self._abort_commands)
-
-    @property
-    def _abort_commands(self) -> tuple[str, ...]:
-        return ("AB", "MO AB", ";".join(self._quiet))
 
     def _ask_with_retry(self, *commands: str) -> None:
         """Send commands, twice where a broken-off line before them spoilt the first."""

@@ -29,8 +29,7 @@ def find_port(rig: Rig, ask: Ask, ports: Iterable[str] | None = None) -> Found:
     others = [port for port in (machine_ports() if ports is None else ports) if port != mine]
     answers = []
     if "://" in mine or Path(mine).exists():
-        found = _try(rig, mine, answers)
-        if found is not None:
+        if found := _try(rig, mine, answers):
             return found
     else:
         answers.append(f"{mine} (controller.port) does not exist")
@@ -42,8 +41,7 @@ def find_port(rig: Rig, ask: Ask, ports: Iterable[str] | None = None) -> Found:
             " understands? Any other device on them may misinterpret it.",
         )
     for port in others:
-        found = _try(rig, port, answers)
-        if found is not None:
+        if found := _try(rig, port, answers):
             return found
     raise RobotError(
         "setup port: no usable controller was found; plug it in and switch it on, or fix what was"

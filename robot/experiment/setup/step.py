@@ -65,7 +65,7 @@ def ask_first(ask: Ask, step: str, what: str) -> None:
 
 @contextmanager
 def homed(rig: Rig) -> Iterator[MotionController]:
-    """Yield the arm at home with its motors on; they are off after the block in any case."""
+    """Yield the arm at home with its motors on; they are always off after the block."""
     with motion_controller(rig) as controller, controller.powered():
         controller.home()
         yield controller
