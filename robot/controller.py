@@ -45,7 +45,40 @@ class Capture:
         return self.samples.astype(np.float64) * self.sample_period
 
 
-class MotionController(Protocol):
+class Player(Protocol):
+    """What a `MotionController` and the `Driver` of a `PoweredArm` have in common."""
+
+    @property
+    def loaded_torque(self) -> TorqueTable | None:
+        """The torques of the loaded motion, as the controller holds them; None for none."""
+        ...
+
+    def arm(self) -> None:
+        """Prepare capture, trigger and start."""
+
+    def start(self) -> None:
+        """Start the motion and return at once."""
+
+    def wait(self) -> None:
+        """Wait until the motion has ended, and verify that it ended as it should."""
+
+    def capture(self) -> Capture:
+        """Read what was recorded of the last complete motion."""
+        ...
+
+    def positions(self) -> Counts:
+        """Read the joint positions: counts, shape (2,)."""
+        ...
+
+    def abort(self) -> None:
+        """Stop at once, switch motors and trigger off, and verify by reading back.
+
+        Raises:
+            RobotError: The controller did not confirm that the motors are off.
+        """
+
+
+class MotionController(Player, Protocol):
     """Two joints that play a loaded motion.
 
     A controller that stores motions (Galil) plays them by itself: it starts the motion, raises
@@ -70,12 +103,11 @@ class MotionController(Protocol):
         ...
 
     def connect(self) -> str:
-        """Open the connection, set the limits, and return the identity."""
+        """Open the connection, switch off, set the limits, and return the identity."""
         ...
 
     def disconnect(self) -> None:
         """Switch off what is on, and close the connection; never hides an earlier error."""
-        ...
 
     def powered(self) -> AbstractContextManager[Self]:
         """Switch the motors on; leaving the block in any way stops them and switches them off."""
@@ -90,7 +122,8 @@ class MotionController(Protocol):
 
         Args:
             counts: Counts, absolute target of each joint; shape (2,).
-            speed_counts_per_s: Counts per second, largest of either joint.
+            speed_counts_per_s: Counts per second, largest of either joint; lowered to the next
+                that the controller takes.
 
         Returns:
             Counts, target as it was sent; shape (2,).
@@ -104,44 +137,23 @@ class MotionController(Protocol):
             segments: The motion.
             torque: Joint torques over time that the controller adds to those of its position
                 loops, from the start of motion on; None for none.
+
+        Raises:
+            UnsafeRequest: The limits or the controller forbid it; nothing was sent.
         """
         ...
 
-    @property
-    def loaded_torque(self) -> TorqueTable | None:
-        """The torques of the loaded motion, as the controller holds them; None for none."""
-        ...
-
-    def arm(self) -> None:
-        """Prepare capture, trigger and start; refuse where the arm is not at the start."""
-        ...
-
-    def start(self) -> None:
-        """Start the motion and return at once."""
-        ...
-
-    def wait(self) -> None:
-        """Wait until the motion has ended, and verify that it ended as it should."""
-        ...
-
-    def capture(self) -> Capture:
-        """Read what was recorded of the last complete motion."""
-        ...
-
     def check_home(self) -> None:
-        """Check that the home switches are where they were found; raise where they are not."""
-        ...
+        """Check that the home switches are where they were found.
 
-    def positions(self) -> Counts:
-        """Read the joint positions: counts, shape (2,)."""
-        ...
+        The arm moves to either side of them, `controller.home_tolerance` away.
+
+        Raises:
+            MotionFault: An encoder has slipped, or a switch has moved; the motors are off.
+        """
 
     def stop(self) -> Counts:
         """Decelerate to a standstill, motors on; return the positions (counts, shape (2,))."""
-        ...
-
-    def abort(self) -> None:
-        """Stop at once and switch the motors off; raise where this is not confirmed."""
         ...
 
     def __enter__(self) -> Self: ...

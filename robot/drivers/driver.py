@@ -4,7 +4,7 @@ from collections.abc import Callable
 from typing import ClassVar, Protocol
 
 from sautereau.rig.schema import Rig
-from sautereau.robot.controller import Capture, TorqueTable
+from sautereau.robot.controller import Player, TorqueTable
 from sautereau.robot.drivers.serial_port import Port
 from sautereau.trajectory.segments import Counts, Segments
 
@@ -14,13 +14,13 @@ Sleep = Callable[[float], None]
 """Waits for seconds."""
 
 
-class Driver(Protocol):
+class Driver(Player, Protocol):
     """One connection to a controller: it sends what `PoweredArm` decides.
 
     It is made from an open port, and `set_up` is called first. `PoweredArm` checks the order
-    of the calls and the arm's limits, and aborts after a failure: a method only does its work
-    and raises `RobotError`. Positions are encoder counts, speeds counts per second, both of
-    joints 1 and 2, shape (2,).
+    of the calls, the arm's limits and that the arm is where a motion starts, and aborts after a
+    failure: a method only does its work and raises `RobotError`. Positions are encoder counts,
+    speeds counts per second, both of joints 1 and 2, shape (2,).
     """
 
     WITHOUT_HOST: ClassVar[str]
@@ -30,7 +30,6 @@ class Driver(Protocol):
 
     def __init__(self, rig: Rig, port: Port, clock: Clock, sleep: Sleep, /) -> None:
         """Hold the port; nothing is sent."""
-        ...
 
     def set_up(self) -> str:
         """Identify the controller, switch off and set its limits; return its identity."""
@@ -38,15 +37,9 @@ class Driver(Protocol):
 
     def close(self) -> None:
         """Close the port; a port that has gone away counts as closed."""
-        ...
-
-    def positions(self) -> Counts:
-        """Read the encoders."""
-        ...
 
     def switch_on(self) -> None:
         """Start the watchdog, switch the motors on, and verify both."""
-        ...
 
     def renew(self, keep_waiting: Callable[[], bool] | None = None, /) -> None:
         """Give the watchdog a sign of life, from the keep-alive's thread.
@@ -55,27 +48,15 @@ class Driver(Protocol):
             keep_waiting: Returns whether to continue to wait for an answer; None for one
                 timeout only.
         """
-        ...
 
     def halt(self) -> None:
         """Decelerate to a standstill, motors on."""
-        ...
-
-    def abort(self) -> None:
-        """Stop at once, switch motors and trigger off, and verify by reading back.
-
-        Raises:
-            RobotError: The controller did not confirm that the motors are off.
-        """
-        ...
 
     def send_abort(self) -> None:
         """Send what `abort` sends, to a controller that does not answer; never fail."""
-        ...
 
     def find_home(self, home: Counts) -> None:
         """Find the home switches, and set the positions there."""
-        ...
 
     def home_levels(self) -> list[float]:
         """Return for each joint 0 at its home switch and below, 1 above."""
@@ -83,7 +64,6 @@ class Driver(Protocol):
 
     def go(self, target: Counts, speed: float) -> None:
         """Move to a target, and wait until the joints have settled there."""
-        ...
 
     def plan(self, segments: Segments, torque: TorqueTable | None) -> None:
         """Work out what `load` will send; the motion is within the arm's limits.
@@ -91,29 +71,7 @@ class Driver(Protocol):
         Raises:
             UnsafeRequest: The controller cannot play it; the motion loaded before stays.
         """
-        ...
 
     def load(self) -> Segments:
         """Load the planned motion; return what was really sent."""
-        ...
-
-    @property
-    def loaded_torque(self) -> TorqueTable | None:
-        """The torques of the loaded motion, as the controller holds them; None for none."""
-        ...
-
-    def arm(self) -> None:
-        """Prepare capture, trigger and start; the arm is where the motion starts."""
-        ...
-
-    def start(self) -> None:
-        """Start the motion and return at once."""
-        ...
-
-    def wait(self) -> None:
-        """Wait until the motion has ended, and verify that it ended as it should."""
-        ...
-
-    def capture(self) -> Capture:
-        """Return what was recorded of the motion that `wait` has seen to its end."""
         ...

@@ -13,7 +13,7 @@ from typing import Generic, Self, TypeVar
 import numpy as np
 
 from sautereau.rig.schema import Rig
-from sautereau.robot.controller import Capture, TorqueTable
+from sautereau.robot.controller import Capture, MotionController, TorqueTable
 from sautereau.robot.drivers.driver import Clock, Driver, Sleep
 from sautereau.robot.drivers.keep_alive import KeepAlive
 from sautereau.robot.drivers.limits import Limits
@@ -31,8 +31,8 @@ MakeKeepAlive = Callable[
 DriverT = TypeVar("DriverT", bound=Driver)
 
 
-class PoweredArm(Generic[DriverT]):
-    """Two joints that can be powered, homed, moved and stopped: a `MotionController`.
+class PoweredArm(MotionController, Generic[DriverT]):
+    """A `MotionController` whose commands a `Driver` sends; documented there.
 
     Args:
         driver: Class of the driver; an instance is made for each connection.
@@ -68,13 +68,11 @@ class PoweredArm(Generic[DriverT]):
 
     @property
     def identity(self) -> str:
-        """Model and firmware, as the controller reports them."""
         self._connected("identity")
         return self._identity
 
     @property
     def simulated(self) -> bool:
-        """Whether the controller identifies itself as a stand-in."""
         return "SIM" in self.identity
 
     @property
@@ -88,7 +86,6 @@ class PoweredArm(Generic[DriverT]):
         return self._connected("driver")
 
     def connect(self) -> str:
-        """Open the port, switch off, set the limits, and return the identity."""
         if self._driver is not None:
             raise NotReady("connect: already connected; call disconnect() first")
         settings = self._settings
@@ -104,7 +101,6 @@ class PoweredArm(Generic[DriverT]):
         return self._identity
 
     def disconnect(self) -> None:
-        """Switch off what is on, and close the port; never hides an earlier error."""
         driver, earlier = self._driver, sys.exception()
         if driver is None:
             return
@@ -132,7 +128,6 @@ class PoweredArm(Generic[DriverT]):
 
     @contextmanager
     def powered(self) -> Iterator[Self]:
-        """Switch the motors on; leaving the block in any way stops them and switches them off."""
         driver = self._ready("powered")
         self._states.enter(State.STOPPED)
         try:
@@ -148,11 +143,9 @@ class PoweredArm(Generic[DriverT]):
                 self._switch_off(driver)
 
     def positions(self) -> Counts:
-        """Read the joint positions: counts, shape (2,)."""
         return self._connected("positions").positions()
 
     def stop(self) -> Counts:
-        """Decelerate to a standstill, motors on; return the positions (counts, shape (2,))."""
         driver = self._ready("stop")
         with self._guarded(driver):
             driver.halt()
@@ -160,26 +153,17 @@ class PoweredArm(Generic[DriverT]):
             return driver.positions()
 
     def abort(self) -> None:
-        """Stop at once and switch the motors off; raise where this is not confirmed."""
         self._confirm(self._connected("abort").abort)
 
     # Homing and moves.
 
     def home(self) -> Counts:
-        """Find the home switches; return the joint positions (counts, (2,)) set there."""
         driver = self._ready("home")
         with self._guarded(driver), self._states.moving(State.HOMED):
             driver.find_home(self._home)
         return self._home.copy()
 
     def check_home(self) -> None:
-        """Check that the home switches are where they were found.
-
-        The arm moves to either side of them, `controller.home_tolerance` away.
-
-        Raises:
-            MotionFault: An encoder has slipped, or a switch has moved; the motors are off.
-        """
         driver = self._ready("check_home")
         tolerance = self._settings.home_tolerance
         speed = self._limits.in_counts(self._rig.arm.approach_speed)
@@ -203,16 +187,6 @@ class PoweredArm(Generic[DriverT]):
                 )
 
     def move_to(self, counts: Counts, speed_counts_per_s: float) -> Counts:
-        """Move both joints from point to point, and wait until they have settled there.
-
-        Args:
-            counts: Counts, absolute target of each joint; shape (2,).
-            speed_counts_per_s: Counts per second, largest of either joint; lowered to the next
-                that the controller takes.
-
-        Returns:
-            Counts, target as it was sent; shape (2,).
-        """
         driver = self._ready("move_to")
         target = np.rint(counts).astype(np.int64)
         self._limits.check_move(target, speed_counts_per_s)
@@ -224,16 +198,6 @@ class PoweredArm(Generic[DriverT]):
     # A press.
 
     def load(self, segments: Segments, torque: TorqueTable | None = None) -> Segments:
-        """Load a motion; return what was really sent.
-
-        Args:
-            segments: The motion.
-            torque: Joint torques over time that the controller adds to those of its position
-                loops, from the start of motion on; None for none.
-
-        Raises:
-            UnsafeRequest: The limits or the controller forbid it; nothing was sent.
-        """
         driver = self._ready("load")
         settings = self._settings
         self._limits.check_motion(segments, settings.segment_limit, settings.sample_period)
@@ -246,7 +210,6 @@ class PoweredArm(Generic[DriverT]):
 
     @property
     def loaded_torque(self) -> TorqueTable | None:
-        """The torques of the loaded motion, as the controller holds them; None for none."""
         return None if self._driver is None else self._driver.loaded_torque
 
     def arm(self) -> None:
@@ -260,14 +223,12 @@ class PoweredArm(Generic[DriverT]):
         self._states.enter(State.ARMED)
 
     def start(self) -> None:
-        """Start the motion and return at once."""
         driver = self._ready("start")
         self._states.enter(State.MOVING)
         with self._guarded(driver):
             driver.start()
 
     def wait(self) -> None:
-        """Wait until the motion has ended, and verify that it ended as it should."""
         driver = self._ready("wait")
         with self._guarded(driver):
             driver.wait()
@@ -275,7 +236,6 @@ class PoweredArm(Generic[DriverT]):
         self._states.enter(State.HOMED)
 
     def capture(self) -> Capture:
-        """Read what was recorded of the last complete motion."""
         driver = self._ready("capture")
         if not self._played:
             raise NotReady("capture: no motion is done; wait() for the end of one first")

@@ -1,9 +1,11 @@
-"""Open a serial port, or list the ports of this machine and how to fix it."""
+"""Open a serial port, or list the ports of this machine and how to fix it; read and close it."""
 
 import errno
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Protocol
 
-from sautereau.robot.errors import PortUnavailable
+from sautereau.robot.errors import LineLost, PortUnavailable, SilentController
 
 
 class Port(Protocol):
@@ -24,11 +26,9 @@ class Port(Protocol):
 
     def reset_input_buffer(self) -> None:
         """Discard what has come in."""
-        ...
 
     def close(self) -> None:
         """Release the port."""
-        ...
 
 
 def open_port(name: str, baud_rate: int, timeout: float) -> Port:
@@ -50,7 +50,8 @@ def open_port(name: str, baud_rate: int, timeout: float) -> Port:
         )
     except (OSError, ValueError) as error:  # SerialException is an OSError
         raise PortUnavailable(
-            f"port {name}: cannot be opened: {error}; {_fix(error)}; {_ports()}"
+            f"port {name}: cannot be opened: {error}; {_fix(error)}; ports of this"
+            f" machine: {', '.join(machine_ports()) or 'none'}"
         ) from error
 
 
@@ -75,8 +76,58 @@ def _fix(error: Exception) -> str:
     return "plug the controller in and switch it on, or correct controller.port in the rig file"
 
 
-def _ports() -> str:
+def machine_ports() -> list[str]:
+    """Return the names of this machine's serial ports, sorted."""
     from serial.tools import list_ports
 
-    found = sorted(port.device for port in list_ports.comports())
-    return f"ports of this machine: {', '.join(found) or 'none'}"
+    return sorted(port.device for port in list_ports.comports())
+
+
+class Wire:
+    """Bytes to a controller and from it.
+
+    Args:
+        port: An open serial port, whose reads end after its timeout.
+        name: Of the port, for messages.
+        timeout: s, of one read, for messages.
+    """
+
+    def __init__(self, port: Port, name: str, timeout: float):
+        self.name, self.timeout = name, timeout
+        self._port, self._gone = port, port_errors()
+
+    def close(self) -> None:
+        """Close the port; a port that has gone away counts as closed."""
+        try:
+            self._port.close()
+        except self._gone:  # nothing is left to close
+            return
+
+    @contextmanager
+    def _reaching(self, asked: str) -> Iterator[None]:
+        """Report a port that goes away in the block as lost, with what was asked."""
+        try:
+            yield
+        except self._gone as error:
+            raise LineLost(
+                f"connection to the controller on {self.name} lost at {asked!r}: {error}; check"
+                " the cable, the adapter and the controller's power, then connect() and home()"
+                " again"
+            ) from error
+
+    def _waiting(self) -> bytes:
+        """Return what has come in already."""
+        count = self._port.in_waiting
+        return (self._port.read(count) or b"") if count else b""
+
+    def _read(self) -> bytes:
+        """Return at least one byte, or none after the port's timeout."""
+        return self._port.read(max(1, self._port.in_waiting)) or b""
+
+    def _silence(self, asked: str, so_far: str) -> SilentController:
+        """Return the error of a controller that does not answer; ``so_far`` is what came in."""
+        return SilentController(
+            f"controller on {self.name} did not answer {asked!r} within"
+            f" {self.timeout:g} s{f' after {so_far}' if so_far else ''}; check its power, the"
+            " cable, that controller.port is its port and controller.baud_rate its baud rate"
+        )

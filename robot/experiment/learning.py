@@ -2,7 +2,6 @@
 
 import json
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -13,8 +12,8 @@ from sautereau.rig.load import rig_document
 from sautereau.rig.schema import Rig
 from sautereau.robot.errors import RobotError
 from sautereau.robot.experiment.feedforward import torque_table
-from sautereau.robot.experiment.manifest import differences
 from sautereau.robot.experiment.session import Item
+from sautereau.robot.experiment.session_folder import differences
 from sautereau.trajectory.errors import TrajectoryError
 from sautereau.trajectory.expected import Expectation
 from sautereau.trajectory.learning import Correction, Learner
@@ -61,14 +60,10 @@ class IterativeLearning:
         self._measured = measured
         self._used: Correction | None = None
         self._trajectory: Trajectory | None = plan_press(rig, expected)
-        self._warnings = self._trajectory.warnings
+        self.warnings = self._trajectory.warnings
+        """Of the plan."""
         self._learner = Learner(press_law(rig.press), rig.controller.sample_period)
         self._stopped = ""
-
-    @property
-    def warnings(self) -> tuple[str, ...]:
-        """Of the plan."""
-        return self._warnings
 
     @property
     def errors(self) -> list[float]:
@@ -128,36 +123,34 @@ class IterativeLearning:
         self._stopped += reason
 
 
-@dataclass(frozen=True)
-class Learned:
-    """A correction, and the conditions that it was learned for."""
+def write_learned(
+    path: Path, rig: Rig, correction: Correction, errors: list[float], feed_forward: str = ""
+) -> None:
+    """Write a correction into a new file, with the press, arm and controller it was learned for.
 
-    correction: Correction
-    errors: tuple[float, ...]
-    """RMS relative error of the jack speed over the cruise, of every press of the learning."""
-    feed_forward: str = ""
-    """SHA-256 of the recording that the feed-forward came from; empty for none."""
+    Args:
+        path: Of the file.
+        rig: The bench.
+        correction: That was learned.
+        errors: RMS relative error of the jack speed over the cruise, of every press.
+        feed_forward: SHA-256 of the recording of the feed-forward; empty for none.
 
-    def write(self, path: Path, rig: Rig) -> None:
-        """Write it into a new file, with the press, arm and controller that it was learned for.
-
-        Raises:
-            RobotError: The file exists, or cannot be written.
-        """
-        document = {
-            "time": self.correction.time.tolist(),
-            "rise": self.correction.rise.tolist(),
-            "rms_speed_error": list(self.errors),
-            "learned_for": _learned_for(rig, self.feed_forward),
-        }
-        try:
-            with path.open("x", encoding="utf-8") as file:
-                file.write(json.dumps(document, indent=1, allow_nan=False) + "\n")
-        except OSError as error:
-            raise RobotError(
-                f"learned correction {path}: cannot be written: {error.strerror}; give another"
-                " folder"
-            ) from error
+    Raises:
+        RobotError: The file exists, or cannot be written.
+    """
+    document = {
+        "time": correction.time.tolist(),
+        "rise": correction.rise.tolist(),
+        "rms_speed_error": errors,
+        "learned_for": _learned_for(rig, feed_forward),
+    }
+    try:
+        with path.open("x", encoding="utf-8") as file:
+            file.write(json.dumps(document, indent=1, allow_nan=False) + "\n")
+    except OSError as error:
+        raise RobotError(
+            f"learned correction {path}: cannot be written: {error.strerror}; give another folder"
+        ) from error
 
 
 def read_learned(path: Path, rig: Rig, feed_forward: str = "") -> Correction:

@@ -72,7 +72,6 @@ class View(Protocol):
             seen: In order of time.
             dropped: Number of events since the start that are missing.
         """
-        ...
 
 
 class Feed:

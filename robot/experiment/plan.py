@@ -63,19 +63,15 @@ class Plan:
         """The presses in order, divided where the instrument changes."""
         numbers = count(1)
         divided = []
+        own = {"press": self.rig.press}  # so that only the rest is compared
         indices = range(len(self.rows))
-        for _, same in groupby(indices, lambda i: _instrument(self.rows[i].rig, self.rig)):
+        for _, same in groupby(indices, lambda i: self.rows[i].rig.model_copy(update=own)):
             rows = list(same)
             places = [Place(next(numbers), rows[0], True) for _ in range(self.warm_up)]
             for row in rows:
                 places += [Place(next(numbers), row, False) for _ in range(self.rows[row].repeats)]
             divided.append(places)
         return divided
-
-    @property
-    def presses(self) -> int:
-        """Number of presses, including warm-up."""
-        return sum(map(len, self.set_ups))
 
     def document(self) -> dict[str, Any]:
         """Return the plan as a JSON document; equal plans give equal documents."""
@@ -130,11 +126,6 @@ def digest(path: Path) -> str:
         return hashlib.sha256(path.read_bytes()).hexdigest()
     except OSError as error:
         raise RobotError(f"{path}: cannot be read: {error.strerror}; give its path") from error
-
-
-def _instrument(rig: Rig, base: Rig) -> Rig:
-    """Return a bench with the press of another, so that the rest can be compared."""
-    return rig.model_copy(update={"press": base.press})
 
 
 def to_set(rig: Rig, set_before: Mapping[str, Any], row: Row) -> dict[str, Any]:

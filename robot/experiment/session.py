@@ -105,7 +105,7 @@ def make_presses(
         items: The presses; the next one may depend on earlier calls of `on_press`.
         origin: What all recordings have in common.
         rest: s, pause between presses.
-        on_ready: Called once, when the folder exists and before the motors are on.
+        on_ready: Called once, when the folder exists and before the motors are switched on.
         on_press: Called with each press and its finished recording.
         watch: Called with each event of the session.
         sleep: Wait for seconds.

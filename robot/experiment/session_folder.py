@@ -1,17 +1,46 @@
-"""A session's folder: its plan, and the presses that are made."""
+"""A session's folder: the presses that are made, and the plan, in a manifest.
 
+The manifest is written before the first press.
+"""
+
+import json
 import uuid
-from collections.abc import Mapping
-from dataclasses import replace
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
 from sautereau.daq.file.container.durable import PART
 from sautereau.daq.file.reading import read_session
+from sautereau.rig.disk import sync_folder, write_through
+from sautereau.rig.renamed import current_key, rename_keys
 from sautereau.robot.errors import RobotError
-from sautereau.robot.experiment.manifest import Manifest, check_same, read_manifest, write_manifest
 from sautereau.robot.experiment.plan import Plan
+
+MANIFEST = "session.json"
+"""Name of the file in the session's folder."""
+VERSION = 1
+"""Of the file."""
+MOST_LISTED = 8
+"""Differences that one message lists."""
+_ABSENT = "nothing"
+
+
+@dataclass(frozen=True)
+class Manifest:
+    """One session: its identity, its plan, and how the instrument is set up."""
+
+    session: str
+    """Identity, which every recording of the session contains."""
+    started: str
+    """ISO 8601 with the time zone."""
+    seed: int | None
+    """Of the stand-in's random numbers; None on the hardware."""
+    plan: Mapping[str, Any]
+    """The plan, as JSON holds it."""
+    set_up: Mapping[str, Any]
+    """What the operator was last asked to set on the instrument, by the rig's dotted key."""
 
 
 class SessionFolder:
@@ -49,21 +78,15 @@ class SessionFolder:
             plan=asked,
             set_up={},
         )
+        self.session = self._manifest.session
+        """Identity, which every recording of the session contains."""
+        self.seed = self._manifest.seed
+        """Of the session's random numbers; None on the hardware."""
         self.done: dict[int, Path] = {}
         """Recordings by the number of the press in the plan."""
         self.others = 0
         """Recordings in the folder that do not belong to this session."""
         self._find()
-
-    @property
-    def session(self) -> str:
-        """Identity, which every recording of the session contains."""
-        return self._manifest.session
-
-    @property
-    def seed(self) -> int | None:
-        """Of the session's random numbers; None on the hardware."""
-        return self._manifest.seed
 
     @property
     def set_up(self) -> Mapping[str, Any]:
@@ -101,3 +124,86 @@ class SessionFolder:
                 )
             else:
                 self.done[found.item] = path
+
+
+def read_manifest(folder: Path) -> Manifest | None:
+    """Read a folder's manifest; None where it has none.
+
+    Raises:
+        RobotError: It cannot be read, or another version has written it.
+    """
+    path = folder / MANIFEST
+    try:
+        found = json.loads(path.read_text(encoding="utf-8"))
+        if found["version"] != VERSION:
+            raise RobotError(
+                f"session {path}: it is of version {found['version']!r}, not {VERSION}; continue"
+                " with the version of sautereau that started it, or give another folder"
+            )
+        rename_keys(found["plan"].get("rig", {}))
+        for row in found["plan"].get("presses", ()):
+            row["values"] = {current_key(key): value for key, value in row["values"].items()}
+        found["set_up"] = {current_key(key): value for key, value in found["set_up"].items()}
+        return Manifest(**{name: found[name] for name in Manifest.__dataclass_fields__})
+    except FileNotFoundError:
+        return None
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise RobotError(
+            f"session {path}: cannot be read: {type(error).__name__}: {error}; restore it from"
+            " a copy, or give another folder"
+        ) from error
+
+
+def write_manifest(folder: Path, manifest: Manifest) -> None:
+    """Write a folder's manifest, so that it is always complete: the old one or the new one.
+
+    Raises:
+        RobotError: It cannot be written.
+    """
+    path = folder / MANIFEST
+    beside = path.with_name(f"{MANIFEST}.new")
+    text = json.dumps({"version": VERSION} | vars(manifest), indent=1, allow_nan=False)
+    try:
+        write_through(beside, text + "\n", new=False)
+        beside.replace(path)
+        sync_folder(folder)
+    except OSError as error:
+        raise RobotError(
+            f"session {path}: cannot be written: {error.strerror}; give a folder that can be"
+            " written, with room on its disk"
+        ) from error
+
+
+def check_same(folder: Path, started: Mapping[str, Any], asked: Mapping[str, Any]) -> None:
+    """Refuse another plan than that with which a session started.
+
+    Raises:
+        RobotError: Names the differences, and the way out.
+    """
+    found = list(differences(started, asked))
+    if not found:
+        return
+    more = f"\n  and {len(found) - MOST_LISTED} more" if len(found) > MOST_LISTED else ""
+    raise RobotError(
+        f"session folder {folder}: the session in it was started with another plan\n  "
+        + "\n  ".join(found[:MOST_LISTED])
+        + more
+        + "\ngive the command as it was to continue that session, or another --out for this one"
+    )
+
+
+def differences(started: Any, asked: Any, at: str = "") -> Iterator[str]:
+    """Yield the differences of two JSON documents, by dotted key, with both values."""
+    if isinstance(started, list) and isinstance(asked, list):
+        started, asked = (dict(enumerate(values, 1)) for values in (started, asked))
+    if isinstance(started, Mapping) and isinstance(asked, Mapping):
+        for key in dict.fromkeys([*started, *asked]):
+            place = f"{at}.{key}" if at else str(key)
+            yield from differences(started.get(key, _ABSENT), asked.get(key, _ABSENT), place)
+    elif started != asked:
+        yield f"{at}: {_shown(started)} then, {_shown(asked)} now"
+
+
+def _shown(value: Any) -> str:
+    text = value if value is _ABSENT else json.dumps(value)
+    return text if len(text) <= 60 else f"{text[:57]}..."

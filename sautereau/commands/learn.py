@@ -52,7 +52,7 @@ def learn(
     from sautereau.robot.drivers.registry import motion_controller
     from sautereau.robot.errors import RobotError
     from sautereau.robot.experiment.feedforward import force_of
-    from sautereau.robot.experiment.learning import IterativeLearning, Learned
+    from sautereau.robot.experiment.learning import IterativeLearning, write_learned
     from sautereau.robot.experiment.plan import digest
     from sautereau.robot.experiment.session import Item, Origin, make_presses
 
@@ -88,7 +88,7 @@ def learn(
     if best is None:
         lines.append("no correction reduced the speed error")
     else:
-        Learned(best, tuple(lesson.errors), pushed).write(file, nominal)
+        write_learned(file, nominal, best, lesson.errors, pushed)
         lines.append(f"learned:    {file}; use it with press --learned")
     result = {
         "rms_speed_error": lesson.errors,

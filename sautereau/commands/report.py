@@ -11,7 +11,7 @@ from sautereau.commands.common import Json, Level, OutFile, answer, bar
 if TYPE_CHECKING:
     from sautereau.analysis.report.build import About, Again
     from sautereau.analysis.report.contents import PressRecord
-    from sautereau.robot.experiment.manifest import Manifest
+    from sautereau.robot.experiment.session_folder import Manifest
 
 PAGE = "report.html"
 """Name of the page in the session's folder."""
@@ -42,7 +42,7 @@ def report(
         )
     from sautereau.analysis.report.build import build_report
     from sautereau.analysis.report.contents import gather
-    from sautereau.robot.experiment.manifest import read_manifest
+    from sautereau.robot.experiment.session_folder import read_manifest
 
     manifest = read_manifest(session)
     recordings, warnings = _recordings(session, manifest)
@@ -108,7 +108,7 @@ def _about(
     from sautereau.analysis.errors import AnalysisError
     from sautereau.analysis.report.build import About
     from sautereau.analysis.report.fits import PATTERN, read_fit
-    from sautereau.robot.experiment.manifest import MANIFEST
+    from sautereau.robot.experiment.session_folder import MANIFEST
 
     name = session.resolve().name
     fits = []

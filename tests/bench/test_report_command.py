@@ -13,10 +13,9 @@ from sautereau.commands.app import app
 from sautereau.commands.report import report
 from sautereau.daq.file.reading import read_recording
 from sautereau.robot.errors import RobotError
-from sautereau.robot.experiment.manifest import MANIFEST
 from sautereau.robot.experiment.plan import Plan
 from sautereau.robot.experiment.plan_table import Row
-from sautereau.robot.experiment.session_folder import SessionFolder
+from sautereau.robot.experiment.session_folder import MANIFEST, SessionFolder
 from sautereau.sim_backend.scene import load_scene
 
 

@@ -11,9 +11,9 @@ from sautereau.rig.edit import edit_rig
 from sautereau.rig.errors import RigError
 from sautereau.rig.load import load_rig, parse_rig, with_values
 from sautereau.rig.renamed import RENAMED_KEYS, current_key, rename_keys
-from sautereau.robot.experiment.manifest import read_manifest
 from sautereau.robot.experiment.plan import Plan
 from sautereau.robot.experiment.plan_table import Row, read_plan_table
+from sautereau.robot.experiment.session_folder import read_manifest
 
 OLD = Path(__file__).parents[1] / "data" / "written_by_0.1"
 MOMENT = 4e-3

@@ -132,9 +132,9 @@ STOP = [
     ("MG _BGA,_BGB", " 0.0000 0.0000\r\n:"),
 ]
 OFF = [*STOP, *ABORT]
-PRESS = [
-    *CONNECT, *ON, *HOME, *MOVE, *LOAD, *ARM, *START, *WAIT, *CAPTURE, *OFF,
-]  # fmt: skip
+HOMED = [*CONNECT, *ON, *HOME]
+STARTED = [*HOMED, *MOVE, *LOAD, *ARM, *START]
+PRESS = [*STARTED, *WAIT, *CAPTURE, *OFF]
 
 
 class Echo:
@@ -256,6 +256,12 @@ class Terminal:
 @pytest.fixture(scope="session")
 def rig():
     return with_values(load_rig("paper"), {"controller.timeout": "0.2 s"})
+
+
+@pytest.fixture(scope="session")
+def odrive_rig():
+    kind = {"controller.kind": "odrive", "controller.baud_rate": 921600}
+    return with_values(load_rig(), kind | {"controller.timeout": "0.2 s"})
 
 
 @pytest.fixture

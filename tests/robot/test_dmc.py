@@ -44,8 +44,9 @@ def test_capture_trigger_and_motion_start_on_one_line(output):
 @given(st.integers(1, 20_000), st.integers(30, 1000))
 def test_a_capture_covers_the_motion_and_is_full_before_it_ends(total, room):
     plan = plan_capture(total, 16 * room)
-    last = plan.interval * (plan.rows - 1)
-    assert total + SETTLE - 3 * plan.interval < last <= total + SETTLE - plan.interval
+    interval = 2**plan.exponent
+    last = interval * (plan.rows - 1)
+    assert total + SETTLE - 3 * interval < last <= total + SETTLE - interval
     assert 6 * plan.rows <= 16 * room
     assert plan.exponent == 1 or 6 * (2 * plan.rows) > 16 * room - 6 * SETTLE
 

@@ -13,6 +13,7 @@ import sys
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -413,22 +414,15 @@ def emergency_stop(desk):
     desk.press()
 
 
-@fault(
-    "joint 1 stalls 30 ms after the trigger",
-    None,
-    "joint 1 switched off by a following error.*remove",
-)
-def stalled_motor_of_joint_1(desk):
-    desk.press(finger="servo", stall={"joint": 1, "press": 1, "at": "30 ms"})
+def stall(desk, joint):
+    desk.press(finger="servo", stall={"joint": joint, "press": 1, "at": "30 ms"})
 
 
-@fault(
-    "joint 2 stalls 30 ms after the trigger",
-    None,
-    "joint 2 switched off by a following error.*remove",
-)
-def stalled_motor_of_joint_2(desk):
-    desk.press(finger="servo", stall={"joint": 2, "press": 1, "at": "30 ms"})
+for joint in (1, 2):
+    name = f"stalled motor of joint {joint}"
+    done = f"joint {joint} stalls 30 ms after the trigger"
+    said = f"joint {joint} switched off by a following error.*remove"
+    FAULTS.append(Fault(name, done, None, said, partial(stall, joint=joint), False))
 
 
 @fault("the encoder reads 30,000 counts less", SOON, "joint 2 switched off by a following error")
@@ -493,50 +487,25 @@ def interrupt(desk, pattern):
     desk.press()
 
 
-@fault("Ctrl-C when it is connected", SOON, "interrupted")
-def ctrl_c_in_state_off(desk):
-    interrupt(desk, "TM 1000")
-
-
-@fault("Ctrl-C when the motors are switched on", HOST, "interrupted.*" + OFF)
-def ctrl_c_in_state_stopped(desk):
-    interrupt(desk, "SH")
-
-
-@fault("Ctrl-C when it homes", HOST, "interrupted.*" + OFF)
-def ctrl_c_in_homing(desk):
-    interrupt(desk, "BG")
-
-
-@fault("Ctrl-C when it moves to the key", HOST, "interrupted.*" + OFF)
-def ctrl_c_in_state_homed(desk):
-    interrupt(desk, "PA")
-
-
-@fault("Ctrl-C while segments are sent", HOST, "interrupted.*" + OFF)
-def ctrl_c_in_loading(desk):
-    interrupt(desk, "PVB")
-
-
-@fault("Ctrl-C when the capture is prepared", HOST, "interrupted.*" + OFF)
-def ctrl_c_in_state_loaded(desk):
-    interrupt(desk, "RA")
-
-
-@fault("Ctrl-C when the motion is started", HOST, "interrupted.*" + OFF)
-def ctrl_c_in_state_armed(desk):
-    interrupt(desk, "XQ #PRESS")
+for where, moment, pattern in (
+    ("state off", "when it is connected", "TM 1000"),
+    ("state stopped", "when the motors are switched on", "SH"),
+    ("homing", "when it homes", "BG"),
+    ("state homed", "when it moves to the key", "PA"),
+    ("loading", "while segments are sent", "PVB"),
+    ("state loaded", "when the capture is prepared", "RA"),
+    ("state armed", "when the motion is started", "XQ #PRESS"),
+    ("reading", "when the capture is read", "QU"),
+):
+    off = (SOON, "interrupted") if where == "state off" else (HOST, "interrupted.*" + OFF)
+    run = partial(interrupt, pattern=pattern)
+    FAULTS.append(Fault(f"ctrl c in {where}", f"Ctrl-C {moment}", *off, run, False))
 
 
 @fault("Ctrl-C 30 ms after the trigger", HOST, "interrupted.*" + OFF, quick=True)
 def ctrl_c_in_the_press(desk):
     desk.at(1, 0.03, lambda: os.kill(os.getpid(), signal.SIGINT))
     desk.press()
-
-
-@fault("Ctrl-C when the capture is read", HOST, "interrupted.*" + OFF)
-def ctrl_c_in_reading(desk):
-    interrupt(desk, "QU")
 
 
 def child_pressing(desk, end):

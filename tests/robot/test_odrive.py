@@ -1,5 +1,6 @@
 """The driver of an ODrive: what it sends, what it refuses, and how it leaves the arm."""
 
+import contextlib
 import itertools
 import threading
 import time
@@ -116,29 +117,9 @@ class Emulated:
         self.closed = True
 
 
-class NoKeepAlive:
-    """A keep-alive that gives no signs of life."""
-
-    def __init__(self, renew, period):
-        self.renew = renew
-
-    def __enter__(self):
-        return self
-
-    def __exit__(self, *exception):
-        return None
-
-
-@pytest.fixture(scope="module")
-def rig():
-    return with_values(
-        load_rig(),
-        {
-            "controller.kind": "odrive",
-            "controller.baud_rate": 921600,
-            "controller.timeout": "0.2 s",
-        },
-    )
+@pytest.fixture
+def rig(odrive_rig):
+    return odrive_rig
 
 
 @pytest.fixture
@@ -146,9 +127,16 @@ def port(rig):
     return Emulated(rig)
 
 
+def controller_at(port, rig):
+    """Return a controller that gives no signs of life."""
+    return OdriveController(
+        rig, open_port=port.open, keep_alive=lambda *_: contextlib.nullcontext()
+    )
+
+
 @pytest.fixture
 def controller(rig, port):
-    return OdriveController(rig, open_port=port.open, keep_alive=NoKeepAlive)
+    return controller_at(port, rig)
 
 
 @pytest.fixture
@@ -405,7 +393,7 @@ def test_torques_are_refused(controller, segments):
 
 def test_a_line_that_is_too_slow_is_refused(rig, port, segments):
     slow = with_values(rig, {"controller.baud_rate": 115200})
-    controller = OdriveController(slow, open_port=port.open, keep_alive=NoKeepAlive)
+    controller = controller_at(port, slow)
     with controller, controller.powered():
         controller.home()
         with pytest.raises(UnsafeRequest, match=r"baud_rate is 115200: set both ends to 921600"):
@@ -496,35 +484,26 @@ def test_a_joint_that_does_not_follow_is_switched_off_at_once(controller, port, 
     assert OFF in str(caught.value)
 
 
-class Late:
-    """A host's clock with occasional jumps."""
+def delay(controller, jumps):
+    """Let the host's clock jump (s) in some of its sleeps, counted from 1."""
+    polling, sleeps = controller.driver.polling, itertools.count(1)
+    wait, now = polling.sleep, [0.0]
 
-    def __init__(self, jumps):
-        self.now, self.sleeps, self.jumps = 0.0, 0, jumps
+    def sleep(seconds):
+        seconds += jumps.get(next(sleeps), 0.0)
+        now[0] += seconds
+        wait(seconds)
 
-    def clock(self):
-        return self.now
-
-    def sleep(self, seconds):
-        self.sleeps += 1
-        self.now += seconds + self.jumps.get(self.sleeps, 0.0)
+    polling.clock, polling.sleep = lambda: now[0], sleep
 
 
 @pytest.mark.parametrize(
     ("late", "gap", "skipped"), [({5: 0.002}, 0.00590625, 0), ({5: 0.007}, 0.01090625, 1)]
 )
-def test_a_late_host_catches_up_and_reports_it(controller, port, segments, late, gap, skipped):
+def test_a_late_host_catches_up_and_reports_it(controller, segments, late, gap, skipped):
     with controller, controller.powered():
         ready(controller, segments)
-        polling, host = controller.driver.polling, Late(late)
-        wait, polling.clock = polling.sleep, host.clock
-
-        def sleep(seconds):
-            before = host.now
-            host.sleep(seconds)
-            wait(host.now - before)
-
-        polling.sleep = sleep
+        delay(controller, late)
         controller.start()
         controller.wait()
         found = controller.driver.punctuality
@@ -534,13 +513,11 @@ def test_a_late_host_catches_up_and_reports_it(controller, port, segments, late,
         assert len(controller.capture()) == 23 - skipped
 
 
-def test_a_press_with_a_large_gap_is_refused(controller, port, segments):
+def test_a_press_with_a_large_gap_is_refused(controller, segments):
     with pytest.raises(MotionFault, match=r"gap of 23\.9 ms .* 11\.7 ms are allowed") as caught:  # noqa: PT012, SIM117
         with controller, controller.powered():
             ready(controller, segments)
-            polling, host = controller.driver.polling, Late({5: 0.020})
-            wait, polling.clock = polling.sleep, host.clock
-            polling.sleep = lambda seconds: (host.sleep(seconds), wait(seconds))
+            delay(controller, {5: 0.020})
             controller.start()
             controller.wait()
     assert OFF in str(caught.value)
@@ -594,29 +571,23 @@ def test_home_finds_the_switches_from_either_side(rig):
     for above in (19_099, -19_099, 0):
         port = Emulated(rig)
         port.counts = [above, -above]
-        controller = OdriveController(rig, open_port=port.open, keep_alive=NoKeepAlive)
+        controller = controller_at(port, rig)
         with controller, controller.powered():
             np.testing.assert_array_equal(controller.home(), [0, -500_000])
             np.testing.assert_allclose(port.counts, 0, atol=20)
 
 
-def test_a_switch_that_never_opens(controller, port):
-    port.home = (0, 10_000_000)
-    with (
-        pytest.raises(MotionFault, match=r"home switch of joint 2 is still closed after 0\.5 rad"),
-        controller,
-        controller.powered(),
-    ):
-        controller.home()
-
-
-def test_a_homing_that_stops_early(controller, port):
-    port.replace["r axis1.is_homed"] = "0"
-    with (
-        pytest.raises(MotionFault, match="joint 2 stopped before its home switch"),
-        controller,
-        controller.powered(),
-    ):
+@pytest.mark.parametrize(
+    ("home", "homed", "said"),
+    [
+        (10_000_000, "1", r"home switch of joint 2 is still closed after 0\.5 rad"),
+        (0, "0", "joint 2 stopped before its home switch"),
+    ],
+)
+def test_a_switch_that_never_opens_or_is_not_found(controller, port, home, homed, said):
+    port.home = (0, home)
+    port.replace["r axis1.is_homed"] = homed
+    with pytest.raises(MotionFault, match=said), controller, controller.powered():
         controller.home()
 
 

@@ -25,15 +25,6 @@ from sautereau.trajectory.press import plan_press
 
 KIND = {"controller.kind": "odrive", "controller.baud_rate": 921600}
 MUTE = {"plectrum": "none", "string": "none", "step": 1e-3}
-MUTE_SCENE = """
-description = "an ideal finger on a key without plectrum and string"
-finger = "ideal"
-plectrum = "none"
-string = "none"
-friction = false
-felt = false
-step = "1 ms"
-"""
 
 
 @pytest.fixture(scope="module")
@@ -46,15 +37,17 @@ def mute(**faults):
     return load_scene("ideal").model_copy(update=MUTE | {"faults": tables})
 
 
-def press(rig, scene, out, seed=0):
-    with StandIn(rig, scene, seed) as stand_in:
-        controller = OdriveController(stand_in.rig)
+@pytest.fixture(scope="module")
+def pressed(rig, tmp_path_factory):
+    """A press of seed 5, and its truth."""
+    with StandIn(rig, load_scene("ideal"), 5) as stand_in:
+        controller, out = OdriveController(stand_in.rig), tmp_path_factory.mktemp("pressed")
         paths = run_session(stand_in.rig, plan_press(stand_in.rig), controller, out, 1)
         return paths[0], stand_in.truth()[0]
 
 
-def test_a_press_has_the_phases_that_the_truth_has(rig, tmp_path):
-    path, truth = press(rig, load_scene("ideal"), tmp_path)
+def test_a_press_has_the_phases_that_the_truth_has(pressed):
+    path, truth = pressed
     recording = load_press(path)
     phases = find_phases(recording)
     held = phases.plucks[0]
@@ -70,24 +63,24 @@ def test_a_press_has_the_phases_that_the_truth_has(rig, tmp_path):
         assert np.abs(getattr(read.joints, name) - planned).max() < 3e-4
 
 
-def test_the_command_line_presses_with_the_same_bytes_for_the_same_seed(rig, tmp_path, monkeypatch):
+def test_the_command_line_presses_with_the_same_bytes_for_the_same_seed(
+    pressed, tmp_path, monkeypatch
+):
     text = resources.files("sautereau.rig").joinpath("paper.toml").read_text(encoding="utf-8")
     text = text.replace("baud_rate = 115200", 'kind = "odrive"\nbaud_rate = 921600')
     text = text.replace('timeout = "1 s"', 'timeout = "20 s"', 1)
     (tmp_path / "rig.toml").write_text(text, encoding="utf-8")
-    (tmp_path / "mute.toml").write_text(MUTE_SCENE, encoding="utf-8")
     monkeypatch.chdir(tmp_path)
-    options = "--scene mute.toml --seed 5 --out out --json"
+    options = "--scene ideal --seed 5 --out out --json"
     assert app(["press", "rig.toml", *options.split()]) == 0
     (path,) = (tmp_path / "out").glob("*.mcap")
-    again, _ = press(rig, load_scene("mute.toml"), tmp_path / "again", seed=5)
-    one, other = read_recording(path), read_recording(again)
+    one, other = read_recording(path), read_recording(pressed[0])
     assert "ODrive" in one.session.controller
     for name in ("velocity", "force"):
         assert one.volts[name].tobytes() == other.volts[name].tobytes()
 
 
-@pytest.mark.parametrize("port_closes", [False, True])
+@pytest.mark.parametrize("port_closes", [False, pytest.param(True, marks=pytest.mark.slow)])
 def test_a_cable_pulled_in_mid_motion(rig, tmp_path, port_closes):
     scene = mute(cable_out={"press": 1, "at": "20 ms", "port_closes": port_closes})
     fast = with_values(rig, {"controller.timeout": "1 s", "daq.trigger_timeout": "0.5 s"})

@@ -5,8 +5,8 @@ import io
 import numpy as np
 import pytest
 
-from sautereau.robot.drivers.odrive.errors import error_names
 from sautereau.robot.drivers.odrive.line import OdriveLine, framed
+from sautereau.robot.drivers.odrive.power import error_names
 from sautereau.robot.errors import (
     GarbledAnswer,
     RobotError,

@@ -3,23 +3,15 @@
 import numpy as np
 import pytest
 
-from sautereau.rig.load import load_rig, with_values
 from sautereau.robot.drivers.odrive.setpoints import INTERVAL, Setpoints, bandwidth
 from sautereau.sim_backend.devices.odrive.setpoint import Setpoint, filtered
 from sautereau.trajectory.press import plan_press
 from sautereau.trajectory.segments import motion_at, segment_cubics
 
 
-@pytest.fixture(scope="module")
-def rig():
-    return with_values(
-        load_rig(),
-        {
-            "controller.kind": "odrive",
-            "controller.baud_rate": 921600,
-            "controller.timeout": "0.2 s",
-        },
-    )
+@pytest.fixture
+def rig(odrive_rig):
+    return odrive_rig
 
 
 def followed(setpoints, start, joint, period):

@@ -86,7 +86,7 @@ def test_each_state_names_the_way_out(bench, lines, segments):
 
 def test_an_arm_away_from_the_start_is_not_armed(bench, lines, segments):
     away = ("MG _TPA,_TPB", " 1051.0000 -501000.0000\r\n:")
-    controller, _ = bench(lines.connect, lines.on, lines.home, lines.load, [away], lines.off)
+    controller, _ = bench(lines.homed, lines.load, [away], lines.off)
     with controller, controller.powered():
         controller.home()
         controller.load(segments)
@@ -95,7 +95,7 @@ def test_an_arm_away_from_the_start_is_not_armed(bench, lines, segments):
 
 
 def test_a_move_out_of_the_limits_lists_every_fault(bench, lines):
-    controller, _ = bench(lines.connect, lines.on, lines.home, lines.off)
+    controller, _ = bench(lines.homed, lines.off)
     with controller, controller.powered():
         controller.home()
         with pytest.raises(UnsafeRequest) as caught:
@@ -110,7 +110,7 @@ def test_a_move_out_of_the_limits_lists_every_fault(bench, lines):
 
 @pytest.mark.parametrize("speed", [0, -5, float("nan")])
 def test_a_move_at_no_speed(bench, lines, speed):
-    controller, _ = bench(lines.connect, lines.on, lines.home, lines.off)
+    controller, _ = bench(lines.homed, lines.off)
     with controller, controller.powered():
         controller.home()
         with pytest.raises(UnsafeRequest, match="speed_limit"):
@@ -118,7 +118,7 @@ def test_a_move_at_no_speed(bench, lines, speed):
 
 
 def test_a_motion_that_must_not_be_played_lists_every_fault(bench, lines, segments):
-    controller, _ = bench(lines.connect, lines.on, lines.home, lines.off)
+    controller, _ = bench(lines.homed, lines.off)
     bad = replace(
         segments,
         start=np.array([444440, -501000]),
@@ -133,7 +133,7 @@ def test_a_motion_that_must_not_be_played_lists_every_fault(bench, lines, segmen
 
 @pytest.mark.parametrize("count", [0, 256])
 def test_too_few_or_too_many_segments(bench, lines, segments, count):
-    controller, _ = bench(lines.connect, lines.on, lines.home, lines.off)
+    controller, _ = bench(lines.homed, lines.off)
     motion = replace(
         segments,
         steps=np.zeros((count, 2), int),
@@ -147,7 +147,7 @@ def test_too_few_or_too_many_segments(bench, lines, segments, count):
 def test_a_fifo_that_does_not_empty(bench, lines, segments):
     full = ("MG _PVA,_PVB", " 3.0000 255.0000\r\n:")
     clear = ("PVA=0,0,-1;PVB=0,0,-1", "::")
-    script = [lines.connect, lines.on, lines.home, [full, clear, full], lines.off]
+    script = [lines.homed, [full, clear, full], lines.off]
     controller, _ = bench(*script)
     with homed(controller), pytest.raises(SettingNotTaken, match="room for 3 segments"):
         controller.load(segments)
@@ -155,7 +155,7 @@ def test_a_fifo_that_does_not_empty(bench, lines, segments):
 
 def test_a_fifo_that_took_less_than_was_sent(bench, lines, segments):
     short = ("MG _PVA,_PVB", " 252.0000 253.0000\r\n:")
-    script = [lines.connect, lines.on, lines.home, lines.fifo[:-1], [short], lines.off]
+    script = [lines.homed, lines.fifo[:-1], [short], lines.off]
     controller, _ = bench(*script)
     with homed(controller):
         with pytest.raises(SettingNotTaken, match=r"3 segments were sent .* took 3 and 2"):

@@ -168,7 +168,9 @@ def test_a_torque_that_the_controller_reads_back_differently(bench):
         assert controller.state is State.HOMED
 
 
-@pytest.mark.parametrize(("joint", "counts"), [(1, 300), (2, -300), (2, 3000)])
+@pytest.mark.parametrize(
+    ("joint", "counts"), [(1, 300), (2, -300), pytest.param(2, 3000, marks=pytest.mark.slow)]
+)
 def test_an_encoder_that_has_slipped_is_found_at_the_home_switch(bench, joint, counts):
     stand_in, controller = bench(slip={"press": 1, "joint": joint, "counts": counts})
     with pytest.raises(MotionFault, match=f"home switch of joint {joint} is not") as caught:  # noqa: PT012, SIM117

@@ -93,7 +93,7 @@ def test_an_abort_ignores_answers_before_its_own_question(bench, lines, noise):
 def test_a_press_that_breaks_off_names_the_joint_and_the_reason(
     bench, lines, segments, codes, reason
 ):
-    script = [*lines.press[: -len(lines.capture + lines.off) - 2]]
+    script = [*lines.started, *lines.wait[:-2]]
     controller, _ = bench(script, [(lines.wait[3][0], f" {codes} 1.0000 9.0000\r\n:")], lines.abort)
     with pytest.raises(MotionFault, match=reason) as caught:
         run_to_wait(controller, segments)
@@ -103,12 +103,11 @@ def test_a_press_that_breaks_off_names_the_joint_and_the_reason(
 @pytest.mark.parametrize("watch", ["-1.0000 0.0000", "43.0000 0.0000", "-1.0000 9.0000"])
 def test_a_press_that_the_watchdog_ended(bench, lines, segments, watch):
     """Its thread has ended, or is about to end, or was ended by something else."""
-    script = [*lines.press[: -len(lines.wait + lines.capture + lines.off)]]
     expired = [
         (lines.wait[0][0], " 0.0000 0.0000 7.0000 7.0000 -1.0000 -1.0000\r\n:"),
         (lines.wait[3][0], f" 7.0000 7.0000 {watch}\r\n:"),
     ]
-    controller, _ = bench(script, expired, lines.abort)
+    controller, _ = bench(lines.started, expired, lines.abort)
     with pytest.raises(MotionFault, match="watchdog has switched the motors off") as caught:
         run_to_wait(controller, segments)
     assert OFF in str(caught.value)
@@ -132,28 +131,26 @@ def test_a_watchdog_that_does_not_count_keeps_the_power_off(bench, lines):
 
 
 def test_a_press_that_skipped_segments(bench, lines, segments):
-    script = [*lines.press[: -len(lines.capture + lines.off) - 1]]
+    script = [*lines.started, *lines.wait[:-1]]
     controller, _ = bench(script, [("MG _BTA,_BTB", " 3.0000 2.0000\r\n:")], lines.abort)
     with pytest.raises(MotionFault, match="3 and 2 of its 3 segments"):
         run_to_wait(controller, segments)
 
 
 def test_a_limit_of_one_joint_ends_the_press_of_both(bench, lines, segments):
-    script = [*lines.press[: -len(lines.wait + lines.capture + lines.off)]]
     limited = [
         (lines.wait[0][0], " 0.0000 1.0000 2.0000 0.0000 1.0000 1.0000\r\n:"),
         (lines.wait[3][0], " 2.0000 0.0000 1.0000 9.0000\r\n:"),
     ]
-    controller, _ = bench(script, limited, lines.abort)
+    controller, _ = bench(lines.started, limited, lines.abort)
     with pytest.raises(MotionFault, match="joint 1 stopped by the forward limit") as caught:
         run_to_wait(controller, segments)
     assert OFF in str(caught.value)
 
 
 def test_a_press_that_never_ends_is_aborted(bench, lines, segments):
-    script = [*lines.press[: -len(lines.wait + lines.capture + lines.off)]]
     stuck = [(lines.wait[0][0], " 1.0000 1.0000 0.0000 0.0000 1.0000 2.0000\r\n:")]
-    controller, transcript = bench(script, stuck * 1200)
+    controller, transcript = bench(lines.started, stuck * 1200)
     with pytest.raises(MotionFault, match="not ended after 10 s") as caught:
         run_to_wait(controller, segments, before_wait=lambda: limit(transcript, lines.abort))
     assert OFF in str(caught.value)
@@ -183,9 +180,8 @@ def run_to_wait(controller, segments, before_wait=lambda: None):
 
 
 def test_a_silent_controller_in_mid_motion(terminal, lines, segments):
-    script = [*lines.press[: -len(lines.wait + lines.capture + lines.off)]]
     silent = [(sent, "") for sent, _ in [lines.wait[0], *lines.abort, *lines.abort[:-1]]]
-    controller, _ = terminal(script, silent)
+    controller, _ = terminal(lines.started, silent)
     with pytest.raises(SilentController, match=r"MG _BGA.*within 0\.2 s") as caught:
         run_to_wait(controller, segments)
     assert NOT_OFF in str(caught.value)
@@ -194,16 +190,14 @@ def test_a_silent_controller_in_mid_motion(terminal, lines, segments):
 
 def test_a_controller_that_answers_again_confirms_the_abort(terminal, lines, segments):
     """It is silent to the poll, then answers again."""
-    script = [*lines.press[: -len(lines.wait + lines.capture + lines.off)]]
-    controller, _ = terminal(script, [(lines.wait[0][0], "")], lines.abort)
+    controller, _ = terminal(lines.started, [(lines.wait[0][0], "")], lines.abort)
     with pytest.raises(SilentController) as caught:
         run_to_wait(controller, segments)
     assert OFF in str(caught.value)
 
 
 def test_a_cable_pulled_in_mid_motion(terminal, lines, segments):
-    script = [*lines.press[: -len(lines.wait + lines.capture + lines.off)]]
-    controller, _ = terminal(script, [(lines.wait[0][0], None)])
+    controller, _ = terminal(lines.started, [(lines.wait[0][0], None)])
     with pytest.raises(LineLost, match="check the cable") as caught:
         run_to_wait(controller, segments)
     assert NOT_OFF in str(caught.value)
@@ -221,7 +215,7 @@ def test_a_refused_move_is_aborted(bench, lines):
         ("BG AB", "?"),
         ("TC1", "22 Begin not possible due to limit switch\r\n:"),
     ]
-    controller, _ = bench(lines.connect, lines.on, lines.home, refused, lines.abort)
+    controller, _ = bench(lines.homed, refused, lines.abort)
     with pytest.raises(CommandRefused, match=r"refused 'BG AB': 22 .*limit is active") as caught:
         home_and_move(controller)
     assert caught.value.code == 22
@@ -229,7 +223,7 @@ def test_a_refused_move_is_aborted(bench, lines):
 
 
 def test_an_arm_that_does_not_arrive(bench, lines):
-    controller, transcript = bench(lines.connect, lines.on, lines.home, lines.move[:-2])
+    controller, transcript = bench(lines.homed, lines.move[:-2])
     transcript.expected += [("MG _TPA,_TPB", " 900.0000 -501000.0000\r\n:")] * 200
     limit(transcript, lines.abort)
     with pytest.raises(MotionFault, match=r"900, -501000 .*to 1000, -501000"):

@@ -10,16 +10,16 @@ from sautereau.daq.file.recorded import Block
 from sautereau.daq.file.recording import Recording, SessionInfo
 from sautereau.rig.load import load_rig, with_values
 from sautereau.robot.errors import RobotError
-from sautereau.robot.experiment.manifest import (
+from sautereau.robot.experiment.plan import Plan, to_set
+from sautereau.robot.experiment.plan_table import Row, read_plan_table
+from sautereau.robot.experiment.session_folder import (
     MANIFEST,
     Manifest,
+    SessionFolder,
     check_same,
     read_manifest,
     write_manifest,
 )
-from sautereau.robot.experiment.plan import Plan, to_set
-from sautereau.robot.experiment.plan_table import Row, read_plan_table
-from sautereau.robot.experiment.session_folder import SessionFolder
 
 RIG = load_rig("paper")
 
@@ -100,7 +100,6 @@ def test_warm_up_comes_before_every_set_up():
         [(5, 2, True), (6, 2, False)],
         [(7, 3, True), (8, 3, False)],
     ]
-    assert plan.presses == 8
     assert to_set(RIG, {}, plan.rows[2]) == mass
     assert to_set(RIG, mass, plan.rows[3]) == {"jack.mass": "0.006 kg"}
 

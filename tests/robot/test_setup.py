@@ -44,7 +44,8 @@ def stand_in():
     rig = with_values(load_rig(), {"controller.timeout": "60 s"})
     scene = load_scene("ideal")
     truth = {"arm.base_z": f"{rig.arm.base_z + 0.3e-3!r} m"}
-    scene = scene.model_copy(update={"truth": truth, "step": 1e-3})
+    bare = {"plectrum": "none", "string": "none", "step": 1e-3}
+    scene = scene.model_copy(update={"truth": truth} | bare)
     with StandIn(rig, scene) as served:
         yield served
 

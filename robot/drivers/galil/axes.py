@@ -1,42 +1,141 @@
-"""The two motors behind a Galil controller: on and off, stopping and standstill."""
+"""The two motors behind a Galil controller: set-up, on and off, stopping and standstill."""
 
 from collections.abc import Callable, Collection
 
 import numpy as np
 
-from sautereau.robot.drivers.galil.dmc import stop_reason
-from sautereau.robot.drivers.galil.handshake import verify
+from sautereau.rig.schema import Rig
+from sautereau.robot.drivers.driver import Clock, Sleep
+from sautereau.robot.drivers.galil.dmc import (
+    halting,
+    software_limit_settings,
+    software_limits,
+    stop_reason,
+)
 from sautereau.robot.drivers.galil.line import Line
-from sautereau.robot.drivers.galil.program import LEFT, PRESS, TICK, TORQUES, WATCH
+from sautereau.robot.drivers.galil.program import (
+    LEFT,
+    PRESS,
+    TICK,
+    TORQUES,
+    WATCH,
+    controller_program,
+)
 from sautereau.robot.drivers.keep_alive import TICKS
+from sautereau.robot.drivers.limits import Limits
 from sautereau.robot.drivers.polling import STOPPING, Polling
+from sautereau.robot.drivers.serial_port import Port
 from sautereau.robot.errors import (
     CommandRefused,
     GarbledAnswer,
     MotionFault,
+    RobotError,
     SettingNotTaken,
 )
 from sautereau.trajectory.segments import Counts
 
 _STATE = ("_MOA", "_MOB", "_BGA", "_BGB", "_OFA", "_OFB")
 _SAFE = [1, 1, 0, 0, 0, 0]
+_SAMPLE_PERIODS = (970e-6, 1001e-6)  # s, what firmwares make of TM 1000
+_VOLTAGE_STEP = 5e-4  # V, to which the controller rounds TL and OF
 
 
 class Axes:
-    """Axes A and B, which turn joints 1 and 2.
+    """Axes A and B, which turn joints 1 and 2; arguments as for `Driver`."""
 
-    Args:
-        line: To the controller.
-        polling: Waits for it.
-        trigger_output: Digital output that an aborted program leaves high.
-        halting: DC of a stop; a Galil accepts it while its axes move [confirm].
-    """
-
-    def __init__(self, line: Line, polling: Polling, trigger_output: int, halting: str):
-        self.line, self.polling = line, polling
-        self._halting = halting
+    def __init__(self, rig: Rig, port: Port, clock: Clock, sleep: Sleep):
+        settings = rig.controller
+        self._rig, self._settings = rig, settings
+        self._limits = Limits(rig.arm)
+        self.line = Line(port, settings.port, settings.timeout)
+        self._polling = Polling(clock, sleep, "amplifiers")
+        trigger_off = f"CB {settings.trigger_output}"
         # Ends everything that the program does except its watchdog.
-        self._quiet = (f"HX {PRESS}", f"HX {TORQUES}", "OF 0,0", "RC 0", f"CB {trigger_output}")
+        self._quiet = (f"HX {PRESS}", f"HX {TORQUES}", "OF 0,0", "RC 0", trigger_off)
+        self._abort_commands = ("AB", "MO AB", ";".join(self._quiet))
+
+    def close(self) -> None:
+        self.line.close()
+
+    def set_up(self) -> str:
+        identity = self._introduce()
+        self.abort()
+        self._set_limits()
+        self.line.download(controller_program(self._settings.trigger_output))
+        return identity
+
+    def _introduce(self) -> str:
+        """Identify the controller, and switch its echo on.
+
+        Returns:
+            Model and firmware, as the controller reports them.
+
+        Raises:
+            RobotError: It is no Galil controller with PVT mode, or it has no echo.
+        """
+        line = self.line
+        line.resynchronise()
+        try:
+            line.ask("EO 0")
+        except CommandRefused:  # the rest of a line that another host broke off
+            line.ask("EO 0")
+        identity = " ".join(line.ask("\x12\x16").split())
+        if "DMC" not in identity:
+            raise GarbledAnswer(
+                f"port {line.name}: a Galil controller gives its revision as DMC..., this one"
+                f" answers {identity[:40]!r}; correct controller.port in the rig file"
+            )
+        try:
+            line.read("_PVA")
+        except CommandRefused as error:
+            raise RobotError(
+                f"controller on {line.name}: {identity} has no PVT mode ({error.code}"
+                f" {error.text}); update its firmware, or use a DMC-40x0 or later"
+            ) from error
+        line.ask("EO 1")
+        line.echo = True
+        try:
+            line.verify({"_EO": 1})
+        except GarbledAnswer as error:
+            raise SettingNotTaken(
+                f"controller on {line.name}: {identity} does not echo what it receives, so that a"
+                f" command corrupted on the line would be executed ({error}); connect it by a"
+                " serial line or USB"
+            ) from error
+        return identity
+
+    def _set_limits(self) -> None:
+        """Set sample period, following error, torque and software limits, and read them back.
+
+        Raises:
+            RobotError: The controller would not enforce a limit of the rig, or it does not take
+                the settings.
+        """
+        line, settings, limits = self.line, self._settings, self._limits
+        error = settings.position_error_limit
+        faults = []
+        period = settings.sample_period
+        if not _SAMPLE_PERIODS[0] <= period <= _SAMPLE_PERIODS[1]:
+            faults.append(
+                f"controller.sample_period is {period * 1e6:.6g} us, and TM 1000 gives 976 to"
+                " 1000 us; correct it as the controller's manual says"
+            )
+        room = int((limits.upper - limits.lower).min()) // 2
+        if error > room:
+            faults.append(
+                f"controller.position_error_limit is {error} counts, more than half of the smaller"
+                f" joint range, {room} counts; lower it"
+            )
+        if faults:
+            raise RobotError(f"rig: {'; '.join(faults)}")
+        line.ask("TM 1000")
+        line.ask(f"ER {error},{error}", "OE 1,1")
+        line.ask(f"TL {settings.full_torque:.4f},{settings.full_torque:.4f}", "OF 0,0")
+        line.ask(*software_limits(limits))
+        line.verify({"_TM": 1000, "_ERA": error, "_ERB": error, "_OEA": 1, "_OEB": 1})
+        torque = settings.full_torque
+        line.verify({"_TLA": torque, "_TLB": torque, "_OFA": 0, "_OFB": 0}, _VOLTAGE_STEP)
+        line.verify(software_limit_settings(limits))
 
     def positions(self) -> Counts:
         """Read the encoders: counts, shape (2,)."""
@@ -44,7 +143,7 @@ class Axes:
 
     def await_standstill(self, what: str, limit: float) -> None:
         """Wait until both axes are at rest, ``limit`` seconds at most; ``what`` is the motion."""
-        self.polling.until(lambda: not any(self.line.read("_BGA", "_BGB")), what, limit)
+        self._polling.until(lambda: not any(self.line.read("_BGA", "_BGB")), what, limit)
 
     def check_stop(self, what: str, normal: Collection[int]) -> None:
         """Refuse a motion that stopped for another reason than the stop codes ``normal``."""
@@ -65,17 +164,13 @@ class Axes:
                 f"{what} broke off: {', '.join(faults)}; remove the cause, then home() again"
             )
 
-    def switch_on(self, watchdog_period: float) -> None:
-        """Start the watchdog and see it count; then switch the motors on, and verify.
-
-        Args:
-            watchdog_period: s without `renew` until the watchdog trips.
-        """
-        tick = round(watchdog_period * 1e3 / TICKS)
+    def switch_on(self) -> None:
+        """Start the watchdog and see it count; then switch the motors on, and verify."""
+        tick = round(self._settings.watchdog_period * 1e3 / TICKS)
         self.line.ask(f"{TICK}={tick}", f"{LEFT}={TICKS}")
-        verify(self.line, {TICK: tick, LEFT: TICKS})
+        self.line.verify({TICK: tick, LEFT: TICKS})
         self.line.ask(f"XQ #WATCH,{WATCH}")
-        self.polling.until(lambda: self._watched() < TICKS, "the watchdog's first count", STOPPING)
+        self._polling.until(lambda: self._watched() < TICKS, "the watchdog's first count", STOPPING)
         self.renew()
         self.line.ask("SH AB")
         if any(self.line.read("_MOA", "_MOB")):
@@ -93,14 +188,15 @@ class Axes:
             )
         return left
 
-    def renew(self, keep_waiting: Callable[[], bool] | None = None) -> None:
+    def renew(self, keep_waiting: Callable[[], bool] | None = None, /) -> None:
         """Give the watchdog a sign of life; ``keep_waiting`` as for `Line.ask`."""
         self.line.ask(f"{LEFT}={TICKS}", keep_waiting=keep_waiting)
 
-    def stop(self) -> None:
+    def halt(self) -> None:
         """Decelerate to a standstill, motors on, without a torque from the program."""
         self.line.resynchronise()
-        self._ask_with_retry(self._halting, "ST AB")
+        # A Galil accepts DC while its axes move [confirm].
+        self._ask_with_retry(halting(self._limits), "ST AB")
         self._ask_with_retry(*self._quiet)
         self.await_standstill("the stop", STOPPING)
 
@@ -125,10 +221,6 @@ class Axes:
     def send_abort(self) -> None:
         """Send what `abort` sends, unacknowledged."""
         self.line.send_unacknowledged(*self._abort_commands)
-
-    @property
-    def _abort_commands(self) -> tuple[str, ...]:
-        return ("AB", "MO AB", ";".join(self._quiet))
 
     def _ask_with_retry(self, *commands: str) -> None:
         """Send commands, twice where a broken-off line before them spoilt the first."""

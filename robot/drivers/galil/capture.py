@@ -31,11 +31,6 @@ class CapturePlan:
     exponent: int
     """Operand of RC: a row every 2^exponent controller samples."""
 
-    @property
-    def interval(self) -> int:
-        """Controller samples between two rows."""
-        return 2**self.exponent
-
 
 def plan_capture(total_samples: int, room: int) -> CapturePlan:
     """Return the finest capture of a motion for which the controller has room.
@@ -73,12 +68,6 @@ def make_room(line: Line, total_samples: int, torque_rows: int) -> CapturePlan:
     return plan
 
 
-def choose_sources(line: Line) -> None:
-    """Let a capture record `SOURCES` into their arrays."""
-    line.ask(f"RA {','.join(f'{name}[]' for name in SOURCES)}")
-    line.ask(f"RD {','.join(SOURCES.values())}")
-
-
 def read_capture(line: Line, plan: CapturePlan, rig: Rig) -> Capture:
     """Read what the controller has recorded."""
     columns = {
@@ -89,7 +78,7 @@ def read_capture(line: Line, plan: CapturePlan, rig: Rig) -> Capture:
         for name in ("pos", "err", "trq")
     }
     return Capture(
-        samples=plan.interval * np.arange(plan.rows, dtype=np.int64),
+        samples=2**plan.exponent * np.arange(plan.rows, dtype=np.int64),
         counts=np.rint(pairs["pos"]).astype(np.int64),
         following_errors=np.rint(pairs["err"]).astype(np.int64),
         torques=pairs["trq"] * rig.arm.torque_limit / rig.controller.full_torque,

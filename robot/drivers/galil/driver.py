@@ -4,7 +4,6 @@ Positions are counts, speeds counts per second, durations controller samples.
 """
 
 import math
-from collections.abc import Callable
 from functools import partial
 
 import numpy as np
@@ -13,30 +12,21 @@ from sautereau.rig.schema import Rig
 from sautereau.robot.controller import Capture, TorqueTable
 from sautereau.robot.drivers.driver import Clock, Sleep
 from sautereau.robot.drivers.galil.axes import Axes
-from sautereau.robot.drivers.galil.capture import (
-    CapturePlan,
-    choose_sources,
-    make_room,
-    read_capture,
-)
+from sautereau.robot.drivers.galil.capture import SOURCES, CapturePlan, make_room, read_capture
 from sautereau.robot.drivers.galil.dmc import (
     CLEAR_SEGMENTS,
     END_OF_MOTION,
     HOMED_ENDS,
     NO_LIMITS,
     NORMAL_ENDS,
-    halting,
     profile,
     segment_commands,
     software_limit_settings,
     software_limits,
 )
-from sautereau.robot.drivers.galil.handshake import introduce, set_limits, verify
-from sautereau.robot.drivers.galil.line import Line
-from sautereau.robot.drivers.galil.program import PRESS, RATE, WATCH, controller_program
+from sautereau.robot.drivers.galil.program import PRESS, RATE, WATCH
 from sautereau.robot.drivers.galil.push import Push, plan_push, table_of, write_push
-from sautereau.robot.drivers.limits import Limits
-from sautereau.robot.drivers.polling import MARGIN, Polling
+from sautereau.robot.drivers.polling import MARGIN
 from sautereau.robot.drivers.powered_arm import PoweredArm
 from sautereau.robot.drivers.serial_port import Port
 from sautereau.robot.errors import MotionFault, NotReady, SettingNotTaken
@@ -45,7 +35,7 @@ from sautereau.trajectory.segments import Counts, Segments
 _HOMING_SPEED = 0.2  # rad/s
 
 
-class GalilDriver:
+class GalilDriver(Axes):
     """A `Driver` over a serial line."""
 
     WITHOUT_HOST = (
@@ -55,44 +45,11 @@ class GalilDriver:
     ABORT_AFTER = frozenset[str]()
 
     def __init__(self, rig: Rig, port: Port, clock: Clock, sleep: Sleep):
-        settings = rig.controller
-        self._rig, self._settings = rig, settings
-        self._limits = Limits(rig.arm)
-        self.line = Line(port, settings.port, settings.timeout)
-        self._polling = Polling(clock, sleep, "amplifiers")
-        self._axes = Axes(self.line, self._polling, settings.trigger_output, halting(self._limits))
+        super().__init__(rig, port, clock, sleep)
         self._planned: tuple[Segments, Push | None] | None = None
         self._motion: Segments | None = None
         self._plan: CapturePlan | None = None
         self._push: Push | None = None
-
-    def set_up(self) -> str:
-        identity = introduce(self.line, self._settings)
-        self._axes.abort()
-        set_limits(self.line, self._rig, self._limits)
-        self.line.download(controller_program(self._settings.trigger_output))
-        return identity
-
-    def close(self) -> None:
-        self.line.close()
-
-    def positions(self) -> Counts:
-        return self._axes.positions()
-
-    def switch_on(self) -> None:
-        self._axes.switch_on(self._settings.watchdog_period)
-
-    def renew(self, keep_waiting: Callable[[], bool] | None = None, /) -> None:
-        self._axes.renew(keep_waiting)
-
-    def halt(self) -> None:
-        self._axes.stop()
-
-    def abort(self) -> None:
-        self._axes.abort()
-
-    def send_abort(self) -> None:
-        self._axes.send_abort()
 
     def find_home(self, home: Counts) -> None:
         line, limits = self.line, self._limits
@@ -101,12 +58,12 @@ class GalilDriver:
         line.ask(*profile(limits, limits.in_counts(_HOMING_SPEED)))
         line.ask("HM AB")
         line.ask("BG AB")
-        self._axes.await_standstill("homing", 2 * math.pi / _HOMING_SPEED + MARGIN)
-        self._axes.check_stop("homing", HOMED_ENDS)
+        self.await_standstill("homing", 2 * math.pi / _HOMING_SPEED + MARGIN)
+        self.check_stop("homing", HOMED_ENDS)
         line.ask(f"DP {home[0]},{home[1]}")
         self._polling.settle(self.positions, home, limits.tolerance)
         line.ask(*software_limits(limits))
-        verify(line, software_limit_settings(limits))
+        line.verify(software_limit_settings(limits))
 
     def home_levels(self) -> list[float]:
         return self.line.read("_HMA", "_HMB")
@@ -116,8 +73,8 @@ class GalilDriver:
         self.line.ask(*profile(self._limits, speed))
         self.line.ask(f"PA {target[0]},{target[1]}")
         self.line.ask("BG AB")
-        self._axes.await_standstill("the move", distance / speed + MARGIN)
-        self._axes.check_stop("the move", NORMAL_ENDS)
+        self.await_standstill("the move", distance / speed + MARGIN)
+        self.check_stop("the move", NORMAL_ENDS)
         self._polling.settle(self.positions, target, self._limits.tolerance)
 
     def plan(self, segments: Segments, torque: TorqueTable | None) -> None:
@@ -171,9 +128,10 @@ class GalilDriver:
 
     def arm(self) -> None:
         _, plan = self._loaded("arm")
-        choose_sources(self.line)
+        self.line.ask(f"RA {','.join(f'{name}[]' for name in SOURCES)}")
+        self.line.ask(f"RD {','.join(SOURCES.values())}")
         self.line.ask(f"{RATE}={plan.exponent}")
-        verify(self.line, {RATE: plan.exponent, f"_XQ{PRESS}": -1, "_MOA": 0, "_MOB": 0})
+        self.line.verify({RATE: plan.exponent, f"_XQ{PRESS}": -1, "_MOA": 0, "_MOB": 0})
 
     def start(self) -> None:
         self.line.ask(f"XQ #PRESS,{PRESS}")
@@ -182,7 +140,7 @@ class GalilDriver:
         motion, _ = self._loaded("wait")
         duration = motion.total_samples * self._settings.sample_period
         self._polling.until(self._ended, "the press", duration + MARGIN)
-        self._axes.check_stop("the press", NORMAL_ENDS)
+        self.check_stop("the press", NORMAL_ENDS)
         played = self.line.read("_BTA", "_BTB")
         if any(done not in (len(motion), len(motion) + 1) for done in played):
             raise MotionFault(

@@ -4,20 +4,74 @@ With its echo on, the controller repeats what it has received, and every command
 with that: a corrupted byte is always noticed.
 """
 
-import contextlib
 import re
-from collections.abc import Callable, Iterable, Iterator
+import threading
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager, suppress
 
-from sautereau.robot.drivers.galil.fair_lock import FairLock
-from sautereau.robot.drivers.serial_port import Port
-from sautereau.robot.drivers.wire import Wire
-from sautereau.robot.errors import CommandRefused, GarbledAnswer, LineLost, SettingNotTaken
+from sautereau.robot.drivers.serial_port import Port, Wire
+from sautereau.robot.errors import (
+    CommandRefused,
+    GarbledAnswer,
+    LineLost,
+    SettingNotTaken,
+    SilentController,
+)
 
 LONGEST_LINE = 79
 """Characters of one command line, without its carriage return."""
 _LONGEST_ANSWER = 1 << 18
 _MARK = "4711"
 _MARKED = re.compile(rf"{_MARK}(?:\.0*)?((?: +-?[0-9.]+)*)\s*:$")
+
+
+class FairLock:
+    """A lock for the commands of the host and its keep-alive: one thread at a time.
+
+    A command that waits ends the keep-alive's wait for an answer.
+    """
+
+    def __init__(self) -> None:
+        self.lock = threading.RLock()
+        """Held by the thread that uses the line."""
+        self._command_waits = threading.Event()
+        self._silent: SilentController | None = None
+
+    @property
+    def command_waits(self) -> bool:
+        """Whether a command waits for the lock."""
+        return self._command_waits.is_set()
+
+    @contextmanager
+    def keep_alive(self) -> Iterator[None]:
+        """Hold the lock; a silent controller found in the block is reported to the next command."""
+        with self.lock:
+            try:
+                yield
+            except SilentController as error:
+                self._silent = error
+                raise
+
+    @contextmanager
+    def command(self) -> Iterator[None]:
+        """Hold the lock, taken from a waiting keep-alive.
+
+        Raises:
+            SilentController: The keep-alive found it so, and no command was sent since.
+        """
+        with self.command_despite_silence() as error:
+            if error is not None:
+                raise error
+            yield
+
+    @contextmanager
+    def command_despite_silence(self) -> Iterator[SilentController | None]:
+        """Hold the lock as `command` does; yield the keep-alive's error instead of raising it."""
+        self._command_waits.set()
+        with self.lock:
+            self._command_waits.clear()
+            error, self._silent = self._silent, None
+            yield error
 
 
 class Line(Wire):
@@ -60,24 +114,37 @@ class Line(Wire):
             self._send(";".join(commands))
             return self._answer(commands, keep_waiting)
 
-    def numbers(self, command: str, count: int | None = None) -> list[float]:
+    def numbers(self, command: str, count: int) -> list[float]:
         """Return the numbers that a query answers; refuse another number of them than ``count``."""
         text = self.ask(command)
         try:
             values = [float(word) for word in text.replace(",", " ").split()]
         except ValueError:
             values = []
-        if not values or (count is not None and len(values) != count):
-            due = "numbers" if count is None else f"{count} numbers"
+        if len(values) != count:
             raise GarbledAnswer(
                 f"controller on {self.name} answered {command!r} with {_short(text)}, where"
-                f" {due} were expected; check the baud rate and the firmware's revision"
+                f" {count} numbers were expected; check the baud rate and the firmware's revision"
             )
         return values
 
     def read(self, *operands: str) -> list[float]:
         """Return the values of operands such as `_TPA`."""
         return self.numbers(f"MG {','.join(operands)}", len(operands))
+
+    def verify(self, settings: Mapping[str, float], tolerance: float = 0.0) -> None:
+        """Read operands back, and refuse a controller that has not taken their values."""
+        values = self.read(*settings)
+        faults = [
+            f"{name} is {value:g} and should be {due:g}"
+            for (name, due), value in zip(settings.items(), values, strict=True)
+            if abs(value - due) > tolerance
+        ]
+        if faults:
+            raise SettingNotTaken(
+                f"controller on {self.name} did not take its settings: {', '.join(faults)}; compare"
+                " the rig file with the controller's manual"
+            )
 
     def ask_packed(self, commands: Iterable[str]) -> None:
         """Send commands that answer nothing, as many on a line as it holds."""
@@ -86,7 +153,7 @@ class Line(Wire):
 
     def send_unacknowledged(self, *commands: str) -> None:
         """Send commands, a line each; their answers and a lost line are ignored."""
-        with self._lock.lock, contextlib.suppress(LineLost):
+        with self._lock.lock, suppress(LineLost):
             for command in commands:
                 self._send(command)
 

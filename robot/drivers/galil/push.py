@@ -6,7 +6,6 @@ import numpy as np
 
 from sautereau.rig.schema import Rig
 from sautereau.robot.controller import TorqueTable
-from sautereau.robot.drivers.galil.handshake import verify
 from sautereau.robot.drivers.galil.line import Line
 from sautereau.robot.drivers.galil.program import PUSH, PUSH_EVERY, PUSHES
 from sautereau.robot.errors import SettingNotTaken, UnsafeRequest
@@ -28,14 +27,6 @@ class Push:
     """V, from the start of motion on, in steps that the controller takes; shape (n, 2)."""
     interval: int
     """Controller samples that each row is held."""
-
-    def commands(self) -> list[str]:
-        """Return the commands that write it into the controller's arrays."""
-        return [
-            f"{name}[{row}]={value:.4f}"
-            for name, column in zip(PUSH, self.volts.T, strict=True)
-            for row, value in enumerate(column)
-        ] + [f"{PUSHES}={len(self.volts)}", f"{PUSH_EVERY}={-self.interval}"]
 
 
 def plan_push(rig: Rig, torque: TorqueTable, motion: Segments) -> Push:
@@ -87,11 +78,16 @@ def write_push(line: Line, push: Push | None) -> Push | None:
     """Write the offsets into the controller, and return what it holds; None for no offsets."""
     if push is None:
         line.ask(f"{PUSHES}=0")
-        verify(line, {PUSHES: 0})
+        line.verify({PUSHES: 0})
         return None
-    line.ask_packed(push.commands())
     rows = len(push.volts)
-    verify(line, {PUSHES: rows, PUSH_EVERY: -push.interval})
+    arrays = [
+        f"{name}[{row}]={value:.4f}"
+        for name, column in zip(PUSH, push.volts.T, strict=True)
+        for row, value in enumerate(column)
+    ]
+    line.ask_packed([*arrays, f"{PUSHES}={rows}", f"{PUSH_EVERY}={-push.interval}"])
+    line.verify({PUSHES: rows, PUSH_EVERY: -push.interval})
     held = np.column_stack([line.numbers(f"QU {name}[],0,{rows - 1},1", rows) for name in PUSH])
     if (wrong := np.abs(held - push.volts).max()) > _VOLTAGE_STEP:
         raise SettingNotTaken(

@@ -1,57 +1,82 @@
-"""The two motors behind an ODrive: limits, moves, setpoints and encoders.
+"""The two motors behind an ODrive: settings, limits, moves, setpoints and encoders.
 
 Positions are counts of a joint; on the wire they are turns of its motor, 0 at home.
 """
 
+import math
+
 import numpy as np
 
 from sautereau.rig.schema import Rig
-from sautereau.robot.drivers.limits import Limits
-from sautereau.robot.drivers.odrive.line import OdriveLine, framed
-from sautereau.robot.drivers.odrive.power import Power
-from sautereau.robot.drivers.odrive.setpoints import Setpoints
-from sautereau.robot.drivers.odrive.settings import AXES, set_limits
-from sautereau.robot.drivers.polling import MARGIN, Polling
+from sautereau.robot.drivers.driver import Clock, Sleep
+from sautereau.robot.drivers.odrive.line import framed
+from sautereau.robot.drivers.odrive.power import AXES, Power
+from sautereau.robot.drivers.odrive.setpoints import Setpoints, bandwidth
+from sautereau.robot.drivers.polling import MARGIN
+from sautereau.robot.drivers.serial_port import Port
 from sautereau.trajectory.motion import Floats
 from sautereau.trajectory.segments import Counts, to_counts
 
+_POSITION_CONTROL = 3  # control_mode
 _POSITION_FILTER = 3  # input_mode
 _POSITIONS = ("f 0", "f 1")
 _CURRENTS = tuple(f"r {name}.motor.current_control.Iq_setpoint" for name in AXES)
 
 
-class Axes:
-    """Axes 0 and 1, which turn joints 1 and 2.
+class Axes(Power):
+    """Axes 0 and 1, which turn joints 1 and 2; arguments as for `Driver`."""
 
-    Args:
-        line: To the controller.
-        polling: Waits for it.
-        rig: Its controller and arm are used.
-    """
-
-    def __init__(self, line: OdriveLine, polling: Polling, rig: Rig):
-        self.line, self.polling = line, polling
-        self.power = Power(line, polling, rig.controller)
-        self.limits = Limits(rig.arm)
-        self._rig = rig
+    def __init__(self, rig: Rig, port: Port, clock: Clock, sleep: Sleep):
+        super().__init__(rig, port, clock, sleep)
         self._home = to_counts(rig.arm.home_angles, rig.arm.counts_per_revolution)
-        self._per_turn = rig.arm.counts_per_revolution / np.array(rig.arm.gear_ratios)
+        self.per_turn = rig.arm.counts_per_revolution / np.array(rig.arm.gear_ratios)
+        """Counts of each joint per turn of its motor."""
         self._per_ampere = np.ones(2)
 
-    def set_up(self) -> None:
+    def set_up_axes(self) -> None:
         """Switch off, set limits and watchdog, and verify all of them."""
         line = self.line
-        self.power.abort()
-        set_limits(line, self._rig)
-        self.power.renew()
+        self.abort()
+        self._set_limits()
+        self.renew()
         line.set({f"{name}.config.enable_watchdog": 1 for name in AXES})
         constants = [line.read(f"{name}.motor.config.torque_constant") for name in AXES]
         self._per_ampere = np.array(constants) * self._rig.arm.gear_ratios
 
+    def _set_limits(self) -> None:
+        """Set limits, filter and watchdog timeout of both axes; the watchdog does not run yet.
+
+        Nothing is saved in the controller.
+
+        Raises:
+            RobotError: Lists every setting that the controller does not take, or that differs from
+                the rig file.
+        """
+        line, arm, controller = self.line, self._rig.arm, self._settings
+        width = bandwidth(controller.sample_period)
+        faults, settings = [], {}
+        for name, ratio in zip(AXES, arm.gear_ratios, strict=True):
+            for key, due in (
+                (f"{name}.encoder.config.cpr", arm.counts_per_revolution / ratio),
+                (f"{name}.controller.config.circular_setpoints", 0.0),
+            ):
+                if (value := line.read(key)) != due:
+                    faults.append(f"{key} is {value:g} and should be {due:.9g}")
+            settings |= {
+                f"{name}.config.watchdog_timeout": controller.watchdog_period,
+                f"{name}.controller.config.control_mode": _POSITION_CONTROL,
+                f"{name}.controller.config.vel_limit": arm.speed_limit * ratio / (2 * math.pi),
+                f"{name}.motor.config.torque_lim": arm.torque_limit / ratio,
+                f"{name}.controller.config.input_filter_bandwidth": width,
+                f"{name}.min_endstop.config.offset": 0.0,
+            }
+        line.refuse(faults)
+        line.set(settings)
+
     def setpoints(self, setpoints: Setpoints) -> list[tuple[str, str]]:
         """Return the commands of setpoints, for both axes."""
         turns = self._turns(setpoints.positions)
-        speeds = setpoints.velocities / self._per_turn
+        speeds = setpoints.velocities / self.per_turn
         return [
             (f"p 0 {first:.7f} {v:.6f}", f"p 1 {second:.7f} {w:.6f}")
             for (first, second), (v, w) in zip(turns, speeds, strict=True)
@@ -80,14 +105,10 @@ class Axes:
         """Read the encoders: counts, shape (2,)."""
         return self._counts(self._turns_from(self.line.exchange(_POSITIONS, 2))[0])
 
-    def in_turns(self, joint: int, counts: float) -> float:
-        """Return the motor turns (per second) of counts (per second) of joint 1 or 2."""
-        return counts / float(self._per_turn[joint - 1])
-
     def move(self, target: Floats | Counts, speed: float, acceleration: float) -> None:
         """Start a move of both joints; counts, counts per second, counts per second squared."""
         settings = {}
-        for name, per_turn in zip(AXES, self._per_turn, strict=True):
+        for name, per_turn in zip(AXES, self.per_turn, strict=True):
             settings |= {
                 f"{name}.trap_traj.config.vel_limit": speed / per_turn,
                 f"{name}.trap_traj.config.accel_limit": acceleration / per_turn,
@@ -97,11 +118,11 @@ class Axes:
         first, second = self._turns(target)
         self.line.confirmed(f"t 0 {first:.7f}", f"t 1 {second:.7f}")
 
-    def halt(self) -> None:
+    def start_halt(self) -> None:
         """Start a decelerated stop: a move to where the joints can come to rest."""
         acceleration = self.limits.acceleration
         turns, rates = self._turns_from(self.line.exchange(_POSITIONS, 2))
-        speeds = rates * self._per_turn
+        speeds = rates * self.per_turn
         rest = self._counts(turns) + speeds * np.abs(speeds) / (2 * acceleration)
         self.move(rest, self.limits.speed, acceleration)
 
@@ -115,7 +136,7 @@ class Axes:
         """Wait until both moves are done, ``limit`` seconds at most; ``what`` is the motion."""
 
         def ended() -> bool:
-            self.power.check_running(what)
+            self.check_running(what)
             return all(self.line.read(f"{name}.controller.trajectory_done") for name in AXES)
 
         self.polling.until(ended, what, limit)
@@ -135,11 +156,11 @@ class Axes:
 
     def _turns(self, counts: Floats | Counts) -> Floats:
         """Return the motors' turns from home of joint positions (counts, (..., 2))."""
-        return (counts - self._home) / self._per_turn
+        return (counts - self._home) / self.per_turn
 
     def _counts(self, turns: Floats) -> Counts:
         """Return joint positions (counts, (2,)) of the motors' turns from home."""
-        return np.rint(turns * self._per_turn + self._home).astype(np.int64)
+        return np.rint(turns * self.per_turn + self._home).astype(np.int64)
 
     def _turns_from(self, answers: list[str]) -> tuple[Floats, Floats]:
         """Return the turns, and turns per second, of the answers to `f`; shape (2,) each."""

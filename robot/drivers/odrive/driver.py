@@ -13,29 +13,24 @@ An ODrive keeps no motion: the host sends 256 setpoints per second. This has a p
 The command `q` is never used: its torque limit replaces the configured one.
 """
 
-from collections.abc import Callable
 from functools import partial
-
-import numpy as np
 
 from sautereau.rig.schema import Rig
 from sautereau.robot.controller import Capture, TorqueTable
 from sautereau.robot.drivers.driver import Clock, Sleep
-from sautereau.robot.drivers.limits import Limits
 from sautereau.robot.drivers.odrive.axes import Axes
-from sautereau.robot.drivers.odrive.clock import HostTime
 from sautereau.robot.drivers.odrive.homing import find_switches, switches_closed
 from sautereau.robot.drivers.odrive.line import OdriveLine
 from sautereau.robot.drivers.odrive.setpoints import Setpoints
 from sautereau.robot.drivers.odrive.stream import Punctuality, Stream
-from sautereau.robot.drivers.polling import POLL, STOPPING, Polling
+from sautereau.robot.drivers.polling import STOPPING
 from sautereau.robot.drivers.powered_arm import PoweredArm
 from sautereau.robot.drivers.serial_port import Port
 from sautereau.robot.errors import GarbledAnswer, NotReady, RobotError, UnsafeRequest
 from sautereau.trajectory.segments import Counts, Segments
 
 
-class OdriveDriver:
+class OdriveDriver(Axes):
     """A `Driver` over a serial line; while `home_levels` reads the switches, the motors are off."""
 
     WITHOUT_HOST = (
@@ -45,13 +40,7 @@ class OdriveDriver:
     ABORT_AFTER = frozenset({"home_levels", "arm"})
 
     def __init__(self, rig: Rig, port: Port, clock: Clock, sleep: Sleep):
-        self._settings = rig.controller
-        self._limits = Limits(rig.arm)
-        self.line = OdriveLine(port, rig.controller.port, rig.controller.timeout)
-        # The axes take up to 1 ms to start.
-        self.polling = Polling(clock, sleep, "motors' supply", delay=POLL)
-        self._axes = Axes(self.line, self.polling, rig)
-        self._power = self._axes.power
+        super().__init__(rig, port, clock, sleep)
         self._planned: tuple[Segments, Setpoints] | None = None
         self._loaded: tuple[Segments, Setpoints] | None = None
         self.stream: Stream | None = None
@@ -65,51 +54,33 @@ class OdriveDriver:
     def set_up(self) -> str:
         self.line.resynchronise()
         identity = _introduced(self.line)
-        if HostTime.is_kept_by(identity):
+        if "SIM" in identity and "stepped" in identity:  # it waits for the host
             host = HostTime(self.line)
             self.polling.clock, self.polling.sleep = host.clock, host.sleep
-        self._axes.set_up()
+        self.set_up_axes()
         return identity
-
-    def close(self) -> None:
-        self.line.close()
-
-    def positions(self) -> Counts:
-        return self._axes.positions()
-
-    def switch_on(self) -> None:
-        self._power.switch_on()
-
-    def renew(self, _keep_waiting: Callable[[], bool] | None = None, /) -> None:
-        self._power.renew()
 
     def halt(self) -> None:
         """Send no more setpoints, and decelerate to a standstill."""
         if self.stream is not None:
             self.stream.cancel()
         self.line.resynchronise()
-        if self._power.running:
-            self._axes.halt()
-            self._axes.await_moved("the stop", STOPPING)
+        if self.running:
+            self.start_halt()
+            self.await_moved("the stop", STOPPING)
 
     def abort(self) -> None:
         try:
             if self.stream is not None:
                 self.stream.cancel()
         finally:
-            self._power.abort()
-
-    def send_abort(self) -> None:
-        self._power.send_abort()
+            super().abort()
 
     def find_home(self, home: Counts) -> None:
-        find_switches(self._axes, home)
+        find_switches(self, home)
 
     def home_levels(self) -> list[float]:
-        return [float(not closed) for closed in switches_closed(self._axes)]
-
-    def go(self, target: Counts, speed: float) -> None:
-        self._axes.go(target, speed)
+        return [float(not closed) for closed in switches_closed(self)]
 
     def plan(self, segments: Segments, torque: TorqueTable | None) -> None:
         """Compute the setpoints of a motion; torques are refused."""
@@ -121,7 +92,7 @@ class OdriveDriver:
                 "torques are given, and an ODrive that filters its setpoints takes none: press"
                 " without, or with another controller"
             )
-        if (need := self._axes.needed_baud_rate(setpoints)) > settings.baud_rate:
+        if (need := self.needed_baud_rate(setpoints)) > settings.baud_rate:
             faults.append(
                 f"the setpoints need {need:.0f} bits/s and controller.baud_rate is"
                 f" {settings.baud_rate}: set both ends to 921600 (an ODrive's own USB port ignores"
@@ -134,7 +105,7 @@ class OdriveDriver:
     def _beyond(self, setpoints: Setpoints) -> list[str]:
         """Return where a motion would leave the limits if the host died during it."""
         low, high = setpoints.run_out.min(axis=0), setpoints.run_out.max(axis=0)
-        least, most = self._limits.lower, self._limits.upper
+        least, most = self.limits.lower, self.limits.upper
         return [
             f"joint {joint + 1} would run out to {low[joint]} to {high[joint]} counts if the host"
             f" died, outside arm limits {least[joint]} to {most[joint]}: stay further inside"
@@ -154,12 +125,12 @@ class OdriveDriver:
     def arm(self) -> None:
         """Let the axes follow setpoints."""
         motion, _ = self._motion("arm")
-        self._power.check_running("arming")
-        self._axes.follow(motion.start)
+        self.check_running("arming")
+        self.follow(motion.start)
 
     def start(self) -> None:
         _, setpoints = self._motion("start")
-        self.stream = Stream(self._axes, setpoints, self._settings.position_error_limit)
+        self.stream = Stream(self, setpoints, self._settings.position_error_limit)
         self.stream.start()
 
     def wait(self) -> None:
@@ -171,20 +142,13 @@ class OdriveDriver:
         """
         stream, (motion, _) = self._streamed("wait"), self._motion("wait")
         stream.wait()
-        self._power.check_running("the press")
+        self.check_running("the press")
         stream.check_punctuality()
-        self.polling.settle(self.positions, motion.end, self._limits.tolerance)
+        self.polling.settle(self.positions, motion.end, self.limits.tolerance)
 
     def capture(self) -> Capture:
         """Return what the host recorded of the last motion, at the host's times."""
-        stream, period = self._streamed("capture"), self._settings.sample_period
-        return Capture(
-            samples=np.rint(stream.times / period).astype(np.int64),
-            counts=stream.counts,
-            following_errors=stream.following_errors,
-            torques=stream.torques,
-            sample_period=period,
-        )
+        return self._streamed("capture").capture(self._settings.sample_period)
 
     def _motion(self, call: str) -> tuple[Segments, Setpoints]:
         if self._loaded is None:
@@ -195,6 +159,26 @@ class OdriveDriver:
         if self.stream is None:
             raise NotReady(f"{call}: no motion was streamed; start() one first")
         return self.stream
+
+
+class HostTime:
+    """Simulated time of a stand-in that waits for the host, see docs/decisions/0006.
+
+    Args:
+        line: To the stand-in.
+    """
+
+    def __init__(self, line: OdriveLine):
+        self._line, self._now = line, 0.0
+
+    def clock(self) -> float:
+        """Return the seconds waited so far."""
+        return self._now
+
+    def sleep(self, seconds: float) -> None:
+        """Advance the stand-in's time by seconds."""
+        self._line.ask(f"w stand_in.wait {seconds:.9f}")
+        self._now += seconds
 
 
 def _introduced(line: OdriveLine) -> str:

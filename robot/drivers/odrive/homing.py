@@ -9,9 +9,7 @@ import math
 import numpy as np
 
 from sautereau.robot.drivers.odrive.axes import Axes
-from sautereau.robot.drivers.odrive.errors import check_errors
-from sautereau.robot.drivers.odrive.power import IDLE, SWITCHING
-from sautereau.robot.drivers.odrive.settings import AXES
+from sautereau.robot.drivers.odrive.power import AXES, IDLE, SWITCHING
 from sautereau.robot.drivers.polling import MARGIN
 from sautereau.robot.errors import MotionFault
 from sautereau.trajectory.segments import Counts
@@ -50,7 +48,7 @@ def switches_closed(axes: Axes) -> list[bool]:
     closed = [_closed(axes, joint) for joint in (1, 2)]
     for joint in (1, 2):
         _enable_switch(axes, joint, False)
-    axes.power.switch_on()
+    axes.switch_on()
     return closed
 
 
@@ -58,20 +56,22 @@ def _find(axes: Axes, joint: int, speed: float) -> None:
     """Move joint 1 or 2 to its home switch, from above; counts per second."""
     name = AXES[joint - 1]
     _enable_switch(axes, joint, True)
-    axes.power.switch_on()
+    axes.switch_on()
     _open(axes, joint)
-    axes.line.set({f"{name}.controller.config.homing_speed": axes.in_turns(joint, speed)})
+    axes.line.set(
+        {f"{name}.controller.config.homing_speed": speed / float(axes.per_turn[joint - 1])}
+    )
     axes.line.confirmed(f"w {name}.requested_state {_HOMING}")
     limit = 2 * math.pi * axes.limits.in_counts(1.0) / speed + MARGIN
     axes.polling.until(lambda: axes.line.read(f"{name}.current_state") != _HOMING, "homing", limit)
-    check_errors(axes.line, "homing")
+    axes.check_errors("homing")
     if not axes.line.read(f"{name}.is_homed"):
         raise MotionFault(
             f"homing: joint {joint} stopped before its home switch; check that the arm moves"
             " freely and the switch, then home() again"
         )
     _enable_switch(axes, joint, False)
-    axes.power.switch_on()
+    axes.switch_on()
 
 
 def _open(axes: Axes, joint: int) -> None:

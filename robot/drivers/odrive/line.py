@@ -7,8 +7,7 @@ answers a line that asks nothing only to refuse it.
 import math
 import threading
 
-from sautereau.robot.drivers.serial_port import Port
-from sautereau.robot.drivers.wire import Wire
+from sautereau.robot.drivers.serial_port import Port, Wire
 from sautereau.robot.errors import GarbledAnswer, RobotError, SettingNotTaken
 
 _REFUSALS = (
@@ -81,12 +80,8 @@ class OdriveLine(Wire):
 
     def read(self, name: str) -> float:
         """Return the value of a property such as `axis0.error`."""
-        return self.numbers(f"r {name}", 1)[0]
-
-    def numbers(self, command: str, count: int) -> list[float]:
-        """Ask a question and return the ``count`` numbers that it answers."""
-        (text,) = self.ask(command)
-        return self.parsed(command, text, count)
+        (text,) = self.ask(f"r {name}")
+        return self.parsed(f"r {name}", text, 1)[0]
 
     def parsed(self, command: str, text: str, count: int) -> list[float]:
         """Return the numbers of an answer; refuse another number of them."""

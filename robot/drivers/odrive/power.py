@@ -4,40 +4,79 @@ Property names are those of firmware 0.5.x (check them with `odrivetool` for ano
 """
 
 import math
+from collections.abc import Callable
 from contextlib import suppress
 
-from sautereau.rig.schema import Controller
-from sautereau.robot.drivers.odrive.errors import check_errors
+from sautereau.rig.schema import Rig
+from sautereau.robot.drivers.driver import Clock, Sleep
+from sautereau.robot.drivers.limits import Limits
 from sautereau.robot.drivers.odrive.line import LineRefused, OdriveLine
-from sautereau.robot.drivers.odrive.settings import AXES
 from sautereau.robot.drivers.polling import POLL, Polling
+from sautereau.robot.drivers.serial_port import Port
 from sautereau.robot.errors import GarbledAnswer, MotionFault, RobotError, SettingNotTaken
 
+AXES = ("axis0", "axis1")
+"""Names of the axes, which turn joints 1 and 2."""
 IDLE, CLOSED_LOOP = 1, 8
 """States of an axis."""
 SWITCHING = 0.5
 """s that an axis may take to change its state."""
+_ERRORS = {
+    "error": {
+        0x1: "INVALID_STATE",
+        0x40: "MOTOR_FAILED",
+        0x100: "ENCODER_FAILED",
+        0x200: "CONTROLLER_FAILED",
+        0x800: "WATCHDOG_TIMER_EXPIRED",
+        0x1000: "MIN_ENDSTOP_PRESSED",
+        0x2000: "MAX_ENDSTOP_PRESSED",
+        0x4000: "ESTOP_REQUESTED",
+        0x20000: "HOMING_WITHOUT_ENDSTOP",
+        0x40000: "OVER_TEMP",
+        0x80000: "UNKNOWN_POSITION",
+    },
+    "motor.error": {
+        0x8: "DRV_FAULT",
+        0x10: "CONTROL_DEADLINE_MISSED",
+        0x80: "MODULATION_MAGNITUDE",
+        0x400: "CURRENT_SENSE_SATURATION",
+        0x1000: "CURRENT_LIMIT_VIOLATION",
+    },
+    "encoder.error": {
+        0x2: "CPR_POLEPAIRS_MISMATCH",
+        0x4: "NO_RESPONSE",
+        0x20: "INDEX_NOT_FOUND_YET",
+    },
+    "controller.error": {
+        0x1: "OVERSPEED",
+        0x2: "INVALID_INPUT_MODE",
+        0x20: "INVALID_ESTIMATE",
+        0x80: "SPINOUT_DETECTED",
+    },
+}
+"""Bits of the error properties in firmware 0.5.x, from memory: others are given as numbers."""
 
 
 class Power:
-    """The power of axes 0 and 1.
+    """The power of axes 0 and 1; arguments as for `Driver`."""
 
-    Args:
-        line: To the controller.
-        polling: Waits for it.
-        settings: The rig's.
-    """
-
-    def __init__(self, line: OdriveLine, polling: Polling, settings: Controller):
-        self.line, self.polling = line, polling
-        self._settings = settings
+    def __init__(self, rig: Rig, port: Port, clock: Clock, sleep: Sleep):
+        settings = rig.controller
+        self._rig, self._settings = rig, settings
+        self.limits = Limits(rig.arm)
+        self.line = OdriveLine(port, settings.port, settings.timeout)
+        # The axes take up to 1 ms to start.
+        self.polling = Polling(clock, sleep, "motors' supply", delay=POLL)
         self._trigger = f"gpio{settings.trigger_output}.state"
+
+    def close(self) -> None:
+        self.line.close()
 
     def edge(self, level: bool) -> str:
         """Return the command that sets the output wired to the acquisition's trigger."""
         return f"w {self._trigger} {int(level)}"
 
-    def renew(self) -> None:
+    def renew(self, _keep_waiting: Callable[[], bool] | None = None, /) -> None:
         """Give both watchdogs a sign of life."""
         self.line.say("u 0", "u 1")
 
@@ -54,11 +93,28 @@ class Power:
         """Refuse ``what`` where an axis has switched itself off; name its errors."""
         states = self.states()
         if states != [CLOSED_LOOP, CLOSED_LOOP]:
-            check_errors(self.line, what)
+            self.check_errors(what)
             raise MotionFault(
                 f"{what} broke off: the axes are in states {states[0]} and {states[1]}, not in"
                 f" closed loop ({CLOSED_LOOP}), and report no error; check the motors' supply,"
                 " then home() again"
+            )
+
+    def check_errors(self, what: str) -> None:
+        """Refuse to continue with ``what`` where an axis reports an error.
+
+        Raises:
+            MotionFault: Lists the errors of both joints.
+        """
+        faults = [
+            f"joint {joint} {error_names(register, value)}"
+            for joint, name in enumerate(AXES, 1)
+            for register in _ERRORS
+            if (value := int(self.line.read(f"{name}.{register}")))
+        ]
+        if faults:
+            raise MotionFault(
+                f"{what} broke off: {'; '.join(faults)}; remove the cause, then home() again"
             )
 
     def switch_on(self) -> None:
@@ -75,20 +131,16 @@ class Power:
         )
         self.renew()
         line.confirmed("sc")  # a watchdog that ran out with the motors off counts as an error
-        check_errors(self.line, "switching on")
-        self.request(CLOSED_LOOP)
+        self.check_errors("switching on")
+        line.confirmed(*(f"w {name}.requested_state {CLOSED_LOOP}" for name in AXES))
         try:
             self.polling.until(lambda: self.running, "switching on", SWITCHING)
         except MotionFault as error:
-            check_errors(self.line, "switching on")
+            self.check_errors("switching on")
             raise SettingNotTaken(
                 "the controller accepted closed loop and its motors are still off; check that"
                 " they are calibrated, the emergency stop and the supply"
             ) from error
-
-    def request(self, state: int) -> None:
-        """Request a state of both axes."""
-        self.line.confirmed(*(f"w {name}.requested_state {state}" for name in AXES))
 
     @property
     def off(self) -> tuple[str, ...]:
@@ -128,9 +180,6 @@ class Power:
                     f" not off ({IDLE})"
                 )
             self.polling.sleep(POLL)
-        return self._trigger_level()
-
-    def _trigger_level(self) -> float:
         try:
             return self.line.read(self._trigger)
         except LineRefused as error:
@@ -147,3 +196,11 @@ class Power:
         except (GarbledAnswer, LineRefused):
             self.line.resynchronise()
             return self.states()
+
+
+def error_names(register: str, value: int) -> str:
+    """Return the names of the bits that are set in an error property (`motor.error`)."""
+    names = [name for bit, name in _ERRORS[register].items() if value & bit]
+    if unknown := value & ~sum(_ERRORS[register]):
+        names.append(f"0x{unknown:x}")
+    return f"{register}: {', '.join(names)}"

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sautereau.robot.controller import Capture
 from sautereau.robot.drivers.odrive.axes import Axes
 from sautereau.robot.drivers.odrive.setpoints import Setpoints
 from sautereau.robot.errors import MotionFault
@@ -66,32 +67,25 @@ class Stream:
         if self._thread.is_alive():
             self._thread.join()
 
-    @property
-    def times(self) -> Floats:
-        """s since the first setpoint, when each was sent; shape (n,)."""
-        return np.array(self._times)
-
-    @property
-    def counts(self) -> Counts:
-        """Counts, joint positions at those times; shape (n, 2)."""
-        return np.array(self._counts)
-
-    @property
-    def following_errors(self) -> Counts:
-        """Counts, planned minus measured positions; shape (n, 2)."""
-        return np.rint(self._setpoints.planned[self._sent]).astype(np.int64) - self.counts
-
-    @property
-    def torques(self) -> Floats:
-        """N m, commanded motor torques at the joints; shape (n, 2)."""
-        return np.array(self._torques)
+    def capture(self, sample_period: float) -> Capture:
+        """Return what was recorded so far, at the host's times from the first setpoint on."""
+        counts = np.array(self._counts)
+        planned = np.rint(self._setpoints.planned[self._sent]).astype(np.int64)
+        return Capture(
+            samples=np.rint(np.array(self._times) / sample_period).astype(np.int64),
+            counts=counts,
+            following_errors=planned - counts,
+            torques=np.array(self._torques),
+            sample_period=sample_period,
+        )
 
     @property
     def punctuality(self) -> Punctuality:
         """The timing so far."""
-        late = self.times - np.array(self._sent) * self._setpoints.interval
+        times = np.array(self._times)
+        late = times - np.array(self._sent) * self._setpoints.interval
         return Punctuality(
-            float(np.diff(self.times).max(initial=0.0)),
+            float(np.diff(times).max(initial=0.0)),
             float(np.sqrt(np.mean(late**2))) if len(late) else 0.0,
             len(self._setpoints) - len(self._sent),
         )
@@ -112,13 +106,13 @@ class Stream:
             self._send()
         except BaseException as error:  # noqa: BLE001 - `wait` raises it
             self._fault = error
-            self._axes.power.send_abort()  # `wait` leads to an abort, which reads back
+            self._axes.send_abort()  # `wait` leads to an abort, which reads back
 
     def _send(self) -> None:
         axes, interval, last = self._axes, self._setpoints.interval, len(self._setpoints) - 1
         start, index = axes.polling.clock(), 0
         while index <= last and not self.cancelled.is_set():
-            edge = () if self._sent else (axes.power.edge(True),)
+            edge = () if self._sent else (axes.edge(True),)
             now = axes.polling.clock() - start
             index = max(index, min(int(now / interval), last))  # what is due, if it is late
             counts, torques = axes.observe(*edge, *self._commands[index])
@@ -130,7 +124,7 @@ class Stream:
             index += 1
             if (ahead := start + index * interval - axes.polling.clock()) > 0:
                 axes.polling.sleep(ahead)
-        axes.line.confirmed(axes.power.edge(False))
+        axes.line.confirmed(axes.edge(False))
 
     def _check_followed(self, index: int) -> None:
         away = np.abs(self._counts[-1] - self._setpoints.planned[index])

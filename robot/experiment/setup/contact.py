@@ -8,13 +8,7 @@ import numpy as np
 from sautereau.rig.schema import Rig
 from sautereau.robot.controller import Capture, MotionController
 from sautereau.robot.errors import MotionFault, RobotError
-from sautereau.robot.experiment.setup.step import (
-    Ask,
-    Found,
-    approach_speed,
-    ask_first,
-    homed,
-)
+from sautereau.robot.experiment.setup.step import Ask, Found, approach_speed, ask_first, homed
 from sautereau.trajectory.arm import joints_holding_point, link_vectors
 from sautereau.trajectory.dynamics import gravity_torque
 from sautereau.trajectory.motion import Floats, Motion
@@ -45,16 +39,11 @@ class Creep:
     """N, limit of the force, beyond which the motors are switched off."""
 
     def __post_init__(self) -> None:
+        units = {"above": "m", "below": "m", "step": "m", "speed": "m/s", "sense": "N"}
         faults = [
             f"{name} is {value:g} {unit}; give more than 0"
-            for name, value, unit in (
-                ("above", self.above, "m"),
-                ("below", self.below, "m"),
-                ("step", self.step, "m"),
-                ("speed", self.speed, "m/s"),
-                ("sense", self.sense, "N"),
-            )
-            if not (math.isfinite(value) and value > 0)
+            for name, unit in units.items()
+            if not 0 < (value := getattr(self, name)) < math.inf
         ]
         if not self.limit > self.sense:
             faults.append(f"limit is {self.limit:g} N, not above sense, {self.sense:g} N; raise it")
@@ -70,8 +59,6 @@ GENTLY = Creep()
 class Touch:
     """A first contact."""
 
-    along: float
-    """m, in front of the balance pin, from the rig's geometry."""
     height: float
     """m, of the key's surface above the one given by the rig."""
     joints: tuple[float, float]
@@ -164,7 +151,6 @@ def _creep_down(
         if force >= creep.sense:
             joint1, joint2 = angles.mean(axis=0)
             return Touch(
-                along,
                 float(heights[i : i + 2].mean()),
                 (float(joint1), float(joint2)),
                 float(force),

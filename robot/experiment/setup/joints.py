@@ -6,13 +6,7 @@ import numpy as np
 
 from sautereau.rig.schema import Rig
 from sautereau.robot.errors import MotionFault
-from sautereau.robot.experiment.setup.step import (
-    Ask,
-    Found,
-    approach_speed,
-    ask_first,
-    homed,
-)
+from sautereau.robot.experiment.setup.step import Ask, Found, approach_speed, ask_first, homed
 from sautereau.trajectory.segments import to_counts
 
 TURN = math.radians(10)
@@ -54,7 +48,8 @@ def check_encoders(rig: Rig, ask: Ask) -> Found:
         f"The arm homes, then each joint turns by {degrees:g} deg and back. Is its way free, and"
         " is a protractor at hand?",
     )
-    home, middle = np.array(rig.arm.home_angles), _middle(rig)
+    home = np.array(rig.arm.home_angles)
+    middle = (np.array(rig.arm.lower_limits) + np.array(rig.arm.upper_limits)) / 2
     scales: list[float | None] = []
     with homed(rig) as controller:
         for joint in range(2):
@@ -74,10 +69,6 @@ def check_encoders(rig: Rig, ask: Ask) -> Found:
         if faults := _faults(scales):
             raise MotionFault(f"setup encoders: {'; '.join(faults)}")
     return _scale(rig, scales)
-
-
-def _middle(rig: Rig) -> np.ndarray:
-    return (np.array(rig.arm.lower_limits) + np.array(rig.arm.upper_limits)) / 2
 
 
 def _faults(scales: list[float | None]) -> list[str]:

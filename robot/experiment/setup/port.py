@@ -6,6 +6,7 @@ from pathlib import Path
 from sautereau.rig.load import with_values
 from sautereau.rig.schema import Rig
 from sautereau.robot.drivers.registry import motion_controller
+from sautereau.robot.drivers.serial_port import machine_ports
 from sautereau.robot.errors import RobotError
 from sautereau.robot.experiment.setup.step import Ask, Found, ask_first
 
@@ -25,11 +26,10 @@ def find_port(rig: Rig, ask: Ask, ports: Iterable[str] | None = None) -> Found:
         RobotError: No port has a usable controller; the message lists the answer of each.
     """
     mine = rig.controller.port
-    others = [port for port in (_ports() if ports is None else ports) if port != mine]
+    others = [port for port in (machine_ports() if ports is None else ports) if port != mine]
     answers = []
     if "://" in mine or Path(mine).exists():
-        found = _try(rig, mine, answers)
-        if found is not None:
+        if found := _try(rig, mine, answers):
             return found
     else:
         answers.append(f"{mine} (controller.port) does not exist")
@@ -41,8 +41,7 @@ def find_port(rig: Rig, ask: Ask, ports: Iterable[str] | None = None) -> Found:
             " understands? Any other device on them may misinterpret it.",
         )
     for port in others:
-        found = _try(rig, port, answers)
-        if found is not None:
+        if found := _try(rig, port, answers):
             return found
     raise RobotError(
         "setup port: no usable controller was found; plug it in and switch it on, or fix what was"
@@ -67,12 +66,6 @@ def identify(rig: Rig, ask: Ask) -> Found:
                 "it has taken the rig's limits; its motors are off",
             )
         )
-
-
-def _ports() -> list[str]:
-    from serial.tools import list_ports
-
-    return sorted(port.device for port in list_ports.comports())
 
 
 def _try(rig: Rig, port: str, answers: list[str]) -> Found | None:

@@ -1,6 +1,6 @@
 """A step of the set-up: its questions to the operator and its results."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Protocol
@@ -48,9 +48,6 @@ class Found:
     """SI, by name."""
     warnings: tuple[str, ...] = ()
     """Doubts about the results."""
-
-
-Step = Callable[[Rig, Ask], Found]
 
 
 def ask_first(ask: Ask, step: str, what: str) -> None:

@@ -1,6 +1,6 @@
 """The steps of the set-up in order; each can be run alone."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 from sautereau.rig.load import with_values
 from sautereau.rig.schema import Rig
@@ -9,10 +9,10 @@ from sautereau.robot.experiment.setup.contact import find_contact
 from sautereau.robot.experiment.setup.dry_run import play_in_air
 from sautereau.robot.experiment.setup.joints import check_encoders, find_home
 from sautereau.robot.experiment.setup.port import find_port, identify
-from sautereau.robot.experiment.setup.step import Ask, Found, Step
+from sautereau.robot.experiment.setup.step import Ask, Found
 from sautereau.robot.experiment.setup.touch import locate_by_touch
 
-STEPS: dict[str, Step] = {
+STEPS: dict[str, Callable[[Rig, Ask], Found]] = {
     "port": find_port,
     "controller": identify,
     "home": find_home,
