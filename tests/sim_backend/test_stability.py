@@ -72,7 +72,7 @@ def test_no_number_is_a_failure(monkeypatch):
     real = stability.observe
     monkeypatch.setattr(stability, "observe", lost)
     cell = judge(RIG, GRID["push of 1.2 N", "rigid"])
-    assert (cell.verdict, cell.reason) == ("failed", "spin is not finite")
+    assert (cell.verdict, cell.reason) == ("failed", "angular_velocity is not finite")
 
 
 def test_document_and_text_count_every_case():

@@ -84,7 +84,7 @@ class Machine:
         """Return the counts that TP reports."""
         return self.plant.encoder_counts()[axis] + self.axes[axis].offset
 
-    def reference(self, axis: int) -> int:
+    def commanded(self, axis: int) -> int:
         """Return the counts that RP reports; with the motor off those of the position."""
         if not self.axes[axis].motor_on:
             return self.position(axis)
@@ -92,7 +92,7 @@ class Machine:
 
     def error(self, axis: int) -> int:
         """Return the following error that TE reports [counts]."""
-        return self.reference(axis) - self.position(axis)
+        return self.commanded(axis) - self.position(axis)
 
     def set_variable(self, name: str, value: float) -> None:
         """Set a variable; the first assignment creates it.

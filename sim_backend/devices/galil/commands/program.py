@@ -4,14 +4,14 @@ from sautereau.sim_backend.devices.galil.faults import CommandError
 from sautereau.sim_backend.devices.galil.grammar import (
     LARGEST_NUMBER,
     evaluate,
+    integers,
     parse_assignment,
     parse_axes,
     split_arguments,
-    whole,
 )
 from sautereau.sim_backend.devices.galil.machine import INPUTS, Machine
-from sautereau.sim_backend.devices.galil.operands import Operands, integers
-from sautereau.sim_backend.devices.galil.program import THREADS, Program, Thread
+from sautereau.sim_backend.devices.galil.operands import whole
+from sautereau.sim_backend.devices.galil.program import THREADS, Thread
 
 
 def assign(machine: Machine, text: str) -> bool:
@@ -20,12 +20,11 @@ def assign(machine: Machine, text: str) -> bool:
     if parts is None:
         return False
     name, index, value = parts
-    names = Operands(machine)
-    result = evaluate(value, names)
+    result = evaluate(value, machine)
     if index is None:
         machine.set_variable(name, result)
     else:
-        machine.arrays.set_element(name, evaluate(index, names), result)
+        machine.arrays.set_element(name, evaluate(index, machine), result)
     return True
 
 
@@ -61,8 +60,8 @@ def run(machine: Machine, args: str, thread: Thread | None) -> None:
     (number,) = integers(machine, ",".join(rest), (0, THREADS - 1)) if rest else (0,)
     if number in machine.threads:
         raise CommandError(19)
-    program: Program = machine.program
-    machine.threads[number] = Thread(program, program.line_of(place), hosted=thread is None)
+    line = machine.program.line_of(place)
+    machine.threads[number] = Thread(machine.program, line, hosted=thread is None)
 
 
 def halt(machine: Machine, args: str, thread: Thread | None) -> None:
@@ -100,7 +99,7 @@ def call(machine: Machine, args: str, thread: Thread | None) -> None:
 
 def branch(machine: Machine, args: str, thread: Thread | None) -> None:
     """IF: continue after ELSE or ENDIF if the condition does not hold."""
-    if not evaluate(args, Operands(machine)) and thread is not None:
+    if not evaluate(args, machine) and thread is not None:
         thread.skip("ELSE", "ENDIF")
 
 
@@ -156,7 +155,6 @@ def _conditional(machine: Machine, args: str) -> tuple[str, bool]:
     place, *condition = split_arguments(args)
     if len(condition) > 1:
         raise CommandError(4)
-    names = Operands(machine)
     if place.startswith(("(", "_")) or (place and place[0].isdigit()):
-        place = str(whole(evaluate(place, names), 0, 9999))
-    return place, not condition or bool(evaluate(condition[0], names))
+        place = str(whole(evaluate(place, machine), 0, 9999))
+    return place, not condition or bool(evaluate(condition[0], machine))
