@@ -152,9 +152,9 @@ def _served() -> "Iterator[str]":
 
 
 def _serve() -> None:
-    from sautereau.sim_backend.devices.daqmx.server import serve
+    from sautereau.sim_backend.devices.daqmx.server import DaqmxServer
 
-    with serve(PacedCard()) as server:
+    with DaqmxServer(PacedCard()) as server:
         sys.stdout.write(f"{server.address}\n")
         sys.stdout.flush()
         sys.stdin.read()

@@ -11,10 +11,9 @@ from sautereau.rig.load import read_toml, with_values
 from sautereau.rig.packaged import named_text, packaged_names
 from sautereau.rig.schema import Rig
 from sautereau.rig.section import Angle, Section, Time
-from sautereau.sim_backend.accuracy import Accuracy
 from sautereau.sim_backend.errors import SceneError
 from sautereau.sim_backend.fault_tables import Faults
-from sautereau.sim_backend.parts import Push, Sensors, Servo
+from sautereau.sim_backend.parts import Accuracy, Push, Sensors, Servo
 
 
 def _accuracy(text: str) -> str:

@@ -62,12 +62,3 @@ SIMULATED = Registry(
     SceneError,
 )
 """`SimulatedQuantity` by the name of the measured quantity."""
-
-
-def simulated_quantity(name: str) -> SimulatedQuantity:
-    """Return how the stand-in simulates a measured quantity.
-
-    Raises:
-        SceneError: No package provides it.
-    """
-    return SIMULATED.get(name)

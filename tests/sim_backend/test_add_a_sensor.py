@@ -95,7 +95,7 @@ def test_a_third_channel_is_recorded(install, monkeypatch, capsys):
 def test_its_scale_has_the_dimension_of_its_quantity(install):
     install()
     Path("rig.toml").write_text(_with_channel().replace("98.1 m/s^2/V", "98.1 m/s/V"))
-    with pytest.raises(RigError, match=r'quantity in m/s\*\*2/V is needed, written like "98.1 m/s'):
+    with pytest.raises(RigError, match=r'give a quantity in m/s\*\*2/V such as "98.1 m/s'):
         load_rig("rig.toml")
 
 

@@ -11,7 +11,8 @@ from nidaqmx.errors import DaqReadError, RpcError
 from nidaqmx.stream_readers import AnalogMultiChannelReader
 from nidaqmx.system import Device, System
 
-from sautereau.sim_backend.devices.daqmx.server import DaqmxError, TaskSetup, serve
+from sautereau.sim_backend.devices.daqmx.card import DaqmxError, TaskSetup
+from sautereau.sim_backend.devices.daqmx.server import DaqmxServer
 
 
 class NoiseRun:
@@ -55,7 +56,7 @@ def card():
 
 @pytest.fixture
 def options(card):
-    with serve(card) as server:
+    with DaqmxServer(card) as server:
         limit = [("grpc.max_receive_message_length", 64 * 2**20)]
         with grpc.insecure_channel(server.address, limit) as channel:
             yield GrpcSessionOptions(channel, "")
@@ -218,7 +219,7 @@ def test_what_is_not_built_says_so(task):
 
 def test_stopping_the_server_ends_a_read_that_waits(card):
     card.ready = 0
-    with serve(card) as server, grpc.insecure_channel(server.address) as channel:
+    with DaqmxServer(card) as server, grpc.insecure_channel(server.address) as channel:
         task = Task(grpc_options=GrpcSessionOptions(channel, ""))
         finite(task, 100)
         task.start()

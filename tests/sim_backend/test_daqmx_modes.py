@@ -9,7 +9,7 @@ from nidaqmx import DaqError, GrpcSessionOptions, Task
 from nidaqmx.constants import READ_ALL_AVAILABLE, AcquisitionType, Edge, ReadRelativeTo
 from nidaqmx.error_codes import DAQmxErrors
 
-from sautereau.sim_backend.devices.daqmx.server import serve
+from sautereau.sim_backend.devices.daqmx.server import DaqmxServer
 
 
 class CountingRun:
@@ -62,7 +62,7 @@ def task_on():
     open_ones = []
 
     def make(card, n, mode=AcquisitionType.CONTINUOUS, rate=1000.0):
-        server = serve(card)
+        server = DaqmxServer(card)
         server.__enter__()
         channel = grpc.insecure_channel(server.address)
         task = Task(grpc_options=GrpcSessionOptions(channel, ""))

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from sautereau.rig.load import load_rig
+from sautereau.sim_backend.clock import FairLock
+from sautereau.sim_backend.devices.daqmx.card import TaskSetup
 from sautereau.sim_backend.devices.daqmx.runs import RunFault, SampledRun
-from sautereau.sim_backend.fair_lock import FairLock
 from sautereau.sim_backend.fault_tables import Drift, Faults, Speckle
 from sautereau.sim_backend.physics.events import Motions
 from sautereau.sim_backend.scene import load_scene
@@ -40,11 +41,13 @@ def motions(sample):
 
 
 def armed(rig, *, n=2000, terminals=("ai0", "ai1"), rate=51_200.0, **others):
-    sensors, faults = others.get("sensors"), others.get("faults")
-    rig = rig if sensors else load_scene("ideal").as_wired(rig)
+    scene = load_scene("ideal").model_copy(
+        update={name: others.get(name) for name in ("sensors", "faults")}
+    )
+    setup = TaskSetup(terminals, rate, n, None)
     seed = others.get("seed", 5)
     rest = Motions(*np.zeros((4, 1)), np.array([0.3]), np.zeros(1))
-    return SampledRun(rig, terminals, rate, n, sensors, seed, 0, rest, FairLock(), faults)
+    return SampledRun(scene.as_wired(rig), setup, scene, seed, 0, rest, FairLock())
 
 
 def play(run, samples, first=0, releases=()):

@@ -7,8 +7,7 @@ only clock of the firmware is `GalilFirmware.tick`.
 """
 
 from sautereau.rig.schema import Rig
-from sautereau.sim_backend.devices.cubic import along
-from sautereau.sim_backend.devices.emulators import OnOutput, Plant
+from sautereau.sim_backend.devices.emulators import OnOutput, Plant, along
 from sautereau.sim_backend.devices.galil.commands.table import execute, execute_in_program
 from sautereau.sim_backend.devices.galil.faults import CommandError
 from sautereau.sim_backend.devices.galil.machine import Machine
@@ -19,7 +18,7 @@ _RETURN, _FEED, _BACKSLASH = b"\r\n\\"
 
 
 def emulate(rig: Rig, plant: Plant, on_output: OnOutput, paced: bool) -> "GalilFirmware":
-    """Return the controller at power-up; arguments of `new_emulator`."""
+    """Return the controller at power-up; see `EMULATORS`."""
     return GalilFirmware(plant, on_output=on_output, host_waits=not paced)
 
 
@@ -75,16 +74,7 @@ class GalilFirmware(Machine):
         return False
 
     def reference(self, fractions: Floats) -> tuple[Floats, Floats]:
-        """Return the reference within the sample last ticked, before any tick its start.
-
-        With a motor off it is the encoder's position at that tick.
-
-        Args:
-            fractions (array): shape (k,), of the sample, 0 to 1; also extrapolated beyond 1.
-
-        Returns:
-            Positions [raw encoder counts] and velocities [counts per sample], shapes (k, 2).
-        """
+        """Return the reference within the sample last ticked; see `Emulator`."""
         return along((axis.cubic for axis in self.axes), fractions)
 
     def receive(self, data: bytes) -> bytes:

@@ -42,6 +42,7 @@ class Machine:
         self.burned = Program()
         """The program that survives power-off."""
         self.inputs = [True] * INPUTS
+        """Levels of the digital inputs, which are pulled up."""
         self.outputs = [False] * OUTPUTS
         self.samples = 0
         """Samples since the start of the emulation."""
