@@ -93,15 +93,12 @@ class Scene(Section):
                         f'{name}: "auto" is chosen by the requested accuracy; give accuracy'
                         f" instead of step, or choose the {name}"
                     )
+        alone = 'engine: "reduced" is an equation of the key alone, and'
         if self.engine == "reduced" and self.finger == "servo":
-            faults.append(
-                'engine: "reduced" is an equation of the key alone, and a servo\'s arm has two'
-                ' more joints; use engine = "rigid"'
-            )
+            faults.append(f'{alone} a servo\'s arm has two more joints; use engine = "rigid"')
         if self.engine == "reduced" and self.string == "modal":
             faults.append(
-                'engine: "reduced" is an equation of the key alone, and a modal string moves by'
-                ' itself; use engine = "rigid" or string = "spring"'
+                f'{alone} a modal string moves by itself; use engine = "rigid" or string = "spring"'
             )
         if faults:
             raise ValueError("\n".join(faults))

@@ -11,8 +11,7 @@ from sautereau.sim_backend.fault_injection import BadLine, disturbed
 from sautereau.sim_backend.fault_tables import Drift, Faults, Overload, Speckle
 from sautereau.sim_backend.scene import Scene, load_scene, parse_scene
 from sautereau.sim_backend.sensors.chain import SensorChain
-from sautereau.sim_backend.sensors.force import Drifting, Overloading
-from sautereau.sim_backend.sensors.velocity import DropOuts
+from sautereau.sim_backend.sensors.simulated import Drifting, DropOuts, Overloading
 
 IDEAL = """
 finger = "ideal"

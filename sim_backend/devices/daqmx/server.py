@@ -212,32 +212,24 @@ class Servicer(Properties):
 
 
 class DaqmxServer:
-    """A server for one card; a context manager that serves while it is entered."""
+    """A server for one card; a context manager that serves while it is entered, once."""
 
     def __init__(self, card: Card):
-        self._servicer = Servicer(card)  # pyright: ignore[reportAbstractUsage]
-        self._server: grpc.Server | None = None
-        self._workers: ThreadPoolExecutor | None = None
-        self._address = ""
-
-    @property
-    def address(self) -> str:
+        self.address = ""
         """``127.0.0.1:port``, the port chosen by the operating system; empty when not served."""
-        return self._address
-
-    def __enter__(self) -> "DaqmxServer":
+        self._servicer = Servicer(card)  # pyright: ignore[reportAbstractUsage]
         self._workers = ThreadPoolExecutor(_WORKERS, thread_name_prefix="daqmx stand-in")
         self._server = grpc.server(self._workers, options=_OPTIONS)
         nidaqmx_pb2_grpc.add_NiDAQmxServicer_to_server(self._servicer, self._server)
+
+    def __enter__(self) -> "DaqmxServer":
         port = self._server.add_insecure_port("127.0.0.1:0")
         self._server.start()
-        self._address = f"127.0.0.1:{port}"
+        self.address = f"127.0.0.1:{port}"
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._address = ""
+        self.address = ""
         self._servicer.stop_all()
-        if self._server is not None:
-            self._server.stop(grace=0).wait()
-        if self._workers is not None:
-            self._workers.shutdown(wait=True)
+        self._server.stop(grace=0).wait()
+        self._workers.shutdown(wait=True)

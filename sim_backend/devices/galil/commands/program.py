@@ -70,69 +70,62 @@ def halt(machine: Machine, args: str, thread: Thread | None) -> None:
     machine.halt_threads(numbers)
 
 
-def end(machine: Machine, args: str, thread: Thread | None) -> None:
+def end(machine: Machine, args: str, thread: Thread) -> None:
     """EN: return from a subroutine, or end the thread."""
-    if thread is not None:
-        thread.end()
+    thread.end()
 
 
-def end_of_error(machine: Machine, args: str, thread: Thread | None) -> None:
+def end_of_error(machine: Machine, args: str, thread: Thread) -> None:
     """RE: return from #POSERR; with 1 the interrupted trip point continues."""
     (keep,) = integers(machine, args or "0", (0, 1))
-    if thread is not None:
-        thread.end_interrupt(keep_trip_point=bool(keep))
+    thread.end_interrupt(keep_trip_point=bool(keep))
 
 
-def jump(machine: Machine, args: str, thread: Thread | None) -> None:
+def jump(machine: Machine, args: str, thread: Thread) -> None:
     """JP: continue at a label, if the condition holds."""
     place, holds = _conditional(machine, args)
-    if thread is not None and holds:
+    if holds:
         thread.jump(place)
 
 
-def call(machine: Machine, args: str, thread: Thread | None) -> None:
+def call(machine: Machine, args: str, thread: Thread) -> None:
     """JS: run a subroutine, if the condition holds."""
     place, holds = _conditional(machine, args)
-    if thread is not None and holds:
+    if holds:
         thread.call(place)
 
 
-def branch(machine: Machine, args: str, thread: Thread | None) -> None:
+def branch(machine: Machine, args: str, thread: Thread) -> None:
     """IF: continue after ELSE or ENDIF if the condition does not hold."""
-    if not evaluate(args, machine) and thread is not None:
+    if not evaluate(args, machine):
         thread.skip("ELSE", "ENDIF")
 
 
-def otherwise(machine: Machine, args: str, thread: Thread | None) -> None:
+def otherwise(machine: Machine, args: str, thread: Thread) -> None:
     """ELSE: the branch before it has run; continue after ENDIF."""
-    if thread is not None:
-        thread.skip("ENDIF")
+    thread.skip("ENDIF")
 
 
-def end_branch(machine: Machine, args: str, thread: Thread | None) -> None:
+def end_branch(machine: Machine, args: str, thread: Thread) -> None:
     """ENDIF: do nothing."""
 
 
-def after_motion(machine: Machine, args: str, thread: Thread | None) -> None:
+def after_motion(machine: Machine, args: str, thread: Thread) -> None:
     """AM: wait until the axes' profiles have ended."""
     axes = [machine.axes[index] for index in parse_axes(args)]
-    if thread is not None:
-        thread.wait = lambda: all(axis.profile is None for axis in axes)
+    thread.wait = lambda: all(axis.profile is None for axis in axes)
 
 
-def wait(machine: Machine, args: str, thread: Thread | None) -> None:
+def wait(machine: Machine, args: str, thread: Thread) -> None:
     """WT n: wait n samples; at TM 1000 they are the manual's milliseconds of 1/1024 s."""
     until = machine.samples + integers(machine, args, (0, LARGEST_NUMBER - 1), (0, 1))[0]
-    if thread is not None:
-        thread.wait = lambda: machine.samples >= until
+    thread.wait = lambda: machine.samples >= until
 
 
-def at_time(machine: Machine, args: str, thread: Thread | None) -> None:
+def at_time(machine: Machine, args: str, thread: Thread) -> None:
     """AT n: wait until n samples after the reference; 0 sets it, -n advances it by n."""
     limits = (1 - LARGEST_NUMBER, LARGEST_NUMBER - 1), (0, 1)
     after = integers(machine, args, *limits)[0]
-    if thread is None:
-        return
     if after == 0:
         thread.reference = machine.samples
         return
@@ -142,13 +135,12 @@ def at_time(machine: Machine, args: str, thread: Thread | None) -> None:
     thread.wait = lambda: machine.samples >= until
 
 
-def after_input(machine: Machine, args: str, thread: Thread | None) -> None:
+def after_input(machine: Machine, args: str, thread: Thread) -> None:
     """AI n: wait for input n to be high, or low for -n."""
     (number,) = integers(machine, args, (-INPUTS, INPUTS))
     if number == 0:
         raise CommandError(6)
-    if thread is not None:
-        thread.wait = lambda: machine.inputs[abs(number) - 1] == (number > 0)
+    thread.wait = lambda: machine.inputs[abs(number) - 1] == (number > 0)
 
 
 def _conditional(machine: Machine, args: str) -> tuple[str, bool]:

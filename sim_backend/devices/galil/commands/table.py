@@ -35,12 +35,14 @@ def execute(machine: Machine, text: str, thread: Thread | None = None) -> str | 
         return None
     code = text if text in ("ELSE", "ENDIF") else text[:2]
     args = text[len(code) :].strip(" ")
+    if code in PROGRAM_COMMANDS:
+        if thread is None:
+            raise CommandError(2)
+        return PROGRAM_COMMANDS[code](machine, args, thread)
     if code not in COMMANDS:
         if programs.assign(machine, text):
             return None
         raise CommandError(1)
-    if thread is None and code in PROGRAM_ONLY:
-        raise CommandError(2)
     if thread is not None and code in HOST_ONLY:
         raise CommandError(3)
     return COMMANDS[code](machine, args, thread)
@@ -220,6 +222,13 @@ COMMANDS: dict[str, Command] = {
     "LS": programs.list_program,
     "XQ": programs.run,
     "HX": programs.halt,
+    "BP": programs.burn,
+    "RS": programs.reset,
+    "NO": _no_operation,
+}
+"""Commands of the host and of programs, by their two letters."""
+
+PROGRAM_COMMANDS: dict[str, Callable[[Machine, str, Thread], None]] = {
     "EN": programs.end,
     "AM": programs.after_motion,
     "WT": programs.wait,
@@ -231,14 +240,8 @@ COMMANDS: dict[str, Command] = {
     "ELSE": programs.otherwise,
     "ENDIF": programs.end_branch,
     "RE": programs.end_of_error,
-    "BP": programs.burn,
-    "RS": programs.reset,
-    "NO": _no_operation,
 }
-"""Every command by its two letters; ELSE and ENDIF by their words."""
-
-PROGRAM_ONLY = frozenset({"EN", "AM", "WT", "AI", "AT", "JP", "JS", "IF", "ELSE", "ENDIF", "RE"})
-"""Commands that the host may not give."""
+"""Commands that the host may not give, by their two letters; ELSE and ENDIF by their words."""
 
 HOST_ONLY = frozenset({"DL", "LS", "QU", "EO", "BP", "RS"})
 """Commands that a program may not give."""
