@@ -50,6 +50,10 @@ class PacedRun:
         begin = first % PERIOD
         return self._twice[:, begin : begin + n]
 
+    @property
+    def acquired(self) -> int:
+        return self.wait_for(0, 0.0)
+
     def stop(self) -> None:
         self._stopped = True
 

@@ -70,7 +70,6 @@ class BenchCard:
             if setup.trigger is None:
                 self.starts.append(self._now())
                 run.trigger(self._now())
-            self._lock.notify_all()
             return run
 
     def start_pretrigger(self, setup: TaskSetup, before: int) -> PreTriggerRun:
@@ -82,7 +81,6 @@ class BenchCard:
         with self._lock:
             run = self._new_run(PreTriggerRun, setup)
             run.begin(self._now(), before)
-            self._lock.notify_all()
             return run
 
     def _new_run(self, kind: type[AnyRun], setup: TaskSetup) -> AnyRun:
@@ -100,6 +98,7 @@ class BenchCard:
         )
         self._armed += 1
         self.runs = [*(other for other in self.runs if not other.over), run]
+        self._lock.notify_all()  # in effect once the lock is released
         trigger = setup.trigger or self._rig.daq.trigger_source
         run.unwired = trigger.rpartition("/")[2] != self._rig.daq.trigger_source
         return run

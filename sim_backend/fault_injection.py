@@ -53,19 +53,19 @@ class FaultInjection:
 
     def of_run(self) -> RunFault | None:
         """Return the fault that ends the acquisition of the present press, if any."""
-        faults, press = self._faults, self.presses
-        if (fault := faults.overrun) and fault.press == press:
-            return RunFault(fault.sample, _overrun)
-        if (fault := faults.server_gone) and fault.press == press:
-            return RunFault(fault.sample, ServerGone)
-        if (fault := faults.device_gone) and fault.press == press:
-            return RunFault(fault.sample, self._unplug)
+        faults = self._faults
+        ends = (
+            (faults.overrun, _overrun),
+            (faults.server_gone, ServerGone),
+            (faults.device_gone, self._unplug),
+        )
+        for fault, error in ends:
+            if fault is not None and fault.press == self.presses:
+                return RunFault(fault.sample, error)
         return None
 
     def inject(self) -> None:
         """Inject what is due at the start of this controller sample."""
-        if not self._due:
-            return
         now = self._now()
         due = [inject for at, inject in self._due if at <= now]
         self._due = [each for each in self._due if each[0] > now]

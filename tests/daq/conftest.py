@@ -17,6 +17,7 @@ class NoiseRun:
 
     def __init__(self, volts, ready, fault):
         self.volts, self.ready, self.fault = volts, ready, fault
+        self.acquired = ready
         self.stopped = threading.Event()
 
     def wait_for(self, n, timeout):

@@ -108,6 +108,11 @@ class SampledRun:
         return bool(self._requested) and min(self._requested) <= self._readable
 
     @property
+    def acquired(self) -> int:
+        """Samples of each channel acquired since the start, kept or not."""
+        return self._done
+
+    @property
     def _readable(self) -> int:
         """Samples that can be read."""
         return self._done
@@ -209,11 +214,6 @@ class PreTriggerRun(SampledRun):
         self._first: int | None = None
         super().trigger(time)
         self._end = before
-
-    @property
-    def acquired(self) -> int:
-        """Samples of each channel since `begin`."""
-        return self._done
 
     @property
     def waiting_for_trigger(self) -> bool:

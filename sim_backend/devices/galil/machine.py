@@ -164,7 +164,8 @@ class Machine:
     def _run_threads(self) -> None:
         """Run the threads alternately, line by line, as many lines as fit into a sample."""
         self._lines = self._lines % 1 + self.sample_time * 1e-3 / 1024 / LINE_TIME
-        held = {number for number, thread in self.threads.items() if not self._may_run(thread)}
+        # A resident thread does not run while the host waits for rest.
+        held = {n for n, thread in self.threads.items() if self.host_waits and thread.resident}
         for number, thread in sorted(self.threads.items()):
             if number not in held and thread.wait is not None and not thread.waiting:
                 self._run_line(number, thread)  # the rest of a line whose time has been counted
@@ -176,10 +177,6 @@ class Machine:
             self._served = min(later or ready)
             self._lines -= 1
             self._run_line(self._served, self.threads[self._served])
-
-    def _may_run(self, thread: Thread) -> bool:
-        """Return whether a thread may run: a resident one not while the host waits for rest."""
-        return not (self.host_waits and thread.resident)
 
     def _run_line(self, number: int, thread: Thread) -> None:
         if not thread.running:

@@ -5,7 +5,7 @@ import re
 from sautereau.sim_backend.devices.galil.axis import LARGEST, SETTINGS
 from sautereau.sim_backend.devices.galil.faults import CommandError
 from sautereau.sim_backend.devices.galil.grammar import (
-    evaluate,
+    integers,
     parse_axes,
     parse_list,
     split_arguments,
@@ -155,12 +155,10 @@ def segment(machine: Machine, args: str, thread: Thread | None) -> None:
         raise CommandError(4)
     (index,) = parse_axes(named[1])
     axis = machine.axes[index]
-    parts = split_arguments(named[2])
-    if len(parts) != 3:
-        raise CommandError(50 if len(parts) < 3 else 4)
-    distance = whole(evaluate(parts[0], machine), -SEGMENT_DISTANCE, SEGMENT_DISTANCE)
-    velocity = whole(evaluate(parts[1], machine), -SEGMENT_VELOCITY, SEGMENT_VELOCITY)
-    samples = whole(evaluate(parts[2], machine), -1, SEGMENT_SAMPLES)
+    if len(split_arguments(named[2])) < 3:
+        raise CommandError(50)
+    limits = (-SEGMENT_DISTANCE, SEGMENT_DISTANCE), (-SEGMENT_VELOCITY, SEGMENT_VELOCITY)
+    distance, velocity, samples = integers(machine, named[2], *limits, (-1, SEGMENT_SAMPLES))
     if samples <= 0 and (distance or velocity):
         raise CommandError(6)
     if samples < 0:
