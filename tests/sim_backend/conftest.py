@@ -67,7 +67,7 @@ class BareBench:
         return self.firmware.samples - start
 
     def assert_smooth(self):
-        """Position and velocity go on from one sample to the next without a step."""
+        """Position and velocity continue from one sample to the next without a step."""
         positions, velocities = np.array(self.positions), np.array(self.velocities)
         np.testing.assert_allclose(positions[1:, 0], positions[:-1, 2], atol=1e-6)
         np.testing.assert_allclose(velocities[1:, 0], velocities[:-1, 2], atol=1e-9)
