@@ -50,6 +50,10 @@ class PacedRun:
         begin = first % PERIOD
         return self._twice[:, begin : begin + n]
 
+    @property
+    def acquired(self) -> int:
+        return self.wait_for(0, 0.0)
+
     def stop(self) -> None:
         self._stopped = True
 
@@ -152,9 +156,9 @@ def _served() -> "Iterator[str]":
 
 
 def _serve() -> None:
-    from sautereau.sim_backend.devices.daqmx.server import serve
+    from sautereau.sim_backend.devices.daqmx.server import DaqmxServer
 
-    with serve(PacedCard()) as server:
+    with DaqmxServer(PacedCard()) as server:
         sys.stdout.write(f"{server.address}\n")
         sys.stdout.flush()
         sys.stdin.read()

@@ -12,9 +12,10 @@ from sautereau.analysis.press.load import Press, press_of
 from sautereau.daq.file.recorded import Recorded, SessionInfo
 from sautereau.rig.load import load_rig, with_values
 from sautereau.rig.schema import Rig
+from sautereau.sim_backend.clock import FairLock
+from sautereau.sim_backend.devices.daqmx.card import TaskSetup
 from sautereau.sim_backend.devices.daqmx.runs import SampledRun
 from sautereau.sim_backend.errors import SceneError
-from sautereau.sim_backend.fair_lock import FairLock
 from sautereau.sim_backend.fault_tables import Faults
 from sautereau.sim_backend.parts import Push, Sensors
 from sautereau.sim_backend.physics.drive import LEAD, PressDrive, drive_of
@@ -67,9 +68,7 @@ def acquired(rig: Rig, scene: Scene, seen: Observation, seed: int = 0) -> tuple[
     rest = Motions(**parts) if before.any() else None
     terminals = tuple(channel.terminal for channel in wired.daq.channels)
     n = int((motions.time[-1] - edge) * rate)
-    run = SampledRun(
-        wired, terminals, rate, n, scene.sensors, seed, 0, rest, FairLock(), scene.faults
-    )
+    run = SampledRun(wired, TaskSetup(terminals, rate, n, None), scene, seed, 0, rest, FairLock())
     run.trigger(edge)
     sudden = (*seen.events.releases, *seen.events.returns)
     run.feed(motions, sorted(event.time for event in sudden if event.time > edge))

@@ -8,17 +8,16 @@ import time
 from sautereau.rig.load import with_values
 from sautereau.rig.schema import Rig
 from sautereau.sim_backend.card import BenchCard
-from sautereau.sim_backend.clock import Clock
-from sautereau.sim_backend.devices.daqmx.server import serve
-from sautereau.sim_backend.devices.emulators import new_emulator
+from sautereau.sim_backend.clock import Clock, FairLock
+from sautereau.sim_backend.devices.daqmx.server import DaqmxServer
+from sautereau.sim_backend.devices.emulators import EMULATORS, Emulator
 from sautereau.sim_backend.devices.plant import ArmPlant
 from sautereau.sim_backend.devices.serial_port import PortGone, PtyPort, SocketPort
-from sautereau.sim_backend.fair_lock import FairLock
-from sautereau.sim_backend.faults.injection import FaultInjection
-from sautereau.sim_backend.faults.line import bad_line
+from sautereau.sim_backend.errors import SceneError
+from sautereau.sim_backend.fault_injection import BadLine, FaultInjection
 from sautereau.sim_backend.physics.world import new_world
-from sautereau.sim_backend.prepare import prepared
 from sautereau.sim_backend.scene import Scene
+from sautereau.sim_backend.sensors.simulated import SIMULATED
 from sautereau.sim_backend.truth import Truth, truths
 
 SETTLING = 2.0
@@ -43,7 +42,7 @@ class Bench:
     """
 
     def __init__(self, rig: Rig, scene: Scene, seed: int = 0, paced: bool = False):
-        self.scene, self.reached = prepared(rig, scene)
+        self.scene, self.reached = _prepared(rig, scene)
         """The scene with every choice made, and the accuracy that it reaches; empty where the
         scene asks for none."""
         self.paced = paced
@@ -55,11 +54,12 @@ class Bench:
         self._lock = FairLock()
         self._closing = threading.Event()
         self._last_motion = 0.0
-        self._line = bad_line(self.scene.faults, seed, self.injection.past)
+        self._line = BadLine(self.scene.faults, seed, self.injection.past)
         self.card = BenchCard(
             self.rig, self.scene, seed, paced, self._lock, self.injection, lambda: self.world.time
         )
-        self.firmware = new_emulator(rig, self.plant, self._on_output, paced)
+        emulate = EMULATORS.get(rig.controller.kind)
+        self.firmware: Emulator = emulate(rig, self.plant, self._on_output, paced)
         self._clock = Clock(self, self._lock, paced, self._fail)
 
     def __enter__(self) -> "Bench":
@@ -91,8 +91,6 @@ class Bench:
             if self.failure is not None:
                 raise PortGone
             try:
-                if self._line is None:
-                    return self.firmware.receive(data)
                 answer = self._line.carry(data, self.firmware.receive)
                 delay = self._line.delay
             finally:
@@ -153,6 +151,36 @@ class Bench:
         self._lock.notify_all()
 
 
+def _prepared(rig: Rig, scene: Scene) -> tuple[Scene, str]:
+    """Return a scene with every choice made, and the accuracy that it reaches, if it asks for one.
+
+    Raises:
+        SceneError: As of `Bench`.
+    """
+    faults = []
+    if scene.finger == "push":
+        faults.append(
+            'finger: "push" has no arm for a controller to move; it is for sweeps and `trade`:'
+            ' use finger = "ideal" or "servo"'
+        )
+    elif scene.faults is not None:
+        quantities = {channel.quantity for channel in rig.daq.channels}
+        faults += scene.faults.conflicts(scene.finger, quantities)
+    for i, channel in enumerate(rig.daq.channels):
+        try:
+            SIMULATED.get(channel.quantity)
+        except SceneError as error:
+            faults.append(f"daq.channels.{i}.quantity: {error}")
+    if faults:
+        raise SceneError("\n".join(faults))
+    if scene.accuracy is None:  # only an accuracy leaves choices open
+        return scene, ""
+    from sautereau.sim_backend.trade.select import select_solver
+
+    selected = select_solver(rig, scene)
+    return selected.scene, str(selected)
+
+
 class StandIn:
     """The simulated bench as the host sees it: a serial port and a gRPC address.
 
@@ -179,7 +207,7 @@ class StandIn:
     def __enter__(self) -> "StandIn":
         with contextlib.ExitStack() as stack:
             self._serial = stack.enter_context(self._make_port(self.bench.receive))
-            self._daq = stack.enter_context(serve(self.bench.card))
+            self._daq = stack.enter_context(DaqmxServer(self.bench.card))
             stack.enter_context(self.bench)  # ends first, so that no call waits for it
             self._stack = stack.pop_all()
         return self

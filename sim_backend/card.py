@@ -4,11 +4,10 @@ from collections.abc import Callable, Sequence
 from typing import TypeVar
 
 from sautereau.rig.schema import Rig
+from sautereau.sim_backend.clock import FairLock
 from sautereau.sim_backend.devices.daqmx.card import DaqmxError, TaskSetup
-from sautereau.sim_backend.devices.daqmx.pretrigger import PreTriggerRun
-from sautereau.sim_backend.devices.daqmx.runs import SampledRun
-from sautereau.sim_backend.fair_lock import FairLock
-from sautereau.sim_backend.faults.injection import FaultInjection
+from sautereau.sim_backend.devices.daqmx.runs import PreTriggerRun, SampledRun
+from sautereau.sim_backend.fault_injection import FaultInjection
 from sautereau.sim_backend.physics.events import Motions
 from sautereau.sim_backend.scene import Scene
 
@@ -71,7 +70,6 @@ class BenchCard:
             if setup.trigger is None:
                 self.starts.append(self._now())
                 run.trigger(self._now())
-            self._lock.notify_all()
             return run
 
     def start_pretrigger(self, setup: TaskSetup, before: int) -> PreTriggerRun:
@@ -83,7 +81,6 @@ class BenchCard:
         with self._lock:
             run = self._new_run(PreTriggerRun, setup)
             run.begin(self._now(), before)
-            self._lock.notify_all()
             return run
 
     def _new_run(self, kind: type[AnyRun], setup: TaskSetup) -> AnyRun:
@@ -92,18 +89,16 @@ class BenchCard:
             raise self._failure()
         run = kind(
             self._rig,
-            setup.terminals,
-            setup.rate,
-            setup.n_samples,
-            self._scene.sensors,
+            setup,
+            self._scene,
             self._seed,
             self._armed,
             self._last,
             self._lock,
-            self._scene.faults,
         )
         self._armed += 1
         self.runs = [*(other for other in self.runs if not other.over), run]
+        self._lock.notify_all()  # in effect once the lock is released
         trigger = setup.trigger or self._rig.daq.trigger_source
         run.unwired = trigger.rpartition("/")[2] != self._rig.daq.trigger_source
         return run

@@ -1,14 +1,43 @@
-"""The stand-in's clock: simulated time advances while the bench is busy, at full speed or paced."""
+"""The stand-in's clock and the lock of its threads.
+
+Simulated time advances while the bench is busy, at full speed or paced.
+"""
 
 import threading
 import time
 from collections.abc import Callable
 from typing import Protocol
 
-from sautereau.sim_backend.fair_lock import FairLock
-
 SLICE = 2e-3
 """s of real time, after which the clock releases the lock to the other threads."""
+
+
+class FairLock:
+    """A lock that waiting threads get in order of arrival, with a condition to wait for.
+
+    A plain lock goes to the quickest thread, which is often the one that has just released it.
+    Here the thread that asks first holds a gate until the lock is free; the others queue at
+    the gate. It is not reentrant.
+    """
+
+    def __init__(self) -> None:
+        self._gate = threading.Lock()
+        self._condition = threading.Condition(threading.Lock())
+
+    def __enter__(self) -> None:
+        with self._gate:
+            self._condition.acquire()
+
+    def __exit__(self, *exception: object) -> None:
+        self._condition.release()
+
+    def wait_for(self, holds: Callable[[], bool], timeout: float | None = None) -> bool:
+        """Release the lock until a condition holds or timeout [s] has passed."""
+        return self._condition.wait_for(holds, timeout)
+
+    def notify_all(self) -> None:
+        """Make all waiting threads check their conditions again."""
+        self._condition.notify_all()
 
 
 class Clocked(Protocol):

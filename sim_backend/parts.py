@@ -1,11 +1,12 @@
-"""The parts of a scene: the arm's servo, the sensors, a weight on the key."""
+"""The parts of a scene: the arm's servo, the sensors, a weight on the key, the accuracy."""
 
+from dataclasses import dataclass
 from typing import Annotated
 
 from pydantic import Field
 
 from sautereau.rig.section import Force, Frequency, Section, Time
-from sautereau.rig.units import Unit
+from sautereau.rig.units import Unit, parse_quantity
 
 JointStiffness = Annotated[float, Unit("N*m/rad", "27 N m/rad")]
 JointDamping = Annotated[float, Unit("N*m*s/rad", "0.4 N m s/rad")]
@@ -47,3 +48,35 @@ class Push(Section):
     """s, after which it is removed."""
     rest: Time = Field(default=0.0, ge=0, le=10)
     """s, for which the simulation continues after that."""
+
+
+@dataclass(frozen=True)
+class Accuracy:
+    """A largest error of times of events or of forces, which a scene may give instead of a step.
+
+    One of the two is None.
+    """
+
+    time: float | None
+    """s."""
+    force: float | None
+    """Dimensionless, fraction of the largest force."""
+
+    @classmethod
+    def parse(cls, text: str) -> "Accuracy":
+        """Read "10 us" or "0.1 %".
+
+        Raises:
+            ValueError: It is neither a time nor a percentage, or not positive.
+        """
+        of_force = text.strip().endswith("%")
+        value = parse_quantity(text.replace("%", "percent"), "" if of_force else "s")
+        if not 0 < value < (1 if of_force else 1e-2):
+            limits = "between 0 and 100 %" if of_force else "between 0 and 10 ms"
+            raise ValueError(f"accuracy: {text!r} must lie {limits}; change it")
+        return cls(None, value) if of_force else cls(value, None)
+
+    def __str__(self) -> str:
+        if self.time is None:
+            return f"{(self.force or 0.0) * 100:.3g} %"
+        return f"{self.time * 1e6:.4g} us"

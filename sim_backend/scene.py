@@ -11,10 +11,9 @@ from sautereau.rig.load import read_toml, with_values
 from sautereau.rig.packaged import named_text, packaged_names
 from sautereau.rig.schema import Rig
 from sautereau.rig.section import Angle, Section, Time
-from sautereau.sim_backend.accuracy import Accuracy
 from sautereau.sim_backend.errors import SceneError
 from sautereau.sim_backend.fault_tables import Faults
-from sautereau.sim_backend.parts import Push, Sensors, Servo
+from sautereau.sim_backend.parts import Accuracy, Push, Sensors, Servo
 
 
 def _accuracy(text: str) -> str:
@@ -94,15 +93,12 @@ class Scene(Section):
                         f'{name}: "auto" is chosen by the requested accuracy; give accuracy'
                         f" instead of step, or choose the {name}"
                     )
+        alone = 'engine: "reduced" is an equation of the key alone, and'
         if self.engine == "reduced" and self.finger == "servo":
-            faults.append(
-                'engine: "reduced" is an equation of the key alone, and a servo\'s arm has two'
-                ' more joints; use engine = "rigid"'
-            )
+            faults.append(f'{alone} a servo\'s arm has two more joints; use engine = "rigid"')
         if self.engine == "reduced" and self.string == "modal":
             faults.append(
-                'engine: "reduced" is an equation of the key alone, and a modal string moves by'
-                ' itself; use engine = "rigid" or string = "spring"'
+                f'{alone} a modal string moves by itself; use engine = "rigid" or string = "spring"'
             )
         if faults:
             raise ValueError("\n".join(faults))

@@ -76,6 +76,28 @@ class _Port:
         except Exception as error:  # noqa: BLE001 - raised by __exit__
             self._failure = error
 
+    def _exchange(
+        self,
+        host: socket.socket | int,
+        receive: Callable[[], bytes],
+        send: Callable[[bytearray], int],
+    ) -> None:
+        """Answer one host, whose end does not block, until it or this port closes."""
+        answers = bytearray()
+        while True:
+            writers = [host] if answers else []
+            readable, writable, _ = select.select([host, self._wake], writers, [])
+            if self._stopping:
+                return
+            with contextlib.suppress(BlockingIOError):
+                if host in readable:
+                    data = receive()
+                    if not data:
+                        return
+                    answers += self._handler(data)
+                if writable:
+                    del answers[: send(answers[:_CHUNK])]
+
     def _open(self) -> None:
         raise NotImplementedError(f"{type(self).__name__} does not say how it opens")
 
@@ -107,18 +129,8 @@ class PtyPort(_Port):
         os.close(self._theirs)
 
     def _serve(self) -> None:
-        answers = bytearray()
-        while True:
-            writers = [self._ours] if answers else []
-            readable, writable, _ = select.select([self._ours, self._wake], writers, [])
-            if self._stopping:
-                return
-            if self._ours in readable:
-                with contextlib.suppress(BlockingIOError):
-                    answers += self._handler(os.read(self._ours, _CHUNK))
-            if writable:
-                with contextlib.suppress(BlockingIOError):
-                    del answers[: os.write(self._ours, answers[:_CHUNK])]
+        ours = self._ours
+        self._exchange(ours, lambda: os.read(ours, _CHUNK), lambda data: os.write(ours, data))
 
 
 class SocketPort(_Port):
@@ -142,27 +154,9 @@ class SocketPort(_Port):
                 return
             if readable:
                 host, _ = self._listener.accept()
-                with host:
-                    self._serve_host(host)
-
-    def _serve_host(self, host: socket.socket) -> None:
-        host.setblocking(False)
-        host.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        answers = bytearray()
-        while True:
-            writers = [host] if answers else []
-            readable, writable, _ = select.select([host, self._wake], writers, [])
-            if self._stopping:
-                return
-            try:
-                if readable:
-                    data = host.recv(_CHUNK)
-                    if not data:
-                        return
-                    answers += self._handler(data)
-                if writable:
-                    del answers[: host.send(answers)]
-            except BlockingIOError:
-                continue
-            except ConnectionError:
-                return
+                host.setblocking(False)
+                host.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+                with host, contextlib.suppress(ConnectionError):
+                    self._exchange(host, lambda host=host: host.recv(_CHUNK), host.send)
+                if self._stopping:
+                    return

@@ -8,7 +8,7 @@ from scipy import signal
 
 from sautereau.rig.acquisition import Channel
 from sautereau.sim_backend.parts import Sensors
-from sautereau.sim_backend.sensors.simulated import Disturbance, simulated_quantity
+from sautereau.sim_backend.sensors.simulated import SIMULATED, Disturbance
 from sautereau.trajectory.motion import Floats
 
 ADC_RANGE = 10.0
@@ -105,7 +105,7 @@ class SensorChain:
         sensors = self._sensors
         if sensors is None:
             return value / self.channel.scale
-        simulated = simulated_quantity(self.channel.quantity)
+        simulated = SIMULATED.get(self.channel.quantity)
         value = value + simulated.noise(sensors) * self._random.standard_normal(n)
         if hum := simulated.hum(sensors):
             value += hum * np.sin(2 * np.pi * sensors.hum_frequency * times + self._phase)

@@ -1,15 +1,17 @@
 """How the stand-in simulates each measured quantity: its signal, its noise and its faults."""
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
+import numpy as np
 from numpy.random import Generator
 
 from sautereau.rig.registry import Registry
 from sautereau.rig.schema import Rig
 from sautereau.sim_backend.errors import SceneError
-from sautereau.sim_backend.fault_tables import Faults
+from sautereau.sim_backend.fault_tables import Drift, Faults, Overload, Speckle
 from sautereau.sim_backend.parts import Sensors
 from sautereau.sim_backend.physics.events import Motions
 from sautereau.trajectory.motion import Floats
@@ -26,25 +28,17 @@ class Disturbance(Protocol):
         ...
 
 
-def _none(sensors: Sensors) -> float:
-    return 0.0
-
-
-def _no_faults(faults: Faults, random: Generator) -> Sequence[Disturbance]:
-    return ()
-
-
 @dataclass(frozen=True)
 class SimulatedQuantity:
     """How the stand-in simulates a quantity that the rig's channels measure."""
 
     source: Callable[[Rig], Source]
     """Given the simulated bench, returns the source of one acquisition."""
-    noise: Callable[[Sensors], float] = _none
+    noise: Callable[[Sensors], float] = lambda sensors: 0.0
     """Returns the rms of the white noise over the sensor's band, in the quantity's unit."""
-    hum: Callable[[Sensors], float] = _none
+    hum: Callable[[Sensors], float] = lambda sensors: 0.0
     """Returns the amplitude of the mains hum, in the quantity's unit."""
-    faults: Callable[[Faults, Generator], Sequence[Disturbance]] = _no_faults
+    faults: Callable[[Faults, Generator], Sequence[Disturbance]] = lambda faults, random: ()
     """Returns the faults of the scene that apply, in the order in which they act."""
     jumps: bool = False
     """Whether the quantity jumps at a release and at a return, as a force does."""
@@ -52,22 +46,104 @@ class SimulatedQuantity:
     """Whether it may be nonzero before the trigger, as a force; else the sensor starts from 0."""
 
 
+class DropOuts:
+    """Losses of the vibrometer's light: the velocity is scaled down and has a false offset.
+
+    Args:
+        fault: Rate, duration and size of the drop-outs.
+        random: Source of their times and false velocities.
+    """
+
+    def __init__(self, fault: Speckle, random: Generator):
+        self._fault, self._random = fault, random
+        self._end = 0.0
+        self._draw()
+
+    def disturb(self, times: Floats, values: Floats) -> Floats:
+        """Return the output [m/s] at times [s from the trigger]; call it in order."""
+        values = values.copy()
+        while len(times):
+            first, stop = np.searchsorted(times, (self._start, self._end))
+            values[first:stop] = values[first:stop] * self._fault.level + self._spike
+            if stop == len(times):
+                break
+            self._draw()
+        return values
+
+    def _draw(self) -> None:
+        """Draw the next drop-out."""
+        self._start = self._end + self._random.exponential(1 / self._fault.rate)
+        self._end = self._start + self._fault.duration
+        self._spike = self._fault.spike * self._random.uniform(-1.0, 1.0)
+
+
+class Overloading:
+    """An amplifier whose output stays at its limit while it is overloaded and recovers.
+
+    Args:
+        fault: Limit and recovery time.
+    """
+
+    def __init__(self, fault: Overload):
+        self._fault = fault
+        self._last, self._sign = -math.inf, 0.0
+
+    def disturb(self, times: Floats, values: Floats) -> Floats:
+        """Return the output [N] at times [s from the trigger]; call it in order."""
+        limit = self._fault.force
+        over = np.abs(values) >= limit
+        index = np.maximum.accumulate(np.where(over, np.arange(len(values)), -1))
+        last = np.where(index >= 0, times[index], self._last)
+        sign = np.where(index >= 0, np.sign(values[index]), self._sign)
+        if len(values):
+            self._last, self._sign = float(last[-1]), float(sign[-1])
+        return np.where(over | (times - last < self._fault.recovery), sign * limit, values)
+
+
+class Drifting:
+    """A force that drifts from the trigger on.
+
+    Args:
+        fault: Rate of the drift.
+    """
+
+    def __init__(self, fault: Drift):
+        self._rate = fault.rate
+
+    def disturb(self, times: Floats, values: Floats) -> Floats:
+        """Return the output [N] at times [s from the trigger]."""
+        return values + self._rate * times
+
+
+def _faults_of_force(faults: Faults, random: Generator) -> Sequence[Disturbance]:
+    found: list[Disturbance] = [Drifting(faults.drift)] if faults.drift else []
+    return [*found, Overloading(faults.overload)] if faults.overload else found
+
+
+VELOCITY = SimulatedQuantity(
+    source=lambda rig: lambda motions: motions.angular_velocity * rig.key.laser_arm,
+    noise=lambda sensors: sensors.velocity_noise,
+    faults=lambda faults, random: [DropOuts(faults.speckle, random)] if faults.speckle else [],
+)
+"""Velocity of the key's front [m/s], as a laser vibrometer measures it."""
+
+FORCE = SimulatedQuantity(
+    source=lambda rig: lambda motions: motions.finger_force,
+    noise=lambda sensors: sensors.force_noise,
+    hum=lambda sensors: sensors.hum,
+    faults=_faults_of_force,
+    jumps=True,
+    static=True,
+)
+"""Force of the finger on the key [N], as a piezoelectric transducer measures it."""
+
 SIMULATED = Registry(
     "sautereau.simulated_quantities",
     "simulated quantity",
     {
-        "velocity": "sautereau.sim_backend.sensors.velocity:VELOCITY",
-        "force": "sautereau.sim_backend.sensors.force:FORCE",
+        "velocity": "sautereau.sim_backend.sensors.simulated:VELOCITY",
+        "force": "sautereau.sim_backend.sensors.simulated:FORCE",
     },
     SceneError,
 )
 """`SimulatedQuantity` by the name of the measured quantity."""
-
-
-def simulated_quantity(name: str) -> SimulatedQuantity:
-    """Return how the stand-in simulates a measured quantity.
-
-    Raises:
-        SceneError: No package provides it.
-    """
-    return SIMULATED.get(name)

@@ -57,8 +57,9 @@ def grid(rig: Rig) -> Iterator[Case]:
             yield Case(f"mass ratio {ratio:g}", _push(engine), mass_ratio(rig, ratio))
             yield Case(f"ideal, mass ratio {ratio:g}", _ideal(engine), mass_ratio(rig, ratio))
         for times in STIFFNESSES:
-            yield Case(f"string x {times:g}", _push(engine, force=3.0), string_times(rig, times))
-            yield Case(f"plectrum x {times:g}", _push(engine, force=3.0), modulus_times(rig, times))
+            for part in ("string", "plectrum"):
+                values = stiffness_times(rig, **{part: times})
+                yield Case(f"{part} x {times:g}", _push(engine, force=3.0), values)
         for overlap in OVERLAPS:
             yield Case(
                 f"overlap {overlap * 1e3:g} mm",
@@ -122,8 +123,7 @@ def random_cases(rig: Rig, n: int, seed: int = 0) -> Iterator[Case]:
         engine = ENGINES[i % 2]
         values: Values = {
             **mass_ratio(rig, log(1, 1e4)),
-            **string_times(rig, log(1e-3, 1e3)),
-            **modulus_times(rig, log(1e-3, 1e3)),
+            **stiffness_times(rig, log(1e-3, 1e3), log(1e-3, 1e3)),
             "plectrum.overlap": f"{log(1e-5, 2e-3)!r} m",
             "key.pivot_coulomb_friction": f"{maybe(log(1e-5, 1e-1))!r} N m",
             "jack.register_friction": f"{maybe(log(1e-4, 1.0))!r} N",
@@ -163,14 +163,12 @@ def mass_ratio(rig: Rig, ratio: float) -> Values:
     return {"jack.mass": f"{mass!r} kg", "key.gravity_moment": f"{heaviness!r} N m"}
 
 
-def string_times(rig: Rig, times: float) -> Values:
-    """Return the change that multiplies the stiffness of the string."""
-    return {"string.tension": f"{rig.string.tension * times!r} N"}
-
-
-def modulus_times(rig: Rig, times: float) -> Values:
-    """Return the change that multiplies the stiffness of the plectrum."""
-    return {"plectrum.youngs_modulus": f"{rig.plectrum.youngs_modulus * times!r} Pa"}
+def stiffness_times(rig: Rig, string: float = 1.0, plectrum: float = 1.0) -> Values:
+    """Return the changes that multiply the stiffnesses of the string and of the plectrum."""
+    return {
+        "string.tension": f"{rig.string.tension * string!r} N",
+        "plectrum.youngs_modulus": f"{rig.plectrum.youngs_modulus * plectrum!r} Pa",
+    }
 
 
 _LIMITLESS: Values = {
@@ -197,11 +195,7 @@ def _push(
 
 
 def _ideal(
-    engine: Engine,
-    step: float = MIDDLE,
-    *,
-    friction: bool = True,
-    felt: bool = True,
+    engine: Engine, step: float = MIDDLE, *, friction: bool = True, felt: bool = True
 ) -> Scene:
     return _scene(engine, step, friction, felt, finger="ideal")
 

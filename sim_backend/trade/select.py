@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 from sautereau.rig.instrument import Plectrum
 from sautereau.rig.schema import Rig
-from sautereau.sim_backend.accuracy import Accuracy
 from sautereau.sim_backend.errors import SceneError
+from sautereau.sim_backend.parts import Accuracy
 from sautereau.sim_backend.physics.drive import Drive
 from sautereau.sim_backend.physics.observation import Errors, drive_of, errors, observe
 from sautereau.sim_backend.physics.reference.observe import reference

@@ -17,8 +17,8 @@ from pathlib import Path
 from sautereau.analysis.errors import ModelError
 from sautereau.rig.load import rig_json
 from sautereau.rig.schema import Rig
-from sautereau.sim_backend.accuracy import Accuracy
 from sautereau.sim_backend.errors import SceneError
+from sautereau.sim_backend.parts import Accuracy
 from sautereau.sim_backend.physics.drive import Drive
 from sautereau.sim_backend.physics.finger import Reference
 from sautereau.sim_backend.physics.observation import Observation, drive_of, errors, observe

@@ -9,7 +9,8 @@ import pytest
 from sautereau.daq.file.recorded import Joints
 from sautereau.daq.file.recording import Block, Recording, SessionInfo
 from sautereau.rig.load import load_rig, with_values
-from sautereau.sim_backend.devices.daqmx.server import DaqmxError, TaskSetup, serve
+from sautereau.sim_backend.devices.daqmx.card import DaqmxError, TaskSetup
+from sautereau.sim_backend.devices.daqmx.server import DaqmxServer
 
 
 class NoiseRun:
@@ -17,6 +18,7 @@ class NoiseRun:
 
     def __init__(self, volts, ready, fault):
         self.volts, self.ready, self.fault = volts, ready, fault
+        self.acquired = ready
         self.stopped = threading.Event()
 
     def wait_for(self, n, timeout):
@@ -74,7 +76,7 @@ def bench(paper):
 
     def start(card=None, **values):
         card = card or NoiseCard()
-        server = serve(card)
+        server = DaqmxServer(card)
         server.__enter__()
         servers.append(server)
         values = {key.replace("__", "."): value for key, value in values.items()}

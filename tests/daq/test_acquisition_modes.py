@@ -10,7 +10,7 @@ from sautereau.daq.file.reading import read_recording
 from sautereau.daq.file.recording import Recording
 from sautereau.daq.source.acquisition import Acquisition
 from sautereau.sim_backend.devices.daqmx.card import ENDLESS
-from sautereau.sim_backend.devices.daqmx.server import serve
+from sautereau.sim_backend.devices.daqmx.server import DaqmxServer
 
 
 def ramp(first, n, channels=2):
@@ -71,7 +71,7 @@ def card():
 
 @pytest.fixture
 def rig(card, paper):
-    with serve(card) as server:
+    with DaqmxServer(card) as server:
         values = {"address": server.address, "trigger_timeout": 0.2}
         yield paper.model_copy(update={"daq": paper.daq.model_copy(update=values)})
 
@@ -181,7 +181,7 @@ def test_samples_before_an_error_are_kept(card, rig, session, tmp_path, there, m
 
 
 def test_samples_that_the_driver_passes_over(paper, card):
-    with serve(card) as server:
+    with DaqmxServer(card) as server:
         daq = paper.daq.model_copy(update={"address": server.address})
         with Acquisition(daq, None, triggered=False) as acquisition:
             acquisition.start()

@@ -13,7 +13,7 @@ from sautereau.daq.source.acquisition import Acquisition
 from sautereau.rig.acquisition import Tls
 from sautereau.rig.errors import RigError
 from sautereau.rig.load import load_rig
-from sautereau.sim_backend.devices.daqmx.calls import Servicer
+from sautereau.sim_backend.devices.daqmx.server import Servicer
 
 NEW_KEY = "-newkey ec -pkeyopt ec_paramgen_curve:prime256v1 -nodes -keyout"
 

@@ -147,7 +147,7 @@ class Desk:
 
     @property
     def machine(self):
-        return self.bench.firmware._machine
+        return self.bench.firmware
 
     def on_command(self, pattern, do, *, times=1, occurs=True) -> None:
         """Call ``do`` in place of a command that the controller receives.

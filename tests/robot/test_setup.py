@@ -54,7 +54,7 @@ def stand_in():
 def rig(stand_in):
     yield stand_in.rig
     assert stand_in.bench.firmware.motors_on == (False, False)
-    assert not stand_in.bench.firmware._machine.in_motion
+    assert not stand_in.bench.firmware.in_motion
 
 
 @pytest.mark.parametrize("name", [name for name in STEPS if name not in ("port", "controller")])

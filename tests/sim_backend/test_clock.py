@@ -4,8 +4,7 @@ import threading
 
 import pytest
 
-from sautereau.sim_backend.clock import Clock
-from sautereau.sim_backend.fair_lock import FairLock
+from sautereau.sim_backend.clock import Clock, FairLock
 
 
 class Count:

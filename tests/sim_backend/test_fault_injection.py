@@ -145,10 +145,14 @@ def test_answers_within_the_timeout_do_no_harm(injected):
     assert len(found.made) == 1
 
 
-def test_bits_that_flip(injected):
+@pytest.mark.parametrize(
+    "line", [{"flipped": 0.002}, {"flipped": 3e-4, "towards": "controller"}], ids=["both", "one"]
+)
+def test_bits_that_flip_are_never_played(injected, line):
     """They are refused, cannot be parsed, or are found when the program is read back."""
-    found = injected(line={"flipped": 0.002})
+    found = injected(line=line)
     assert isinstance(found.error, CommandRefused | GarbledAnswer | SettingNotTaken)
+    assert not found.made
     assert found.motors_on == (False, False)
 
 
@@ -159,27 +163,21 @@ def test_the_same_seed_loses_the_same_bytes(injected):
     assert is_safe(one)
 
 
-def test_a_digit_that_flips_towards_the_controller_is_never_played(injected):
-    """The segments in the controller are compared with those sent."""
-    found = injected(line={"flipped": 3e-4, "towards": "controller"})
-    assert isinstance(found.error, GarbledAnswer | CommandRefused | SettingNotTaken)
-    assert not found.made
-    assert found.motors_on == (False, False)
-
-
 # The arm.
 
 
-def test_a_stalled_motor_is_switched_off_by_its_following_error(injected):
-    found = injected("servo", stall={"joint": 1, "at": "30 ms"})
+@pytest.mark.parametrize(
+    ("joint", "tables"),
+    [
+        (1, {"stall": {"joint": 1, "at": "30 ms"}}),
+        (2, {"slip": {"joint": 2, "counts": -30_000, "at": "30 ms"}}),
+    ],
+    ids=["stall", "slip"],
+)
+def test_a_following_error_switches_the_motor_off(injected, joint, tables):
+    found = injected("servo", **tables)
     assert isinstance(found.error, MotionFault)
-    assert "joint 1 switched off by a following error" in str(found.error)
-    assert is_safe(found)
-
-
-def test_an_encoder_that_slips_far_is_a_following_error(injected):
-    found = injected("servo", slip={"joint": 2, "counts": -30_000, "at": "30 ms"})
-    assert "joint 2 switched off by a following error" in str(found.error)
+    assert f"joint {joint} switched off by a following error" in str(found.error)
     assert is_safe(found)
 
 
@@ -220,16 +218,6 @@ def test_a_stalled_motor_has_its_limit_torque_and_does_not_move(arm):
     assert bench.firmware.motors_on == (True, True)
 
 
-def test_a_stalled_motor_is_switched_off_with_oe(arm):
-    bench = arm(stall={"joint": 1})
-    bench.injection.begin_press()
-    bench.receive(b"OE 1,1;AC 10240000;JG 200000;BG A\r")
-    for _ in range(300):
-        bench.tick()
-    assert bench.firmware.motors_on == (False, True)
-    assert bench.receive(b"MG _SCA\r").split() == [b"8.0000", b":"]
-
-
 def test_a_slipped_encoder_moves_the_arm_and_not_its_reading(arm):
     bench = arm(slip={"joint": 1, "counts": 500, "at": "10 ms"})
     for _ in range(300):
@@ -264,10 +252,12 @@ def test_faults_of_sensors_are_in_the_recording(injected):
 
 def test_a_stand_in_that_fails_reports_it_on_every_channel(tmp_path, monkeypatch):
     """At once, over the card and over the line, and not as a timeout."""
-    mute = {"plectrum": "none", "string": "none", "step": 1e-3}
+    scene = load_scene("ideal").model_copy(
+        update={"plectrum": "none", "string": "none", "step": 1e-3}
+    )
 
     def press():
-        with StandIn(load_rig(), load_scene("ideal").model_copy(update=mute)) as stand_in:
+        with StandIn(with_values(load_rig(), LONG_TIMEOUT), scene) as stand_in:
             world, rig = stand_in.bench.world, stand_in.rig
             advance = world.advance
 

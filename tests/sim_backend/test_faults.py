@@ -7,12 +7,11 @@ from sautereau.rig.load import load_rig
 from sautereau.sim_backend.bench import Bench
 from sautereau.sim_backend.devices.serial_port import PortGone
 from sautereau.sim_backend.errors import SceneError
+from sautereau.sim_backend.fault_injection import BadLine, disturbed
 from sautereau.sim_backend.fault_tables import Drift, Faults, Overload, Speckle
-from sautereau.sim_backend.faults.line import BadLine, bad_line, disturbed
 from sautereau.sim_backend.scene import Scene, load_scene, parse_scene
 from sautereau.sim_backend.sensors.chain import SensorChain
-from sautereau.sim_backend.sensors.force import Drifting, Overloading
-from sautereau.sim_backend.sensors.velocity import DropOuts
+from sautereau.sim_backend.sensors.simulated import Drifting, DropOuts, Overloading
 
 IDEAL = """
 finger = "ideal"
@@ -157,9 +156,7 @@ def test_how_bytes_are_grouped_changes_none():
 
 
 def echo_line(past=lambda press, at: False, seed=0, **tables) -> BadLine:
-    line = bad_line(faults(**tables), seed, past)
-    assert line is not None
-    return line
+    return BadLine(faults(**tables), seed, past)
 
 
 def test_the_two_directions_are_independent():
@@ -208,9 +205,10 @@ def test_a_line_is_late_from_its_press_on():
     assert line.delay == 0.03
 
 
-def test_a_good_line_costs_nothing():
-    assert bad_line(None, 0, lambda press, at: True) is None
-    assert bad_line(faults(drift={"rate": "1 N/s"}), 0, lambda press, at: True) is None
+def test_a_good_line_changes_nothing():
+    line = BadLine(None, 0, lambda press, at: True)
+    assert line.carry(DATA, lambda data: data) == DATA
+    assert line.delay == 0.0
 
 
 # The sensors.

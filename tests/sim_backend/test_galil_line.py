@@ -4,7 +4,7 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from sautereau.sim_backend.devices.galil.commands.table import COMMANDS
+from sautereau.sim_backend.devices.galil.commands.table import COMMANDS, PROGRAM_COMMANDS
 from sautereau.sim_backend.devices.galil.firmware import GalilFirmware
 
 REVISION = "DMC4020 Rev 1.3a-SIM sautereau stand-in"
@@ -151,7 +151,7 @@ def test_random_bytes_neither_crash_nor_move(make_bench, data):
 
 command_lines = st.lists(
     st.tuples(
-        st.sampled_from(sorted(set(COMMANDS) - {"SH"})),
+        st.sampled_from(sorted({*COMMANDS, *PROGRAM_COMMANDS} - {"SH"})),
         st.sampled_from(["", "A", "AB", "A=", " ", "#P", "X[]", "X[", " _TPA", "1,", "*="]),
         st.text(alphabet='AB01259-+*/%&|()[]"?,.$_@XTPM ', max_size=12),
         st.sampled_from(["\r", ";", "\r#P\r", "\\"]),

@@ -157,9 +157,3 @@ def test_a_refused_begin_starts_neither_axis(bench):
     bench.accept("SHA", "PR 100,100")
     assert bench.refusal("BG AB") == 20
     assert not bench.firmware.moving
-
-
-def test_sample_period_follows_tm(bench):
-    assert bench.firmware.sample_period == 1 / 1024
-    bench.accept("TM 500")
-    assert bench.firmware.sample_period == 0.5 / 1024

@@ -105,7 +105,7 @@ def test_a_trip_point_releases_the_rest_of_its_line(bench):
     bench.tick(20)
     assert bench.outputs == []
     assert bench.send("MG _XQ3,_XQ0,_HX3") == " 1.0000 -1.0000 1.0000\r\n:"
-    bench.firmware.set_input(2, False)
+    bench.firmware.inputs[1] = False
     bench.run()
     assert bench.outputs == [(20, 1, True), (30, 1, False)]
 

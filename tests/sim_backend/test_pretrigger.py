@@ -3,6 +3,7 @@
 import time
 
 import numpy as np
+import pytest
 
 from sautereau.daq.file.reading import read_recording
 from sautereau.daq.source.acquisition import Acquisition
@@ -24,10 +25,22 @@ def edge(stand_in):
     stand_in.bench.receive(f"SB {stand_in.rig.controller.trigger_output}\r".encode())
 
 
+@pytest.fixture
+def reader():
+    """A continuous acquisition that has been started, and its stand-in."""
+    with (
+        StandIn(load_rig(), load_scene("ideal")) as stand_in,
+        Acquisition(stand_in.rig.daq, None, triggered=False) as acquisition,
+    ):
+        acquisition.start()
+        yield acquisition.blocks(), stand_in
+
+
 def test_a_press_is_the_same_with_and_without_a_pretrigger(tmp_path):
     found = []
+    scene = load_scene("ideal").model_copy(update={"sensors": load_scene("paper").sensors})
     for before in (0.0, 0.03):
-        with StandIn(RIG, load_scene("paper")) as stand_in:
+        with StandIn(RIG, scene) as stand_in:
             rig = changed(stand_in.rig, pre_trigger=before)
             (path,) = run_session(
                 rig, plan_press(rig), GalilController(rig), tmp_path / str(before), 1
@@ -54,28 +67,18 @@ def test_an_edge_before_there_are_enough_samples_is_ignored():
             assert first.first_sample == -1536
 
 
-def test_time_does_not_run_far_ahead_of_a_continuous_reader():
-    with (
-        StandIn(load_rig(), load_scene("ideal")) as stand_in,
-        Acquisition(stand_in.rig.daq, None, triggered=False) as acquisition,
-    ):
-        acquisition.start()
-        blocks = acquisition.blocks()
-        for _ in range(5):
-            next(blocks)
-        assert stand_in.bench.world.time < 1
+def test_time_does_not_run_far_ahead_of_a_continuous_reader(reader):
+    blocks, stand_in = reader
+    for _ in range(5):
+        next(blocks)
+    assert stand_in.bench.world.time < 1
 
 
-def test_a_reader_that_returns_restarts_the_clock():
-    with (
-        StandIn(load_rig(), load_scene("ideal")) as stand_in,
-        Acquisition(stand_in.rig.daq, None, triggered=False) as acquisition,
-    ):
-        acquisition.start()
-        blocks = acquisition.blocks()
-        for _ in range(2):
-            while stand_in.bench.busy:  # until simulated time is as far ahead as allowed
-                next(blocks, None)
-                time.sleep(0.05)
-            got = [next(blocks).first_sample for _ in range(15)]
-            assert np.diff(got).tolist() == [stand_in.rig.daq.block] * 14
+def test_a_reader_that_returns_restarts_the_clock(reader):
+    blocks, stand_in = reader
+    for _ in range(2):
+        while stand_in.bench.busy:  # until simulated time is as far ahead as allowed
+            next(blocks, None)
+            time.sleep(0.05)
+        got = [next(blocks).first_sample for _ in range(15)]
+        assert np.diff(got).tolist() == [stand_in.rig.daq.block] * 14

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from sautereau.rig.load import load_rig
+from sautereau.sim_backend.clock import FairLock
+from sautereau.sim_backend.devices.daqmx.card import TaskSetup
 from sautereau.sim_backend.devices.daqmx.runs import RunFault, SampledRun
-from sautereau.sim_backend.fair_lock import FairLock
 from sautereau.sim_backend.fault_tables import Drift, Faults, Speckle
 from sautereau.sim_backend.physics.events import Motions
 from sautereau.sim_backend.scene import load_scene
@@ -40,11 +41,20 @@ def motions(sample):
 
 
 def armed(rig, *, n=2000, terminals=("ai0", "ai1"), rate=51_200.0, **others):
-    sensors, faults = others.get("sensors"), others.get("faults")
-    rig = rig if sensors else load_scene("ideal").as_wired(rig)
+    scene = load_scene("ideal").model_copy(
+        update={name: others.get(name) for name in ("sensors", "faults")}
+    )
+    setup = TaskSetup(terminals, rate, n, None)
     seed = others.get("seed", 5)
     rest = Motions(*np.zeros((4, 1)), np.array([0.3]), np.zeros(1))
-    return SampledRun(rig, terminals, rate, n, sensors, seed, 0, rest, FairLock(), faults)
+    return SampledRun(scene.as_wired(rig), setup, scene, seed, 0, rest, FairLock())
+
+
+def triggered(rig, samples=0, **others):
+    run = armed(rig, **others)
+    run.trigger(0.0)
+    play(run, samples)
+    return run
 
 
 def play(run, samples, first=0, releases=()):
@@ -81,18 +91,13 @@ def test_samples_begin_at_the_trigger(rig):
 
 
 def test_no_more_samples_than_asked_for(rig):
-    run = armed(rig, n=77)
-    run.trigger(0.0)
-    play(run, 10)
+    run = triggered(rig, 10, n=77)
     assert run.wait_for(1000, 0) == 77
     assert run.read(0, 77).shape == (2, 77)
 
 
 def test_terminals_come_in_the_order_asked_for(rig):
-    both, turned = armed(rig), armed(rig, terminals=("ai1", "ai0"))
-    for run in (both, turned):
-        run.trigger(0.0)
-        play(run, 10)
+    both, turned = triggered(rig, 10), triggered(rig, 10, terminals=("ai1", "ai0"))
     np.testing.assert_array_equal(both.read(0, 400), turned.read(0, 400)[::-1])
 
 
@@ -100,8 +105,7 @@ def test_terminals_come_in_the_order_asked_for(rig):
 def test_any_rate(rig, rate):
     """Also one that gives no sample at all in some controller samples."""
     n = int(0.09 * rate)
-    run = armed(rig, rate=rate, n=n)
-    run.trigger(0.0)
+    run = triggered(rig, rate=rate, n=n)
     counts = []
     for sample in range(100):
         play(run, 1, first=sample)
@@ -114,16 +118,14 @@ def test_any_rate(rig, rate):
 
 
 def test_a_second_edge_changes_nothing(rig):
-    run = armed(rig)
-    run.trigger(0.0)
+    run = triggered(rig)
     run.trigger(0.5)
     assert run.trigger_time == 0.0
 
 
 def test_a_release_is_sharp(rig):
     """The force falls between two samples, wherever in the controller's sample that is."""
-    run = armed(rig, n=1000)
-    run.trigger(0.0)
+    run = triggered(rig, n=1000)
     release = 10.437 * PERIOD
     for sample in range(25):
         there = motions(sample)
@@ -143,9 +145,7 @@ def test_a_release_is_sharp(rig):
 @pytest.mark.parametrize("random", [{"sensors": SENSORS}, {"faults": Faults(speckle=SPECKLE)}])
 def test_the_same_seed_gives_the_same_bits_whatever_is_read(rig, random):
     """Of the noise, and of the drop-outs."""
-    one, other, third = (armed(rig, **random, seed=seed) for seed in (5, 5, 6))
-    for run in (one, other, third):
-        run.trigger(0.0)
+    one, other, third = (triggered(rig, **random, seed=seed) for seed in (5, 5, 6))
     for sample in range(30):
         for run in (one, other, third):
             play(run, 1, first=sample)
@@ -155,26 +155,20 @@ def test_the_same_seed_gives_the_same_bits_whatever_is_read(rig, random):
 
 
 def test_channels_have_noise_of_their_own(rig):
-    run = armed(rig, sensors=SENSORS, n=2000)
-    run.trigger(0.0)
-    play(run, 45)
+    run = triggered(rig, 45, sensors=SENSORS, n=2000)
     velocity, newtons = np.diff(run.read(0, 2000), 2)
     assert abs(np.corrcoef(velocity, newtons)[0, 1]) < 0.1
 
 
 def test_reading_gives_a_copy(rig):
-    run = armed(rig)
-    run.trigger(0.0)
-    play(run, 10)
+    run = triggered(rig, 10)
     block = run.read(0, 100)
     block[:] = 0
     assert np.any(run.read(0, 100) != 0)
 
 
 def test_stopping_ends_it(rig):
-    run = armed(rig)
-    run.trigger(0.0)
-    play(run, 3)
+    run = triggered(rig, 3)
     there = run.wait_for(0, 0)
     run.stop()
     play(run, 3, first=3)
@@ -192,10 +186,8 @@ def test_a_stopped_run_is_not_triggered(rig):
 
 def test_a_run_that_is_not_read_computes_nothing(rig):
     """And one that is read in pieces, in any order, has the samples of one complete read."""
-    whole, parts = armed(rig, sensors=SENSORS), armed(rig, sensors=SENSORS)
+    whole, parts = (triggered(rig, 41, sensors=SENSORS) for _ in range(2))
     for run in (whole, parts):
-        run.trigger(0.0)
-        play(run, 41)
         assert run._computed == 0
         assert run.wait_for(2000, 0) == 2000
     pieces = [parts.read(0, 1), parts.read(1, 1022), parts.read(1023, 700), parts.read(1723, 277)]
@@ -204,9 +196,7 @@ def test_a_run_that_is_not_read_computes_nothing(rig):
 
 
 def test_a_read_beyond_what_is_there_gives_what_is_there(rig):
-    run = armed(rig)
-    run.trigger(0.0)
-    play(run, 5)
+    run = triggered(rig, 5)
     there = run.wait_for(0, 0)
     assert run.read(there - 3, 100).shape == (2, 3)
     assert run.read(there, 100).shape == (2, 0)
@@ -227,18 +217,14 @@ def test_a_fault_ends_the_run_at_its_sample(rig):
 
 def test_a_fault_of_the_sensor_is_in_the_samples(rig):
     faults = Faults(drift=Drift.model_construct(rate=2.0))
-    good, bad = armed(rig), armed(rig, faults=faults)
-    for run in (good, bad):
-        run.trigger(0.0)
-        play(run, 20)
+    good, bad = triggered(rig, 20), triggered(rig, 20, faults=faults)
     off = bad.read(0, 900) - good.read(0, 900)
     assert not off[0].any()
     np.testing.assert_allclose(off[1], 2 * np.arange(900) / 51_200, atol=1e-12)
 
 
 def test_a_waiting_thread_is_noticed(rig):
-    run = armed(rig)
-    run.trigger(0.0)
+    run = triggered(rig)
     waiter = threading.Thread(target=run.wait_for, args=(200, 10))
     waiter.start()
     while not run._requested:

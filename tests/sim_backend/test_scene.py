@@ -104,16 +104,6 @@ def test_all_faults_are_reported_at_once():
         ('plectrum = "none"', 'plectrum = "elastica"', "set both or neither"),
         ('"ideal"', '"servo"', r"needs the table \[servo\]"),
         ('"ideal"', '"servo"\nsensors = { hum = "1 V" }', r"sensors\.hum"),
-    ],
-)
-def test_a_fault_names_its_key(old, new, words):
-    with pytest.raises(SceneError, match=words):
-        parse_scene(MUTE.replace(old, new))
-
-
-@pytest.mark.parametrize(
-    ("old", "new", "words"),
-    [
         ('step = "100 us"', "", "step, accuracy: neither is given"),
         ("iterations = 10", 'accuracy = "10 us"', "step, accuracy: both are given"),
         (
@@ -124,10 +114,15 @@ def test_a_fault_names_its_key(old, new, words):
         ('step = "100 us"', 'accuracy = "5 mm"', r"accuracy: '5 mm' has the dimension \[length\]"),
         ('step = "100 us"', 'accuracy = "20 ms"', "accuracy: '20 ms' must lie between 0 and 10 ms"),
         ('"ideal"', '"servo"\nengine = "reduced"', r'engine: "reduced" is .*use engine = "rigid"'),
+        (
+            '"ideal"\nplectrum = "none"',
+            '"servo"\nplectrum = "rods"',
+            r"(?s)2 faults.*\[servo\].*set both",
+        ),
         ('"ideal"', '"push"', r'finger: "push" needs the table \[push\]'),
     ],
 )
-def test_contradicting_parts_are_refused(old, new, words):
+def test_a_fault_names_its_key(old, new, words):
     with pytest.raises(SceneError, match=words):
         parse_scene(MUTE.replace(old, new))
 
@@ -139,12 +134,6 @@ def test_a_part_without_values_is_refused(rig, part):
     scene.true_rig(rig)
     with pytest.raises(SceneError, match=rf"no table \[jack\.{part}\]; add it, or set {part} = f"):
         scene.true_rig(bare)
-
-
-def test_both_contradictions_are_reported():
-    text = MUTE.replace('"ideal"', '"servo"').replace('string = "none"', 'string = "spring"')
-    with pytest.raises(SceneError, match=r"(?s)2 faults.*\[servo\].*set both"):
-        parse_scene(text)
 
 
 def test_truth_overrides_the_rig(rig):

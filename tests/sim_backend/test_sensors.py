@@ -159,24 +159,26 @@ def test_the_range_clips():
     assert np.mean(np.abs(volts) > 3.999) > 0.5
 
 
+STEP = 2 * ADC_RANGE / 2**24
+"""V, of a converter with 24 bits over +-10 V."""
+
+
 def test_the_converter_stays_within_its_codes():
-    """24 bits over +-10 V: no code above +10 V less one step."""
-    step = 20 / 2**24
+    """No code is above +10 V less one step."""
     sensor = fed(chain(FORCE, SILENT, range=50.0), lambda t: 1000 * np.sin(300 * t), 0.1)
     volts = sensor.volts(0, 5000)
-    assert volts.max() == ADC_RANGE - step
+    assert volts.max() == ADC_RANGE - STEP
     assert volts.min() == -ADC_RANGE
 
 
 def test_the_converter_rounds_to_its_step():
-    step = 20 / 2**24
     sensor = fed(chain(FORCE, SILENT), lambda t: 0.37 * t, 0.1)
     volts = sensor.volts(0, 5000)
-    codes = volts / step
+    codes = volts / STEP
     np.testing.assert_array_equal(codes, np.rint(codes))
     error = volts - 0.37 * np.arange(5000) / RATE
-    assert np.abs(error).max() <= step / 2 * (1 + 1e-6)
-    assert error.std() == pytest.approx(step / math.sqrt(12), rel=0.05)
+    assert np.abs(error).max() <= STEP / 2 * (1 + 1e-6)
+    assert error.std() == pytest.approx(STEP / math.sqrt(12), rel=0.05)
 
 
 def test_without_sensors_nothing_is_added():
@@ -199,18 +201,13 @@ def test_the_same_seed_gives_the_same_bits():
     assert np.any(noisy(3).volts(0, 5000) != noisy(4).volts(0, 5000))
 
 
-@pytest.mark.parametrize("block", [1, 7, 50, 4999])
+@pytest.mark.parametrize("block", [1, 50, 4999])
 def test_blocks_do_not_change_a_bit(block):
     whole, parts = noisy(), noisy()
     expected = whole.volts(0, 5000)
+    assert parts.volts(0, 0).shape == (0,)
     found = [parts.volts(i, min(block, 5000 - i)) for i in range(0, 5000, block)]
     np.testing.assert_array_equal(np.concatenate(found), expected)
-
-
-def test_an_empty_block_is_harmless():
-    one, other = noisy(), noisy()
-    assert other.volts(0, 0).shape == (0,)
-    np.testing.assert_array_equal(one.volts(0, 100), other.volts(0, 100))
 
 
 @pytest.mark.parametrize(("channel", "corner"), [(VELOCITY, 0.5), (FORCE, 0.1), (VELOCITY, 1.0)])

@@ -42,7 +42,16 @@ class TaskSetup:
 
 
 class Run(Protocol):
-    """A started acquisition."""
+    """A started acquisition.
+
+    The samples of a pre-trigger acquisition are counted from the first one kept, before the edge,
+    and can be read once all of them are acquired.
+    """
+
+    @property
+    def acquired(self) -> int:
+        """Samples of each channel acquired since the start, kept or not."""
+        ...
 
     def wait_for(self, n: int, timeout: float) -> int:
         """Return the number of acquired samples per channel, after waiting for ``n`` of them.
@@ -58,19 +67,6 @@ class Run(Protocol):
 
     def stop(self) -> None:
         """End the acquisition; harmless when it has ended."""
-        ...
-
-
-class PreTriggerAcquisition(Run, Protocol):
-    """A started pre-trigger acquisition.
-
-    Samples are counted from the first one kept, before the edge, and can be read once all of
-    them are acquired.
-    """
-
-    @property
-    def acquired(self) -> int:
-        """Samples of each channel acquired since the start, kept or not."""
         ...
 
 
@@ -101,7 +97,7 @@ class Card(Protocol):
 class PreTriggerCard(Card, Protocol):
     """A DAQ device with a reference trigger, which not all devices have."""
 
-    def start_pretrigger(self, setup: TaskSetup, before: int) -> PreTriggerAcquisition:
+    def start_pretrigger(self, setup: TaskSetup, before: int) -> Run:
         """Start an acquisition that keeps ``before`` samples before its trigger's edge.
 
         An edge that comes earlier is ignored.

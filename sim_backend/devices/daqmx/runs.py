@@ -1,18 +1,19 @@
-"""An acquisition on the simulated card: armed, triggered, and computed when it is read."""
+"""Acquisitions on the simulated card: armed, triggered, and computed when they are read."""
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
 
 import numpy as np
 
 from sautereau.rig.schema import Rig
-from sautereau.sim_backend.devices.daqmx.card import ENDLESS
-from sautereau.sim_backend.fair_lock import FairLock
+from sautereau.sim_backend.clock import FairLock
+from sautereau.sim_backend.devices.daqmx.card import ENDLESS, TaskSetup
 from sautereau.sim_backend.fault_tables import Faults
-from sautereau.sim_backend.parts import Sensors
 from sautereau.sim_backend.physics.events import Motions
+from sautereau.sim_backend.scene import Scene
 from sautereau.sim_backend.sensors.chain import SensorChain
-from sautereau.sim_backend.sensors.simulated import simulated_quantity
+from sautereau.sim_backend.sensors.simulated import SIMULATED
 from sautereau.trajectory.motion import Floats
 
 AHEAD = 10_000
@@ -34,32 +35,26 @@ class SampledRun:
 
     Args:
         rig: The simulated bench, with the calibrations of its sensors.
-        terminals: Analog inputs, in order.
-        rate: Hz.
-        n_samples: Samples of each channel.
-        sensors: Noise and hum; None for ideal sensors.
+        setup: Analog inputs, rate and number of samples.
+        scene: Its sensors, ideal where it has none, and their faults.
         seed: Of the noise.
         number: Of the run, so that each has different noise.
         rest: Motion of the bench just before; None where it has been at rest without a force.
         lock: Guards the bench; notified whenever requested samples are complete.
-        faults: Of the sensors.
     """
 
     def __init__(
         self,
         rig: Rig,
-        terminals: tuple[str, ...],
-        rate: float,
-        n_samples: int,
-        sensors: Sensors | None,
+        setup: TaskSetup,
+        scene: Scene,
         seed: int,
         number: int,
         rest: Motions | None,
         lock: FairLock,
-        faults: Faults | None = None,
     ):
-        self.n_samples = n_samples
-        self.rate = rate
+        self.n_samples = n_samples = setup.n_samples
+        self.rate = setup.rate
         self.trigger_time: float | None = None
         """s, simulated."""
         self.stopped = False
@@ -70,20 +65,23 @@ class SampledRun:
         self._lock = lock
         by_terminal = {channel.terminal: channel for channel in rig.daq.channels}
         self._chains: list[SensorChain] = []
-        self._simulated = [simulated_quantity(by_terminal[name].quantity) for name in terminals]
+        self._simulated = [SIMULATED.get(by_terminal[name].quantity) for name in setup.terminals]
         self._sources = [simulated.source(rig) for simulated in self._simulated]
-        for i, (name, simulated) in enumerate(zip(terminals, self._simulated, strict=True)):
+        for i, (name, simulated) in enumerate(zip(setup.terminals, self._simulated, strict=True)):
             value = 0.0
             if simulated.static and rest is not None:
                 value = float(simulated.source(rig)(rest)[-1])
             key = np.random.SeedSequence(seed, spawn_key=(2, number, i))
-            disturbances = simulated.faults(faults, np.random.default_rng(key)) if faults else ()
+            faults = scene.faults or Faults.model_construct()
+            disturbances = simulated.faults(faults, np.random.default_rng(key))
             random = np.random.default_rng([seed, number, i])
             self._chains.append(
-                SensorChain(by_terminal[name], sensors, rate, value, random, disturbances)
+                SensorChain(
+                    by_terminal[name], scene.sensors, setup.rate, value, random, disturbances
+                )
             )
         self._fed: list[tuple[Motions, Sequence[float]]] = []
-        self._volts = np.empty((len(terminals), 0))
+        self._volts = np.empty((len(setup.terminals), 0))
         self._computed = self._done = 0
         self._requested: list[int] = []
         self._goal = n_samples if n_samples < ENDLESS else 0
@@ -108,6 +106,11 @@ class SampledRun:
     def due(self) -> bool:
         """Whether a thread waits for samples that are complete."""
         return bool(self._requested) and min(self._requested) <= self._readable
+
+    @property
+    def acquired(self) -> int:
+        """Samples of each channel acquired since the start, kept or not."""
+        return self._done
 
     @property
     def _readable(self) -> int:
@@ -197,3 +200,54 @@ class SampledRun:
         parts = zip(self._chains, self._sources, self._simulated, strict=True)
         for chain, source, simulated in parts:
             chain.input.extend(times, source(motions), jumps if simulated.jumps else ())
+
+
+class PreTriggerRun(SampledRun):
+    """A pre-trigger acquisition: samples of the bench from its start on, kept around the edge.
+
+    Construct it as a `SampledRun`, then call `begin`.
+    """
+
+    def begin(self, time: float, before: int) -> None:
+        """Sample from a simulated time [s] on; keep ``before`` samples before the edge."""
+        self._before = before
+        self._first: int | None = None
+        super().trigger(time)
+        self._end = before
+
+    @property
+    def waiting_for_trigger(self) -> bool:
+        """Whether an edge on the trigger's terminal would be accepted."""
+        return self._first is None and not self.stopped and not self.unwired
+
+    @property
+    def over(self) -> bool:
+        """Whether no further sample will be acquired."""
+        return self.stopped or (self._first is not None and self._done >= self._end)
+
+    def trigger(self, time: float, fault: RunFault | None = None) -> None:
+        """Accept an edge at a simulated time [s], if enough samples lie before it."""
+        if self._first is not None or self.stopped or self.trigger_time is None:
+            return
+        edge = math.ceil((time - self.trigger_time) * self.rate * (1 - 1e-12))
+        if edge < self._before:
+            return
+        self._first = edge - self._before
+        self._fault = fault
+        kept = self.n_samples if fault is None else min(fault.sample, self.n_samples)
+        self._end = self._first + kept
+
+    @property
+    def _readable(self) -> int:
+        """All samples once they are complete, none before."""
+        complete = self._first is not None and self._done >= self._end
+        return self._end - (self._first or 0) if complete else 0
+
+    @property
+    def _last(self) -> int:
+        """Samples after which no more are taken."""
+        return ENDLESS if self._first is None else self._end
+
+    def read(self, first: int, n: int) -> Floats:
+        """Return samples [V], counted from the first one kept, shape (n_channels, n)."""
+        return super().read(first + (self._first or 0), n)

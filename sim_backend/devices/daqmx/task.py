@@ -13,7 +13,6 @@ from sautereau.sim_backend.devices.daqmx.card import (
     ENDLESS,
     Card,
     DaqmxError,
-    PreTriggerAcquisition,
     PreTriggerCard,
     Run,
     TaskSetup,
@@ -58,8 +57,6 @@ class CardTask:
     relative: int = _CURRENT
     """Reference of a read: the last sample read, or the first one before the edge."""
     run: Run | None = None
-    around: PreTriggerAcquisition | None = None
-    """The run, where it has a reference trigger."""
     position: int = 0
     """Samples of each channel read so far."""
 
@@ -188,7 +185,7 @@ class CardTask:
 
     def stop(self) -> None:
         """End the run, if any."""
-        run, self.run, self.around = self.run, None, None
+        run, self.run = self.run, None
         if run is not None:
             run.stop()
 
@@ -263,15 +260,13 @@ class CardTask:
 
     def acquired(self) -> int:
         """Return the samples of each channel acquired since the start."""
-        if self.around is not None:
-            return self.around.acquired
-        return self.position + self.available()
+        return self.position if self.run is None else self.run.acquired
 
     def _launch(self, rate: float, n_samples: int, trigger: str | None) -> None:
         setup = TaskSetup(tuple(self.channels.values()), rate, n_samples, trigger)
-        self.position, self.around = 0, None
+        self.position = 0
         if self.before is not None and isinstance(self.card, PreTriggerCard):
-            self.run = self.around = self.card.start_pretrigger(setup, self.before)
+            self.run = self.card.start_pretrigger(setup, self.before)
         else:
             self.run = self.card.start(setup)
 

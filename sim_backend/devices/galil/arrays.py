@@ -46,11 +46,14 @@ class Arrays:
         if name == "*":
             self._values.clear()
         else:
-            del self._values[self._known(name)]
+            self.values(name)
+            del self._values[name]
 
     def values(self, name: str) -> list[float]:
         """Return an array itself, into which a capture writes."""
-        return self._values[self._known(name)]
+        if name not in self._values:
+            raise CommandError(82)
+        return self._values[name]
 
     def element(self, name: str, index: float) -> float:
         """Return one element; index -1 is the array's length."""
@@ -67,11 +70,6 @@ class Arrays:
         if index < 0:
             raise CommandError(56)
         self.values(name)[int(index)] = value
-
-    def _known(self, name: str) -> str:
-        if name not in self._values:
-            raise CommandError(82)
-        return name
 
 
 class Capture:

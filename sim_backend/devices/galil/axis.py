@@ -16,6 +16,7 @@ from sautereau.sim_backend.devices.galil.motion import (
     trapezoid,
 )
 
+AXES = "AB"
 LARGEST = 2**31 - 1
 """Counts, the end of the controller's 32-bit positions."""
 

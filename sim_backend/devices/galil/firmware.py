@@ -7,8 +7,7 @@ only clock of the firmware is `GalilFirmware.tick`.
 """
 
 from sautereau.rig.schema import Rig
-from sautereau.sim_backend.devices.cubic import along
-from sautereau.sim_backend.devices.emulators import OnOutput, Plant
+from sautereau.sim_backend.devices.emulators import OnOutput, Plant, along
 from sautereau.sim_backend.devices.galil.commands.table import execute, execute_in_program
 from sautereau.sim_backend.devices.galil.faults import CommandError
 from sautereau.sim_backend.devices.galil.machine import Machine
@@ -19,11 +18,11 @@ _RETURN, _FEED, _BACKSLASH = b"\r\n\\"
 
 
 def emulate(rig: Rig, plant: Plant, on_output: OnOutput, paced: bool) -> "GalilFirmware":
-    """Return the controller at power-up; arguments of `new_emulator`."""
+    """Return the controller at power-up; see `EMULATORS`."""
     return GalilFirmware(plant, on_output=on_output, host_waits=not paced)
 
 
-class GalilFirmware:
+class GalilFirmware(Machine):
     """A controller at power-up: motors off, outputs low, echo on.
 
     It is not thread-safe: guard `receive` and `tick` by one lock.
@@ -44,14 +43,14 @@ class GalilFirmware:
         on_output: OnOutput,
         host_waits: bool = False,
     ) -> None:
-        self._machine = Machine(plant, revision, on_output, execute_in_program, host_waits)
+        super().__init__(plant, revision, on_output, execute_in_program, host_waits)
         self._line = bytearray()
         self._after_download = False
 
     @property
     def motors_on(self) -> tuple[bool, bool]:
         """Whether each axis is powered."""
-        first, second = self._machine.axes
+        first, second = self.axes
         return first.motor_on, second.motor_on
 
     @property
@@ -60,66 +59,33 @@ class GalilFirmware:
 
         A looping program that the host started, such as a watchdog, does not count.
         """
-        machine = self._machine
-        if machine.in_motion or machine.capture.running:
+        if self.in_motion or self.capture.running:
             return True
-        return any(not thread.resident for thread in machine.threads.values())
+        return any(not thread.resident for thread in self.threads.values())
 
     @property
     def watching(self) -> bool:
         """Whether any program runs."""
-        return bool(self._machine.threads)
+        return bool(self.threads)
 
     @property
     def held(self) -> bool:
         """Whether simulated time must not advance: never, all motions are in the controller."""
         return False
 
-    @property
-    def sample_period(self) -> float:
-        """Seconds of one sample: TM in microseconds, of which a thousand last 1/1024 s."""
-        return self._machine.sample_time / 1000 / 1024
-
-    @property
-    def samples(self) -> int:
-        """Samples ticked since power-up."""
-        return self._machine.samples
-
-    def set_input(self, number: int, level: bool) -> None:
-        """Set a digital input, numbered from 1; at power-up all are high, being pulled up."""
-        self._machine.inputs[number - 1] = level
-
-    def tick(self) -> None:
-        """Do one controller sample.
-
-        Programs, the error limit and the capture see the encoders at the start of the sample;
-        the profilers then advance to its end.
-        """
-        self._machine.tick()
-
     def reference(self, fractions: Floats) -> tuple[Floats, Floats]:
-        """Return the reference within the sample last ticked, before any tick its start.
-
-        With a motor off it is the encoder's position at that tick.
-
-        Args:
-            fractions (array): shape (k,), of the sample, 0 to 1; also extrapolated beyond 1.
-
-        Returns:
-            Positions [raw encoder counts] and velocities [counts per sample], shapes (k, 2).
-        """
-        return along((axis.cubic for axis in self._machine.axes), fractions)
+        """Return the reference within the sample last ticked; see `Emulator`."""
+        return along((axis.cubic for axis in self.axes), fractions)
 
     def receive(self, data: bytes) -> bytes:
         """Take bytes from the host; return what the controller sends back.
 
         Messages of programs since the last call come first.
         """
-        machine = self._machine
-        answer = bytearray(machine.unsolicited.encode("latin-1", "replace"))
-        machine.unsolicited = ""
+        answer = bytearray(self.unsolicited.encode("latin-1", "replace"))
+        self.unsolicited = ""
         for byte in data:
-            if machine.download is not None:
+            if self.download is not None:
                 answer += self._download(byte)
                 continue
             if self._after_download:
@@ -128,7 +94,7 @@ class GalilFirmware:
                     continue
             if byte == _FEED:
                 continue
-            if machine.echo:
+            if self.echo:
                 answer.append(byte)
             if byte == _RETURN:
                 answer += self._answer_line()
@@ -139,18 +105,17 @@ class GalilFirmware:
     def _answer_line(self) -> bytes:
         line = self._line.decode("latin-1")
         self._line.clear()
-        machine = self._machine
         if len(line) > LINE_LENGTH:
-            machine.error_code = 5
+            self.error_code = 5
             return b"?"
         answer = ""
         for command in split_commands(line):
             try:
-                reply = execute(machine, command)
+                reply = execute(self, command)
             except CommandError as error:
-                machine.error_code = error.code
+                self.error_code = error.code
                 return (answer + "?").encode("latin-1")
-            if machine.download is not None:
+            if self.download is not None:
                 return answer.encode("latin-1")
             answer += ":" if reply is None else f"{reply}\r\n:"
         return (answer or ":").encode("latin-1")
@@ -160,17 +125,16 @@ class GalilFirmware:
 
         Nothing is echoed or answered before the end.
         """
-        machine = self._machine
-        if machine.download is not None and byte != _BACKSLASH:
+        if self.download is not None and byte != _BACKSLASH:
             if byte != _FEED:
-                machine.download += chr(byte)
+                self.download += chr(byte)
             return b""
-        text, machine.download = machine.download or "", None
+        text, self.download = self.download or "", None
         self._after_download = True
         try:
-            machine.program = Program.parse(text)
+            self.program = Program.parse(text)
         except CommandError as error:
-            machine.program = Program()
-            machine.error_code = error.code
+            self.program = Program()
+            self.error_code = error.code
             return b"?"
         return b":"

@@ -1,11 +1,14 @@
 """The controller's grammar: numbers, expressions, per-axis lists, and how it writes numbers."""
 
+import operator
 import re
-from typing import Protocol
+from collections.abc import Callable
 
+from sautereau.sim_backend.devices.galil.axis import AXES
 from sautereau.sim_backend.devices.galil.faults import CommandError
+from sautereau.sim_backend.devices.galil.machine import Machine
+from sautereau.sim_backend.devices.galil.operands import function, operand, variable, whole
 
-AXES = "AB"
 LARGEST_NUMBER = 2.0**31
 """Largest magnitude of a number in the controller."""
 QUERY = "?"
@@ -15,32 +18,25 @@ _TOKEN = re.compile(
     r"|(?P<name>@?[A-Za-z][A-Za-z0-9]*)|(?P<sign>[-+*/%&|()\[\]])",
     re.ASCII,
 )
-
-
 _OPERATOR = re.compile(r"<=|>=|<>|[-+*/%&|<>=]")
+_OPERATIONS: dict[str, Callable[[float, float], float]] = {
+    "+": operator.add,
+    "-": operator.sub,
+    "*": operator.mul,
+    "/": operator.truediv,
+    "%": operator.mod,
+    "&": lambda left, right: int(left) & int(right),
+    "|": lambda left, right: int(left) | int(right),
+    "<": operator.lt,
+    ">": operator.gt,
+    "=": operator.eq,
+    "<>": operator.ne,
+    "<=": operator.le,
+    ">=": operator.ge,
+}
 _ASSIGNMENT = re.compile(
     r"(?P<name>[A-Za-z][A-Za-z0-9]{0,7}) *(?:\[(?P<index>[^=]*)\])? *=(?P<value>[^=].*)", re.ASCII
 )
-
-
-class Names(Protocol):
-    """The names that an expression can contain. Unknown ones raise `CommandError`."""
-
-    def operand(self, name: str) -> float:
-        """Return the value of an operand such as ``_TPA``."""
-        ...
-
-    def function(self, name: str, argument: float) -> float:
-        """Return the value of a function such as ``@OUT[n]``."""
-        ...
-
-    def element(self, name: str, index: float) -> float:
-        """Return an element of an array."""
-        ...
-
-    def variable(self, name: str) -> float:
-        """Return the value of a variable or keyword."""
-        ...
 
 
 class _Expression:
@@ -49,8 +45,8 @@ class _Expression:
     A comparison is 1 if it holds, otherwise 0.
     """
 
-    def __init__(self, text: str, names: Names) -> None:
-        self._text, self._names = text.replace(" ", ""), names
+    def __init__(self, text: str, machine: Machine) -> None:
+        self._text, self._machine = text.replace(" ", ""), machine
         self._at = 0
 
     def value(self) -> float:
@@ -77,7 +73,7 @@ class _Expression:
         if token["hex"]:
             return _bounded(float(int(text[1:], 16)))
         if token["operand"]:
-            return self._names.operand(text[1:])
+            return operand(self._machine, text[1:])
         if text == "-":
             return -self._term()
         if text == "+":
@@ -89,12 +85,12 @@ class _Expression:
         if self._peek() != "[":
             if text.startswith("@"):
                 raise CommandError(55)
-            return self._names.variable(text)
+            return variable(self._machine, text)
         self._at += 1
         index = self._closed("]", 55)
         if text.startswith("@"):
-            return _bounded(self._names.function(text, index))
-        return self._names.element(text, index)
+            return _bounded(function(self._machine, text, index))
+        return self._machine.arrays.element(text, index)
 
     def _closed(self, bracket: str, code: int) -> float:
         result = self._sum()
@@ -110,33 +106,7 @@ class _Expression:
 def _apply(sign: str, left: float, right: float) -> float:
     if sign in "/%" and right == 0:
         raise CommandError(6)
-    match sign:
-        case "+":
-            return left + right
-        case "-":
-            return left - right
-        case "*":
-            return left * right
-        case "/":
-            return left / right
-        case "%":
-            return left % right
-        case "&":
-            return float(int(left) & int(right))
-        case "|":
-            return float(int(left) | int(right))
-        case "<":
-            return float(left < right)
-        case ">":
-            return float(left > right)
-        case "=":
-            return float(left == right)
-        case "<>":
-            return float(left != right)
-        case "<=":
-            return float(left <= right)
-        case _:
-            return float(left >= right)
+    return float(_OPERATIONS[sign](left, right))
 
 
 def _bounded(value: float) -> float:
@@ -145,7 +115,7 @@ def _bounded(value: float) -> float:
     return value
 
 
-def evaluate(text: str, names: Names) -> float:
+def evaluate(text: str, machine: Machine) -> float:
     """Return the value of an expression.
 
     Raises:
@@ -153,20 +123,13 @@ def evaluate(text: str, names: Names) -> float:
     """
     if not text.strip(" "):
         raise CommandError(50)
-    return _Expression(text, names).value()
+    return _Expression(text, machine).value()
 
 
 def parse_assignment(text: str) -> tuple[str, str | None, str] | None:
     """Return name, index (None for a variable) and value of ``x=1`` or ``x[0]=1``, or None."""
     found = _ASSIGNMENT.fullmatch(text)
     return (found["name"], found["index"], found["value"]) if found else None
-
-
-def whole(value: float, low: float, high: float) -> int:
-    """Return ``value`` as an integer between ``low`` and ``high``; otherwise refuse with code 6."""
-    if value != int(value) or not low <= value <= high:
-        raise CommandError(6)
-    return int(value)
 
 
 def parse_axes(args: str) -> list[int]:
@@ -179,7 +142,7 @@ def parse_axes(args: str) -> list[int]:
     return sorted({AXES.index(letter) for letter in letters})
 
 
-def parse_list(args: str, names: Names) -> dict[int, float | None]:
+def parse_list(args: str, machine: Machine) -> dict[int, float | None]:
     """Return the values of ``1,2``, ``,2``, ``A=1`` or ``*=1`` by axis; None for ``?``.
 
     Raises:
@@ -201,7 +164,7 @@ def parse_list(args: str, names: Names) -> dict[int, float | None]:
         if text.strip(" ") == QUERY:
             values[axis] = None
         elif text or named:
-            values[axis] = evaluate(text, names)
+            values[axis] = evaluate(text, machine)
     return values
 
 
@@ -218,6 +181,19 @@ def split_arguments(args: str) -> list[str]:
     if quoted:
         raise CommandError(52)
     return [part.strip(" ") for part in parts]
+
+
+def integers(machine: Machine, args: str, *limits: tuple[float, float]) -> list[int]:
+    """Return the integer arguments, at least one, each within its limits.
+
+    Raises:
+        CommandError: An argument is out of its limits, or there are too many.
+    """
+    parts = split_arguments(args)
+    if len(parts) > len(limits):
+        raise CommandError(4)
+    pairs = zip(parts, limits, strict=False)
+    return [whole(evaluate(part, machine), low, high) for part, (low, high) in pairs]
 
 
 def write_number(value: float, decimals: int = 4) -> str:

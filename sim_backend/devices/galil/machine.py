@@ -42,6 +42,7 @@ class Machine:
         self.burned = Program()
         """The program that survives power-off."""
         self.inputs = [True] * INPUTS
+        """Levels of the digital inputs, which are pulled up."""
         self.outputs = [False] * OUTPUTS
         self.samples = 0
         """Samples since the start of the emulation."""
@@ -84,7 +85,7 @@ class Machine:
         """Return the counts that TP reports."""
         return self.plant.encoder_counts()[axis] + self.axes[axis].offset
 
-    def reference(self, axis: int) -> int:
+    def commanded(self, axis: int) -> int:
         """Return the counts that RP reports; with the motor off those of the position."""
         if not self.axes[axis].motor_on:
             return self.position(axis)
@@ -92,7 +93,7 @@ class Machine:
 
     def error(self, axis: int) -> int:
         """Return the following error that TE reports [counts]."""
-        return self.reference(axis) - self.position(axis)
+        return self.commanded(axis) - self.position(axis)
 
     def set_variable(self, name: str, value: float) -> None:
         """Set a variable; the first assignment creates it.
@@ -163,7 +164,8 @@ class Machine:
     def _run_threads(self) -> None:
         """Run the threads alternately, line by line, as many lines as fit into a sample."""
         self._lines = self._lines % 1 + self.sample_time * 1e-3 / 1024 / LINE_TIME
-        held = {number for number, thread in self.threads.items() if not self._may_run(thread)}
+        # A resident thread does not run while the host waits for rest.
+        held = {n for n, thread in self.threads.items() if self.host_waits and thread.resident}
         for number, thread in sorted(self.threads.items()):
             if number not in held and thread.wait is not None and not thread.waiting:
                 self._run_line(number, thread)  # the rest of a line whose time has been counted
@@ -175,10 +177,6 @@ class Machine:
             self._served = min(later or ready)
             self._lines -= 1
             self._run_line(self._served, self.threads[self._served])
-
-    def _may_run(self, thread: Thread) -> bool:
-        """Return whether a thread may run: a resident one not while the host waits for rest."""
-        return not (self.host_waits and thread.resident)
 
     def _run_line(self, number: int, thread: Thread) -> None:
         if not thread.running:

@@ -9,7 +9,7 @@ inside a PVT segment is the segment's own cubic.
 import math
 from collections import deque
 from enum import IntEnum
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 SAMPLES_PER_SECOND = 1024
 """The firmware's fixed ratio between counts per second and counts per sample, at any TM."""
@@ -45,19 +45,6 @@ class Segment(NamedTuple):
     """Controller samples; 0 ends the sequence."""
 
 
-class Profile(Protocol):
-    """A motion being executed."""
-
-    code: StopCode
-    """Answer of SC while it runs and after its end."""
-    done: bool
-    """Whether the axis is at rest at the end of the last step."""
-
-    def step(self) -> tuple[float, float]:
-        """Advance by one sample; return position [counts] and velocity [counts per sample]."""
-        ...
-
-
 class Ramp:
     """A motion of piecewise constant acceleration that ends at rest.
 
@@ -78,7 +65,9 @@ class Ramp:
         target: float | None = None,
     ) -> None:
         self.code = code
+        """Answer of SC while it runs and after its end."""
         self.done = not pieces
+        """Whether the axis is at rest at the end of the last step."""
         self._position, self._velocity = position, velocity
         self._pieces = deque(pieces)
         self._target = target
@@ -209,3 +198,7 @@ class Pvt:
         pieces = brake(self._start_velocity, self._deceleration)
         self._brake = Ramp(self._start, self._start_velocity, pieces, self.code)
         self.done = self._brake.done
+
+
+Profile = Ramp | Pvt
+"""A motion being executed."""

@@ -2,9 +2,8 @@
 
 from collections.abc import Callable
 
-from sautereau.sim_backend.devices.galil.axis import SETTINGS
+from sautereau.sim_backend.devices.galil.axis import AXES, SETTINGS
 from sautereau.sim_backend.devices.galil.faults import CommandError
-from sautereau.sim_backend.devices.galil.grammar import AXES, evaluate, split_arguments, whole
 from sautereau.sim_backend.devices.galil.machine import INPUTS, OUTPUTS, Machine
 from sautereau.sim_backend.devices.galil.program import THREADS
 
@@ -32,7 +31,7 @@ def switches(machine: Machine, axis: int) -> int:
 
 AXIS_OPERANDS: dict[str, Callable[[Machine, int], float]] = {
     "TP": Machine.position,
-    "RP": Machine.reference,
+    "RP": Machine.commanded,
     "TE": Machine.error,
     "TD": lambda machine, axis: machine.axes[axis].auxiliary,
     "TT": lambda machine, axis: machine.plant.torque_volts()[axis],
@@ -61,65 +60,49 @@ OPERANDS: dict[str, Callable[[Machine], float]] = {
 """Operands of the controller."""
 
 
-class Operands:
-    """The values of one controller's names."""
-
-    def __init__(self, machine: Machine) -> None:
-        self._machine = machine
-
-    def operand(self, name: str) -> float:
-        """Return the value of an operand, given without its underscore."""
-        machine, code, index = self._machine, name[:2], name[2:]
-        if code in ("XQ", "HX") and (index or "0") in "01234567"[:THREADS]:
-            thread = machine.threads.get(int(index or 0))
-            if code == "HX":
-                return float(thread is not None)
-            return float(-1 if thread is None else thread.line)
-        if not index and code in OPERANDS:
-            return float(OPERANDS[code](machine))
-        axis = AXES.find(index.replace("X", "A").replace("Y", "B")) if index else -1
-        if axis >= 0 and code in AXIS_OPERANDS:
-            return float(AXIS_OPERANDS[code](machine, axis))
-        if axis >= 0 and code in SETTINGS:
-            return machine.axes[axis].settings[code]
-        raise CommandError(58)
-
-    def function(self, name: str, argument: float) -> float:
-        """Return the value of @OUT, @IN, @ABS or @INT."""
-        machine = self._machine
-        match name:
-            case "@OUT":
-                return float(machine.outputs[whole(argument, 1, OUTPUTS) - 1])
-            case "@IN":
-                return float(machine.inputs[whole(argument, 1, INPUTS) - 1])
-            case "@ABS":
-                return abs(argument)
-            case "@INT":
-                return float(int(argument))
-        raise CommandError(57)
-
-    def element(self, name: str, index: float) -> float:
-        """Return an element of an array."""
-        return self._machine.arrays.element(name, index)
-
-    def variable(self, name: str) -> float:
-        """Return a variable, or TIME: samples since power-up, modulo 2^31."""
-        if name == "TIME":
-            return float(self._machine.samples % 2**31)
-        if name not in self._machine.variables:
-            raise CommandError(9)
-        return self._machine.variables[name]
+def operand(machine: Machine, name: str) -> float:
+    """Return the value of an operand such as ``_TPA``, given without its underscore."""
+    code, index = name[:2], name[2:]
+    if code in ("XQ", "HX") and (index or "0") in "01234567"[:THREADS]:
+        thread = machine.threads.get(int(index or 0))
+        if code == "HX":
+            return float(thread is not None)
+        return float(-1 if thread is None else thread.line)
+    if not index and code in OPERANDS:
+        return float(OPERANDS[code](machine))
+    axis = AXES.find(index.replace("X", "A").replace("Y", "B")) if index else -1
+    if axis >= 0 and code in AXIS_OPERANDS:
+        return float(AXIS_OPERANDS[code](machine, axis))
+    if axis >= 0 and code in SETTINGS:
+        return machine.axes[axis].settings[code]
+    raise CommandError(58)
 
 
-def integers(machine: Machine, args: str, *limits: tuple[float, float]) -> list[int]:
-    """Return the integer arguments, at least one, each within its limits.
+def function(machine: Machine, name: str, argument: float) -> float:
+    """Return the value of @OUT, @IN, @ABS or @INT."""
+    match name:
+        case "@OUT":
+            return float(machine.outputs[whole(argument, 1, OUTPUTS) - 1])
+        case "@IN":
+            return float(machine.inputs[whole(argument, 1, INPUTS) - 1])
+        case "@ABS":
+            return abs(argument)
+        case "@INT":
+            return float(int(argument))
+    raise CommandError(57)
 
-    Raises:
-        CommandError: An argument is out of its limits, or there are too many.
-    """
-    parts = split_arguments(args)
-    if len(parts) > len(limits):
-        raise CommandError(4)
-    names = Operands(machine)
-    pairs = zip(parts, limits, strict=False)
-    return [whole(evaluate(part, names), low, high) for part, (low, high) in pairs]
+
+def variable(machine: Machine, name: str) -> float:
+    """Return a variable, or TIME: samples since power-up, modulo 2^31."""
+    if name == "TIME":
+        return float(machine.samples % 2**31)
+    if name not in machine.variables:
+        raise CommandError(9)
+    return machine.variables[name]
+
+
+def whole(value: float, low: float, high: float) -> int:
+    """Return ``value`` as an integer between ``low`` and ``high``; otherwise refuse with code 6."""
+    if value != int(value) or not low <= value <= high:
+        raise CommandError(6)
+    return int(value)

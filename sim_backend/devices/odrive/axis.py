@@ -164,7 +164,8 @@ class OdriveAxis:
     def step(self, period: float) -> None:
         """Advance the setpoint by a sample [s]."""
         if self.state == State.HOMING and self.pressed:
-            self._end_homing()
+            self.zero = self.raw - self.settings["min_endstop.config.offset"] * self.per_turn
+            self.state, self.homed = State.IDLE, True
         before = self.setpoint
         if self.state == State.IDLE:
             self.setpoint = self.input = Setpoint(self.position, 0.0)
@@ -216,10 +217,6 @@ class OdriveAxis:
         speed = self.setpoint.velocity + change
         mean = speed - change / 2
         self.setpoint = Setpoint(self.setpoint.position + mean * period, speed)
-
-    def _end_homing(self) -> None:
-        self.zero = self.raw - self.settings["min_endstop.config.offset"] * self.per_turn
-        self.state, self.homed = State.IDLE, True
 
     def _set_cubic(self, before: Setpoint, period: float) -> None:
         """Set the cubic from the setpoint before a sample to that after it."""

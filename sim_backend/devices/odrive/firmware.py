@@ -8,13 +8,13 @@ Two properties are the stand-in's own, which no stock firmware has: `gpio1.state
 set a digital output, and `stand_in.wait` advances simulated time (docs/decisions/0006).
 """
 
+import functools
+import operator
 from collections.abc import Callable
 
 from sautereau.rig.schema import Rig
 from sautereau.sim_backend.devices.emulators import AMPLIFIER_VOLTS, OnOutput, Plant
-from sautereau.sim_backend.devices.odrive.machine import Machine
-from sautereau.sim_backend.devices.odrive.properties import value_of, write
-from sautereau.sim_backend.devices.odrive.words import checksum, number, numbers
+from sautereau.sim_backend.devices.odrive.machine import Machine, number
 
 _LINE = 256
 """Largest number of bytes in a line; a longer one is ignored."""
@@ -24,7 +24,7 @@ _VALUE = 9
 
 
 def emulate(rig: Rig, plant: Plant, on_output: OnOutput, paced: bool) -> "OdriveFirmware":
-    """Return the controller at power-up; arguments of `new_emulator`."""
+    """Return the controller at power-up; see `EMULATORS`."""
     counts = rig.arm.counts_per_revolution
     first, second = rig.arm.gear_ratios
     per_volt = rig.arm.torque_limit / AMPLIFIER_VOLTS
@@ -73,7 +73,7 @@ class OdriveFirmware(Machine):
 
     def _answer(self, line: str) -> bytes:
         text, star, given = line.partition(";")[0].partition("*")
-        if star and not (given.strip().isdecimal() and int(given) == checksum(text)):
+        if star and not (given.strip().isdecimal() and int(given) == _checksum(text)):
             return b""
         if not text:
             return b""
@@ -82,7 +82,7 @@ class OdriveFirmware(Machine):
         answer = ""
         for each in answers:
             each = each[:_ANSWER]
-            answer += f"{each}*{checksum(each)}\r\n" if star else f"{each}\r\n"
+            answer += f"{each}*{_checksum(each)}\r\n" if star else f"{each}\r\n"
         return answer.encode("latin-1")
 
     def _position(self, index: int, position: float, *rest: float) -> list[str]:
@@ -94,7 +94,8 @@ class OdriveFirmware(Machine):
         return []
 
     def _feedback(self, index: int, *rest: float) -> list[str]:
-        axis = self.seen(index)
+        axis = self.axes[index]
+        axis.raw = self.plant.encoder_counts()[index]
         return [f"{axis.position:.6f} {axis.velocity:.6f}"]
 
     def _update(self, index: int, *rest: float) -> list[str]:
@@ -119,7 +120,7 @@ class OdriveFirmware(Machine):
         words = text.split()
         if len(words) < 2:
             return ["invalid command format"]
-        value = value_of(self, words[1])
+        value = self.value_of(words[1])
         return ["invalid property" if value is None else value[:_VALUE]]
 
     def _write(self, text: str) -> list[str]:
@@ -129,13 +130,13 @@ class OdriveFirmware(Machine):
         name, word = words[1], words[2] if len(words) > 2 else None
         if name == "stand_in.wait":
             return self._wait(None if word is None else number(word))
-        return write(self, name, word)
+        return self.write(name, word)
 
     def _wait(self, seconds: float | None) -> list[str]:
         """Advance time; the answer makes the host wait until that is done."""
         if seconds is None or not self.stepped or not 0 <= seconds <= 60:
             return ["not implemented"]
-        self.grant(seconds)
+        self._granted += max(1, round(seconds / self.period))
         return [f"waiting {seconds:.6f}"]
 
 
@@ -143,7 +144,7 @@ def _for_axis(command: Callable[..., list[str]], least: int) -> Callable[[str], 
     """Return a command on a line whose leading numbers, at least ``least``, begin with an axis."""
 
     def carry_out(text: str) -> list[str]:
-        found = numbers(text)
+        found = _numbers(text)
         if len(found) < least:
             return ["invalid command format"]
         if found[0] not in (0, 1):
@@ -151,3 +152,18 @@ def _for_axis(command: Callable[..., list[str]], least: int) -> Callable[[str], 
         return command(int(found[0]), *found[1:])
 
     return carry_out
+
+
+def _checksum(text: str) -> int:
+    """Return the exclusive or of a line's bytes."""
+    return functools.reduce(operator.xor, text.encode("latin-1"), 0)
+
+
+def _numbers(text: str) -> list[float]:
+    """Return the leading numbers after a command's letter."""
+    found: list[float] = []
+    for word in text[1:].split():
+        if (value := number(word)) is None:
+            break
+        found.append(value)
+    return found

@@ -1,14 +1,27 @@
-"""The state of the emulated ODrive, and its update in every sample."""
+"""The state of the emulated ODrive: its update in every sample, and its properties by name."""
 
+import re
 from dataclasses import KW_ONLY, dataclass
 
-from sautereau.sim_backend.devices.cubic import along
-from sautereau.sim_backend.devices.emulators import OnOutput, Plant
-from sautereau.sim_backend.devices.odrive.axis import OdriveAxis
+from sautereau.sim_backend.devices.emulators import OnOutput, Plant, along
+from sautereau.sim_backend.devices.odrive.axis import TORQUE_CONSTANT, OdriveAxis
 from sautereau.trajectory.motion import Floats
 
 OUTPUTS = 8
 """Digital outputs, numbered from 1."""
+LARGEST = 1e10
+"""Largest magnitude of a number that is accepted."""
+_SUPPLY = 24.0  # V
+_INTEGERS = frozenset(
+    {
+        "config.enable_watchdog",
+        "controller.config.circular_setpoints",
+        "controller.config.control_mode",
+        "controller.config.input_mode",
+        "encoder.config.cpr",
+        "min_endstop.config.enabled",
+    }
+)
 
 
 @dataclass(eq=False)
@@ -78,25 +91,85 @@ class Machine:
             axis.step(self.period)
 
     def reference(self, fractions: Floats) -> tuple[Floats, Floats]:
-        """Return the reference within the sample last ticked; see `GalilFirmware`."""
+        """Return the reference within the sample last ticked; see `Emulator`."""
         return along((axis.cubic for axis in self.axes), fractions)
 
-    def grant(self, seconds: float) -> None:
-        """Allow time to advance by ``seconds``, at least by a sample."""
-        self._granted += max(1, round(seconds / self.period))
+    def value_of(self, name: str) -> str | None:
+        """Return the value of a property such as `axis0.error` as text, or None if there is none.
 
-    def set_output(self, number: int, level: bool) -> None:
-        """Set a digital output, numbered from 1."""
-        if self.outputs[number - 1] != level:
-            self.outputs[number - 1] = level
-            self.on_output(number, level)
+        `gpio1.state` to `gpio8.state` are the stand-in's own (docs/decisions/0006).
+        """
+        if (output := _output(name)) is not None:
+            return str(int(self.outputs[output - 1]))
+        if name == "vbus_voltage":
+            return f"{_SUPPLY:.6f}"
+        index, axis, rest = self._named(name)
+        if axis is None:
+            return None
+        if rest == "motor.current_control.Iq_setpoint":
+            torque = self.plant.torque_volts()[index] * self.torque_per_volt[index]
+            return f"{torque / TORQUE_CONSTANT:.6f}"
+        integers = {
+            "current_state": axis.state,
+            "error": axis.error,
+            "motor.error": 0,
+            "encoder.error": 0,
+            "controller.error": 0,
+            "controller.trajectory_done": axis.done,
+            "is_homed": axis.homed,
+            "min_endstop.endstop_state": axis.pressed,
+        }
+        if rest in integers:
+            return str(int(integers[rest]))
+        if rest not in axis.settings:
+            return None
+        value = axis.settings[rest]
+        return str(int(value)) if rest in _INTEGERS else f"{value:.6f}"
 
-    def seen(self, index: int) -> OdriveAxis:
-        """Return an axis that has just read its encoder."""
-        axis = self.axes[index]
-        axis.raw = self.plant.encoder_counts()[index]
-        return axis
+    def write(self, name: str, word: str | None) -> list[str]:
+        """Set a property to the value of a word; return the firmware's error messages."""
+        value = None if word is None else number(word)
+        output = _output(name)
+        _, axis, rest = self._named(name)
+        known = output is not None or (
+            axis is not None and (rest == "requested_state" or rest in axis.settings)
+        )
+        if not known:
+            return ["invalid property"]
+        if value is None:
+            return ["not implemented"]
+        if output is not None:
+            if self.outputs[output - 1] != (value != 0):
+                self.outputs[output - 1] = value != 0
+                self.on_output(output, value != 0)
+        elif axis is not None and rest == "requested_state":
+            axis.request(int(value))
+        elif axis is not None:
+            axis.settings[rest] = float(int(value)) if rest in _INTEGERS else value
+            if rest == "config.watchdog_timeout":
+                axis.feed()
+            axis.look_at_endstop()
+        return []
 
-    def torque(self, index: int) -> float:
-        """Return the torque [N m] that an axis commands."""
-        return self.plant.torque_volts()[index] * self.torque_per_volt[index]
+    def _named(self, name: str) -> tuple[int, OdriveAxis | None, str]:
+        """Return number and axis from the head of a property's name, and the rest of the name."""
+        head, _, rest = name.partition(".")
+        for index, axis in enumerate(self.axes):
+            if head == f"axis{index}":
+                return index, axis, rest
+        return 0, None, ""
+
+
+def _output(name: str) -> int | None:
+    """Return the number of the output whose level a property is."""
+    found = re.fullmatch(rf"gpio([1-{OUTPUTS}])\.state", name)
+    return int(found[1]) if found else None
+
+
+def number(word: str) -> float | None:
+    """Return a number, or None for a text that is none, or too large a number."""
+    try:
+        value = float(word)
+    except ValueError:
+        return None
+    return value if abs(value) <= LARGEST else None

@@ -5,16 +5,15 @@ import re
 from sautereau.sim_backend.devices.galil.axis import LARGEST, SETTINGS
 from sautereau.sim_backend.devices.galil.faults import CommandError
 from sautereau.sim_backend.devices.galil.grammar import (
-    evaluate,
+    integers,
     parse_axes,
     parse_list,
     split_arguments,
-    whole,
     write_list,
 )
 from sautereau.sim_backend.devices.galil.machine import Machine
 from sautereau.sim_backend.devices.galil.motion import Segment, StopCode
-from sautereau.sim_backend.devices.galil.operands import AXIS_OPERANDS, Operands
+from sautereau.sim_backend.devices.galil.operands import AXIS_OPERANDS, whole
 from sautereau.sim_backend.devices.galil.program import THREADS, Thread
 
 SEGMENT_DISTANCE = 44_000_000
@@ -28,7 +27,7 @@ SEGMENT_SAMPLES = 2048
 def setting(machine: Machine, name: str, args: str) -> str | None:
     """Set or report a number stored for every axis."""
     limits = SETTINGS[name]
-    values = parse_list(args, Operands(machine))
+    values = parse_list(args, machine)
     for value in values.values():
         if value is not None and not limits.low <= value <= limits.high:
             raise CommandError(6)
@@ -76,7 +75,7 @@ def define_position(machine: Machine, args: str, thread: Thread | None) -> str |
     if any(machine.axes[index].profile is not None for index in new):
         raise CommandError(7)
     for index, value in new.items():
-        machine.axes[index].offset += value - machine.reference(index)
+        machine.axes[index].offset += value - machine.commanded(index)
     return write_list([machine.position(index) for index in asked]) if asked else None
 
 
@@ -122,14 +121,14 @@ def begin(machine: Machine, args: str, thread: Thread | None) -> None:
         elif axis.mode == "HM":
             axis.begin_move(float(machine.plant.home_counts()[index]), home=True)
         else:
-            axis.begin_move(float(machine.reference(index) + distance - axis.offset))
+            axis.begin_move(float(machine.commanded(index) + distance - axis.offset))
 
 
 def _destination(machine: Machine, index: int) -> int:
     """Return the distance [counts] of the motion, or any number of its sign."""
     axis = machine.axes[index]
     if axis.mode == "PA":
-        return axis.target - machine.reference(index)
+        return axis.target - machine.commanded(index)
     if axis.mode == "HM":
         return machine.plant.home_counts()[index] - round(axis.position)
     return axis.target
@@ -156,13 +155,10 @@ def segment(machine: Machine, args: str, thread: Thread | None) -> None:
         raise CommandError(4)
     (index,) = parse_axes(named[1])
     axis = machine.axes[index]
-    parts = split_arguments(named[2])
-    if len(parts) != 3:
-        raise CommandError(50 if len(parts) < 3 else 4)
-    names = Operands(machine)
-    distance = whole(evaluate(parts[0], names), -SEGMENT_DISTANCE, SEGMENT_DISTANCE)
-    velocity = whole(evaluate(parts[1], names), -SEGMENT_VELOCITY, SEGMENT_VELOCITY)
-    samples = whole(evaluate(parts[2], names), -1, SEGMENT_SAMPLES)
+    if len(split_arguments(named[2])) < 3:
+        raise CommandError(50)
+    limits = (-SEGMENT_DISTANCE, SEGMENT_DISTANCE), (-SEGMENT_VELOCITY, SEGMENT_VELOCITY)
+    distance, velocity, samples = integers(machine, named[2], *limits, (-1, SEGMENT_SAMPLES))
     if samples <= 0 and (distance or velocity):
         raise CommandError(6)
     if samples < 0:
@@ -202,7 +198,7 @@ def abort(machine: Machine, args: str, thread: Thread | None) -> None:
 
 def _integers(machine: Machine, args: str, limit: int) -> tuple[dict[int, int], list[int]]:
     """Return the new integers by axis, each from -limit - 1 to limit, and the queried axes."""
-    values = parse_list(args, Operands(machine))
+    values = parse_list(args, machine)
     new = {i: whole(v, -limit - 1, limit) for i, v in values.items() if v is not None}
     return new, [i for i, v in values.items() if v is None]
 

@@ -4,14 +4,14 @@ from sautereau.sim_backend.devices.galil.faults import CommandError
 from sautereau.sim_backend.devices.galil.grammar import (
     LARGEST_NUMBER,
     evaluate,
+    integers,
     parse_assignment,
     parse_axes,
     split_arguments,
-    whole,
 )
 from sautereau.sim_backend.devices.galil.machine import INPUTS, Machine
-from sautereau.sim_backend.devices.galil.operands import Operands, integers
-from sautereau.sim_backend.devices.galil.program import THREADS, Program, Thread
+from sautereau.sim_backend.devices.galil.operands import whole
+from sautereau.sim_backend.devices.galil.program import THREADS, Thread
 
 
 def assign(machine: Machine, text: str) -> bool:
@@ -20,12 +20,11 @@ def assign(machine: Machine, text: str) -> bool:
     if parts is None:
         return False
     name, index, value = parts
-    names = Operands(machine)
-    result = evaluate(value, names)
+    result = evaluate(value, machine)
     if index is None:
         machine.set_variable(name, result)
     else:
-        machine.arrays.set_element(name, evaluate(index, names), result)
+        machine.arrays.set_element(name, evaluate(index, machine), result)
     return True
 
 
@@ -61,8 +60,8 @@ def run(machine: Machine, args: str, thread: Thread | None) -> None:
     (number,) = integers(machine, ",".join(rest), (0, THREADS - 1)) if rest else (0,)
     if number in machine.threads:
         raise CommandError(19)
-    program: Program = machine.program
-    machine.threads[number] = Thread(program, program.line_of(place), hosted=thread is None)
+    line = machine.program.line_of(place)
+    machine.threads[number] = Thread(machine.program, line, hosted=thread is None)
 
 
 def halt(machine: Machine, args: str, thread: Thread | None) -> None:
@@ -71,69 +70,62 @@ def halt(machine: Machine, args: str, thread: Thread | None) -> None:
     machine.halt_threads(numbers)
 
 
-def end(machine: Machine, args: str, thread: Thread | None) -> None:
+def end(machine: Machine, args: str, thread: Thread) -> None:
     """EN: return from a subroutine, or end the thread."""
-    if thread is not None:
-        thread.end()
+    thread.end()
 
 
-def end_of_error(machine: Machine, args: str, thread: Thread | None) -> None:
+def end_of_error(machine: Machine, args: str, thread: Thread) -> None:
     """RE: return from #POSERR; with 1 the interrupted trip point continues."""
     (keep,) = integers(machine, args or "0", (0, 1))
-    if thread is not None:
-        thread.end_interrupt(keep_trip_point=bool(keep))
+    thread.end_interrupt(keep_trip_point=bool(keep))
 
 
-def jump(machine: Machine, args: str, thread: Thread | None) -> None:
+def jump(machine: Machine, args: str, thread: Thread) -> None:
     """JP: continue at a label, if the condition holds."""
     place, holds = _conditional(machine, args)
-    if thread is not None and holds:
+    if holds:
         thread.jump(place)
 
 
-def call(machine: Machine, args: str, thread: Thread | None) -> None:
+def call(machine: Machine, args: str, thread: Thread) -> None:
     """JS: run a subroutine, if the condition holds."""
     place, holds = _conditional(machine, args)
-    if thread is not None and holds:
+    if holds:
         thread.call(place)
 
 
-def branch(machine: Machine, args: str, thread: Thread | None) -> None:
+def branch(machine: Machine, args: str, thread: Thread) -> None:
     """IF: continue after ELSE or ENDIF if the condition does not hold."""
-    if not evaluate(args, Operands(machine)) and thread is not None:
+    if not evaluate(args, machine):
         thread.skip("ELSE", "ENDIF")
 
 
-def otherwise(machine: Machine, args: str, thread: Thread | None) -> None:
+def otherwise(machine: Machine, args: str, thread: Thread) -> None:
     """ELSE: the branch before it has run; continue after ENDIF."""
-    if thread is not None:
-        thread.skip("ENDIF")
+    thread.skip("ENDIF")
 
 
-def end_branch(machine: Machine, args: str, thread: Thread | None) -> None:
+def end_branch(machine: Machine, args: str, thread: Thread) -> None:
     """ENDIF: do nothing."""
 
 
-def after_motion(machine: Machine, args: str, thread: Thread | None) -> None:
+def after_motion(machine: Machine, args: str, thread: Thread) -> None:
     """AM: wait until the axes' profiles have ended."""
     axes = [machine.axes[index] for index in parse_axes(args)]
-    if thread is not None:
-        thread.wait = lambda: all(axis.profile is None for axis in axes)
+    thread.wait = lambda: all(axis.profile is None for axis in axes)
 
 
-def wait(machine: Machine, args: str, thread: Thread | None) -> None:
+def wait(machine: Machine, args: str, thread: Thread) -> None:
     """WT n: wait n samples; at TM 1000 they are the manual's milliseconds of 1/1024 s."""
     until = machine.samples + integers(machine, args, (0, LARGEST_NUMBER - 1), (0, 1))[0]
-    if thread is not None:
-        thread.wait = lambda: machine.samples >= until
+    thread.wait = lambda: machine.samples >= until
 
 
-def at_time(machine: Machine, args: str, thread: Thread | None) -> None:
+def at_time(machine: Machine, args: str, thread: Thread) -> None:
     """AT n: wait until n samples after the reference; 0 sets it, -n advances it by n."""
     limits = (1 - LARGEST_NUMBER, LARGEST_NUMBER - 1), (0, 1)
     after = integers(machine, args, *limits)[0]
-    if thread is None:
-        return
     if after == 0:
         thread.reference = machine.samples
         return
@@ -143,20 +135,18 @@ def at_time(machine: Machine, args: str, thread: Thread | None) -> None:
     thread.wait = lambda: machine.samples >= until
 
 
-def after_input(machine: Machine, args: str, thread: Thread | None) -> None:
+def after_input(machine: Machine, args: str, thread: Thread) -> None:
     """AI n: wait for input n to be high, or low for -n."""
     (number,) = integers(machine, args, (-INPUTS, INPUTS))
     if number == 0:
         raise CommandError(6)
-    if thread is not None:
-        thread.wait = lambda: machine.inputs[abs(number) - 1] == (number > 0)
+    thread.wait = lambda: machine.inputs[abs(number) - 1] == (number > 0)
 
 
 def _conditional(machine: Machine, args: str) -> tuple[str, bool]:
     place, *condition = split_arguments(args)
     if len(condition) > 1:
         raise CommandError(4)
-    names = Operands(machine)
     if place.startswith(("(", "_")) or (place and place[0].isdigit()):
-        place = str(whole(evaluate(place, names), 0, 9999))
-    return place, not condition or bool(evaluate(condition[0], names))
+        place = str(whole(evaluate(place, machine), 0, 9999))
+    return place, not condition or bool(evaluate(condition[0], machine))

@@ -1,1 +1,0 @@
-"""Fault injection: the faults of a scene's table `[faults]`, and when they occur."""
