@@ -59,8 +59,7 @@ def plot(path: str | Path, waves: Waves) -> None:
     plucked = waves.pluck.string.string.plucking_point * 1e3
     axes.axhline(plucked, color="#333333", lw=0.8, ls="--")
     axes.annotate("plectrum", (0, plucked), (4, 3), textcoords="offset points", fontsize=9)
-    axes.set_xlabel("time after release (ms)")
-    axes.set_ylabel("position from the nut (mm)")
+    axes.set(xlabel="time after release (ms)", ylabel="position from the nut (mm)")
     figure.colorbar(drawn, label="lift of the string (mm)")
     figure.savefig(path, dpi=110)
 
