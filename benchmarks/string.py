@@ -59,7 +59,7 @@ def _step(rig: Rig) -> Figure:
 def _frequency(rig: Rig) -> Figure:
     found: ModalPluck = modal_pluck(rig)
     rate, count = 44_100.0, 2**16
-    sound = found.bridge_force(np.arange(count) / rate)[:, 1] * np.hanning(count)
+    sound = found.free.bridge_force(np.arange(count) / rate)[:, 1] * np.hanning(count)
     spectrum = np.log(np.abs(np.fft.rfft(sound)))
     worst = 0.0
     for n in range(1, 31):

@@ -41,7 +41,7 @@ def study(rig: Rig) -> Waves:
     pluck = modal_pluck(rig)
     time = np.linspace(0, PERIODS / rig.string.frequency, INSTANTS)
     place = np.linspace(0, rig.string.length, PLACES)
-    lift = np.stack([pluck.motion(time, x)[0][:, 1] for x in place])
+    lift = np.stack([pluck.free.motion(time, x)[0][:, 1] for x in place])
     return Waves(time, place, lift, pluck)
 
 

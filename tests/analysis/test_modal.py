@@ -116,7 +116,7 @@ def test_the_free_string_keeps_its_energy_and_its_frequencies():
     energy = string.energy(string.free(modal.state, time))
     np.testing.assert_allclose(energy, energy[0], rtol=1e-9)
     rate, count = 44_100, 2**15
-    sound = modal.bridge_force(np.arange(count) / rate)
+    sound = modal.free.bridge_force(np.arange(count) / rate)
     assert sound.shape == (count, 2)
     spectrum = np.log(np.abs(np.fft.rfft(sound[:, 1] * np.hanning(count))))
     for n in (1, 2, 3, 7, 29, 30):
@@ -131,7 +131,7 @@ def test_the_string_leaves_at_the_speed_of_all_its_modes():
     """Soon after a slow release, on average over the shortest swing that the modes know."""
     modal = modal_pluck(rig_at(0.05), modes=40)
     time = np.linspace(0, 2e-4, 400)
-    place, _ = modal.motion(time)
+    place, _ = modal.free.motion(time)
     slope = np.polyfit(time, place[:, 1], 1)[0]
     lift = modal.displacement[-1, 1]
     assert -slope == pytest.approx(release_speed(RIG.string, lift), rel=0.03)
@@ -139,7 +139,7 @@ def test_the_string_leaves_at_the_speed_of_all_its_modes():
 
 def test_the_free_motion_continues_that_of_the_held_string():
     modal = pluck()
-    place, speed = modal.motion([0.0, 1e-7, 2e-7])
+    place, speed = modal.free.motion([0.0, 1e-7, 2e-7])
     # What the left-out modes held jumps back at release.
     left_out = modal.string.residual * modal.force[-1]
     assert np.hypot(*(place[0] - modal.displacement[-1])) == pytest.approx(left_out, rel=1e-6)
