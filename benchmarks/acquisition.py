@@ -39,7 +39,6 @@ class PacedRun:
         self._twice = np.concatenate([noise, noise], axis=1)
         self._rate, self._end = setup.rate, setup.n_samples
         self._start = time.monotonic()
-        self._stopped = False
 
     def wait_for(self, n: int, timeout: float) -> int:
         due = self._start + n / self._rate
@@ -55,7 +54,7 @@ class PacedRun:
         return self.wait_for(0, 0.0)
 
     def stop(self) -> None:
-        self._stopped = True
+        """Do nothing: nothing runs between two calls."""
 
 
 class PacedCard:

@@ -9,12 +9,11 @@ import re
 import shutil
 import subprocess
 import tempfile
-import time
 from pathlib import Path
 
 import numpy as np
 
-from benchmarks.figures import Figure
+from benchmarks.figures import Figure, timed
 from sautereau.analysis.model.plectrum.fe.build import build
 from sautereau.analysis.model.plectrum.fe.level import FE, REACHES
 from sautereau.analysis.model.plectrum.fe.profile import profile_of
@@ -43,16 +42,11 @@ def run() -> list[Figure]:
         return [Figure("CalculiX is not installed: comparison skipped", 0.0, "", "limit", 1.0)]
     plectrum = load_rig().plectrum
     s = plectrum.length * (LOADED[0] + LOADED[1]) / 2 / COLUMNS
-    begun = time.perf_counter()
-    peer = _solve(ccx, plectrum)
-    spent = time.perf_counter() - begun
-    begun = time.perf_counter()
-    build(profile_of(plectrum), plectrum.poisson_ratio, plectrum.friction, REACHES[0][1])
-    built = time.perf_counter() - begun
+    spent, peer = timed(_solve, ccx, plectrum)
+    shape = (profile_of(plectrum), plectrum.poisson_ratio, plectrum.friction, REACHES[0][1])
+    built, _ = timed(build, *shape)
     level = FE(plectrum)
-    begun = time.perf_counter()
-    FE(plectrum)
-    loaded = 1e3 * (time.perf_counter() - begun)
+    loaded = 1e3 * timed(FE, plectrum)[0]
     assert built < BUILD_LIMIT
     assert loaded < LOAD_LIMIT
     bend = level.bend(s, FORCES)

@@ -9,7 +9,6 @@ import shutil
 import subprocess
 import sys
 import tempfile
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
@@ -17,12 +16,11 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.figures import Figure
+from benchmarks.figures import Figure, timed
 from benchmarks.simulated import acquired
 from sautereau.analysis.campaign.run import run_campaign
 from sautereau.analysis.campaign.table import read_campaign
 from sautereau.analysis.campaign.touch import find_touch
-from sautereau.analysis.campaign.workers import Where
 from sautereau.daq.file.recorded import Block
 from sautereau.daq.file.recording import Recording
 from sautereau.rig.load import load_rig, with_values
@@ -52,15 +50,14 @@ def run() -> list[Figure]:
         times = {}
         with cluster(PROCESSES) as (address, _):
             for what, where in (("two cores", PROCESSES), ("a cluster of two", address)):
-                times[what] = _timed(folder, Path(name) / f"{what}.parquet", where)
+                out = Path(name) / f"{what}.parquet"
+                times[what], _ = timed(run_campaign, folder, out, where)
         tables = [read_campaign(Path(name) / f"{what}.parquet") for what in times]
         assert tables[0].table.equals(tables[1].table), "the table of the cluster differs"
         assert len(tables[0].table) == RECORDINGS
         assert not tables[0].faults
-        again = _timed(folder, tables[0].path, PROCESSES)
-        start = time.perf_counter()
-        find_touch(tables[0])
-        touch = time.perf_counter() - start
+        again, _ = timed(run_campaign, folder, tables[0].path, PROCESSES)
+        touch, _ = timed(find_touch, tables[0])
     figures = [
         Figure(f"{RECORDINGS} recordings, {what}", seconds, "s", "limit", LIMIT)
         for what, seconds in times.items()
@@ -71,12 +68,6 @@ def run() -> list[Figure]:
         Figure("the same, once read", again, "s", "reading them", reading),
         Figure("touch of these presses", touch, "s", "reading them", reading),
     ]
-
-
-def _timed(folder: Path, out: Path, where: Where) -> float:
-    start = time.perf_counter()
-    run_campaign(folder, out, where)
-    return time.perf_counter() - start
 
 
 def write_presses(

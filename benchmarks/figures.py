@@ -8,7 +8,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import TypeVar
 
+T = TypeVar("T")
 RUNS = 21
 """Repetitions of a timed function."""
 UPPER, LOWER = "limit", "at least"
@@ -32,8 +34,8 @@ class Figure:
     def missed(self) -> bool:
         """Whether the value is beyond its limit; NaN, for a figure not measured, is not."""
         if self.against == UPPER:
-            return abs(self.value) > self.reference
-        return self.against == LOWER and self.value < self.reference
+            return bool(abs(self.value) > self.reference)
+        return bool(self.against == LOWER and self.value < self.reference)
 
     def __str__(self) -> str:
         unit = f" {self.unit}" if self.unit not in ("", "1") else ""
@@ -50,15 +52,17 @@ def machine() -> str:
     return f"{platform.machine()}, {cores} cores, {system}"
 
 
-def median_time(work: Callable[[], object]) -> float:
+def timed(work: Callable[..., T], *arguments, **options) -> tuple[float, T]:
+    """Return the time [s] of one call, and its result."""
+    start = time.perf_counter()
+    result = work(*arguments, **options)
+    return time.perf_counter() - start, result
+
+
+def median_time(work: Callable[[], object], runs: int = RUNS) -> float:
     """Return the median time [s] of several runs, after a warm-up run."""
     work()
-    times = []
-    for _ in range(RUNS):
-        start = time.perf_counter()
-        work()
-        times.append(time.perf_counter() - start)
-    return statistics.median(times)
+    return statistics.median(timed(work)[0] for _ in range(runs))
 
 
 def table(title: str, figures: Sequence[Figure]) -> str:

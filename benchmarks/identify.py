@@ -4,14 +4,13 @@ The simulation has steps of 20 us: with the 100 us of the scene its force is 20 
 not an error of a bench.
 """
 
-import time
 from dataclasses import dataclass
 
 import numpy as np
 
-from benchmarks.figures import Figure
+from benchmarks.figures import Figure, timed
 from benchmarks.simulated import sensed
-from sautereau.analysis.identify.identified import Identified, identify
+from sautereau.analysis.identify.identified import identify
 from sautereau.analysis.identify.parameters import value_of
 from sautereau.analysis.model.predict import predict
 from sautereau.analysis.phases import Phases, find_phases
@@ -82,27 +81,19 @@ def coverage(benches: int, repeats: int) -> Coverage:
         before = predict(rig)
         for k in range(repeats):
             part = slice(k * PRESSES, (k + 1) * PRESSES)
-            start = time.perf_counter()
-            found = identify(pressed[part], phases[part], FREE, starts=1)
-            times.append(time.perf_counter() - start)
+            spent, found = timed(identify, pressed[part], phases[part], FREE, starts=1)
+            times.append(spent)
             slopes = [
                 compare(phases[part], prediction).slope_error.value
                 for prediction in (before, predict(found.rig))
             ]
-            rows.append((*_judged(found, truth), slopes))
+            value, low, high, identifiable = np.array(
+                [(e.value, e.low, e.high, e.identifiable) for e in found.estimates], float
+            ).T
+            covered = (low <= truth) & (truth <= high)
+            rows.append((value / truth - 1, covered, identifiable.astype(bool), slopes))
     errors, covered, identifiable, slopes = (np.array(column) for column in zip(*rows, strict=True))
     return Coverage(errors, covered, identifiable, slopes, float(np.median(times)))
-
-
-def _judged(found: Identified, truth: np.ndarray) -> tuple[list[float], list[bool], list[bool]]:
-    errors, covered, identifiable = [], [], []
-    for estimate, true in zip(found.estimates, truth, strict=True):
-        assert estimate.low is not None
-        assert estimate.high is not None
-        errors.append(estimate.value / true - 1)
-        covered.append(estimate.low <= true <= estimate.high)
-        identifiable.append(estimate.identifiable)
-    return errors, covered, identifiable
 
 
 def run() -> list[Figure]:
@@ -115,21 +106,11 @@ def run() -> list[Figure]:
         worst = float(np.abs(found.errors[identifiable, k]).max()) if identifiable.any() else 0.0
         fraction = float(found.covered[:, k].mean())
         assert fraction >= 0.90, (name, fraction)
+        covered = f"{name}: 95 % intervals that contain the true value"
+        largest = f"{name}: largest error of {identifiable.sum()} identifiable"
         figures += [
-            Figure(
-                f"{name}: 95 % intervals that contain the true value",
-                fraction,
-                "1",
-                "nominal",
-                0.95,
-            ),
-            Figure(
-                f"{name}: largest error of {identifiable.sum()} identifiable",
-                worst,
-                "1",
-                "limit",
-                LIMIT,
-            ),
+            Figure(covered, fraction, "1", "nominal", 0.95),
+            Figure(largest, worst, "1", "limit", LIMIT),
         ]
         assert worst < LIMIT, (name, worst)
     before, after = np.median(np.abs(found.slopes), axis=0)

@@ -32,24 +32,22 @@ class Front:
     """Processor time, s."""
 
 
+PLAIN = ("numpy", "pydantic")
+FITTING = (*PLAIN, "scipy")
 FRONTS = (
     Front("sautereau", (), 0.3),
     Front("sautereau.rig.load", ("pydantic",), 0.4),
-    Front("sautereau.trajectory.press", ("numpy", "pydantic"), 0.6),
-    Front("sautereau.daq.file.reading", ("numpy", "pydantic"), 0.6),
-    Front("sautereau.daq.source.acquisition", ("numpy", "pydantic"), 0.6),
-    Front("sautereau.analysis.model.predict", ("numpy", "pydantic"), 0.6),
-    Front("sautereau.analysis.press.load", ("numpy", "pydantic", "scipy"), 1.2),
-    Front("sautereau.analysis.figures.movie", ("numpy", "pydantic", "scipy"), 1.2),
-    Front("sautereau.robot.drivers.galil.driver", ("numpy", "pydantic"), 0.6),
-    Front("sautereau.robot.experiment.session", ("numpy", "pydantic", "scipy"), 1.2),
+    Front("sautereau.trajectory.press", PLAIN, 0.6),
+    Front("sautereau.daq.file.reading", PLAIN, 0.6),
+    Front("sautereau.daq.source.acquisition", PLAIN, 0.6),
+    Front("sautereau.analysis.model.predict", PLAIN, 0.6),
+    Front("sautereau.analysis.press.load", FITTING, 1.2),
+    Front("sautereau.analysis.figures.movie", FITTING, 1.2),
+    Front("sautereau.robot.drivers.galil.driver", PLAIN, 0.6),
+    Front("sautereau.robot.experiment.session", FITTING, 1.2),
     Front("sautereau.sim_backend.scene", ("pydantic",), 0.5),
-    Front("sautereau.sim_backend.physics.observation", ("numpy", "pydantic"), 0.8),
-    Front(
-        "sautereau.sim_backend.bench",
-        ("numpy", "pydantic", "scipy", "nidaqmx", "grpc", "pymunk"),
-        2.5,
-    ),
+    Front("sautereau.sim_backend.physics.observation", PLAIN, 0.8),
+    Front("sautereau.sim_backend.bench", (*FITTING, "nidaqmx", "grpc", "pymunk"), 2.5),
 )
 
 
@@ -57,15 +55,10 @@ def run() -> list[Figure]:
     """Return the processor time of each import, measured in fresh processes."""
     figures = []
     for front in FRONTS:
-        times = []
-        for _ in range(RUNS):
-            spent, brought = imported(front.module)
-            assert brought <= set(front.brings), (front.module, brought)
-            times.append(spent)
-        spent = statistics.median(times)
-        figures.append(
-            Figure(f"import {front.module}", spent * 1e3, "ms", "limit", front.limit * 1e3)
-        )
+        times, brought = zip(*(imported(front.module) for _ in range(RUNS)), strict=True)
+        assert set().union(*brought) <= set(front.brings), (front.module, brought)
+        what, spent = f"import {front.module}", statistics.median(times)
+        figures.append(Figure(what, spent * 1e3, "ms", "limit", front.limit * 1e3))
     return figures
 
 

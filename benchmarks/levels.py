@@ -1,8 +1,5 @@
 """Levels of the plectrum: error and time of the paper's pluck."""
 
-from collections.abc import Callable
-from dataclasses import dataclass
-
 import numpy as np
 from scipy.integrate import solve_bvp
 
@@ -11,7 +8,6 @@ from sautereau.analysis.model.plectrum.base import PlectrumMap
 from sautereau.analysis.model.plectrum.levels import plectrum_map
 from sautereau.analysis.model.plectrum.rods import Rods
 from sautereau.analysis.model.pluck.pluck import Pluck, solve_pluck
-from sautereau.rig.instrument import Plectrum
 from sautereau.rig.load import load_rig
 from sautereau.rig.schema import Rig
 
@@ -23,42 +19,17 @@ SAME = 1e-8
 """Dimensionless tolerance between two exact solutions of the elastica."""
 
 
-@dataclass(frozen=True)
-class Row:
-    """A level and its largest accepted error."""
-
-    name: str
-    limit: float
-    """%, of plectrum force, pluck duration and string lift."""
-    build: Callable[[Plectrum], PlectrumMap] | None = None
-    """Constructor, where it is not that of the name."""
-
-    def map(self, plectrum: Plectrum) -> PlectrumMap:
-        """Return the level's map."""
-        return self.build(plectrum) if self.build else plectrum_map(plectrum, self.name)
-
-
-ROWS = (
-    Row("rods (5)", 1.0, lambda plectrum: Rods(plectrum, 5)),
-    Row("rods", 0.1),
-    Row("rods (80)", 0.01, lambda plectrum: Rods(plectrum, 80)),
-    Row("beam", 25.0),
-    Row("two-beam", 25.0),
-    Row("fe", 1.0),
+LIMITS = {"rods (5)": 1.0, "rods": 0.1, "rods (80)": 0.01, "beam": 25.0, "two-beam": 25.0}
+LIMITS |= {"fe": 1.0}
+"""%, of plectrum force, pluck duration and string lift, of the levels besides the exact one."""
+COSTS = (
+    ("one point of the map", 1e6, "us"),
+    (f"{BATCH} points in one call", 1e6, "us"),
+    ("a complete pluck", 1e3, "ms"),
 )
-"""Levels of the table besides the exact one."""
-
-
-@dataclass(frozen=True)
-class Cost:
-    """Median times of one level [s]."""
-
-    point: float
-    """Of the map at one point."""
-    batch: float
-    """Of the map at `BATCH` points in one call."""
-    pluck: float
-    """Of a complete pluck."""
+"""What is timed at every level, with its scale from s and its unit."""
+Cost = tuple[float, float, float]
+"""Median times [s] of `COSTS`."""
 
 
 def run() -> list[Figure]:
@@ -67,9 +38,14 @@ def run() -> list[Figure]:
     exact_level = plectrum_map(rig.plectrum, EXACT)
     exact, cost = _measured(rig, exact_level)
     figures = _beside_a_solver(rig, exact_level, exact, cost)
-    for row in ROWS:
-        pluck, own = _measured(rig, row.map(rig.plectrum))
-        figures += [*_errors(rig, row, pluck, exact), *_times(row.name, own, cost)]
+    for name, limit in LIMITS.items():
+        level, _, count = name.rstrip(")").partition(" (")
+        plectrum = rig.plectrum
+        bent = Rods(plectrum, int(count)) if count else plectrum_map(plectrum, level)
+        pluck, own = _measured(rig, bent)
+        figures += _errors(name, limit, pluck, exact)
+        for (what, scale, unit), spent, peer in zip(COSTS, own, cost, strict=True):
+            figures.append(Figure(f"{name}: {what}", spent * scale, unit, EXACT, peer * scale))
     return figures
 
 
@@ -101,10 +77,9 @@ def _beside_a_solver(rig: Rig, plectrum: PlectrumMap, pluck: Pluck, cost: Cost) 
     spent = median_time(solve)
     return [
         Figure(f"{EXACT}: difference from {name}, of the length", error, "1", "limit", SAME),
-        Figure(f"{EXACT}: one point of the map", cost.point * 1e6, "us", name, spent * 1e6),
-        Figure(f"{EXACT}: {BATCH} points in one call", cost.batch * 1e6, "us", name, spent * 1e6),
-        Figure(
-            f"{EXACT}: a complete pluck", cost.pluck * 1e3, "ms", f"{name}, one point", spent * 1e3
+        *(
+            Figure(f"{EXACT}: {what}", own * scale, unit, f"{name}, one point", spent * scale)
+            for (what, scale, unit), own in zip(COSTS, cost, strict=True)
         ),
     ]
 
@@ -114,10 +89,10 @@ def _measured(rig: Rig, plectrum: PlectrumMap) -> tuple[Pluck, Cost]:
     pluck = _pluck(rig, plectrum)
     s, force = pluck.position[-1], pluck.force[-1]
     many = np.linspace(0, force, BATCH)
-    return pluck, Cost(
-        point=median_time(lambda: plectrum.bend(s, force)),
-        batch=median_time(lambda: plectrum.bend(s, many)),
-        pluck=median_time(lambda: _pluck(rig, plectrum)),
+    return pluck, (
+        median_time(lambda: plectrum.bend(s, force)),
+        median_time(lambda: plectrum.bend(s, many)),
+        median_time(lambda: _pluck(rig, plectrum)),
     )
 
 
@@ -125,29 +100,16 @@ def _pluck(rig: Rig, plectrum: PlectrumMap) -> Pluck:
     return solve_pluck(plectrum, rig.string.static_stiffness, rig.plectrum.overlap)
 
 
-def _errors(rig: Rig, row: Row, pluck: Pluck, exact: Pluck) -> list[Figure]:
+def _errors(level: str, limit: float, pluck: Pluck, exact: Pluck) -> list[Figure]:
     """Return how far [%] the pluck's results lie above the exact ones, or below."""
     found = {
         "plectrum force": (pluck.force[-1], exact.force[-1]),
-        "pluck duration": (
-            pluck.release_height / rig.press.jack_speed,
-            exact.release_height / rig.press.jack_speed,
-        ),
+        "pluck duration": (pluck.release_height, exact.release_height),
         "string lift": (pluck.lift[-1], exact.lift[-1]),
     }
     figures = []
     for what, (value, truth) in found.items():
         error = float(value / truth - 1) * 100
-        assert abs(error) < row.limit, f"{row.name}: {what} is wrong by {error:.3g} %"
-        figures.append(Figure(f"{row.name}: error of {what}", error, "%", "limit", row.limit))
+        assert abs(error) < limit, f"{level}: {what} is wrong by {error:.3g} %"
+        figures.append(Figure(f"{level}: error of {what}", error, "%", "limit", limit))
     return figures
-
-
-def _times(level: str, cost: Cost, peer: Cost) -> list[Figure]:
-    return [
-        Figure(f"{level}: one point of the map", cost.point * 1e6, "us", EXACT, peer.point * 1e6),
-        Figure(
-            f"{level}: {BATCH} points in one call", cost.batch * 1e6, "us", EXACT, peer.batch * 1e6
-        ),
-        Figure(f"{level}: a complete pluck", cost.pluck * 1e3, "ms", EXACT, peer.pluck * 1e3),
-    ]

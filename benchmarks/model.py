@@ -1,8 +1,5 @@
 """The model: one prediction, and a batch of them."""
 
-import statistics
-import time
-
 import numpy as np
 
 from benchmarks.figures import Figure, median_time
@@ -69,13 +66,8 @@ def _many(rig: Rig) -> list[Figure]:
         assert np.all(found.status == Status.RELEASED)
         error = max(_error(rig, given, found, i) for i in range(CHECKED))
         assert error < SAME
-        rates = []
-        for _ in range(5):
-            begun = time.perf_counter()
-            predict_many(rig, given)
-            rates.append(CASES / (time.perf_counter() - begun))
+        rate = CASES / median_time(lambda given=given: predict_many(rig, given), 5)
         what = f"a batch of {CASES} with friction {friction}"
-        rate = statistics.median(rates)
         figures += [
             Figure(f"{what}: predictions per second", rate, "1/s", "at least", 20_000.0),
             Figure(f"{what}: error of {CHECKED} of them", error, "1", "limit", SAME),

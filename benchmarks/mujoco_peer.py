@@ -1,7 +1,6 @@
 """A push on key, jack and string in MuJoCo, with the force law of the stand-in."""
 
 import time
-from dataclasses import dataclass
 
 import mujoco
 import numpy as np
@@ -38,16 +37,9 @@ _XML = """
 """The jack follows the key by the series of its rise; in this scene it never loses contact."""
 
 
-@dataclass(frozen=True)
-class Timed:
-    """Observation in MuJoCo, and the time of its steps."""
-
-    observation: Observation
-    seconds: float
-    """Real time, s."""
-
-
-def observe_in_mujoco(rig: Rig, scene: Scene, step: float, integrator: str) -> Timed:
+def observe_in_mujoco(
+    rig: Rig, scene: Scene, step: float, integrator: str
+) -> tuple[float, Observation]:
     """Run a scene's push in MuJoCo, the string's force applied to the jack at every step.
 
     Args:
@@ -55,6 +47,9 @@ def observe_in_mujoco(rig: Rig, scene: Scene, step: float, integrator: str) -> T
         scene: Scene with a push, a spring string and no contact with the felt.
         step: s.
         integrator: Name of an integrator of MuJoCo.
+
+    Returns:
+        The time of its steps, s, and the observation.
     """
     assert scene.push is not None
     model = _model(rig, scene, step, integrator)
@@ -77,7 +72,7 @@ def observe_in_mujoco(rig: Rig, scene: Scene, step: float, integrator: str) -> T
     angle, speed, rise, string = rows.T
     push = np.full(steps, scene.push.force)
     motions = Motions(step * np.arange(1.0, steps + 1), angle, speed, rise, push, string)
-    return Timed(Observation(motions, law.events), seconds)
+    return seconds, Observation(motions, law.events)
 
 
 def _model(rig: Rig, scene: Scene, step: float, integrator: str) -> mujoco.MjModel:

@@ -28,16 +28,12 @@ def run() -> list[Figure]:
     rig, ideal = load_rig(), load_scene("ideal")
     free = ideal.model_copy(update=FREE)
     least = _sample(rig, free)
-    return [
-        Figure(
-            f"ideal finger with {name}: a controller sample",
-            _sample(rig, free.model_copy(update=parts)) * 1e6,
-            "us",
-            "free key",
-            least * 1e6,
-        )
-        for name, parts in PARTS.items()
-    ]
+    figures = []
+    for name, parts in PARTS.items():
+        spent = _sample(rig, free.model_copy(update=parts))
+        what = f"ideal finger with {name}: a controller sample"
+        figures.append(Figure(what, spent * 1e6, "us", "free key", least * 1e6))
+    return figures
 
 
 def _sample(rig: Rig, scene: Scene) -> float:

@@ -53,7 +53,7 @@ class Study:
             and self.mute_plucked == 0
             and all(
                 np.median(np.abs(error)) <= 0.1e-3
-                and np.quantile(np.abs(error), 0.99) <= 0.5e-3
+                and _percentile_99(error) <= 0.5e-3
                 and 0.60 <= covered(error, std, 1.0) <= 0.76
                 and 0.90 <= covered(error, std, 1.96) <= 0.99
                 for error, std in (
@@ -62,6 +62,10 @@ class Study:
                 )
             )
         )
+
+
+def _percentile_99(error: Floats) -> float:
+    return float(np.quantile(np.abs(error), 0.99))
 
 
 def covered(error: Floats, std: Floats, deviations: float) -> float:
@@ -81,19 +85,9 @@ def study(seeds: range) -> Study:
             wrong.append(seed)
             mute += not truth.contacts
             continue
-        for held, contact, release in zip(
-            found.plucks, truth.contacts, truth.releases, strict=False
-        ):
-            rows.append(
-                (
-                    held.contact - contact,
-                    held.contact_std,
-                    held.release - release,
-                    held.release_std,
-                )
-            )
-    contact, contact_std, release, release_std = np.array(rows).reshape(-1, 4).T
-    errors = contact, contact_std, release, release_std
+        for h, contact, release in zip(found.plucks, truth.contacts, truth.releases, strict=False):
+            rows.append((h.contact - contact, h.contact_std, h.release - release, h.release_std))
+    errors = np.array(rows).reshape(-1, 4).T
     return Study(len(seeds), tuple(wrong), mute, *errors, np.array(seconds))
 
 
@@ -106,13 +100,7 @@ def run() -> list[Figure]:
         error, std = getattr(found, name), getattr(found, f"{name}_std")
         figures += [
             Figure(f"{name}, median error", np.median(np.abs(error)) * 1e3, "ms", "limit", 0.1),
-            Figure(
-                f"{name}, 99th percentile",
-                np.quantile(np.abs(error), 0.99) * 1e3,
-                "ms",
-                "limit",
-                0.5,
-            ),
+            Figure(f"{name}, 99th percentile", _percentile_99(error) * 1e3, "ms", "limit", 0.5),
             Figure(f"{name}, in its 68 %", covered(error, std, 1.0), "", "meant", 0.68),
             Figure(f"{name}, in its 95 %", covered(error, std, 1.96), "", "meant", 0.95),
         ]

@@ -113,9 +113,7 @@ def _run_up(rig: Rig) -> list[Figure]:
         Figure("run-up to the cruise", duration * 1e3, "ms", name, their_duration * 1e3),
         Figure(f"its speed, largest difference from {name}", speed, "m/s", "limit", SAME),
         Figure(f"its place, largest difference from {name}", place, "m", "limit", SAME),
-        Figure(
-            "law of the complete press: time", spent, "us", f"{name}, run-up alone", their_spent
-        ),
+        Figure("law of the complete press: time", spent, "us", f"{name}, run-up", their_spent),
     ]
 
 

@@ -8,7 +8,7 @@ import time
 from itertools import pairwise
 from pathlib import Path
 
-from benchmarks.figures import Figure
+from benchmarks.figures import Figure, median_time
 from sautereau.rig.load import load_rig
 
 PRESSES = 10
@@ -23,15 +23,11 @@ def run() -> list[Figure]:
 
 
 def _help() -> Figure:
-    times = []
-    for _ in range(STARTS):
-        start = time.perf_counter()
-        done = subprocess.run(
-            [sys.executable, "-m", "sautereau", "--help"], capture_output=True, check=True
-        )
-        times.append(time.perf_counter() - start)
-        assert b"stand-in" in done.stdout
-    return Figure("sautereau --help", statistics.median(times), "s", "limit", 0.3)
+    def show() -> None:
+        command = [sys.executable, "-m", "sautereau", "--help"]
+        assert b"stand-in" in subprocess.run(command, capture_output=True, check=True).stdout
+
+    return Figure("sautereau --help", median_time(show, STARTS), "s", "limit", 0.3)
 
 
 def _presses(scene: str) -> list[Figure]:

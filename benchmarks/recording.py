@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.figures import Figure
+from benchmarks.figures import Figure, median_time
 from sautereau.daq.file.container.writer import McapWriter
 from sautereau.daq.file.reading import read_recording, stream
 from sautereau.daq.file.recorded import Block
@@ -43,11 +43,7 @@ def run() -> list[Figure]:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         rates = _rates(folder, volts)
-        figures = [
-            *_written(rates),
-            _read(folder, volts),
-            *_described(folder),
-        ]
+        figures = [*_written(rates), _read(folder, volts), *_described(folder)]
     return [*figures, *_continuous()]
 
 
@@ -69,6 +65,8 @@ def _rates(folder: Path, volts: Volts) -> dict[str, float]:
             path = folder / "file"
             start = time.perf_counter()
             way(path, volts)
+            with path.open("rb+") as file:
+                os.fsync(file.fileno())
             times[name].append(time.perf_counter() - start)
             assert path.stat().st_size > 1e6
             path.unlink()
@@ -76,31 +74,17 @@ def _rates(folder: Path, volts: Volts) -> dict[str, float]:
 
 
 def _written(rates: dict[str, float]) -> list[Figure]:
-    m = "M instants/s"
-    return [
-        Figure(
-            "blocks written, uncompressed, beside half the rate of a raw file",
-            rates["blocks"],
-            m,
-            "at least",
-            0.5 * rates["raw"],
-        ),
-        Figure(
-            "blocks written, uncompressed", rates["blocks"], m, "foxglove-sdk", rates["foxglove"]
-        ),
-        Figure(
-            "blocks written, zstd",
-            rates["blocks, zstd"],
-            m,
-            "foxglove-sdk",
-            rates["foxglove, zstd"],
-        ),
-        Figure("blocks written, uncompressed", rates["blocks"], m, "h5py", rates["h5py"]),
-        Figure("blocks written, uncompressed", rates["blocks"], m, "npTDMS", rates["nptdms"]),
-        Figure(
-            "complete recording, previews, zstd", rates["recording"], m, "the card's rate", 0.0512
-        ),
-    ]
+    plain, blocks = "blocks written, uncompressed", rates["blocks"]
+    packed, sdk = rates["blocks, zstd"], "foxglove-sdk"
+    rows = (
+        (f"{plain}, beside half the rate of a raw file", blocks, "at least", 0.5 * rates["raw"]),
+        (plain, blocks, sdk, rates["foxglove"]),
+        ("blocks written, zstd", packed, sdk, rates["foxglove, zstd"]),
+        (plain, blocks, "h5py", rates["h5py"]),
+        (plain, blocks, "npTDMS", rates["nptdms"]),
+        ("complete recording, previews, zstd", rates["recording"], "the card's rate", 0.0512),
+    )
+    return [Figure(what, rate, "M instants/s", *peer) for what, rate, *peer in rows]
 
 
 def _pieces(volts: Volts):
@@ -111,7 +95,6 @@ def _raw(path: Path, volts: Volts) -> None:
     with path.open("wb") as file:
         for _, piece in _pieces(volts):
             file.write(piece.tobytes())
-        os.fsync(file.fileno())
 
 
 def _blocks(path: Path, volts: Volts, *, compress: bool) -> None:
@@ -128,8 +111,6 @@ def _blocks(path: Path, volts: Volts, *, compress: bool) -> None:
             writer.close_chunk()
         writer.finish()
         writer.close()
-        file.flush()
-        os.fsync(file.fileno())
 
 
 def _recording(path: Path, volts: Volts) -> None:
@@ -164,8 +145,6 @@ def _foxglove(path: Path, volts: Volts, *, compress: bool) -> None:
                 data = encode("Samples", t0=0, first_sample=at, rate=51_200.0, volts=row)
                 channel.log(data, log_time=at)
         writer.close()
-        file.flush()
-        os.fsync(file.fileno())
 
 
 def _h5py(path: Path, volts: Volts) -> None:
@@ -178,8 +157,6 @@ def _h5py(path: Path, volts: Volts) -> None:
         for at, piece in _pieces(volts):
             data.resize(at + piece.shape[1], axis=1)
             data[:, at:] = piece
-        file.flush()
-    _sync(path)
 
 
 def _nptdms(path: Path, volts: Volts) -> None:
@@ -190,12 +167,6 @@ def _nptdms(path: Path, volts: Volts) -> None:
             writer.write_segment(
                 [ChannelObject("daq", name, row) for name, row in zip("ab", piece, strict=True)]
             )
-    _sync(path)
-
-
-def _sync(path: Path) -> None:
-    with path.open("rb+") as file:
-        os.fsync(file.fileno())
 
 
 def _read(folder: Path, volts: Volts) -> Figure:
@@ -203,14 +174,13 @@ def _read(folder: Path, volts: Volts) -> Figure:
 
     path = folder / "read.mcap"
     _recording(path, volts)
-    times = []
-    for _ in range(RUNS):
-        start = time.perf_counter()
+
+    def read() -> pd.DataFrame:
         recorded = read_recording(path)
-        frame = pd.DataFrame(recorded.volts, index=recorded.time, copy=False)
-        times.append(time.perf_counter() - start)
-    assert np.array_equal(frame.to_numpy().T, volts)
-    rate = INSTANTS / statistics.median(times) / 1e6
+        return pd.DataFrame(recorded.volts, index=recorded.time, copy=False)
+
+    assert np.array_equal(read().to_numpy().T, volts)
+    rate = INSTANTS / median_time(read, RUNS) / 1e6
     return Figure("read into a DataFrame, verified", rate, "M instants/s", "at least", 20.0)
 
 

@@ -1,14 +1,12 @@
 """Report of a session of 20 presses: time and size of the page."""
 
 import json
-import statistics
 import subprocess
 import sys
 import tempfile
-import time
 from pathlib import Path
 
-from benchmarks.figures import Figure
+from benchmarks.figures import Figure, median_time
 from sautereau.rig.load import load_rig
 from sautereau.robot.drivers.galil.driver import GalilController
 from sautereau.robot.experiment.session import run_session
@@ -22,23 +20,20 @@ RUNS = 5
 
 def run() -> list[Figure]:
     """Return the time of the complete command `sautereau report`, and the size of its page."""
+
+    def report() -> bytes:
+        command = [sys.executable, "-m", "sautereau", "report", folder, "--json"]
+        return subprocess.run(command, capture_output=True, check=True).stdout
+
     with tempfile.TemporaryDirectory() as folder:
         with StandIn(load_rig(), load_scene("paper")) as stand_in:
             rig = stand_in.rig
             run_session(rig, plan_press(rig), GalilController(rig), Path(folder), PRESSES)
-        times = []
-        for _ in range(RUNS):
-            start = time.perf_counter()
-            done = subprocess.run(
-                [sys.executable, "-m", "sautereau", "report", folder, "--json"],
-                capture_output=True,
-                check=True,
-            )
-            times.append(time.perf_counter() - start)
-        result = json.loads(done.stdout)
+        spent = median_time(report, RUNS)
+        result = json.loads(report())
         assert result["presses"] == PRESSES
         size = Path(result["path"]).stat().st_size
     return [
-        Figure("sautereau report", statistics.median(times), "s", "limit", 5.0),
+        Figure("sautereau report", spent, "s", "limit", 5.0),
         Figure("its page", size / 1e6, "MB", "limit", 6.0),
     ]

@@ -59,9 +59,8 @@ def sensed(rig: Rig, scene: Scene, seen: Observation, seed: int = 0) -> tuple[Pr
 def acquired(rig: Rig, scene: Scene, seen: Observation, seed: int = 0) -> tuple[Recorded, Truth]:
     """Return what the card acquires of a motion; see `simulated_press`."""
     wired = scene.as_wired(rig)
-    edge = (
-        LEAD * rig.controller.sample_period if isinstance(drive_of(rig, scene), PressDrive) else 0.0
-    )
+    led = isinstance(drive_of(rig, scene), PressDrive)
+    edge = LEAD * rig.controller.sample_period if led else 0.0
     rate, motions = rig.daq.sample_rate, seen.motions
     before = motions.time <= edge
     parts = {f.name: getattr(motions, f.name)[before] for f in fields(motions)}

@@ -1,11 +1,8 @@
 """The spring string against the modal string: errors of the spring by jack speed."""
 
-import statistics
-import time
-
 import numpy as np
 
-from benchmarks.figures import Figure
+from benchmarks.figures import Figure, median_time
 from sautereau.analysis.model.predict import rig_pluck
 from sautereau.analysis.model.string.modal import ModalPluck, modal_pluck
 from sautereau.rig.load import load_rig
@@ -25,20 +22,17 @@ RELEASE_LIMIT, FREQUENCY_LIMIT = 0.01, 0.1
 def run() -> list[Figure]:
     """Return the spring's errors with their times, and the modal string's own."""
     rig = load_rig()
-    rows = [row for speed in SPEEDS for row in _errors(at_speed(rig, speed))]
+    rows = [row for speed in SPEEDS for row in _errors(rig, speed)]
     return [*rows, _step(rig), _frequency(rig)]
 
 
-def at_speed(rig: Rig, speed: float) -> Rig:
-    """Return the rig with another jack speed [m/s]."""
-    return rig.model_copy(update={"press": rig.press.model_copy(update={"jack_speed": speed})})
-
-
-def _errors(rig: Rig) -> list[Figure]:
+def _errors(rig: Rig, speed: float) -> list[Figure]:
     """Return duration and force at release of the modal string against the spring's."""
-    speed = rig.press.jack_speed
-    static_time, static = _timed(lambda: rig_pluck(rig))
-    modal_time, modal = _timed(lambda: modal_pluck(rig))
+    rig = rig.model_copy(update={"press": rig.press.model_copy(update={"jack_speed": speed})})
+    static, modal = rig_pluck(rig), modal_pluck(rig)
+    static_time, modal_time = (
+        median_time(lambda pluck=pluck: pluck(rig), RUNS) for pluck in (rig_pluck, modal_pluck)
+    )
     duration = static.release_height / speed
     error = (duration / modal.release - 1) * 100
     for known, percent in EXPECTED.items():
@@ -65,7 +59,7 @@ def _step(rig: Rig) -> Figure:
 def _frequency(rig: Rig) -> Figure:
     found: ModalPluck = modal_pluck(rig)
     rate, count = 44_100.0, 2**16
-    sound = found.bridge_force(np.arange(count) / rate)[:, 1] * np.hanning(count)
+    sound = found.free.bridge_force(np.arange(count) / rate)[:, 1] * np.hanning(count)
     spectrum = np.log(np.abs(np.fft.rfft(sound)))
     worst = 0.0
     for n in range(1, 31):
@@ -76,13 +70,3 @@ def _frequency(rig: Rig) -> Figure:
         worst = max(worst, abs(frequency / (n * rig.string.frequency) - 1) * 100)
     assert worst < FREQUENCY_LIMIT
     return Figure("frequencies of 30 modes at the bridge", worst, "%", "limit", FREQUENCY_LIMIT)
-
-
-def _timed(work):
-    """Return the median time [s] of several runs, after one that warms up, and the result."""
-    result, times = work(), []
-    for _ in range(RUNS):
-        begun = time.perf_counter()
-        work()
-        times.append(time.perf_counter() - begun)
-    return statistics.median(times), result

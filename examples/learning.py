@@ -60,8 +60,7 @@ def plot(path: str | Path, studied: Learning) -> None:
         axes.plot(speed.index * 1e3, speed * 1e3, color=colour, label=label, lw=1.2)
     planned = studied.first.rig.press.jack_speed * 1e3
     axes.axhline(planned, color="#333333", ls="--", lw=0.8, label="planned")
-    axes.set_ylim(0.7 * planned, 1.15 * planned)
-    axes.set_xlabel("time after the trigger (ms)")
+    axes.set(ylim=(0.7 * planned, 1.15 * planned), xlabel="time after the trigger (ms)")
     axes.set_ylabel("jack speed (mm/s), 1 ms moving average")
     axes.set_title("simulated on the stand-in", fontsize=10)
     axes.legend(loc="lower right", frameon=False)

@@ -41,7 +41,7 @@ def study(rig: Rig) -> Waves:
     pluck = modal_pluck(rig)
     time = np.linspace(0, PERIODS / rig.string.frequency, INSTANTS)
     place = np.linspace(0, rig.string.length, PLACES)
-    lift = np.stack([pluck.motion(time, x)[0][:, 1] for x in place])
+    lift = np.stack([pluck.free.motion(time, x)[0][:, 1] for x in place])
     return Waves(time, place, lift, pluck)
 
 
@@ -59,8 +59,7 @@ def plot(path: str | Path, waves: Waves) -> None:
     plucked = waves.pluck.string.string.plucking_point * 1e3
     axes.axhline(plucked, color="#333333", lw=0.8, ls="--")
     axes.annotate("plectrum", (0, plucked), (4, 3), textcoords="offset points", fontsize=9)
-    axes.set_xlabel("time after release (ms)")
-    axes.set_ylabel("position from the nut (mm)")
+    axes.set(xlabel="time after release (ms)", ylabel="position from the nut (mm)")
     figure.colorbar(drawn, label="lift of the string (mm)")
     figure.savefig(path, dpi=110)
 

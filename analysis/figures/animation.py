@@ -129,12 +129,7 @@ def _head(axes, motion: ChoirMotion, name: str) -> Part:
     def show(frame: int) -> None:
         height = float(motion.height[frame])
         title.set_text(f"{name}plectrum {height * 1e3:+.2f} mm from contact")
-        view.put(
-            height,
-            motion.line[frame],
-            float(motion.tongue[frame]),
-            motion.wire[frame],
-        )
+        view.put(height, motion.line[frame], float(motion.tongue[frame]), motion.wire[frame])
 
     return Part(axes, [*view.artists, title], show)
 
@@ -187,8 +182,7 @@ def _trace(axes, scene: Replay, column: str, scale: float, label: str) -> Part:
         )  # fmt: skip
     for held in scene.phases.plucks:
         axes.axvspan(held.contact * 1e3, held.release * 1e3, color=HELD, zorder=0)
-    axes.set_xlim(scene.time[0] * 1e3, scene.time[-1] * 1e3)
-    axes.set_xlabel("time after the trigger (ms)")
+    axes.set(xlim=(scene.time[0] * 1e3, scene.time[-1] * 1e3), xlabel="time after the trigger (ms)")
     axes.set_ylabel(label)
     now = axes.axvline(scene.time[0] * 1e3, color=PRESSED, lw=1.2)
 

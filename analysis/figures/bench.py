@@ -1,5 +1,6 @@
 """The drawing of the bench to scale, with its dimensions, and of a jack's head enlarged."""
 
+from operator import attrgetter
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -27,6 +28,24 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 DIMENSION = "#444444"
+LENGTHS = {
+    "arm.upper_length": "link 1",
+    "arm.lower_length": "link 2",
+    "arm.base_x": "base, x",
+    "arm.base_z": "base, z",
+    "arm.fingertip_radius": "fingertip's radius",
+    "key.dip": "dip at the pressing point",
+    "press.jack_rise": "jack's rise",
+    "jack.string_clearance": "rise until contact",
+    "plectrum.length": "plectrum's length",
+    "plectrum.overlap": "plectrum's overlap",
+    "plectrum.thickness": "plectrum's thickness",
+    "plectrum.width": "plectrum's width",
+    "string.length": "string, nut to bridge",
+    "string.plucking_point": "nut to jack",
+    "string.diameter": "wire",
+}
+"""Lengths without an arrow in the drawing, with their texts."""
 
 
 def plot_bench(path: str | Path, rig: Rig, trajectory: Trajectory) -> None:
@@ -58,8 +77,7 @@ def bench_figure(rig: Rig, trajectory: Trajectory) -> "Figure":
     side.relim()
     side.margins(0.03, 0.08)
     side.autoscale_view()
-    side.set_xlabel("x from the balance pin (mm)")
-    side.set_ylabel("z (mm)")
+    side.set(xlabel="x from the balance pin (mm)", ylabel="z (mm)")
     _head(head, rig)
     _legend(words, rig)
     figure.suptitle(
@@ -114,7 +132,7 @@ def _dimensions(axes, rig: Rig) -> None:
         axes.annotate(
             "", (value * 1e3, z), (0, z), arrowprops={"arrowstyle": "<->", "color": DIMENSION}
         )
-        text = _length_text(rig, name, abs(value), name.split(".")[1].replace("_", " "))
+        text = _length_text(rig, name, name.split(".")[1].replace("_", " "))
         axes.text(
             value * 500, z, text, ha="center", va="center", fontsize=8,
             bbox={"fc": "white", "ec": "none", "pad": 1},
@@ -132,24 +150,7 @@ def _head(axes, rig: Rig) -> None:
 
 def _legend(axes, rig: Rig) -> None:
     """Write the lengths that have no arrow."""
-    arm, plectrum, string, jack = rig.arm, rig.plectrum, rig.string, rig.jack
-    rows = [
-        _length_text(rig, "arm.upper_length", arm.upper_length, "link 1"),
-        _length_text(rig, "arm.lower_length", arm.lower_length, "link 2"),
-        _length_text(rig, "arm.base_x", arm.base_x, "base, x"),
-        _length_text(rig, "arm.base_z", arm.base_z, "base, z"),
-        _length_text(rig, "arm.fingertip_radius", arm.fingertip_radius, "fingertip's radius"),
-        _length_text(rig, "key.dip", rig.key.dip, "dip at the pressing point"),
-        _length_text(rig, "press.jack_rise", rig.press.jack_rise, "jack's rise"),
-        _length_text(rig, "jack.string_clearance", jack.string_clearance, "rise until contact"),
-        _length_text(rig, "plectrum.length", plectrum.length, "plectrum's length"),
-        _length_text(rig, "plectrum.overlap", plectrum.overlap, "plectrum's overlap"),
-        _length_text(rig, "plectrum.thickness", plectrum.thickness, "plectrum's thickness"),
-        _length_text(rig, "plectrum.width", plectrum.width, "plectrum's width"),
-        _length_text(rig, "string.length", string.length, "string, nut to bridge"),
-        _length_text(rig, "string.plucking_point", string.plucking_point, "nut to jack"),
-        _length_text(rig, "string.diameter", string.diameter, "wire"),
-    ]
+    rows = [_length_text(rig, name, text) for name, text in LENGTHS.items()]
     if rig.more_choirs:
         rows.append(f"{len(rig.more_choirs)} more choir{'s' * (len(rig.more_choirs) > 1)}")
     axes.axis("off")
@@ -164,6 +165,6 @@ def _legend(axes, rig: Rig) -> None:
         )
 
 
-def _length_text(rig: Rig, name: str, value: float, text: str) -> str:
+def _length_text(rig: Rig, name: str, text: str) -> str:
     mark = "*" if name in rig.assumed else ""
-    return f"{text} {value * 1e3:.5g} mm{mark}"
+    return f"{text} {attrgetter(name)(rig) * 1e3:.5g} mm{mark}"

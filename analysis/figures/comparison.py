@@ -9,6 +9,7 @@ from sautereau.analysis.figures.made import how_made, stamp
 from sautereau.analysis.model.predict import Prediction
 from sautereau.analysis.phases import Phases
 from sautereau.analysis.press.load import Press
+from sautereau.analysis.summary.text import counted
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -20,22 +21,9 @@ PHASE_COLOURS = ("#e8eef4", "#fbe3cf", "#e5f0e2")
 
 
 def plot_comparison(
-    path: str | Path,
-    presses: Sequence[Press],
-    phases: Sequence[Phases],
-    prediction: Prediction,
+    path: str | Path, presses: Sequence[Press], phases: Sequence[Phases], prediction: Prediction
 ) -> None:
-    """Write `comparison_figure` to a file.
-
-    Args:
-        path: Of the plot; its extension gives the format.
-        presses: Recorded presses.
-        phases: Of the presses, in the same order.
-        prediction: The model's press.
-
-    Raises:
-        AnalysisError: There is no press to draw.
-    """
+    """Write `comparison_figure` to a file; its extension gives the format."""
     comparison_figure(presses, phases, prediction).savefig(path, dpi=120)
 
 
@@ -46,6 +34,14 @@ def comparison_figure(
 
     The first press is drawn over time with the three phases marked, as in the paper's
     figure 7; all presses and the prediction are drawn aligned at contact, as in figure 8.
+
+    Args:
+        presses: Recorded presses.
+        phases: Of the presses, in the same order.
+        prediction: The model's press.
+
+    Raises:
+        AnalysisError: There is no press to draw.
     """
     from matplotlib.figure import Figure
 
@@ -59,9 +55,8 @@ def comparison_figure(
     _over_time(top, below, presses[0], phases[0], prediction)
     _force_on_deflection(right, presses, phases, prediction)
     simulated = any(press.simulated for press in presses)
-    kind = how_made(simulated)
-    name = presses[0].rig.name
-    figure.suptitle(f"Rig {name}: {len(presses)} press{'es' * (len(presses) > 1)}, {kind}")
+    number = counted(len(presses), "press")
+    figure.suptitle(f"Rig {presses[0].rig.name}: {number}, {how_made(simulated)}")
     stamp(figure, simulated)
     return figure
 
@@ -77,8 +72,7 @@ def _over_time(top, below, press: Press, phases: Phases, prediction: Prediction)
     top.legend(loc="lower right")
     below.plot(time, press.data["force"], color=MEASURED, lw=0.8)
     below.plot(model, prediction.finger_force, color=PREDICTED, ls="--")
-    below.set_ylabel("finger force (N)")
-    below.set_xlabel("time after the trigger (ms)")
+    below.set(ylabel="finger force (N)", xlabel="time after the trigger (ms)")
     end = phases.bottom * 1e3
     below.set_xlim(0, end)
     inside = press.data["force"].to_numpy()[time <= end]
@@ -97,33 +91,18 @@ def _over_time(top, below, press: Press, phases: Phases, prediction: Prediction)
 
 
 def _force_on_deflection(axes, presses, phases, prediction: Prediction) -> None:
-    first = True
     for press, found in zip(presses, phases, strict=True):
         if not found.plucks:
             continue
         held = found.plucks[0]
         end = min(held.release + BESIDE, found.bottom)
         deflection, force = press.from_contact(held.contact, held.contact - BESIDE, end)
-        axes.plot(
-            deflection * 1e3,
-            force,
-            color=MEASURED,
-            lw=0.7,
-            alpha=0.7,
-            label=f"{_label(press)}, {len(presses)} in all" if first else None,
-        )
-        first = False
+        label = None if axes.lines else f"{_label(press)}, {len(presses)} in all"
+        axes.plot(deflection * 1e3, force, color=MEASURED, lw=0.7, alpha=0.7, label=label)
     deflection, force = prediction.from_contact(BESIDE)
-    axes.plot(
-        deflection * 1e3,
-        force,
-        color=PREDICTED,
-        ls="--",
-        lw=2,
-        label=f"predicted ({prediction.level})",
-    )
-    axes.set_xlabel("deflection at the laser from contact (mm)")
-    axes.set_ylabel("finger force (N)")
+    label = f"predicted ({prediction.level})"
+    axes.plot(deflection * 1e3, force, color=PREDICTED, ls="--", lw=2, label=label)
+    axes.set(xlabel="deflection at the laser from contact (mm)", ylabel="finger force (N)")
     axes.legend(loc="upper left")
 
 

@@ -73,8 +73,7 @@ def _forces(top, below, made: Fit) -> None:
         left = np.full(len(each.time), np.nan)
         left[each.used] = residual - white.trend(residual)
         below.plot(each.time * 1e3, left * 1e3, lw=0.6, alpha=0.7)
-    below.set_ylabel("force residual of every press (mN)")
-    below.set_xlabel("time after the trigger (ms)")
+    below.set(ylabel="force residual of every press (mN)", xlabel="time after the trigger (ms)")
 
 
 def _correlation(figure, axes, found: Identified) -> None:

@@ -25,14 +25,7 @@ LOWEST = -40e-3
 
 
 def plot_mount(path: str | Path, rig: Rig, area: MountMap, mount: Mount) -> None:
-    """Write `mount_figure` to a file.
-
-    Args:
-        path: Of the plot; its extension gives the format.
-        rig: The bench, with its present base.
-        area: Residual over the region in which the robot can be clamped.
-        mount: The best base.
-    """
+    """Write `mount_figure` to a file; its extension gives the format."""
     mount_figure(rig, area, mount).savefig(path, dpi=120)
 
 
@@ -42,6 +35,11 @@ def mount_figure(rig: Rig, area: MountMap, mount: Mount) -> "Figure":
     The arm is drawn at the best base, with the key at rest and at full rise. Places that a
     limit excludes are hatched. If the region leaves room above the key, the neighbourhood of
     the best base is enlarged there.
+
+    Args:
+        rig: The bench, with its present base.
+        area: Residual over the region in which the robot can be clamped.
+        mount: The best base.
     """
     from matplotlib.figure import Figure
     from matplotlib.patches import Patch, Rectangle
@@ -59,8 +57,7 @@ def mount_figure(rig: Rig, area: MountMap, mount: Mount) -> "Figure":
     axes.relim()
     axes.autoscale_view()
     axes.set_ylim(bottom=min(axes.get_ylim()[0], LOWEST * 1e3))
-    axes.set_xlabel("x from the balance pin (mm)")
-    axes.set_ylabel("z above the balance pin (mm)")
+    axes.set(xlabel="x from the balance pin (mm)", ylabel="z above the balance pin (mm)")
     tilts = mount.hold == "point"
     what = "largest tilt of the finger (deg)" if tilts else "largest slide of the finger (mm)"
     bar = figure.colorbar(filled, ax=axes, label=what, pad=0.01, aspect=30)
@@ -138,8 +135,7 @@ def _draw_inset(axes, rig: Rig, mount: Mount, levels: Floats) -> None:
     inset = axes.inset_axes((0.5, 0.34, 0.42, 0.56))
     _draw_residual(inset, mount_map(near, 121), mount, levels)
     _draw_bases(inset, rig, mount)
-    inset.set_xlim(corner[0] * 1e3, end[0] * 1e3)
-    inset.set_ylim(corner[1] * 1e3, end[1] * 1e3)
+    inset.set(xlim=(corner[0] * 1e3, end[0] * 1e3), ylim=(corner[1] * 1e3, end[1] * 1e3))
     inset.set_aspect("equal")
     inset.yaxis.tick_right()
     inset.set_title("about the best base", fontsize="medium")

@@ -51,11 +51,7 @@ def frame_times(start: float, stop: float, slow: float) -> Floats:
     return start + np.arange(count) / (slow * FRAME_RATE)
 
 
-def animate(
-    path: str | Path,
-    scene: Replay,
-    done: Done = lambda fraction: None,
-) -> None:
+def animate(path: str | Path, scene: Replay, done: Done = lambda fraction: None) -> None:
     """Write a press as an animation.
 
     Args:

@@ -27,16 +27,7 @@ COVERAGE = 1.96
 
 
 def plot_phases(path: str | Path, presses: Sequence[Press], phases: Sequence[Phases]) -> None:
-    """Write `phases_figure` to a file.
-
-    Args:
-        path: Of the plot; its extension gives the format.
-        presses: Recorded presses.
-        phases: Of the presses, in the same order.
-
-    Raises:
-        AnalysisError: There is no press to draw, or too many for one plot.
-    """
+    """Write `phases_figure` to a file; its extension gives the format."""
     phases_figure(presses, phases).savefig(path, dpi=120)
 
 
@@ -44,6 +35,13 @@ def phases_figure(presses: Sequence[Press], phases: Sequence[Phases]) -> "Figure
     """Return a figure with a row per press: force and jack speed over time, contact and release.
 
     A boundary is a line with a band of 95 %; doubtful intervals are shaded.
+
+    Args:
+        presses: Recorded presses.
+        phases: Of the presses, in the same order.
+
+    Raises:
+        AnalysisError: There is no press to draw, or too many for one plot.
     """
     from matplotlib.figure import Figure
 
@@ -54,13 +52,12 @@ def phases_figure(presses: Sequence[Press], phases: Sequence[Phases]) -> "Figure
             f"{len(presses)} presses are too many for one plot of at most {MOST}; give fewer"
             " recordings, or omit the plot"
         )
-    simulated = any(press.simulated for press in presses)
     figure = Figure(figsize=(12, 1.2 + 3.2 * len(presses)), layout="constrained")
     grid = figure.subplots(len(presses), 2, squeeze=False, width_ratios=(2, 1))
     for (complete, close), press, found in zip(grid, presses, phases, strict=True):
         _complete(complete, press, found)
         _close(close, press, found)
-    kind = how_made(simulated)
+    kind = how_made(any(press.simulated for press in presses))
     figure.suptitle(f"Rig {presses[0].rig.name}: phases, {kind}")
     return figure
 
@@ -109,8 +106,7 @@ def _close(axes: "Axes", press: Press, found: Phases) -> None:
         )
         axes.plot(deflection * 1e3, force, lw=0.7, color=MEASURED)
     axes.axvline(0.0, color=CONTACT, lw=1)
-    axes.set_xlabel("deflection at the laser from contact (mm)")
-    axes.set_ylabel("finger force (N)")
+    axes.set(xlabel="deflection at the laser from contact (mm)", ylabel="finger force (N)")
 
 
 def _boundary(axes: "Axes", instant: float, std: float, colour: str, name: str) -> None:

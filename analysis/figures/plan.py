@@ -49,8 +49,7 @@ def plan_figure(rig: Rig, trajectory: Trajectory, expected: Expectation | None) 
     _limits(limits, trajectory)
     held = all(check.holds for check in trajectory.checks)
     verdict = "every check holds" if held else "REFUSED: a check fails"
-    hold = rig.press.hold
-    figure.suptitle(f'Plan of a press, rig {rig.name}, hold = "{hold}": {verdict}')
+    figure.suptitle(f'Plan of a press, rig {rig.name}, hold = "{rig.press.hold}": {verdict}')
     return figure
 
 
@@ -73,13 +72,8 @@ def _poses(axes, rig: Rig, trajectory: Trajectory) -> None:
     axes.plot(0, 0, "^", color=KEY, ms=12, zorder=4)
     axes.annotate("balance pin", (0, 0), (0, -20), textcoords="offset points", ha="center")
     axes.annotate("jack", (key.jack_arm * 1e3, 100), (8, 0), textcoords="offset points")
-    axes.annotate(
-        "base",
-        (arm.base_x * 1e3, arm.base_z * 1e3),
-        (-6, 8),
-        textcoords="offset points",
-        ha="right",
-    )
+    base = (arm.base_x * 1e3, arm.base_z * 1e3)
+    axes.annotate("base", base, (-6, 8), textcoords="offset points", ha="right")
     axes.axhline(key.neighbour_height * 1e3, color=KEY, ls=":", lw=1)
     axes.text(
         0.99, key.neighbour_height * 1e3, "neighbouring keys", color=KEY, va="bottom", ha="right",
@@ -87,8 +81,7 @@ def _poses(axes, rig: Rig, trajectory: Trajectory) -> None:
     )  # fmt: skip
     axes.set_aspect("equal", adjustable="datalim")
     axes.margins(0.06)
-    axes.set_xlabel("x from the balance pin (mm)")
-    axes.set_ylabel("z (mm)")
+    axes.set(xlabel="x from the balance pin (mm)", ylabel="z (mm)")
     axes.legend(loc="lower right", title="pose")
 
 
@@ -103,8 +96,7 @@ def _path(axes, trajectory: Trajectory) -> None:
     if trajectory.slide.any():
         slide = trajectory.slide[: bottom + 1] * 1e3
         axes.plot(-tip[:, 1], slide, color=KEY, label="slide on the key (mm)")
-    axes.set_xlabel("depth of the fingertip (mm)")
-    axes.set_ylabel("along the path of the fingertip")
+    axes.set(xlabel="depth of the fingertip (mm)", ylabel="along the path of the fingertip")
     axes.grid(alpha=0.3)
     axes.legend(loc="best", fontsize=8)
 
@@ -135,10 +127,9 @@ def _speeds(axes, rig: Rig, trajectory: Trajectory) -> None:
     limit, top = rig.arm.speed_limit, np.abs(trajectory.joints.velocity).max()
     axes.set_ylim(-1.25 * top, 1.25 * top)
     if limit <= 1.25 * top:
-        axes.axhline(limit, color=FAILED, ls="--")
-        axes.axhline(-limit, color=FAILED, ls="--")
-    axes.set_ylabel(f"joint speed (rad/s)\nlimit {limit:.4g}")
-    axes.set_xlabel("time after the trigger (ms)")
+        for side in (-limit, limit):
+            axes.axhline(side, color=FAILED, ls="--")
+    axes.set(ylabel=f"joint speed (rad/s)\nlimit {limit:.4g}", xlabel="time after the trigger (ms)")
     axes.grid(alpha=0.3)
     axes.legend(loc="upper right", fontsize=8)
 
@@ -159,8 +150,7 @@ def _limits(axes, trajectory: Trajectory) -> None:
             ha="right" if inside else "left", color="white" if inside else "black",
         )  # fmt: skip
     axes.axvline(100, color=FAILED, lw=1)
-    axes.set_xlim(0, 130)
-    axes.set_xlabel("used part of the limit (%)")
+    axes.set(xlim=(0, 130), xlabel="used part of the limit (%)")
     axes.tick_params(labelsize=7)
     failed = [c.name for c in trajectory.checks if c not in bars and not c.holds]
     text = "reach, branch, clearance and range: within their limits"

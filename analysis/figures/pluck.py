@@ -65,12 +65,8 @@ def pluck_figure(rig: Rig, levels: Sequence[str]) -> "Figure":
             axes.plot(x[-1], y[-1], "o", color=colour, ms=4 + width, mfc="white", zorder=3)
         angle.plot([], [], color=colour, lw=width, label=_label(level, pluck, rig))
     _dress(rig, angle, path, force)
-    figure.legend(
-        *angle.get_legend_handles_labels(),
-        loc="outside lower center",
-        ncols=min(4, len(levels)),
-        frameon=False,
-    )
+    entries, columns = angle.get_legend_handles_labels(), min(4, len(levels))
+    figure.legend(*entries, loc="outside lower center", ncols=columns, frameon=False)
     plectrum = rig.plectrum
     title = (
         f"Pluck of rig {rig.name}: overlap {plectrum.overlap * 1e3:.4g} mm, string of"

@@ -13,6 +13,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 COLOURS = {"release_force": "#1f77b4", "force_slope": "#d9743a", "force_drop": "#2f6b3a"}
+DOTS = {"fmt": "o", "ms": 5, "capsize": 3}
+"""Style of values with error bars."""
 SOURCES = ("press", "session", "plectrum", "unexplained")
 """Standard deviations of `sautereau.analysis.campaign.touch.Felt`."""
 
@@ -53,15 +55,8 @@ def _felt_over_stiffness(axes: "Axes", found: Touch, name: str, felt: Felt) -> N
     scale, unit = QUANTITIES[name].displayed
     stiffness = [plectrum.tip_stiffness for plectrum in found.plectra]
     spreads = [plectrum.felt[name] for plectrum in found.plectra]
-    axes.errorbar(
-        stiffness,
-        [scale * s.value for s in spreads],
-        yerr=_bars(spreads, scale),
-        fmt="o",
-        color=COLOURS[name],
-        ms=5,
-        capsize=3,
-    )
+    forces = [scale * spread.value for spread in spreads]
+    axes.errorbar(stiffness, forces, _bars(spreads, scale), color=COLOURS[name], **DOTS)
     axes.set_ylabel(QUANTITIES[name].title(unit))
     axes.set_xlabel("plectrum stiffness at the tip, 3 EI/L^3 (N/m)")
     exponents = ", ".join(
@@ -79,16 +74,11 @@ def _sources(axes: "Axes", found: Touch) -> None:
     for shift, (name, felt) in enumerate(found.felt.items()):
         spreads = enumerate(getattr(felt, source) for source in SOURCES)
         rows = [(place, spread) for place, spread in spreads if spread is not None]
-        axes.errorbar(
-            [100 * spread.value for _, spread in rows],
-            [place + 0.2 * (shift - 1) for place, _ in rows],
-            xerr=_bars([spread for _, spread in rows], 100.0),
-            fmt="o",
-            color=COLOURS[name],
-            ms=5,
-            capsize=3,
-            label=QUANTITIES[name].label,
-        )
+        deviations = [100 * spread.value for _, spread in rows]
+        places = [place + 0.2 * (shift - 1) for place, _ in rows]
+        bars = _bars([spread for _, spread in rows], 100.0)
+        style = {"color": COLOURS[name], "label": QUANTITIES[name].label, **DOTS}
+        axes.errorbar(deviations, places, xerr=bars, **style)
     axes.set_yticks(range(len(SOURCES)), [QUANTITIES[f"felt.{s}"].label for s in SOURCES])
     axes.invert_yaxis()
     axes.set_xscale("symlog", linthresh=0.1)

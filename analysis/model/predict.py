@@ -7,7 +7,6 @@ import numpy as np
 from sautereau.analysis.model.choirs import (
     ChoirPluck,
     PlacedPluck,
-    ReleasedString,
     choir_pluck,
     choirs,
     hold,
@@ -27,10 +26,10 @@ STEPS = 2000
 
 
 @dataclass(frozen=True)
-class Prediction:
+class Prediction(ChoirPluck):
     """A press with the jack at constant speed; arrays of shape (n,) on one time base.
 
-    Values of a string are those of the first choir; `choirs` has all of them.
+    The inherited values are those of the first choir; `choirs` has all of them.
     """
 
     level: str
@@ -40,29 +39,12 @@ class Prediction:
     """m, of the jack."""
     deflection: Floats
     """m, of the key at the laser, downwards."""
-    string_force: Floats
-    """N, of the string on the jack."""
     finger_force: Floats
     """N, of the finger on the key, against all strings."""
-    contact: float
-    """s."""
-    release: float
-    """s."""
-    plectrum_force: float
-    """N, between plectrum and string."""
-    release_lift: float
-    """m, of the string."""
-    release_angle: float
-    """rad, of the plectrum under the string."""
-    v_osc: float
-    """m/s, of the released string."""
+    work: float
+    """J, of the finger against the plectra of all choirs."""
     choirs: tuple[ChoirPluck, ...]
     """The pluck of every choir, in their order."""
-
-    @property
-    def pluck_duration(self) -> float:
-        """Time from contact to release [s]."""
-        return self.release - self.contact
 
     @property
     def peak_force(self) -> float:
@@ -73,16 +55,6 @@ class Prediction:
     def release_force(self) -> float:
         """Finger force just before the first choir's string is released [N]."""
         return float(self.finger_force[np.flatnonzero(self.string_force > 0)[-1]])
-
-    @property
-    def work(self) -> float:
-        """Work of the finger against the plectra of all choirs [J]."""
-        return sum(choir.work for choir in self.choirs)
-
-    @property
-    def released_string(self) -> ReleasedString:
-        """Displacement and velocity of the string just before release."""
-        return self.choirs[0].released_string
 
     def from_contact(self, beside: float) -> tuple[Floats, Floats]:
         """Return the key deflection since contact [m] and the finger force [N], shape (steps,).
@@ -135,20 +107,14 @@ def predict(rig: Rig, level: str = "elastica", *, rollover: bool = False) -> Pre
     angle = key_motion(rig.key, Motion(rise, np.full_like(rise, speed), still))
     forces = np.stack([_string_force(rig, h, rise, angle.position) for h in held])
     all_choirs = tuple(plucked(rig, h, force) for h, force in zip(held, forces, strict=True))
-    first = all_choirs[0]
+    work = sum(choir.work for choir in all_choirs)
     return Prediction(
+        **(vars(all_choirs[0]) | {"work": work}),
         level=level,
         time=rise / speed,
         rise=rise,
         deflection=rig.key.laser_arm * angle.position,
-        string_force=first.string_force,
         finger_force=finger_force(rig, angle, forces),
-        contact=first.contact,
-        release=first.release,
-        plectrum_force=first.plectrum_force,
-        release_lift=first.release_lift,
-        release_angle=first.release_angle,
-        v_osc=first.v_osc,
         choirs=all_choirs,
     )
 

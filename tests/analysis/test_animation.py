@@ -19,6 +19,7 @@ from sautereau.daq.file.recorded import Plan
 from sautereau.rig.load import load_rig
 from sautereau.sim_backend.scene import load_scene
 from sautereau.trajectory.press import draft_press
+from tests.plots import texts
 
 
 def staged(press, time, arm=None):
@@ -28,12 +29,6 @@ def staged(press, time, arm=None):
 @pytest.fixture(scope="module")
 def scene(make_press):
     return staged(make_press(), frame_times(0.05, 0.08, 5))
-
-
-def texts(figure):
-    from matplotlib.text import Text
-
-    return "\n".join(t.get_text() for t in figure.findobj(Text))
 
 
 def test_frames_are_as_far_apart_as_the_slowness_says():
@@ -92,7 +87,7 @@ def test_a_frame_equals_a_complete_drawing(scene):
 
 def test_measured_presses_are_called_measured(make_press):
     scene = staged(make_press(simulated=False), frame_times(0.05, 0.08, 5))
-    said = texts(animation_figure(scene, 5)[0])
+    said = "\n".join(texts(animation_figure(scene, 5)[0]))
     assert "measured" in said
     assert "simulated" not in said.lower()
 
@@ -100,21 +95,21 @@ def test_measured_presses_are_called_measured(make_press):
 def test_simulation_model_phase_and_time_are_shown(make_press):
     scene = staged(make_press(), np.array([0.04, 0.06, 0.08]))
     figure, parts = animation_figure(scene, 5)
-    said = texts(figure)
+    said = "\n".join(texts(figure))
     assert "SIMULATED, made on the stand-in; 5 times slower; no arm was recorded" in said
     assert "plectrum and string by the model" in said
     assert "simulated" in said.split("\n")
     for frame, words in enumerate(("free", "string held", "string released")):
         for part in parts:
             part.show(frame)
-        said = texts(figure).split("\n")
+        said = texts(figure)
         assert words in said
         assert f"{scene.time[frame] * 1e3:.1f} ms" in said
 
 
 def test_a_press_without_a_pluck_says_so(make_press):
     mute = staged(make_press(slope=0), frame_times(0.05, 0.08, 5))
-    assert "no pluck found" in texts(animation_figure(mute, 5)[0])
+    assert "no pluck found" in "\n".join(texts(animation_figure(mute, 5)[0]))
 
 
 def test_arm_and_choirs_are_shown(make_press):
@@ -125,7 +120,7 @@ def test_arm_and_choirs_are_shown(make_press):
     arm = Plan(plan.time, *plan.joints.position.T, plan.rise.position)
     scene = staged(press, frame_times(0.05, 0.08, 5), arm)
     figure, _ = animation_figure(scene, 5)
-    said = texts(figure)
+    said = "\n".join(texts(figure))
     assert "choir 1: " in said
     assert "choir 2: " in said
     assert "no arm" not in said

@@ -6,9 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sautereau.analysis.errors import ModelError
-from sautereau.analysis.model.plectrum.beam import Beam
+from sautereau.analysis.model.plectrum.beam import Beam, TwoBeam
 from sautereau.analysis.model.plectrum.elastica import Elastica
-from sautereau.analysis.model.plectrum.two_beam import TwoBeam
 from sautereau.analysis.model.pluck.pluck import solve_pluck
 from sautereau.rig.load import load_rig
 

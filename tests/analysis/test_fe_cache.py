@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from sautereau.analysis.model.plectrum.fe import cache
+from sautereau.analysis.model.plectrum.fe.cache import DisplacementSeries
 from sautereau.analysis.model.plectrum.fe.level import FE
-from sautereau.analysis.model.plectrum.fe.table import DisplacementSeries
 from sautereau.rig.load import load_rig
 
 PLECTRUM = load_rig("paper").plectrum

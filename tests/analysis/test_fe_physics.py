@@ -7,12 +7,10 @@ from scipy.optimize import brentq
 
 from sautereau.analysis.errors import ModelError
 from sautereau.analysis.model.plectrum.elastica import Elastica
-from sautereau.analysis.model.plectrum.fe.body import Body
 from sautereau.analysis.model.plectrum.fe.build import Solver
 from sautereau.analysis.model.plectrum.fe.load import patch_at, section_at
-from sautereau.analysis.model.plectrum.fe.mesh import plectrum_grid
-from sautereau.analysis.model.plectrum.fe.profile import outline_from, profile_of
-from sautereau.analysis.model.plectrum.fe.solve import solve_loads
+from sautereau.analysis.model.plectrum.fe.profile import outline_from, plectrum_grid, profile_of
+from sautereau.analysis.model.plectrum.fe.solve import Body, solve_loads
 from sautereau.rig.load import load_rig
 
 PLECTRUM = load_rig("paper").plectrum

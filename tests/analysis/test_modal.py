@@ -5,10 +5,12 @@ from functools import cache
 import numpy as np
 import pytest
 from scipy.integrate import cumulative_trapezoid, solve_ivp
+from scipy.optimize import fsolve
 
 from sautereau.analysis.errors import ModelError
-from sautereau.analysis.model.plectrum.levels import plectrum_map
+from sautereau.analysis.model.plectrum.levels import LEVELS, plectrum_map
 from sautereau.analysis.model.predict import rig_pluck
+from sautereau.analysis.model.string.bend import point_bend
 from sautereau.analysis.model.string.modal import modal_pluck
 from sautereau.analysis.model.string.string import release_speed
 from sautereau.rig.load import load_rig
@@ -114,7 +116,7 @@ def test_the_free_string_keeps_its_energy_and_its_frequencies():
     energy = string.energy(string.free(modal.state, time))
     np.testing.assert_allclose(energy, energy[0], rtol=1e-9)
     rate, count = 44_100, 2**15
-    sound = modal.bridge_force(np.arange(count) / rate)
+    sound = modal.free.bridge_force(np.arange(count) / rate)
     assert sound.shape == (count, 2)
     spectrum = np.log(np.abs(np.fft.rfft(sound[:, 1] * np.hanning(count))))
     for n in (1, 2, 3, 7, 29, 30):
@@ -129,7 +131,7 @@ def test_the_string_leaves_at_the_speed_of_all_its_modes():
     """Soon after a slow release, on average over the shortest swing that the modes know."""
     modal = modal_pluck(rig_at(0.05), modes=40)
     time = np.linspace(0, 2e-4, 400)
-    place, _ = modal.motion(time)
+    place, _ = modal.free.motion(time)
     slope = np.polyfit(time, place[:, 1], 1)[0]
     lift = modal.displacement[-1, 1]
     assert -slope == pytest.approx(release_speed(RIG.string, lift), rel=0.03)
@@ -137,7 +139,7 @@ def test_the_string_leaves_at_the_speed_of_all_its_modes():
 
 def test_the_free_motion_continues_that_of_the_held_string():
     modal = pluck()
-    place, speed = modal.motion([0.0, 1e-7, 2e-7])
+    place, speed = modal.free.motion([0.0, 1e-7, 2e-7])
     # What the left-out modes held jumps back at release.
     left_out = modal.string.residual * modal.force[-1]
     assert np.hypot(*(place[0] - modal.displacement[-1])) == pytest.approx(left_out, rel=1e-6)
@@ -213,3 +215,79 @@ def test_a_stiff_plectrum_does_not_stir_the_modes_up():
 def test_a_step_out_of_range_is_refused(step):
     with pytest.raises(ModelError, match="step"):
         modal_pluck(RIG, step=step)
+
+
+def by_waves(rig, steps):
+    """Return release [s] and force [N] with the string as travelling waves, all modes in it.
+
+    At the plucking point a force moves an endless string by w = integral of F c / 2T; the
+    fixed ends add its images, late by the way there and back: w of every 2kL, and -w of
+    every 2 (p + kL). Trapezoidal rule; contact by scipy's general solver of equations.
+    """
+    string, plectrum = rig.string, plectrum_map(rig.plectrum, "elastica")
+    c = 2 * string.length * string.frequency
+    speed = rig.press.jack_speed
+    dt = rig_pluck(rig).release_height / speed / steps
+    rest = plectrum.length - rig.plectrum.overlap
+    k = np.arange(-100, 101)
+    image = np.concatenate([k[k != 0] * string.length, string.plucking_point + k * string.length])
+    late = 2 * np.abs(image) / c
+    sign = np.concatenate([np.ones(len(k) - 1), -np.ones(len(k))])
+    sign, late = sign[late < 2 * steps * dt], late[late < 2 * steps * dt]
+    time, w, force = np.arange(2 * steps) * dt, np.zeros((2, 2 * steps)), np.zeros((2, 2 * steps))
+    give = dt / 4 * c / string.tension
+    now = last = np.array([rest, 0.0])
+    for i in range(1, 2 * steps):
+        echo = [sign @ np.interp(time[i] - late, time[:i], moved[:i], left=0.0) for moved in w]
+        free = w[:, i - 1] + give * force[:, i - 1] + echo
+
+        def apart(unknown, free=free, i=i):
+            s, f = unknown
+            bend = plectrum.bend(s, f)
+            return [
+                (bend.x - rest - free[0] + give * f * np.sin(bend.theta)) * 1e3,
+                (bend.z + speed * time[i] - free[1] - give * f * np.cos(bend.theta)) * 1e3,
+            ]
+
+        ahead = fsolve(apart, np.maximum(2 * now - last, 0), xtol=1e-12)
+        if ahead[0] >= plectrum.length:
+            share = (plectrum.length - now[0]) / (ahead[0] - now[0])
+            return time[i - 1] + share * dt, now[1] + share * (ahead[1] - now[1])
+        last, now = now, ahead
+        theta = plectrum.bend(*now).theta
+        force[:, i] = now[1] * np.array([-np.sin(theta), np.cos(theta)])
+        w[:, i] = w[:, i - 1] + give * (force[:, i - 1] + force[:, i])
+    raise AssertionError("no release")
+
+
+@pytest.mark.parametrize("speed", [pytest.param(0.3, marks=pytest.mark.slow), 1.0])
+def test_travelling_waves_agree(speed):
+    release, force = by_waves(rig_at(speed), 300)
+    modal = pluck(speed)
+    assert modal.release == pytest.approx(release, rel=2e-5)
+    assert modal.plectrum_force == pytest.approx(force, rel=5e-5)
+
+
+@pytest.mark.parametrize(
+    ("level", "friction"),
+    [*((level, 0.0) for level in LEVELS.names()), ("elastica", 0.5), ("rods", 0.2)],
+)
+def test_one_point_is_that_of_the_map(level, friction):
+    plectrum = plectrum_map(RIG.plectrum.model_copy(update={"friction": friction}), level)
+    point, length = point_bend(plectrum), plectrum.length
+    for place, share in [(0.95, 0.0), (0.95, 0.3), (1.0, 0.6), (1.004, 0.99)]:
+        s = place * length
+        limit = point.limit(s)
+        assert limit == pytest.approx(float(plectrum.force_limit(s)), rel=1e-12)
+        x, z, theta, x_s, z_s, theta_s, x_f, z_f, theta_f = plectrum.bend(s, share * limit)
+        out = -np.sin(theta) - friction * np.cos(theta)
+        up = np.cos(theta) - friction * np.sin(theta)
+        at, by_s, by_f = np.reshape(point.at(s, share * limit), (3, 4))
+        # In lengths and limits of force, whatever the plectrum's size.
+        unit = np.array([length, length, 1, 1])
+        expected = np.array([x, z, out, up])
+        np.testing.assert_allclose(at / unit, expected / unit, atol=1e-9)
+        expected = np.array([x_s, z_s, -up * theta_s, out * theta_s])
+        np.testing.assert_allclose(by_s * length / unit, expected * length / unit, atol=1e-7)
+        expected = np.array([x_f, z_f, -up * theta_f, out * theta_f])
+        np.testing.assert_allclose(by_f * limit / unit, expected * limit / unit, atol=1e-7)

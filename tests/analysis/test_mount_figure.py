@@ -6,12 +6,7 @@ import pytest
 from sautereau.analysis.figures.mount import mount_figure, plot_mount
 from sautereau.rig.load import with_values
 from sautereau.trajectory.mount.find import MountMap, find_mount, mount_map
-
-
-def texts(figure):
-    from matplotlib.text import Text
-
-    return " | ".join(t.get_text() for t in figure.findobj(Text) if t.get_text())
+from tests.plots import texts
 
 
 def drawn(axes, label):
@@ -30,8 +25,13 @@ def best(paper):
     return find_mount(paper)
 
 
-def test_the_arm_is_drawn_to_scale(paper, small_map, best):
-    axes = mount_figure(paper, small_map, best).axes[0]
+@pytest.fixture(scope="module")
+def figure(paper, small_map, best):
+    return mount_figure(paper, small_map, best)
+
+
+def test_the_arm_is_drawn_to_scale(figure, best):
+    axes = figure.axes[0]
     assert axes.get_aspect() == 1
     for label in ("arm and key at rest", "arm and key at full rise"):
         base, elbow, tip = drawn(axes, label)
@@ -43,21 +43,21 @@ def test_the_arm_is_drawn_to_scale(paper, small_map, best):
     assert drawn(axes, "best base")[0] == pytest.approx([best.base_x * 1e3, best.base_z * 1e3])
 
 
-def test_units_are_degrees_or_millimetres(paper, small_map, best):
-    words = texts(mount_figure(paper, small_map, best))
+def test_units_are_degrees_or_millimetres(paper, figure):
+    words = " | ".join(texts(figure))
     for expected in ("tilts by 0.0518 deg", "(deg)", "balance pin", "pressing point", "jack"):
         assert expected in words
     rig = with_values(paper, {"press.hold": "normal"})
-    words = texts(mount_figure(rig, mount_map(rig, 31), find_mount(rig)))
+    words = " | ".join(texts(mount_figure(rig, mount_map(rig, 31), find_mount(rig))))
     assert "slides by 0.0904 mm" in words
     assert "largest slide of the finger (mm)" in words
 
 
-def test_what_is_excluded_is_hatched(paper, small_map, best):
+def test_what_is_excluded_is_hatched(paper, figure, small_map, best):
     def hatched(figure):
         return [c for c in figure.axes[0].collections if any(getattr(c, "hatches", [None]))]
 
-    assert hatched(mount_figure(paper, small_map, best))
+    assert hatched(figure)
     free = MountMap(*small_map[:3], np.ones_like(small_map.feasible))
     assert not hatched(mount_figure(paper, free, best))
     nothing = MountMap(*small_map[:3], np.zeros_like(small_map.feasible))
@@ -70,8 +70,7 @@ def test_the_picture_is_a_file(paper, small_map, best, tmp_path):
     assert path.stat().st_size > 10_000
 
 
-def test_a_region_over_the_key_leaves_no_room_for_the_neighbourhood(paper, best):
+def test_a_region_over_the_key_leaves_no_room_for_the_neighbourhood(paper, figure, best):
     wide = paper.model_copy(update={"arm": paper.arm.model_copy(update={"mount_x": (-0.4, 0.1)})})
-    figure = mount_figure(wide, mount_map(wide, 21), best)
-    assert "about the best base" not in texts(figure)
-    assert "about the best base" in texts(mount_figure(paper, mount_map(paper, 21), best))
+    assert "about the best base" not in texts(mount_figure(wide, mount_map(wide, 21), best))
+    assert "about the best base" in texts(figure)

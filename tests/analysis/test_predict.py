@@ -5,7 +5,6 @@ import pytest
 from scipy.integrate import trapezoid
 
 from sautereau.analysis.errors import ModelError
-from sautereau.analysis.model.plectrum.levels import plectrum_map
 from sautereau.analysis.model.predict import predict, rig_pluck
 from sautereau.analysis.model.string.string import release_speed
 from sautereau.rig.load import with_values
@@ -97,11 +96,6 @@ def test_durations_go_with_the_speed_and_forces_hardly(paper, prediction):
     assert double.pluck_duration == pytest.approx(prediction.pluck_duration / 2, rel=1e-9)
     assert double.contact == pytest.approx(prediction.contact / 2, rel=1e-9)
     assert double.plectrum_force == prediction.plectrum_force
-
-
-def test_the_level_must_exist(paper):
-    with pytest.raises(ModelError, match="plectrum level 'wood' is unknown; known: elastica"):
-        plectrum_map(paper.plectrum, "wood")
 
 
 def test_a_press_that_ends_before_release_is_refused(paper):

@@ -18,7 +18,7 @@ LEVELS = Registry(
         "fe": f"{_HERE}.fe.level:FE",
         "rods": f"{_HERE}.rods:Rods",
         "beam": f"{_HERE}.beam:Beam",
-        "two-beam": f"{_HERE}.two_beam:TwoBeam",
+        "two-beam": f"{_HERE}.beam:TwoBeam",
     },
     ModelError,
 )

@@ -69,25 +69,9 @@ class ModalPluck:
         lift = float(np.hypot(*self.displacement[-1]))
         return float(np.hypot(*self.velocity.T).max()) / release_speed(self.string.string, lift)
 
-    def motion(self, time: ArrayLike, place: float | None = None) -> tuple[Floats, Floats]:
-        """Return displacement [m] and velocity [m/s] after release, shapes (n, 2).
-
-        Args:
-            time: s, from release, shape (n,).
-            place: m, from the nut; None for the plucking point.
-        """
-        return self._free.motion(time, place)
-
-    def bridge_force(self, time: ArrayLike) -> Floats:
-        """Return the string's force [N] on the bridge along x and z, shape (n, 2).
-
-        Args:
-            time: s, from release, shape (n,).
-        """
-        return self._free.bridge_force(time)
-
     @property
-    def _free(self) -> FreeString:
+    def free(self) -> FreeString:
+        """The string after release; its times are in s from there."""
         return FreeString(self.string, self.state)
 
 

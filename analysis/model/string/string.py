@@ -7,7 +7,6 @@ a slow motion sees exactly the spring of the paper's equation 2.
 """
 
 import math
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -52,8 +51,7 @@ class ModalState(NamedTuple):
     """m/s, shape (2, modes)."""
 
 
-@dataclass(frozen=True)
-class Propagator:
+class Propagator(NamedTuple):
     """The exact transition of every mode over one step, with the force linear in time.
 
     q1 = qq q + qv v + q_from f0 + q_to f1 and v1 = vq q + vv v + v_from f0 + v_to f1; all
@@ -72,21 +70,6 @@ class Propagator:
     """m/s/N, from the force at the step's start."""
     v_to: Floats
     """m/s/N, from the force at its end."""
-
-    def advance(self, state: ModalState, before: Floats, after: Floats) -> ModalState:
-        """Return the state after the step.
-
-        Args:
-            state: Before the step.
-            before: N, force along x and z at the step's start, shape (2,).
-            after: N, at its end, shape (2,).
-        """
-        q, v = state
-        before, after = before[:, None], after[:, None]
-        return ModalState(
-            self.qq * q + self.qv * v + self.q_from * before + self.q_to * after,
-            self.vq * q + self.vv * v + self.v_from * before + self.v_to * after,
-        )
 
 
 class ModalString:
@@ -121,10 +104,6 @@ class ModalString:
         moving = np.sum(self.shape**2 / (self.mass * self.omega**2))
         self.residual = 1 / string.static_stiffness - float(moving)
         """m/N, flexibility of the omitted modes at the plucking point."""
-
-    def at_rest(self) -> ModalState:
-        """Return the state of the string at rest."""
-        return ModalState(np.zeros((2, len(self.order))), np.zeros((2, len(self.order))))
 
     def propagator(self, step: float) -> Propagator:
         """Return the transition over a step [s]."""

@@ -4,17 +4,15 @@ import numpy as np
 
 from sautereau.analysis.errors import ModelError
 from sautereau.analysis.model.plectrum.base import Floats
-from sautereau.analysis.model.plectrum.fe.body import Body
-from sautereau.analysis.model.plectrum.fe.load import patch_at, section_at
-from sautereau.analysis.model.plectrum.fe.mesh import plectrum_grid
-from sautereau.analysis.model.plectrum.fe.profile import Profile
-from sautereau.analysis.model.plectrum.fe.solve import rate, solve_loads
-from sautereau.analysis.model.plectrum.fe.table import (
+from sautereau.analysis.model.plectrum.fe.cache import (
     LOAD_LIMIT,
     MARGIN,
     STRAIN_LIMIT,
     DisplacementSeries,
 )
+from sautereau.analysis.model.plectrum.fe.load import patch_at, section_at
+from sautereau.analysis.model.plectrum.fe.profile import Profile, plectrum_grid
+from sautereau.analysis.model.plectrum.fe.solve import Body, rate, solve_loads
 
 ACCURACY = 2e-4
 """Dimensionless; largest accepted error of the series between their nodes, relative to rotation,

@@ -5,9 +5,8 @@ from numpy.typing import ArrayLike
 
 from sautereau.analysis.errors import ModelError
 from sautereau.analysis.model.plectrum.base import Bend, Floats
-from sautereau.analysis.model.plectrum.fe.cache import stored
+from sautereau.analysis.model.plectrum.fe.cache import MARGIN, DisplacementSeries, stored
 from sautereau.analysis.model.plectrum.fe.profile import profile_of
-from sautereau.analysis.model.plectrum.fe.table import MARGIN, DisplacementSeries
 from sautereau.rig.instrument import Plectrum
 
 REACHES = ((0.1, 0.85), (0.2, 0.7), (0.4, 0.5), (0.7, 0.2))

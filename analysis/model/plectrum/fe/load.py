@@ -12,8 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sautereau.analysis.model.plectrum.base import Floats
-from sautereau.analysis.model.plectrum.fe.mesh import Grid
-from sautereau.analysis.model.plectrum.fe.profile import bump
+from sautereau.analysis.model.plectrum.fe.profile import Grid, bump
 
 
 def _shapes(xi: Floats) -> tuple[Floats, Floats]:
