@@ -14,9 +14,8 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 from rich.console import Console
 
-from sautereau.commands.live.errors import LiveError
-from sautereau.commands.live.terminal import TerminalView
-from sautereau.commands.live.trace import thinned, trace_lines
+from sautereau.commands.live.process import LiveError
+from sautereau.commands.live.terminal import TerminalView, thinned, trace_lines
 from sautereau.commands.live.watching import watching
 from sautereau.daq.file.recorded import Block
 from sautereau.daq.file.schemas import declared_class
