@@ -1,15 +1,18 @@
 """Implementations by name: sautereau's own, and those of other packages; motion controllers."""
 
 import difflib
+import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
-from importlib.metadata import EntryPoint, entry_points
-from typing import Any
-
-from pydantic import GetCoreSchemaHandler
-from pydantic_core import PydanticCustomError, core_schema
+from functools import cache
+from importlib.metadata import EntryPoint, EntryPoints, entry_points
+from typing import TYPE_CHECKING, Any
 
 from sautereau.rig.errors import RigError, SautereauError
+
+if TYPE_CHECKING:
+    from pydantic import GetCoreSchemaHandler
+    from pydantic_core import CoreSchema
 
 
 class Registry:
@@ -40,7 +43,7 @@ class Registry:
 
     def names(self) -> list[str]:
         """Return all names: sautereau's own in their order, then those of other packages."""
-        others = {point.name for point in entry_points(group=self.group)}
+        others = self._provided().names
         return [*self._built_in, *sorted(others - set(self._built_in))]
 
     def get(self, name: str) -> Any:
@@ -52,7 +55,7 @@ class Registry:
         """
         if name in self._built_in:
             return self._load(self._built_in[name])
-        points = list(entry_points(group=self.group, name=name))
+        points = list(self._provided().select(name=name))
         if len(points) > 1:
             places = " and ".join(sorted(repr(point.value) for point in points))
             raise self._error(
@@ -69,6 +72,9 @@ class Registry:
             )
         return self._load(points[0])
 
+    def _provided(self) -> EntryPoints:
+        return _installed(tuple(sys.path)).select(group=self.group)
+
     def _load(self, point: EntryPoint) -> Any:
         try:
             return point.load()
@@ -79,6 +85,12 @@ class Registry:
             ) from error
 
 
+@cache
+def _installed(path: tuple[str, ...]) -> EntryPoints:
+    """Return the entry points of all packages on a search path, whose files are read once."""
+    return entry_points()
+
+
 @dataclass(frozen=True)
 class NameIn:
     """Annotation of a text field that holds a name of a registry."""
@@ -86,14 +98,18 @@ class NameIn:
     registry: Registry
 
     def __get_pydantic_core_schema__(
-        self, source: Any, handler: GetCoreSchemaHandler
-    ) -> core_schema.CoreSchema:
+        self, source: Any, handler: "GetCoreSchemaHandler"
+    ) -> "CoreSchema":
+        from pydantic_core import core_schema
+
         return core_schema.no_info_after_validator_function(self._known, handler(source))
 
     def _known(self, name: str) -> str:
         try:
             self.registry.get(name)
         except SautereauError as error:
+            from pydantic_core import PydanticCustomError
+
             raise PydanticCustomError("unknown_name", "{fault}", {"fault": str(error)}) from error
         return name
 

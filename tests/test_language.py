@@ -47,7 +47,7 @@ INSTEAD = {
     r"\b(gives?|gave|giving|given) way\b": "deflects, is compliant",
     r"\bcharts?\b": "calibration; for a drawing: plot",
     r"\bsuffix(es)?\b": "file extension",
-    rf"\d( \w+)? an? ({PER})\b|\b(once|twice|times) an? ({PER})\b": "per second",
+    rf"\b\d+( \w+)? an? ({PER})\b|\b(once|twice|times) an? ({PER})\b": "per second",
     r"\bcounts a sample\b": "counts per sample",
     r"\bclock on the wall\b|\bwall's clock\b": "real time",
     r"\b(lost|loses?|losing) its numbers\b": "diverged",
@@ -72,6 +72,9 @@ INSTEAD = {
     r"\bplucks one\b": "the stand-in plucks any number of choirs",
 }
 FORBIDDEN = {re.compile(p, re.IGNORECASE): instead for p, instead in INSTEAD.items()}
+# All of them, for a quick first look at text in lower case: each starts at the start of a word.
+_INNER = [re.sub(r"(^|[|])\\b", r"\1", pattern.lower()) for pattern in INSTEAD]
+_ANY = re.compile(rf"\b(?:{'|'.join(_INNER)})")
 _COMMENTS = re.compile(r"(?m)(?:^[ \t]*#.*\n?)+|[^\s#].*?[ \t]{2}#(?: .*)$")
 _TEST_NAMES = re.compile(r"\btest_\w+")
 
@@ -128,7 +131,7 @@ def suspicious(source: str) -> bool:
     names = " ".join(_TEST_NAMES.findall(source)).replace("_", " ")
     text = re.sub(r"(?:\\n|\n)[ \t#|]*", " ", f"{source} {names}")
     text = re.sub(r" {2,}", " ", text)
-    return any(pattern.search(text) for pattern in FORBIDDEN)
+    return bool(_ANY.search(text.lower()))
 
 
 def prose(path: Path) -> Iterator[tuple[int, str]]:
@@ -159,8 +162,10 @@ def findings(roots: list[Path]) -> list[Finding]:
             text = re.sub(r"`[^`\n]+`", lambda code: "_" * len(code[0]), raw)
             joined = re.sub(r"\n[ \t#|]*", lambda gap: " " * len(gap[0]), text)
             joined = re.sub(r" {2,}", lambda gap: " " + "\0" * (len(gap[0]) - 1), joined)
-            places = [at for at, letter in enumerate(joined) if letter != "\0"]
             squeezed = joined.replace("\0", "")
+            if not _ANY.search(squeezed.lower()):
+                continue
+            places = [at for at, letter in enumerate(joined) if letter != "\0"]
             for pattern, instead in FORBIDDEN.items():
                 for match in pattern.finditer(squeezed):
                     around = squeezed[max(0, match.start() - 50) : match.end() + 50]

@@ -1,6 +1,5 @@
 """Wheel and sdist: their contents, their use from other folders, and the extras."""
 
-import ast
 import json
 import re
 import shutil
@@ -24,7 +23,9 @@ PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
 BUILD = """
 import sys
 from setuptools import build_meta
-getattr(build_meta, f"build_{sys.argv[1]}")(sys.argv[2])
+out, *kinds = sys.argv[1:]
+for kind in kinds:
+    getattr(build_meta, f"build_{kind}")(out)
 """
 
 
@@ -38,21 +39,21 @@ def run(*words: object, cwd: Path, **options) -> str:
     return done.stdout
 
 
-def build(source: Path, out: Path) -> tuple[Path, Path]:
-    """Return wheel and sdist of a copy of a source tree, because setuptools writes into it."""
+def build(source: Path, out: Path, *kinds: str) -> None:
+    """Build from a copy of a source tree, because setuptools writes into it."""
     ignored = (".git", ".venv", "build", "out", "site", "*.egg-info", "__pycache__")
     copy = out / "source"
     ignore = shutil.ignore_patterns(*ignored, "node_modules", ".*_cache")
     shutil.copytree(source, copy, ignore=ignore)
-    for kind in ("sdist", "wheel"):
-        run(sys.executable, "-c", BUILD, kind, out, cwd=copy)
-    (wheel,), (sdist,) = out.glob("*.whl"), out.glob("*.tar.gz")
-    return wheel, sdist
+    run(sys.executable, "-c", BUILD, out, *kinds, cwd=copy)
 
 
 @pytest.fixture(scope="module")
 def built(tmp_path_factory):
-    return build(ROOT, tmp_path_factory.mktemp("dist"))
+    """Wheel and sdist."""
+    out = tmp_path_factory.mktemp("dist")
+    build(ROOT, out, "sdist", "wheel")
+    return next(out.glob("*.whl")), next(out.glob("*.tar.gz"))
 
 
 def contents(wheel: Path) -> dict[str, bytes]:
@@ -86,7 +87,8 @@ def test_the_sdist_is_complete_and_small(built, tmp_path):
     recordings = [name for name in names if name.endswith(".mcap")]
     assert all("/tests/data/written_by_0.1/" in name for name in recordings)
     assert sdist.stat().st_size < 3e6
-    again, _ = build(folder, tmp_path / "again")
+    build(folder, tmp_path / "again", "wheel")
+    (again,) = (tmp_path / "again").glob("*.whl")
     assert contents(again) == contents(wheel)
 
 
@@ -102,12 +104,8 @@ def test_the_wheel_has_its_metadata(built):
 
 def imported(path: Path) -> set[str]:
     """Return the top-level names of all modules that a file imports."""
-    found = set()
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-        if isinstance(node, ast.Import):
-            found |= {alias.name.split(".")[0] for alias in node.names}
-        elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
-            found.add(node.module.split(".")[0])
+    pattern = r"(?m)^ *(?:from (\w+)[\w.]* import|import (\w+)[\w.]*(?: as \w+)?$)"
+    found = {a or b for a, b in re.findall(pattern, path.read_text(encoding="utf-8"))}
     return found - set(sys.stdlib_module_names) - {*ROOMS, "sautereau"}
 
 
@@ -154,6 +152,27 @@ def test_a_missing_extra_is_reported_with_its_command(extra, module, use):
     assert extra in PROJECT["optional-dependencies"]
 
 
+STUDY = """
+import json
+from contextlib import redirect_stdout
+from io import StringIO
+
+from sautereau.commands.app import app
+
+def result(words):
+    with redirect_stdout(StringIO()) as printed:
+        app(words.split(), exit_on_error=False)
+    return json.loads(printed.getvalue())
+
+if __name__ == "__main__":
+    pressed = result("press --scene ideal -n 2 --out s --json")
+    recordings = " ".join(pressed["recordings"])
+    fit = result(f"identify {recordings} --free plectrum.overlap --starts 1 --json")
+    table = result("campaign . --out c.parquet --processes 2 --json")
+    result("report s --out report.html --json")
+    print(json.dumps([pressed, fit, table]))
+"""
+"""Commands in one process of the installed wheel, with two more for the campaign."""
 TRAPS = ("analysis", "robot", "daq", "commands", "rig", "trajectory", "sim_backend")
 """Modules of a user, in the folder where the commands run: to import one is an error."""
 
@@ -179,18 +198,15 @@ def use_beside_other_modules(python: Path, folder: Path) -> None:
     assert sautereau("--version").strip() == PROJECT["version"]
     assert sautereau("--help").lstrip().startswith("Usage: sautereau COMMAND")
     # -P: the program's own folder is not searched, as for the script `robot`.
-    run(python, "-P", "-c", "from robot import run_cli", cwd=folder)
-    where = run(python, "-c", "import sautereau.rig as rig; print(rig.__file__)", cwd=folder)
+    program = "from robot import run_cli; import sautereau.rig as rig; print(rig.__file__)"
+    where = run(python, "-P", "-c", program, cwd=folder)
     assert Path(where.strip()).is_relative_to(python.parents[1])
-    pressed = json.loads(sautereau("press", "--scene", "ideal", "-n", "2", "--out", "s", "--json"))
+    (folder / "study.py").write_text(STUDY)
+    pressed, fit, table = json.loads(run(python, "study.py", cwd=folder))
     for press in pressed["presses"]:
         assert press["release"] - press["contact"] == pytest.approx(0.02, abs=1e-4)
-    options = ("--free", "plectrum.overlap", "--starts", "1", "--json")
-    fit = sautereau("identify", *pressed["recordings"], *options)
-    assert json.loads(fit)["parameters"]["plectrum.overlap"]["identifiable"]
-    table = sautereau("campaign", ".", "--out", "c.parquet", "--processes", "2", "--json")
-    assert json.loads(table)["presses"] == 2
-    sautereau("report", "s", "--out", "report.html")
+    assert fit["parameters"]["plectrum.overlap"]["identifiable"]
+    assert table["presses"] == 2
     assert {"c.parquet", "report.html"} <= {path.name for path in folder.iterdir()}
 
 

@@ -7,12 +7,14 @@ quickly.
 import os
 import sys
 import traceback
+from typing import Literal, get_args, get_origin
 
 # No matrix here is large enough for the threads of BLAS, which wait for each other in busy loops
 # and slow a loaded machine down. A value set by the user stays.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
-from cyclopts import App, CycloptsError
+from cyclopts import App, CycloptsError, MissingArgumentError, UnusedCliTokensError
+from cyclopts.argument import Argument
 
 from sautereau import __version__
 from sautereau.commands import (
@@ -20,11 +22,8 @@ from sautereau.commands import (
     animate,
     campaign,
     convert,
-    doctor,
     fit,
-    init,
     learn,
-    phases,
     plan,
     press,
     recordings,
@@ -33,7 +32,6 @@ from sautereau.commands import (
     simulate,
 )
 from sautereau.commands.common import fail
-from sautereau.commands.usage import usage_message
 
 app = App(
     name="sautereau",
@@ -43,14 +41,14 @@ app = App(
     suppress_keyboard_interrupt=False,
 )
 for command in (
-    init.init,
+    setup.init,
     setup.setup,
     plan.plan,
     plan.mount,
     press.press,
     acquire.acquire,
     learn.learn,
-    phases.phases,
+    fit.phases,
     plan.predict,
     fit.compare,
     fit.identify,
@@ -65,7 +63,7 @@ for command in (
     convert.import_,
     simulate.stand_in,
     simulate.trade,
-    doctor.doctor,
+    setup.doctor,
 ):
     app.command(command)
 app.register_install_completion_command()
@@ -80,7 +78,7 @@ def main() -> None:
     try:
         status = app(print_error=False, exit_on_error=False)
     except CycloptsError as error:
-        status = fail(as_json, usage_message(error), 2)
+        status = fail(as_json, _usage_message(error), 2)
     except BrokenPipeError:
         sys.stderr.close()  # the reader of the output has ended: no message would be read
         status = 1
@@ -100,3 +98,33 @@ def main() -> None:
 
 def _with_notes(message: str, error: BaseException) -> str:
     return "\n".join([message, *getattr(error, "__notes__", [])])
+
+
+def _usage_message(error: CycloptsError) -> str:
+    """Return the message for wrong usage, and which help page to read."""
+    command = " ".join(["sautereau", *(error.command_chain or ())])
+    return f"{_usage_fault(error)}\nSee: {command} --help"
+
+
+def _usage_fault(error: CycloptsError) -> str:
+    if isinstance(error, UnusedCliTokensError):
+        unused = error.unused_tokens or []
+        return f"Unexpected argument{'s' * (len(unused) > 1)}: {' '.join(unused)}"
+    argument = error.argument
+    if type(error) is not MissingArgumentError or argument is None:
+        return str(error)
+    if not argument.name.startswith("-"):
+        return f"Missing argument: {argument.name}"
+    given = set(argument.names) & set(error.root_input_tokens or ())
+    what = "Missing value of option" if given else "Missing option"
+    mistyped = str(error).partition("Did you mean")
+    hint = f". {''.join(mistyped[1:])}" if mistyped[1] else ""
+    return f"{what}: {argument.name} {_value_name(argument)}{hint}"
+
+
+def _value_name(argument: Argument) -> str:
+    """Return the name of an option's value: choices, the name in its annotation, or VALUE."""
+    if get_origin(argument.hint) is Literal:
+        return "|".join(map(str, get_args(argument.hint)))
+    metadata = getattr(argument.field_info.annotation, "__metadata__", ())
+    return next((text for text in metadata if isinstance(text, str)), "VALUE")

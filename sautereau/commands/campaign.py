@@ -96,7 +96,5 @@ def touch(file: Path, /, *, plot: Picture = None, json: Json = False) -> int:
         from sautereau.analysis.figures.touch import plot_touch
 
         plot_touch(plot, found)
-        result["picture"] = str(plot)
-        lines.append(f"picture: {plot}")
-    answer(json, result, lines)
+    answer(json, result, lines, plot)
     return 0

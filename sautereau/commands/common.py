@@ -242,8 +242,12 @@ def json_text(result: dict[str, Any]) -> str:
     return json.dumps(result, indent=2, default=str, allow_nan=False)
 
 
-def answer(as_json: bool, result: dict[str, Any], lines: list[str]) -> None:
-    """Print the result of a command: as JSON with its schema, or as lines."""
+def answer(
+    as_json: bool, result: dict[str, Any], lines: list[str], picture: Path | None = None
+) -> None:
+    """Print the result of a command, and its plot's path: as JSON with its schema, or as lines."""
+    if picture:
+        result, lines = result | {"picture": str(picture)}, [*lines, f"picture: {picture}"]
     text = json_text({"schema": SCHEMA} | result) if as_json else "\n".join(lines)
     sys.stdout.write(text + "\n")
 

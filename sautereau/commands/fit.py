@@ -1,4 +1,4 @@
-"""Compare recordings with the model, and fit the model to recordings."""
+"""Find the phases of recordings, compare them with the model, and fit the model to recordings."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -22,6 +22,28 @@ from sautereau.commands.common import (
 if TYPE_CHECKING:
     from sautereau.analysis.identify.identified import Identified
     from sautereau.rig.schema import Rig
+
+
+def phases(files: list[Path], /, *, plot: Picture = None, json: Json = False) -> int:
+    """Find contact and release of every string in recorded presses, with uncertainties.
+
+    Parameters
+    ----------
+    files
+        Recordings.
+    """
+    from sautereau.analysis.summary.press import HEADER, press_line, press_summary
+
+    both = load(files)
+    warnings = [f"{p.path}: {warning}" for p, f in both for warning in (*p.warnings, *f.warnings)]
+    lines = [HEADER, *(press_line(p, f) for p, f in both), *warnings]
+    result: dict[str, object] = {"files": [press_summary(p, f) for p, f in both]}
+    if plot:
+        from sautereau.analysis.figures.phases import plot_phases
+
+        plot_phases(plot, [p for p, _ in both], [f for _, f in both])
+    answer(json, result, lines, plot)
+    return 0
 
 
 def compare(
@@ -60,9 +82,7 @@ def compare(
     result = comparison_summary(comparison, every) | {"simulated": simulated}
     if plot:
         draw(plot, pressed, found, prediction)
-        lines.append(f"picture: {plot}")
-        result["picture"] = str(plot)
-    answer(json, result, lines)
+    answer(json, result, lines, plot)
     return 0
 
 

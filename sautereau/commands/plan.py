@@ -123,9 +123,7 @@ def mount(
         from sautereau.analysis.figures.mount import plot_mount
 
         plot_mount(plot, bench, mount_map(bench), found)
-        result["picture"] = str(plot)
-        lines.append(f"picture: {plot}")
-    answer(json, result, lines)
+    answer(json, result, lines, plot)
     return 0
 
 
@@ -144,7 +142,5 @@ def predict(
         from sautereau.analysis.figures.pluck import plot_pluck
 
         plot_pluck(plot, bench, LEVELS.names())
-        result["picture"] = str(plot)
-        lines.append(f"picture: {plot}")
-    answer(json, result, lines)
+    answer(json, result, lines, plot)
     return 0

@@ -1,7 +1,8 @@
-"""Set up a bench, step by step."""
+"""A new rig file, the checks of this machine, and the set-up of a bench, step by step."""
 
 import sys
 from contextlib import contextmanager
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -29,6 +30,47 @@ _TIMEOUT = "60 s"
 """Timeout of the stand-in's controller, which answers only after the motion has ended."""
 
 StepName = Literal["all", "port", "controller", "home", "encoders", "contact", "touch", "dry-run"]
+
+
+def init(file: Path = Path("my-rig.toml"), /, *, json: Json = False) -> int:
+    """Write a new rig file that explains every key: its meaning, unit and limits.
+
+    Parameters
+    ----------
+    file
+        New file, which must not exist yet.
+    """
+    from sautereau.rig.errors import RigError
+    from sautereau.rig.template import commented_rig
+
+    try:
+        with file.open("x", encoding="utf-8") as new:
+            new.write(commented_rig())
+    except FileExistsError as error:
+        raise RigError(f"rig file {file} already exists; give another name") from error
+    answer(
+        json,
+        {"path": str(file)},
+        [
+            f"rig file: {file}, with the numbers of the packaged rig `paper`",
+            f"check it with: sautereau plan {file}",
+        ],
+    )
+    return 0
+
+
+def doctor(rig: RigName = "paper", *, json: Json = False) -> int:
+    """Show what is installed, connected and missing, and how to fix it."""
+    from sautereau.doctor.checks import examine
+
+    found = examine(load_rig(rig), Path())
+    lines = []
+    for finding in found:
+        lines.append(f"{'ok     ' if finding.ok else 'MISSING'} {finding.name}: {finding.detail}")
+        if not finding.ok:
+            lines.append(f"        fix: {finding.how_to_fix}")
+    answer(json, {"checks": [asdict(finding) for finding in found]}, lines)
+    return 0
 
 
 def setup(

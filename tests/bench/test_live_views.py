@@ -4,6 +4,7 @@ import io
 import json
 import struct
 import sys
+from multiprocessing import active_children
 from pathlib import Path
 
 import numpy as np
@@ -13,16 +14,14 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 from rich.console import Console
 
-from sautereau.commands.live.errors import LiveError
-from sautereau.commands.live.process import ViewProcess
-from sautereau.commands.live.terminal import TerminalView
-from sautereau.commands.live.trace import thinned, trace_lines
+from sautereau.commands.live.process import LiveError
+from sautereau.commands.live.terminal import TerminalView, thinned, trace_lines
 from sautereau.commands.live.watching import watching
 from sautereau.daq.file.recorded import Block
 from sautereau.daq.file.schemas import declared_class
 from sautereau.daq.file.survey import LAYOUT
 from sautereau.rig.load import load_rig
-from sautereau.robot.experiment.monitor import Fault, Feed, Made, Samples, Stage
+from sautereau.robot.experiment.monitor import Fault, Made, Samples, Stage
 
 RIG = load_rig()
 RATE = 51_200.0
@@ -183,36 +182,37 @@ def test_without_the_package_it_says_what_to_install(foxglove, monkeypatch):
         foxglove("rig")
 
 
-def test_the_views_run_in_their_own_process(capfd):
+def test_the_views_run_in_their_own_process(capfd, monkeypatch):
+    """What is printed during a view is shown after it."""
+
+    class Terminal(io.StringIO):
+        def isatty(self):
+            return True
+
+    screen = Terminal()
+    monkeypatch.setattr(sys, "stdout", screen)
     with watching("rig paper", in_terminal=True, to_foxglove=False) as watch:
         watch(Stage("moving", "reading", 7))
         watch(samples(7))
+        sys.stdout.write("press-0001.mcap\n")
         watch(Fault("the lid was open"))
+        assert screen.getvalue() == ""
+    assert screen.getvalue() == "press-0001.mcap\n"
     shown = capfd.readouterr().err
     assert "see below" in shown
     assert "force (N)" in shown
     assert "the lid was open" in shown
 
 
-class Unknown:
-    """An event that the process of the views cannot unpickle: it lacks this module."""
-
-
-def test_views_that_end_early_are_reported(capsys):
+def test_views_that_are_killed_stop_nothing_and_are_reported(capsys):
     with watching("rig", in_terminal=True, to_foxglove=False) as watch:
-        watch(Unknown())
+        for process in active_children():
+            if process.name == "live view":
+                process.kill()
+                process.join()
         watch(Fault("a"))
-    assert "warning: live view: ViewProcess:" in capsys.readouterr().err
-
-
-def test_views_that_are_killed_stop_nothing():
-    views = ViewProcess("rig", in_terminal=True, to_foxglove=False)
-    with views, Feed([views], period=1e-3) as feed:
-        views._process.kill()
-        views._process.join()
-        while not feed.faults:
-            feed(Fault("a"))
-    assert feed.faults[0].startswith("ViewProcess: LiveError: its process has ended")
+    printed = capsys.readouterr().err
+    assert "warning: live view: ViewProcess: LiveError: its process has ended" in printed
 
 
 def test_views_that_cannot_start_refuse_the_session(monkeypatch):
@@ -225,28 +225,15 @@ def test_views_that_cannot_start_refuse_the_session(monkeypatch):
         pass
 
 
-def test_output_during_a_view_is_printed_after_it(monkeypatch):
-    class Terminal(io.StringIO):
-        def isatty(self):
-            return True
-
-    screen = Terminal()
-    monkeypatch.setattr(sys, "stdout", screen)
-    with watching("rig", in_terminal=True, to_foxglove=False):
-        sys.stdout.write("press-0001.mcap\n")
-        assert screen.getvalue() == ""
-    assert screen.getvalue() == "press-0001.mcap\n"
-
-
 def test_there_is_no_view_by_default():
     with watching("rig", in_terminal=False, to_foxglove=False) as watch:
         assert watch(Fault("a")) is None
 
 
-def test_presses_are_recorded_and_reported_under_a_view(sautereau, bare, tmp_path):
+def test_presses_are_recorded_and_reported_under_a_view(sautereau, bare, rig_file, tmp_path):
     """`--json` stays one object beside a view."""
     ran = sautereau(
-        "press", "-n", 2, "--scene", bare, "--out", tmp_path / "out", "--view", "--json"
+        "press", rig_file(), "-n", 2, "--scene", bare, "--out", tmp_path / "out", "--view", "--json"
     )
     assert ran.returncode == 0, ran.stderr
     assert len(json.loads(ran.stdout)["recordings"]) == 2

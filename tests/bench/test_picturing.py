@@ -45,8 +45,8 @@ def test_the_lines_say_simulated(ideal, tmp_path, capsys):
         (("--since", "60"), CycloptsError, "has no unit"),
         (("--since", "3 kg"), CycloptsError, "--since"),
         (("--until", "9 s"), AnalysisError, "is not within the recording"),
-        (("--slow", "0"), AnalysisError, "must be more than 0"),
-        (("--slow", "nan"), AnalysisError, "must be more than 0"),
+        (("--slow", "0"), AnalysisError, "must be above 0"),
+        (("--slow", "nan"), AnalysisError, "must be above 0"),
     ],
 )
 def test_a_wrong_stretch_is_refused(ideal, tmp_path, words, error, said):
@@ -77,7 +77,7 @@ def test_the_quality_by_default_is_the_models(tmp_path, capsys):
 @pytest.mark.parametrize(
     ("name", "words", "error", "said"),
     [
-        ("pluck.mp3", ("--duration", "100 ms"), AnalysisError, r"end in \.wav"),
+        ("pluck.mp3", ("--duration", "100 ms"), AnalysisError, r"use the file extension \.wav"),
         ("pluck.wav", ("--quality", "0.5"), ModelError, "must be above 1"),
         ("pluck.wav", ("--duration", "1 h"), AnalysisError, "between 0 and 60 s"),
         ("pluck.wav", ("--held", "1"), CycloptsError, "has no unit"),

@@ -36,7 +36,7 @@ def session(write_session, tmp_path_factory):
     path = tmp_path_factory.mktemp("sessions") / "evening"
     rig = write_session.one.rig
     folder = SessionFolder(path, Plan(rig, (Row(rig, PRESSES),)), None, 0)
-    folder.begin()
+    folder.start()
     write_session(path, PRESSES, session=folder.session)
     assert report(path, json=True) == 0
     return path

@@ -97,9 +97,10 @@ def test_killed_at_random_moments_and_resumed(sautereau, tmp_path, bare, rig_fil
 def test_another_plan_in_the_same_folder_is_refused_with_the_differences(
     sautereau, tmp_path, bare, rig_file
 ):
-    assert sautereau("press", "--scene", bare, "--out", "out", "--seed", 1).returncode == 0
+    rig, out = rig_file(), ("--out", "out")
+    assert sautereau("press", rig, "--scene", bare, *out, "--seed", 1).returncode == 0
     before = names(tmp_path / "out")
-    done = sautereau("press", "--scene", "ideal", "--out", "out", "-n", 2, "--seed", 2)
+    done = sautereau("press", rig, "--scene", "ideal", *out, "-n", 2, "--seed", 2)
     assert done.returncode == 1
     for word in ("presses.1.repeats: 1 then, 2 now", "scene.string", "seed: 1 then, 2", "--out"):
         assert word in done.stderr

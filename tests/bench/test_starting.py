@@ -12,6 +12,7 @@ import pytest
 from examples import session
 from sautereau.commands.app import app
 from sautereau.rig.load import load_rig
+from tests import forked
 
 ESCAPE = "\x1b["
 COLOUR = re.compile(r"\x1b\[[0-9;]*\b(?:3[0-79]|9[0-7]|38|48)[0-9;]*m")
@@ -90,18 +91,19 @@ def test_pipes_get_no_colour(sautereau):
 
 
 @posix
-def test_terminals_get_colour_unless_it_is_declined():
-    assert COLOUR.search(on_terminal(TERM="xterm-256color"))
-    assert not COLOUR.search(on_terminal(TERM="xterm-256color", NO_COLOR="1"))
-    assert not COLOUR.search(on_terminal(TERM="dumb"))
+def test_terminals_get_colour_unless_it_is_declined(command_server):
+    start = [sys.executable, "-S", forked.__file__, "run", command_server.path]
+    assert COLOUR.search(on_terminal(start, TERM="xterm-256color"))
+    assert not COLOUR.search(on_terminal(start, TERM="xterm-256color", NO_COLOR="1"))
+    assert not COLOUR.search(on_terminal(start, TERM="dumb"))
 
 
-def on_terminal(**environment: str) -> str:
-    """Return what a usage error and the help print on a terminal."""
+def on_terminal(start: list[str], **environment: str) -> str:
+    """Return what the help prints on a terminal."""
     master, slave = os.openpty()
     plain = {k: v for k, v in os.environ.items() if k not in ("NO_COLOR", "FORCE_COLOR")}
     with os.fdopen(master, "rb", buffering=0) as terminal:
-        command = [sys.executable, "-m", "sautereau", "press", "--help"]
+        command = [*start, "press", "--help"]
         with subprocess.Popen(command, stdout=slave, stderr=slave, env=plain | environment):
             os.close(slave)
             printed = b""

@@ -1,7 +1,0 @@
-"""Errors of live views."""
-
-from sautereau.rig.errors import SautereauError
-
-
-class LiveError(SautereauError):
-    """A live view cannot be shown; the message says why, and how to fix it."""
