@@ -145,7 +145,7 @@ def evaluate(cubics: Cubics, u: Floats) -> Motion:
     )
 
 
-def motion_at(segments: Segments, cubics: Cubics, ticks: Floats) -> Motion:
+def motion_at(segments: Segments, cubics: Cubics, ticks: Floats | Counts) -> Motion:
     """Return the joints' motion [rad] that a controller executes, arrays (n, 2).
 
     Args:
