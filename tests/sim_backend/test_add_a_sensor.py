@@ -12,7 +12,7 @@ import pytest
 
 from sautereau.commands.app import app
 from sautereau.daq.file.reading import read_recording
-from sautereau.daq.signals.sensors import to_si
+from sautereau.daq.signals.calibration import to_si
 from sautereau.rig.errors import RigError
 from sautereau.rig.load import load_rig
 from sautereau.sim_backend.bench import Bench
