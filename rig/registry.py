@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import EntryPoint, EntryPoints, entry_points
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from sautereau.rig.errors import RigError, SautereauError
@@ -73,7 +74,7 @@ class Registry:
         return self._load(points[0])
 
     def _provided(self) -> EntryPoints:
-        return _installed(tuple(sys.path)).select(group=self.group)
+        return _installed((*sys.path, str(Path.cwd()))).select(group=self.group)
 
     def _load(self, point: EntryPoint) -> Any:
         try:
@@ -87,7 +88,10 @@ class Registry:
 
 @cache
 def _installed(path: tuple[str, ...]) -> EntryPoints:
-    """Return the entry points of all packages on a search path, whose files are read once."""
+    """Return the entry points of all packages on a search path, whose files are read once.
+
+    The working directory is part of the path, because an entry of `sys.path` may be relative.
+    """
     return entry_points()
 
 

@@ -48,7 +48,7 @@ def test_the_page_adds_a_level(package, capsys):
     tests = runpy.run_path(str(package / "test_hinge_level.py"))
     for name in [name for name in tests if name.startswith("test_")]:
         tests[name]()
-    command = re.findall(r"^\$ sautereau (predict .*)$", PAGE.read_text("utf-8"), re.MULTILINE)
+    command = re.findall(r"^sautereau (predict .*)$", PAGE.read_text("utf-8"), re.MULTILINE)
     assert app([*command[0].split(), "--json"], result_action="return_value") == 0
     answer = json.loads(capsys.readouterr().out)
     assert answer["pluck_duration"] == pytest.approx(predict(load_rig(), "hinge").pluck_duration)
