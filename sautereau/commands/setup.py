@@ -41,7 +41,7 @@ def init(file: Path = Path("my-rig.toml"), /, *, json: Json = False) -> int:
         New file, which must not exist yet.
     """
     from sautereau.rig.errors import RigError
-    from sautereau.rig.template import commented_rig
+    from sautereau.rig.text import commented_rig
 
     try:
         with file.open("x", encoding="utf-8") as new:
