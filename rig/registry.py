@@ -74,7 +74,7 @@ class Registry:
         return self._load(points[0])
 
     def _provided(self) -> EntryPoints:
-        return _installed((*sys.path, str(Path.cwd()))).select(group=self.group)
+        return _installed(self.group, (*sys.path, str(Path.cwd())))
 
     def _load(self, point: EntryPoint) -> Any:
         try:
@@ -87,12 +87,12 @@ class Registry:
 
 
 @cache
-def _installed(path: tuple[str, ...]) -> EntryPoints:
-    """Return the entry points of all packages on a search path, whose files are read once.
+def _installed(group: str, path: tuple[str, ...]) -> EntryPoints:
+    """Return a group's entry points of all packages on a search path; the files are read once.
 
     The working directory is part of the path, because an entry of `sys.path` may be relative.
     """
-    return entry_points()
+    return entry_points(group=group)
 
 
 @dataclass(frozen=True)

@@ -1,6 +1,7 @@
 """The model's prediction of a complete press with the jack at constant speed."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -107,9 +108,9 @@ def predict(rig: Rig, level: str = "elastica", *, rollover: bool = False) -> Pre
     angle = key_motion(rig.key, Motion(rise, np.full_like(rise, speed), still))
     forces = np.stack([_string_force(rig, h, rise, angle.position) for h in held])
     all_choirs = tuple(plucked(rig, h, force) for h, force in zip(held, forces, strict=True))
-    work = sum(choir.work for choir in all_choirs)
+    first: dict[str, Any] = vars(all_choirs[0]) | {"work": sum(c.work for c in all_choirs)}
     return Prediction(
-        **(vars(all_choirs[0]) | {"work": work}),
+        **first,
         level=level,
         time=rise / speed,
         rise=rise,
