@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 from rich.console import Console
 
-from sautereau.commands.live.process import LiveError
+from sautereau.commands.live import LiveError
 from sautereau.commands.live.terminal import TerminalView, thinned, trace_lines
 from sautereau.commands.live.watching import watching
 from sautereau.daq.file.recorded import Block

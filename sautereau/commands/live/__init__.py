@@ -1,1 +1,7 @@
 """Live views of a running session: in the terminal, and in Foxglove."""
+
+from sautereau.rig.errors import SautereauError
+
+
+class LiveError(SautereauError):
+    """A live view cannot be shown; the message says why, and how to fix it."""

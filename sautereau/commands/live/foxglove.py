@@ -4,7 +4,7 @@ import time
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from sautereau.commands.live.process import LiveError
+from sautereau.commands.live import LiveError
 
 if TYPE_CHECKING:
     from sautereau.robot.experiment.monitor import Samples, Seen

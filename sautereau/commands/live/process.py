@@ -11,7 +11,7 @@ from multiprocessing import get_context
 from multiprocessing.connection import Connection
 from typing import TYPE_CHECKING
 
-from sautereau.rig.errors import SautereauError
+from sautereau.commands.live import LiveError
 
 if TYPE_CHECKING:
     from sautereau.robot.experiment.monitor import Seen, View
@@ -20,10 +20,6 @@ START_TIMEOUT = 30.0
 """s, for the views to start."""
 END_TIMEOUT = 1.5
 """s, for the views to end."""
-
-
-class LiveError(SautereauError):
-    """A live view cannot be shown; the message says why, and how to fix it."""
 
 
 class ViewProcess:
