@@ -12,9 +12,9 @@ from benchmarks.figures import Figure, timed
 from benchmarks.simulated import sensed
 from sautereau.analysis.identify.identified import identify
 from sautereau.analysis.identify.parameters import value_of
+from sautereau.analysis.loading.press import Press
 from sautereau.analysis.model.predict import predict
 from sautereau.analysis.phases import Phases, find_phases
-from sautereau.analysis.press.load import Press
 from sautereau.analysis.session.compare import compare
 from sautereau.rig.load import load_rig
 from sautereau.rig.schema import Rig

@@ -41,7 +41,7 @@ FRONTS = (
     Front("sautereau.daq.file.reading", PLAIN, 0.6),
     Front("sautereau.daq.source.acquisition", PLAIN, 0.6),
     Front("sautereau.analysis.model.predict", PLAIN, 0.6),
-    Front("sautereau.analysis.press.load", FITTING, 1.2),
+    Front("sautereau.analysis.loading.press", FITTING, 1.2),
     Front("sautereau.analysis.figures.movie", FITTING, 1.2),
     Front("sautereau.robot.drivers.galil.driver", PLAIN, 0.6),
     Front("sautereau.robot.experiment.session", FITTING, 1.2),

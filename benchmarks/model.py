@@ -3,8 +3,8 @@
 import numpy as np
 
 from benchmarks.figures import Figure, median_time
+from sautereau.analysis.model.batch import predict_many
 from sautereau.analysis.model.plectrum.elastica import Elastica
-from sautereau.analysis.model.pluck.batch import predict_many
 from sautereau.analysis.model.pluck.equilibria import Equilibria
 from sautereau.analysis.model.pluck.loaded import OnePlectrum
 from sautereau.analysis.model.pluck.paths import Status, solve_paths

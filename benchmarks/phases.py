@@ -12,9 +12,9 @@ import numpy as np
 from benchmarks.campaign import write_presses
 from benchmarks.figures import Figure
 from benchmarks.simulated import random_case, simulated_press
+from sautereau.analysis.loading.press import Press, load_press
 from sautereau.analysis.phases import Phases, find_phases
 from sautereau.analysis.press.features import features
-from sautereau.analysis.press.load import Press, load_press
 from sautereau.sim_backend.truth import Truth
 from sautereau.trajectory.motion import Floats
 

@@ -31,9 +31,9 @@ def _help() -> Figure:
 
 
 def _presses(scene: str) -> list[Figure]:
+    from sautereau.analysis.loading.press import load_press
     from sautereau.analysis.model.predict import predict
     from sautereau.analysis.phases import find_phases
-    from sautereau.analysis.press.load import load_press
     from sautereau.analysis.session.compare import compare
     from sautereau.robot.drivers.galil.driver import GalilController
     from sautereau.robot.experiment.session import run_session

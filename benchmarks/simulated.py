@@ -8,7 +8,7 @@ import numpy as np
 from numpy.random import Generator
 
 from sautereau.analysis.errors import ModelError
-from sautereau.analysis.press.load import Press, press_of
+from sautereau.analysis.loading.press import Press, press_of
 from sautereau.daq.file.recorded import Recorded, SessionInfo
 from sautereau.rig.load import load_rig, with_values
 from sautereau.rig.schema import Rig

@@ -3,8 +3,8 @@
 import numpy as np
 
 from benchmarks.figures import Figure, median_time
+from sautereau.analysis.model.modal_pluck import ModalPluck, modal_pluck
 from sautereau.analysis.model.predict import rig_pluck
-from sautereau.analysis.model.string.modal import ModalPluck, modal_pluck
 from sautereau.rig.load import load_rig
 from sautereau.rig.schema import Rig
 

@@ -11,8 +11,8 @@ from pathlib import Path
 
 import numpy as np
 
+from sautereau.analysis.model.modal_pluck import modal_pluck
 from sautereau.analysis.model.predict import rig_pluck
-from sautereau.analysis.model.string.modal import modal_pluck
 from sautereau.rig.load import load_rig
 from sautereau.rig.schema import Rig
 

@@ -11,7 +11,7 @@ import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
-from sautereau.analysis.press.load import Press, load_press
+from sautereau.analysis.loading.press import Press, load_press
 from sautereau.rig.load import load_rig
 from sautereau.robot.drivers.registry import motion_controller
 from sautereau.robot.experiment.learning import IterativeLearning

@@ -8,8 +8,8 @@ import tempfile
 from pathlib import Path
 
 from sautereau.analysis.figures.movie import animate, frame_times
+from sautereau.analysis.loading.press import press_of
 from sautereau.analysis.phases import find_phases
-from sautereau.analysis.press.load import press_of
 from sautereau.analysis.press.replay import Replay, replay
 from sautereau.daq.file.reading import read_recording
 from sautereau.rig.load import load_rig

@@ -11,9 +11,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from sautereau.analysis.figures.comparison import plot_comparison
+from sautereau.analysis.loading.press import Press, load_press
 from sautereau.analysis.model.predict import Prediction, predict
 from sautereau.analysis.phases import Phases, find_phases
-from sautereau.analysis.press.load import Press, load_press
 from sautereau.analysis.session.compare import Comparison, compare
 from sautereau.rig.load import load_rig
 from sautereau.robot.drivers.registry import motion_controller

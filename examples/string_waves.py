@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from sautereau.analysis.model.string.modal import ModalPluck, modal_pluck
+from sautereau.analysis.model.modal_pluck import ModalPluck, modal_pluck
 from sautereau.rig.load import load_rig
 from sautereau.rig.schema import Rig
 

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from sautereau.analysis.errors import AnalysisError
+from sautereau.analysis.loading.press import press_of
 from sautereau.analysis.phases import find_phases
 from sautereau.analysis.press.features import UNITS as FEATURE_UNITS
 from sautereau.analysis.press.features import Row, features, split_column
-from sautereau.analysis.press.load import press_of
 from sautereau.daq.file.reading import read_recording
 from sautereau.rig.errors import SautereauError
 from sautereau.rig.schema import Rig

@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING
 
 from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.figures.made import how_made, stamp
+from sautereau.analysis.loading.press import Press
 from sautereau.analysis.model.predict import Prediction
 from sautereau.analysis.phases import Phases
-from sautereau.analysis.press.load import Press
 from sautereau.analysis.summary.text import counted
 
 if TYPE_CHECKING:

@@ -8,8 +8,8 @@ import numpy as np
 
 from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.figures.made import how_made
+from sautereau.analysis.loading.press import Press
 from sautereau.analysis.phases import Phases
-from sautereau.analysis.press.load import Press
 from sautereau.rig.quantities import QUANTITIES
 
 if TYPE_CHECKING:

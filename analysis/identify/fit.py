@@ -24,8 +24,8 @@ from sautereau.analysis.identify.problem import (
     whitening,
 )
 from sautereau.analysis.identify.residuals import InverseDynamics, check_alike
+from sautereau.analysis.loading.press import Press
 from sautereau.analysis.phases import Phases
-from sautereau.analysis.press.load import Press
 from sautereau.rig.schema import Rig
 from sautereau.trajectory.motion import Floats
 

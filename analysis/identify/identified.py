@@ -14,8 +14,8 @@ from sautereau.analysis.identify.fit import Fit, fit, inverse_dynamics, rms
 from sautereau.analysis.identify.parameters import FORCE, Parameter, Prior, with_parameters
 from sautereau.analysis.identify.problem import AT_BOUND, Problem
 from sautereau.analysis.identify.residuals import InverseDynamics
+from sautereau.analysis.loading.press import Press
 from sautereau.analysis.phases import Phases
-from sautereau.analysis.press.load import Press
 from sautereau.rig.schema import Rig
 from sautereau.trajectory.motion import Floats
 

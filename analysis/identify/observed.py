@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sautereau.analysis.errors import AnalysisError
+from sautereau.analysis.loading.press import Press
 from sautereau.analysis.phases import Phases
-from sautereau.analysis.press.load import Press
 from sautereau.rig.acquisition import Channel
 from sautereau.rig.schema import Rig
 from sautereau.trajectory.key import rise_of_angle

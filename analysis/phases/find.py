@@ -3,6 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from sautereau.analysis.loading.press import Press
 from sautereau.analysis.phases.contact import Contact, find_contact
 from sautereau.analysis.phases.found import (
     HeldString,
@@ -14,7 +15,6 @@ from sautereau.analysis.phases.found import (
 )
 from sautereau.analysis.phases.release import LEAST_FALL, Release, find_falls, refine, robust_std
 from sautereau.analysis.phases.signals import LEFT, Rows, Signals, rows_of, signals_of, way_down
-from sautereau.analysis.press.load import Press
 from sautereau.rig.schema import Rig
 from sautereau.trajectory.motion import Floats
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy.linalg import get_lapack_funcs
 
 from sautereau.analysis.errors import AnalysisError
-from sautereau.analysis.press.load import Press, columns_of
+from sautereau.analysis.loading.press import Press, columns_of
 from sautereau.daq.signals.calibration import white_noise
 from sautereau.rig.schema import Rig
 from sautereau.trajectory.motion import Floats

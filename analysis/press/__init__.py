@@ -1,1 +1,1 @@
-"""One recorded press: its signals in SI units, its features, its replay and its sound."""
+"""One recorded press: features, replay, strings and sound."""

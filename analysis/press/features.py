@@ -6,8 +6,8 @@ The work on a string and the deflection start at contact, where the paper aligns
 import numpy as np
 from scipy.integrate import trapezoid
 
+from sautereau.analysis.loading.press import Press
 from sautereau.analysis.phases import Phases
-from sautereau.analysis.press.load import Press
 from sautereau.rig.quantities import QUANTITIES
 
 Value = float | int | str | bool | None

@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sautereau.analysis.errors import AnalysisError
+from sautereau.analysis.loading.press import Press
 from sautereau.analysis.model.choirs import key_of
 from sautereau.analysis.model.plectrum.elastica import Elastica
 from sautereau.analysis.model.plectrum.shape import mid_line, straight
 from sautereau.analysis.phases import HeldString, Phases
-from sautereau.analysis.press.load import Press
 from sautereau.analysis.press.strings import VibratingString, stilled, vibrating_strings
 from sautereau.daq.file.recorded import Joints, Plan
 from sautereau.rig.instrument import Choir

@@ -15,10 +15,10 @@ from numpy.typing import ArrayLike
 
 from sautereau.analysis.errors import ModelError
 from sautereau.analysis.model.choirs import choirs
+from sautereau.analysis.model.modal_pluck import MODES, ModalPluck, modal_pluck
 from sautereau.analysis.model.plectrum.base import Floats
 from sautereau.analysis.model.predict import predict, rig_pluck
 from sautereau.analysis.model.string.free import FreeString
-from sautereau.analysis.model.string.modal import MODES, ModalPluck, modal_pluck
 from sautereau.analysis.model.string.string import ModalString
 from sautereau.rig.instrument import Choir, String
 from sautereau.rig.schema import Rig

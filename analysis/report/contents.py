@@ -7,10 +7,10 @@ from pathlib import Path
 from typing import Any
 
 from sautereau.analysis.errors import AnalysisError
+from sautereau.analysis.loading.press import Press, press_of
 from sautereau.analysis.model.predict import Prediction, predict
 from sautereau.analysis.phases import Phases, find_phases
 from sautereau.analysis.press.features import Row, features
-from sautereau.analysis.press.load import Press, press_of
 from sautereau.analysis.report.drawing import envelope
 from sautereau.analysis.report.slow_motion import SlowMotion, slow_motion
 from sautereau.analysis.session.compare import (

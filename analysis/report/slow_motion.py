@@ -9,9 +9,9 @@ import numpy as np
 
 from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.figures.made import how_made
+from sautereau.analysis.loading.press import Press
 from sautereau.analysis.model.choirs import choirs
 from sautereau.analysis.phases import Phases
-from sautereau.analysis.press.load import Press
 from sautereau.analysis.press.replay import Replay, replay
 from sautereau.analysis.report.drawing import Frames
 from sautereau.analysis.report.pictures import (

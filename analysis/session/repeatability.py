@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sautereau.analysis.errors import AnalysisError
-from sautereau.analysis.press.load import Press
+from sautereau.analysis.loading.press import Press
 from sautereau.trajectory.motion import Floats
 from sautereau.trajectory.timing import PressLaw
 

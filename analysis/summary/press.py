@@ -3,8 +3,8 @@
 from dataclasses import asdict
 from typing import Any
 
+from sautereau.analysis.loading.press import Press
 from sautereau.analysis.phases import Phases
-from sautereau.analysis.press.load import Press
 
 HEADER = (
     "Contact and release: time after the trigger.\n"

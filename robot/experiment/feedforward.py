@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
+from sautereau.analysis.loading.press import Press, load_press
 from sautereau.analysis.phases import Phases, find_phases
-from sautereau.analysis.press.load import Press, load_press
 from sautereau.rig.schema import Rig
 from sautereau.robot.controller import TorqueTable
 from sautereau.robot.errors import RobotError

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from sautereau.analysis.press.load import load_press
+from sautereau.analysis.loading.press import load_press
 from sautereau.rig.load import rig_document
 from sautereau.rig.schema import Rig
 from sautereau.robot.errors import RobotError

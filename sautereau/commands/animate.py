@@ -45,8 +45,8 @@ def animate(
     """
     from sautereau.analysis.figures.movie import FRAME_RATE, frame_times
     from sautereau.analysis.figures.movie import animate as write_animation
+    from sautereau.analysis.loading.press import press_of
     from sautereau.analysis.phases import find_phases
-    from sautereau.analysis.press.load import press_of
     from sautereau.analysis.press.replay import replay, shown_stretch
     from sautereau.daq.file.reading import read_recording
 

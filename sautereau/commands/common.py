@@ -15,9 +15,9 @@ from sautereau.analysis.model.plectrum.levels import levels_help
 if TYPE_CHECKING:
     from rich.progress import Progress
 
+    from sautereau.analysis.loading.press import Press
     from sautereau.analysis.model.predict import Prediction
     from sautereau.analysis.phases import Phases
-    from sautereau.analysis.press.load import Press
     from sautereau.rig.schema import Rig
     from sautereau.sim_backend.scene import Scene
     from sautereau.trajectory.expected import Expectation
@@ -98,8 +98,8 @@ def expected_of(rig: "Rig") -> "tuple[Expectation | None, list[str]]":
 
 
 def load(files: list[Path]) -> "list[tuple[Press, Phases]]":
+    from sautereau.analysis.loading.press import load_press
     from sautereau.analysis.phases import find_phases
-    from sautereau.analysis.press.load import load_press
 
     both = []
     with bar(len(files)) as step:

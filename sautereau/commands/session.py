@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 from sautereau.commands.common import answer, bar, draw, say
 
 if TYPE_CHECKING:
+    from sautereau.analysis.loading.press import Press
     from sautereau.analysis.phases import Phases
-    from sautereau.analysis.press.load import Press
     from sautereau.commands.common import Bench
     from sautereau.robot.experiment.session_folder import SessionFolder
 
@@ -171,8 +171,8 @@ class SessionReport:
 
     def _take(self, number: int, path: Path) -> "tuple[Press, Phases]":
         """Analyse a press; of presses not plotted, keep only the jack's rise in the cruise."""
+        from sautereau.analysis.loading.press import load_press
         from sautereau.analysis.phases import find_phases
-        from sautereau.analysis.press.load import load_press
         from sautereau.trajectory.timing import press_law
 
         press = load_press(path)

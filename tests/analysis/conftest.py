@@ -8,7 +8,7 @@ import pytest
 from scipy.integrate import cumulative_trapezoid
 
 from benchmarks.campaign import write_presses
-from sautereau.analysis.press.load import Press
+from sautereau.analysis.loading.press import Press
 from sautereau.rig.load import load_rig
 from sautereau.trajectory.key import key_motion, rise_of_angle, rise_slope
 from sautereau.trajectory.motion import Motion

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from sautereau.analysis.errors import ModelError
-from sautereau.analysis.model.pluck.batch import DERIVED, VARIABLES, Status, predict_many
+from sautereau.analysis.model.batch import DERIVED, VARIABLES, Status, predict_many
 from sautereau.analysis.model.predict import predict
 from sautereau.rig.instrument import Choir
 

@@ -19,9 +19,9 @@ from sautereau.analysis.campaign.row import UNITS, plectrum_id, unit_of
 from sautereau.analysis.campaign.run import run_campaign
 from sautereau.analysis.campaign.table import PART, SCHEMA, empty_campaign, read_campaign
 from sautereau.analysis.errors import AnalysisError
+from sautereau.analysis.loading.press import load_press
 from sautereau.analysis.phases import find_phases
 from sautereau.analysis.press.features import features
-from sautereau.analysis.press.load import load_press
 from sautereau.rig.load import load_rig, with_values
 
 ROOT = Path(__file__).parents[2]

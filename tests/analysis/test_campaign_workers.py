@@ -16,7 +16,7 @@ from sautereau.analysis.campaign.row import Source, read_batch
 from sautereau.analysis.campaign.run import run_campaign
 from sautereau.analysis.campaign.workers import run_over
 from sautereau.analysis.errors import AnalysisError
-from sautereau.analysis.model.pluck.batch import predict_many
+from sautereau.analysis.model.batch import predict_many
 from sautereau.rig.load import load_rig
 from sautereau.sim_backend.physics.reduced.sweep import sweep
 from sautereau.sim_backend.scene import load_scene

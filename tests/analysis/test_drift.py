@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.integrate import cumulative_trapezoid
 
-from sautereau.analysis.press.drift import find_rests, force_at_rest, without_drift
+from sautereau.analysis.loading.drift import find_rests, force_at_rest, without_drift
 from sautereau.daq.signals.calibration import correct, undelayed
 from sautereau.rig.load import load_rig
 from sautereau.sim_backend.scene import load_scene

@@ -8,10 +8,10 @@ from scipy.integrate import cumulative_trapezoid, solve_ivp
 from scipy.optimize import fsolve
 
 from sautereau.analysis.errors import ModelError
+from sautereau.analysis.model.modal_pluck import modal_pluck
 from sautereau.analysis.model.plectrum.levels import LEVELS, plectrum_map
 from sautereau.analysis.model.predict import rig_pluck
 from sautereau.analysis.model.string.bend import point_bend
-from sautereau.analysis.model.string.modal import modal_pluck
 from sautereau.analysis.model.string.string import release_speed
 from sautereau.rig.load import load_rig
 

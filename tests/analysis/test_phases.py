@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from sautereau.analysis.errors import AnalysisError
+from sautereau.analysis.loading.press import Press
 from sautereau.analysis.phases import find_phases
-from sautereau.analysis.press.load import Press
 
 CONTACT, RELEASE = 0.052, 0.072
 LAG = 1 / (2 * np.pi * 22e3)

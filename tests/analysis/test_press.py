@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from sautereau.analysis.errors import AnalysisError
-from sautereau.analysis.press.load import UNITS, load_press
+from sautereau.analysis.loading.press import UNITS, load_press
 from sautereau.daq.errors import RecordingError
 from sautereau.daq.file.recorded import Block, SessionInfo
 from sautereau.daq.file.recording import Recording

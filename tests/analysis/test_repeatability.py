@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from sautereau.analysis.errors import AnalysisError
-from sautereau.analysis.press.load import Press
+from sautereau.analysis.loading.press import Press
 from sautereau.analysis.session.repeatability import repeatability
 from sautereau.trajectory.timing import press_law
 

@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sautereau.analysis.errors import AnalysisError
-from sautereau.analysis.press.load import load_press
+from sautereau.analysis.loading.press import load_press
 from sautereau.analysis.report import contents
 from sautereau.analysis.report.build import About, Again, build_report
 from sautereau.analysis.report.contents import gather

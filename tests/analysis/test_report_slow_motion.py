@@ -9,8 +9,8 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
+from sautereau.analysis.loading.press import load_press
 from sautereau.analysis.phases import find_phases
-from sautereau.analysis.press.load import load_press
 from sautereau.analysis.press.replay import replay
 from sautereau.analysis.report.build import About, build_report
 from sautereau.analysis.report.contents import gather

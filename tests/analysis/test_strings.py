@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from sautereau.analysis.errors import ModelError
+from sautereau.analysis.model.modal_pluck import modal_pluck
 from sautereau.analysis.model.predict import predict
-from sautereau.analysis.model.string.modal import modal_pluck
 from sautereau.analysis.press.strings import QUALITY, stilled, string_decay, vibrating_strings
 from sautereau.rig.load import load_rig
 from sautereau.sim_backend.scene import load_scene

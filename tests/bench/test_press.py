@@ -5,9 +5,9 @@ from functools import cache
 import numpy as np
 import pytest
 
+from sautereau.analysis.loading.press import load_press
 from sautereau.analysis.model.predict import predict
 from sautereau.analysis.phases import find_phases
-from sautereau.analysis.press.load import load_press
 from sautereau.daq.file.reading import read_recording
 from sautereau.rig.load import load_rig, with_values
 from sautereau.robot.drivers.galil.driver import GalilController

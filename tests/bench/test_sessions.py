@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sautereau.analysis.press.load import load_press
+from sautereau.analysis.loading.press import load_press
 from sautereau.analysis.session.repeatability import repeatability
 from sautereau.daq.file.reading import read_recording, read_session
 from sautereau.rig.load import load_rig, with_values

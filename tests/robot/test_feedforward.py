@@ -7,8 +7,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from sautereau.analysis.loading.press import Press
 from sautereau.analysis.phases import HeldString, Phases
-from sautereau.analysis.press.load import Press
 from sautereau.rig.load import load_rig, with_values
 from sautereau.robot.errors import RobotError
 from sautereau.robot.experiment.feedforward import measured_force, torque_table

@@ -10,8 +10,8 @@ from importlib import resources
 import numpy as np
 import pytest
 
+from sautereau.analysis.loading.press import load_press
 from sautereau.analysis.phases import find_phases
-from sautereau.analysis.press.load import load_press
 from sautereau.commands.app import app
 from sautereau.daq.file.reading import read_recording
 from sautereau.rig.load import load_rig, with_values

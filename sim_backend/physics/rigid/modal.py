@@ -12,10 +12,10 @@ import math
 from dataclasses import dataclass
 
 from sautereau.analysis.errors import ModelError
+from sautereau.analysis.model.modal_pluck import MODES
 from sautereau.analysis.model.plectrum.levels import plectrum_map
 from sautereau.analysis.model.string.contact import STEP_FRACTION, ModalContact
 from sautereau.analysis.model.string.free import FreeString
-from sautereau.analysis.model.string.modal import MODES
 from sautereau.analysis.model.string.string import ModalString
 from sautereau.rig.instrument import Choir
 from sautereau.sim_backend.errors import SceneError

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from sautereau.analysis.errors import AnalysisError
-from sautereau.analysis.press.drift import (
+from sautereau.analysis.loading.drift import (
     NO_DRIFT,
     RETURNED,
     Drift,

@@ -1,0 +1,1 @@
+"""Recordings loaded as presses in SI units, their drift removed."""
