@@ -64,14 +64,20 @@ class Registry:
                 " all of them but one"
             )
         if not points:
-            known = self.names()
-            close = difflib.get_close_matches(name, known, n=1)
-            meant = f"did you mean {close[0]!r}? " if close else ""
-            raise self._error(
-                f"{self.what} {name!r} is unknown; {meant}known: {', '.join(known)}. Another"
-                f" package adds one by an entry point in the group {self.group!r}"
-            )
+            raise self._error(f"{self.what} {self.unknown(name)}")
         return self._load(points[0])
+
+    def unknown(self, name: str) -> str:
+        """Return what is wrong with a name that no package provides; empty if one does."""
+        known = self.names()
+        if name in known:
+            return ""
+        close = difflib.get_close_matches(name, known, n=1)
+        meant = f"did you mean {close[0]!r}? " if close else ""
+        return (
+            f"{name!r} is unknown; {meant}known: {', '.join(known)}. Another package adds one by an"
+            f" entry point in the group {self.group!r}"
+        )
 
     def _provided(self) -> EntryPoints:
         return _installed(self.group, (*sys.path, str(Path.cwd())))
@@ -118,24 +124,24 @@ class NameIn:
         return name
 
 
-_BUILT_IN = {
-    "galil": "sautereau.robot.drivers.galil.driver:GalilController",
-    "odrive": "sautereau.robot.drivers.odrive.driver:OdriveController",
-}
-CONTROLLERS = Registry("sautereau.controllers", "controller", _BUILT_IN, RigError)
+CONTROLLERS = Registry(
+    "sautereau.controllers",
+    "controller",
+    {
+        "galil": "sautereau.robot.drivers.galil.driver:GalilController",
+        "odrive": "sautereau.robot.drivers.odrive.driver:OdriveController",
+    },
+    RigError,
+)
 """Each is called with a `Rig` and returns a `sautereau.robot.controller.MotionController`."""
 
 
 def known_kind(kind: str) -> str:
-    """Return the kind of a controller.
+    """Return the kind of a controller, whose driver is not imported.
 
     Raises:
         ValueError: No installed package provides it.
     """
-    # Looking through the installed packages takes milliseconds, and rigs are validated often.
-    if kind not in _BUILT_IN and kind not in (names := CONTROLLERS.names()):
-        raise ValueError(
-            f"{kind!r} is unknown; known: {', '.join(names)}. Another package adds one by an entry"
-            f" point in the group {CONTROLLERS.group!r}"
-        )
+    if fault := CONTROLLERS.unknown(kind):
+        raise ValueError(fault)
     return kind
