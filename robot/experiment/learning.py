@@ -12,6 +12,7 @@ from sautereau.rig.load import rig_document
 from sautereau.rig.schema import Rig
 from sautereau.robot.errors import RobotError
 from sautereau.robot.experiment.feedforward import torque_table
+from sautereau.robot.experiment.plan import bench_document, completed
 from sautereau.robot.experiment.session import Item
 from sautereau.robot.experiment.session_folder import differences
 from sautereau.trajectory.errors import TrajectoryError
@@ -23,7 +24,6 @@ from sautereau.trajectory.timing import press_law
 HALVINGS = 4
 """Times that the change of a correction is halved where the press cannot be planned."""
 _SECTIONS = ("press", "arm", "controller")
-_ADDRESS = "port"
 
 
 class IterativeLearning:
@@ -169,7 +169,8 @@ def read_learned(path: Path, rig: Rig, feed_forward: str = "") -> Correction:
     try:
         found = json.loads(path.read_text(encoding="utf-8"))
         time, rise = (np.array(found[name], dtype=float) for name in ("time", "rise"))
-        changes = list(differences(found["learned_for"], _learned_for(rig, feed_forward)))
+        before = _completed(found["learned_for"], rig)
+        changes = list(differences(before, _learned_for(rig, feed_forward)))
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise RobotError(
             f"learned correction {path}: cannot be read: {type(error).__name__}: {error}; give the"
@@ -186,7 +187,11 @@ def read_learned(path: Path, rig: Rig, feed_forward: str = "") -> Correction:
 
 def _learned_for(rig: Rig, feed_forward: str) -> dict[str, Any]:
     """Return what a correction depends on, as TOML would hold it."""
-    document = rig_document(rig)
-    found = {section: document[section] for section in _SECTIONS}
-    del found["controller"][_ADDRESS]
-    return found | {"feed_forward": feed_forward}
+    document = bench_document(rig)
+    return {section: document[section] for section in _SECTIONS} | {"feed_forward": feed_forward}
+
+
+def _completed(learned_for: dict[str, Any], rig: Rig) -> dict[str, Any]:
+    """Return what an earlier version wrote, with the keys added since at their defaults."""
+    document = completed(rig_document(rig) | {name: learned_for[name] for name in _SECTIONS})
+    return learned_for | {name: document[name] for name in _SECTIONS}

@@ -9,15 +9,19 @@ from pathlib import Path
 from typing import Any
 
 from sautereau.rig.faults import fault_list
-from sautereau.rig.load import rig_document
+from sautereau.rig.load import rig_document, rig_from_json
 from sautereau.rig.schema import Rig
 from sautereau.robot.errors import RobotError
 from sautereau.robot.experiment.plan_table import Row
 from sautereau.trajectory.errors import TrajectoryError
 from sautereau.trajectory.press import Trajectory
 
-_ADDRESSES = (("controller", "port"), ("daq", "address"))
-"""What may change before a session is resumed: where its devices are connected."""
+_MAY_CHANGE = {
+    "controller": ("port", "verified", "verified_settings", "verified_on"),
+    "daq": ("address",),
+}
+"""What may change before a session is resumed: where its devices are connected, and that the
+controller was verified again."""
 
 
 @dataclass(frozen=True)
@@ -75,9 +79,6 @@ class Plan:
 
     def document(self) -> dict[str, Any]:
         """Return the plan as a JSON document; equal plans give equal documents."""
-        rig = rig_document(self.rig)
-        for section, name in _ADDRESSES:
-            del rig[section][name]
         rows = [
             {"values": dict(row.values), "repeats": row.repeats, "notes": row.notes}
             for row in self.rows
@@ -86,10 +87,31 @@ class Plan:
             "presses": rows,
             "warm_up": self.warm_up,
             "rest": self.rest,
-            "rig": rig,
+            "rig": bench_document(self.rig),
             "scene": json.loads(self.scene) if self.scene else "the hardware",
             "files": dict(self.files or {}),
         }
+
+
+def completed(document: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the rig of a plan of an earlier version, with the keys added since at their defaults.
+
+    Raises:
+        RigError: It is not the rig of a plan.
+    """
+    values = {name: dict(v) if isinstance(v, dict) else v for name, v in document.items()}
+    values["controller"]["port"], values["daq"]["address"] = "any", ""
+    text = json.dumps({"values": values, "assumed": {}, "sources": {}})
+    return bench_document(rig_from_json(text))
+
+
+def bench_document(rig: Rig) -> dict[str, Any]:
+    """Return the rig as TOML holds it, without what may change within a session."""
+    document = rig_document(rig)
+    for section, names in _MAY_CHANGE.items():
+        for name in names:
+            del document[section][name]
+    return document
 
 
 def plan_rows(rows: Sequence[Row], plan_one: Callable[[Rig], Trajectory]) -> list[Trajectory]:

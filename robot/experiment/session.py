@@ -233,7 +233,7 @@ def _joints(capture: Capture, rig: Rig) -> Joints:
     if capture.torques is not None:
         columns["m"] = capture.torques
     named = {f"{name}{j + 1}": c[:, j] for name, c in columns.items() for j in (0, 1)}
-    return Joints(t=capture.times, **named)
+    return Joints(t=capture.times_after_trigger, **named)
 
 
 def _free_number(out: Path) -> int:

@@ -25,7 +25,7 @@ def test_any_exception_leaves_the_motors_off(request, through, lines, kind):
 
 
 def test_an_interrupt_in_mid_motion_stops_it(bench, lines):
-    script = [*lines.connect, *lines.on, *lines.home[:4]]
+    script = [*lines.connect, *lines.on, *lines.home[:10]]
     controller, transcript = bench(script, [("MG _BGA,_BGB", KeyboardInterrupt())], lines.off)
     with pytest.raises(KeyboardInterrupt), controller, controller.powered():
         controller.home()
@@ -36,7 +36,7 @@ def test_a_second_interrupt_while_stopping_does_not_leave_the_motors_on(bench, l
     controller, _ = bench(
         lines.connect,
         lines.on,
-        [("DC 63661056,63661056;ST AB", KeyboardInterrupt())],
+        [("ST AB", KeyboardInterrupt())],
         lines.abort,
         lines.off,
     )
@@ -115,16 +115,16 @@ def test_a_press_that_the_watchdog_ended(bench, lines, segments, watch):
 
 @pytest.mark.parametrize("left", [" 9.0000 -1.0000", " 10.0000 -1.0000"])
 def test_a_watchdog_that_does_not_run_keeps_the_power_off(bench, lines, left):
-    asked = lines.on[3][0]
-    controller, _ = bench(lines.connect, lines.on[:3], [(asked, f"{left}\r\n:")], lines.off)
+    asked = lines.on[4][0]
+    controller, _ = bench(lines.connect, lines.on[:4], [(asked, f"{left}\r\n:")], lines.off)
     with pytest.raises(SettingNotTaken, match="watchdog does not run"), controller:  # noqa: SIM117
         with controller.powered():
             pass
 
 
 def test_a_watchdog_that_does_not_count_keeps_the_power_off(bench, lines):
-    stuck = [lines.on[3]] * 600
-    controller, transcript = bench(lines.connect, lines.on[:3], stuck)
+    stuck = [lines.on[4]] * 600
+    controller, transcript = bench(lines.connect, lines.on[:4], stuck)
     limit(transcript, [*lines.stop, *lines.abort])
     with pytest.raises(MotionFault, match="first count has not"), controller, controller.powered():
         pass
@@ -132,7 +132,11 @@ def test_a_watchdog_that_does_not_count_keeps_the_power_off(bench, lines):
 
 def test_a_press_that_skipped_segments(bench, lines, segments):
     script = [*lines.started, *lines.wait[:-1]]
-    controller, _ = bench(script, [("MG _BTA,_BTB", " 3.0000 2.0000\r\n:")], lines.abort)
+    controller, _ = bench(
+        script,
+        [(lines.wait[-1][0], lines.wait[-1][1].replace("3.0000 3.", "3.0000 2."))],
+        lines.abort,
+    )
     with pytest.raises(MotionFault, match="3 and 2 of its 3 segments"):
         run_to_wait(controller, segments)
 
