@@ -119,6 +119,8 @@ class Daq(Section):
     """Hz, of every channel."""
     trigger_source: str = Field(min_length=1)
     """Terminal that the controller's trigger output is wired to: `PFI0`."""
+    trigger_edge: Literal["rising", "falling"] = "rising"
+    """Edge at that terminal when the output is set; it depends on the output's circuit."""
     pre_trigger: Time = Field(default=0.0, ge=0, le=60)
     """s, recorded before the trigger's edge."""
     trigger_timeout: Time = Field(gt=0)

@@ -40,11 +40,10 @@ class Controller(Section):
 
     trigger_output: int = Field(strict=True, ge=1, le=16)
     """Digital output wired to the acquisition's trigger input."""
-    trigger_edge: Literal["rising", "falling"] = "rising"
-    """Edge at the acquisition when the output is set; it depends on the output's circuit."""
     trigger_delay: Time = Field(default=0.49e-3, ge=-0.05, le=0.05)
-    """s, from that edge to the start of the motion: the output is set when its command is
-    interpreted, the motion starts at the next sample, and the output's circuit delays the edge."""
+    """s, from the output's edge at the acquisition to the start of the motion: the output is set
+    when its command is interpreted, the motion starts at the next sample, and the output's
+    circuit delays the edge."""
     trigger_delay_std: Time = Field(default=0.28e-3, ge=0, le=0.05)
     """s, standard uncertainty of that delay."""
 

@@ -15,7 +15,7 @@ from sautereau.commands.common import (
     bar,
     expected_of,
     hardware,
-    load_rig,
+    rig_to_move,
     say,
     signals_stop,
     warn,
@@ -56,7 +56,7 @@ def learn(
     from sautereau.robot.experiment.plan import digest
     from sautereau.robot.experiment.session import Item, Origin, make_presses
 
-    nominal = load_rig(rig)
+    nominal = rig_to_move(rig, simulation)
     expected, doubts = expected_of(nominal)
     file = out / LEARNED
     if file.exists():

@@ -18,7 +18,7 @@ from sautereau.commands.common import (
     expected_of,
     fresh_seed,
     hardware,
-    load_rig,
+    rig_to_move,
     signals_stop,
     warn,
 )
@@ -93,7 +93,7 @@ def press(
     from sautereau.robot.experiment.plan_table import Row, read_plan_table
     from sautereau.robot.experiment.session_folder import SessionFolder
 
-    nominal = load_rig(rig)
+    nominal = rig_to_move(rig, simulation)
     rows = read_plan_table(table, nominal, n, notes) if table else (Row(nominal, n, notes=notes),)
     followed = {"learned": learned, "feed_forward": feed_forward}
     files = {name: digest(path) for name, path in followed.items() if path}

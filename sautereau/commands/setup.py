@@ -15,6 +15,7 @@ from sautereau.commands.common import (
     fail,
     hardware,
     load_rig,
+    rig_to_move,
     say,
     signals_stop,
     warn,
@@ -29,7 +30,9 @@ if TYPE_CHECKING:
 _TIMEOUT = "60 s"
 """Timeout of the stand-in's controller, which answers only after the motion has ended."""
 
-StepName = Literal["all", "port", "controller", "home", "encoders", "contact", "touch", "dry-run"]
+StepName = Literal[
+    "all", "port", "controller", "verify", "home", "encoders", "contact", "touch", "dry-run"
+]
 
 
 def init(file: Path = Path("my-rig.toml"), /, *, json: Json = False) -> int:
@@ -99,9 +102,11 @@ def setup(
     """
     from sautereau.robot.experiment.setup.steps import make_steps
 
-    nominal = load_rig(rig)
+    nominal = rig_to_move(rig, simulation)
     if not yes and not sys.stdin.isatty():
         return fail(json, "setup asks before motions: run it on a terminal, or give --yes", 2)
+    if yes and not simulation.requested and step in ("all", "verify"):
+        return fail(json, "setup verify needs an operator: give it without --yes", 2)
     if save and not Path(rig).is_file():
         return fail(json, f"--save: {rig} is not a file; write one with `sautereau init`", 2)
     values: dict[str, str | int] = {}
@@ -156,6 +161,13 @@ class _Operator:
     def confirm(self, question: str) -> bool:
         """Return whether the answer is yes; see `Ask`."""
         return self._agreed or _asked(f"{question} [y/N] ").lower() in ("y", "yes")
+
+    def act(self, instruction: str) -> bool:
+        """Wait until it is done; see `Ask`."""
+        if self._agreed:
+            return False
+        _asked(f"{instruction} Press Enter when it is done. ")
+        return True
 
     def number(self, question: str, unit: str, expected: float) -> float | None:
         """Return the measured value; see `Ask`."""

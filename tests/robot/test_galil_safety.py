@@ -201,9 +201,18 @@ def test_a_switch_that_is_not_found_twice_at_one_place(bench, lines):
 
 
 def test_a_search_that_goes_the_wrong_way_ends_at_its_travel(bench, lines):
-    wrong = (lines.both_edges[-1][0], " 9.0000 3.0000 1.0000 9.0000\r\n:")
+    wrong = (lines.both_edges[-1][0], " 9.0000 3.0000 1.0000 9.0000 0.0000\r\n:")
     at = lines.home.index(lines.both_edges[-1])
     controller, _ = bench(lines.connect, lines.on, lines.home[:at], [wrong], lines.abort)
     with pytest.raises(MotionFault, match="homing broke off: joint 2 stopped by the reverse"):  # noqa: SIM117
+        with controller, controller.powered():
+            controller.home()
+
+
+def test_a_command_that_the_program_was_refused_is_named_by_its_code(bench, lines):
+    refused = (lines.both_edges[-1][0], " 7.0000 7.0000 1.0000 9.0000 20.0000\r\n:")
+    at = lines.home.index(lines.both_edges[-1])
+    controller, _ = bench(lines.connect, lines.on, lines.home[:at], [refused], lines.abort)
+    with pytest.raises(MotionFault, match=r"refused a command of its program, with code 20 \(TC\)"):  # noqa: SIM117
         with controller, controller.powered():
             controller.home()

@@ -94,7 +94,9 @@ def test_a_press_that_breaks_off_names_the_joint_and_the_reason(
     bench, lines, segments, codes, reason
 ):
     script = [*lines.started, *lines.wait[:-2]]
-    controller, _ = bench(script, [(lines.wait[3][0], f" {codes} 1.0000 9.0000\r\n:")], lines.abort)
+    controller, _ = bench(
+        script, [(lines.wait[3][0], f" {codes} 1.0000 9.0000 0.0000\r\n:")], lines.abort
+    )
     with pytest.raises(MotionFault, match=reason) as caught:
         run_to_wait(controller, segments)
     assert OFF in str(caught.value)
@@ -105,7 +107,7 @@ def test_a_press_that_the_watchdog_ended(bench, lines, segments, watch):
     """Its thread has ended, or is about to end, or was ended by something else."""
     expired = [
         (lines.wait[0][0], " 0.0000 0.0000 7.0000 7.0000 -1.0000 -1.0000\r\n:"),
-        (lines.wait[3][0], f" 7.0000 7.0000 {watch}\r\n:"),
+        (lines.wait[3][0], f" 7.0000 7.0000 {watch} 0.0000\r\n:"),
     ]
     controller, _ = bench(lines.started, expired, lines.abort)
     with pytest.raises(MotionFault, match="watchdog has switched the motors off") as caught:
@@ -144,7 +146,7 @@ def test_a_press_that_skipped_segments(bench, lines, segments):
 def test_a_limit_of_one_joint_ends_the_press_of_both(bench, lines, segments):
     limited = [
         (lines.wait[0][0], " 0.0000 1.0000 2.0000 0.0000 1.0000 1.0000\r\n:"),
-        (lines.wait[3][0], " 2.0000 0.0000 1.0000 9.0000\r\n:"),
+        (lines.wait[3][0], " 2.0000 0.0000 1.0000 9.0000 0.0000\r\n:"),
     ]
     controller, _ = bench(lines.started, limited, lines.abort)
     with pytest.raises(MotionFault, match="joint 1 stopped by the forward limit") as caught:

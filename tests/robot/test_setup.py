@@ -33,6 +33,10 @@ class Person:
         self.asked.append(question)
         return self.agrees
 
+    def act(self, instruction):
+        self.asked.append(instruction)
+        return False
+
     def number(self, question, unit, expected):
         self.asked.append(question)
         return None if self.measures is None else self.measures(expected)

@@ -7,6 +7,7 @@ import numpy as np
 from sautereau.robot.drivers.galil.connection import Connection
 from sautereau.robot.drivers.galil.dmc import CAUSES, stop_reason
 from sautereau.robot.drivers.galil.program import (
+    FAULT,
     LEFT,
     RESOLUTION,
     SIGN,
@@ -31,9 +32,16 @@ class Axes(Connection):
     on_trial = False
     """Whether a controller that is not verified may be switched on."""
 
+    silent = False
+    """Whether the signs of life are withheld, to measure the watchdog."""
+
     def positions(self) -> Counts:
         """Read the encoders: counts, shape (2,)."""
         return np.rint(self.line.read("_TPA", "_TPB")).astype(np.int64)
+
+    def await_record(self) -> None:
+        """Wait until a recording is complete."""
+        self._polling.until(lambda: not self.line.read("_RC")[0], "the recording", STOPPING)
 
     def await_standstill(self, what: str, limit: float) -> None:
         """Wait until both axes are at rest, ``limit`` seconds at most; ``what`` is the motion."""
@@ -45,7 +53,12 @@ class Axes(Connection):
 
     def check_stop(self, what: str, normal: Collection[int]) -> None:
         """Refuse a motion that stopped for another reason than the stop codes ``normal``."""
-        *codes, watch, left = self.line.read("_SCA", "_SCB", f"_XQ{WATCH}", LEFT)
+        *codes, watch, left, fault = self.line.read("_SCA", "_SCB", f"_XQ{WATCH}", LEFT, FAULT)
+        if fault:
+            raise MotionFault(
+                f"{what} broke off: the controller refused a command of its program, with code"
+                f" {fault:g} (TC); look it up in the command reference, then home() again"
+            )
         tripped = watch < 0 or left <= 0  # it has, or is about to end after tripping
         if tripped and not CAUSES.intersection(codes):
             raise MotionFault(
@@ -67,7 +80,7 @@ class Axes(Connection):
         """Start the watchdog and see it count; then switch the motors on, and verify."""
         self._check_verified()
         self._check_inputs()
-        self._start_watchdog()
+        self.start_watchdog()
         self.line.ask("SH AB")
         if any(self.line.read("_MOA", "_MOB")):
             raise SettingNotTaken(
@@ -106,10 +119,11 @@ class Axes(Connection):
                 " the switch by hand, or correct controller.limit_switches in the rig file"
             )
 
-    def _start_watchdog(self) -> None:
+    def start_watchdog(self) -> None:
+        """Start the watchdog and see it count."""
         steps = round(self._settings.watchdog_period * 1e3 / TICKS / RESOLUTION)
         tick = steps * RESOLUTION
-        self.line.ask(f"{TICK}={tick}", f"{LEFT}={TICKS}", f"{SIGN}=0")
+        self.line.ask(f"{TICK}={tick}", f"{LEFT}={TICKS}", f"{SIGN}=0", f"{FAULT}=0")
         self.line.verify({TICK: tick, LEFT: TICKS})
         self.line.ask(f"XQ #WATCH,{WATCH}")
         self._polling.until(lambda: self._left() < TICKS, "the watchdog's first count", STOPPING)
@@ -131,6 +145,8 @@ class Axes(Connection):
         Args:
             keep_waiting: As for `Line.ask`.
         """
+        if self.silent:
+            return
         renewal = (f"MG {SIGN},{LEFT},_XQ{WATCH}", f"{SIGN}=0", f"{LEFT}={TICKS}")
         sign, left, running = self.line.numbers(*renewal, count=3, keep_waiting=keep_waiting)
         ours = running >= 0 and sign == self._sign

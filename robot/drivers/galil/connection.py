@@ -50,14 +50,18 @@ class Connection:
         self.line.close()
 
     def set_up(self) -> str:
-        self.identity = self._introduce()
+        self.identity = self.introduce()
         self.abort()
         self.settings.read_memory()
         self.settings.set()
-        self.line.download(controller_program(self._settings.trigger_output))
+        self.download()
         return self.identity
 
-    def _introduce(self) -> str:
+    def download(self) -> None:
+        """Replace the program in the controller by the driver's own."""
+        self.line.download(controller_program(self._settings.trigger_output))
+
+    def introduce(self) -> str:
         """Identify the controller, switch its echo on where it has one, and mark its messages.
 
         Returns:

@@ -46,10 +46,10 @@ class GalilDriver(Axes):
         self._motion: Segments | None = None
         self._plan: CapturePlan | None = None
         self._push: Push | None = None
-        self._homing = Homing(self)
+        self.homing = Homing(self)
 
     def find_home(self, home: Counts) -> None:
-        self._homing.find(home)
+        self.homing.find(home)
 
     def home_levels(self) -> list[float]:
         return self.line.read("_HMA", "_HMB")

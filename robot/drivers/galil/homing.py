@@ -52,7 +52,7 @@ class Homing:
         axes.settings.limit_torque(self._rig.home_torque)
         axes.settings.limit_travel(start - reach, start + reach)
         self._find_edges(_AXES, FAST)
-        first, second = self._approach(), self._approach()
+        first, second = self.approach(), self.approach()
         if (apart := np.abs(second - first)).max() > self._rig.home_tolerance:
             raise MotionFault(
                 f"homing: the switches were found twice, {apart[0]} and {apart[1]} counts apart,"
@@ -66,7 +66,7 @@ class Homing:
         axes.settings.limit_travel(self._limits.lower, self._limits.upper)
         axes.settings.limit_torque(1.0)
 
-    def _approach(self) -> Counts:
+    def approach(self) -> Counts:
         """Cross the edges slowly, at last in the direction of the rig; return where that ends."""
         self._find_edges(_AXES, SLOW)
         levels = self._axes.line.read("_HMA", "_HMB")

@@ -18,6 +18,8 @@ TICK, LEFT = "wtick", "wleft"
 """ms between two counts of the watchdog, and the counts left; the host renews the latter."""
 SIGN = "wsign"
 """What the watchdog writes at each count: the signature of this program."""
+FAULT = "wfault"
+"""Error code (TC) of a command that the controller refused its program; 0 for none."""
 RATE = "rate"
 """Logarithm to base 2 of the controller samples between two rows of a capture."""
 PUSHES, PUSH_EVERY = "pushn", "pushk"
@@ -80,6 +82,7 @@ def _lines(trigger_output: int, sign: int) -> list[str]:
         "#CMDERR",
         now,
         rest,
+        f"{FAULT}=_TC",
         "EN 1",
         # The error is cleared, or the routine is entered again at once.
         "#POSERR",
