@@ -4,6 +4,7 @@ Positions are counts, speeds counts per second, durations controller samples.
 """
 
 from functools import partial
+from typing import ClassVar
 
 import numpy as np
 
@@ -34,11 +35,11 @@ from sautereau.trajectory.segments import Counts, Segments
 class GalilDriver(Axes):
     """A `Driver` over a serial line or Ethernet."""
 
-    WITHOUT_HOST = (
+    WITHOUT_HOST: ClassVar[str] = (
         "A motion that the controller has started continues until its watchdog trips, {period:g} s"
         " after the host's last sign of life."
     )
-    ABORT_AFTER = frozenset[str]()
+    ABORT_AFTER: ClassVar[frozenset[str]] = frozenset()
 
     def __init__(self, rig: Rig, port: Port, clock: Clock, sleep: Sleep):
         super().__init__(rig, port, clock, sleep)
