@@ -16,7 +16,7 @@ from sautereau.trajectory.segments import Counts
 VOLTAGE_STEP = 5e-4
 """V, to which the controller rounds TL, OV and OF."""
 _SAMPLE_PERIODS = (970e-6, 1001e-6)  # s, what firmwares make of TM 1000
-_MEMORY = ("MT", "CE", "AG", "KP", "KI", "KD")
+_MEMORY = ("_MT", "_CE", "_AG", "_KP", "_KI", "_KD")
 
 
 class ControllerSettings:
@@ -45,8 +45,8 @@ class ControllerSettings:
             RobotError: The trigger's output is a brake.
         """
         names = [f"{name}{axis}" for name in _MEMORY for axis in "AB"]
-        values = self._line.read(*(f"_{name}" for name in names))
-        self.memory = dict(zip(names, values, strict=True))
+        values = self._line.read(*names)
+        self.memory = {name[1:]: value for name, value in zip(names, values, strict=True)}
         number, *brakes = self._line.read("_BN", "_BWA", "_BWB")
         self.serial_number = int(number)
         output = self._controller.trigger_output
