@@ -22,6 +22,7 @@ _OPERAND = re.compile(r"_([A-Z]{2})|\b(TIME)\b")
 COMMANDS = {
     "AB": "`AB` ends motion and all programs, `AB 1` motion only; either switches off a motor whose"
     " OE is not 0",
+    "AM": "waits until both joints have ended their motion",
     "AT": "waits to a time after `AT 0`; a negative time is the next reference; `,1` counts samples"
     " [measured: A6]; even",
     "BG": "begins a move, FE or FI; refused while one runs",
@@ -147,14 +148,10 @@ def sent() -> tuple[dict[str, set[str]], dict[str, set[str]]]:
 
 def _strings(tree: ast.AST) -> Iterator[str]:
     """Yield the string constants of a module, without docstrings."""
-    skipped = {id(n.value) for n in ast.walk(tree) if isinstance(n, ast.Expr)}
+    docstrings = {id(n.value) for n in ast.walk(tree) if isinstance(n, ast.Expr)}
     for node in ast.walk(tree):
-        if (
-            isinstance(node, ast.Constant)
-            and isinstance(node.value, str)
-            and id(node) not in skipped
-        ):
-            yield node.value
+        if isinstance(node, ast.Constant) and id(node) not in docstrings:
+            yield str(node.value)
 
 
 def page() -> str:
@@ -178,14 +175,12 @@ def page() -> str:
         "",
         "| operand | what the driver reads in it | used in |",
         "|---|---|---|",
-        *_rows(
-            {f"_{name}".replace("_TIME", "TIME"): text for name, text in OPERANDS.items()}, operands
-        ),
+        *_rows({_shown(name): text for name, text in OPERANDS.items()}, operands),
         "",
         "## The program in the controller",
         "",
-        "Thread 0 runs the watchdog, thread 1 the press, thread 2 the torques. The routines below run",
-        "in thread 0, and begin with `AB 1;MO AB`.",
+        "Thread 0 runs the watchdog, thread 1 the press, thread 2 the torques, thread 3 sees that",
+        "no joint stops alone. The routines below run in thread 0, and begin with `AB 1;MO AB`.",
         "",
         *(f"- `{name}`: {text}." for name, text in ROUTINES.items()),
         "",
@@ -202,6 +197,10 @@ def page() -> str:
         *(f"| {s.number} | {s.name} | {s.what} |" for s in (*run.BEFORE_POWER, *run.WITH_POWER)),
     ]
     return "\n".join(lines) + "\n"
+
+
+def _shown(operand: str) -> str:
+    return operand if operand == "TIME" else f"_{operand}"
 
 
 def _rows(known: dict[str, str], used: dict[str, set[str]]) -> Iterator[str]:

@@ -19,7 +19,7 @@ STATE = "MG 4711,_MOA,_MOB,_BGA,_BGB,_OFA,_OFB"
 ABORT = [
     ("AB", ":"),
     ("MO AB", ":"),
-    ("HX 1;HX 2;OF 0,0;RC 0;CB 1", ":::::"),
+    ("HX 1;HX 2;HX 3;OF 0,0;RC 0;CB 1", "::::::"),
     (STATE, " 4711.0000 1.0000 1.0000 0.0000 0.0000 0.0000 0.0000\r\n:"),
 ]
 PROGRAM = controller_program(1)
@@ -84,7 +84,8 @@ ON = [
     ("XQ #WATCH,0", ":"),
     ("MG wleft,_XQ0", " 10.0000 1.0000\r\n:"),
     ("MG wleft,_XQ0", " 9.0000 1.0000\r\n:"),
-    ("MG wsign,wleft,_XQ0;wsign=0;wleft=10", f" {SIGN}.0000 9.0000 1.0000\r\n:::"),
+    ("MG TIME", " 5000.0000\r\n:"),
+    ("MG wsign,wleft,_XQ0,TIME;wsign=0;wleft=10", f" {SIGN}.0000 9.0000 1.0000 5001.0000\r\n:::"),
     ("SH AB", ":"),
     ("MG _MOA,_MOB", " 0.0000 0.0000\r\n:"),
 ]
@@ -92,12 +93,15 @@ CODES = "MG _SCA,_SCB,_XQ0,wleft,wfault"
 AT_REST = ("MG _BGA,_BGB", " 0.0000 0.0000\r\n:")
 EDGES = (CODES, " 9.0000 9.0000 1.0000 9.0000 0.0000\r\n:")
 BOTH_EDGES = [("FE AB", ":"), ("BG AB", ":"), AT_REST, EDGES]
-SLOWLY = ("SP 3182,3182;AC 31744,31744;DC 31744,31744", ":::")
+SLOWLY = [
+    ("SP 3182,3182;AC 31744,31744;DC 31744,31744", ":::"),
+    ("DC 63661056,63661056", ":"),
+]
 APPROACH = [
-    SLOWLY,
+    *SLOWLY,
     *BOTH_EDGES,
     ("MG _HMA,_HMB", " 1.0000 0.0000\r\n:"),  # joint 2 came from above
-    SLOWLY,
+    *SLOWLY,
     ("FE B", ":"),
     ("BG B", ":"),
     AT_REST,
@@ -181,7 +185,7 @@ CAPTURE = [
 ]
 STOP = [
     ("ST AB", ":"),
-    ("HX 1;HX 2;OF 0,0;RC 0;CB 1", ":::::"),
+    ("HX 1;HX 2;HX 3;OF 0,0;RC 0;CB 1", "::::::"),
     ("MG _BGA,_BGB", " 0.0000 0.0000\r\n:"),
 ]
 OFF = [*STOP, *ABORT]

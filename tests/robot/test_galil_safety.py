@@ -67,19 +67,28 @@ def test_a_trigger_output_that_is_a_brake(bench, lines):
 
 
 @pytest.mark.parametrize(
-    ("sign", "left", "running", "stopped"),
-    [("0", 8, 2, True), ("x", 8, -1, True), ("x", 0, -1, False), ("x", 8, 3, False)],
+    ("sign", "left", "running", "later", "stopped"),
+    [
+        ("0", 8, 2, 50, True),
+        ("0", 10, 2, 300, True),
+        ("0", 10, 2, 100, False),
+        ("x", 8, -1, 300, True),
+        ("x", 0, -1, 300, False),
+        ("x", 8, 3, 300, False),
+    ],
 )
 def test_a_watchdog_that_another_client_replaced_stops_the_arm(
-    bench, lines, sign, left, running, stopped
+    bench, lines, sign, left, running, later, stopped
 ):
-    """With no counts left it has tripped by itself, which the next poll reports."""
+    """With no counts left it has tripped by itself; a signature may be a few counts old."""
     sign = sign.replace("x", str(signature(1)))
-    renewal = (lines.on[6][0], f" {sign}.0000 {left}.0000 {running}.0000\r\n:::")
+    answer = f" {sign}.0000 {left}.0000 {running}.0000 {5001 + later}.0000\r\n:::"
+    renewal = (lines.on[7][0], answer)
     asked = [] if stopped else [("MG _TPA,_TPB", " 1.0000 2.0000\r\n:")]
     after = [*lines.abort, *lines.off] if stopped else [*asked, *lines.off]
     controller, _ = bench(lines.connect, lines.on, [renewal], after)
     with controller, controller.powered():
+        controller.driver.identity = "DMC4020 Rev 1.3c"
         controller.driver.renew()
         if stopped:
             with pytest.raises(MotionFault, match="its program was replaced"):

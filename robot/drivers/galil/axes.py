@@ -32,6 +32,8 @@ class Axes(Connection):
     on_trial = False
     """Whether a controller that is not verified may be switched on."""
 
+    _signed = 0.0
+    """Samples on the controller's clock at the last signature of the program."""
     silent = False
     """Whether the signs of life are withheld, to measure the watchdog."""
 
@@ -127,6 +129,7 @@ class Axes(Connection):
         self.line.verify({TICK: tick, LEFT: TICKS})
         self.line.ask(f"XQ #WATCH,{WATCH}")
         self._polling.until(lambda: self._left() < TICKS, "the watchdog's first count", STOPPING)
+        (self._signed,) = self.line.read("TIME")
         self._watched = True
         self.renew()
 
@@ -147,10 +150,15 @@ class Axes(Connection):
         """
         if self.silent:
             return
-        renewal = (f"MG {SIGN},{LEFT},_XQ{WATCH}", f"{SIGN}=0", f"{LEFT}={TICKS}")
-        sign, left, running = self.line.numbers(*renewal, count=3, keep_waiting=keep_waiting)
-        ours = running >= 0 and sign == self._sign
-        if self._watched and left > 0 and not ours:
+        renewal = (f"MG {SIGN},{LEFT},_XQ{WATCH},TIME", f"{SIGN}=0", f"{LEFT}={TICKS}")
+        sign, left, running, now = self.line.numbers(*renewal, count=4, keep_waiting=keep_waiting)
+        if sign == self._sign:
+            self._signed = now
+        unsigned = (now - self._signed) * self._settings.sample_period
+        # Without pacing, the stand-in's program does not count; see docs/stand-in.md.
+        late = unsigned >= self._settings.watchdog_period / 2 and "SIM" not in self.identity
+        replaced = running < 0 or (sign != self._sign and (left < TICKS or late))
+        if self._watched and left > 0 and replaced:
             self.abort()
             self.line.report(
                 MotionFault(

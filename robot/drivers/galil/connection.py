@@ -3,7 +3,13 @@
 from sautereau.rig.schema import Rig
 from sautereau.robot.drivers.driver import Clock, Sleep
 from sautereau.robot.drivers.galil.line import Line
-from sautereau.robot.drivers.galil.program import PRESS, TORQUES, controller_program, signature
+from sautereau.robot.drivers.galil.program import (
+    BOTH,
+    PRESS,
+    TORQUES,
+    controller_program,
+    signature,
+)
 from sautereau.robot.drivers.galil.settings import ControllerSettings
 from sautereau.robot.drivers.limits import Limits
 from sautereau.robot.drivers.polling import Polling
@@ -39,7 +45,7 @@ class Connection:
         self._sign = signature(settings.trigger_output)
         trigger_off = f"CB {settings.trigger_output}"
         # Ends everything that the program does except its watchdog.
-        self._quiet = (f"HX {PRESS}", f"HX {TORQUES}", "OF 0,0", "RC 0", trigger_off)
+        self._quiet = (f"HX {PRESS}", f"HX {TORQUES}", f"HX {BOTH}", "OF 0,0", "RC 0", trigger_off)
         self._abort_commands = ("AB", "MO AB", ";".join(self._quiet))
         self._watched = False
         """Whether the watchdog was started, and nothing was sent since that ends it."""

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from sautereau.robot.drivers.galil.dmc import EDGE_FOUND, INDEX_FOUND, profile
+from sautereau.robot.drivers.galil.dmc import EDGE_FOUND, INDEX_FOUND, halting, profile
 from sautereau.robot.drivers.polling import MARGIN
 from sautereau.robot.errors import MotionFault
 from sautereau.trajectory.segments import Counts
@@ -88,6 +88,8 @@ class Homing:
         axes = self._axes
         if command.startswith("FE"):
             axes.line.ask(*profile(self._limits, self._limits.in_counts(speed)))
+            if speed == SLOW:  # so that the edge is crossed by a few counts only
+                axes.line.ask(halting(self._limits)[0])
         axes.line.ask(command)
         axes.line.ask(f"BG {which}")
         axes.await_standstill("homing", self._rig.home_travel / speed + MARGIN)

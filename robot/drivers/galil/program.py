@@ -1,14 +1,15 @@
 """The program in the controller: a press, its torques, the watchdog, and what ends in safety.
 
 Thread 0 runs the watchdog, and is interrupted by the automatic routines; thread 1 runs the press,
-thread 2 the torques. Every fault ends at `AB 1;MO AB`: the abort alone switches off, because
-off-on-error is set, so that it does not matter whether anything after it succeeds. No message is
-sent: a full port would hold the program up. Variables that the host sets are named here.
+thread 2 the torques; thread 3 sees that no joint stops alone. Every fault ends at `AB 1;MO AB`: the
+abort alone switches off, because off-on-error is set, so that it does not matter whether anything
+after it succeeds. No message is sent: a full port would hold the program up. Variables that the
+host sets are named here.
 """
 
 import zlib
 
-WATCH, PRESS, TORQUES = 0, 1, 2
+WATCH, PRESS, TORQUES, BOTH = 0, 1, 2, 3
 """Threads."""
 SETTLE = 20
 """ms that the capture continues after the motion; at TM 1000 at least as many samples."""
@@ -43,7 +44,8 @@ def signature(trigger_output: int) -> int:
 
 def _lines(trigger_output: int, sign: int) -> list[str]:
     now = "AB 1;MO AB"
-    rest = f"HX {TORQUES};OF 0,0;RC 0;CB {trigger_output};HX {PRESS}"
+    # In thread 3, the last command ends the thread itself.
+    rest = f"HX {PRESS};HX {TORQUES};OF 0,0;RC 0;CB {trigger_output};HX {BOTH}"
     return [
         "#WATCH",
         f"WT {TICK}",
@@ -51,23 +53,26 @@ def _lines(trigger_output: int, sign: int) -> list[str]:
         f"JP #WATCH,{LEFT}>0",
         "#SAFE",
         now,
-        rest,  # in thread 1, the last command ends the thread itself
+        rest,
         "EN",
         "#PRESS",
         f"JP #BARE,{PUSHES}=0",
         f"XQ #PUSH,{TORQUES}",
         "#BARE",
         f"RC {RATE};SB {trigger_output};BT AB",
-        "#RUN",
-        f"WT {LOOK}",
-        "JP #RUN,_BGA*_BGB=1",
-        # Both joints end in the same sample, or one has stopped alone.
-        f"WT {LOOK}",
-        "JP #SAFE,_BGA+_BGB>0",
-        f"HX {TORQUES};OF 0,0",
+        f"XQ #BOTH,{BOTH}",
+        "AM AB",
+        f"HX {BOTH};HX {TORQUES};OF 0,0",
         f"WT {SETTLE}",
         "RC 0",
         f"CB {trigger_output}",
+        "EN",
+        "#BOTH",
+        f"WT {LOOK}",
+        "JP #BOTH,_BGA*_BGB=1",
+        # Both joints end in the same sample, or one has stopped alone.
+        f"WT {LOOK}",
+        "JP #SAFE,_BGA+_BGB>0",
         "EN",
         "#PUSH",
         "AT 0",
