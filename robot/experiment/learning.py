@@ -97,7 +97,7 @@ class IterativeLearning:
             SautereauError: The recording has no speed over the complete press.
         """
         press = load_press(path)
-        time = press.data.index.to_numpy(dtype=float)
+        time = press.data.index.to_numpy(dtype=float) - self._rig.controller.trigger_delay
         speed = press.data["jack_speed"].to_numpy(dtype=float)
         correction = self._learner.learn(self._used, time, speed)
         self._trajectory = None

@@ -217,11 +217,9 @@ def _press(
                 first, second = np.abs(item.torques.torques).max(axis=0)
                 largest = f"up to {first:.4g} N m at joint 1 and {second:.4g} N m at joint 2"
                 recording.event("feed-forward", largest, 0.0)
-            joints = trajectory.joints.position
-            recording.write_plan(
-                trajectory.time, joints[:, 0], joints[:, 1], trajectory.rise.position
-            )
             capture = controller.capture()
+            planned, joints = trajectory.time + capture.trigger_delay, trajectory.joints.position
+            recording.write_plan(planned, joints[:, 0], joints[:, 1], trajectory.rise.position)
             recording.write_joints(_joints(capture, rig))
 
 

@@ -202,4 +202,4 @@ def test_a_torque_limit_in_the_controller_limits_the_motors(bench):
         motion = still(controller.home())
         controller.driver.line.ask("TL 2.5,2.5")
         capture = play(controller, motion, pulse(motion, stand_in.rig))
-    assert capture.torques.max() == pytest.approx(2.5 / 9.998 * 2.0)
+    assert capture.torques.max() == pytest.approx(2.5 / 9.998 * 2.0, rel=1e-4)

@@ -9,20 +9,17 @@ from sautereau.robot.drivers.galil.program import FAULT, PRESS, PUSHES, RATE, WA
 from sautereau.robot.errors import CommandRefused
 from sautereau.robot.experiment.setup.verify.workbench import VerifyStep, Workbench
 
-_ROWS = 100
+_ROWS = 24
 _EVERY = 4  # samples between two rows of the timing program
 _TIMING = (
     "#TIMES",
-    "row=0",
     "AT 0",
-    "#NEXT",
-    f"AT -{_EVERY},1",
-    "vtime[row]=TIME;row=row+1",
-    f"JP #NEXT,row<{_ROWS}",
+    *(f"AT -{_EVERY},1;vtime[{row}]=TIME" for row in range(_ROWS)),
+    "timed=1",
     "EN",
     "#BUSY",
     "busy=busy+1",
-    f"JP #BUSY,row<{_ROWS}",
+    "JP #BUSY,timed=0",
     "EN",
 )
 
@@ -97,12 +94,12 @@ def timing(bench: Workbench) -> None:
     line = bench.line
     line.download(_TIMING)
     for others in (0, 3):
-        line.ask("row=0", "busy=0")
+        line.ask("timed=0", "busy=0")
         line.ask("XQ #TIMES,0")
         for thread in range(1, others + 1):
             line.ask(f"XQ #BUSY,{thread}")
         deadline = time.monotonic() + 10
-        while line.read("_XQ0")[0] >= 0 and time.monotonic() < deadline:
+        while not line.read("timed")[0] and time.monotonic() < deadline:
             time.sleep(0.01)
         steps = np.diff(line.upload("vtime", _ROWS))
         late = float(np.abs(steps - _EVERY).max())

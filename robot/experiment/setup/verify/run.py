@@ -42,7 +42,8 @@ def verify(rig: Rig, ask: Ask) -> Found:
         ask,
         "verify",
         "Part A. Cut the power of the amplifiers, not that of the controller. Nothing can move"
-        " then, and the program in the controller is replaced. Is it cut?",
+        " then, and the program in the controller is replaced. Is it cut, and the emergency stop at"
+        " hand?",
     )
     try:
         for step in BEFORE_POWER:
