@@ -43,7 +43,8 @@ class FaultInjection:
             joints.unwire_index(faults.index_missing.joint)
         if faults.switch_polarity:
             joints.invert(faults.switch_polarity.switch)
-        self._schedule_wiring(0, 0.0)
+        self._schedule_wiring(0, self._now())
+        self.inject()
 
     def _schedule_wiring(self, press: int, now: float) -> None:
         faults, joints = self._faults, self._joints

@@ -27,8 +27,8 @@ class ArmPlant:
 
     def __init__(self, world: World, index_angles: Pair = (0.1, 0.1)):
         self._world, self._index_angles = world, index_angles
-        self._slipped, self._by_hand = np.zeros(2), np.zeros(2)
-        self._signs = np.ones(2)
+        self._slipped, self._by_hand = [0, 0], [0, 0]
+        self._signs = [1, 1]
         self._sources = [0, 1]
         self._frozen: list[float | None] = [None, None]
         self._closed: set[tuple[str, int]] = set()
@@ -40,11 +40,11 @@ class ArmPlant:
 
     def encoder_counts(self) -> tuple[int, int]:
         """Return the raw encoder counts since power-up, as of the last `sample`."""
-        return self._whole(self._encoders)
+        return self._rounded(self._encoders)
 
     def home_counts(self) -> tuple[int, int]:
         """Return the raw encoder counts at the home switches."""
-        return self._whole(self._seen(self._physical(self._world.rig.arm.home_angles, False)))
+        return self._rounded(self._seen(self._physical(self._world.rig.arm.home_angles, False)))
 
     def index(self, axis: int) -> int | None:
         """Return the raw counts of the index that passed in the last sample; None for none."""
@@ -109,9 +109,10 @@ class ArmPlant:
         The loops follow the encoders: they move the arm by the difference that they see.
         """
         true = self._physical(self._world.finger.joints(), by_hand=False)
-        off = np.asarray(self._seen(true)) - true
-        if not off.any():
+        seen = self._seen(true)
+        if seen == true:
             return reference
+        off = np.subtract(seen, true)
 
         def of_arm(fractions: Floats) -> tuple[Floats, Floats]:
             counts, speeds = reference(fractions)
@@ -172,16 +173,24 @@ class ArmPlant:
             raise SceneError("faults.stall: the arm has no motors; remove the table")
         space.add(brakes(space, finger.upper, finger.lower)[joint - 1])
 
-    def _physical(self, joints: Pair, by_hand: bool = True) -> np.ndarray:
+    def _physical(self, joints: Pair, by_hand: bool = True) -> Pair:
         """Return the counts of perfect encoders, as fractions."""
-        counts = (np.array(joints) - self._world.start) / self._world.radians_per_count
-        return counts + self._by_hand if by_hand else counts
+        start, radians = self._world.start, self._world.radians_per_count
+        first, second = (joints[0] - start[0]) / radians, (joints[1] - start[1]) / radians
+        if not by_hand:
+            return first, second
+        return first + self._by_hand[0], second + self._by_hand[1]
 
-    def _seen(self, places: np.ndarray) -> np.ndarray:
+    def _seen(self, places: Pair) -> Pair:
         """Return what the encoders as wired read at the places of the joints."""
-        seen = self._signs * places[self._sources] + self._slipped
-        return np.array([s if f is None else f for s, f in zip(seen, self._frozen, strict=True)])
+        first, second = self._reading(places, 0), self._reading(places, 1)
+        return first, second
 
-    def _whole(self, counts: np.ndarray) -> tuple[int, int]:
-        first, second = counts.tolist()
-        return round(first), round(second)
+    def _reading(self, places: Pair, axis: int) -> float:
+        frozen = self._frozen[axis]
+        if frozen is not None:
+            return frozen
+        return self._signs[axis] * places[self._sources[axis]] + self._slipped[axis]
+
+    def _rounded(self, counts: Pair) -> tuple[int, int]:
+        return round(counts[0]), round(counts[1])

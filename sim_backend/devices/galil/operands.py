@@ -89,6 +89,8 @@ OPERANDS: dict[str, Callable[[Machine], float]] = {
     **{f"CN{n}": _stored("CN", n) for n in range(5)},
     **{code: _stored(code) for code in ("TM", "EO", "LZ", "US", "EI")},
     **{f"TA{n}": functools.partial(Machine.amplifier_bits, byte=n) for n in range(4)},
+    "PF": lambda machine: machine.config["PF"][0] + machine.config["PF"][1] / 10,
+    "VF": lambda machine: machine.config["VF"][0] + machine.config["VF"][1] / 10,
     "AZ2": lambda machine: machine.latching_amplifier,
 }
 """Operands of the controller."""

@@ -106,8 +106,8 @@ class Safety:
 
     def _check_encoder(self, index: int, axis: Axis, raw: int) -> None:
         settings = axis.settings
-        weak = abs(self._machine.plant.torque_volts()[index]) <= settings["OV"]
-        if not (settings["OA"] and axis.motor_on) or weak:
+        watched = settings["OA"] and axis.motor_on
+        if not watched or abs(self._machine.plant.torque_volts()[index]) <= settings["OV"]:
             axis.weak_samples = 0
             return
         if axis.weak_samples == 0 or abs(raw - axis.weak_from) >= FEW_COUNTS:

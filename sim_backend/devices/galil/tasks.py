@@ -10,6 +10,9 @@ THREADS = 8
 LINE_TIME = 250e-6
 """s, duration of any line of a program; the threads run alternately."""
 
+GOLDEN = (5**0.5 - 1) / 2
+"""Its multiples, modulo 1, are spread evenly."""
+
 
 class Tasks:
     """Runs threads, line by line.
@@ -36,7 +39,8 @@ class Tasks:
         self.phase = 0.0
         """Fraction of the sample that has passed when the present line runs."""
         self._execute, self._store, self._report = execute, store, report
-        self._busy, self._served = 0.0, -1
+        self._busy, self._turns, self._served = 0.0, 0.0, -1
+        self._idle = True
         self._entered: set[str] = set()
         """Automatic subroutines that have run since their conditions began to hold."""
 
@@ -107,18 +111,24 @@ class Tasks:
             program: In memory, for automatic subroutines.
             held: Numbers of threads that must not run.
         """
-        self.phase = 0.0
+        share = LINE_TIME / sample_time
+        if self._idle:  # not synchronous with the samples, it looks at waits once per line's time
+            self._turns = (self._turns + GOLDEN) % 1
+            self._busy = self._turns * share
+        self.phase = self._busy
         for number, thread in sorted(self.threads.items()):
             if number not in held and thread.wait is not None and not thread.waiting:
                 self._run_line(number, thread, program)  # the rest of a line that was counted
+        self._idle = False
         while self._busy < 1:
             ready = [n for n, each in self.threads.items() if n not in held and not each.waiting]
             if not ready:
+                self._idle = True
                 break
             later = [number for number in ready if number > self._served]
             self._served = min(later or ready)
             self.phase = self._busy
-            self._busy += LINE_TIME / sample_time
+            self._busy += share
             self._run_line(self._served, self.threads[self._served], program)
         self._busy = max(0.0, self._busy - 1)
 
