@@ -24,7 +24,7 @@ COMMANDS = {
     " OE is not 0",
     "AM": "waits until both joints have ended their motion",
     "AT": "waits to a time after `AT 0`; a negative time is the next reference; `,1` counts samples"
-    " [measured: A6]; even",
+    " [measured: A8]; even",
     "BG": "begins a move, FE or FI; refused while one runs",
     "BT": "begins the segments of both axes in one sample; refused with the motors off",
     "CB": "clears an output; no effect on a brake's output",
@@ -60,9 +60,10 @@ COMMANDS = {
     "OT": "samples for OA",
     "OV": "volts for OA; not above TL",
     "PA": "target of a move",
+    "PR": "distance of a move",
     "PV": "`PVA=p,v,t`: relative counts, counts/s and samples, the last two even; t = 0 ends, t ="
     " -1 clears; 255 segments",
-    "QU": "uploads elements of an array, commas between them, control-Z behind [measured: A4]",
+    "QU": "uploads elements of an array, commas between them, control-Z behind [measured: A6]",
     "RA": "names the arrays of a record",
     "RC": "records a row every 2^n samples, n from 1 to 8; 0 ends",
     "RD": "names what is recorded; a torque is an integer, 32767 for 10 V [measured: A9]",
@@ -108,6 +109,7 @@ OPERANDS = {
     "OF": "as set",
     "OT": "as set",
     "OV": "as set",
+    "PR": "distance of a move",
     "PV": "free segments",
     "RC": "1 while it records",
     "RP": "commanded position",

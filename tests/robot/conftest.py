@@ -32,7 +32,8 @@ SOFTWARE = [
 
 def torque(volts, lost):
     return [
-        (f"OV 0,0;TL {volts},{volts}", "::"),
+        ("OV 0,0", ":"),
+        (f"TL {volts},{volts}", ":"),
         ("MG _TLA,_TLB", f" {volts} {volts}\r\n:"),
         (f"OV {lost},{lost}", ":"),
         ("MG _OVA,_OVB", f" {lost} {lost}\r\n:"),

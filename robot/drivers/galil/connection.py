@@ -91,6 +91,8 @@ class Connection:
             )
         try:
             line.read("_PVA")
+            if "-FAST" in identity:  # it has the operand, and refuses the command
+                raise CommandRefused(line.name, "PV", 1, "Unrecognized command")
         except CommandRefused as error:
             raise RobotError(
                 f"controller on {line.name}: {identity} has no PVT mode ({error.code}"

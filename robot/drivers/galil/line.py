@@ -248,6 +248,8 @@ class Line(Wire):
                 break
         if not data:
             raise self._silence(asked, _short(received) if received else "")
+        if any(byte > 127 for byte in data):
+            data += self._waiting()
         message = bytes(byte & 127 for byte in data if byte > 127).strip()
         if len(message) > _NOISE and message.isascii() and message.decode().isprintable():
             self.resynchronise()

@@ -10,12 +10,14 @@ from sautereau.robot.drivers.galil.dmc import (
 )
 from sautereau.robot.drivers.galil.line import Line
 from sautereau.robot.drivers.limits import Limits
-from sautereau.robot.errors import RobotError, SettingNotTaken
+from sautereau.robot.errors import CommandRefused, RobotError, SettingNotTaken
 from sautereau.trajectory.segments import Counts
 
 VOLTAGE_STEP = 5e-4
 """V, to which the controller rounds TL, OV and OF."""
 _SAMPLE_PERIODS = (970e-6, 1001e-6)  # s, what firmwares make of TM 1000
+_AMPLIFIERS = (7.0, 5.0)  # V, largest TL of internal amplifiers at their largest gain
+_OUT_OF_RANGE = 6  # error code
 _MEMORY = ("_MT", "_CE", "_AG", "_KP", "_KI", "_KD")
 
 
@@ -88,7 +90,14 @@ class ControllerSettings:
         """
         line, rig = self._line, self._controller
         volts = rig.full_torque * fraction * self.trial
-        line.ask("OV 0,0", f"TL {volts:.4f},{volts:.4f}")
+        line.ask("OV 0,0")
+        for allowed in (volts, *(most for most in _AMPLIFIERS if most < volts)):
+            try:
+                line.ask(f"TL {allowed:.4f},{allowed:.4f}")
+                break
+            except CommandRefused as error:
+                if error.code != _OUT_OF_RANGE:
+                    raise
         taken = line.read("_TLA", "_TLB")
         if not 0 < min(taken) <= max(taken) <= volts + VOLTAGE_STEP:
             raise SettingNotTaken(

@@ -22,6 +22,8 @@ def look(bench: Workbench) -> None:
         kept = dict(zip(_KEPT, line.read(*_KEPT), strict=True))
         threads = [line.read(f"_XQ{n}")[0] for n in _THREADS]
         program = line.ask("LS")
+        if off != [1, 1]:
+            driver.abort()
     finally:
         driver.close()
     bench.say(f"{identity}, {', '.join(f'{name} = {value:g}' for name, value in kept.items())}")

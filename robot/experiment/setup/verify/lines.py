@@ -114,8 +114,8 @@ def timing(bench: Workbench) -> None:
 
 
 STEPS = (
-    VerifyStep("A3", "line length", "79 characters are taken on a line", line_length),
-    VerifyStep("A4", "upload", "QU's terminator, separators and speed", upload),
-    VerifyStep("A5", "refused command", "#CMDERR runs, thread 0 survives", refused_command),
-    VerifyStep("A6", "timing", "AT counts samples; its jitter with 1 and 4 threads", timing),
+    VerifyStep("A5", "line length", "79 characters are taken on a line", line_length),
+    VerifyStep("A6", "upload", "QU's terminator, separators and speed", upload),
+    VerifyStep("A7", "refused command", "#CMDERR runs, thread 0 survives", refused_command),
+    VerifyStep("A8", "timing", "AT counts samples; its jitter with 1 and 4 threads", timing),
 )

@@ -134,11 +134,16 @@ def soft_limit(bench: Workbench) -> None:
 
 def by_hand(bench: Workbench) -> None:
     """Have the arm pushed away, and an encoder unplugged: both motors must go off."""
-    for what in ("Push the arm away from its place by hand", "Unplug the encoder of joint 1"):
+    blind = 2 * round(bench.driver.limits.in_counts(_SMALL_ERROR))
+    for what, then in (
+        ("Push the arm away from its place by hand", ("NO",)),
+        # At rest, a lost encoder is only noticed when the torque rises.
+        ("Unplug the encoder of joint 1", (f"PR {blind},0", "BG A")),
+    ):
         with bench.controller.powered():
             if not bench.by_hand(f"{what} (motors on, little torque)."):
                 return
-            off = _off_after(bench, "NO")
+            off = _off_after(bench, *then)
             bench.driver.abort()
         bench.expect(off, f"after {what!r} a motor is still on", "check ER, OE, OA and KI")
         bench.say(f"{what}: both motors off")
@@ -174,9 +179,10 @@ def _play(bench: Workbench, end: str, expected: set[int]) -> None:
     )
 
 
-def _off_after(bench: Workbench, command: str) -> bool:
-    """Return whether both motors go off within 3 s after a command."""
-    bench.line.ask(command)
+def _off_after(bench: Workbench, *commands: str) -> bool:
+    """Return whether both motors go off within 3 s after commands."""
+    for command in commands:
+        bench.line.ask(command)
     deadline = time.monotonic() + 3
     while bench.line.read("_MOA", "_MOB") != [1, 1]:
         if time.monotonic() > deadline:

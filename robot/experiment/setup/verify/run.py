@@ -13,7 +13,7 @@ from sautereau.robot.experiment.setup.verify import identity, lines, motion, wir
 from sautereau.robot.experiment.setup.verify.workbench import Workbench
 from sautereau.trajectory.dynamics import gravity_torque
 
-BEFORE_POWER = (*identity.STEPS, *lines.STEPS, *wiring.STEPS)
+BEFORE_POWER = (*identity.STEPS, *wiring.BY_HAND, *lines.STEPS, *wiring.STEPS)
 """Group A: the amplifiers have no power."""
 WITH_POWER = motion.STEPS
 """Group B: the motors are switched on with little torque."""

@@ -8,7 +8,7 @@ from sautereau.robot.drivers.galil.driver import GalilDriver
 from sautereau.robot.drivers.galil.line import Line
 from sautereau.robot.drivers.powered_arm import PoweredArm
 from sautereau.robot.errors import RobotError
-from sautereau.robot.experiment.setup.step import Ask
+from sautereau.robot.experiment.setup.step import Ask, Declined
 
 
 class Surprise(RobotError):  # noqa: N818 - the name states what happened
@@ -86,4 +86,11 @@ class VerifyStep:
             RobotError: The first surprise; the motors are off.
         """
         bench.step = f"{self.number} {self.name}"
-        self.run(bench)
+        try:
+            self.run(bench)
+        except (Surprise, Declined):
+            raise
+        except RobotError as error:
+            surprise = Surprise(f"setup verify, step {bench.step}: {error.args[0]}")
+            surprise.aftermath = error.aftermath
+            raise surprise from error
