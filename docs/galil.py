@@ -53,7 +53,7 @@ COMMANDS = {
     "MG": "returns values, each as ` 1.0000`",
     "MO": "motors off",
     "NO": "does nothing",
-    "OA": "switches off where an encoder stands still at a torque above OV for OT samples",
+    "OA": "switches off where an encoder does not move at a torque above OV for OT samples",
     "OE": "1: off on following error, amplifier error and abort; 3: also on a limit switch. Only"
     " the axis concerned: the program switches off the other",
     "OF": "volts added to the command of the amplifier",
@@ -165,7 +165,7 @@ def page() -> str:
         "Written by `python -m docs.galil` from the code. Every line is confirmed by the",
         "manufacturer's command reference (Galil Command Reference, DMC-4103 edition), under the",
         "heading of the same name, except where it says *measured*: by that step of",
-        "`sautereau setup verify`. [Safety](safety.md) tells what protects what.",
+        "`sautereau setup verify`. [Safety](safety.md) lists what protects what.",
         "",
         "## Commands",
         "",

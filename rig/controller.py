@@ -33,10 +33,10 @@ class Controller(Section):
     watchdog_period: Time = Field(default=0.5, ge=0.1, le=5)
     """s, time without a command from the host; then the controller switches the motors off."""
     encoder_loss_torque: Fraction = 0.6
-    """Dimensionless, fraction of the torque limit: an encoder that stands still at more torque
+    """Dimensionless, fraction of the torque limit: an encoder that is at rest at more torque
     than this counts as lost, and its motor is switched off. More than the weight needs."""
     encoder_loss_time: Time = Field(default=0.1, ge=0.01, le=5)
-    """s, that an encoder may stand still at that torque."""
+    """s, that an encoder may be at rest at that torque."""
 
     trigger_output: int = Field(strict=True, ge=1, le=16)
     """Digital output wired to the acquisition's trigger input."""

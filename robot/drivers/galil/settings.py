@@ -101,7 +101,7 @@ class ControllerSettings:
         taken = line.read("_TLA", "_TLB")
         if not 0 < min(taken) <= max(taken) <= volts + VOLTAGE_STEP:
             raise SettingNotTaken(
-                f"controller on {line.name}: it was told to limit its commands to {volts:.4g} V"
+                f"controller on {line.name}: its commands were limited to {volts:.4g} V"
                 f" (TL) and reads back {taken[0]:g} and {taken[1]:g} V; check its amplifiers"
             )
         self.torque = min(taken)

@@ -14,7 +14,7 @@ _REACTION = 0.05  # s, that the controller may need to switch off
 _STEP = 0.02  # rad, of a small motion
 _HOMINGS = 5
 _HOLD = 0.5  # s
-_FROZEN = 0.5  # s, after which the stand-in's time counts as standing still
+_FROZEN = 0.5  # s, after which the stand-in's time counts as stopped
 
 
 def holding(bench: Workbench) -> None:
@@ -50,7 +50,7 @@ def watchdog(bench: Workbench) -> None:
             if off == [1, 1] or time.monotonic() > deadline:
                 break
             if now == begun and time.monotonic() > start + _FROZEN and bench.controller.simulated:
-                bench.warn("not measured: the stand-in's time stands still without pacing")
+                bench.warn("not measured: the stand-in's time does not advance without pacing")
                 driver.silent = False
                 return
         driver.abort()
