@@ -109,7 +109,6 @@ OPERANDS = {
     "OF": "as set",
     "OT": "as set",
     "OV": "as set",
-    "PR": "distance of a move",
     "PV": "free segments",
     "RC": "1 while it records",
     "RP": "commanded position",

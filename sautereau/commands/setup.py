@@ -102,13 +102,13 @@ def setup(
     """
     from sautereau.robot.experiment.setup.steps import make_steps
 
-    nominal = rig_to_move(rig, simulation)
     if not yes and not sys.stdin.isatty():
         return fail(json, "setup asks before motions: run it on a terminal, or give --yes", 2)
     if yes and not simulation.requested and step in ("all", "verify"):
         return fail(json, "setup verify needs an operator: give it without --yes", 2)
     if save and not Path(rig).is_file():
         return fail(json, f"--save: {rig} is not a file; write one with `sautereau init`", 2)
+    nominal = rig_to_move(rig, simulation)
     values: dict[str, str | int] = {}
     steps: dict[str, Any] = {}
     with signals_stop(), _bench(nominal, simulation) as (wired, simulated):

@@ -25,7 +25,7 @@ def test_any_exception_leaves_the_motors_off(request, through, lines, kind):
 
 
 def test_an_interrupt_in_mid_motion_stops_it(bench, lines):
-    script = [*lines.connect, *lines.on, *lines.home[:10]]
+    script = [*lines.connect, *lines.on, *lines.home[:11]]
     controller, transcript = bench(script, [("MG _BGA,_BGB", KeyboardInterrupt())], lines.off)
     with pytest.raises(KeyboardInterrupt), controller, controller.powered():
         controller.home()
