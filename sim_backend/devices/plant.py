@@ -109,7 +109,7 @@ class ArmPlant:
         The loops follow the encoders: they move the arm by the difference that they see.
         """
         true = self._physical(self._world.finger.joints(), by_hand=False)
-        seen = self._seen(true)
+        seen = self._seen((true[0] + self._by_hand[0], true[1] + self._by_hand[1]))
         if seen == true:
             return reference
         off = np.subtract(seen, true)
@@ -145,6 +145,13 @@ class ArmPlant:
     def lose_encoder(self, joint: int) -> None:
         """Freeze the readings of a joint's encoder from now on."""
         self._frozen[joint - 1] = float(self._encoders[joint - 1])
+
+    def connect_encoder(self, joint: int) -> None:
+        """Connect a lost encoder again; it counts on from where its readings stopped."""
+        frozen, self._frozen[joint - 1] = self._frozen[joint - 1], None
+        if frozen is not None:
+            self._slipped[joint - 1] += round(frozen - self._reading(self._places, joint - 1))
+        self.sample()
 
     def unwire_index(self, joint: int) -> None:
         """Remove the index of a joint's encoder."""

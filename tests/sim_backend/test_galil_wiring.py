@@ -51,7 +51,19 @@ def test_joints_lifted_by_hand_show_how_the_encoders_are_wired():
     assert lift(arm(), joint=2) == (0, 5000)
     assert lift(arm({"encoder_sign": {"joint": 1}})) == (-5000, 0)
     assert lift(arm({"encoders_swapped": {}})) == (0, 5000)
-    assert lift(arm({"encoder_loss": {"joint": 1}})) == (0, 0)
+    bench = arm({"encoder_loss": {"joint": 1}})
+    assert lift(bench) == (0, 0)
+    bench.operate(lambda plant: plant.connect_encoder(1))
+    assert lift(bench) == (5000, 0)
+
+
+def test_a_lifted_arm_holds_its_place_when_it_is_powered():
+    bench = arm()
+    lift(bench)
+    send(bench, "SH")
+    run(bench, 100)
+    assert abs(number(bench, "_TEA")) < 20
+    assert number(bench, "_TPA") == pytest.approx(5000, abs=20)
 
 
 @pytest.mark.parametrize(
