@@ -22,8 +22,8 @@ from sautereau.sim_backend.devices.tcp_port import TcpPort
 from sautereau.sim_backend.errors import SceneError
 from sautereau.sim_backend.fault_injection import BadLine, FaultInjection
 from sautereau.sim_backend.physics.world import new_world
+from sautereau.sim_backend.prepare import prepared
 from sautereau.sim_backend.scene import Scene
-from sautereau.sim_backend.sensors.simulated import SIMULATED
 from sautereau.sim_backend.truth import Truth, truths
 
 SETTLING = 2.0
@@ -48,7 +48,7 @@ class Bench:
     """
 
     def __init__(self, rig: Rig, scene: Scene, seed: int = 0, paced: bool = False):
-        self.scene, self.reached = _prepared(rig, scene)
+        self.scene, self.reached = prepared(rig, scene)
         """The scene with every choice made, and the accuracy that it reaches; empty where the
         scene asks for none."""
         self.paced = paced
@@ -201,41 +201,6 @@ class Bench:
         self.card.fail(error)
         self._closing.set()
         self._lock.notify_all()
-
-
-def _prepared(rig: Rig, scene: Scene) -> tuple[Scene, str]:
-    """Return a scene with every choice made, and the accuracy that it reaches, if it asks for one.
-
-    Raises:
-        SceneError: As of `Bench`.
-    """
-    faults = []
-    if scene.finger == "push":
-        faults.append(
-            'finger: "push" has no arm for a controller to move; it is for sweeps and `trade`:'
-            ' use finger = "ideal" or "servo"'
-        )
-    elif scene.controller is not None and rig.controller.kind != "galil":
-        faults.append(
-            f"controller: the table describes a Galil, and the rig has controller.kind ="
-            f' "{rig.controller.kind}"; remove the table'
-        )
-    elif scene.faults is not None:
-        quantities = {channel.quantity for channel in rig.daq.channels}
-        faults += scene.faults.conflicts(scene.finger, quantities)
-    for i, channel in enumerate(rig.daq.channels):
-        try:
-            SIMULATED.get(channel.quantity)
-        except SceneError as error:
-            faults.append(f"daq.channels.{i}.quantity: {error}")
-    if faults:
-        raise SceneError("\n".join(faults))
-    if scene.accuracy is None:  # only an accuracy leaves choices open
-        return scene, ""
-    from sautereau.sim_backend.trade.select import select_solver
-
-    selected = select_solver(rig, scene)
-    return selected.scene, str(selected)
 
 
 class StandIn:

@@ -218,7 +218,7 @@ def test_at_may_be_late(make_bench):
     bench.tick(450)
     rises = np.array([at for at, _, level in bench.outputs if level])
     late = rises - rises[0] - 10 * np.arange(40)
-    assert np.ptp(late) == 4
+    assert 0 < np.ptp(late) <= 4
 
 
 @pytest.mark.parametrize(

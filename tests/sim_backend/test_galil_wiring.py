@@ -7,6 +7,7 @@ from sautereau.rig.load import load_rig
 from sautereau.sim_backend.bench import Bench
 from sautereau.sim_backend.controller_part import ControllerUnit
 from sautereau.sim_backend.devices.daqmx.card import TaskSetup
+from sautereau.sim_backend.devices.galil.firmware import GalilFirmware
 from sautereau.sim_backend.errors import SceneError
 from sautereau.sim_backend.fault_tables import Faults
 from tests.sim_backend.scenes import MUTE, scene_of
@@ -141,6 +142,7 @@ def leads(program, threads, **unit):
     found = []
     for wait in range(2, 14, 2):
         bench = arm(finger="ideal", **unit)
+        assert isinstance(bench.firmware, GalilFirmware)
         bench.firmware.host_waits = False
         send(bench, f"DL\r#P\rWT {wait}\r{program}\rEN\r#X\rn=n+1\rJP #X\r\\")
         send(bench, "n=0;SH;PVA=2000,0,40;PVA=,,0")

@@ -8,6 +8,7 @@ from sautereau.sim_backend.devices.emulators import Plant
 from sautereau.sim_backend.devices.galil.axis import LIMIT_CODES, Axis
 from sautereau.sim_backend.devices.galil.memory import Config
 from sautereau.sim_backend.devices.galil.motion import Pvt, StopCode
+from sautereau.sim_backend.devices.galil.outputs import Outputs
 from sautereau.sim_backend.devices.galil.tasks import Tasks
 
 FEW_COUNTS = 4
@@ -25,6 +26,7 @@ class Checked(Protocol):
     unit: ControllerUnit
     config: Config
     tasks: Tasks
+    outputs: Outputs
 
     @property
     def abort_active(self) -> bool:
@@ -37,10 +39,6 @@ class Checked(Protocol):
 
     def exceeds_error_limit(self, axis: int) -> bool:
         """Return whether the following error exceeds ER."""
-        ...
-
-    def update_outputs(self) -> None:
-        """Switch the brakes with their motors."""
         ...
 
 
@@ -93,7 +91,7 @@ class Safety:
             axis.stop_code = code
         axis.halt(code)
         axis.switch_off(brake_first=False)
-        self._machine.update_outputs()
+        self._machine.outputs.update()
 
     def _check_abort(self) -> None:
         machine, was = self._machine, self._aborted
