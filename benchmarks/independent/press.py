@@ -6,13 +6,13 @@ import numpy as np
 
 from .conditions import Choir, Conditions
 from .elastica import shape, static_pluck
-from .kernel import Body, Choirs, run
+from .kernel import GRAVITY, run
 from .key import KeyModel, key_model
 from .nominal import rig_uncertainties, rig_values
+from .parameters import Body, Choirs, Strings, strings_at_rest
 from .plan import jack_rise, key_angle
 from .sensors import measure
 
-GRAVITY = 9.81
 SETTLE = 0.04
 """s, of strongly damped motion before the recording, to reach static equilibrium."""
 TAIL = 0.03
@@ -101,11 +101,8 @@ class Motion:
     """Rows of `kernel.run`."""
     events: np.ndarray
     """Rows of choir, kind, time after the first sample, load."""
-    work: float
-    lost: float
-    energy_gain: float
-    string_modes: tuple[np.ndarray, np.ndarray]
-    """Positions (m) and velocities (m/s) at the end; shape (choirs, 2, modes)."""
+    strings: Strings
+    """At the end."""
 
 
 def build_key(c: Conditions) -> KeyModel:
@@ -245,27 +242,34 @@ def simulate(c: Conditions) -> tuple[Motion, float, float]:
     rise, _ = jack_rise(times, c.speed, c.rise, c.run_up, c.hold, c.return_speed)
     down = c.press_arm * key_angle(np.clip(rise, 0, None), first.arm, c.jack_surface_height)
     speed = np.gradient(down, c.step)
-    out = np.zeros((3 + 3 * len(c.choirs), steps))
+    out = np.zeros((5 + 3 * len(c.choirs), steps))
     events = np.zeros((1000, 4))
     weight = sum(each.mass * each.arm for each in c.choirs) * GRAVITY
     lifts = (weight - c.gravity_moment * c.gravity_factor) / c.press_arm
-    found, work, lost, before, after, q, u = run(
+    choirs = _choirs(c, key)
+    strings = strings_at_rest(len(c.choirs), choirs.modes.shape[1])
+    found = run(
         c.step,
         steps,
         round(SETTLE / c.step),
         _body(c, key),
-        _choirs(c, key),
+        choirs,
+        strings,
         down,
         speed,
         np.gradient(speed, c.step),
-        not np.isfinite(c.servo_stiffness),
-        c.preload * lifts if c.preload > 0 else c.preload,
+        np.array(
+            [
+                c.preload * lifts if c.preload > 0 else c.preload,
+                float(not np.isfinite(c.servo_stiffness)),
+            ]
+        ),
         out,
         events,
     )
     if not np.all(np.isfinite(out)):
         raise ArithmeticError("the simulation diverged; choose a smaller step")
-    motion = Motion(c.step, out, events[:found], work, lost, after - before, (q, u))
+    motion = Motion(c.step, out, events[:found], strings)
     return motion, start, start + length - c.hold - 1.4 * c.rise / c.return_speed
 
 
@@ -313,9 +317,9 @@ def press(conditions: Conditions, seed: int) -> Pressed:
     truth = Truth(
         plucks,
         unreleased,
-        at(motion.out[3::3]),
-        at(motion.out[4::3]),
         at(motion.out[5::3]),
+        at(motion.out[6::3]),
+        at(motion.out[7::3]),
         at(motion.out[:1])[0],
         at(motion.out[1:2])[0],
         start - trigger,
