@@ -7,7 +7,10 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Choir:
-    """One jack with plectrum and string; SI, true values."""
+    """One jack with plectrum and string; SI, true values.
+
+    A `_factor` is the true value over that in the rig.
+    """
 
     arm: float = 0.215
     mass: float = 6e-3
@@ -23,6 +26,11 @@ class Choir:
     modulus: float = 2.9e9
     overlap: float = 0.263e-3
     friction: float = 0.0
+    rig_friction: float = 0.0
+    """What the rig says of the plectrum's friction."""
+    modulus_factor: float = 1.0
+    overlap_factor: float = 1.0
+    clearance_factor: float = 1.0
     on_surface: bool = True
     """Whether the wire lies on the plectrum's surface; otherwise on its mid-line."""
     tension: float = 66.95
@@ -126,6 +134,8 @@ class Conditions:
     pivot_viscous: float = 0.1e-3
     friction_factor: float = 1.0
     """Of pivot and register."""
+    rig_press_arm_error: float = 0.0
+    """m, of the rig's press arm."""
     bending_frequency: float = float("inf")
     """Hz, of the free-free key's first mode; infinite for a rigid key."""
     bending_damping: float = 0.01
@@ -216,8 +226,8 @@ ONE_FACTOR: dict[str, Conditions] = {
     "transducer rings at 1 kHz": replace(
         STIFF, transducer_frequency=1000.0, transducer_damping=0.01
     ),
-    "inertia +20 %": replace(STIFF, inertia_factor=1.2),
-    "inertia -20 %": replace(STIFF, inertia_factor=0.8),
+    "inertia +20 %": replace(STIFF, inertia=8.4e-4, inertia_factor=1.2),
+    "inertia -20 %": replace(STIFF, inertia=5.6e-4, inertia_factor=0.8),
     "cross-talk": _force(cross_talk=0.002),
     "soft pad": replace(STIFF, pad_stiffness=3e4, pad_exponent=1.5),
     "quasi-static string": _all({"modes": 0}),
@@ -246,6 +256,7 @@ def random_conditions(rng: np.random.Generator) -> Conditions:
     cloth = 1e7 if chance(0.2) else log(1.5e4, 1e6)
     on_surface = chance(0.8)
     frequency = log(150, 1000)
+    strength = log(0.2, 4) if chance(0.2) else 1.0
     choir = Choir(
         mass=among(4e-3, 12e-3),
         clearance=among(1e-3, 3e-3),
@@ -253,14 +264,18 @@ def random_conditions(rng: np.random.Generator) -> Conditions:
         cloth_damping=among(0.05, 0.4),
         register_friction=among(0, 0.06),
         thickness=among(0.36e-3, 0.55e-3),
-        modulus=among(2.2e9, 3.6e9),
+        modulus=among(2.2e9, 3.6e9) * strength,
         overlap=among(0.12e-3, 0.4e-3),
         friction=friction,
+        rig_friction=friction if chance(0.5) else 0.0,
+        modulus_factor=log(0.8, 1.25),
+        overlap_factor=log(0.8, 1.25),
+        clearance_factor=among(0.9, 1.1),
         on_surface=on_surface,
         frequency=frequency,
         string_length=0.46 * (365 / frequency) ** 0.8,
         plucking_point=0.108 * (365 / frequency) ** 0.6,
-        tension=among(40, 90),
+        tension=among(40, 90) * strength,
         modes=strings,
         decay=log(0.5, 5),
         damper_stiffness=among(5, 40) if chance(0.4) else 0.0,
@@ -274,6 +289,7 @@ def random_conditions(rng: np.random.Generator) -> Conditions:
                 arm=choir.arm - among(0.012, 0.022),
                 clearance=choir.clearance + among(-0.2e-3, 2.0e-3),
                 overlap=among(0.12e-3, 0.4e-3),
+                overlap_factor=log(0.8, 1.25),
                 thickness=choir.thickness * among(0.9, 1.1),
                 plucking_point=choir.plucking_point * among(1.0, 1.4),
             )
@@ -284,7 +300,6 @@ def random_conditions(rng: np.random.Generator) -> Conditions:
         rise = choir.clearance * among(0.7, 1.2)
     bending = infinite if chance(0.2) else log(150, 1500)
     arm_mass = log(0.04, 0.2)
-    arms = among(-0.5e-3, 0.5e-3)
     return Conditions(
         choirs=tuple(choirs),
         speed=speed,
@@ -294,9 +309,10 @@ def random_conditions(rng: np.random.Generator) -> Conditions:
         return_speed=among(0.05, 0.15),
         rest=among(25e-3, 80e-3),
         pre_trigger=among(0, 20e-3) if chance(0.5) else 0.0,
-        press_arm=0.171 + arms,
+        rig_press_arm_error=among(-0.5e-3, 0.5e-3),
+        inertia=among(5e-4, 10e-4),
         inertia_factor=among(0.8, 1.2),
-        gravity_moment=among(-10e-3, 4e-3),
+        gravity_moment=among(-12e-3, 4e-3),
         gravity_factor=among(0.7, 1.3),
         key_mass=among(0.04, 0.09),
         pivot_coulomb=among(0, 2e-3),
@@ -339,9 +355,9 @@ def random_conditions(rng: np.random.Generator) -> Conditions:
         ),
         force=replace(
             FORCE,
-            noise=log(1e-3, 2e-2),
-            pink=log(3e-4, 5e-3),
-            hum=log(2e-4, 1e-2),
+            noise=log(1e-3, 2e-2) * min(strength, 1),
+            pink=log(3e-4, 5e-3) * min(strength, 1),
+            hum=log(2e-4, 1e-2) * min(strength, 1),
             hum_frequency=float(rng.choice([50.0, 60.0])),
             drift=among(-0.05, 0.05),
             gain=1 + 0.01 * float(rng.standard_normal()),
@@ -351,7 +367,7 @@ def random_conditions(rng: np.random.Generator) -> Conditions:
             low_pass_order=int(rng.choice([1, 2, 4])),
             high_pass=float(rng.choice([0.0, 0.1, 1.0])),
             cross_talk=among(-0.002, 0.002),
-            scale=float(rng.choice([1.0, 0.316])),
+            scale=1.0 if strength > 1.5 else float(rng.choice([1.0, 0.316])),
             bits=int(rng.choice([16, 24])),
         ),
         rate=float(rng.choice([5e3, 10e3, 20e3, 51.2e3, 100e3, 200e3])),

@@ -113,9 +113,9 @@ def build_key(c: Conditions) -> KeyModel:
         modes = ((c.bending_frequency, c.bending_damping),)
         bending = modes + ((c.bending_frequency * ratio, c.bending_damping),) * c.second_mode
     return key_model(
-        c.inertia * c.inertia_factor,
+        c.inertia,
         c.key_mass,
-        -c.gravity_moment * c.gravity_factor / (c.key_mass * GRAVITY),
+        -c.gravity_moment / (c.key_mass * GRAVITY),
         c.front_arm,
         c.back_arm,
         c.heave_frequency,
@@ -150,8 +150,8 @@ def _body(c: Conditions, key: KeyModel) -> Body:
         np.ascontiguousarray(key.stiffness),
         np.ascontiguousarray(key.damping),
         key.rotation,
-        c.gravity_moment * c.gravity_factor,
-        np.array([c.pivot_coulomb, c.pivot_viscous]) * c.friction_factor,
+        c.gravity_moment,
+        np.array([c.pivot_coulomb, c.pivot_viscous]),
         key.at(-c.press_arm),
         key.at(c.back_arm),
         key.at(-c.laser_arm),
@@ -208,7 +208,7 @@ def _choirs(c: Conditions, key: KeyModel) -> Choirs:
                     each.mass,
                     each.cloth_stiffness,
                     2 * each.cloth_damping * np.sqrt(each.cloth_stiffness * each.mass),
-                    each.register_friction * c.friction_factor,
+                    each.register_friction,
                     each.clearance,
                 ]
                 for each in c.choirs
@@ -231,7 +231,7 @@ def _choirs(c: Conditions, key: KeyModel) -> Choirs:
     )
 
 
-def simulate(c: Conditions) -> tuple[Motion, float, float]:
+def simulate(c: Conditions, settle: float = SETTLE) -> tuple[Motion, float, float]:
     """Integrate one press; return its motion, and when the push starts and ends (s)."""
     key = build_key(c)
     start = c.pre_trigger + c.rest
@@ -245,13 +245,13 @@ def simulate(c: Conditions) -> tuple[Motion, float, float]:
     out = np.zeros((5 + 3 * len(c.choirs), steps))
     events = np.zeros((1000, 4))
     weight = sum(each.mass * each.arm for each in c.choirs) * GRAVITY
-    lifts = (weight - c.gravity_moment * c.gravity_factor) / c.press_arm
+    lifts = (weight - c.gravity_moment) / c.press_arm
     choirs = _choirs(c, key)
     strings = strings_at_rest(len(c.choirs), choirs.modes.shape[1])
     found = run(
         c.step,
         steps,
-        round(SETTLE / c.step),
+        round(settle / c.step),
         _body(c, key),
         choirs,
         strings,
