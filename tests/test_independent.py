@@ -12,7 +12,7 @@ from scipy.optimize import brentq
 from scipy.signal import find_peaks
 
 from benchmarks import independent
-from benchmarks.independent import ONE_FACTOR, Choir, Conditions, press, random_conditions
+from benchmarks.independent import Choir, Conditions, press, random_conditions
 from benchmarks.independent.elastica import shape, solve_contact, static_pluck
 from benchmarks.independent.key import key_model
 from benchmarks.independent.press import build_key, plucks_of, simulate, string_modes
