@@ -47,7 +47,7 @@ def run(
     preload, gap = max(start[0], 0.0), max(-start[0], 0.0) * 1e-3
     prescribed = start[1] == 1.0
     xa, va, aa, xt, vt, at = -gap, 0.0, 0.0, -gap, 0.0, 0.0
-    servo, torque, summed, seen_before, bias, shift = preload, preload, 0.0, 0.0, 0.0, 0.0
+    servo, torque, summed, error_before, bias, shift = preload, preload, 0.0, 0.0, 0.0, 0.0
     found, work, lost, power_before, loss_before = 0, 0.0, 0.0, 0.0, 0.0
     ease, follow = np.exp(-400.0 * dt), 1 - np.exp(-dt / lag)
     for i in range(-settle, steps):
@@ -81,9 +81,9 @@ def run(
                 seen = np.round(xa / grain) * grain
                 error = plan[i] + shift - seen
                 summed += error * period
-                servo = bias + kp * error + ki * summed + body.arm_mass * plan_acceleration[i]
-                servo += kd * (plan_speed[i] - (seen - seen_before) / period)
-                seen_before = seen
+                servo = bias + kp * error + ki * summed + body.fed_mass * plan_acceleration[i]
+                servo += kd * (error - error_before) / period
+                error_before = error
         # Forces at the new positions.
         inner = k_t * (xa - xt) + c_t * (va_fast - vt_fast)
         pad, loss, energy = key_forces(body, p, fast, xt, vt_fast, force)
@@ -134,7 +134,7 @@ def run(
             vy *= calm
             if i == -1:
                 servo = torque = bias = inner
-                aa, shift, seen_before = 0.0, xa - plan[0], xa
+                aa, shift = 0.0, xa - plan[0]
             continue
         power = va * (inner if prescribed else torque)
         work += dt / 2 * (power + power_before)

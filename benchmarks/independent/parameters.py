@@ -9,6 +9,8 @@ class Body(NamedTuple):
     """Finger and key. Finger quantities are positive downwards, those of the key upwards."""
 
     arm_mass: float
+    fed_mass: float
+    """kg, of the feed-forward of the plan's acceleration."""
     servo_every: int
     servo_gains: np.ndarray
     """Kp (N/m), Ki (N/m/s), Kd (N s/m), encoder step (m), period (s), lag of the drive (s)."""

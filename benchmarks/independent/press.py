@@ -142,6 +142,7 @@ def _body(c: Conditions, key: KeyModel) -> Body:
     loss = 2 * c.pad_loss * np.sqrt(c.pad_stiffness * c.tip_mass)
     return Body(
         c.arm_mass,
+        c.arm_mass + c.tip_mass + c.inertia / c.inertia_factor / c.press_arm**2,
         every,
         np.array(gains),
         np.array([transducer, lossy, c.tip_mass]),
