@@ -61,13 +61,13 @@ def shape(friction: float) -> np.ndarray:
 
 @compiled
 def _value_and_slope(row, w):
-    u = w / 2.5
+    u = w / W_MAX
     value = 0.0
     slope = 0.0
     for k in range(row.shape[0] - 1, -1, -1):
         slope = slope * u + value
         value = value * u + row[k]
-    return value, slope / 2.5
+    return value, slope / W_MAX
 
 
 @compiled
@@ -96,7 +96,7 @@ def solve_contact(shapes, x, z, offset, w):
             (x - offset * sine) * dratio - offset * cosine * dtheta * ratio + offset * sine * dtheta
         )
         step = -g / dg
-        w = min(max(w + step, 0.0), 2.5)
+        w = min(max(w + step, 0.0), W_MAX)
         if abs(step) < 1e-12:
             break
     t, dt = _value_and_slope(shapes[0], w)

@@ -12,7 +12,7 @@ def write_csv(pressed: Pressed, path: str | Path) -> list[str]:
     """Write time and both channels' volts; return the arguments of the command that imports it.
 
     The columns are ``time [s]`` into the file, ``velocity [V]`` and ``force [V]``. The rig file
-    named by the arguments is written by `write_rig`; the recording gets the suffix ``.mcap``.
+    named by the arguments is written by `write_rig`.
     """
     path = Path(path)
     times = np.arange(len(pressed.velocity_volts)) / pressed.rate
