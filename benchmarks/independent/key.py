@@ -92,5 +92,5 @@ def key_model(
         damping += 2 * heave_damping * mass * omega * np.outer(at_pin, at_pin)
         return KeyModel(full, damping, stiffness, front, back, True, n)
     kept = np.vstack([np.concatenate(([0.0], -pin)), np.eye(n + 1)])
-    parts = (kept.T @ each @ kept for each in (full, damping, stiffness))
-    return KeyModel(*parts, front, back, False, n)
+    mass_matrix, damping, stiffness = (kept.T @ each @ kept for each in (full, damping, stiffness))
+    return KeyModel(mass_matrix, damping, stiffness, front, back, False, n)

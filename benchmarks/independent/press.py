@@ -11,6 +11,7 @@ from .nominal import rig_uncertainties, rig_values
 from .parameters import Strings, strings_at_rest
 from .plan import jack_rise, key_angle
 from .sensors import measure
+from .strings import CONTACT, RELEASE
 
 SETTLE = 0.04
 """s, of strongly damped motion before the recording, to reach static equilibrium."""
@@ -40,7 +41,8 @@ class Truth:
     plucks: tuple[Pluck, ...]
     """In the order of their releases."""
     unreleased: tuple[tuple[int, float], ...]
-    """Choir and time of the contacts that did not end in a release."""
+    """Choir and time of contacts that did not end in a release, such as that of a weak press,
+    or of a string that still vibrates when the plectrum has returned below it."""
     rise: np.ndarray
     """m, of each jack; shape (choirs, n)."""
     jack_speed: np.ndarray
@@ -146,21 +148,22 @@ def simulate(c: Conditions, settle: float = SETTLE) -> tuple[Motion, float, floa
     return motion, start, start + length - c.hold - 1.4 * c.rise / c.return_speed
 
 
-def plucks_of(events: np.ndarray, trigger: float):
+def plucks_of(
+    events: np.ndarray, trigger: float
+) -> tuple[tuple[Pluck, ...], tuple[tuple[int, float], ...]]:
     """Return the plucks and the contacts without a release; times after the trigger."""
     plucks, unreleased = [], []
     for choir in range(int(events[:, 0].max(initial=-1)) + 1):
-        first = last = None
+        contacts: list[float] = []
         for _, kind, time, load in events[events[:, 0] == choir]:
-            if kind == 0:
-                first = time if first is None else first
-                last = time
-            elif kind == 1:
-                at = (float(t - trigger) for t in (first, last, time))
-                plucks.append(Pluck(choir, *at, float(load)))
-                first = None
-        if first is not None:
-            unreleased.append((choir, float(first - trigger)))
+            if kind == CONTACT:
+                contacts.append(float(time - trigger))
+            elif kind == RELEASE:
+                release = float(time - trigger)
+                plucks.append(Pluck(choir, contacts[0], contacts[-1], release, float(load)))
+                contacts = []
+        if contacts:
+            unreleased.append((choir, contacts[0]))
     return tuple(sorted(plucks, key=lambda each: each.release)), tuple(unreleased)
 
 
