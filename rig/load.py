@@ -7,7 +7,7 @@ import tomllib
 from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 from pydantic import BaseModel, ValidationError
 
@@ -254,6 +254,40 @@ def _range(unit: str | None, value: Any, pair: Any) -> tuple[float, float]:
             " change the value or widen the range"
         )
     return low, high
+
+
+def current_document(document: dict[str, Any]) -> dict[str, Any]:
+    """Return a document of an earlier version with the current keys, new ones at their defaults.
+
+    Args:
+        document: As `rig_document` returned it, or a part of it; left unchanged.
+    """
+    current = json.loads(json.dumps(document))
+    rename_keys(current)
+    _complete(current, Rig)
+    return current
+
+
+def _complete(document: dict[str, Any], kind: type[BaseModel]) -> None:
+    """Add the optional keys that are missing in the tables of a document, in place."""
+    for name, field in kind.model_fields.items():
+        if name in document:
+            nested = _table_type(field.annotation)
+            value = document[name]
+            for table in value if isinstance(value, list) else [value]:
+                if nested is not None and isinstance(table, dict):
+                    _complete(table, nested)
+        elif not field.is_required() and not field.exclude:
+            default = field.get_default(call_default_factory=True)
+            document[name] = _plain(default, unit_of(kind, [name]))
+
+
+def _table_type(annotation: Any) -> type[BaseModel] | None:
+    """Return the table that an annotation names: itself, in a union, or in a tuple."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return annotation
+    found = (_table_type(part) for part in get_args(annotation))
+    return next((table for table in found if table is not None), None)
 
 
 def _document(model: BaseModel, kind: type[BaseModel]) -> dict[str, Any]:

@@ -1,6 +1,7 @@
 """Export of a recording as a table for other programs: Parquet or CSV."""
 
 from collections.abc import Callable
+from math import ceil
 from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO, Literal
 
@@ -111,10 +112,11 @@ def _table(recorded: Recorded, raw: bool) -> "tuple[pa.Table, dict[str, dict[str
         columns[name] = {"unit": "V", "what": "raw volts", "channel": channel.name}
         if raw:
             continue
-        values = undelayed(correct(volts, channel, rate), channel.lag * rate)
+        early = min(n, ceil(max(0.0, -channel.lag) * rate - 1e-9))
+        values = undelayed(correct(volts, channel, rate), channel.lag * rate + early)[: n - early]
         name = f"{channel.name} [{channel.unit}]"
-        empty = pa.nulls(n - len(values), pa.float64())
-        arrays[name] = pa.concat_arrays([pa.array(values), empty])
+        before, after = (pa.nulls(m, pa.float64()) for m in (early, n - early - len(values)))
+        arrays[name] = pa.concat_arrays([before, pa.array(values), after])
         columns[name] = {
             "unit": channel.unit,
             "what": f"scaled by {channel.scale!r} {channel.unit}/V, AC coupling of"
