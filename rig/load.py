@@ -7,7 +7,7 @@ import tomllib
 from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any
 
 from pydantic import BaseModel, ValidationError
 
@@ -19,6 +19,7 @@ from sautereau.rig.faults import (
     line_of,
     model_keys,
     near_miss,
+    submodels,
     unit_of,
     validation_faults,
 )
@@ -272,22 +273,13 @@ def _complete(document: dict[str, Any], kind: type[BaseModel]) -> None:
     """Add the optional keys that are missing in the tables of a document, in place."""
     for name, field in kind.model_fields.items():
         if name in document:
-            nested = _table_type(field.annotation)
             value = document[name]
             for table in value if isinstance(value, list) else [value]:
-                if nested is not None and isinstance(table, dict):
-                    _complete(table, nested)
+                if isinstance(table, dict) and (nested := submodels(field.annotation)):
+                    _complete(table, nested[0])
         elif not field.is_required() and not field.exclude:
             default = field.get_default(call_default_factory=True)
             document[name] = _plain(default, unit_of(kind, [name]))
-
-
-def _table_type(annotation: Any) -> type[BaseModel] | None:
-    """Return the table that an annotation names: itself, in a union, or in a tuple."""
-    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        return annotation
-    found = (_table_type(part) for part in get_args(annotation))
-    return next((table for table in found if table is not None), None)
 
 
 def _document(model: BaseModel, kind: type[BaseModel]) -> dict[str, Any]:

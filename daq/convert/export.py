@@ -23,6 +23,10 @@ TIME = "time [s]"
 """Name of the column of times after the trigger."""
 
 
+ENDING = ".exporting.part"
+"""Appended to the name of an exported file until it is complete."""
+
+
 def export(path: str | Path, to: Format, out: Path, *, raw: bool = False) -> list[Path]:
     """Write a recording as a table: a time, and of each channel the volts and the SI values.
 
@@ -135,7 +139,7 @@ def _write(files: dict[Path, Callable[[BinaryIO], object]]) -> list[Path]:
     opened: list[DurableFile] = []
     try:
         for path, write in files.items():
-            file = DurableFile(path)
+            file = DurableFile(path, ending=ENDING)
             opened.append(file)
             with file.writing():
                 write(file.stream)

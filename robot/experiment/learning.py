@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from sautereau.analysis.loading.press import load_press
+from sautereau.rig.disk import read_limited, write_durably
 from sautereau.rig.load import current_document, rig_document
 from sautereau.rig.schema import Rig
 from sautereau.robot.errors import RobotError
@@ -145,8 +146,7 @@ def write_learned(
         "learned_for": _learned_for(rig, feed_forward),
     }
     try:
-        with path.open("x", encoding="utf-8") as file:
-            file.write(json.dumps(document, indent=1, allow_nan=False) + "\n")
+        write_durably(path, json.dumps(document, indent=1, allow_nan=False) + "\n", new=True)
     except OSError as error:
         raise RobotError(
             f"learned correction {path}: cannot be written: {error.strerror}; give another folder"
@@ -167,7 +167,7 @@ def read_learned(path: Path, rig: Rig, feed_forward: str = "") -> Correction:
         TrajectoryError: It holds no valid correction.
     """
     try:
-        found = json.loads(path.read_text(encoding="utf-8"))
+        found = json.loads(read_limited(path))
         time, rise = (np.array(found[name], dtype=float) for name in ("time", "rise"))
         asked = _learned_for(rig, feed_forward)
         learned_for = current_document(found["learned_for"])
