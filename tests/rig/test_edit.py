@@ -94,7 +94,7 @@ def test_line_ends_and_mode_stay(file):
     assert not list(file.parent.glob("*.new"))
 
 
-def test_a_save_that_fails_changes_nothing(file, monkeypatch):
+def test_a_failing_save_changes_nothing(file, monkeypatch):
     def full(entry):
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
