@@ -9,6 +9,9 @@ from pydantic import BaseModel, ValidationError
 
 from sautereau.rig.units import Unit, UnitBy, shown
 
+MOST_FAULTS = 50
+"""Faults that are listed one by one; the time for finding each line grows with the file."""
+
 
 def fault_list(origin: str, faults: list[str]) -> str:
     """Return one message that holds every fault."""
@@ -20,7 +23,8 @@ def fault_list(origin: str, faults: list[str]) -> str:
 def validation_faults(error: ValidationError, model: type[BaseModel], text: str) -> list[str]:
     """Turn pydantic's errors into lines: line of the file, key, value, limit, how to fix it."""
     faults = []
-    for item in error.errors(include_url=False):
+    errors = error.errors(include_url=False)
+    for item in errors[:MOST_FAULTS]:
         location = list(item["loc"])
         key = ".".join(map(str, location))
         if item["type"] == "value_error":
@@ -31,7 +35,9 @@ def validation_faults(error: ValidationError, model: type[BaseModel], text: str)
             message = _message(item, model, location)
             faults.append((line_of(text, key), f"{key}: {message}" if key else message))
     faults.sort(key=lambda fault: fault[0] or 0)
-    return [at_line(line, fault) for line, fault in faults]
+    listed = [at_line(line, fault) for line, fault in faults]
+    more = len(errors) - MOST_FAULTS
+    return [*listed, f"and {more} more faults"] if more > 0 else listed
 
 
 def _message(item: Any, model: type[BaseModel], location: list[int | str]) -> str:

@@ -22,6 +22,7 @@ from sautereau.commands.common import (
 )
 
 if TYPE_CHECKING:
+    from sautereau.daq.source.inputs import InputSettings
     from sautereau.daq.source.task import TaskSettings
     from sautereau.rig.schema import Rig
 
@@ -110,16 +111,29 @@ def _lines(settings: "TaskSettings") -> list[str]:
         f"device:     {settings.device}{simulated}",
         *(
             f"channel:    {c.name} on {c.terminal}, +-{c.range:g} V within the device's"
-            f" {c.device_low:g} to {c.device_high:g} V, {c.sensor}"
+            f" {c.device_low:g} to {c.device_high:g} V, {_input(c)}, {c.sensor}"
             for c in settings.channels
         ),
-        f"rate:       {settings.rate:.9g} Hz, of every channel",
+        f"rate:       {settings.rate:.9g} Hz, of every channel;"
+        f" requested: {settings.requested_rate:.9g} Hz",
         f"buffer:     {settings.buffer} samples of each channel,"
         f" {settings.buffer / settings.rate:.3g} s",
         f"reads:      {settings.block} samples, {settings.rate / settings.block:.3g} per second",
         f"trigger:    {settings.trigger or 'none: starts immediately'}",
         "nothing was started",
     ]
+
+
+def _input(settings: "InputSettings") -> str:
+    """Return how an input is set, and how far its samples are from the time of their row."""
+    found = [settings.terminal_configuration or "unknown terminal configuration"]
+    if settings.coupling:
+        found.append(f"{settings.coupling.upper()} coupling")
+    if settings.excitation:
+        found.append(f"{settings.excitation * 1e3:g} mA excitation")
+    if settings.delay:
+        found.append(f"delay {settings.delay * 1e6:.4g} us")
+    return ", ".join(found)
 
 
 @contextmanager

@@ -249,25 +249,41 @@ def answer(
     if picture:
         result, lines = result | {"picture": str(picture)}, [*lines, f"picture: {picture}"]
     text = json_text({"schema": SCHEMA} | result) if as_json else "\n".join(lines)
-    sys.stdout.write(text + "\n")
+    sys.stdout.write(printable(text) + "\n")
 
 
 def say(as_text: bool, line: str) -> None:
     """Print a line while a command runs, unless its answer is JSON."""
     if as_text:
-        sys.stdout.write(line + "\n")
+        sys.stdout.write(printable(line) + "\n")
         sys.stdout.flush()
 
 
 def warn(as_text: bool, warning: str) -> None:
     """Print a warning on standard error, unless the answer is JSON, which holds it."""
     if as_text:
-        sys.stderr.write(f"warning: {warning}\n")
+        sys.stderr.write(f"warning: {printable(warning)}\n")
+
+
+_CONTROL = {
+    code: f"\\x{code:02x}" for code in (*range(0x20), *range(0x7F, 0xA0)) if chr(code) not in "\n\t"
+} | {code: f"\\u{code:04x}" for code in (*range(0x202A, 0x202F), *range(0x2066, 0x206A))}
+
+
+def printable(text: str) -> str:
+    """Return a text with its control characters made visible.
+
+    Notes, names and file names come from files: an escape sequence in them must not reach the
+    terminal, nor a mark that changes the direction of writing.
+    """
+    return text.translate(_CONTROL)
 
 
 def write(path: Path, text: str) -> None:
+    from sautereau.rig.disk import write_durably
+
     path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(text + "\n", encoding="utf-8")
+    write_durably(path, text + "\n")
 
 
 def fail(as_json: bool, message: str, status: int = 1, **more: str) -> int:
@@ -284,5 +300,5 @@ def fail(as_json: bool, message: str, status: int = 1, **more: str) -> int:
     """
     error = {"message": message, "status": status, **more}
     text = json_text({"schema": SCHEMA, "error": error}) if as_json else f"sautereau: {message}"
-    sys.stderr.write(text + "\n")
+    sys.stderr.write(printable(text) + "\n")
     return status

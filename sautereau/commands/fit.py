@@ -16,7 +16,6 @@ from sautereau.commands.common import (
     draw,
     load,
     load_rig,
-    write,
 )
 
 if TYPE_CHECKING:
@@ -158,7 +157,8 @@ def _write_rig(out: Path, nominal: "Rig", found: "Identified", simulated: bool) 
     from datetime import date
 
     from sautereau.analysis.identify.parameters import rig_values
-    from sautereau.rig.edit import edit_rig
+    from sautereau.rig.disk import write_durably
+    from sautereau.rig.edit import edit_rig, edited_text
     from sautereau.rig.text import rig_text
 
     values = rig_values(nominal, {e.name: e.value for e in found.estimates if e.identifiable})
@@ -168,7 +168,9 @@ def _write_rig(out: Path, nominal: "Rig", found: "Identified", simulated: bool) 
         f"{f' and {count - 1} more' * (count > 1)} on {date.today().isoformat()}"
     )
     if not out.exists():
-        write(out, rig_text(nominal).rstrip())
-    if values:
+        out.parent.mkdir(parents=True, exist_ok=True)
+        text = edited_text(rig_text(nominal), str(out), out.parent, values, source)
+        write_durably(out, text, new=True)
+    elif values:
         edit_rig(out, values, source).save()
     return values

@@ -52,6 +52,7 @@ def learn(
     from sautereau.robot.drivers.registry import motion_controller
     from sautereau.robot.errors import RobotError
     from sautereau.robot.experiment.feedforward import force_of
+    from sautereau.robot.experiment.folder_lock import only_session
     from sautereau.robot.experiment.learning import IterativeLearning, write_learned
     from sautereau.robot.experiment.plan import digest
     from sautereau.robot.experiment.session import Item, Origin, make_presses
@@ -67,7 +68,12 @@ def learn(
     warnings = [*doubts, *lesson.warnings]
     for warning in warnings:
         warn(not json, warning)
-    with signals_stop(), hardware(nominal, simulation) as bench, bar(n) as step:
+    with (
+        signals_stop(),
+        only_session(out),
+        hardware(nominal, simulation) as bench,
+        bar(n) as step,
+    ):
         say(not json, f"rig {nominal.name} on {bench.where}\n{'press':<18} RMS speed error")
 
         def done(item: Item, path: Path) -> None:

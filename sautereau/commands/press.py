@@ -89,6 +89,7 @@ def press(
     """
     from sautereau.commands.session import SessionReport
     from sautereau.rig.units import parse_quantity
+    from sautereau.robot.experiment.folder_lock import only_session
     from sautereau.robot.experiment.plan import Plan, digest, plan_rows
     from sautereau.robot.experiment.plan_table import Row, read_plan_table
     from sautereau.robot.experiment.session_folder import SessionFolder
@@ -112,13 +113,13 @@ def press(
     for warning in warnings:
         warn(not json, warning)
     tables = _torques(rows, trajectories, feed_forward)
-    folder = SessionFolder(
-        out, plan, simulation.seed, fresh_seed() if simulation.requested else None
-    )
-    report = SessionReport(folder, warnings, json)
-    report.begin()
     waiting: dict[str, Any] = {}
-    with signals_stop():
+    with signals_stop(), only_session(out):
+        folder = SessionFolder(
+            out, plan, simulation.seed, fresh_seed() if simulation.requested else None
+        )
+        report = SessionReport(folder, warnings, json)
+        report.begin()
         for places in plan.set_ups:
             left = [place for place in places if place.number not in folder.done]
             if not left:
@@ -128,7 +129,7 @@ def press(
                 break
             planned = list(zip(trajectories, tables, strict=True))
             _press(folder, left, planned, simulation, report, view=view, live=live)
-    report.end(waiting)
+        report.end(waiting)
     return 0
 
 

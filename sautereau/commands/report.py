@@ -42,6 +42,7 @@ def report(
         )
     from sautereau.analysis.report.build import build_report
     from sautereau.analysis.report.contents import gather
+    from sautereau.rig.disk import write_durably
     from sautereau.robot.experiment.session_folder import read_manifest
 
     manifest = read_manifest(session)
@@ -56,7 +57,7 @@ def report(
     page = build_report(contents, _about(session, manifest, contents.presses, warnings))
     out = out or session / PAGE
     out.parent.mkdir(parents=True, exist_ok=True)
-    out.write_text(page, encoding="utf-8")
+    write_durably(out, page)
     simulated = any(record.press.simulated for record in contents.presses)
     lines = [f"report:     {out}"]
     if simulated:

@@ -4,7 +4,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from sautereau.commands.common import answer, bar, draw, say
+from sautereau.commands.common import answer, bar, draw, say, warn
 
 if TYPE_CHECKING:
     from sautereau.analysis.loading.press import Press
@@ -47,6 +47,10 @@ class SessionReport:
             )
         for path in folder.left_behind:
             self._say(f"not changed: {path}, of an interrupted press")
+        for path in folder.incomplete:
+            text = f"{path} is not a complete press; it is kept, and the press is made again"
+            self._warnings.append(text)
+            warn(not self._json, text)
         if folder.others:
             self._say(f"not changed: {folder.others} recordings of other sessions")
 

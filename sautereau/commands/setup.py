@@ -40,12 +40,12 @@ def init(file: Path = Path("my-rig.toml"), /, *, json: Json = False) -> int:
     file
         New file, which must not exist yet.
     """
+    from sautereau.rig.disk import write_durably
     from sautereau.rig.errors import RigError
     from sautereau.rig.text import commented_rig
 
     try:
-        with file.open("x", encoding="utf-8") as new:
-            new.write(commented_rig())
+        write_durably(file, commented_rig(), new=True)
     except FileExistsError as error:
         raise RigError(f"rig file {file} already exists; give another name") from error
     answer(

@@ -149,11 +149,8 @@ def test_no_edge_for_samples_around_it(card, rig):
 
 def test_a_device_without_a_reference_trigger_says_so(bench):
     _, _, rig = bench(daq__pre_trigger="10 ms")
-    with (
-        Acquisition(rig.daq, 0.05) as acquisition,
-        pytest.raises(DaqError, match="no reference trigger"),
-    ):
-        acquisition.start()
+    with pytest.raises(DaqError, match="no reference trigger"), Acquisition(rig.daq, 0.05):
+        pass
 
 
 @pytest.mark.parametrize(
@@ -209,11 +206,9 @@ def test_a_dry_run_returns_what_the_device_has_accepted(card, rig):
 
 
 def test_a_dry_run_finds_what_could_not_start(rig):
-    with (
-        Acquisition(changed(rig, trigger_source="ao/StartTrigger").daq, 0.1) as acquisition,
-        pytest.raises(DaqError, match=r"verifying the task with -89120"),
-    ):
-        acquisition.settings()
+    daq = changed(rig, trigger_source="ao/StartTrigger").daq
+    with pytest.raises(DaqError, match=r"setting up the task with -89120"), Acquisition(daq, 0.1):
+        pass
 
 
 def test_every_fault_of_a_plan_is_reported_at_once(paper):

@@ -105,7 +105,7 @@ class Servicer(Properties):
 
     def _reserve(self, task: CardTask) -> None:
         for other in self._tasks.values():
-            if other is not task and other.run is not None:
+            if other is not task and (other.reserved or other.run is not None):
                 raise DaqmxError(-50103, f"The resource is reserved by task {other.name}.")
 
     def _start(self, task: CardTask) -> None:
@@ -139,8 +139,14 @@ class Servicer(Properties):
             self._start(task)
         elif action in (1, 5, 6):
             task.stop()
-        elif action in (2, 3, 4):
+            task.reserved = False
+        elif action == 2:
             task.check()
+        elif action in (3, 4):
+            with self._lock:
+                task.check()
+                self._reserve(task)
+                task.reserved = True
         else:
             raise DaqmxError(-200077, f"Task action {action} does not exist.")
         return pb.TaskControlResponse()
