@@ -124,6 +124,11 @@ class Bench:
         with self._lock:
             return self._networked.connect()
 
+    def connected(self, port: str) -> bool:
+        """Return whether the controller still has a handle."""
+        with self._lock:
+            return self._networked.connected(port)
+
     def disconnect(self, port: str) -> None:
         """Lose a TCP connection."""
         with self._lock:

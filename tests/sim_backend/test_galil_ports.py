@@ -59,6 +59,8 @@ def test_tcp_never_echoes_and_messages_go_where_cf_says():
             assert ask(first, b"MG _WH\r") == b" 0.0000\r\n:"
         with connected(stand_in) as third:
             assert ask(third, b"TC1\r").endswith(b":")
+            third.sendall(b"RS\r")
+            assert third.recv(100) == b""  # a reset loses all connections
 
 
 def test_a_lost_handle_is_noticed_with_the_next_message(bench):

@@ -64,7 +64,9 @@ class GalilFirmware(Machine):
 
         A looping program that the host started, such as a watchdog, does not count.
         """
-        if self.in_motion or self.capture.running or self.line_busy or self.tasks.pending:
+        if self.in_motion or self.capture.running or self.line_busy:
+            return True
+        if self.tasks.pending and not self.tasks.in_error_routine:
             return True
         return any(not thread.resident for thread in self.tasks.threads.values())
 
@@ -99,6 +101,10 @@ class GalilFirmware(Machine):
     def disconnect(self, letter: str) -> None:
         """Lose a TCP connection."""
         self.ports.disconnect(letter)
+
+    def connected(self, letter: str) -> bool:
+        """Return whether a handle is open."""
+        return letter in self.ports.open
 
     def outgoing(self) -> dict[str, bytes]:
         """Return what the controller has sent by itself since the last call, by port."""
@@ -151,7 +157,9 @@ class GalilFirmware(Machine):
                 continue
             if line is not None:
                 answer += self._answer(line, port)
-                port = self.ports[letter]  # RS makes a new one
+                if letter not in self.ports.open:  # RS loses it
+                    break
+                port = self.ports[letter]
         return bytes(answer)
 
     def _answer(self, line: str, port: Port) -> bytes:

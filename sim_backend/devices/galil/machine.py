@@ -198,7 +198,7 @@ class Machine:
         mark = self.config["CW"][0] == 1
         if not self.ports.send(text, port or self.ports.unsolicited_port, mark=mark):
             self.error_code = 123
-            self.tasks.pending.append("#TCPERR")
+            self.tasks.raise_once("#TCPERR")
 
     def tick(self) -> None:
         """Do one sample: safety, capture, the profilers, and then the programs' lines.

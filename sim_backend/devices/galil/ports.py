@@ -110,9 +110,8 @@ class Ports:
         return any(port.download is not None for port in self._ports.values())
 
     def reset(self) -> None:
-        """Forget half lines and messages; connections stay."""
-        for letter in self._ports:
-            self._ports[letter] = Port(letter)
+        """Forget half lines and messages, and lose all connections."""
+        self._ports = {SERIAL: Port(SERIAL)}
         self._outbox.clear()
         self.unsolicited_port, self.lost_handle = SERIAL, -1
 

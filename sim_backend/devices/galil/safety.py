@@ -14,6 +14,9 @@ from sautereau.sim_backend.devices.galil.tasks import Tasks
 FEW_COUNTS = 4
 """Counts of motion below which an encoder has failed, while the torque exceeds OV for OT."""
 
+ABORT_INPUTS = 4
+"""Inputs before those that abort single axes, if CN says so."""
+
 ON_ERROR, ON_LIMIT = 1, 2
 """Bits of OE."""
 
@@ -26,6 +29,7 @@ class Checked(Protocol):
     unit: ControllerUnit
     config: Config
     tasks: Tasks
+    inputs: list[bool]
     outputs: Outputs
 
     @property
@@ -68,6 +72,11 @@ class Safety:
         for index, axis in enumerate(machine.axes):
             if broken and axis.settings["OE"] and axis.motor_on:
                 self._switch_off(axis, StopCode.AMPLIFIER_FAULT)
+            if machine.config["CN"][3] and not machine.inputs[ABORT_INPUTS + index]:
+                axis.halt(StopCode.SELECTIVE_ABORT)
+                if int(axis.settings["OE"]) & ON_ERROR and axis.motor_on:
+                    self._switch_off(axis, StopCode.SELECTIVE_ABORT)
+                    machine.tasks.raise_once("#POSERR")
             self._check_encoder(index, axis, counts[index])
             if axis.encoder_failed:
                 active.add("#POSERR")
@@ -125,14 +134,14 @@ class Safety:
             axis.stop(code, "SD")
             if int(settings["OE"]) & ON_LIMIT:
                 self._switch_off(axis, code)
-            machine.tasks.pending.append("#LIMSWI")
+            machine.tasks.raise_once("#LIMSWI")
             return
         if isinstance(axis.profile, Pvt) and not machine.unit.pvt_soft_limits:
             return
         place = axis.position + axis.offset
         if place > settings["FL"] if forward else place < settings["BL"]:
             axis.stop(code)
-            machine.tasks.pending.append("#LIMSWI")
+            machine.tasks.raise_once("#LIMSWI")
 
     def _hard_limit(self, index: int, axis: Axis, *, forward: bool) -> bool:
         disabled = int(axis.settings["LD"]) & (1 if forward else 2)

@@ -153,7 +153,7 @@ def motion_complete(machine: Machine, call: Call) -> None:
             elif 0 <= limit <= since:
                 moving.remove(index)
                 axis.stop_code = StopCode.NOT_IN_POSITION
-                machine.tasks.pending.append("#MCTIME")
+                machine.tasks.raise_once("#MCTIME")
         return not moving
 
     _of_program(call).wait = complete
