@@ -71,11 +71,11 @@ class Safety:
             active.add("#AMPERR")
         for index, axis in enumerate(machine.axes):
             if broken and axis.settings["OE"] and axis.motor_on:
-                self._switch_off(axis, StopCode.AMPLIFIER_FAULT)
+                self.switch_off(axis, StopCode.AMPLIFIER_FAULT)
             if machine.config["CN"][3] and not machine.inputs[ABORT_INPUTS + index]:
                 axis.halt(StopCode.SELECTIVE_ABORT)
                 if int(axis.settings["OE"]) & ON_ERROR and axis.motor_on:
-                    self._switch_off(axis, StopCode.SELECTIVE_ABORT)
+                    self.switch_off(axis, StopCode.SELECTIVE_ABORT)
                     machine.tasks.raise_once("#POSERR")
             self._check_encoder(index, axis, counts[index])
             if axis.encoder_failed:
@@ -84,7 +84,7 @@ class Safety:
             if machine.exceeds_error_limit(index) and not exempt:
                 active.add("#POSERR")
                 if int(axis.settings["OE"]) & ON_ERROR and axis.motor_on:
-                    self._switch_off(axis, StopCode.OFF_ON_ERROR)
+                    self.switch_off(axis, StopCode.OFF_ON_ERROR)
             self._check_limits(index, axis)
         return active
 
@@ -93,9 +93,10 @@ class Safety:
         for axis in self._machine.axes:
             axis.halt(code)
             if int(axis.settings["OE"]) & ON_ERROR:
-                self._switch_off(axis, code)
+                self.switch_off(axis, code)
 
-    def _switch_off(self, axis: Axis, code: StopCode) -> None:
+    def switch_off(self, axis: Axis, code: StopCode) -> None:
+        """Switch an axis off at once, with its brake, and store the reason."""
         if axis.profile is not None or code == StopCode.OFF_ON_ERROR:
             axis.stop_code = code
         axis.halt(code)
@@ -122,7 +123,7 @@ class Safety:
         axis.weak_samples += 1
         if axis.weak_samples > settings["OT"]:
             axis.encoder_failed = True
-            self._switch_off(axis, StopCode.ENCODER_FAILURE)
+            self.switch_off(axis, StopCode.ENCODER_FAILURE)
 
     def _check_limits(self, index: int, axis: Axis) -> None:
         if axis.profile is None or axis.stop_code in LIMIT_CODES or axis.velocity == 0:
@@ -133,7 +134,7 @@ class Safety:
         if self._hard_limit(index, axis, forward=forward):
             axis.stop(code, "SD")
             if int(settings["OE"]) & ON_LIMIT:
-                self._switch_off(axis, code)
+                self.switch_off(axis, code)
             machine.tasks.raise_once("#LIMSWI")
             return
         if isinstance(axis.profile, Pvt) and not machine.unit.pvt_soft_limits:

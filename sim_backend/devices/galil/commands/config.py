@@ -17,7 +17,7 @@ def configure(machine: Machine, call: Call) -> str | None:
     stored = machine.config[call.code]
     if call.query:
         decimals = [argument.decimals for argument in call.entry.arguments]
-        pairs = zip(stored[: len(call.numbers)], decimals, strict=False)
+        pairs = zip(stored, decimals, strict=True)
         return ",".join(write_number(value, digits) for value, digits in pairs)
     if not any(value is not None for value in call.numbers):
         raise CommandError(50)
