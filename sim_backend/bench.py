@@ -56,7 +56,7 @@ class Bench:
         self.rig = scene.as_wired(self.world.rig)
         self.failure: Exception | None = None
         unit = scene.controller or ControllerUnit()
-        self.plant = ArmPlant(self.world, unit.index_angles)
+        self.plant = ArmPlant(self.world, unit.index_angles, unit.limit_switches)
         self.interface = unit.interface
         self._inverted, self._output_delay = unit.output_inverted, unit.output_delay
         self.injection = FaultInjection(self.scene.faults, self.plant, lambda: self.world.time)
@@ -192,6 +192,8 @@ class Bench:
         for port, message in self.firmware.outgoing().items():
             sent = self._line.towards_host(message)
             self._outbox[port] = self._outbox.get(port, b"") + sent
+            if port != SERIAL and self._line.gone:
+                self._networked.miss_acknowledgement(port)
         if self._outbox:
             self.on_message()
         motions = self.world.advance(reference, any(self.firmware.motors_on))

@@ -23,10 +23,12 @@ class ArmPlant:
     Args:
         world: With the arm.
         index_angles: rad, of each joint from its home switch to its encoder's index.
+        limit_switches: Whether there are switches at the joints' limits.
     """
 
-    def __init__(self, world: World, index_angles: Pair = (0.1, 0.1)):
+    def __init__(self, world: World, index_angles: Pair = (0.1, 0.1), limit_switches: bool = False):
         self._world, self._index_angles = world, index_angles
+        self._limit_switches = limit_switches
         self._slipped, self._by_hand = [0, 0], [0, 0]
         self._signs = [1, 1]
         self._sources = [0, 1]
@@ -56,11 +58,22 @@ class ArmPlant:
         The home switches conduct below the home positions.
         """
         on = (switch, 0 if switch == "abort" else axis) in self._closed
-        if switch == "home" and not on:
-            joint = self._places[axis] * self._world.radians_per_count + self._world.start[axis]
-            on = joint < self._world.rig.arm.home_angles[axis] - self._world.radians_per_count / 2
+        if not on and switch != "abort":
+            on = self._beyond(switch, axis)
         group = "limit" if switch in ("forward", "reverse") else switch
         return on != (group in self._inverted)
+
+    def _beyond(self, switch: str, axis: int) -> bool:
+        """Return whether a joint is where its switch conducts."""
+        arm, radians = self._world.rig.arm, self._world.radians_per_count
+        joint = self._places[axis] * radians + self._world.start[axis]
+        if switch == "home":
+            return joint < arm.home_angles[axis] - radians / 2
+        if not self._limit_switches:
+            return False
+        if switch == "forward":
+            return joint > arm.upper_limits[axis]
+        return joint < arm.lower_limits[axis]
 
     def amplifier_fault(self, axis: int) -> bool:
         """Return whether an axis's amplifier reports overcurrent."""

@@ -121,6 +121,17 @@ def test_inverted_switches(group, operand):
     assert number(arm(), operand) != number(arm({"switch_polarity": {"switch": group}}), operand)
 
 
+def test_limit_switches_at_the_joints_limits():
+    bench = arm(finger="ideal", limit_switches=True)
+    assert number(bench, "_LFA") == 1
+    assert "?" not in send(bench, "SH;SDA=9000000;ACA=9000000;JGA=400000;BGA")
+    run(bench, 3000)
+    assert number(bench, "_SCA") == 2
+    rig = load_rig()
+    radians = bench.world.start[0] + bench.plant.encoder_counts()[0] * rig.arm.radians_per_count
+    assert radians == pytest.approx(rig.arm.upper_limits[0], abs=0.05)
+
+
 def test_homing_to_switch_and_index_and_one_without_index():
     line = "SH;SP*=80000;HV*=80000;AC*=9000000;DC*=9000000;HM;BG"
     bench = arm(finger="ideal")

@@ -16,6 +16,9 @@ from sautereau.sim_backend.devices.galil.program import Program
 from sautereau.sim_backend.devices.galil.uart import Uart
 from sautereau.trajectory.motion import Floats
 
+RETRIES = 5 * 250
+"""Samples after which a message is given up that its host does not acknowledge: five retries."""
+
 
 def emulate(
     rig: Rig, plant: Plant, on_output: OnOutput, paced: bool, unit: ControllerUnit | None = None
@@ -46,6 +49,7 @@ class GalilFirmware(Machine):
         host_waits: bool = False,
     ) -> None:
         unit = unit or ControllerUnit()
+        self._giving_up: dict[str, int] = {}
         self._uart = Uart(unit.baud_rate, unit.input_buffer) if unit.baud_rate else None
         super().__init__(plant, unit, on_output, execute, host_waits)
         silent = self.unit.interface == "usb" and not self.unit.usb_echo
@@ -102,6 +106,10 @@ class GalilFirmware(Machine):
         """Lose a TCP connection."""
         self.ports.disconnect(letter)
 
+    def miss_acknowledgement(self, letter: str) -> None:
+        """Give a handle up after some retries, because its host does not acknowledge a message."""
+        self._giving_up.setdefault(letter, self.samples + RETRIES)
+
     def connected(self, letter: str) -> bool:
         """Return whether a handle is open."""
         return letter in self.ports.open
@@ -118,6 +126,10 @@ class GalilFirmware(Machine):
     def tick(self) -> None:
         """Do one sample; a serial line carries the characters that are due."""
         super().tick()
+        for letter in [each for each, at in self._giving_up.items() if at <= self.samples]:
+            del self._giving_up[letter]
+            self.ports.disconnect(letter)
+            self.lose_handle(letter)
         uart = self._uart
         if uart is None or not uart.busy:
             return

@@ -10,7 +10,7 @@ from sautereau.sim_backend.devices.galil.faults import CommandError
 from sautereau.sim_backend.devices.galil.memory import OUTPUTS, Memory, Parameters
 from sautereau.sim_backend.devices.galil.motion import SAMPLES_PER_SECOND
 from sautereau.sim_backend.devices.galil.outputs import Outputs
-from sautereau.sim_backend.devices.galil.ports import SERIAL, Ports
+from sautereau.sim_backend.devices.galil.ports import HANDLES, SERIAL, Ports
 from sautereau.sim_backend.devices.galil.program import Limits, Program, Thread
 from sautereau.sim_backend.devices.galil.safety import Safety
 from sautereau.sim_backend.devices.galil.tasks import THREADS, Tasks
@@ -196,9 +196,15 @@ class Machine:
     def tell(self, text: str, port: str | None = None) -> None:
         """Send a message that no host asked for; if its handle is lost, #TCPERR is due."""
         mark = self.config["CW"][0] == 1
-        if not self.ports.send(text, port or self.ports.unsolicited_port, mark=mark):
-            self.error_code = 123
-            self.tasks.raise_once("#TCPERR")
+        port = port or self.ports.unsolicited_port
+        if not self.ports.send(text, port, mark=mark):
+            self.lose_handle(port)
+
+    def lose_handle(self, letter: str) -> None:
+        """Notice that a handle's host is gone: #TCPERR is due."""
+        self.ports.lost_handle = HANDLES.index(letter)
+        self.error_code = 123
+        self.tasks.raise_once("#TCPERR")
 
     def tick(self) -> None:
         """Do one sample: safety, capture, the profilers, and then the programs' lines.

@@ -133,7 +133,6 @@ class Ports:
             False if its handle is lost.
         """
         if letter not in self._ports:
-            self.lost_handle = HANDLES.index(letter)
             return False
         if mark:
             text = "".join(chr(ord(character) | 128) for character in text)
