@@ -19,8 +19,6 @@ from sautereau.daq.source.terminals import trigger_terminal
 from sautereau.rig.acquisition import Daq
 from sautereau.rig.schema import Rig
 
-__all__ = ["Acquisition", "Block"]
-
 PERIOD = 5e-3
 """Interval of polling for the samples before the trigger, s."""
 
