@@ -57,7 +57,8 @@ class Bench:
         self.failure: Exception | None = None
         unit = scene.controller or ControllerUnit()
         self.plant = ArmPlant(self.world, unit.index_angles, unit.limit_switches)
-        self.interface = unit.interface
+        self.port = "tcp" if unit.interface == "ethernet" else "serial"
+        """Kind of the controller's port."""
         self._inverted, self._output_delay = unit.output_inverted, unit.output_delay
         self.injection = FaultInjection(self.scene.faults, self.plant, lambda: self.world.time)
         self._lock = FairLock()
@@ -218,9 +219,7 @@ class StandIn:
         scene: What is simulated.
         seed: Of all noise.
         paced: Whether simulated time follows real time.
-        port: `pty` for a pseudo-terminal, `socket` for a serial line over TCP on loopback, `tcp`
-            for the controller's Ethernet; by default what the scene's controller has, with a
-            pseudo-terminal for a serial port where the system has them.
+        port: `tcp` for the controller's Ethernet, whatever port the scene's controller has.
     """
 
     def __init__(
@@ -229,13 +228,11 @@ class StandIn:
         self._nominal = rig
         self.scene = scene
         self.bench = Bench(rig, scene, seed, paced)
-        serial = "pty" if hasattr(os, "openpty") else "socket"
-        kind = port or ("tcp" if self.bench.interface == "ethernet" else serial)
-        self._make_port = {
-            "pty": lambda: PtyPort(self.bench.receive),
-            "socket": lambda: SocketPort(self.bench.receive),
-            "tcp": lambda: TcpPort(self.bench),
-        }[kind]
+        if "tcp" in (port, self.bench.port):
+            self._make_port = lambda: TcpPort(self.bench)
+        else:
+            serial = PtyPort if hasattr(os, "openpty") else SocketPort
+            self._make_port = lambda: serial(self.bench.receive)
         self._stack = contextlib.ExitStack()
 
     def __enter__(self) -> "StandIn":
