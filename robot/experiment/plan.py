@@ -9,13 +9,15 @@ from pathlib import Path
 from typing import Any
 
 from sautereau.rig.faults import fault_list
-from sautereau.rig.load import rig_document, rig_from_json
+from sautereau.rig.load import rig_document
 from sautereau.rig.schema import Rig
 from sautereau.robot.errors import RobotError
 from sautereau.robot.experiment.plan_table import Row
 from sautereau.trajectory.errors import TrajectoryError
 from sautereau.trajectory.press import Trajectory
 
+MOST_PRESSES = 100_000
+"""Largest number of presses of a session: a day of them at full speed."""
 _MAY_CHANGE = {
     "controller": ("port", "verified", "verified_settings", "verified_on"),
     "daq": ("address",),
@@ -55,6 +57,8 @@ class Plan:
         faults = []
         if not self.rows or min(row.repeats for row in self.rows) < 1:
             faults.append("it has no press; request 1 or more")
+        if (n := sum(row.repeats for row in self.rows) + self.warm_up) > MOST_PRESSES:
+            faults.append(f"{n} presses, more than {MOST_PRESSES}; divide them into sessions")
         if self.warm_up < 0:
             faults.append(f"{self.warm_up} warm-up presses; request 0 or more")
         if not 0 <= self.rest < float("inf"):
@@ -87,30 +91,17 @@ class Plan:
             "presses": rows,
             "warm_up": self.warm_up,
             "rest": self.rest,
-            "rig": bench_document(self.rig),
+            "rig": comparable(rig_document(self.rig)),
             "scene": json.loads(self.scene) if self.scene else "the hardware",
             "files": dict(self.files or {}),
         }
 
 
-def completed(document: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the rig of a plan of an earlier version, with the keys added since at their defaults.
-
-    Raises:
-        RigError: It is not the rig of a plan.
-    """
-    values = {name: dict(v) if isinstance(v, dict) else v for name, v in document.items()}
-    values["controller"]["port"], values["daq"]["address"] = "any", ""
-    text = json.dumps({"values": values, "assumed": {}, "sources": {}})
-    return bench_document(rig_from_json(text))
-
-
-def bench_document(rig: Rig) -> dict[str, Any]:
-    """Return the rig as TOML holds it, without what may change within a session."""
-    document = rig_document(rig)
+def comparable(document: dict[str, Any]) -> dict[str, Any]:
+    """Remove what may change within a session from a rig as TOML holds it, and return it."""
     for section, names in _MAY_CHANGE.items():
         for name in names:
-            del document[section][name]
+            document.get(section, {}).pop(name, None)
     return document
 
 

@@ -3,7 +3,7 @@
 With its echo on, the controller repeats what it has received, and every command is compared
 with that: a corrupted byte is always noticed. There is an echo on a serial port only; Ethernet
 has checksums, and what the controller took is read back. What a program in the controller sends
-by itself has the most significant bit of every byte set (CW 1), so that it is separated from answers.
+by itself has the most significant bit of every byte set (CW 1), which separates it from answers.
 """
 
 import re
