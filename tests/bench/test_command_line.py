@@ -321,15 +321,9 @@ def test_a_trigger_that_never_comes(sautereau, rig_file, stand_in, tmp_path):
     assert left == {"press-0001.mcap.part", "session.json"}
 
 
-def test_a_full_disk(tmp_path, bare, rig_file):
-    def small_files_only():
-        signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
-        resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, 20_000))
-
-    done = subprocess.run(
-        [sys.executable, "-m", "sautereau", "press", rig_file(), "--scene", bare, "--out", "out"],
-        capture_output=True, text=True, cwd=tmp_path, check=False, preexec_fn=small_files_only,
-    )  # fmt: skip
+def test_a_full_disk(command_server, tmp_path, bare, rig_file):
+    words = ("press", rig_file(), "--scene", bare, "--out", "out")
+    done = command_server.run(*words, folder=tmp_path, largest_file=20_000)
     refused(done, "press-0001.mcap.part", "cannot be written")
 
 
@@ -343,13 +337,11 @@ def test_a_file_that_is_no_recording(sautereau, tmp_path):
     "number", [signal.SIGINT, pytest.param(signal.SIGTERM, marks=pytest.mark.slow), signal.SIGHUP]
 )
 def test_an_interrupted_session_leaves_a_safe_arm_and_complete_files(
-    rig_file, tmp_path, stand_in, number
+    command_server, rig_file, tmp_path, stand_in, number
 ):
     path = rig_file(port=f'"{stand_in.serial_port}"', address=f'"{stand_in.daq_address}"')
-    command = [sys.executable, "-m", "sautereau", "press", path, "-n", "500", "--out", "out"]
-    with subprocess.Popen(
-        command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-    ) as process:
+    words, pipes = ("press", path, "-n", 500, "--out", "out"), {"stderr": subprocess.PIPE}
+    with command_server.start(*words, cwd=tmp_path, stdout=subprocess.PIPE, **pipes) as process:
         assert process.stdout
         for line in process.stdout:
             if "press-0002" in line:
@@ -364,14 +356,14 @@ def test_an_interrupted_session_leaves_a_safe_arm_and_complete_files(
         assert left.suffix in (".mcap", ".json") or left.name in message
 
 
-def test_plain_clients_press_against_a_served_stand_in(tmp_path, sautereau):
+def test_plain_clients_press_against_a_served_stand_in(command_server, tmp_path, sautereau):
     example = Path(__file__).parents[2] / "examples" / "plain_clients.py"
     assert not re.search(
         r"(?m)^\s*(from|import) (rig|robot|daq|trajectory|analysis|sim_)", example.read_text()
     )
     assert sautereau("plan", "--out", "plan.json").returncode == 0
-    command = [sys.executable, "-m", "sautereau", "stand-in", "ideal", "--fast", "--json"]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, cwd=tmp_path) as server:
+    words = ("stand-in", "ideal", "--fast", "--json")
+    with command_server.start(*words, stdout=subprocess.PIPE, cwd=tmp_path) as server:
         try:
             assert server.stdout
             text = ""
