@@ -103,10 +103,10 @@ def test_paper_jack_slows_down_while_the_string_is_held(paper):
     assert 0.10 < 1 - at_release / before < 0.30
 
 
-def test_truth_apart_from_the_rig_is_seen_in_the_recording(slow_host_rig, tmp_path):
+def test_truth_apart_from_the_rig_is_seen_in_the_recording(quick_rig, tmp_path):
     truth = {"plectrum.overlap": "0.35 mm", "jack.string_clearance": "2.5 mm"}
     scene = load_scene("ideal").model_copy(update={"truth": truth})
-    with StandIn(slow_host_rig, scene) as stand_in:
+    with StandIn(quick_rig, scene) as stand_in:
         rig = stand_in.rig
         assert rig.plectrum.overlap == load_rig().plectrum.overlap
         (path,) = run_session(rig, plan_press(rig), GalilController(rig), tmp_path, 1)

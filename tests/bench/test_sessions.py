@@ -187,11 +187,11 @@ def test_on_a_terminal_the_session_waits_for_the_operator(
     assert (len(result["recordings"]), result["left"], result["to_set"]) == (1, 0, {})
 
 
-def test_a_known_jitter_is_recovered_within_its_interval(bare, slow_host_rig, tmp_path):
+def test_a_known_jitter_is_recovered_within_its_interval(bare, quick_rig, tmp_path):
     """Each press is planned with a different speed; the recordings have the nominal one."""
     presses, sigma = 10, 4e-3
     speeds = 1 + sigma * np.random.default_rng(5).standard_normal(presses)
-    with StandIn(slow_host_rig, load_scene(str(bare))) as stand_in:
+    with StandIn(quick_rig, load_scene(str(bare))) as stand_in:
         rig = stand_in.rig
         nominal = rig.press.jack_speed
         plans = [
@@ -206,8 +206,8 @@ def test_a_known_jitter_is_recovered_within_its_interval(bare, slow_host_rig, tm
     assert found.velocity_accuracy == pytest.approx(speeds.mean() - 1, abs=3e-4)
 
 
-def test_sensors_noise_is_far_below_a_robots_repeatability(slow_host_rig, tmp_path):
-    with StandIn(slow_host_rig, load_scene("paper"), 1) as stand_in:
+def test_sensors_noise_is_far_below_a_robots_repeatability(quick_rig, tmp_path):
+    with StandIn(quick_rig, load_scene("paper"), 1) as stand_in:
         rig = stand_in.rig
         items = [Item(rig, plan_press(rig))] * 4
         paths = make_presses(GalilController(rig), tmp_path, items)

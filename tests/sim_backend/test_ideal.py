@@ -151,6 +151,22 @@ def test_the_fingers_work_is_energy_and_heat(seen):
         assert balance[i] == pytest.approx(0, abs=0.01 * done[i])
 
 
+def test_a_key_at_rest_that_is_not_stepped_presses_alike(monkeypatch, seen):
+    """The engine takes no steps while key and fingertip are apart and the key rests."""
+    monkeypatch.setattr("sautereau.sim_backend.physics.rigid.ideal.IdealFinger.stays_clear", never)
+    stepped = observe(RIG, ideal(), DRIVE)
+    assert len(stepped.motions.time) > len(seen.motions.time)
+    for kind in ("contacts", "releases"):
+        (time,), (other,) = ([e.time for e in getattr(s.events, kind)] for s in (seen, stepped))
+        assert time == pytest.approx(other, abs=1e-12)
+    angle = np.interp(stepped.motions.time, seen.motions.time, seen.motions.angle)
+    np.testing.assert_allclose(angle, stepped.motions.angle, atol=1e-12)
+
+
+def never(finger, angle):
+    return False
+
+
 def test_a_second_press_plucks_again():
     world = new_world(RIG, ideal(), DRIVE.start)
     for _ in range(2):
