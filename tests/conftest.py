@@ -1,5 +1,6 @@
 """Shared by all tests: a server of commands, and sessions made of one press of the stand-in."""
 
+import tempfile
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -53,11 +54,31 @@ class SessionWriter:
         return paths
 
 
+SERVER = pytest.StashKey[CommandServer]()
+
+
+def start_server(config: pytest.Config) -> CommandServer:
+    """Return the server that starts commands quickly; it runs until the tests end."""
+    if SERVER not in config.stash:
+        folder = tempfile.TemporaryDirectory(prefix="sautereau-")
+        server = config.stash[SERVER] = CommandServer(f"{folder.name}/socket")
+        config.add_cleanup(folder.cleanup)
+        config.add_cleanup(lambda: server.__exit__())
+        server.__enter__()
+    return config.stash[SERVER]
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_configure_node(node) -> None:
+    """Give all workers of xdist the same server."""
+    node.workerinput["server"] = start_server(node.config).path
+
+
 @pytest.fixture(scope="session")
-def command_server(tmp_path_factory):
+def command_server(request):
     """Server that starts commands quickly."""
-    with CommandServer(str(tmp_path_factory.mktemp("server") / "socket")) as server:
-        yield server
+    shared = getattr(request.config, "workerinput", {}).get("server")
+    return CommandServer(shared) if shared else start_server(request.config)
 
 
 @pytest.fixture(scope="session")

@@ -3,7 +3,7 @@
 Most of the second that a command takes is imports. Each command is a process with its own
 folder, environment and streams; only its start differs from `python -m sautereau`.
 
-python forked.py serve SOCKET       print a line when the server is ready
+python forked.py serve SOCKET       be the server
 python forked.py run SOCKET WORDS   run `sautereau WORDS`, for the shell of a page
 python forked.py start SOCKET FILE WORDS    the same; the command's process id goes to FILE
 
@@ -17,6 +17,7 @@ import socket
 import struct
 import subprocess
 import sys
+import time
 import tomllib
 import traceback
 from collections.abc import Callable
@@ -40,21 +41,18 @@ class CommandServer:
     def __enter__(self) -> "CommandServer":
         command = [sys.executable, __file__, "serve", self.path]
         environment = os.environ | {"PYTHONPATH": str(ROOT), "PYTHONWARNINGS": "error"}
-        self._process = subprocess.Popen(command, env=environment, stdout=subprocess.PIPE)
-        assert self._process.stdout.readline() == b"ready\n"
+        self._process = subprocess.Popen(command, env=environment)
         return self
 
     def __exit__(self, *exception: object) -> None:
         self._process.terminate()
-        self._process.communicate()
+        self._process.wait()
 
     def start(self, *words: object, **options: Any) -> "Command":
         """Start a command, with options of `subprocess.Popen`."""
         return Command(self.path, [str(word) for word in words], **options)
 
-    def run(
-        self, *words: object, folder: Path, **more: object
-    ) -> subprocess.CompletedProcess[str]:
+    def run(self, *words: object, folder: Path, **more: object) -> subprocess.CompletedProcess[str]:
         """Run a command in a folder, without a terminal; return its status and its output.
 
         `largest_file` limits the sizes of the files that it writes, in bytes.
@@ -115,7 +113,6 @@ def serve(path: str) -> None:
     listener.bind(path)
     listener.listen()
     signal.signal(signal.SIGTERM, lambda *_: (listener.close(), sys.exit()))
-    os.write(1, b"ready\n")
     running = 0
     while True:
         client, _ = listener.accept()
@@ -174,11 +171,21 @@ def run(
     """Return the status of a command; 1 if it was killed."""
     request = {"folder": str(Path.cwd()), "environment": dict(os.environ), "words": words} | more
     with socket.socket(socket.AF_UNIX) as server:
-        server.connect(path)
+        _connect(server, path)
         socket.send_fds(server, [json.dumps(request).encode()], streams)
         started(*struct.unpack("i", server.recv(4, socket.MSG_WAITALL)))
         status = server.recv(1)
     return status[0] if status else 1
+
+
+def _connect(client: socket.socket, path: str) -> None:
+    """Connect to the server as soon as it has imported everything."""
+    for _ in range(1200):
+        try:
+            return client.connect(path)
+        except (FileNotFoundError, ConnectionRefusedError):
+            time.sleep(0.05)
+    raise TimeoutError(f"{path}: the server of commands did not start")
 
 
 def _main(what: str, path: str, *words: str) -> int:

@@ -5,7 +5,6 @@ import json
 import os
 import random
 import subprocess
-import sys
 from collections import Counter
 from pathlib import Path
 
@@ -165,9 +164,7 @@ def test_the_operator_sets_the_instrument_on_the_hardware(sautereau, bare, rig_f
     assert overlaps == pytest.approx([0.263e-3, 0.30e-3, 0.263e-3])
 
 
-def test_on_a_terminal_the_session_waits_for_the_operator(
-    command_server, bare, rig_file, tmp_path
-):
+def test_on_a_terminal_the_session_waits_for_the_operator(command_server, bare, rig_file, tmp_path):
     with StandIn(load_rig(), load_scene(str(bare))) as served:
         rig = rig_file(port=f'"{served.serial_port}"', address=f'"{served.daq_address}"')
         (tmp_path / "plan.csv").write_text("plectrum.overlap\n0.30 mm\n")
