@@ -139,7 +139,7 @@ def _command(client: socket.socket) -> None:
     os.environ.clear()
     os.environ.update(asked["environment"])
     words = asked["words"]
-    sys.argv = words if words[:1] == ["-c"] else ["sautereau", *words]
+    sys.argv = ["-c", *words[2:]] if words[:1] == ["-c"] else ["sautereau", *words]
     if "largest_file" in asked:
         import resource
 
