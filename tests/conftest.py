@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import settings
 
 from benchmarks.simulated import acquired
 from sautereau.daq.file.recorded import Block, Recorded
@@ -14,6 +15,7 @@ from sautereau.rig.load import load_rig
 from sautereau.rig.schema import Rig
 from sautereau.sim_backend.physics.observation import observe
 from sautereau.sim_backend.scene import load_scene
+from tests import budget  # noqa: F401 (it registers the profiles)
 from tests.forked import CommandServer
 
 
@@ -52,6 +54,11 @@ class SessionWriter:
                     recording.event(kind, text, 0.0)
             paths.append(path)
         return paths
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Let hypothesis try many examples where slow tests are selected."""
+    settings.load_profile("few" if config.option.markexpr == "not slow" else "many")
 
 
 SERVER = pytest.StashKey[CommandServer]()

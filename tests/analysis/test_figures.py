@@ -59,13 +59,6 @@ def test_a_mute_press_is_drawn(make_press, prediction):
     assert "string held" not in shown
 
 
-def test_a_file_appears(tmp_path, make_press, prediction):
-    press = make_press()
-    path = tmp_path / "picture.pdf"
-    plot_comparison(path, [press], [find_phases(press)], prediction)
-    assert path.read_bytes().startswith(b"%PDF")
-
-
 def test_no_press_is_refused(tmp_path, prediction):
     with pytest.raises(AnalysisError, match="no press to draw"):
         plot_comparison(tmp_path / "none.png", [], [], prediction)

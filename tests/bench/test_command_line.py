@@ -2,13 +2,10 @@
 
 import json
 import math
-import os
 import re
 import signal
-import socket
 import subprocess
 import sys
-import threading
 from pathlib import Path
 
 import numpy as np
@@ -238,46 +235,6 @@ def test_a_serial_port_that_does_not_exist(sautereau, tmp_path):
 
 
 @pytest.fixture
-def answering_port():
-    """A pseudo-terminal that gives the same answer to every line except TC1."""
-    masters = []
-
-    def serve(answer: bytes) -> str:
-        master, slave = os.openpty()
-        import tty
-
-        tty.setraw(slave)
-        masters.extend([master, slave])
-
-        def respond():
-            try:
-                while data := os.read(master, 4096):
-                    if data == b"TC1\r":
-                        os.write(master, b" 1 Unrecognized command\r\n:")
-                    elif answer:
-                        os.write(master, answer * data.count(b"\r"))
-            except OSError:
-                return
-
-        threading.Thread(target=respond, daemon=True).start()
-        return os.ttyname(slave)
-
-    yield serve
-    for fd in masters[::-1]:
-        os.close(fd)
-
-
-def test_a_controller_that_is_silent(sautereau, rig_file, answering_port):
-    path = rig_file(port=f'"{answering_port(b"")}"', timeout='"0.2 s"')
-    refused(sautereau("press", path, "--out", "out"), "0.2 s", "answer")
-
-
-def test_a_controller_that_refuses_everything(sautereau, rig_file, answering_port):
-    path = rig_file(port=f'"{answering_port(b"?")}"', timeout='"0.2 s"')
-    refused(sautereau("press", path, "--out", "out"), "EO 0", "1 Unrecognized command")
-
-
-@pytest.fixture
 def stand_in(bare):
     """The scene `bare` in this process, for a command line in another."""
     with StandIn(load_rig(), load_scene(str(bare))) as served:
@@ -290,34 +247,6 @@ def test_the_hardware_path_against_a_served_stand_in(sautereau, rig_file, stand_
     done = sautereau("press", path, "--out", "out")
     assert done.returncode == 0, done.stderr
     assert "simulated" in done.stdout
-
-
-def test_no_daq_server(sautereau, rig_file, stand_in):
-    with socket.socket() as closed:
-        closed.bind(("127.0.0.1", 0))
-        address = f"127.0.0.1:{closed.getsockname()[1]}"
-    path = rig_file(port=f'"{stand_in.serial_port}"', address=f'"{address}"')
-    refused(sautereau("press", path, "--out", "out"), address)
-
-
-def test_a_wrong_channel(sautereau, rig_file, stand_in):
-    path = rig_file(
-        port=f'"{stand_in.serial_port}"', address=f'"{stand_in.daq_address}"', terminal='"ai7"'
-    )
-    refused(sautereau("press", path, "--out", "out"), "ai7", "ai0")
-
-
-def test_a_trigger_that_never_comes(sautereau, rig_file, stand_in, tmp_path):
-    path = rig_file(
-        port=f'"{stand_in.serial_port}"',
-        address=f'"{stand_in.daq_address}"',
-        trigger_output="2",
-        trigger_timeout='"0.3 s"',
-    )
-    done = sautereau("press", path, "--out", "out")
-    refused(done, "PFI0", "press-0001.mcap.part")
-    left = {p.name for p in (tmp_path / "out").iterdir()}
-    assert left == {"press-0001.mcap.part", "session.json"}
 
 
 def test_a_full_disk(command_server, tmp_path, bare, rig_file):

@@ -186,21 +186,6 @@ def test_the_theme_follows_the_system_and_the_button(page):
     assert toggle.get_attribute("aria-pressed") == "false"
 
 
-def test_the_table_holds_the_features_of_the_recordings(shown, session):
-    table = shown.get_by_role("table").filter(has_text="One row per press")
-    heads = table.get_by_role("columnheader").all_inner_texts()
-    contact = heads.index("contact (ms)") - 1
-    rows = table.locator("tbody tr")
-    assert rows.count() == PRESSES
-    for row, record in zip(rows.all(), gather(_paths(session), "elastica").presses, strict=True):
-        cell = row.locator("td").nth(contact).inner_text()
-        assert cell.startswith(f"{record.phases.plucks[0].contact * 1e3:.3f} ±")
-
-
-def _paths(session):
-    return sorted(session.glob("*.mcap"))
-
-
 def test_keyboard_and_screen_reader(page):
     page.keyboard.press("Tab")
     assert page.evaluate("() => document.activeElement.textContent") == "Skip to the presses"
