@@ -9,14 +9,10 @@ from pathlib import Path
 import pytest
 
 from sautereau.rig.load import load_rig, with_values
-from sautereau.robot.drivers.galil.driver import GalilController
-from sautereau.robot.experiment.session import run_session
 from sautereau.sim_backend.bench import StandIn
 from sautereau.sim_backend.scene import load_scene
-from sautereau.trajectory.press import plan_press
+from tests.presses import QUICK, press_on
 
-QUICK = {"controller.timeout": "20 s", "arm.approach_speed": "5 rad/s"}
-"""A timeout for a busy machine, and a short way to the key."""
 BARE = """
 description = "a key without strings: quick"
 finger = "ideal"
@@ -46,10 +42,7 @@ def run_on_stand_in(scene: str, out: Path, n: int = 1, seed: int = 0, rig=None):
     """Run n presses; return the recordings and the true events."""
     rig = rig or with_values(load_rig(), QUICK)
     with StandIn(rig, load_scene(scene), seed) as stand_in:
-        paths = run_session(
-            stand_in.rig, plan_press(stand_in.rig), GalilController(stand_in.rig), out, n
-        )
-        return paths, stand_in.truth()
+        return press_on(stand_in, out, n), stand_in.truth()
 
 
 @pytest.fixture(scope="session")

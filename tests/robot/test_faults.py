@@ -31,9 +31,8 @@ from sautereau.robot.experiment.session_folder import SessionFolder
 from sautereau.sim_backend.bench import StandIn
 from sautereau.sim_backend.devices.galil.faults import CommandError
 from sautereau.sim_backend.devices.galil.motion import StopCode
-from sautereau.sim_backend.fault_tables import Faults
-from sautereau.sim_backend.scene import load_scene
 from sautereau.trajectory.press import plan_press
+from tests.presses import mute_scene
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="signals, pseudo-terminals")
 
@@ -55,6 +54,7 @@ from sautereau.rig.load import rig_from_json
 from sautereau.robot.drivers.galil.driver import GalilController
 from sautereau.robot.experiment.session import run_session
 from sautereau.trajectory.press import plan_press
+from tests.presses import mute_scene
 rig = rig_from_json(Path(sys.argv[1]).read_text())
 run_session(rig, plan_press(rig), GalilController(rig), Path(sys.argv[2]), 1)
 """
@@ -90,14 +90,7 @@ class Desk:
 
     def stand_in(self, rig=None, finger="ideal", seed=0, faults=None) -> StandIn:
         """Return a stand-in whose motors and faults are observed."""
-        scene = load_scene("paper" if finger == "servo" else "ideal").model_copy(
-            update={
-                "plectrum": "none",
-                "string": "none",
-                "step": 1e-4 if finger == "servo" else 1e-3,
-                "faults": Faults.model_validate(faults) if faults else None,
-            }
-        )
+        scene = mute_scene(finger, faults=faults)
         values = {"controller.timeout": "2 s"} | HOLD | (rig or {})
         stand_in = StandIn(with_values(load_rig(), values), scene, seed, paced=True)
         self.watch(stand_in.bench, faults or {})

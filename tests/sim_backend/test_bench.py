@@ -11,12 +11,7 @@ from sautereau.sim_backend.errors import SceneError
 from sautereau.sim_backend.physics.events import PluckEvents, StringEvent
 from sautereau.sim_backend.scene import load_scene
 from sautereau.sim_backend.truth import truths
-
-MUTE = {"plectrum": "none", "string": "none", "step": 1e-3}
-
-
-def mute_scene(**changes):
-    return load_scene("ideal").model_copy(update=MUTE | changes)
+from tests.presses import mute_scene
 
 
 def event(time, choir=0, force=0.0):
