@@ -73,9 +73,7 @@ def test_the_command_line_presses_with_the_same_bytes_for_the_same_seed(
 
 @pytest.mark.parametrize("port_closes", [False, pytest.param(True, marks=pytest.mark.slow)])
 def test_a_cable_pulled_in_mid_motion(rig, tmp_path, port_closes):
-    scene = mute_scene(
-        faults={"cable_out": {"press": 1, "at": "20 ms", "port_closes": port_closes}}
-    )
+    cable_out = {"press": 1, "at": "20 ms", "port_closes": port_closes}
     fast = with_values(rig, {"controller.timeout": "1 s", "daq.trigger_timeout": "0.5 s"})
     with StandIn(fast, mute_scene(faults={"cable_out": cable_out}), 0) as stand_in:
         controller = OdriveController(stand_in.rig)
