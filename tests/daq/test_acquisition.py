@@ -2,8 +2,6 @@
 
 import math
 import socket
-import subprocess
-import sys
 
 import numpy as np
 import pytest
@@ -174,12 +172,3 @@ def test_use_outside_the_context(paper):
             use()
     with pytest.raises(DaqError, match="inside `with`"):
         _ = acquisition.simulated
-
-
-def test_the_driver_is_imported_only_when_used():
-    code = (
-        "import sys, sautereau.daq.file.recording, sautereau.daq.file.reading;"
-        "import sautereau.daq.source.acquisition;"
-        "sys.exit(bool({'nidaqmx', 'grpc', 'pandas', 'matplotlib'} & set(sys.modules)))"
-    )
-    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

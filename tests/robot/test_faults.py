@@ -611,30 +611,9 @@ def _table():
     path = os.environ.get("SAUTEREAU_FAULTS")
     if path and len(ROWS) == len(FAULTS):
         rows = "\n".join(ROWS[each.name] for each in FAULTS)
-        Path(path).write_text(HEAD + rows + "\n", encoding="utf-8")
-
-
-HEAD = """# What happens when something goes wrong
-
-Written by `make faults`, which injects each fault of the table on the stand-in in real time, so
-that the arm continues to move while the host reacts. "Off after" is simulated time from the fault
-to both motors off; 0 where they were off already, or never on.
-
-- A fault that the controller detects switches the motors off within 50 ms of its detection. A
-  stalled motor is detected when its joint is `controller.position_error_limit` behind, which takes
-  as long as the motion takes to get there.
-- At a limit the controller brings both joints to rest at the arm's deceleration, then switches off.
-- Where the line or the host is lost, the controller's watchdog trips
-  `controller.watchdog_period` (0.5 s) after the last sign of life.
-- Where the host detects the fault, it decelerates the arm and then switches off. This takes as long
-  as this machine takes, and no test limits it.
-
-An incomplete recording is closed and keeps the file extension `.part`. A host that is killed cannot
-close it: `sautereau recover` reads what is in it, which may be nothing in the first 100 ms.
-
-| fault | what was done | off after, ms | recording | message |
-|---|---|---|---|---|
-"""
+        page = Path(path)
+        head, _, _ = page.read_text(encoding="utf-8").partition("|---|")
+        page.write_text(f"{head}|---|---|---|---|---|\n{rows}\n", encoding="utf-8")
 
 
 def test_the_stand_in_itself_presses_without_a_fault(tmp_path, monkeypatch):
