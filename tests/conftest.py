@@ -1,8 +1,10 @@
 """Shared by all tests: a server of commands, and sessions made of one press of the stand-in."""
 
+import importlib
 import tempfile
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -86,6 +88,31 @@ def command_server(request):
     """Server that starts commands quickly."""
     shared = getattr(request.config, "workerinput", {}).get("server")
     return CommandServer(shared) if shared else start_server(request.config)
+
+
+@pytest.fixture(scope="session")
+def paper():
+    """The packaged rig."""
+    return load_rig("paper")
+
+
+@pytest.fixture
+def install(monkeypatch):
+    """Write what pip writes of a package into a folder, with some or all of its entry points."""
+
+    def write(folder: Path, project: dict[str, Any], *groups: str) -> None:
+        name, version, points = project["name"], project["version"], project["entry-points"]
+        info = folder / f"{name.replace('-', '_')}-{version}.dist-info"
+        info.mkdir(parents=True, exist_ok=True)
+        (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: {version}\n")
+        lines = []
+        for group in groups or points:
+            lines += [f"[{group}]", *(f"{name} = {place}" for name, place in points[group].items())]
+        (info / "entry_points.txt").write_text("\n".join(lines))
+        monkeypatch.syspath_prepend(folder)
+        importlib.invalidate_caches()
+
+    return write
 
 
 @pytest.fixture(scope="session")

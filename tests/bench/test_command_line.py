@@ -213,15 +213,6 @@ def test_interrupts_and_bugs_are_json_under_json(monkeypatch, capsys, error, mes
     assert answer["error"]["message"].startswith(message)
 
 
-def test_every_fault_of_a_rig_is_reported_at_once(sautereau, rig_file):
-    path = rig_file(
-        press_arm='"171 g"', tension='"66.95 N"\ntensoin = "1 N"', baud_rate="115200\nspeed = 3"
-    )
-    done = sautereau("plan", path)
-    refused(done, "3 faults", "key.press_arm", "'171 g'", "string.tensoin", "controller.speed")
-    assert "did you mean 'tension'" in done.stderr
-
-
 def test_an_unreachable_pressing_point(sautereau, rig_file):
     path = rig_file(base_x='"-390 mm"')
     refused(sautereau("plan", path), "reach", "arm.base_x")
@@ -253,12 +244,6 @@ def test_a_full_disk(command_server, tmp_path, bare, rig_file):
     words = ("press", rig_file(), "--scene", bare, "--out", "out")
     done = command_server.run(*words, folder=tmp_path, largest_file=20_000)
     refused(done, "press-0001.mcap.part", "cannot be written")
-
-
-def test_a_file_that_is_no_recording(sautereau, tmp_path):
-    (tmp_path / "notes.txt").write_text("not a recording")
-    for words in (["info"], ["phases"], ["compare"]):
-        refused(sautereau(*words, "notes.txt"), "notes.txt", "not an MCAP file")
 
 
 @pytest.mark.parametrize(

@@ -54,13 +54,6 @@ def test_encoders_followed_the_plan(ideal):
         assert np.abs(getattr(recorded.joints, name) - planned).max() < 3e-5
 
 
-def test_a_simulated_recording_is_marked_by_its_devices(ideal):
-    recorded = read_recording(ideal[0][0])
-    assert recorded.simulated
-    assert "stand-in" in recorded.session.controller
-    assert "stand-in" in recorded.session.daq
-
-
 @pytest.fixture(scope="module")
 def paper(bench, tmp_path_factory):
     """Return a press of the scene `paper` with a seed, and its truth; pressed once."""

@@ -132,21 +132,6 @@ def test_a_table_of_presses_with_warm_up_on_the_stand_in(sautereau, rig_file, tm
     assert (rig.press.jack_speed, rig.plectrum.overlap) == pytest.approx((0.08, 0.35e-3))
 
 
-def test_every_fault_of_a_table_is_reported_at_once(sautereau, tmp_path):
-    (tmp_path / "plan.csv").write_text(
-        "press.jack_sped, plectrum.overlap, repeats\n, 3 kg, 2\n, 9 mm, none\n"
-    )
-    done = sautereau("press", "--sim", "--table", "plan.csv", "--out", "out")
-    assert done.returncode == 1
-    for word in ("did you mean 'jack_speed'", "line 2", "'3 kg'", "line 3", "'none'", "9 mm"):
-        assert word in done.stderr
-    (tmp_path / "plan.csv").write_text("press.jack_speed\n0.9 m/s\n0.07 m/s\n0.8 m/s\n")
-    done = sautereau("press", "--sim", "--table", "plan.csv", "--out", "out")
-    assert "line 2" in done.stderr
-    assert "line 4" in done.stderr
-    assert not (tmp_path / "out").exists()
-
-
 def test_the_operator_sets_the_instrument_on_the_hardware(sautereau, bare, rig_file, tmp_path):
     with StandIn(load_rig(), load_scene(str(bare))) as served:
         rig = rig_file(port=f'"{served.serial_port}"', address=f'"{served.daq_address}"')

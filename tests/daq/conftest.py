@@ -8,14 +8,9 @@ import pytest
 
 from sautereau.daq.file.recorded import Joints
 from sautereau.daq.file.recording import Block, Recording, SessionInfo
-from sautereau.rig.load import load_rig, with_values
+from sautereau.rig.load import with_values
 from sautereau.sim_backend.devices.daqmx.server import DaqmxServer
 from tests.cards import Card
-
-
-@pytest.fixture(scope="session")
-def paper():
-    return load_rig("paper")
 
 
 @pytest.fixture

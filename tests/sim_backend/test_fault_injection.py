@@ -56,25 +56,6 @@ def is_safe(found) -> bool:
 # The card.
 
 
-def test_an_edge_that_does_not_reach_the_card(injected):
-    rig = QUICK | {"daq.trigger_timeout": "0.4 s"}
-    found = injected(trigger_missing={"press": 1}, rig=rig)
-    assert not found.made
-    assert isinstance(found.error, DaqError)
-    assert "no edge on /Dev1/PFI0" in str(found.error)
-    assert is_safe(found)
-    assert not found.truth
-
-
-def test_samples_that_are_overwritten(injected):
-    found = injected(overrun={"press": 2, "sample": 5000}, n=2)
-    assert len(found.made) == 1
-    assert "-200279" in str(found.error)
-    assert is_safe(found)
-    (part,) = found.made[0].parent.glob("*.part")
-    assert part.stat().st_size > 0
-
-
 @pytest.mark.parametrize(
     ("name", "said", "later", "code"),
     [
