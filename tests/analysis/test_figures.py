@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from sautereau.analysis.errors import AnalysisError
-from sautereau.analysis.figures.comparison import comparison_figure, plot_comparison
-from sautereau.analysis.figures.phases import phases_figure, plot_phases
+from sautereau.analysis.figures.comparison import comparison_figure
+from sautereau.analysis.figures.phases import phases_figure
 from sautereau.analysis.model.predict import predict
 from sautereau.analysis.phases import find_phases
 from tests.plots import texts
@@ -60,9 +60,9 @@ def test_a_mute_press_is_drawn(make_press, prediction):
     assert "string held" not in shown
 
 
-def test_no_press_is_refused(tmp_path, prediction):
+def test_no_press_is_refused(prediction):
     with pytest.raises(AnalysisError, match="no press to draw"):
-        plot_comparison(tmp_path / "none.png", [], [], prediction)
+        comparison_figure([], [], prediction)
 
 
 def test_a_boundary_is_shown_with_its_uncertainty(make_press):
@@ -79,7 +79,7 @@ def test_a_boundary_is_shown_with_its_uncertainty(make_press):
 def test_presses_with_and_without_a_pluck_go_into_a_file(make_press, tmp_path):
     presses = [make_press(simulated=False), make_press(slope=0, simulated=False)]
     path = tmp_path / "phases.png"
-    plot_phases(path, presses, [find_phases(press) for press in presses])
+    phases_figure(presses, [find_phases(press) for press in presses]).savefig(path)
     assert path.stat().st_size > 10_000
 
 
