@@ -1,40 +1,51 @@
 """Options of an import, combined with what the file itself holds; or all that is missing."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass
 from datetime import UTC, datetime
 
-from sautereau.daq.convert.formats import SIMULATED, ImportSource
+from pydantic import BaseModel
+
+from sautereau.daq.convert.document import SIMULATED
+from sautereau.daq.convert.formats import ImportSource
+from sautereau.daq.convert.layout import is_unit
 from sautereau.daq.errors import RecordingError
 from sautereau.rig.acquisition import Channel
 from sautereau.rig.faults import fault_list
 from sautereau.rig.schema import Rig
 from sautereau.rig.units import parse_quantity
 
+MODIFIED = "modified"
+"""Value of `started`: the date of the file's last change."""
 
-@dataclass(frozen=True)
-class ImportOptions:
+
+class ImportOptions(BaseModel, frozen=True, extra="forbid", strict=True):
     """What the file does not hold; an empty mapping or None is not given."""
 
-    column: Mapping[str, str] = field(default_factory=dict)
+    column: dict[str, str] = {}
     """Column of each channel, by the channel's name in the rig."""
-    unit: Mapping[str, str] = field(default_factory=dict)
+    unit: dict[str, str] = {}
     """Unit of a channel's values: V, or a unit of the measured quantity."""
-    full_scale: Mapping[str, str] = field(default_factory=dict)
+    full_scale: dict[str, str] = {}
     """Quantity that full scale of a WAV file stands for, by channel."""
     without: tuple[str, ...] = ()
     """Channels of the rig that the file does not have."""
+    invert: tuple[str, ...] = ()
+    """Channels whose sensor has the opposite sign."""
     time: str | None = None
-    """Column of times, in s."""
+    """Column of times."""
+    time_unit: str | None = None
+    """Unit of the column of times; s where neither this nor the file gives it."""
     rate: str | None = None
     """Sampling rate: a quantity."""
     trigger: str | None = None
     """Time of the trigger's edge on the file's own time axis: a quantity. The axis is the
     column of times, or starts with the first sample."""
     started: str | None = None
-    """Date of time 0 of that axis: ISO 8601 with the time zone."""
+    """Date of time 0 of that axis: ISO 8601 with the time zone, or `MODIFIED`."""
     simulated: bool | None = None
     """Whether a simulation made the samples, not an instrument."""
+    complete: bool | None = None
+    """Whether the file is complete although its last line has no line end."""
 
 
 @dataclass(frozen=True)
@@ -45,9 +56,10 @@ class ChannelColumn:
     name: str
     """Name of the column."""
     unit_value: float
-    """What the value 1 in the column stands for, in V or in ``channel.unit``."""
-    in_volts: bool
-    """Whether ``unit_value`` is in V, not in ``channel.unit``."""
+    """What the value 1 in the column stands for, in V, in ``channel.unit`` or in m; negative
+    for an inverted sensor."""
+    unit: str
+    """V, ``channel.unit``, or m for the displacement whose derivative the channel measures."""
 
 
 @dataclass(frozen=True)
@@ -57,6 +69,8 @@ class ImportSettings:
     columns: tuple[ChannelColumn, ...]
     rate: float | None
     """Hz; None if it follows from the column of times."""
+    time_unit: float
+    """What the value 1 in the column of times stands for, s."""
     trigger: float
     """Time of the trigger on the file's own time axis, s."""
     start: float
@@ -73,16 +87,23 @@ def refuse_options(options: ImportOptions) -> None:
     Raises:
         RecordingError: Names the options given.
     """
-    given = [f.name for f in fields(options) if getattr(options, f.name) not in ({}, (), None)]
-    if given:
+    if given := options.model_dump(exclude_defaults=True):
         names = ", ".join("--" + name.replace("_", "-") for name in given)
         raise RecordingError(
             f"it is an export by sautereau, which needs no further options; remove {names}"
         )
 
 
-def resolve_options(source: ImportSource, rig: Rig, options: ImportOptions) -> ImportSettings:
+def resolve_options(
+    source: ImportSource, rig: Rig, options: ImportOptions, modified: float
+) -> ImportSettings:
     """Combine what the file holds with the options.
+
+    Args:
+        source: The file.
+        rig: The rig with its channels.
+        options: What the file does not hold.
+        modified: Date of the file's last change, s since 1970.
 
     Raises:
         RecordingError: Lists everything that is missing, unknown or contradictory.
@@ -95,6 +116,14 @@ def resolve_options(source: ImportSource, rig: Rig, options: ImportOptions) -> I
     if options.time is not None and options.time not in source.names:
         faults.append(f"--time {options.time!r} is not a column of the file; {_columns(source)}")
     rate = _rate(source, columns, options, faults)
+    unit = options.time_unit or source.units.get(options.time or "", "s")
+    time_unit = _value_in(f"1 {unit}", "s") if is_unit(unit) else None
+    if options.time_unit is not None and options.time is None:
+        faults.append("--time-unit is given without --time; give both or neither")
+    if time_unit is None:
+        faults.append(f"--time-unit: {unit!r} is not a unit of time; give s, ms or us")
+    if source.cut and not options.complete:
+        faults.append(f"{source.cut}; look at it, and give --complete if it is not")
     if options.trigger is None:
         trigger = None
         faults.append(
@@ -102,7 +131,7 @@ def resolve_options(source: ImportSource, rig: Rig, options: ImportOptions) -> I
         )
     else:
         trigger = _quantity("trigger", options.trigger, "s", "12 ms", faults)
-    started = _started(source, options, faults)
+    started = _started(source, options, modified, faults)
     if options.simulated is None:
         faults.append("measured or simulated? give --measured or --simulated")
     elif SIMULATED in source.names and not options.simulated:
@@ -113,13 +142,20 @@ def resolve_options(source: ImportSource, rig: Rig, options: ImportOptions) -> I
             f"its columns start at different times, {min(starts):.9g} and {max(starts):.9g} s;"
             " give columns of one acquisition"
         )
-    if faults or trigger is None or started is None or options.simulated is None:
+    if (
+        faults
+        or trigger is None
+        or started is None
+        or time_unit is None
+        or options.simulated is None
+    ):
         raise RecordingError(fault_list("missing or wrong options", faults))
     since = started - datetime(1970, 1, 1, tzinfo=UTC)
     started_ns = (since.days * 86_400 + since.seconds) * 10**9 + since.microseconds * 1000
     return ImportSettings(
         columns=columns,
         rate=rate,
+        time_unit=time_unit,
         trigger=trigger,
         start=starts.pop(),
         t0_ns=started_ns + round(trigger * 1e9),
@@ -135,6 +171,7 @@ def _unknown_channels(rig: Rig, options: ImportOptions) -> list[str]:
         "unit": options.unit,
         "full-scale": options.full_scale,
         "without": options.without,
+        "invert": options.invert,
     }
     return [
         f"--{option}: the rig has no channel {name!r}; it has {', '.join(names)}"
@@ -171,7 +208,8 @@ def _column(
             faults.append(f"{name}: a {source.kind} file has no unit; give {option} {example}")
     else:
         option, example = f"--unit.{name}", "V"
-        unit = options.unit.get(name) or source.units.get(column or "")
+        in_file = source.units.get(column or "", "")
+        unit = options.unit.get(name) or (in_file if is_unit(in_file) else "")
         text = unit and f"1 {unit}"
         if name in options.full_scale:
             faults.append(
@@ -181,17 +219,20 @@ def _column(
         what = "full scale" if source.full_scale else "unit"
         faults.append(f"{name}: which {what}? give {option} {example}")
         return None
-    volts, si = (_value_in(text, unit) for unit in ("V", channel.unit))
-    if volts is None and si is None:
-        faults.append(
-            f"{name}: {text!r} is neither in volts nor in {channel.unit}; give {option} {example},"
-            f" or in {channel.unit}"
-        )
-        return None
-    if column is None:
-        return None
-    value = volts if volts is not None else si or 0.0
-    return ChannelColumn(channel, column, value, volts is not None)
+    integral = {"m/s": "m"}.get(channel.unit)
+    for possible in filter(None, ("V", channel.unit, integral)):
+        value = _value_in(text, possible)
+        if value is not None and column is not None:
+            sign = -1 if name in options.invert else 1
+            return ChannelColumn(channel, column, sign * value, possible)
+        if value is not None:
+            return None
+    also = f" nor, as a displacement, in {integral}" if integral else ""
+    faults.append(
+        f"{name}: {text!r} is neither in volts nor in {channel.unit}{also}; give {option}"
+        f" {example}, or in {channel.unit}"
+    )
+    return None
 
 
 def _value_in(text: str, unit: str) -> float | None:
@@ -240,8 +281,12 @@ def _quantity(option: str, text: str, unit: str, example: str, faults: list[str]
         return None
 
 
-def _started(source: ImportSource, options: ImportOptions, faults: list[str]) -> datetime | None:
+def _started(
+    source: ImportSource, options: ImportOptions, modified: float, faults: list[str]
+) -> datetime | None:
     text = options.started or source.started
+    if text == MODIFIED:
+        return datetime.fromtimestamp(modified, UTC)
     example = "--started 2026-02-03T04:05:06+01:00"
     if text is None:
         faults.append(f"which date is the file's time 0? give {example}")
