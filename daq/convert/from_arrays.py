@@ -1,25 +1,30 @@
 """Import of arrays: MATLAB's .mat, numpy's .npz and HDF5."""
 
+import importlib.util
+import io
+import json
+import subprocess
+import sys
 import zipfile
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from sautereau.daq.convert import array_reader
 from sautereau.daq.convert.formats import Columns, ImportSource, refuse_rows
 from sautereau.daq.errors import RecordingError
 
 HDF5_AT = (0, 512)
 """Bytes before the HDF5 signature; MATLAB writes 512 of its own."""
 HDF5_SIGNATURE = b"\x89HDF\r\n\x1a\n"
-MOST_VALUES = 200_000_000
-"""Limit of the numbers in all arrays of a compressed file, which are unpacked together."""
+MOST_VALUES = 100_000_000
+"""Limit of the numbers in all arrays of a file, which are read together."""
 MOST_COLUMNS = 64
 """Limit of the columns of a matrix; a larger one is a picture and not a table."""
-MOST_DEPTH = 20
-"""Limit of structures or groups within each other."""
-UNIT_ATTRIBUTES = ("unit", "units")
+LONGEST = 120
+"""s, limit of the time in which a file is read."""
 
 Array = np.ndarray[Any, Any]
 
@@ -32,22 +37,24 @@ def open_mat(path: Path) -> ImportSource:
     Raises:
         RecordingError: It is damaged, or not a MATLAB file.
     """
-    from scipy.io import loadmat, whosmat
-
-    if _is_hdf5(path):
+    with path.open("rb") as file:
+        head = file.read(HDF5_AT[-1] + len(HDF5_SIGNATURE))
+    if any(head[at:].startswith(HDF5_SIGNATURE) for at in HDF5_AT):
         return open_hdf5(path)
-    try:
-        _refuse_values(sum(int(np.prod(shape, dtype=float)) for _, shape, _ in whosmat(path)))
-        variables = loadmat(path, simplify_cells=True)
-    except RecordingError:
-        raise
-    except Exception as error:  # scipy raises many kinds, depending on the bytes
+    return _source("MATLAB", *_read("mat", path))
+
+
+def open_hdf5(path: Path) -> ImportSource:
+    """Open an HDF5 file; a dataset is called ``group/dataset``, its attribute ``unit`` is its unit.
+
+    Raises:
+        RecordingError: h5py is not installed, or the file is damaged or not HDF5.
+    """
+    if importlib.util.find_spec("h5py") is None:
         raise RecordingError(
-            f"it is damaged, or not a MATLAB file: {type(error).__name__}: {error}"
-        ) from error
-    found = {name: value for name, value in variables.items() if not name.startswith("__")}
-    arrays = dict(_flat(found, ""))
-    return _source("MATLAB", arrays, arrays.__getitem__)
+            "it is HDF5, which needs h5py; install it: pip install 'sautereau[hdf5]'"
+        )
+    return _source("HDF5", *_read("hdf5", path))
 
 
 def open_npz(path: Path) -> ImportSource:
@@ -58,122 +65,57 @@ def open_npz(path: Path) -> ImportSource:
     """
     try:
         with zipfile.ZipFile(path) as archive:
-            _refuse_values(sum(member.file_size for member in archive.infolist()) // 8)
+            array_reader.refuse(sum(file.file_size for file in archive.infolist()) / 8, MOST_VALUES)
         with np.load(path, allow_pickle=False) as arrays:
             found = {name: arrays[name] for name in arrays.files}
-    except RecordingError:
-        raise
     except Exception as error:  # numpy and zipfile raise many kinds, depending on the bytes
         raise RecordingError(
-            f"it is damaged, or not a numpy archive of numbers: {type(error).__name__}: {error}"
+            f"it is damaged, not a numpy archive of numbers, or too large: {type(error).__name__}:"
+            f" {error}"
         ) from error
-    return _source("npz", found, found.__getitem__)
+    return _source("npz", found, {})
 
 
-def open_hdf5(path: Path) -> ImportSource:
-    """Open an HDF5 file; a dataset is called ``group/dataset``, its attribute ``unit`` is its unit.
-
-    Raises:
-        RecordingError: h5py is not installed, or the file is damaged or not HDF5.
-    """
+def _read(kind: str, path: Path) -> tuple[dict[str, Array], dict[str, str]]:
+    """Return the arrays of a file and their units, read in a process of its own."""
+    command = [sys.executable, array_reader.__file__, kind, str(path), str(MOST_VALUES)]
+    fault = "its reader has ended"
     try:
-        import h5py
-    except ImportError as error:
-        raise RecordingError(
-            "it is HDF5, which needs h5py; install it: pip install 'sautereau[hdf5]'"
-        ) from error
-
-    shapes: dict[str, Array] = {}
-    units: dict[str, str] = {}
-
-    def visit(name: str, item: Any) -> None:
-        if isinstance(item, h5py.Dataset) and item.shape and item.dtype.kind in "fiu":
-            shapes[name] = np.broadcast_to(np.zeros((), item.dtype), item.shape)
-            for key in UNIT_ATTRIBUTES:
-                if isinstance(text := item.attrs.get(key), str | bytes):
-                    units[name] = text.decode() if isinstance(text, bytes) else text
-
-    def load(name: str) -> Array:
-        with h5py.File(path) as file:
-            return np.asarray(file[name])
-
-    try:
-        with h5py.File(path) as file:
-            file.visititems(visit)
-    except Exception as error:  # h5py raises many kinds, depending on the bytes
-        raise RecordingError(
-            f"it is damaged, or not an HDF5 file: {type(error).__name__}: {error}"
-        ) from error
-    return _source("HDF5", shapes, load, units)
+        run = subprocess.run(command, capture_output=True, check=True, timeout=LONGEST)
+        with np.load(io.BytesIO(run.stdout), allow_pickle=False) as arrays:
+            head, *found = (arrays[name] for name in arrays.files)
+        names, units = json.loads(str(head))
+        return dict(zip(names, found, strict=True)), units
+    except subprocess.CalledProcessError as error:
+        fault = error.stderr.decode(errors="replace").strip() or fault
+    except subprocess.TimeoutExpired:
+        fault = f"reading it takes longer than the limit LONGEST = {LONGEST} s"
+    raise RecordingError(f"it is damaged, not a {kind} file, or too large: {fault}; use a copy")
 
 
-def _is_hdf5(path: Path) -> bool:
-    with path.open("rb") as file:
-        head = file.read(HDF5_AT[-1] + len(HDF5_SIGNATURE))
-    return any(head[at:].startswith(HDF5_SIGNATURE) for at in HDF5_AT)
-
-
-def _refuse_values(count: int) -> None:
-    if count > MOST_VALUES:
-        raise RecordingError(
-            f"it holds {count} values, more than the limit MOST_VALUES = {MOST_VALUES}; save single"
-            " presses"
-        )
-
-
-def _flat(values: Mapping[str, Any], prefix: str, depth: int = 0) -> Iterator[tuple[str, Array]]:
-    """Yield the arrays in nested structures, by their paths with dots."""
-    for name, value in values.items():
-        if isinstance(value, Mapping) and depth < MOST_DEPTH:
-            yield from _flat(value, f"{prefix}{name}.", depth + 1)
-        elif isinstance(value, np.ndarray):
-            yield prefix + name, value
-
-
-def _source(
-    kind: str,
-    arrays: Mapping[str, Array],
-    load: Callable[[str], Array],
-    units: Mapping[str, str] | None = None,
-) -> ImportSource:
-    """Return the columns of arrays: each vector, and of a matrix those along its longer axis.
-
-    Args:
-        kind: Name of the format.
-        arrays: By name; only their shapes and types are used.
-        load: Returns the values of a named array.
-        units: By the names of the arrays.
-    """
-    columns: dict[str, tuple[str, int]] = {}
+def _source(kind: str, arrays: Mapping[str, Array], units: Mapping[str, str]) -> ImportSource:
+    """Return the columns of arrays: each vector, and of a matrix those along its longer axis."""
+    columns: dict[str, Array] = {}
+    given: dict[str, str] = {}
     for name, array in arrays.items():
-        shape = [n for n in array.shape if n != 1]
-        if array.dtype.kind not in "fiu" or not shape or len(shape) > 2:
+        table = np.squeeze(array)
+        if array.dtype.kind not in "fiu" or not 1 <= table.ndim <= 2:
             continue
-        if len(shape) == 1:
-            columns[name] = (name, 0)
-        elif min(shape) <= MOST_COLUMNS:
-            columns |= {f"{name}({i + 1})": (name, i) for i in range(min(shape))}
+        if table.ndim == 1:
+            found = {name: table}
+        elif min(table.shape) <= MOST_COLUMNS:
+            rows = table.T if table.shape[0] > table.shape[1] else table
+            found = {f"{name}({i})": row for i, row in enumerate(rows, 1)}
+        else:
+            continue
+        columns |= found
+        if name in units:
+            given |= dict.fromkeys(found, units[name])
     if not columns:
         raise RecordingError("it holds no vector of real numbers; save one for each channel")
 
     def read(names: list[str]) -> Columns:
-        return {name: column(*columns[name]) for name in names}
+        refuse_rows(max((len(columns[name]) for name in names), default=0))
+        return {name: columns[name].astype(np.float64) for name in names}
 
-    def column(name: str, index: int) -> np.ndarray:
-        refuse_rows(max(arrays[name].shape))
-        try:
-            array = np.squeeze(load(name))
-        except Exception as error:  # a damaged chunk; the kind depends on the bytes
-            raise RecordingError(
-                f"its array {name!r} cannot be read: {type(error).__name__}: {error}; use a copy"
-            ) from error
-        rows = array if array.ndim == 1 else array.T if array.shape[0] > array.shape[1] else array
-        return np.asarray(rows if rows.ndim == 1 else rows[index], dtype=np.float64)
-
-    given = units or {}
-    return ImportSource(
-        kind,
-        tuple(columns),
-        read,
-        units={name: given[array] for name, (array, _) in columns.items() if array in given},
-    )
+    return ImportSource(kind, tuple(columns), read, units=given)

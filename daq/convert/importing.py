@@ -1,20 +1,17 @@
 """Import: make a recording of another program's file, or of an export."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
-from sautereau.daq.convert.document import Document, digest, sha256
+from sautereau.daq.convert.document import HIGHEST_RATE, Document, digest, sha256
 from sautereau.daq.convert.formats import ImportSource, open_source, refuse_missing
-from sautereau.daq.convert.options import (
-    ChannelColumn,
-    ImportOptions,
-    ImportSettings,
-    refuse_options,
-    resolve_options,
-)
+from sautereau.daq.convert.options import ImportOptions, refuse_options
 from sautereau.daq.convert.plausible import doubts
+from sautereau.daq.convert.settings import ChannelColumn, ImportSettings, resolve_options
 from sautereau.daq.convert.times import start_and_rate
 from sautereau.daq.errors import RecordingError
 from sautereau.daq.file.recorded import Block, SessionInfo, Signal
@@ -116,9 +113,8 @@ def _restore(
         )
     session = replace(document.session, notes=_joined(document.session.notes, notes, origin))
     volts, first = np.stack(list(columns.values())), document.first_sample
-    recording = _recording(out, document.rig, session, volts, first, document.rate, document.t0_ns)
-    with recording:
-        _write_volts(recording, volts, first, document.rig.daq.block)
+    rig, rate = document.rig, document.rate
+    with _recording(out, rig, session, volts, first, rate, document.t0_ns) as recording:
         if document.plan is not None:
             plan = document.plan
             recording.write_plan(plan.t, plan.q1, plan.q2, plan.jack_rise)
@@ -179,7 +175,6 @@ def _import(
         if column.unit == "m":
             warnings.append(f"{column.channel.name}: derivative of the displacement in the file")
     with _recording(out, part, session, volts, first, rate, settings.t0_ns) as recording:
-        _write_volts(recording, volts, first, rig.daq.block)
         for warning in warnings:
             recording.event("warning", warning, 0.0)
         recording.event("imported", origin, 0.0)
@@ -187,15 +182,32 @@ def _import(
     return Imported(out, session.simulated, rate, volts.shape[1], first, shift, tuple(warnings))
 
 
+@contextmanager
 def _recording(
     out: Path, rig: Rig, session: SessionInfo, volts: Signal, first: int, rate: float, t0_ns: int
-) -> Recording:
-    """Return a recording whose trigger gets the date ``t0_ns``."""
+) -> Iterator[Recording]:
+    """Open a recording whose trigger has the date ``t0_ns``, with its volts; no fault leaves it."""
+    ends = [t0_ns + index * 1e9 / rate for index in (first, first + volts.shape[1])]
+    if not (0 < rate <= HIGHEST_RATE and all(0 <= end < 2**63 for end in ends)):
+        raise RecordingError(
+            f"at {rate:.6g} Hz, its {volts.shape[1]} samples from sample {first} on reach beyond"
+            " the dates from 1970 to 2262; correct the rate, --trigger or --started"
+        )
     last = first + min(rig.daq.block, volts.shape[1]) - 1
     arrived = t0_ns + round(last * 1e9 / rate)
-    return Recording(
+    recording = Recording(
         out, rig, session=session, rate=rate, clock=lambda: arrived, monotonic=lambda: 0.0
     )
+    opened = False
+    try:
+        with recording:
+            opened = True
+            _write_volts(recording, volts, first, rig.daq.block)
+            yield recording
+    except BaseException:
+        if opened:  # the samples are in the imported file
+            recording.part_path.unlink(missing_ok=True)
+        raise
 
 
 def _write_volts(recording: Recording, volts: Signal, first: int, size: int) -> None:

@@ -10,6 +10,8 @@ LIMITS = {"velocity": (1e-4, 10.0), "force": (1e-3, 200.0)}
 """Smallest and largest plausible magnitude of a press, SI units, by quantity."""
 ONSET = 0.3
 """1, fraction of the largest magnitude at which the key counts as moving."""
+AVERAGED = 0.005
+"""1, fraction of the record over which the first deviation is averaged."""
 REST = 0.02
 """1, fraction of the record at its start that is taken as rest."""
 
@@ -45,7 +47,9 @@ def doubts(volts: Signal, channel: Channel) -> list[str]:
             f"{name}: reaches {largest:.5g} {unit}, which is implausible: a press reaches"
             f" {least:g} to {limit:g} {unit}; check --unit.{name} and --column.{name}"
         )
-    if _first_sign(values) < 0:
+    # A velocity has no offset that matters here, and a file may start in motion.
+    rest = 0.0 if channel.quantity == "velocity" else np.median(values[: _share(REST, values)])
+    if _first_sign(values - rest) < 0:
         found.append(
             f"{name}: the first large deviation from rest is negative, and positive means that"
             f" {measured_quantity(channel.quantity).positive}: the sensor seems inverted; if so,"
@@ -54,10 +58,12 @@ def doubts(volts: Signal, channel: Channel) -> list[str]:
     return found
 
 
-def _first_sign(values: Signal) -> float:
-    """Return the sign of the first large deviation from the values at the start."""
-    n = len(values)
-    moved = values - np.median(values[: max(1, round(REST * n))])
+def _first_sign(moved: Signal) -> float:
+    """Return the sign of the first large deviation from rest."""
     magnitude = np.abs(moved)
     first = int(np.argmax(magnitude > ONSET * np.quantile(magnitude, 0.999)))
-    return float(np.sign(moved[first : first + max(1, n // 200)].mean()))
+    return float(np.sign(moved[first : first + _share(AVERAGED, moved)].mean()))
+
+
+def _share(fraction: float, values: Signal) -> int:
+    return max(1, round(fraction * len(values)))

@@ -1,6 +1,6 @@
 """Files as instruments and people write them: preambles, units, times, signs, arrays, profiles."""
 
-import builtins
+import sys
 
 import numpy as np
 import pytest
@@ -135,7 +135,7 @@ def test_a_rate_is_the_way_out_of_jitter_and_rounding(bring):
 
 def test_a_rate_that_the_times_contradict(bring):
     text = "t,v\n" + "".join(f"{n / 1000:.3f},0.{n}\n" for n in range(40) if n != 20)
-    with pytest.raises(RecordingError, match="row 21 .line 22. .* missing samples, or omit --time"):
+    with pytest.raises(RecordingError, match=r"row 21 \(line 22\) .* or omit --time"):
         bring(text, column={"velocity": "v"}, unit={"velocity": "V"}, time="t", rate="1 kHz")
 
 
@@ -206,14 +206,7 @@ def test_arrays(tmp_path, bring, name, column):
 
 
 def test_without_h5py_the_message_says_what_to_install(monkeypatch, bring):
-    real = builtins.__import__
-
-    def without(name, *rest, **more):
-        if name == "h5py":
-            raise ImportError(name)
-        return real(name, *rest, **more)
-
-    monkeypatch.setattr(builtins, "__import__", without)
+    monkeypatch.setitem(sys.modules, "h5py", None)
     with pytest.raises(RecordingError, match=r"pip install 'sautereau\[hdf5\]'"):
         bring(b"\x89HDF\r\n\x1a\n", "a.h5")
 
@@ -231,6 +224,18 @@ def test_limits_have_names(tmp_path, monkeypatch, bring):
     monkeypatch.setattr("sautereau.daq.convert.formats.MOST_BYTES", 10)
     with pytest.raises(RecordingError, match="MOST_BYTES = 10"):
         bring(None, **given)
+
+
+def test_a_fault_leaves_nothing_behind(tmp_path, monkeypatch, bring):
+    given = {"column": {"velocity": "v"}, "unit": {"velocity": "V"}}
+    with pytest.raises(RecordingError, match="beyond the dates from 1970 to 2262"):
+        bring("v\n1\n2\n", **given, rate="1e-15 Hz")
+    with monkeypatch.context() as patch:
+        patch.setattr("sautereau.daq.convert.importing._write_volts", lambda *_: 1 / 0)
+        with pytest.raises(ZeroDivisionError):
+            bring(None, **given, rate="1 kHz")
+    assert [path.name for path in tmp_path.iterdir()] == ["table.csv"]
+    bring(None, **given, rate="1 kHz")
 
 
 def run(*words):
@@ -270,7 +275,7 @@ def test_faults_of_a_profile(tmp_path):
     with pytest.raises(RecordingError, match="nothing is overwritten"):
         save_profile(path, ImportOptions(), None)
     path.write_text('unti = 3\ntrigger = 5\n[column]\nvelocity = "v"\n')
-    with pytest.raises(RecordingError, match="line 1: unti: unknown key; did you mean 'unit'"):
+    with pytest.raises(RecordingError, match=r"line 1: unti: unknown key; did you mean 'unit'"):
         load_profile(path)
-    with pytest.raises(RecordingError, match="no such file|No such file"):
+    with pytest.raises(RecordingError, match=r"No such file"):
         load_profile(tmp_path / "none.toml")
