@@ -7,7 +7,7 @@ their terms differ; get a file from one of them:
 - github.com/ThereminGoat/force-curves, `*HighResolutionRaw.csv`: columns 2 (mm) and 1 (gf); the
   author asks to be named.
 - github.com/BuddyOG/topre-force-curves, `DataLog_*.csv`: columns `Travel (mm)` and
-  `Scale (grams)`; all rights reserved, charts and files may be passed on unchanged.
+  `Scale (grams)`; all rights reserved, plots and files may be passed on unchanged.
 - github.com/bluepylons/Open-Switch-Curve-Meter, curves under CC BY 4.0, as spreadsheets.
 
 They were measured within a minute. Friction and damping aside, the force depends on the travel

@@ -174,6 +174,12 @@ SECTIONS = {
          " deviation of plectra that their shape does not explain."),
         ("felt.exponents", "", "1", "exponent", "Per cent by which a quantity increases with one"
          " per cent of a dimension of the plectrum."),
+        ("judged.somers_d", "D", "1", "Somers' D", "Fraction of pairs of different judgements of"
+         " touch that a quantity orders alike, minus the fraction that it orders the other way."),
+        ("judged.odds_ratio", "", "1", "odds ratio", "Factor by which the odds of a harder"
+         " judgement increase with one standard deviation of a quantity."),
+        ("judged.q_value", "q", "1", "false discovery rate", "Expected fraction of quantities"
+         " without association among those with at most this value."),
     ),
     "Plan of a press": _table(
         ("cruise_speed", "", "m/s", "cruise speed", "Mean jack speed over the cruise, as the"
