@@ -165,6 +165,9 @@ SECTIONS = {
     "Touch of plectra": _table(
         ("tip_stiffness", "3EI/L^3", "N/m", "tip stiffness", "Bending stiffness of a uniform"
          " plectrum at its tip."),
+        ("felt.presses", "", "1", "presses", "Number of presses in which a quantity is above 0."),
+        ("felt.omitted", "", "1", "omitted presses", "Number of presses with a pluck in which a"
+         " quantity is missing or not above 0."),
         ("felt.press", "", "1", "within a session", "Relative standard deviation of presses"
          " within one session."),
         ("felt.session", "", "1", "between sessions", "Relative standard deviation of the"
