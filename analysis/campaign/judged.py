@@ -16,6 +16,7 @@ from itertools import combinations, pairwise
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import false_discovery_control, norm
 
 from sautereau.analysis.campaign.judgements import judgements
 from sautereau.analysis.campaign.labels import LEVELS, TOUCH
@@ -125,7 +126,6 @@ def _fitter(notes: list[str]) -> Fit:
     except ImportError:
         notes.append(f"no odds ratios, which need ordinal regression; {INSTALL}")
         return lambda scaled, codes: None
-    from scipy.stats import norm
 
     def fit(scaled: Floats, codes: NDArray[np.intp]) -> Spread | None:
         present = np.unique(codes, return_inverse=True)[1]
@@ -201,8 +201,6 @@ def _somers_d(x: Floats, codes: NDArray[np.intp]) -> float:
 
 def _ranked(found: dict[str, Association]) -> dict[str, Association]:
     """Return the quantities with their false discovery rates, the strongest association first."""
-    from scipy.stats import false_discovery_control
-
     rates = false_discovery_control([one.p_value for one in found.values()]) if found else []
     rated = [
         (name, replace(one, q_value=float(rate)))

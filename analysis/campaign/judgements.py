@@ -1,32 +1,30 @@
 """Judgements of touch: those of a CSV file, and what counts as one of them."""
 
+import io
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
+import pandas as pd
+import pyarrow as pa
 from numpy.typing import NDArray
 
 from sautereau.analysis.campaign.labels import LEVELS, TOUCH
 from sautereau.analysis.campaign.table import Campaign
 from sautereau.analysis.errors import AnalysisError
+from sautereau.rig.disk import read_limited
 from sautereau.rig.faults import fault_list
 from sautereau.rig.units import shown
 from sautereau.trajectory.motion import Floats
 
-if TYPE_CHECKING:
-    import pandas as pd
-
 KEYS = ("path", "session", "plectrum", "rig")
 """Columns of a campaign by which a table of judgements may name presses."""
-MOST_BYTES = 10_000_000
-"""Limit of the size of such a table, byte."""
 MOST_LISTED = 20
 """Faults of such a table that the message lists."""
 
 
 def judgements(
-    data: "pd.DataFrame", columns: list[str]
+    data: pd.DataFrame, columns: list[str]
 ) -> tuple[NDArray[np.intp], dict[str, Floats]]:
     """Return the level of each judgement, and the mean of each column over its presses.
 
@@ -77,14 +75,10 @@ def with_labels(campaign: Campaign, path: Path) -> Campaign:
     Raises:
         AnalysisError: It cannot be read; lists every row with an unknown judgement or key.
     """
-    import pandas as pd
-    import pyarrow as pa
-
     origin = f"judgements {path}"
     try:
-        if path.stat().st_size > MOST_BYTES:
-            raise ValueError(f"more than the limit MOST_BYTES = {MOST_BYTES}")
-        rows = pd.read_csv(path, dtype=str, keep_default_na=False, skipinitialspace=True)
+        text = io.BytesIO(read_limited(path))
+        rows = pd.read_csv(text, dtype=str, keep_default_na=False, skipinitialspace=True)
     except (OSError, ValueError) as error:  # pandas' own errors are ValueErrors
         raise AnalysisError(f"{origin}: {error}; give a CSV file") from error
     keys = [key for key in KEYS if key in rows and key in campaign.table.column_names]

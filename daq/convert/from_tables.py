@@ -17,10 +17,13 @@ from sautereau.daq.convert.formats import (
 )
 from sautereau.daq.convert.layout import Layout, find_layout
 from sautereau.daq.errors import RecordingError
+from sautereau.rig.disk import read_limited
 
 if TYPE_CHECKING:
     import pyarrow as pa
 
+MOST_DOCUMENT = 200_000_000
+"""Limit of the size of an export's metadata file, byte."""
 LAST_LINE = "its last line has no line end, so its last number may be cut off"
 
 
@@ -142,8 +145,10 @@ def _document(path: Path) -> Document | None:
     sidecar = path.with_name(path.name + ".json")
     if not sidecar.is_file():
         return None
-    refuse_size(sidecar.stat().st_size)
-    return read_document(sidecar.read_bytes())
+    try:
+        return read_document(read_limited(sidecar, MOST_DOCUMENT))
+    except OSError as error:
+        raise RecordingError(f"its metadata {sidecar}: {error.strerror}; use a copy") from error
 
 
 def open_parquet(path: Path) -> ImportSource:

@@ -4,7 +4,7 @@ import numpy as np
 
 from sautereau.daq.file.recorded import Signal
 from sautereau.rig.acquisition import Channel
-from sautereau.rig.measured import measured_quantity
+from sautereau.rig.measured import MEASURED
 
 LIMITS = {"velocity": (1e-4, 10.0), "force": (1e-3, 200.0)}
 """Smallest and largest plausible magnitude of a press, SI units, by quantity."""
@@ -52,7 +52,7 @@ def doubts(volts: Signal, channel: Channel) -> list[str]:
     if _first_sign(values - rest) < 0:
         found.append(
             f"{name}: the first large deviation from rest is negative, and positive means that"
-            f" {measured_quantity(channel.quantity).positive}: the sensor seems inverted; if so,"
+            f" {MEASURED.get(channel.quantity).positive}: the sensor seems inverted; if so,"
             f" import again with --invert {name}"
         )
     return found

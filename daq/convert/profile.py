@@ -3,11 +3,12 @@
 import os
 from pathlib import Path
 
+import tomlkit
 from pydantic import Field, ValidationError
 
 from sautereau.daq.convert.options import MODIFIED, ImportOptions
 from sautereau.daq.errors import RecordingError
-from sautereau.rig.disk import write_through
+from sautereau.rig.disk import read_limited, write_durably
 from sautereau.rig.faults import fault_list, validation_faults
 from sautereau.rig.load import read_toml
 
@@ -36,7 +37,7 @@ def load_profile(path: Path) -> Profile:
     """
     origin = f"import profile {path}"
     try:
-        text = path.read_text(encoding="utf-8")
+        text = read_limited(path).decode("utf-8")
     except (OSError, UnicodeDecodeError) as error:
         raise RecordingError(f"{origin}: {error}; give a file of --save-profile") from error
     try:
@@ -54,8 +55,6 @@ def save_profile(path: Path, options: ImportOptions, rig: str | None) -> None:
     Raises:
         RecordingError: The file exists, or cannot be written.
     """
-    import tomlkit
-
     values = options.model_dump(exclude_defaults=True)
     if values.get("started") != MODIFIED:
         values.pop("started", None)
@@ -64,7 +63,7 @@ def save_profile(path: Path, options: ImportOptions, rig: str | None) -> None:
         values["rig"] = Path(os.path.relpath(rig, path.parent)).as_posix() if is_file else rig
     ordered = dict(sorted(values.items(), key=lambda item: isinstance(item[1], dict)))
     try:
-        write_through(path, tomlkit.dumps(ordered), new=True)
+        write_durably(path, tomlkit.dumps(ordered), new=True)
     except OSError as error:
         raise RecordingError(
             f"import profile {path}: {error.strerror}; nothing is overwritten: give another name"

@@ -1,12 +1,13 @@
-"""Describe recordings, and recover damaged ones."""
+"""Recordings as files: described, recovered, and exported to other formats."""
 
 from dataclasses import asdict
 from pathlib import Path
+from typing import Literal
 
-from sautereau.commands.common import Json, OutFile, answer
+from sautereau.commands import common
 
 
-def info(file: Path, /, *, json: Json = False) -> int:
+def info(file: Path, /, *, json: common.Json = False) -> int:
     """Describe a recording, complete or damaged.
 
     Parameters
@@ -23,17 +24,10 @@ def info(file: Path, /, *, json: Json = False) -> int:
             lines += [f"{name}:", *(f"  {key}: {item}" for key, item in value.items())]
         else:
             lines.append(f"{name}: {value}")
-    answer(json, dict(found), lines)
-    return 0
+    return common.answer(json, dict(found), lines)
 
 
-def recover(
-    file: Path,
-    /,
-    *,
-    out: OutFile | None = None,
-    json: Json = False,
-) -> int:
+def recover(file: Path, /, *, out: common.OutFile | None = None, json: common.Json = False) -> int:
     """Write a valid recording with everything that is readable in a damaged one.
 
     The damaged file is not changed. No sample is invented: missing samples are reported.
@@ -53,5 +47,40 @@ def recover(
     lines += [f"{name}: {count} samples" for name, count in found.samples.items()]
     lines += [str(gap) for gap in found.gaps] or ["nothing is missing"]
     result = {key: value for key, value in asdict(found).items() if key != "gaps"}
-    answer(json, result | {"missing": [gap.document() for gap in found.gaps]}, lines)
-    return 0
+    return common.answer(json, result | {"missing": [gap.document() for gap in found.gaps]}, lines)
+
+
+def export(
+    files: list[Path],
+    /,
+    *,
+    to: Literal["parquet", "csv"],
+    out: Path | None = None,
+    raw: bool = False,
+    json: common.Json = False,
+) -> int:
+    """Export recordings to Parquet or CSV.
+
+    Parameters
+    ----------
+    files
+        Recordings.
+    to
+        Format. The metadata of a CSV file are in NAME.csv.json beside it.
+    out
+        File to write, or folder for several. Default: beside each recording. Nothing is
+        overwritten.
+    raw
+        Write raw volts only, without values in SI units.
+    """
+    from sautereau.daq.convert.export import export as export_recording
+    from sautereau.daq.convert.export import targets
+
+    written: list[Path] = []
+    with common.bar(len(files)) as step:
+        for file, target in targets(files, to, out):
+            written += export_recording(file, to, target, raw=raw)
+            step()
+    return common.answer(
+        json, {"files": [str(path) for path in written]}, [str(path) for path in written]
+    )

@@ -1,17 +1,15 @@
-"""Export recordings to the formats of other programs, and import from them."""
+"""Import files of other programs as recordings."""
 
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from sautereau.commands.common import Flag, Json, OutFile, answer, bar, load_rig
+from sautereau.commands import common
 
 if TYPE_CHECKING:
     from sautereau.daq.convert.importing import Imported
-
-PerChannel = Annotated[dict[str, str], Parameter(negative=())]
 
 
 @Parameter(name="*")
@@ -19,15 +17,15 @@ PerChannel = Annotated[dict[str, str], Parameter(negative=())]
 class Unstated:
     """Facts that the imported file does not state."""
 
-    column: PerChannel = field(default_factory=dict)
+    column: dict[str, str] = field(default_factory=dict)
     """Column of a channel: --column.velocity NAME. Default: the column named as the channel."""
-    unit: PerChannel = field(default_factory=dict)
+    unit: dict[str, str] = field(default_factory=dict)
     """Unit of a channel's values: --unit.velocity V, or mm/s."""
-    full_scale: PerChannel = field(default_factory=dict)
+    full_scale: dict[str, str] = field(default_factory=dict)
     """Full scale of a WAV file's channel: --full-scale.velocity "100 mm/s", or "4 V"."""
-    without: Annotated[tuple[str, ...], Parameter(negative=())] = ()
+    without: tuple[str, ...] = ()
     """Channel of the rig that the file does not hold; repeat it for several."""
-    invert: Annotated[tuple[str, ...], Parameter(negative=())] = ()
+    invert: tuple[str, ...] = ()
     """Channel whose sensor has the opposite sign; repeat it for several."""
     time: str | None = None
     """Column of times, or of ISO 8601 dates."""
@@ -41,43 +39,8 @@ class Unstated:
     """Date of the file's time 0: 2026-02-03T04:05:06+01:00, or "modified" for that of the file."""
     simulated: Annotated[bool | None, Parameter(negative="--measured")] = None
     """Whether the data were simulated, or measured on an instrument."""
-    complete: Annotated[bool | None, Parameter(negative=())] = None
+    complete: bool | None = None
     """The file is complete, although its last line has no line end."""
-
-
-def export(
-    files: list[Path],
-    /,
-    *,
-    to: Literal["parquet", "csv"],
-    out: Path | None = None,
-    raw: Annotated[bool, Flag] = False,
-    json: Json = False,
-) -> int:
-    """Export recordings to Parquet or CSV.
-
-    Parameters
-    ----------
-    files
-        Recordings.
-    to
-        Format. The metadata of a CSV file are in NAME.csv.json beside it.
-    out
-        File to write, or folder for several. Default: beside each recording. Nothing is
-        overwritten.
-    raw
-        Write raw volts only, without values in SI units.
-    """
-    from sautereau.daq.convert.export import export as export_recording
-    from sautereau.daq.convert.export import targets
-
-    written: list[Path] = []
-    with bar(len(files)) as step:
-        for file, target in targets(files, to, out):
-            written += export_recording(file, to, target, raw=raw)
-            step()
-    answer(json, {"files": [str(path) for path in written]}, [str(path) for path in written])
-    return 0
 
 
 def import_(
@@ -85,12 +48,12 @@ def import_(
     /,
     *,
     rig: str | None = None,
-    out: OutFile,
+    out: common.OutFile,
     notes: str = "",
     profile: Path | None = None,
     save_profile: Path | None = None,
     unstated: Unstated = Unstated(),
-    json: Json = False,
+    json: common.Json = False,
 ) -> int:
     """Import files of other programs as recordings.
 
@@ -110,8 +73,6 @@ def import_(
     save_profile
         TOML file to write these options to, if the import succeeds.
     """
-    from dataclasses import asdict
-
     from sautereau.daq.convert.importing import import_file, targets
     from sautereau.daq.convert.options import ImportOptions
     from sautereau.daq.convert.profile import load_profile
@@ -122,10 +83,10 @@ def import_(
     if profile is not None:
         saved = load_profile(profile)
         options, rig = saved.under(options), rig or saved.rig
-    bench = None if rig is None else load_rig(rig)
+    bench = None if rig is None else common.load_rig(rig)
     done: list[Imported] = []
     faults: list[str] = []
-    with bar(len(files)) as step:
+    with common.bar(len(files)) as step:
         for file, target in targets(files, out):
             try:
                 done.append(import_file(file, target, rig=bench, options=options, notes=notes))
@@ -140,7 +101,7 @@ def import_(
     lines += [f"not imported: {fault}" for fault in faults]
     found = [asdict(imported) for imported in done]
     several = {"imports": found, "faults": faults}
-    answer(json, found[0] if len(files) == 1 else several, lines)
+    common.answer(json, found[0] if len(files) == 1 else several, lines)
     return 1 if faults else 0
 
 
