@@ -119,13 +119,13 @@ def find_judged(campaign: Campaign) -> Judged | None:
     return Judged(counts, _ranked(found), tuple(notes))
 
 
-def _fitter(notes: list[str]) -> Fit:
-    """Return a function that gives the odds ratio of a quantity; None if its fit fails."""
+def _fitter(notes: list[str]) -> Fit | None:
+    """Return a function that gives the odds ratio of a quantity, or None if its fit fails."""
     try:
         from statsmodels.miscmodels.ordinal_model import OrderedModel
     except ImportError:
         notes.append(f"no odds ratios, which need ordinal regression; {INSTALL}")
-        return lambda scaled, codes: None
+        return None
 
     def fit(scaled: Floats, codes: NDArray[np.intp]) -> Spread | None:
         present = np.unique(codes, return_inverse=True)[1]
@@ -145,7 +145,7 @@ def _fitter(notes: list[str]) -> Fit:
 
 
 def _association(
-    name: str, values: Floats, codes: NDArray[np.intp], fit: Fit, notes: list[str]
+    name: str, values: Floats, codes: NDArray[np.intp], fit: Fit | None, notes: list[str]
 ) -> Association:
     positive = bool((values > 0).all())
     x = np.log(values) if positive else values
@@ -161,8 +161,10 @@ def _association(
             f"{name}: the levels do not overlap, so the odds ratio has no finite estimate; judge"
             " more plectra between the levels"
         )
-    else:
+    elif fit is not None:
         odds = fit((x - x.mean()) / x.std(), codes)
+        if odds is None:
+            notes.append(f"{name}: no odds ratio, the regression diverged; judge more sessions")
     somers, p_value = _somers(x, codes)
     return Association(len(x), means, somers, p_value, p_value, odds, separated)
 

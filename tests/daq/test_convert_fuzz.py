@@ -15,6 +15,7 @@ from nptdms import ChannelObject, TdmsWriter
 from scipy.io import savemat
 
 from sautereau.daq.convert.export import export
+from sautereau.daq.convert.formats import open_source
 from sautereau.daq.convert.importing import import_file
 from sautereau.daq.convert.options import ImportOptions
 from sautereau.daq.errors import RecordingError
@@ -171,6 +172,36 @@ def test_thousands_of_damaged_files(tmp_path, paper, kind):
 def test_any_text_is_refused_or_read(tmp_path_factory, paper, lines):
     folder = tmp_path_factory.getbasetemp()
     check(folder, paper, "csv", "\n".join(lines).encode())
+
+
+PREAMBLES = ("", "Model,X\nScale,1.5\nGain;2\n", "# a\n\n", "DATE = 3.2.2026\nMAX = 5,7\n")
+NUMBERS = st.floats(-1e6, 1e6, allow_nan=False)
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    rows=st.lists(st.tuples(NUMBERS, NUMBERS), min_size=1, max_size=20),
+    dialect=st.sampled_from([",.", ";,", ";.", "\t,", "\t.", " ."]),
+    preamble=st.sampled_from(PREAMBLES),
+    named=st.booleans(),
+    ending=st.sampled_from(["\n", "\r\n"]),
+)
+def test_a_table_in_any_dialect_comes_back_exactly_or_is_refused(
+    tmp_path_factory, rows, dialect, preamble, named, ending
+):
+    delimiter, decimal = dialect
+    lines = [delimiter.join(repr(x).replace(".", decimal) for x in row) for row in rows]
+    lines = [*preamble.splitlines(), *[f"a{delimiter}b"] * named, *lines]
+    path = tmp_path_factory.getbasetemp() / "dialect.csv"
+    path.write_text(ending.join([*lines, ""]), newline="")
+    source = open_source(path)
+    if set(source.names) >= ({"a", "b"} if named else {"1", "2"}):
+        try:
+            read = source.read(list(source.names[:2]))
+        except RecordingError:
+            return
+        found = np.column_stack(list(read.values()))
+        assert np.array_equal(found, np.array(rows))
 
 
 @pytest.mark.parametrize(
