@@ -43,7 +43,7 @@ FEW_OF_A_LEVEL = 3
 """The same for each level."""
 LEAST = 4
 """Judgements below which nothing is compared."""
-RESAMPLES = 1999
+RESAMPLES = 999
 """Of the bootstrap of Somers' D, and permutations of the judgements."""
 INSTALL = "install statsmodels: pip install 'sautereau[ordinal]'"
 
