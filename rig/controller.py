@@ -2,9 +2,9 @@
 
 from typing import Annotated, Literal
 
-from pydantic import AfterValidator, Field
+from pydantic import Field
 
-from sautereau.rig.registry import known_kind
+from sautereau.rig.registry import CONTROLLERS, NameIn
 from sautereau.rig.section import Angle, Section, Time, Voltage
 
 Fraction = Annotated[float, Field(strict=True, gt=0, le=1)]
@@ -13,7 +13,7 @@ Fraction = Annotated[float, Field(strict=True, gt=0, le=1)]
 class Controller(Section):
     """The motor controller."""
 
-    kind: Annotated[str, AfterValidator(known_kind)] = "galil"
+    kind: Annotated[str, NameIn(CONTROLLERS, imported=False)] = "galil"
     """`galil` (DMC-4x), `odrive` (3.x with firmware 0.5.x), or a kind of another package."""
     port: str = Field(min_length=1)
     """Serial device, `tcp://host:port` of a controller on Ethernet (a Galil's port is 23), or any
