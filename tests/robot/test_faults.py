@@ -40,8 +40,6 @@ SOON = 50e-3
 """s of simulated time until the motors are off, where the controller detects the fault."""
 ALONE = 0.5 + SOON
 """s of simulated time, where only the controller's watchdog detects it."""
-GENTLY = 0.25
-"""s of simulated time, where the controller brings both joints to rest first."""
 HOST = None
 """Where the host detects it: the time depends on this machine."""
 OFF = "the controller confirms it"
@@ -392,7 +390,7 @@ def limit_here(desk):
     axis.settings["FL"] = axis.settings["BL"] = axis.reported
 
 
-@fault("a limit of joint 1 becomes active", GENTLY, "joint 1 stopped by the .* limit.*remove")
+@fault("a limit of joint 1 becomes active", SOON, "joint 1 stopped by the .* limit.*remove")
 def limit_hit(desk):
     desk.at(1, 0.03, lambda: limit_here(desk))
     desk.press()
@@ -401,6 +399,21 @@ def limit_hit(desk):
 @fault("the abort input becomes active", SOON, "stopped by the abort input")
 def emergency_stop(desk):
     desk.press(switch_closed={"switch": "abort", "press": 1, "at": "30 ms"})
+
+
+@fault("a limit switch of joint 2 closes", SOON, "joint 2 stopped by the forward limit")
+def limit_switch_closes(desk):
+    desk.press(switch_closed={"switch": "forward", "joint": 2, "press": 1, "at": "30 ms"})
+
+
+@fault("the amplifier of joint 1 reports overcurrent", SOON, "joint 1 .*amplifier fault")
+def amplifier_fault(desk):
+    desk.press(amplifier_fault={"joint": 1, "press": 1, "at": "30 ms"})
+
+
+@fault("the encoder of joint 1 is lost", None, "joint [12] (switched off|stopped by an encoder)")
+def encoder_lost(desk):
+    desk.press(finger="servo", encoder_loss={"joint": 1, "press": 1, "at": "30 ms"})
 
 
 def stall(desk, joint):
