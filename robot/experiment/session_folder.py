@@ -206,8 +206,12 @@ def differences(started: Any, asked: Any, at: str = "") -> Iterator[str]:
         for key in dict.fromkeys([*started, *asked]):
             place = f"{at}.{key}" if at else str(key)
             yield from differences(started.get(key, _ABSENT), asked.get(key, _ABSENT), place)
-    elif started != asked and {id(started), id(asked)} - {id(None), id(_ABSENT)}:
+    elif started != asked and not (_is_missing(started) and _is_missing(asked)):
         yield f"{at}: {_shown(started)} then, {_shown(asked)} now"
+
+
+def _is_missing(value: Any) -> bool:
+    return value is None or value is _ABSENT
 
 
 def _shown(value: Any) -> str:
