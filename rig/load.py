@@ -7,7 +7,7 @@ import tomllib
 from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 from pydantic import BaseModel, ValidationError
 
@@ -25,6 +25,7 @@ from sautereau.rig.faults import (
 from sautereau.rig.packaged import named_text
 from sautereau.rig.renamed import RENAMED_KEYS, current_key, rename_keys
 from sautereau.rig.schema import Rig
+from sautereau.rig.section import Section
 from sautereau.rig.units import format_quantity, parse_quantity, shown
 
 _ORIGIN = ("assumed", "source")
@@ -254,6 +255,23 @@ def _range(unit: str | None, value: Any, pair: Any) -> tuple[float, float]:
             " change the value or widen the range"
         )
     return low, high
+
+
+def add_defaults(document: Any, kind: type[BaseModel] = Rig) -> None:
+    """Add the defaults of keys that a stored `rig_document` of an earlier version lacks."""
+    for name, field in kind.model_fields.items():
+        if name not in document and not (field.exclude or field.is_required()):
+            default = field.get_default(call_default_factory=True)
+            document[name] = _plain(default, unit_of(kind, [name]))
+        nested = document.get(name)
+        for part in nested if isinstance(nested, list) else [nested]:
+            for inner in (field.annotation, *get_args(field.annotation)):
+                if (
+                    isinstance(part, dict)
+                    and isinstance(inner, type)
+                    and issubclass(inner, Section)
+                ):
+                    add_defaults(part, inner)
 
 
 def _document(model: BaseModel, kind: type[BaseModel]) -> dict[str, Any]:

@@ -24,7 +24,7 @@ NARROWINGS = 4
 """Refinements of a force peak inside the pluck, each between the neighbours of the last."""
 VARIABLES = (
     *(f"plectrum.{n}" for n in ("youngs_modulus", "width", "thickness", "length", "overlap")),
-    *(f"string.{n}" for n in ("tension", "length", "plucking_point", "frequency")),
+    *(f"string.{n}" for n in ("tension", "length", "plucking_point", "frequency", "diameter")),
     *(f"jack.{n}" for n in ("mass", "register_friction", "string_clearance")),
     *(f"key.{n}" for n in ("press_arm", "jack_arm", "jack_surface_height", "inertia")),
     *(f"key.{n}" for n in ("gravity_moment", "pivot_coulomb_friction", "pivot_viscous_friction")),
@@ -94,7 +94,7 @@ def predict_many(rig: Rig, values: Mapping[str, ArrayLike]) -> PredictionBatch:
         chunk = fixed | {name: v[part] for name, v in varying.items()}
         chunk = {n: np.broadcast_to(v, (part.stop - start,)) for n, v in chunk.items()}
         with np.errstate(all="ignore"):
-            found = _chunk(float(friction), chunk)
+            found = _chunk(float(friction), rig.plectrum.contact == "surface", chunk)
         for result, value in zip(results, found, strict=True):
             result[part] = value
     return PredictionBatch(*(result.reshape(shape) for result in results))
@@ -125,10 +125,10 @@ def _check(rig: Rig, given: Mapping[str, Floats], friction: Floats) -> None:
         raise ModelError("\n".join(faults))
 
 
-def _chunk(friction: float, v: Mapping[str, Floats]) -> tuple[np.ndarray, ...]:
+def _chunk(friction: float, surface: bool, v: Mapping[str, Floats]) -> tuple[np.ndarray, ...]:
     """Return the fields of `PredictionBatch` for cases of shape (n,)."""
     modulus, width, thickness, length, overlap = (v[n] for n in VARIABLES[:5])
-    tension, string_length, plucking_point, frequency = (v[n] for n in VARIABLES[5:9])
+    tension, string_length, plucking_point, frequency, diameter = (v[n] for n in VARIABLES[5:10])
     speed, clearance = v["press.jack_speed"], v["jack.string_clearance"]
     b = plucking_point / string_length
     bending = v.get(DERIVED[0], modulus * width * thickness**3 / 12)
@@ -142,13 +142,18 @@ def _chunk(friction: float, v: Mapping[str, Floats]) -> tuple[np.ndarray, ...]:
         & (b > 0)
         & (b < 1),
         Status.OVERLAP_OUT_OF_RANGE: (overlap > 0) & (overlap <= OVERLAP_MAX * length),
-        Status.PLECTRUM_OUT_OF_RANGE: _positive(bending) & _positive(length),
+        Status.PLECTRUM_OUT_OF_RANGE: _positive(bending)
+        & _positive(length)
+        & _positive(thickness)
+        & _positive(diameter),
     }
     sound = np.logical_and.reduce(list(ranges.values()))
-    bending, stiffness, length, overlap = np.where(
-        sound, (bending, stiffness, length, overlap), [[1.0], [1.0], [1.0], [0.1]]
+    offset = (thickness + diameter) / 2 if surface else np.zeros_like(length)
+    bending, stiffness, length, overlap, offset = np.where(
+        sound, (bending, stiffness, length, overlap, offset), [[1.0], [1.0], [1.0], [0.1], [0.0]]
     )
-    equilibria = Equilibria(UniformPlectra(friction, length, bending), stiffness, overlap)
+    plectra = UniformPlectra(friction, length, bending, offset)
+    equilibria = Equilibria(plectra, stiffness, overlap)
     paths = solve_paths(equilibria, POINTS)
     slide, status = paths.curves[-1], paths.status
     for name, within in ranges.items():

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 from sautereau.analysis.errors import ModelError
 from sautereau.analysis.model.plectrum.base import Floats
-from sautereau.analysis.model.plectrum.levels import plectrum_map
+from sautereau.analysis.model.plectrum.surface import string_map
 from sautereau.analysis.model.pluck.pluck import Pluck, solve_pluck
 from sautereau.analysis.model.string.string import release_speed
 from sautereau.rig.instrument import Choir, Key
@@ -97,7 +97,7 @@ def choir_pluck(choir: Choir, level: str = "elastica", *, rollover: bool = False
         ModelError: The level has no solution for this choir.
     """
     return solve_pluck(
-        plectrum_map(choir.plectrum, level),
+        string_map(choir.plectrum, choir.string, level),
         choir.string.static_stiffness,
         choir.plectrum.overlap,
         rollover=rollover,

@@ -14,6 +14,7 @@ from typing import Any
 from sautereau.daq.file.container.durable import PART
 from sautereau.daq.file.reading import read_session
 from sautereau.rig.disk import sync_folder, write_through
+from sautereau.rig.load import add_defaults
 from sautereau.rig.renamed import current_key, rename_keys
 from sautereau.robot.errors import RobotError
 from sautereau.robot.experiment.plan import Plan
@@ -140,7 +141,9 @@ def read_manifest(folder: Path) -> Manifest | None:
                 f"session {path}: it is of version {found['version']!r}, not {VERSION}; continue"
                 " with the version of sautereau that started it, or give another folder"
             )
-        rename_keys(found["plan"].get("rig", {}))
+        if "rig" in found["plan"]:
+            rename_keys(found["plan"]["rig"])
+            add_defaults(found["plan"]["rig"])
         for row in found["plan"].get("presses", ()):
             row["values"] = {current_key(key): value for key, value in row["values"].items()}
         found["set_up"] = {current_key(key): value for key, value in found["set_up"].items()}
