@@ -68,15 +68,16 @@ def compare(
     from sautereau.analysis.model.predict import predict as predict_press
     from sautereau.analysis.press.features import features
     from sautereau.analysis.session.compare import compare as compare_presses
-    from sautereau.analysis.session.compare import compare_features
+    from sautereau.analysis.session.compare import compare_features, predict_each
     from sautereau.analysis.summary.session import comparison_lines, comparison_summary
 
     both = load(files)
     pressed, found = [p for p, _ in both], [f for _, f in both]
     bench = load_rig(rig) if rig else pressed[0].rig
     prediction = predict_press(bench, level)
-    comparison = compare_presses(found, prediction)
-    every = compare_features([features(p, f) for p, f in both], bench, prediction)
+    each = predict_each(pressed, found, bench, level)
+    comparison = compare_presses(found, each)
+    every = compare_features([features(p, f) for p, f in both], bench, each)
     simulated = any(p.simulated for p in pressed)
     lines = [*([SOME_SIMULATED] * simulated), *comparison_lines(comparison, level, every)]
     result = comparison_summary(comparison, every) | {"simulated": simulated}

@@ -126,7 +126,7 @@ class SessionReport:
     def _row(self, index: int) -> tuple[dict[str, Any], list[str]]:
         """Return results and lines on all presses of one row."""
         from sautereau.analysis.model.predict import predict
-        from sautereau.analysis.session.compare import compare
+        from sautereau.analysis.session.compare import compare, predict_each
         from sautereau.analysis.session.repeatability import LEAST, repeatability
         from sautereau.analysis.summary.session import (
             comparison_lines,
@@ -154,7 +154,7 @@ class SessionReport:
             lines.append(", ".join(f"{key} = {value}" for key, value in row.values.items()) + ":")
         if any(f.plucks for f in found):
             prediction = predict(row.rig)
-            comparison = compare(found, prediction)
+            comparison = compare(found, predict_each(pressed, found, row.rig))
             drawn = len(self._pictured.intersection(numbers))
             names = dict.fromkeys((paths[0].stem, paths[drawn - 1].stem))
             picture = self._folder.path / f"{'-to-'.join(names)}.png"
