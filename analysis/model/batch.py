@@ -26,10 +26,12 @@ VARIABLES = (
     *(f"plectrum.{n}" for n in ("youngs_modulus", "width", "thickness", "length", "overlap")),
     *(f"string.{n}" for n in ("tension", "length", "plucking_point", "frequency", "diameter")),
     *(f"jack.{n}" for n in ("mass", "register_friction", "string_clearance")),
-    *(f"key.{n}" for n in ("press_arm", "jack_arm", "jack_surface_height", "inertia")),
+    *(f"key.{n}" for n in ("press_arm", "surface_height", "jack_arm", "jack_surface_height")),
+    "key.inertia",
     *(f"key.{n}" for n in ("gravity_moment", "pivot_coulomb_friction", "pivot_viscous_friction")),
     *(f"key.{n}" for n in ("dip", "felt_stiffness", "felt_damping")),
     *(f"press.{n}" for n in ("jack_speed", "jack_rise")),
+    "arm.fingertip_friction",
 )
 """Values of a rig that may vary between cases, SI."""
 DERIVED = ("plectrum.bending_stiffness", "string.static_stiffness")
@@ -185,6 +187,7 @@ def _key_in_range(v: Mapping[str, Floats]) -> np.ndarray:
     rest = ("key.gravity_moment", "key.jack_surface_height", "key.pivot_coulomb_friction")
     rest = (*rest, "key.pivot_viscous_friction", "jack.register_friction")
     rest = (*rest, "key.dip", "key.felt_stiffness", "key.felt_damping")
+    rest = (*rest, "key.surface_height", "arm.fingertip_friction")
     return np.logical_and.reduce([*positive, *(np.isfinite(v[name]) for name in rest)])
 
 
@@ -221,7 +224,7 @@ def _finger_force(v: Mapping[str, Floats], rise: Floats, string: Floats) -> Floa
     `sautereau.trajectory.key` written in the tangent of half the angle; rise and string
     force of shape (cases, points).
     """
-    c = {name.split(".")[1]: value[:, None] for name, value in v.items() if name[0] in "jkp"}
+    c = {name.split(".")[1]: value[:, None] for name, value in v.items() if name[0] in "ajkp"}
     b, hb = c["jack_arm"], c["jack_surface_height"]
     half = rise / (b + np.sqrt(b**2 + rise * (2 * hb + rise)))
     cosine, sine = (1 - half**2) / (1 + half**2), 2 * half / (1 + half**2)
@@ -234,4 +237,5 @@ def _finger_force(v: Mapping[str, Floats], rise: Floats, string: Floats) -> Floa
     arm = c["press_arm"]
     travel, speed = arm * 2 * np.arctan(half), arm * spin
     felt = felt_force(travel, speed, c["dip"], c["felt_stiffness"], c["felt_damping"])
-    return (moment + load * slope) / arm + felt
+    rubbing = c["fingertip_friction"] * c["surface_height"]
+    return (moment + load * slope) / (arm + rubbing) + felt

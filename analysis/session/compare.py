@@ -25,7 +25,7 @@ MANY = 20
 RESAMPLES = 9999
 """Of a bootstrap."""
 BEFORE = 0.1
-"""Dimensionless, fraction of the pluck duration before contact of which the rise is used as well."""
+"""Dimensionless, time before contact whose rise is used as well, over the pluck duration."""
 DEGREE, LEAST, INSTANTS = 5, 20, 100
 """Of the polynomial through the rise while a string is held, its fewest samples, and the instants
 at which its speed is taken."""

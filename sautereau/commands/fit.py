@@ -97,6 +97,7 @@ def identify(
     starts: int = 3,
     robust: Annotated[bool, Flag] = False,
     profile: Annotated[bool, Flag] = False,
+    verbose: Annotated[bool, Parameter(name=["-v", "--verbose"], negative=())] = False,
     out: OutFile | None = None,
     plot: Picture = None,
     json: Json = False,
@@ -119,9 +120,11 @@ def identify(
         Weight large residuals linearly instead of quadratically.
     profile
         Compute 95 % intervals by profile likelihood, too; this takes longer.
+    verbose
+        List what each fixed number of the rig does to the results.
     out
-        Rig file for the identifiable values. Other values of an existing file stay; a new file
-        is written from the recordings' rig.
+        Rig file for the identifiable values of a model that fits. Other values of an existing
+        file stay; a new file is written from the recordings' rig.
     """
     from sautereau.analysis.identify.fit import fit, inverse_dynamics
     from sautereau.analysis.identify.identified import evaluate
@@ -139,7 +142,7 @@ def identify(
     profiles = [profile_of(made, found, e.name) for e in found.estimates] if profile else []
     simulated = any(p.simulated for p in pressed)
     result = fit_summary(found, profiles) | {"simulated": simulated}
-    lines = [*([SOME_SIMULATED] * simulated), *fit_lines(found, profiles)]
+    lines = [*([SOME_SIMULATED] * simulated), *fit_lines(found, profiles, every=verbose)]
     if plot:
         from sautereau.analysis.figures.fit import plot_fit
 
@@ -162,7 +165,8 @@ def _write_rig(out: Path, nominal: "Rig", found: "Identified", simulated: bool) 
     from sautereau.rig.edit import edit_rig
     from sautereau.rig.text import rig_text
 
-    values = rig_values(nominal, {e.name: e.value for e in found.estimates if e.identifiable})
+    sure = [e for e in found.estimates if e.identifiable and found.quality.fits]
+    values = rig_values(nominal, {e.name: e.value for e in sure})
     first, count = found.presses[0], len(found.presses)
     source = (
         f"identified from {'SIMULATED ' * simulated}{first}"
