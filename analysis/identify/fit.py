@@ -6,10 +6,18 @@ from dataclasses import dataclass
 import numpy as np
 
 from sautereau.analysis.errors import AnalysisError
-from sautereau.analysis.identify.observed import LEAST, coupled_force, observed
+from sautereau.analysis.identify.observed import (
+    BACK,
+    FREE,
+    HELD,
+    LEAST,
+    coupled_force,
+    observed,
+)
 from sautereau.analysis.identify.parameters import (
     CLEARANCE,
     FORCE_GAIN,
+    RELEASE,
     TIME,
     TIME_RANGE,
     VELOCITY_GAIN,
@@ -37,6 +45,8 @@ SLIDING_STD = 1.2e-3
 """Dimensionless, common relative error of all forces, besides that of the transducer: the finger
 of a compliant arm slides along the key by a fifth of a millimetre, and its moment on the key
 changes by as much."""
+RELEASE_STD = 5e-3
+"""Dimensionless, of the height of release: the string moves, and the model's is static."""
 FAR = 10
 """Bounds of these errors, in their standard uncertainties."""
 ROUNDS = 3
@@ -115,7 +125,8 @@ def fit(
 
 def _errors(rig: Rig) -> list[Parameter]:
     """Return the hidden parameters for errors of the measurement, and the clearance."""
-    units, values = {CLEARANCE: "m", TIME: "s"}, {CLEARANCE: rig.jack.string_clearance, TIME: 0.0}
+    units = {CLEARANCE: "m", TIME: "s"}
+    values = {CLEARANCE: rig.jack.string_clearance, TIME: 0.0, RELEASE: 0.0}
     found = []
     for name, std in _stds(rig).items():
         value = values.get(name, 1.0)
@@ -136,6 +147,7 @@ def _stds(rig: Rig) -> dict[str, float]:
         TIME: max(float(np.hypot(force.delay_std, velocity.delay_std)), 1e-9),
         FORCE_GAIN: float(np.hypot(force.gain_std, SLIDING_STD)),
         VELOCITY_GAIN: max(velocity.gain_std, 1e-6),
+        RELEASE: RELEASE_STD,
     }
 
 
@@ -157,17 +169,18 @@ def _coloured(
 ) -> list[Whitening]:
     """Return whitenings for scale and autocovariance of the residuals.
 
-    The scale while a string is held is another one: an error of the pluck's model is there only.
+    Each part of the press has its own scale: an error of the pluck's model is in one only, and on
+    the way back the finger may lose the key and catch it again.
     """
     left = [f - w.trend(f) for f, w in zip(forces, noise, strict=True)]
     spent = len(dynamics.free) + sum(w.trends.shape[1] for w in noise)
-    held = [p.held[p.used] for p in dynamics.presses]
+    parts = [p.part[p.used] for p in dynamics.presses]
     scales = [np.full(len(f), max(rms(left), dynamics.floor)) for f in left]
-    for inside in (True, False):
-        part = [f[h == inside] for f, h in zip(left, held, strict=True)]
-        if sum(map(len, part)) >= LEAST:
-            for scale, h in zip(scales, held, strict=True):
-                scale[h == inside] = max(rms(part), dynamics.floor)
+    for part in (FREE, HELD, BACK):
+        own = [f[p == part] for f, p in zip(left, parts, strict=True)]
+        if sum(map(len, own)) >= LEAST:
+            for scale, p in zip(scales, parts, strict=True):
+                scale[p == part] = max(rms(own), dynamics.floor)
     covariance = autocovariance(
         [f / s for f, s in zip(left, scales, strict=True)],
         [p.used for p in dynamics.presses],

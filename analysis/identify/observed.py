@@ -42,6 +42,8 @@ RISE_STD = 1e-6
 """m, uncertainty of the rise of a jack, without that of the instant of release."""
 LEAST_REST, AFTER_RETURN = 10e-3, 10e-3
 """s, shortest rest from which the noise is estimated, and the time after the return before it."""
+FREE, HELD, BACK = range(3)
+"""Parts of a press: down without a string, with one, and the way back."""
 LEAST = 20
 """Fewest fitted instants of a press."""
 
@@ -76,8 +78,8 @@ class Observed:
     """s, `PARTS` times as dense as `time`, extended at both ends by half the smoothing window."""
     part_angle: Floats
     """rad, measured angle of the key at `part_time`."""
-    held: NDArray[np.bool_]
-    """Which instants are between contact and release of a string, shape (n,)."""
+    part: NDArray[np.int8]
+    """Part of the press at the instants: `FREE`, `HELD` or `BACK`; shape (n,)."""
     noise: float | None
     """N, RMS of the smoothed force with that of the acceleration, while the key is at rest; None
     without a rest."""
@@ -159,18 +161,18 @@ def observed(press: Press, phases: Phases, shift: float = 0.0) -> Observed:
         every_force=smooth(force),
         part_time=data.index.to_numpy()[rows],
         part_angle=angle[rows],
-        held=_held(phases, time[at]),
+        part=_part(phases, time[at], motion),
         noise=_noise(
             press, time, smooth(force), Motion(smooth(angle), smooth(velocity) / arm, slope / arm)
         ),
     )
 
 
-def _held(phases: Phases, time: Floats) -> NDArray[np.bool_]:
-    held = np.zeros(len(time), bool)
+def _part(phases: Phases, time: Floats, motion: Motion) -> NDArray[np.int8]:
+    found = np.where(motion.velocity < 0, BACK, FREE).astype(np.int8)
     for pluck in phases.plucks:
-        held |= (time > pluck.contact) & (time < pluck.release)
-    return held
+        found[(time > pluck.contact) & (time < pluck.release)] = HELD
+    return found
 
 
 def _noise(press: Press, time: Floats, force: Floats, motion: Motion) -> float | None:

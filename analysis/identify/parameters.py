@@ -14,6 +14,8 @@ STIFFNESS, MODULUS = "plectrum.bending_stiffness", "plectrum.youngs_modulus"
 TIME, FORCE = "offset.time", "offset.force"
 FORCE_GAIN, VELOCITY_GAIN = "offset.force_gain", "offset.velocity_gain"
 """True over measured force and velocity, 1 if correct; hidden, never a result."""
+RELEASE = "offset.release"
+"""Relative error of the static string's height of release; hidden."""
 FINGERTIP = "arm.fingertip_friction"
 CLEARANCE = "jack.string_clearance"
 TIME_RANGE = 1e-3

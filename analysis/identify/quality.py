@@ -11,12 +11,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from sautereau.analysis.identify.fit import Fit, rms
-from sautereau.analysis.identify.observed import WINDOW, Observed
+from sautereau.analysis.identify.observed import BACK, FREE, HELD, WINDOW, Observed
 from sautereau.analysis.identify.parameters import FORCE_GAIN, TIME, VELOCITY_GAIN
 from sautereau.trajectory.motion import Floats
 
-NOISE_MAX = 2.0
-"""Dimensionless, largest residual over the noise at rest, which hardly contains the hum."""
+NOISE_MAX = 1.2
+"""Dimensionless, largest averaged residual over the noise at rest, which is not averaged."""
 HELD_MAX, HELD_STDS = 1.1, 3.0
 """Dimensionless, largest residual of held strings over that elsewhere, and the standard deviations
 of that ratio which are allowed besides."""
@@ -25,6 +25,8 @@ REPEATED_MAX, REPEATED_STDS = 0.5, 3.0
 deviations of it which are allowed besides."""
 PRIOR_MAX = 3.0
 """Standard uncertainties by which a calibration may differ from the rig."""
+LONGEST = 9
+"""Instants, of the longest average over a period of the string."""
 INDEPENDENT = 0.6
 """Dimensionless, time between independent values of a smoothed force over the smoothing window."""
 
@@ -36,9 +38,9 @@ class Quality:
     noise: float | None
     """N, RMS of the load on the key at rest, smoothed as in the fit."""
     free_residual: float
-    """N, RMS force residual without a string."""
+    """N, RMS force residual on the way down without a string, averaged over a period of it."""
     held_residual: float | None
-    """N, RMS force residual while a string is held."""
+    """N, RMS force residual while a string is held, averaged over a period of it."""
     repeated_residual: float | None
     """N, RMS of the part of the force residual that repeats from press to press."""
     repetition: float
@@ -68,9 +70,13 @@ def quality(made: Fit) -> Quality:
     dynamics = made.problem.dynamics
     forces, _ = dynamics.residuals(made.values)
     left = [f - w.trend(f) for f, w in zip(forces, made.problem.whitenings, strict=True)]
-    held = [p.held[p.used] for p in dynamics.presses]
-    inside = [f[h] for f, h in zip(left, held, strict=True)]
-    free = rms([f[~h] for f, h in zip(left, held, strict=True)])
+    period = 1 / dynamics.rig.string.frequency
+    slow = [_slow(f, p, period) for f, p in zip(left, dynamics.presses, strict=True)]
+    inside, outside = (
+        [f[np.isfinite(f) & (p.part == which)] for f, p in zip(slow, dynamics.presses, strict=True)]
+        for which in (HELD, FREE)
+    )
+    free = rms(outside)
     noises = [p.noise for p in dynamics.presses if p.noise is not None]
     noise = rms([np.array(noises)]) if noises else None
     reasons = []
@@ -90,7 +96,7 @@ def quality(made: Fit) -> Quality:
                 f"the residual while a string is held is {held_residual * 1e3:.3g} mN, and"
                 f" {free * 1e3:.3g} mN without a string: look at plectrum and string"
             )
-    repeated = _repeated(dynamics.presses, left, dynamics.floor)
+    repeated = _repeated(dynamics.presses, slow, dynamics.floor)
     if repeated is not None:
         size, allowed, _ = repeated
         if size > allowed:
@@ -120,13 +126,30 @@ def quality(made: Fit) -> Quality:
     )
 
 
+def _slow(residual: Floats, press: Observed, period: float) -> Floats:
+    """Return the residual averaged over about a period of the string, NaN where it is not fitted.
+
+    The held string vibrates, which the model does not, and which does not bend its curve of force.
+    """
+    count = min(2 * round(period / press.step / 2) + 1, LONGEST)
+    series, slow = np.full(len(press.used), np.nan), np.full(len(press.used), np.nan)
+    series[press.used] = residual
+    means = np.convolve(series, np.full(count, 1 / count), "valid")
+    slow[count // 2 : len(slow) - count // 2] = means
+    # Not across the ends of the pluck, and as it is where it is too short.
+    edges = (
+        np.convolve(np.diff(press.part, prepend=press.part[0]) != 0, np.ones(count), "same") > 0.5
+    )
+    return np.where(np.isfinite(slow) & ~edges, slow, np.nan)
+
+
 def _independent(presses: Sequence[Observed]) -> float:
     """Return the number of independent values per instant."""
     return presses[0].step / (INDEPENDENT * WINDOW)
 
 
 def _repeated(
-    presses: Sequence[Observed], left: Sequence[Floats], floor: float
+    presses: Sequence[Observed], slow: Sequence[Floats], floor: float
 ) -> tuple[float, float, float] | None:
     """Return the RMS [N] of what presses of one motion have in common, its limit, the repetition.
 
@@ -134,8 +157,8 @@ def _repeated(
     """
     count = max(len(p.time) for p in presses)
     every = np.full((len(presses), count), np.nan)
-    for row, press, residual in zip(every, presses, left, strict=True):
-        row[np.flatnonzero(press.used)] = residual
+    for row, press, residual in zip(every, presses, slow, strict=True):
+        row[: len(residual)] = np.where(press.part == BACK, np.nan, residual)
     alike = np.isfinite(every).all(axis=0)
     first = presses[0].motion.velocity
     same = all(

@@ -8,6 +8,7 @@ from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.identify.observed import Observed
 from sautereau.analysis.identify.parameters import (
     FORCE_GAIN,
+    RELEASE,
     TIME,
     VELOCITY_GAIN,
     Parameter,
@@ -73,9 +74,10 @@ class InverseDynamics:
         rig, lag = with_parameters(self.rig, values), values.get(TIME, 0.0)
         gains = values.get(FORCE_GAIN, 1.0), values.get(VELOCITY_GAIN, 1.0)
         plucks = [self._pluck(choir) for choir in choirs(rig)]
+        late = 1 + values.get(RELEASE, 0.0)
         released = [
-            angle_of_rise(key_of(rig, choir), choir.jack.string_clearance + pluck.release_height)
-            for choir, pluck in zip(choirs(rig), plucks, strict=True)
+            angle_of_rise(key_of(rig, choir), choir.jack.string_clearance + late * p.release_height)
+            for choir, p in zip(choirs(rig), plucks, strict=True)
         ]
         angles = np.array(released, float)
         order = np.argsort(angles, kind="stable").tolist()  # in which the strings are released

@@ -300,7 +300,7 @@ def test_the_intervals_contain_the_calibrations_and_the_table_shows_each(two, fo
 
 def test_gains_and_lags_within_their_uncertainties_keep_the_results(two, true):
     """A gain of -1 % made EI 5 % too large; now it is part of the interval."""
-    pressed, phases = two
+    pressed, _ = two
     shifted = []
     for press in pressed:
         data = press.data.copy()
