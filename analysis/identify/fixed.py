@@ -2,7 +2,7 @@
 
 With the Jacobian J of whitened residuals and priors by the fitted parameters, and the derivative c
 by a fixed number, a change of that number moves the fit by -J^+ c. What is left of c, which is
-d = c - J J^+ c, tells what freeing it would give: a Gauss-Newton step of -d r / d d, which reduces
+d = c - J J^+ c, gives the effect of freeing it: a Gauss-Newton step of -d r / d d, which reduces
 the sum of squares of the residuals r by (d r)^2 / d d (the score test; 1 on average for a correct
 number).
 """
@@ -151,7 +151,7 @@ def suggestions(made: Fit, noise: float) -> tuple[Suggestion, ...]:
             continue
         step, reduction = freed(*_beside(dynamics, name, value))
         low, high = ENDS.get(name, (0.0, np.inf))
-        # A number that would have to be impossible is not the cause; a step may be too long.
+        # An impossible number is not the cause, but a linear step may be too long.
         if reduction > SUGGESTED and low <= value + step <= high + (high - low):
             found.append(Suggestion(name, unit, reduction, min(value + step, high)))
     found.sort(key=lambda s: -s.reduction)

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.identify import FREE, outcomes
+from benchmarks.identify import FREE, outcomes, simulated_cases
 from benchmarks.simulated import sensed
 from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.figures.fit import fit_figure
@@ -314,7 +314,7 @@ def test_gains_and_lags_within_their_uncertainties_keep_the_results(two, true):
         assert estimate.value == pytest.approx(value, rel=0.05)
 
 
-def test_a_string_on_the_surface_of_a_rig_with_the_mid_line_is_told(rig):
+def test_a_string_on_the_surface_of_a_rig_with_the_mid_line_is_suggested(rig):
     truth = TRUTH | {"plectrum.contact": "surface"}
     scene = load_scene("paper").model_copy(update={"truth": truth})
     seen = observe(rig, scene)
@@ -327,7 +327,7 @@ def test_a_string_on_the_surface_of_a_rig_with_the_mid_line_is_told(rig):
 
 @pytest.mark.slow
 def test_claimed_results_are_right():
-    found = outcomes(range(40))
+    found = outcomes(simulated_cases(range(40)))
     assert found.fits.mean() > 0.8
     for k in range(3):
         assert found.right[found.claimed[:, k], k].mean() >= 0.88
