@@ -120,13 +120,13 @@ def presses_of(made: Bench, seeds: range) -> tuple[list[Press], list[Phases]]:
 
 def identified(pressed: Sequence[Press], phases: Sequence[Phases]) -> tuple[Identified, float]:
     """Return the last of several fits, each of which frees a suggestion, and its time [s]."""
-    free = list(FREE)
-    for _ in range(ROUNDS):
-        spent, found = timed(identify, pressed, phases, free, starts=1)
+    free: list[str] = list(FREE)
+    spent, found = timed(identify, pressed, phases, free, starts=1)
+    for _ in range(ROUNDS - 1):
         if not found.suggested:
             break
-        name = found.suggested[0].name
-        free.append(name)
+        free.append(found.suggested[0].name)
+        spent, found = timed(identify, pressed, phases, free, starts=1)
     return found, spent
 
 

@@ -119,7 +119,7 @@ def _at_release(rig: Rig, level: str, target: float, what: str, part: float) -> 
     """Find the force at the tip for which lift - part * Z equals a target [m], and its overlap."""
     plectrum, stiffness = string_map(rig.plectrum, rig.string, level), rig.string.static_stiffness
 
-    def beyond(force: ArrayLike) -> Floats:
+    def beyond(force: Floats) -> Floats:
         _, _, up = _at_tip(plectrum, force)
         drop = -plectrum.bend(plectrum.length, force).z
         return force * up / stiffness + part * drop - target

@@ -7,7 +7,7 @@ import tomllib
 from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any
 
 from pydantic import BaseModel, ValidationError
 
@@ -19,13 +19,13 @@ from sautereau.rig.faults import (
     line_of,
     model_keys,
     near_miss,
+    submodel,
     unit_of,
     validation_faults,
 )
 from sautereau.rig.packaged import named_text
 from sautereau.rig.renamed import RENAMED_KEYS, current_key, rename_keys
 from sautereau.rig.schema import Rig
-from sautereau.rig.section import Section
 from sautereau.rig.units import format_quantity, parse_quantity, shown
 
 _ORIGIN = ("assumed", "source")
@@ -257,21 +257,29 @@ def _range(unit: str | None, value: Any, pair: Any) -> tuple[float, float]:
     return low, high
 
 
-def add_defaults(document: Any, kind: type[BaseModel] = Rig) -> None:
-    """Add the defaults of keys that a stored `rig_document` of an earlier version lacks."""
+def current_document(document: dict[str, Any]) -> dict[str, Any]:
+    """Return a document of an earlier version with the current keys, new ones at their defaults.
+
+    Args:
+        document: As `rig_document` returned it, or a part of it; left unchanged.
+    """
+    current = json.loads(json.dumps(document))
+    rename_keys(current)
+    _complete(current, Rig)
+    return current
+
+
+def _complete(document: dict[str, Any], kind: type[BaseModel]) -> None:
+    """Add the optional keys that are missing in the tables of a document, in place."""
     for name, field in kind.model_fields.items():
-        if name not in document and not (field.exclude or field.is_required()):
+        if name in document:
+            value = document[name]
+            for table in value if isinstance(value, list) else [value]:
+                if isinstance(table, dict) and (nested := submodel(field.annotation)):
+                    _complete(table, nested)
+        elif not field.is_required() and not field.exclude:
             default = field.get_default(call_default_factory=True)
             document[name] = _plain(default, unit_of(kind, [name]))
-        nested = document.get(name)
-        for part in nested if isinstance(nested, list) else [nested]:
-            for inner in (field.annotation, *get_args(field.annotation)):
-                if (
-                    isinstance(part, dict)
-                    and isinstance(inner, type)
-                    and issubclass(inner, Section)
-                ):
-                    add_defaults(part, inner)
 
 
 def _document(model: BaseModel, kind: type[BaseModel]) -> dict[str, Any]:

@@ -189,19 +189,13 @@ class StandIn:
         scene: What is simulated.
         seed: Of all noise.
         paced: Whether simulated time follows real time.
-        port: `pty` for a pseudo-terminal, `socket` for TCP on loopback; by default a
-            pseudo-terminal where the system has them.
     """
 
-    def __init__(
-        self, rig: Rig, scene: Scene, seed: int = 0, *, paced: bool = False, port: str | None = None
-    ):
+    def __init__(self, rig: Rig, scene: Scene, seed: int = 0, *, paced: bool = False):
         self._nominal = rig
         self.scene = scene
         self.bench = Bench(rig, scene, seed, paced)
-        self._make_port = {"pty": PtyPort, "socket": SocketPort}[
-            port or ("pty" if hasattr(os, "openpty") else "socket")
-        ]
+        self._make_port = PtyPort if hasattr(os, "openpty") else SocketPort
         self._stack = contextlib.ExitStack()
 
     def __enter__(self) -> "StandIn":

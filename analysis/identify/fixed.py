@@ -172,7 +172,7 @@ def _other_contact(rig: Rig) -> Rig:
 
 def _moved(rows: Floats, column: Floats) -> Floats:
     """Return the move of the fit by a unit of the column."""
-    return -np.linalg.lstsq(rows, column, rcond=1e-9)[0]
+    return -np.asarray(np.linalg.lstsq(rows, column, rcond=1e-9)[0], float)
 
 
 def _fixed(dynamics: InverseDynamics) -> list[tuple[str, str, float]]:

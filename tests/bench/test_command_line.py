@@ -17,6 +17,7 @@ import pytest
 
 from sautereau.commands.app import app, main
 from sautereau.rig.load import load_rig
+from sautereau.robot.experiment.folder_lock import LOCK
 from sautereau.sim_backend.bench import StandIn
 from sautereau.sim_backend.scene import load_scene
 from sautereau.trajectory.arm import joints_holding_point
@@ -318,7 +319,7 @@ def test_a_trigger_that_never_comes(sautereau, rig_file, stand_in, tmp_path):
     done = sautereau("press", path, "--out", "out")
     refused(done, "PFI0", "press-0001.mcap.part")
     left = {p.name for p in (tmp_path / "out").iterdir()}
-    assert left == {"press-0001.mcap.part", "session.json"}
+    assert left == {"press-0001.mcap.part", "session.json", LOCK}
 
 
 def test_a_full_disk(tmp_path, bare, rig_file):
@@ -361,7 +362,7 @@ def test_an_interrupted_session_leaves_a_safe_arm_and_complete_files(
     assert "Traceback" not in message
     assert stand_in.bench.firmware.motors_on == (False, False)
     for left in (tmp_path / "out").iterdir():
-        assert left.suffix in (".mcap", ".json") or left.name in message
+        assert left.suffix in (".mcap", ".json") or left.name == LOCK or left.name in message
 
 
 def test_plain_clients_press_against_a_served_stand_in(tmp_path, sautereau):

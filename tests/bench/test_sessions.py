@@ -94,6 +94,20 @@ def test_killed_at_random_moments_and_resumed(sautereau, tmp_path, bare, rig_fil
     assert every_press_once(out, presses) == recordings
 
 
+def test_a_recovered_fragment_is_not_a_press_of_the_session(sautereau, tmp_path, bare, rig_file):
+    words = ("press", rig_file(), "--scene", bare, "-n", 2, "--out", "out", "--json")
+    assert sautereau(*words).returncode == 0
+    second = tmp_path / "out" / "press-0002.mcap"
+    fragment = second.rename(f"{second}.part")
+    with fragment.open("r+b") as file:
+        file.truncate(fragment.stat().st_size // 2)
+    assert sautereau("recover", fragment).returncode == 0
+    answer = json.loads(sautereau(*words).stdout)
+    assert answer["left"] == 0
+    assert answer["recordings"] == ["out/press-0001.mcap", "out/press-0003.mcap"]
+    assert "press-0002.mcap is not a complete press" in "".join(answer["warnings"])
+
+
 def test_another_plan_in_the_same_folder_is_refused_with_the_differences(
     sautereau, tmp_path, bare, rig_file
 ):
@@ -181,7 +195,7 @@ def test_on_a_terminal_the_session_waits_for_the_operator(bare, rig_file, tmp_pa
             while b"Enter" not in asked:
                 asked += os.read(master, 1024)
             assert b"plectrum.overlap = 0.30 mm" in asked
-            assert not (tmp_path / "out").exists()
+            assert not (tmp_path / "out" / "session.json").exists()
             os.write(master, b"\n")
             result = json.loads(process.communicate(timeout=60)[0])
         for end in (master, slave):

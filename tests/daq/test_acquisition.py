@@ -1,12 +1,16 @@
 """The real nidaqmx, over loopback gRPC, against a card of noise; and every fault's message."""
 
 import math
+import signal
 import socket
 import subprocess
 import sys
 
+import grpc
+import nidaqmx
 import numpy as np
 import pytest
+from nidaqmx.constants import TaskMode
 
 from sautereau.daq.errors import DaqError
 from sautereau.daq.source.acquisition import Acquisition
@@ -113,7 +117,7 @@ def test_an_address_that_is_none(paper, address):
     [
         ({}, {"daq.channels.1.terminal": "ai7"}, ["ai7", "-200170", "it has Dev1/ai0, Dev1/ai1"]),
         ({}, {"daq.device": "Dev9"}, ["Dev9", "the driver knows Dev1", "daq.device"]),
-        ({}, {"daq.trigger_source": "ao/StartTrigger"}, ["-89120", "arming"]),
+        ({}, {"daq.trigger_source": "ao/StartTrigger"}, ["-89120", "setting up"]),
         ({}, {"daq.channels.1.range": "12 V"}, ["-200077"]),
         ({"ready": 0}, {}, ["/Dev1/PFI0", "0.3 s", "controller.trigger_output", "cable"]),
         ({"ready": 1500}, {}, ["stopped at 1500 of 2560", "daq.trigger_timeout"]),
@@ -127,11 +131,44 @@ def test_each_fault_of_the_device_says_how_to_fix_it(bench, noise_card, card, va
     assert all(run.stopped.is_set() for run in card.runs)
 
 
-def test_a_card_in_use(bench):
+def test_a_card_in_use_is_refused_before_it_is_started(bench):
     _, _, rig = bench()
+    with Acquisition(rig.daq, 0.05):
+        fault = fault_of(rig.daq)
+    assert "another sautereau process on this machine uses it" in str(fault)
+
+
+def test_a_card_in_use_by_another_program(bench):
+    _, server, rig = bench()
+    with (
+        grpc.insecure_channel(server.address) as channel,
+        nidaqmx.Task(grpc_options=nidaqmx.GrpcSessionOptions(channel, "")) as other,
+    ):
+        other.ai_channels.add_ai_voltage_chan("Dev1/ai0")
+        other.control(TaskMode.TASK_RESERVE)
+        assert "another task or program holds it" in str(fault_of(rig.daq))
+
+
+KILLED = """
+import os, signal, sys
+from sautereau.daq.source.acquisition import Acquisition
+from sautereau.rig.load import load_rig, with_values
+rig = with_values(load_rig("paper"), {"daq.address": sys.argv[1]})
+with Acquisition(rig.daq, 0.05) as acquisition:
+    acquisition.start()
+    os.kill(os.getpid(), signal.SIGKILL)
+"""
+
+
+def test_the_session_of_a_killed_client_is_cleared(bench):
+    card, server, rig = bench()
+    killed = subprocess.run([sys.executable, "-c", KILLED, server.address], check=False)
+    assert killed.returncode == -signal.SIGKILL
+    assert not card.runs[0].stopped.is_set()
     with Acquisition(rig.daq, 0.05) as acquisition:
         acquisition.start()
-        assert "another task or program holds it" in str(fault_of(rig.daq))
+        assert sum(block.volts.shape[1] for block in acquisition.blocks()) == 2560
+    assert card.runs[0].stopped.is_set()
 
 
 def test_server_gone_in_mid_read(bench):

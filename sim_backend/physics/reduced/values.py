@@ -163,7 +163,11 @@ def _elastica(
         for first in range(start, step_end, CHUNK):
             part = slice(first, min(first + CHUNK, step_end))
             solved, sure = elastica_laws(
-                *(v[part] for v in (stiffness, overlap, bending, length, offset)),
+                stiffness[part],
+                overlap[part],
+                bending[part],
+                length[part],
+                offset[part],
                 float(friction[start]),
             )
             good[part] &= sure
