@@ -17,9 +17,9 @@ from sautereau.trajectory.motion import Floats
 
 NOISE_MAX = 1.2
 """Dimensionless, largest averaged residual over the noise at rest, which is not averaged."""
-HELD_MAX, HELD_STDS = 1.1, 3.0
+HELD_MAX, HELD_STDS = 1.1, 2.0
 """Dimensionless, largest residual of held strings over that elsewhere, and the standard deviations
-of that ratio which are allowed besides."""
+of that ratio which are allowed besides; at least the noise at rest is allowed."""
 REPEATED_MAX, REPEATED_STDS = 0.5, 3.0
 """Dimensionless, largest repeated part of the residual over the rest of it, and the standard
 deviations of it which are allowed besides."""
@@ -28,7 +28,8 @@ PRIOR_MAX = 3.0
 LONGEST = 9
 """Instants, of the longest average over a period of the string."""
 INDEPENDENT = 0.6
-"""Dimensionless, time between independent values of a smoothed force over the smoothing window."""
+"""Dimensionless, time between independent values of a smoothed force over the windows of smoothing
+and averaging."""
 
 
 @dataclass(frozen=True)
@@ -90,13 +91,14 @@ def quality(made: Fit) -> Quality:
         sum(map(len, inside)),
     )
     if held_residual is not None:
-        spread = 1 / np.sqrt(2 * max(1.0, instants * _independent(dynamics.presses)))
-        if held_residual > max(free, dynamics.floor) * (HELD_MAX + HELD_STDS * spread):
+        spread = 1 / np.sqrt(2 * max(1.0, instants * _independent(dynamics.presses, period)))
+        allowed = max(free, dynamics.floor) * (HELD_MAX + HELD_STDS * spread)
+        if held_residual > max(allowed, noise or 0.0):
             reasons.append(
                 f"the residual while a string is held is {held_residual * 1e3:.3g} mN, and"
                 f" {free * 1e3:.3g} mN without a string: look at plectrum and string"
             )
-    repeated = _repeated(dynamics.presses, slow, dynamics.floor)
+    repeated = _repeated(dynamics.presses, slow, dynamics.floor, period)
     if repeated is not None:
         size, allowed, _ = repeated
         if size > allowed:
@@ -143,13 +145,13 @@ def _slow(residual: Floats, press: Observed, period: float) -> Floats:
     return np.where(np.isfinite(slow) & ~edges, slow, np.nan)
 
 
-def _independent(presses: Sequence[Observed]) -> float:
+def _independent(presses: Sequence[Observed], period: float) -> float:
     """Return the number of independent values per instant."""
-    return presses[0].step / (INDEPENDENT * WINDOW)
+    return presses[0].step / (INDEPENDENT * (WINDOW + period))
 
 
 def _repeated(
-    presses: Sequence[Observed], slow: Sequence[Floats], floor: float
+    presses: Sequence[Observed], slow: Sequence[Floats], floor: float, period: float
 ) -> tuple[float, float, float] | None:
     """Return the RMS [N] of what presses of one motion have in common, its limit, the repetition.
 
@@ -171,7 +173,7 @@ def _repeated(
     n, mean = len(presses), every[:, alike].mean(axis=0)
     within = float(np.mean(np.var(every[:, alike], axis=0, ddof=1))) + floor**2
     common = float(np.mean(mean**2)) - within / n
-    spread = np.sqrt(2 / max(1.0, alike.sum() * _independent(presses))) * within / n
+    spread = np.sqrt(2 / max(1.0, alike.sum() * _independent(presses, period))) * within / n
     allowed = np.sqrt(REPEATED_MAX**2 * within + REPEATED_STDS * spread)
     common = max(0.0, common)
     return float(np.sqrt(common)), float(allowed), 1 + n * common / within

@@ -18,7 +18,8 @@ from sautereau.trajectory.press import plan_press
 def recordings(tmp_path_factory):
     """Two recordings of a bench whose overlap and inertia are not those of its rig."""
     truth = {"plectrum.overlap": "0.33 mm", "key.inertia": "9e-4 kg m^2"}
-    scene = load_scene("paper").model_copy(update={"truth": truth})
+    # With the scene's own steps the force is 20 us late, which is an error of the model.
+    scene = load_scene("paper").model_copy(update={"truth": truth, "step": 50e-6})
     out = tmp_path_factory.mktemp("recordings")
     with StandIn(load_rig(), scene, 1) as stand_in:
         rig = stand_in.rig
@@ -32,7 +33,7 @@ def run(capsys, *words):
 
 def test_identify_writes_a_rig_that_compare_agrees_with(recordings, tmp_path, capsys):
     rig, picture = tmp_path / "found.toml", tmp_path / "fit.png"
-    free = "plectrum.overlap,key.inertia,key.gravity_moment"
+    free = "plectrum.bending_stiffness,plectrum.overlap,key.inertia,key.gravity_moment"
     status, out = run(
         capsys, "identify", *recordings, "--free", free, "--starts", 1, "--out", rig,
         "--plot", picture, "--json",
@@ -45,7 +46,10 @@ def test_identify_writes_a_rig_that_compare_agrees_with(recordings, tmp_path, ca
         assert low < high
         assert set(found["correlation"]) == set(found["parameters"])
     assert found["simulated"]
-    assert set(found["written"]) == {"plectrum.overlap", "key.inertia"}
+    assert found["fits"]
+    assert set(found["written"]) == {
+        "plectrum.youngs_modulus", "plectrum.overlap", "key.inertia"
+    }  # fmt: skip
     assert picture.stat().st_size > 1000
     written = load_rig(rig)
     assert written.plectrum.overlap == found["parameters"]["plectrum.overlap"]["value"]
