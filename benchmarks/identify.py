@@ -34,7 +34,7 @@ from sautereau.sim_backend.scene import Scene, load_scene
 
 RESULTS = ("plectrum.bending_stiffness", "plectrum.overlap", "key.inertia")
 FREE = (*RESULTS, "key.pivot_coulomb_friction")
-BENCHES, PRESSES = 40, 5
+BENCHES, PRESSES = 30, 5
 """Random benches, and presses of each."""
 ROUNDS = 3
 """Fits of a bench, each with the first suggestion of the last one freed."""

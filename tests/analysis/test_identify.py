@@ -327,7 +327,7 @@ def test_a_string_on_the_surface_of_a_rig_with_the_mid_line_is_suggested(rig):
 
 @pytest.mark.slow
 def test_claimed_results_are_right():
-    found = outcomes(simulated_cases(range(40)))
+    found = outcomes(simulated_cases(range(30)))
     assert found.fits.mean() > 0.8
     for k in range(3):
         assert found.right[found.claimed[:, k], k].mean() >= 0.88

@@ -60,9 +60,10 @@ def test_identify_writes_a_rig_that_compare_agrees_with(recordings, tmp_path, ca
     for extra in ((), ("--rig", rig)):
         _, out = run(capsys, "compare", *recordings, "--json", *extra)
         compared = json.loads(out)
-        errors.append(abs(compared["slope_error"]["value"]))
+        errors.append(abs(compared["duration_error"]["value"]))
         assert compared["features"]["pluck_duration"]["unit"] == "s"
-    assert errors[1] < errors[0]
+    assert errors[0] > 0.05
+    assert errors[1] < 0.02
 
 
 def test_a_rig_file_keeps_its_comments_and_profiles_are_reported(recordings, tmp_path, capsys):
@@ -83,7 +84,10 @@ def test_a_rig_file_keeps_its_comments_and_profiles_are_reported(recordings, tmp
     assert sources["key.inertia"].startswith("identified from SIMULATED press-0001.mcap on ")
 
 
-def test_an_error_elsewhere_in_the_rig_hides_a_parameter(recordings, capsys):
-    """With a wrong overlap the residual is so large that the inertia is not identifiable."""
-    _, out = run(capsys, "identify", recordings[0], "--free", "key.inertia", "--starts", 1)
-    assert "not identifiable from these recordings" in out
+def test_an_error_elsewhere_in_the_rig_is_reported_and_its_cause_suggested(recordings, capsys):
+    """With a wrong overlap the model does not fit, and freeing the overlap is suggested."""
+    _, out = run(capsys, "identify", recordings[0], "--free", "key.inertia", "--starts", 1, "-v")
+    assert "THE MODEL DOES NOT FIT" in out
+    assert "suggested: free plectrum.overlap" in out
+    assert "no 95 % intervals" in out
+    assert "offset.velocity_gain" in out
