@@ -18,7 +18,8 @@ def campaign(
     *,
     out: common.OutFile,
     processes: Annotated[
-        int | None, Parameter(help="Number of processes. Default: one per core.")
+        int | None,
+        Parameter(help="Number of processes. Default: one per core, fewer for few recordings."),
     ] = None,
     cluster: Annotated[str | None, Parameter(help="Address of a Dask scheduler.")] = None,
     json: common.Json = False,
@@ -35,16 +36,13 @@ def campaign(
     out
         Parquet file of the table.
     """
-    import os
-
     from sautereau.analysis.campaign.run import run_campaign
 
     if processes is not None and cluster is not None:
         return common.fail(
             json, "--processes and --cluster exclude each other; give one of them", 2
         )
-    here = processes if processes is not None else os.cpu_count() or 1
-    where = here if cluster is None else cluster
+    where = processes if cluster is None else cluster
     with common.signals_stop(), common.fraction_bar() as show:
         made = run_campaign(folder, out, where, on_read=lambda done, total: show(done / total))
     found = made.campaign
