@@ -107,10 +107,11 @@ def test_another_package_adds_the_emulator_of_a_controller(tmp_path, monkeypatch
     (info / "METADATA").write_text("Metadata-Version: 2.1\nName: toy\nVersion: 1.0\n")
     (info / "entry_points.txt").write_text("[sautereau.emulators]\ntoy = toy_emulator:emulate\n")
     (tmp_path / "toy_emulator.py").write_text(
+        "from sautereau.sim_backend.controller_part import ControllerUnit\n"
         "from sautereau.sim_backend.devices.galil.firmware import GalilFirmware\n"
         "def emulate(rig, plant, on_output, paced):\n"
-        "    return GalilFirmware(plant, revision='TOY', on_output=on_output)\n"
+        "    return GalilFirmware(plant, ControllerUnit(serial_number=77), on_output=on_output)\n"
     )
     monkeypatch.syspath_prepend(tmp_path)
     bench = Bench(toy_rig(), NOISY)
-    assert b"TOY" in bench.receive(b"\x12\x16\r")
+    assert b" 77.0000" in bench.receive(b"MG _BN\r")

@@ -11,7 +11,9 @@ RATE = 1024
 
 segments = st.lists(
     st.tuples(
-        st.integers(-3000, 3000), st.integers(-60_000, 60_000), st.integers(1, 40)
+        st.integers(-3000, 3000),
+        st.integers(-30_000, 30_000).map(lambda half: 2 * half),
+        st.integers(1, 20).map(lambda half: 2 * half),
     ),
     min_size=1,
     max_size=12,
@@ -68,7 +70,7 @@ def test_a_polynomial_is_extrapolated_beyond_its_sample(bench):
 def test_both_axes_start_and_end_in_step(bench):
     bench.accept("SH")
     for axis, sign in (("A", 1), ("B", -2)):
-        queue(bench, axis, [(sign * 100, sign * 9000, 15), (sign * 200, 0, 31)])
+        queue(bench, axis, [(sign * 100, sign * 9000, 16), (sign * 200, 0, 30)])
     assert bench.number("_PVA") == 252
     bench.accept("BT AB")
     assert bench.send("SC") == " 30, 30\r\n:"
