@@ -6,14 +6,14 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from sautereau.rig.measured import MEASURED, measured_quantity
+from sautereau.rig.measured import MEASURED
 from sautereau.rig.registry import NameIn
 from sautereau.rig.section import Current, Frequency, Section, Time, Voltage
 from sautereau.rig.units import Unit, UnitBy
 
 
 def _scale_unit(quantity: str) -> Unit:
-    measured = measured_quantity(quantity)
+    measured = MEASURED.get(quantity)
     return Unit(measured.scale_unit, measured.example)
 
 
@@ -76,12 +76,7 @@ class Channel(Section):
     @property
     def unit(self) -> str:
         """SI unit of the signal."""
-        return measured_quantity(self.quantity).unit
-
-    @property
-    def coupling(self) -> Literal["AC", "DC"]:
-        """Whether a constant passes."""
-        return "AC" if self.high_pass else "DC"
+        return MEASURED.get(self.quantity).unit
 
     @property
     def lag(self) -> float:

@@ -6,6 +6,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import tomlkit
+
 from sautereau.rig.disk import read_limited, write_durably
 from sautereau.rig.errors import RigError
 from sautereau.rig.faults import fault_list, model_keys, near_miss
@@ -91,8 +93,6 @@ def edited_text(
     Raises:
         RigError: A key does not exist, or the new rig is not valid.
     """
-    import tomlkit
-
     parse_rig(text, origin, folder)
     document = tomlkit.parse(text)
     in_file = {current_key(old): old for old in rename_keys(document.unwrap())}
@@ -111,8 +111,6 @@ def edited_text(
 
 def _put(node: Any, keys: list[str], value: str | float, source: str) -> None:
     """Set the value at a key of the document; only the last part of the key may be new."""
-    import tomlkit
-
     *parents, last = keys
     for key in parents:
         node = node[int(key)] if isinstance(node, list) else node[key]

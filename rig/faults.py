@@ -101,11 +101,11 @@ def line_of(text: str, key: str) -> int | None:
     return best[1] if best else None
 
 
-def submodels(annotation: Any) -> list[type[BaseModel]]:
-    """Return the tables that an annotation allows; none if it is a value."""
+def submodel(annotation: Any) -> type[BaseModel] | None:
+    """Return the table that an annotation allows; None if it is a value."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        return [annotation]
-    return [model for inner in get_args(annotation) for model in submodels(inner)]
+        return annotation
+    return next(filter(None, map(submodel, get_args(annotation))), None)
 
 
 def unit_of(model: type[BaseModel], location: list[Any], values: Any = None) -> str | None:
@@ -117,26 +117,18 @@ def unit_of(model: type[BaseModel], location: list[Any], values: Any = None) -> 
         values: What the table holds, a document or an instance. Where a unit follows from
             another field and there is no such value, the result names all: `m/s/V or N/V`.
     """
-    models = [model]
+    table: type[BaseModel] | None = model
     unit = None
     for part in location:
         if str(part).isdigit():
             values = values[int(part)] if isinstance(values, list | tuple) else None
             continue
-        unit, following = None, []
-        for candidate in models:
-            if field := candidate.model_fields.get(str(part)):
-                unit = unit or _find_unit(field.metadata) or _find_unit([field.annotation])
-                following += submodels(field.annotation)
-        if isinstance(unit, UnitBy):
-            unit = _resolved(unit, values)
-        models, values = following, _value(values, str(part))
+        field = table.model_fields.get(str(part)) if table else None
+        unit = field and (_find_unit(field.metadata) or _find_unit([field.annotation]))
+        if isinstance(unit, UnitBy) and (name := _value(values, unit.field)) in unit.names():
+            unit = unit.unit(name)
+        table, values = field and submodel(field.annotation), _value(values, str(part))
     return unit.name if unit else None
-
-
-def _resolved(unit: UnitBy, values: Any) -> Unit | UnitBy:
-    name = _value(values, unit.field)
-    return unit.unit(name) if name in unit.names() else unit
 
 
 def _value(values: Any, name: str) -> Any:
@@ -159,5 +151,5 @@ def model_keys(model: type[BaseModel], prefix: str = "") -> Iterator[str]:
         if field.exclude:
             continue
         yield prefix + name
-        for inner in submodels(field.annotation):
+        if inner := submodel(field.annotation):
             yield from model_keys(inner, f"{prefix}{name}.")

@@ -19,7 +19,7 @@ from sautereau.rig.faults import (
     line_of,
     model_keys,
     near_miss,
-    submodels,
+    submodel,
     unit_of,
     validation_faults,
 )
@@ -275,8 +275,8 @@ def _complete(document: dict[str, Any], kind: type[BaseModel]) -> None:
         if name in document:
             value = document[name]
             for table in value if isinstance(value, list) else [value]:
-                if isinstance(table, dict) and (nested := submodels(field.annotation)):
-                    _complete(table, nested[0])
+                if isinstance(table, dict) and (nested := submodel(field.annotation)):
+                    _complete(table, nested)
         elif not field.is_required() and not field.exclude:
             default = field.get_default(call_default_factory=True)
             document[name] = _plain(default, unit_of(kind, [name]))

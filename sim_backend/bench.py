@@ -22,8 +22,8 @@ from sautereau.sim_backend.devices.tcp_port import TcpPort
 from sautereau.sim_backend.errors import SceneError
 from sautereau.sim_backend.fault_injection import BadLine, FaultInjection
 from sautereau.sim_backend.physics.world import new_world
+from sautereau.sim_backend.prepare import prepared
 from sautereau.sim_backend.scene import Scene
-from sautereau.sim_backend.sensors.simulated import SIMULATED
 from sautereau.sim_backend.truth import Truth, truths
 
 SETTLING = 2.0
@@ -48,7 +48,7 @@ class Bench:
     """
 
     def __init__(self, rig: Rig, scene: Scene, seed: int = 0, paced: bool = False):
-        self.scene, self.reached = _prepared(rig, scene)
+        self.scene, self.reached = prepared(rig, scene)
         """The scene with every choice made, and the accuracy that it reaches; empty where the
         scene asks for none."""
         self.paced = paced
@@ -56,8 +56,9 @@ class Bench:
         self.rig = scene.as_wired(self.world.rig)
         self.failure: Exception | None = None
         unit = scene.controller or ControllerUnit()
-        self.plant = ArmPlant(self.world, unit.index_angles)
-        self.interface = unit.interface
+        self.plant = ArmPlant(self.world, unit.index_angles, unit.limit_switches)
+        self.port = "tcp" if unit.interface == "ethernet" else "serial"
+        """Kind of the controller's port."""
         self._inverted, self._output_delay = unit.output_inverted, unit.output_delay
         self.injection = FaultInjection(self.scene.faults, self.plant, lambda: self.world.time)
         self._lock = FairLock()
@@ -124,6 +125,11 @@ class Bench:
         with self._lock:
             return self._networked.connect()
 
+    def connected(self, port: str) -> bool:
+        """Return whether the controller still has a handle."""
+        with self._lock:
+            return self._networked.connected(port)
+
     def disconnect(self, port: str) -> None:
         """Lose a TCP connection."""
         with self._lock:
@@ -187,6 +193,8 @@ class Bench:
         for port, message in self.firmware.outgoing().items():
             sent = self._line.towards_host(message)
             self._outbox[port] = self._outbox.get(port, b"") + sent
+            if port != SERIAL and self._line.gone:
+                self._networked.miss_acknowledgement(port)
         if self._outbox:
             self.on_message()
         motions = self.world.advance(reference, any(self.firmware.motors_on))
@@ -203,41 +211,6 @@ class Bench:
         self._lock.notify_all()
 
 
-def _prepared(rig: Rig, scene: Scene) -> tuple[Scene, str]:
-    """Return a scene with every choice made, and the accuracy that it reaches, if it asks for one.
-
-    Raises:
-        SceneError: As of `Bench`.
-    """
-    faults = []
-    if scene.finger == "push":
-        faults.append(
-            'finger: "push" has no arm for a controller to move; it is for sweeps and `trade`:'
-            ' use finger = "ideal" or "servo"'
-        )
-    elif scene.controller is not None and rig.controller.kind != "galil":
-        faults.append(
-            f"controller: the table describes a Galil, and the rig has controller.kind ="
-            f' "{rig.controller.kind}"; remove the table'
-        )
-    elif scene.faults is not None:
-        quantities = {channel.quantity for channel in rig.daq.channels}
-        faults += scene.faults.conflicts(scene.finger, quantities)
-    for i, channel in enumerate(rig.daq.channels):
-        try:
-            SIMULATED.get(channel.quantity)
-        except SceneError as error:
-            faults.append(f"daq.channels.{i}.quantity: {error}")
-    if faults:
-        raise SceneError("\n".join(faults))
-    if scene.accuracy is None:  # only an accuracy leaves choices open
-        return scene, ""
-    from sautereau.sim_backend.trade.select import select_solver
-
-    selected = select_solver(rig, scene)
-    return selected.scene, str(selected)
-
-
 class StandIn:
     """The simulated bench as the host sees it: a serial port and a gRPC address.
 
@@ -246,9 +219,7 @@ class StandIn:
         scene: What is simulated.
         seed: Of all noise.
         paced: Whether simulated time follows real time.
-        port: `pty` for a pseudo-terminal, `socket` for a serial line over TCP on loopback, `tcp`
-            for the controller's Ethernet; by default what the scene's controller has, with a
-            pseudo-terminal for a serial port where the system has them.
+        port: `tcp` for the controller's Ethernet, whatever port the scene's controller has.
     """
 
     def __init__(
@@ -257,13 +228,11 @@ class StandIn:
         self._nominal = rig
         self.scene = scene
         self.bench = Bench(rig, scene, seed, paced)
-        serial = "pty" if hasattr(os, "openpty") else "socket"
-        kind = port or ("tcp" if self.bench.interface == "ethernet" else serial)
-        self._make_port = {
-            "pty": lambda: PtyPort(self.bench.receive),
-            "socket": lambda: SocketPort(self.bench.receive),
-            "tcp": lambda: TcpPort(self.bench),
-        }[kind]
+        if "tcp" in (port, self.bench.port):
+            self._make_port = lambda: TcpPort(self.bench)
+        else:
+            serial = PtyPort if hasattr(os, "openpty") else SocketPort
+            self._make_port = lambda: serial(self.bench.receive)
         self._stack = contextlib.ExitStack()
 
     def __enter__(self) -> "StandIn":

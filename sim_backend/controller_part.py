@@ -60,6 +60,8 @@ class ControllerUnit(Section):
     index_angles: tuple[Angle, Angle] = (0.1, 0.1)
     """rad, of each joint from its home switch to the encoder's index, which recurs every
     revolution of the motor."""
+    limit_switches: bool = False
+    """Whether there are limit switches, at the limits of the arm's joints."""
     odd_pvt: Literal["truncate", "refuse"] = "truncate"
     """What happens to odd velocities and times of `PV`."""
     pvt_error_limit: bool = True

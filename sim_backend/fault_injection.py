@@ -176,9 +176,14 @@ class BadLine:
             return b""
         return self._disturbed(answer, "host")
 
+    @property
+    def gone(self) -> bool:
+        """Whether the cable is disconnected."""
+        return self._out(self._cable)
+
     def towards_host(self, data: bytes) -> bytes:
         """Carry bytes that the controller sends by itself."""
-        return b"" if self._out(self._cable) else self._disturbed(data, "host")
+        return b"" if self.gone else self._disturbed(data, "host")
 
     @property
     def _noisy(self) -> bool:

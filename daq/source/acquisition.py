@@ -19,8 +19,6 @@ from sautereau.daq.source.terminals import trigger_terminal
 from sautereau.rig.acquisition import Daq
 from sautereau.rig.schema import Rig
 
-__all__ = ["Acquisition", "Block"]
-
 PERIOD = 5e-3
 """Interval of polling for the samples before the trigger, s."""
 
@@ -186,15 +184,27 @@ class Acquisition:
         while plan.total is None or position < plan.total:
             n = daq.block if plan.total is None else min(daq.block, plan.total - position)
             volts = np.empty((len(daq.channels), n))
+            acquired = None
             with driver_errors(daq, "reading", self._options):
                 count, late = self._read(reader, volts)
+                if position == 0:
+                    acquired = self._acquired(count)
             if count:
-                yield Block(position - plan.before, volts[:, :count])
+                yield Block(position - plan.before, volts[:, :count], acquired)
             position += count
             if late is not None:
                 raise self._too_late(position, n) from late
             if plan.total is None:
                 self._check_position(position)
+
+    def _acquired(self, read: int) -> int:
+        """Return the index after the last sample acquired by now, counted from the trigger.
+
+        Reading may lag by seconds behind the device, with samples before the edge by all of them.
+        """
+        if self._plan.before and self._plan.after is not None:
+            return self._plan.after
+        return max(read, self._task.in_stream.total_samp_per_chan_acquired)
 
     def _read(self, reader: Any, volts: NDArray[np.float64]) -> tuple[int, Exception | None]:
         """Fill ``volts``; return the number of samples read, and the error if not all were."""

@@ -23,10 +23,12 @@ class ArmPlant:
     Args:
         world: With the arm.
         index_angles: rad, of each joint from its home switch to its encoder's index.
+        limit_switches: Whether there are switches at the joints' limits.
     """
 
-    def __init__(self, world: World, index_angles: Pair = (0.1, 0.1)):
+    def __init__(self, world: World, index_angles: Pair = (0.1, 0.1), limit_switches: bool = False):
         self._world, self._index_angles = world, index_angles
+        self._limit_switches = limit_switches
         self._slipped, self._by_hand = [0, 0], [0, 0]
         self._signs = [1, 1]
         self._sources = [0, 1]
@@ -56,11 +58,22 @@ class ArmPlant:
         The home switches conduct below the home positions.
         """
         on = (switch, 0 if switch == "abort" else axis) in self._closed
-        if switch == "home" and not on:
-            joint = self._places[axis] * self._world.radians_per_count + self._world.start[axis]
-            on = joint < self._world.rig.arm.home_angles[axis] - self._world.radians_per_count / 2
+        if not on and switch != "abort":
+            on = self._beyond(switch, axis)
         group = "limit" if switch in ("forward", "reverse") else switch
         return on != (group in self._inverted)
+
+    def _beyond(self, switch: str, axis: int) -> bool:
+        """Return whether a joint is where its switch conducts."""
+        arm, radians = self._world.rig.arm, self._world.radians_per_count
+        joint = self._places[axis] * radians + self._world.start[axis]
+        if switch == "home":
+            return joint < arm.home_angles[axis] - radians / 2
+        if not self._limit_switches:
+            return False
+        if switch == "forward":
+            return joint > arm.upper_limits[axis]
+        return joint < arm.lower_limits[axis]
 
     def amplifier_fault(self, axis: int) -> bool:
         """Return whether an axis's amplifier reports overcurrent."""
@@ -109,7 +122,7 @@ class ArmPlant:
         The loops follow the encoders: they move the arm by the difference that they see.
         """
         true = self._physical(self._world.finger.joints(), by_hand=False)
-        seen = self._seen(true)
+        seen = self._seen((true[0] + self._by_hand[0], true[1] + self._by_hand[1]))
         if seen == true:
             return reference
         off = np.subtract(seen, true)
@@ -145,6 +158,13 @@ class ArmPlant:
     def lose_encoder(self, joint: int) -> None:
         """Freeze the readings of a joint's encoder from now on."""
         self._frozen[joint - 1] = float(self._encoders[joint - 1])
+
+    def connect_encoder(self, joint: int) -> None:
+        """Connect a lost encoder again; it counts on from where its readings stopped."""
+        frozen, self._frozen[joint - 1] = self._frozen[joint - 1], None
+        if frozen is not None:
+            self._slipped[joint - 1] += round(frozen - self._reading(self._places, joint - 1))
+        self.sample()
 
     def unwire_index(self, joint: int) -> None:
         """Remove the index of a joint's encoder."""

@@ -17,6 +17,10 @@ class Controller(Protocol):
         """Open a connection; return its handle, or None if all are in use."""
         ...
 
+    def connected(self, port: str) -> bool:
+        """Return whether the controller still has a handle."""
+        ...
+
     def disconnect(self, port: str) -> None:
         """Lose a connection."""
         ...
@@ -87,7 +91,8 @@ class TcpPort(Port):
             if data:
                 with contextlib.suppress(PortGone):
                     answers += self._controller.receive(data, handle)
-                    return
+                    if self._controller.connected(handle):
+                        return
         self._controller.disconnect(handle)
         connection.close()
         del self._connections[connection]

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from matplotlib.patches import Circle
 
-from sautereau.analysis.figures.bench import bench_figure, plot_bench
+from sautereau.analysis.figures.bench import bench_figure
 from sautereau.analysis.figures.side import BenchPose, jack_foot, string_height
 from sautereau.analysis.model.choirs import choirs
 from sautereau.rig.load import load_rig, with_values
@@ -83,5 +83,5 @@ def test_a_jack_without_damper_or_tongue_is_drawn(change):
 
 def test_a_file_appears(tmp_path):
     path = tmp_path / "bench.svg"
-    plot_bench(path, RIG, PLAN)
+    bench_figure(RIG, PLAN).savefig(path)
     assert path.read_bytes().startswith(b"<?xml")

@@ -68,7 +68,6 @@ def test_the_file_holds_units_and_the_returned_table(complete):
     assert again.schema == SCHEMA
     field = pq.read_schema(complete.path).field("release_force")
     assert field.metadata == {b"unit": b"N"}
-    assert complete.units["contact_std"] == "s"
     assert unit_of("contact_2") == "s"
 
 

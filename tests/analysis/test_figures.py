@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from sautereau.analysis.errors import AnalysisError
-from sautereau.analysis.figures.comparison import comparison_figure, plot_comparison
+from sautereau.analysis.figures.comparison import comparison_figure
 from sautereau.analysis.model.predict import predict
 from sautereau.analysis.phases import find_phases
 from tests.plots import texts
@@ -62,10 +62,10 @@ def test_a_mute_press_is_drawn(make_press, prediction):
 def test_a_file_appears(tmp_path, make_press, prediction):
     press = make_press()
     path = tmp_path / "picture.pdf"
-    plot_comparison(path, [press], [find_phases(press)], prediction)
+    comparison_figure([press], [find_phases(press)], prediction).savefig(path)
     assert path.read_bytes().startswith(b"%PDF")
 
 
-def test_no_press_is_refused(tmp_path, prediction):
+def test_no_press_is_refused(prediction):
     with pytest.raises(AnalysisError, match="no press to draw"):
-        plot_comparison(tmp_path / "none.png", [], [], prediction)
+        comparison_figure([], [], prediction)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from sautereau.analysis.figures.mount import mount_figure, plot_mount
+from sautereau.analysis.figures.mount import mount_figure
 from sautereau.rig.load import with_values
 from sautereau.trajectory.mount.find import MountMap, find_mount, mount_map
 from tests.plots import texts
@@ -66,7 +66,7 @@ def test_what_is_excluded_is_hatched(paper, figure, small_map, best):
 
 def test_the_picture_is_a_file(paper, small_map, best, tmp_path):
     path = tmp_path / "mount.png"
-    plot_mount(path, paper, small_map, best)
+    mount_figure(paper, small_map, best).savefig(path)
     assert path.stat().st_size > 10_000
 
 

@@ -3,7 +3,7 @@
 import pytest
 
 from sautereau.analysis.errors import AnalysisError
-from sautereau.analysis.figures.phases import phases_figure, plot_phases
+from sautereau.analysis.figures.phases import phases_figure
 from sautereau.analysis.phases import find_phases
 
 
@@ -21,7 +21,7 @@ def test_a_boundary_is_shown_with_its_uncertainty(make_press):
 def test_presses_with_and_without_a_pluck_go_into_a_file(make_press, tmp_path):
     presses = [make_press(simulated=False), make_press(slope=0, simulated=False)]
     path = tmp_path / "phases.png"
-    plot_phases(path, presses, [find_phases(press) for press in presses])
+    phases_figure(presses, [find_phases(press) for press in presses]).savefig(path)
     assert path.stat().st_size > 10_000
 
 

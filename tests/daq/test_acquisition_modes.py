@@ -128,6 +128,23 @@ def test_samples_before_the_edge_are_recorded_below_zero(card, rig, session, tmp
     assert np.array_equal(found.volts["force"], ramp(0, 7680)[1])
 
 
+@pytest.mark.parametrize(("before", "latest"), [(0.05, 5120), (0.0, 40_000)])
+def test_the_trigger_is_dated_by_the_samples_acquired_since(
+    card, rig, session, tmp_path, before, latest
+):
+    """And not by the first block, which may be read seconds after the edge."""
+    card.acquired = lambda run: run.before or latest
+    rig = changed(rig, pre_trigger=before)
+    now = 1_790_000_000_000_000_000
+    with Acquisition(rig.daq, 0.1) as acquisition:
+        acquisition.start()
+        block = next(acquisition.blocks())
+    path = tmp_path / "a.mcap"
+    with Recording(path, rig, session=session, clock=lambda: now, monotonic=lambda: 0) as made:
+        made.write_block(block)
+    assert made.t0_ns == now - round((latest - 1) * 1e9 / 51_200)
+
+
 def test_start_returns_when_the_samples_before_the_edge_are_there(card, rig):
     card.acquired = lambda run: 100 * run.asked
     with Acquisition(changed(rig, pre_trigger=0.01).daq, 0.1) as acquisition:

@@ -210,6 +210,19 @@ def test_what_is_not_built_says_so(task):
     assert code_of(getattr, task.timing, "samp_clk_timebase_rate") == -200197
 
 
+@pytest.mark.parametrize("channels", ["Dev1/ai0:30000000", "Dev1/ai30000000:0"])
+def test_a_range_of_very_many_channels_is_refused(task, channels):
+    with pytest.raises(DaqError, match="-200170"):
+        task.ai_channels.add_ai_voltage_chan(channels)
+
+
+def test_a_read_larger_than_an_answer_is_refused(task):
+    task.ai_channels.add_ai_voltage_chan("Dev1/ai0")
+    task.timing.cfg_samp_clk_timing(1000, sample_mode=AcquisitionType.CONTINUOUS)
+    with pytest.raises(DaqError, match="-50352"):
+        task._interpreter.read_analog_f64(task._handle, 2**31 - 1, 0.0, 0, np.empty(0))
+
+
 def test_stopping_the_server_ends_a_read_that_waits(card):
     card.ready = 0
     with DaqmxServer(card) as server, grpc.insecure_channel(server.address) as channel:

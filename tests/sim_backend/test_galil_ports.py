@@ -7,10 +7,11 @@ import pytest
 import serial
 
 from sautereau.rig.load import load_rig, with_values
-from sautereau.sim_backend.bench import StandIn
+from sautereau.sim_backend.bench import Bench, StandIn
 from sautereau.sim_backend.controller_part import ControllerUnit
 from sautereau.sim_backend.devices.galil.firmware import GalilFirmware
 from sautereau.sim_backend.errors import SceneError
+from sautereau.sim_backend.fault_tables import Faults
 from sautereau.sim_backend.scene import parse_scene
 from tests.sim_backend.scenes import MUTE, scene_of
 
@@ -59,6 +60,8 @@ def test_tcp_never_echoes_and_messages_go_where_cf_says():
             assert ask(first, b"MG _WH\r") == b" 0.0000\r\n:"
         with connected(stand_in) as third:
             assert ask(third, b"TC1\r").endswith(b":")
+            third.sendall(b"RS\r")
+            assert third.recv(100) == b""  # a reset loses all connections
 
 
 def test_a_lost_handle_is_noticed_with_the_next_message(bench):
@@ -74,6 +77,22 @@ def test_a_lost_handle_is_noticed_with_the_next_message(bench):
     bench.tick(6)
     assert firmware.receive(b"MG lost,code,_XQ1\r", first) == b" 1.0000 123.0000 -1.0000\r\n:"
     assert [firmware.connect() for _ in range(8)] == [*"BCDEFGH", None]
+
+
+def test_a_silent_cable_is_noticed_by_messages_without_acknowledgement():
+    program = b'#A\rWT 100\rMG "x"\rEN\r#TCPERR\rMO\rRE\r'
+    sent = b"DL\r" + program + b"\\CFI;SH;XQ #A\r"
+    faults = Faults.model_validate({"cable_out": {"after_bytes": len(sent)}})
+    bench = Bench(load_rig(), quiet(ETHERNET).model_copy(update={"faults": faults}))
+    assert bench.connect() == "A"
+    assert bench.receive(sent, "A") == b""
+    for _ in range(1300):
+        bench.tick()
+    assert bench.firmware.motors_on == (True, True)
+    for _ in range(100):
+        bench.tick()
+    assert bench.firmware.motors_on == (False, False)
+    assert not bench.connected("A")
 
 
 @pytest.mark.skipif(not hasattr(socket, "AF_UNIX"), reason="no pseudo-terminals")

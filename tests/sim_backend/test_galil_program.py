@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+from sautereau.sim_backend.controller_part import ControllerUnit
 from sautereau.sim_backend.devices.galil.tasks import LINE_TIME
 
 
@@ -180,3 +181,55 @@ def test_a_bad_download_leaves_no_program(bench, lines, code):
     assert download(bench, *lines) == "?"
     assert bench.send("TC1").startswith(f"{code} ")
     assert bench.refusal("XQ") == 10
+
+
+def test_torque_is_recorded_as_a_fraction_of_ten_volts(bench):
+    bench.torques = 10.0, -2.5
+    capture(bench, "_TTA", "_TTB", "_TSA", "TIME")
+    bench.accept("RC 1,4")
+    bench.tick(9)
+    assert upload(bench, "D0")[:4] == [32_767] * 4
+    assert upload(bench, "D1")[:4] == [-8192] * 4
+    assert upload(bench, "D2")[0] == 12  # bits 0 to 4 only
+    assert np.diff(upload(bench, "D3")[:4]).tolist() == [2, 2, 2]
+    assert bench.send("TT;MG _TTB") == " 10.0000,-2.5000\r\n:-2.5000\r\n:"
+
+
+def test_elements_are_uploaded_in_pieces(make_bench):
+    bench = make_bench(ControllerUnit(control_z="attached"))
+    bench.accept("DM X[4]", "X[2]=7")
+    assert bench.send("QU X[],2,3,1") == " 7.0000, 0.0000\x1a\r\n:"
+    assert bench.refusal("QU X[],3,3,1") == 56  # at least two
+    assert bench.refusal("QU X[],0,4,1") == 56
+
+
+def test_waits_have_a_resolution_of_two_and_scale_with_tm(bench):
+    download(bench, "#A", "t=TIME;WT 9;a=TIME-t", "t=TIME;WT 9,1;b=TIME-t", "EN")
+    for period, first in ((1000, 8), (500, 16)):
+        bench.accept(f"TM {period}", "XQ #A")
+        bench.run()
+        assert bench.send("MG a,b") == f" {first}.0000 8.0000\r\n:"
+
+
+def test_at_may_be_late(make_bench):
+    bench = make_bench(ControllerUnit(at_jitter=4))
+    download(bench, "#A", "AT 0", "#L", "AT -10,1;SB 1;CB 1;n=n+1", "JP #L,n<40", "EN")
+    bench.accept("n=0", "XQ #A")
+    bench.tick(450)
+    rises = np.array([at for at, _, level in bench.outputs if level])
+    late = rises - rises[0] - 10 * np.arange(40)
+    assert 0 < np.ptp(late) <= 4
+
+
+@pytest.mark.parametrize(
+    ("amplifier", "largest"), [("none", 9.9982), ("D3040", 7), ("D3540", 5), ("D3640", 5)]
+)
+def test_the_largest_gain_limits_the_torque(make_bench, amplifier, largest):
+    bench = make_bench(ControllerUnit(amplifier=amplifier))
+    bench.accept("TL 9.9" if amplifier != "D3640" else "TL 5", "AG 2")
+    assert bench.number("_TLA") == pytest.approx(min(9.9, largest), abs=1e-3)
+    if amplifier != "none":
+        assert bench.refusal(f"TLA={largest + 0.1:.2f}") == 6
+        bench.accept(f"TLA={largest}")
+    bench.accept("SHA")
+    assert bench.refusal("AGA=1") == 135

@@ -158,6 +158,18 @@ def test_an_encoder_that_does_not_move_under_torque_has_failed(bench, torque, st
     assert bench.refusal("OV 1.5") == 6
 
 
+def test_an_input_may_abort_its_axis(bench):
+    load(bench, "#POSERR", "n=n+1", "RE")
+    bench.accept("n=0", "SH", "OE 1,1", "CN ,,,1", "JG 5000,5000;BG")
+    bench.tick(9)
+    bench.firmware.inputs[5] = False
+    bench.tick(9)
+    assert bench.send("MG _SCA,_SCB,_MOA,_MOB,n").split(" ")[1:5] == [
+        *("0.0000", "11.0000", "0.0000", "1.0000")
+    ]
+    assert bench.number("n") == 1
+
+
 def test_an_amplifier_fault_switches_off_every_axis_with_oe(bench):
     load(bench, "#AMPERR", "bits=_TA0", "#W;WT 2;JP #W")
     bench.accept("SH", "OE 1,1", "JGB=500;BGB")

@@ -7,6 +7,7 @@ from sautereau.rig.load import load_rig
 from sautereau.sim_backend.bench import Bench
 from sautereau.sim_backend.controller_part import ControllerUnit
 from sautereau.sim_backend.devices.daqmx.card import TaskSetup
+from sautereau.sim_backend.devices.galil.firmware import GalilFirmware
 from sautereau.sim_backend.errors import SceneError
 from sautereau.sim_backend.fault_tables import Faults
 from tests.sim_backend.scenes import MUTE, scene_of
@@ -51,7 +52,19 @@ def test_joints_lifted_by_hand_show_how_the_encoders_are_wired():
     assert lift(arm(), joint=2) == (0, 5000)
     assert lift(arm({"encoder_sign": {"joint": 1}})) == (-5000, 0)
     assert lift(arm({"encoders_swapped": {}})) == (0, 5000)
-    assert lift(arm({"encoder_loss": {"joint": 1}})) == (0, 0)
+    bench = arm({"encoder_loss": {"joint": 1}})
+    assert lift(bench) == (0, 0)
+    bench.operate(lambda plant: plant.connect_encoder(1))
+    assert lift(bench) == (5000, 0)
+
+
+def test_a_lifted_arm_holds_its_place_when_it_is_powered():
+    bench = arm()
+    lift(bench)
+    send(bench, "SH")
+    run(bench, 100)
+    assert abs(number(bench, "_TEA")) < 20
+    assert number(bench, "_TPA") == pytest.approx(5000, abs=20)
 
 
 @pytest.mark.parametrize(
@@ -108,6 +121,17 @@ def test_inverted_switches(group, operand):
     assert number(arm(), operand) != number(arm({"switch_polarity": {"switch": group}}), operand)
 
 
+def test_limit_switches_at_the_joints_limits():
+    bench = arm(finger="ideal", limit_switches=True)
+    assert number(bench, "_LFA") == 1
+    assert "?" not in send(bench, "SH;SDA=9000000;ACA=9000000;JGA=400000;BGA")
+    run(bench, 3000)
+    assert number(bench, "_SCA") == 2
+    rig = load_rig()
+    radians = bench.world.start[0] + bench.plant.encoder_counts()[0] * rig.arm.radians_per_count
+    assert radians == pytest.approx(rig.arm.upper_limits[0], abs=0.05)
+
+
 def test_homing_to_switch_and_index_and_one_without_index():
     line = "SH;SP*=80000;HV*=80000;AC*=9000000;DC*=9000000;HM;BG"
     bench = arm(finger="ideal")
@@ -129,6 +153,7 @@ def leads(program, threads, **unit):
     found = []
     for wait in range(2, 14, 2):
         bench = arm(finger="ideal", **unit)
+        assert isinstance(bench.firmware, GalilFirmware)
         bench.firmware.host_waits = False
         send(bench, f"DL\r#P\rWT {wait}\r{program}\rEN\r#X\rn=n+1\rJP #X\r\\")
         send(bench, "n=0;SH;PVA=2000,0,40;PVA=,,0")

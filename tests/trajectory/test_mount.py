@@ -11,7 +11,7 @@ from sautereau.trajectory.errors import TrajectoryError
 from sautereau.trajectory.key import angle_of_rise, key_under_fingertip, rise_of_angle
 from sautereau.trajectory.motion import Motion
 from sautereau.trajectory.mount.bases import ELBOWS, LIMITS, assess_bases, key_angles
-from sautereau.trajectory.mount.find import FINGER_FORCE, assess_mount, find_mount, mount_map
+from sautereau.trajectory.mount.find import assess_mount, find_mount, mount_map
 from sautereau.trajectory.press import plan_press
 from sautereau.trajectory.timing import press_law
 
@@ -83,7 +83,7 @@ def test_no_random_base_is_better(held, spread, least):
     for _ in range(200):
         bases = random.uniform(corner, end, (1000, 2))
         for elbow in ELBOWS:
-            found = assess_bases(rig, elbow, bases, key_angles(rig, 33), FINGER_FORCE)
+            found = assess_bases(rig, elbow, bases, key_angles(rig, 33))
             allowed = found.violation <= 0
             feasible += allowed.sum()
             # 33 angles underestimate the largest residual by at most this fraction.
@@ -204,15 +204,13 @@ def test_the_map_holds_the_best_base(held):
     assert least[feasible].min() >= residual_of(mount) * (1 - 1e-2)
     row, column = np.unravel_index(np.where(feasible, least, np.inf).argmin(), least.shape)
     place = np.array([[area.x[column], area.z[row]]])
-    there = assess_bases(rig, mount.elbow, place, key_angles(rig, 65), FINGER_FORCE)
+    there = assess_bases(rig, mount.elbow, place, key_angles(rig, 65))
     assert least[row, column] == pytest.approx(there.worst_residual[0], rel=0.05)
 
 
-def test_a_map_of_one_base_and_a_force_that_is_no_number_are_refused(paper):
+def test_a_map_of_one_base_is_refused(paper):
     with pytest.raises(TrajectoryError, match="too few"):
         mount_map(paper, 1)
-    with pytest.raises(TrajectoryError, match="not finite"):
-        find_mount(paper, np.nan)
 
 
 @st.composite
@@ -257,6 +255,6 @@ def check_mount(rig):
     assert z[0] <= mount.base_z <= z[1]
     bases = np.random.default_rng(1).uniform((x[0], z[0]), (x[1], z[1]), (2000, 2))
     for elbow in ELBOWS:
-        found = assess_bases(rig, elbow, bases, key_angles(rig, 65), FINGER_FORCE)
+        found = assess_bases(rig, elbow, bases, key_angles(rig, 65))
         allowed = found.worst_residual[found.violation <= 0]
         assert allowed.min(initial=np.inf) >= residual_of(mount) * (1 - 1e-3)

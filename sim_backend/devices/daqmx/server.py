@@ -22,7 +22,10 @@ _INITIALIZE, _ATTACH = 1, 2
 _BY_CHANNEL, _BY_SCAN = 0, 1
 _NOT_YET_AVAILABLE = -200284
 _OPTIONS = (("grpc.so_reuseport", 0), ("grpc.max_send_message_length", -1))
-_WORKERS = 8
+_WORKERS = 32
+"""Calls that are answered at the same time; further ones are refused at once."""
+_MOST_SAMPLES = 8_000_000
+"""Samples of all channels that one read may return: what a message may hold."""
 
 
 class Servicer(Properties):
@@ -190,6 +193,10 @@ class Servicer(Properties):
             raise DaqmxError(-200077, f"Fill mode {fill} does not exist.")
         n = request.num_samps_per_chan
         n = task.remaining() if n < 0 else n
+        if n * len(task.channels) > _MOST_SAMPLES:
+            raise DaqmxError(
+                -50352, f"Memory for {n} samples of {len(task.channels)} channels was refused."
+            )
         if request.array_size_in_samps < n * len(task.channels):
             raise DaqmxError(
                 -200229,
@@ -225,7 +232,9 @@ class DaqmxServer:
         """``127.0.0.1:port``, the port chosen by the operating system; empty when not served."""
         self._servicer = Servicer(card)  # pyright: ignore[reportAbstractUsage]
         self._workers = ThreadPoolExecutor(_WORKERS, thread_name_prefix="daqmx stand-in")
-        self._server = grpc.server(self._workers, options=_OPTIONS)
+        self._server = grpc.server(
+            self._workers, options=_OPTIONS, maximum_concurrent_rpcs=_WORKERS
+        )
         nidaqmx_pb2_grpc.add_NiDAQmxServicer_to_server(self._servicer, self._server)
 
     def __enter__(self) -> "DaqmxServer":

@@ -16,6 +16,9 @@ from sautereau.sim_backend.devices.galil.program import Program
 from sautereau.sim_backend.devices.galil.uart import Uart
 from sautereau.trajectory.motion import Floats
 
+RETRIES = 5 * 250
+"""Samples after which a message is given up that its host does not acknowledge: five retries."""
+
 
 def emulate(
     rig: Rig, plant: Plant, on_output: OnOutput, paced: bool, unit: ControllerUnit | None = None
@@ -46,6 +49,7 @@ class GalilFirmware(Machine):
         host_waits: bool = False,
     ) -> None:
         unit = unit or ControllerUnit()
+        self._giving_up: dict[str, int] = {}
         self._uart = Uart(unit.baud_rate, unit.input_buffer) if unit.baud_rate else None
         super().__init__(plant, unit, on_output, execute, host_waits)
         silent = self.unit.interface == "usb" and not self.unit.usb_echo
@@ -64,7 +68,9 @@ class GalilFirmware(Machine):
 
         A looping program that the host started, such as a watchdog, does not count.
         """
-        if self.in_motion or self.capture.running or self.line_busy or self.tasks.pending:
+        if self.in_motion or self.capture.running or self.line_busy:
+            return True
+        if self.tasks.pending and not self.tasks.in_error_routine:
             return True
         return any(not thread.resident for thread in self.tasks.threads.values())
 
@@ -100,6 +106,14 @@ class GalilFirmware(Machine):
         """Lose a TCP connection."""
         self.ports.disconnect(letter)
 
+    def miss_acknowledgement(self, letter: str) -> None:
+        """Give a handle up after some retries, because its host does not acknowledge a message."""
+        self._giving_up.setdefault(letter, self.samples + RETRIES)
+
+    def connected(self, letter: str) -> bool:
+        """Return whether a handle is open."""
+        return letter in self.ports.open
+
     def outgoing(self) -> dict[str, bytes]:
         """Return what the controller has sent by itself since the last call, by port."""
         if self._uart is not None:
@@ -112,6 +126,10 @@ class GalilFirmware(Machine):
     def tick(self) -> None:
         """Do one sample; a serial line carries the characters that are due."""
         super().tick()
+        for letter in [each for each, at in self._giving_up.items() if at <= self.samples]:
+            del self._giving_up[letter]
+            self.ports.disconnect(letter)
+            self.lose_handle(letter)
         uart = self._uart
         if uart is None or not uart.busy:
             return
@@ -151,7 +169,9 @@ class GalilFirmware(Machine):
                 continue
             if line is not None:
                 answer += self._answer(line, port)
-                port = self.ports[letter]  # RS makes a new one
+                if letter not in self.ports.open:  # RS loses it
+                    break
+                port = self.ports[letter]
         return bytes(answer)
 
     def _answer(self, line: str, port: Port) -> bytes:

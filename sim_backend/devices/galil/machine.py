@@ -9,7 +9,8 @@ from sautereau.sim_backend.devices.galil.axis import AXES, Axis
 from sautereau.sim_backend.devices.galil.faults import CommandError
 from sautereau.sim_backend.devices.galil.memory import OUTPUTS, Memory, Parameters
 from sautereau.sim_backend.devices.galil.motion import SAMPLES_PER_SECOND
-from sautereau.sim_backend.devices.galil.ports import SERIAL, Ports
+from sautereau.sim_backend.devices.galil.outputs import Outputs
+from sautereau.sim_backend.devices.galil.ports import HANDLES, SERIAL, Ports
 from sautereau.sim_backend.devices.galil.program import Limits, Program, Thread
 from sautereau.sim_backend.devices.galil.safety import Safety
 from sautereau.sim_backend.devices.galil.tasks import THREADS, Tasks
@@ -51,16 +52,13 @@ class Machine:
         )
         self.inputs = [True] * INPUTS
         """Levels of the digital inputs, which are pulled up."""
-        self.outputs = [False] * OUTPUTS
-        """Levels of the digital outputs, without the brakes'."""
-        self._levels = [False] * OUTPUTS
+        self.outputs = Outputs(on_output)
         self.samples = self.started = 0
         """Samples since the start of the emulation, and those of the last power-up."""
         self.memory = Memory()
         self.ports = Ports()
         self.port = SERIAL
         """Letter of the port from which the present command comes."""
-        self._on_output = on_output
         self.host_waits = host_waits
         self.occupied_until = 0.0
         """s since power-on of the emulation, until which a command keeps the interpreter busy."""
@@ -96,8 +94,7 @@ class Machine:
         self.capture = Capture()
         self.ports.reset()
         self.started = self.samples
-        self.outputs = list(burned.outputs)
-        self.update_outputs()
+        self.outputs.reset(burned.outputs, self.axes)
         self.drive()
         if "#AUTO" in self.program.labels:
             line = self.program.labels["#AUTO"]
@@ -109,7 +106,7 @@ class Machine:
             tuple(dict(axis.settings) for axis in self.axes),
             tuple(axis.motor_on for axis in self.axes),
             self.config,
-            tuple(self.outputs),
+            tuple(self.outputs.bits),
         ).only_burnable()
 
     @property
@@ -177,38 +174,9 @@ class Machine:
         return bool(tasks.threads) << 7 | tasks.in_error_routine << 4 | int(self.config["EO"][0])
 
     @property
-    def output_bits(self) -> int:
-        """What OP reports."""
-        return sum(level << bit for bit, level in enumerate(self.outputs))
-
-    @property
     def input_bits(self) -> int:
         """What TI reports."""
         return sum(level << bit for bit, level in enumerate(self.inputs))
-
-    def is_brake(self, number: int) -> bool:
-        """Return whether an output is an axis's brake, by BW."""
-        return number <= len(AXES) and self.axes[number - 1].settings["BW"] > 0
-
-    def output_level(self, number: int) -> bool:
-        """Return what @OUT reports, which a brake does not change."""
-        return not self.is_brake(number) and self.outputs[number - 1]
-
-    def set_output(self, number: int, level: bool) -> None:
-        """Set a digital output; this changes no brake."""
-        if not self.is_brake(number):
-            self.outputs[number - 1] = level
-        self.update_outputs()
-
-    def update_outputs(self) -> None:
-        """Report the outputs that have changed; a brake is on while its motor is off."""
-        for number in range(1, OUTPUTS + 1):
-            level = self.outputs[number - 1]
-            if self.is_brake(number):
-                level = not self.axes[number - 1].motor_on
-            if self._levels[number - 1] != level:
-                self._levels[number - 1] = level
-                self._on_output(number, level)
 
     def set_variable(self, name: str, value: float) -> None:
         """Set a variable; the first assignment creates it.
@@ -228,9 +196,15 @@ class Machine:
     def tell(self, text: str, port: str | None = None) -> None:
         """Send a message that no host asked for; if its handle is lost, #TCPERR is due."""
         mark = self.config["CW"][0] == 1
-        if not self.ports.send(text, port or self.ports.unsolicited_port, mark=mark):
-            self.error_code = 123
-            self.tasks.pending.append("#TCPERR")
+        port = port or self.ports.unsolicited_port
+        if not self.ports.send(text, port, mark=mark):
+            self.lose_handle(port)
+
+    def lose_handle(self, letter: str) -> None:
+        """Notice that a handle's host is gone: #TCPERR is due."""
+        self.ports.lost_handle = HANDLES.index(letter)
+        self.error_code = 123
+        self.tasks.raise_once("#TCPERR")
 
     def tick(self) -> None:
         """Do one sample: safety, capture, the profilers, and then the programs' lines.

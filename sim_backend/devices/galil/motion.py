@@ -31,6 +31,7 @@ class StopCode(IntEnum):
     OFF_ON_ERROR = 8
     EDGE_FOUND = 9
     HOMED = 10
+    SELECTIVE_ABORT = 11
     ENCODER_FAILURE = 12
     AMPLIFIER_FAULT = 15
     PVT_RUNNING = 30

@@ -68,7 +68,7 @@ OPERANDS: dict[str, Callable[[Machine], float]] = {
     "DA": lambda machine: machine.arrays.unused,
     "DL": lambda machine: machine.limits.labels - len(machine.program.labels),
     "UL": lambda machine: machine.limits.variables - len(machine.variables),
-    "OP0": lambda machine: machine.output_bits,
+    "OP0": lambda machine: machine.outputs.value,
     "TI0": lambda machine: machine.input_bits,
     "TI1": lambda machine: 0,
     "AB": lambda machine: not machine.abort_active,
@@ -142,7 +142,7 @@ def function(machine: Machine, name: str, argument: float) -> float:
         return round(value(argument), 12)
     match name:
         case "@OUT":
-            return float(machine.output_level(whole(argument, 1, OUTPUTS)))
+            return float(machine.outputs.level(whole(argument, 1, OUTPUTS)))
         case "@IN":
             return float(machine.inputs[whole(argument, 1, INPUTS) - 1])
         case "@AN":

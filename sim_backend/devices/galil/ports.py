@@ -110,9 +110,8 @@ class Ports:
         return any(port.download is not None for port in self._ports.values())
 
     def reset(self) -> None:
-        """Forget half lines and messages; connections stay."""
-        for letter in self._ports:
-            self._ports[letter] = Port(letter)
+        """Forget half lines and messages, and lose all connections."""
+        self._ports = {SERIAL: Port(SERIAL)}
         self._outbox.clear()
         self.unsolicited_port, self.lost_handle = SERIAL, -1
 
@@ -134,7 +133,6 @@ class Ports:
             False if its handle is lost.
         """
         if letter not in self._ports:
-            self.lost_handle = HANDLES.index(letter)
             return False
         if mark:
             text = "".join(chr(ord(character) | 128) for character in text)

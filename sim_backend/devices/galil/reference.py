@@ -26,8 +26,8 @@ MODELS = ("4000", "4200", "4103", "2103", "1806", "1802", "30010", "50000", "520
 
 SMALLEST = 1 / 65536
 """Resolution of all numbers."""
-VOLTS = 20 / 65536
-"""Resolution of voltages: that of the output, while a setting reads back as it was sent."""
+NOT_STORED = (20 / 65536, 1 / 256)
+"""Resolutions of outputs, voltages and filters; such a setting reads back as it was sent."""
 
 
 @dataclass(frozen=True)
@@ -60,7 +60,7 @@ class Argument:
         if not self.low - SMALLEST <= value <= self.high + SMALLEST:
             raise CommandError(6)
         step = self.step * scale
-        return int(value / step) * step if step and self.step != VOLTS else value
+        return int(value / step) * step if step and self.step not in NOT_STORED else value
 
     @property
     def decimals(self) -> int:

@@ -8,10 +8,14 @@ from sautereau.sim_backend.devices.emulators import Plant
 from sautereau.sim_backend.devices.galil.axis import LIMIT_CODES, Axis
 from sautereau.sim_backend.devices.galil.memory import Config
 from sautereau.sim_backend.devices.galil.motion import Pvt, StopCode
+from sautereau.sim_backend.devices.galil.outputs import Outputs
 from sautereau.sim_backend.devices.galil.tasks import Tasks
 
 FEW_COUNTS = 4
 """Counts of motion below which an encoder has failed, while the torque exceeds OV for OT."""
+
+ABORT_INPUTS = 4
+"""Inputs before those that abort single axes, if CN says so."""
 
 ON_ERROR, ON_LIMIT = 1, 2
 """Bits of OE."""
@@ -25,6 +29,8 @@ class Checked(Protocol):
     unit: ControllerUnit
     config: Config
     tasks: Tasks
+    inputs: list[bool]
+    outputs: Outputs
 
     @property
     def abort_active(self) -> bool:
@@ -37,10 +43,6 @@ class Checked(Protocol):
 
     def exceeds_error_limit(self, axis: int) -> bool:
         """Return whether the following error exceeds ER."""
-        ...
-
-    def update_outputs(self) -> None:
-        """Switch the brakes with their motors."""
         ...
 
 
@@ -69,7 +71,12 @@ class Safety:
             active.add("#AMPERR")
         for index, axis in enumerate(machine.axes):
             if broken and axis.settings["OE"] and axis.motor_on:
-                self._switch_off(axis, StopCode.AMPLIFIER_FAULT)
+                self.switch_off(axis, StopCode.AMPLIFIER_FAULT)
+            if machine.config["CN"][3] and not machine.inputs[ABORT_INPUTS + index]:
+                axis.halt(StopCode.SELECTIVE_ABORT)
+                if int(axis.settings["OE"]) & ON_ERROR and axis.motor_on:
+                    self.switch_off(axis, StopCode.SELECTIVE_ABORT)
+                    machine.tasks.raise_once("#POSERR")
             self._check_encoder(index, axis, counts[index])
             if axis.encoder_failed:
                 active.add("#POSERR")
@@ -77,7 +84,7 @@ class Safety:
             if machine.exceeds_error_limit(index) and not exempt:
                 active.add("#POSERR")
                 if int(axis.settings["OE"]) & ON_ERROR and axis.motor_on:
-                    self._switch_off(axis, StopCode.OFF_ON_ERROR)
+                    self.switch_off(axis, StopCode.OFF_ON_ERROR)
             self._check_limits(index, axis)
         return active
 
@@ -86,14 +93,15 @@ class Safety:
         for axis in self._machine.axes:
             axis.halt(code)
             if int(axis.settings["OE"]) & ON_ERROR:
-                self._switch_off(axis, code)
+                self.switch_off(axis, code)
 
-    def _switch_off(self, axis: Axis, code: StopCode) -> None:
+    def switch_off(self, axis: Axis, code: StopCode) -> None:
+        """Switch an axis off at once, with its brake, and store the reason."""
         if axis.profile is not None or code == StopCode.OFF_ON_ERROR:
             axis.stop_code = code
         axis.halt(code)
         axis.switch_off(brake_first=False)
-        self._machine.update_outputs()
+        self._machine.outputs.update()
 
     def _check_abort(self) -> None:
         machine, was = self._machine, self._aborted
@@ -115,7 +123,7 @@ class Safety:
         axis.weak_samples += 1
         if axis.weak_samples > settings["OT"]:
             axis.encoder_failed = True
-            self._switch_off(axis, StopCode.ENCODER_FAILURE)
+            self.switch_off(axis, StopCode.ENCODER_FAILURE)
 
     def _check_limits(self, index: int, axis: Axis) -> None:
         if axis.profile is None or axis.stop_code in LIMIT_CODES or axis.velocity == 0:
@@ -126,15 +134,15 @@ class Safety:
         if self._hard_limit(index, axis, forward=forward):
             axis.stop(code, "SD")
             if int(settings["OE"]) & ON_LIMIT:
-                self._switch_off(axis, code)
-            machine.tasks.pending.append("#LIMSWI")
+                self.switch_off(axis, code)
+            machine.tasks.raise_once("#LIMSWI")
             return
         if isinstance(axis.profile, Pvt) and not machine.unit.pvt_soft_limits:
             return
         place = axis.position + axis.offset
         if place > settings["FL"] if forward else place < settings["BL"]:
             axis.stop(code)
-            machine.tasks.pending.append("#LIMSWI")
+            machine.tasks.raise_once("#LIMSWI")
 
     def _hard_limit(self, index: int, axis: Axis, *, forward: bool) -> bool:
         disabled = int(axis.settings["LD"]) & (1 if forward else 2)

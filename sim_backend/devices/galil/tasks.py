@@ -51,6 +51,11 @@ class Tasks:
             name in ERROR_ROUTINES for name in self.threads[0].routines
         )
 
+    def raise_once(self, label: str) -> None:
+        """Make an automatic subroutine due, once."""
+        if label not in self.pending:
+            self.pending.append(label)
+
     def operand(self, code: str, number: int) -> int:
         """Return the value of _XQ, _HX or _ZS of a thread."""
         thread = self.threads.get(number)
@@ -98,10 +103,10 @@ class Tasks:
                 if self.enter(label, program):
                     self.threads[0].looped = label in self._entered
                     self._entered.add(label)
-            elif label in self.pending and (
-                label not in program.labels or self.enter(label, program)
-            ):
-                self.pending.remove(label)
+            elif label in self.pending:
+                entered = self.enter(label, program)
+                if entered or label not in program.labels or not self.in_error_routine:
+                    self.pending.remove(label)
 
     def run(self, sample_time: float, program: Program, held: Collection[int]) -> None:
         """Run the threads alternately, as many lines as fit into a sample.

@@ -28,7 +28,7 @@ _AXIS_SOURCES: dict[str, Callable[[Machine, int], float]] = {
 }
 _SOURCES: dict[str, Callable[[Machine], float]] = {
     "TIME": lambda machine: variable(machine, "TIME"),
-    "_OP": lambda machine: machine.output_bits,
+    "_OP": lambda machine: machine.outputs.value,
     "_TI": lambda machine: machine.input_bits,
 }
 

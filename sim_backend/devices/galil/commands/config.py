@@ -17,7 +17,7 @@ def configure(machine: Machine, call: Call) -> str | None:
     stored = machine.config[call.code]
     if call.query:
         decimals = [argument.decimals for argument in call.entry.arguments]
-        pairs = zip(stored[: len(call.numbers)], decimals, strict=False)
+        pairs = zip(stored, decimals, strict=True)
         return ",".join(write_number(value, digits) for value, digits in pairs)
     if not any(value is not None for value in call.numbers):
         raise CommandError(50)
@@ -42,7 +42,7 @@ def format_numbers(machine: Machine, call: Call) -> str | None:
 
 def set_bit(machine: Machine, call: Call) -> None:
     """SB and CB."""
-    machine.set_output(whole(call.number(), 1, OUTPUTS), call.code == "SB")
+    machine.outputs.set(whole(call.number(), 1, OUTPUTS), call.code == "SB")
 
 
 def output_bit(machine: Machine, call: Call) -> None:
@@ -51,16 +51,16 @@ def output_bit(machine: Machine, call: Call) -> None:
     if len(parts) != 2:
         raise CommandError(50 if len(parts) < 2 else 4)
     number = whole(evaluate(parts[0], machine), 1, OUTPUTS)
-    machine.set_output(number, evaluate(parts[1], machine) != 0)
+    machine.outputs.set(number, evaluate(parts[1], machine) != 0)
 
 
 def output_port(machine: Machine, call: Call) -> str | None:
     """OP: all outputs at once."""
     if call.query:
-        return write_number(machine.output_bits, 0)
+        return write_number(machine.outputs.value, 0)
     levels = int(call.number())
     for number in range(1, OUTPUTS + 1):
-        machine.set_output(number, bool(levels >> (number - 1) & 1))
+        machine.outputs.set(number, bool(levels >> (number - 1) & 1))
     return None
 
 

@@ -16,7 +16,7 @@ def motor_off(machine: Machine, call: Call) -> None:
     """MO: switch motors off; the stop codes do not change."""
     for index in call.axes:
         machine.axes[index].switch_off(brake_first=True)
-    machine.update_outputs()
+    machine.outputs.update()
 
 
 def servo_here(machine: Machine, call: Call) -> None:
@@ -25,7 +25,7 @@ def servo_here(machine: Machine, call: Call) -> None:
     for index in call.axes:
         machine.axes[index].switch_on(counts[index])
         machine.axes[index].stop_code = StopCode.AT_TARGET
-    machine.update_outputs()
+    machine.outputs.update()
 
 
 def aim(machine: Machine, call: Call) -> str | None:

@@ -153,7 +153,7 @@ def motion_complete(machine: Machine, call: Call) -> None:
             elif 0 <= limit <= since:
                 moving.remove(index)
                 axis.stop_code = StopCode.NOT_IN_POSITION
-                machine.tasks.pending.append("#MCTIME")
+                machine.tasks.raise_once("#MCTIME")
         return not moving
 
     _of_program(call).wait = complete
@@ -178,7 +178,7 @@ def at_time(machine: Machine, call: Call) -> None:
         return
     after = _samples(machine, call)
     until = thread.reference + abs(after)
-    late = until + (machine.samples * 7919) % (machine.unit.at_jitter + 1)
+    late = until + (machine.samples * 40503 >> 5) % (machine.unit.at_jitter + 1)
 
     def reached() -> bool:
         if machine.samples < late:

@@ -108,7 +108,7 @@ def message(machine: Machine, call: Call) -> str | None:
     """MG: strings and numbers, each with its format, to a port if one is given."""
     if not call.text:
         raise CommandError(50)
-    answer, port, ending = "", "", "\r\n"
+    answer, port, ending, common = "", "", "\r\n", ""
     for part in split_arguments(call.text):
         found = _FORMATS.fullmatch(part)
         if found is None:
@@ -123,7 +123,10 @@ def message(machine: Machine, call: Call) -> str | None:
                 port = word
             else:
                 form = word
-        answer += _written(machine, found["value"].strip(" "), form, bool(answer))
+        value = found["value"].strip(" ")
+        if form and (not value or value.startswith('"')):  # it is that of all numbers
+            common = form
+        answer += _written(machine, value, form or common, bool(answer))
     if port and not (port == "P1" and machine.port == SERIAL and call.thread is None):
         if port != "P2":
             machine.tell(answer + ending, port[1] if port[0] == "E" else SERIAL)

@@ -67,7 +67,7 @@ def encoder_torque(machine: Machine, call: Call) -> str | None:
 def brake(machine: Machine, call: Call) -> str | None:
     """BW: make an output the brake of its axis."""
     answer = setting(machine, call)
-    machine.update_outputs()
+    machine.outputs.update()
     return answer
 
 
