@@ -11,11 +11,11 @@ import math
 from itertools import pairwise
 from typing import Annotated, Literal
 
-from pydantic import AfterValidator, Field, model_validator
+from pydantic import Field, model_validator
 
 from sautereau.rig.acquisition import Daq
 from sautereau.rig.instrument import Choir, Jack, Key, Plectrum, String
-from sautereau.rig.registry import known_kind
+from sautereau.rig.registry import CONTROLLERS, NameIn
 from sautereau.rig.section import (
     GRAVITY,
     Angle,
@@ -174,7 +174,7 @@ class Arm(Section):
 class Controller(Section):
     """The motor controller."""
 
-    kind: Annotated[str, AfterValidator(known_kind)] = "galil"
+    kind: Annotated[str, NameIn(CONTROLLERS, imported=False)] = "galil"
     """`galil` (DMC-4x), `odrive` (3.x with firmware 0.5.x), or a kind of another package."""
     port: str = Field(min_length=1)
     """Serial device, or any URL that pyserial accepts."""

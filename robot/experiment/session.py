@@ -13,7 +13,7 @@ import numpy as np
 
 from sautereau.daq.file.recorded import Joints
 from sautereau.daq.file.recording import Recording, SessionInfo
-from sautereau.daq.source.acquisition import Acquisition
+from sautereau.daq.source.source import open_source
 from sautereau.rig.schema import Rig
 from sautereau.robot.controller import Capture, MotionController, TorqueTable
 from sautereau.robot.errors import RobotError
@@ -122,7 +122,7 @@ def make_presses(
         pending = iter(items)
         first = next(pending, None)
         if first is not None:  # a card that is missing or in use, before any motion
-            with Acquisition(first.rig.daq, _duration(first)):
+            with open_source(first.rig.daq, _duration(first)):
                 pass
         with controller.powered():
             last: Trajectory | None = None
@@ -191,7 +191,7 @@ def _press(
     watch(Stage("loading", "idle", number))
     controller.load(trajectory.segments, item.torques)
     controller.arm()
-    with Acquisition(rig.daq, _duration(item)) as acquisition:
+    with open_source(rig.daq, _duration(item)) as acquisition:
         session = SessionInfo(
             press=number,
             started=datetime.now(UTC).isoformat(timespec="milliseconds"),

@@ -183,7 +183,7 @@ def play_measured(
     The force [N] is from the motion's start to its end, shape (n,); None where the rig has no
     force channel.
     """
-    from sautereau.daq.source.acquisition import Acquisition
+    from sautereau.daq.source.source import open_source
 
     controller.load(segments)
     controller.arm()
@@ -194,7 +194,7 @@ def play_measured(
         return controller.capture(), None
     duration = segments.total_samples * rig.controller.sample_period
     row = rig.daq.channels.index(channel)
-    with Acquisition(rig.daq, duration) as acquisition:
+    with open_source(rig.daq, duration) as acquisition:
         acquisition.start()
         controller.start()
         blocks = [block.volts[row, max(0, -block.first_sample) :] for block in acquisition.blocks()]
