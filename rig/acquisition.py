@@ -135,6 +135,8 @@ class Daq(Section):
     """Terminal that the controller's trigger output is wired to: `PFI0`, of the device itself, or
     of its chassis for a module in one; `/cDAQ1/PFI0` names any other. A sound card has none: it
     is the input that the edge is wired to, `in3`."""
+    trigger_edge: Literal["rising", "falling"] = "rising"
+    """Edge at that terminal when the output is set; it depends on the output's circuit."""
     pre_trigger: Time = Field(default=0.0, ge=0, le=60)
     """s, recorded before the trigger's edge."""
     trigger_timeout: Time = Field(gt=0)

@@ -107,12 +107,13 @@ def build_task(task: Any, plan: TaskPlan, trigger: str) -> float:
         sample_mode=AcquisitionType.CONTINUOUS if plan.total is None else AcquisitionType.FINITE,
         samps_per_chan=plan.buffer,
     )
+    edge = Edge[daq.trigger_edge.upper()]
     if plan.before:
-        task.triggers.reference_trigger.cfg_dig_edge_ref_trig(trigger, plan.before, Edge.RISING)
+        task.triggers.reference_trigger.cfg_dig_edge_ref_trig(trigger, plan.before, edge)
         # By default every read would start at the first sample before the trigger again.
         task.in_stream.relative_to = ReadRelativeTo.CURRENT_READ_POSITION
     elif plan.triggered:
-        task.triggers.start_trigger.cfg_dig_edge_start_trig(trigger, Edge.RISING)
+        task.triggers.start_trigger.cfg_dig_edge_start_trig(trigger, edge)
     task.in_stream.input_buf_size = plan.buffer
     rate = task.timing.samp_clk_rate
     if abs(rate / daq.sample_rate - 1) > RATE_TOLERANCE:

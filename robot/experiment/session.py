@@ -223,11 +223,9 @@ def _press(
                 first, second = np.abs(item.torques.torques).max(axis=0)
                 largest = f"up to {first:.4g} N m at joint 1 and {second:.4g} N m at joint 2"
                 recording.event("feed-forward", largest, 0.0)
-            joints = trajectory.joints.position
-            recording.write_plan(
-                trajectory.time, joints[:, 0], joints[:, 1], trajectory.rise.position
-            )
             capture = controller.capture()
+            planned, joints = trajectory.time + capture.trigger_delay, trajectory.joints.position
+            recording.write_plan(planned, joints[:, 0], joints[:, 1], trajectory.rise.position)
             recording.write_joints(_joints(capture, rig))
 
 
@@ -245,7 +243,7 @@ def _joints(capture: Capture, rig: Rig) -> Joints:
     if capture.torques is not None:
         columns["m"] = capture.torques
     named = {f"{name}{j + 1}": c[:, j] for name, c in columns.items() for j in (0, 1)}
-    return Joints(t=capture.times, **named)
+    return Joints(t=capture.times_after_trigger, **named)
 
 
 def _free_number(out: Path) -> int:

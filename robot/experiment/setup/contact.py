@@ -204,15 +204,21 @@ def play_measured(
 
 def _one_step(rig: Rig, start: Counts, end: Counts, creep: Creep) -> Segments:
     """Return a step down between two rests."""
-    period = rig.controller.sample_period
-    rest = math.ceil(_REST / period)
+    rest, move = (
+        _even(t / rig.controller.sample_period) for t in (_REST, creep.step / creep.speed)
+    )
     still, step = np.zeros(2, np.int64), end - start
     return Segments(
         start=start,
         steps=np.stack([still, step, still]),
         velocities=np.zeros((3, 2), np.int64),
-        samples=np.array([rest, max(1, math.ceil(creep.step / creep.speed / period)), rest]),
+        samples=np.array([rest, move, rest]),
     )
+
+
+def _even(samples: float) -> int:
+    """Return the next even number of samples, 2 at least."""
+    return max(2, 2 * math.ceil(samples / 2))
 
 
 def _rise(force: Floats, rate: float) -> float:
