@@ -4,7 +4,6 @@ from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
-from scipy.integrate import cumulative_trapezoid
 
 from sautereau.analysis.model.plectrum.base import Floats
 
@@ -37,4 +36,6 @@ class JackSpeed:
 
     def time(self, rise: Floats) -> Floats:
         """Return the times [s] of increasing rises [m], the first of which is at 0 s."""
-        return cumulative_trapezoid(1 / self.at(rise)[0], rise, initial=0.0)
+        slowness = 1 / self.at(rise)[0]
+        steps = (slowness[1:] + slowness[:-1]) / 2 * np.diff(rise)
+        return np.concatenate([[0.0], np.cumsum(steps)])
