@@ -119,12 +119,11 @@ class NameIn:
     def _known(self, name: str) -> str:
         from pydantic_core import PydanticCustomError
 
-        fault = self.registry.unknown(name)
-        if self.imported or fault:
+        if self.imported or self.registry.unknown(name):
             try:
                 self.registry.get(name)
             except SautereauError as error:
-                about = {"fault": fault or str(error)}
+                about = {"fault": str(error)}
                 raise PydanticCustomError("unknown_name", "{fault}", about) from error
         return name
 

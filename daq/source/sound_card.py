@@ -142,11 +142,12 @@ class SoundCard:
     def _from_edge(self) -> Iterator[NDArray[np.int32]]:
         """Yield counts, shape (n_inputs, n), from the samples before the edge on."""
         before = self._plan.before
+        sign = 1 if self._daq.trigger_edge == "rising" else -1
         held = np.empty((len(self._inputs), 0), dtype=np.int32)
         waited = 0
         for piece in (pieces := self._pieces()):
             held = np.concatenate([held, piece], axis=1)
-            high = held[-1, before:] > EDGE * FULL_SCALE
+            high = sign * held[-1, before:].astype(float) > EDGE * FULL_SCALE
             edges = np.flatnonzero(high[1:] & ~high[:-1])
             if len(edges):
                 yield held[:, int(edges[0]) + 1 :]

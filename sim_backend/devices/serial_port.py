@@ -41,6 +41,7 @@ class Port:
     def __enter__(self) -> Self:
         self._failure, self._stopping, self._gone = None, False, False
         self._waker, self._wake = socket.socketpair()
+        self._waker.setblocking(False)  # or a tick would wait for the thread that waits for it
         try:
             self._open()
         except BaseException:
@@ -63,7 +64,7 @@ class Port:
             Exception: The handler's, which ended the thread.
         """
         self._stopping = True
-        self._waker.send(b"x")
+        self.wake()
         self._thread.join()
         if not self._gone:
             self._close()
@@ -74,7 +75,7 @@ class Port:
 
     def wake(self) -> None:
         """Send the host what the device has sent by itself; any thread may call this."""
-        with contextlib.suppress(OSError):  # the port is closing
+        with contextlib.suppress(OSError):  # the port is closing, or will wake already
             self._waker.send(b"w")
 
     def _run(self) -> None:

@@ -111,13 +111,13 @@ def trigger(bench: Workbench) -> None:
 
 def _triggers(bench: Workbench, before: str, then: str) -> bool:
     """Return whether a command of the output triggers the acquisition."""
-    from sautereau.daq.source.acquisition import Acquisition
+    from sautereau.daq.source.source import open_source
 
     output = bench.rig.controller.trigger_output
     quick = with_values(bench.rig, {"daq.trigger_timeout": "2 s", "daq.pre_trigger": "0 s"})
     bench.line.ask(f"{before} {output}")
     try:
-        with Acquisition(quick.daq, 0.02) as acquisition:
+        with open_source(quick.daq, 0.02) as acquisition:
             acquisition.start()
             bench.line.ask(f"{then} {output}")
             return sum(1 for _ in acquisition.blocks()) > 0
