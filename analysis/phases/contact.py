@@ -6,6 +6,7 @@ of the best fit, including their correlation.
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,6 +14,7 @@ import numpy as np
 from sautereau.analysis.phases.fit import ContactFits, KeyAndString
 from sautereau.analysis.phases.release import Release
 from sautereau.analysis.phases.signals import Rows
+from sautereau.analysis.phases.slow import Slow
 from sautereau.rig.schema import Rig
 from sautereau.trajectory.motion import Floats
 
@@ -49,6 +51,8 @@ def find_contact(
     release: Release,
     common_std: float,
     before: tuple[float, float],
+    others: Sequence[tuple[float, Release]] = (),
+    slow: Slow | None = None,
 ) -> Contact | None:
     """Find the contact before a release.
 
@@ -60,13 +64,14 @@ def find_contact(
         release: At which the load falls by the force of the string.
         common_std: s, uncertainty that the rows do not contain: sampling and delay of the sensors.
         before: Time [s] and rise [m] of the jack before which contact is impossible.
+        others: Contact [s] and release of other strings.
 
     Returns:
         The contact; None where there are too few rows.
     """
     if not len(held.time):
         return None
-    fit = KeyAndString(rig, rest, held, release, before)
+    fit = KeyAndString(rig, rest, held, release, before, others, slow)
     low, high = before[0], float(held.time[-2])
     found, middle, std, noise = _sharpest(fit, low, high)
     reach = WIDE * std

@@ -1,9 +1,12 @@
 """Segmentation of a press: free, string held, string released, bottom and return."""
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
 from sautereau.analysis.loading.press import Press
+from sautereau.analysis.model.choirs import choirs
 from sautereau.analysis.phases.contact import Contact, find_contact
 from sautereau.analysis.phases.found import (
     HeldString,
@@ -13,8 +16,10 @@ from sautereau.analysis.phases.found import (
     measured,
     pluck_warnings,
 )
-from sautereau.analysis.phases.release import LEAST_FALL, Release, find_falls, refine, robust_std
-from sautereau.analysis.phases.signals import LEFT, Rows, Signals, rows_of, signals_of, way_down
+from sautereau.analysis.phases.release import Release, refine, robust_std
+from sautereau.analysis.phases.search import Searched, search
+from sautereau.analysis.phases.signals import LEFT, Signals, rows_of, signals_of, way_down
+from sautereau.analysis.phases.slow import Slow
 from sautereau.rig.schema import Rig
 from sautereau.trajectory.motion import Floats
 
@@ -28,8 +33,10 @@ REST, REST_MARGIN = 40e-3, 2e-3
 """s, duration of the rest in which hum is fitted, and its distance from the motion."""
 REST_ROWS, CONTACT_ROWS = 40, 200
 """Largest number of rows of the rest and of the way to a release for finding contact."""
-LEAST_GAIN, LEAST_FALL_GAIN = 20.0, 9.0
-"""Least reduction of chi2 by a string over a free key, and by a fall over a bend."""
+LEAST_GAIN = 20.0
+"""Least reduction of chi2 by a string over a free key."""
+MOST_FALLS = 6
+"""Largest number of falls of the load that are looked at."""
 LEAST_HELD = 8
 """Fewest rows for which a string is held."""
 LIKE_THE_FALL = 0.4, 2.0
@@ -73,7 +80,7 @@ def find_phases(press: Press) -> Phases:
         return Phases(
             float(time[begin]), float(time[end]), (), mean, None, None, (warning,), peak_force=peak
         )
-    plucks = _plucks(press.rig, signals, rows_of(signals, begin, end), begin)
+    plucks, searched = _plucks(press.rig, signals, begin, end)
     contact = plucks[0].contact if plucks else float(time[end])
     contact = max(contact, float(time[begin + LEAST_SAMPLES // 2]))
     settled = _at_full_speed(time, speed, time[begin], contact)
@@ -101,54 +108,30 @@ def find_phases(press: Press) -> Phases:
     )
 
 
-def _plucks(rig: Rig, signals: Signals, rows: Rows, begin: int) -> list[HeldString]:
+def _plucks(rig: Rig, signals: Signals, begin: int, end: int) -> tuple[list[HeldString], Searched]:
     """Return the plucks on the way down, in order of time."""
-    falls = [
-        release
-        for fall in find_falls(rows)
-        if (release := refine(signals, float(rows.time[fall]), rows.step)).gain > LEAST_FALL_GAIN
-        and release.fall > LEAST_FALL
-    ]
-    found = _contacts(rig, signals, rows.step, begin, falls)
-    largest = max((release.fall for _, release in found), default=0.0)
-    large = [release for _, release in found if release.fall > LEAST_FRACTION * largest]
-    if len(large) < len(found):  # between two plucks the key is free
-        found = _contacts(rig, signals, rows.step, begin, large)
-    return [measured(signals, contact, release) for contact, release in found]
-
-
-def _contacts(
-    rig: Rig, signals: Signals, step: float, begin: int, falls: list[Release]
-) -> list[tuple[Contact, Release]]:
-    """Return the falls that have a contact before them, with that contact.
-
-    Args:
-        rig: The bench.
-        signals: Of the press.
-        step: s, uncertainty of a fall before its refinement.
-        begin: Sample at which the jack leaves rest.
-        falls: In order of time.
-    """
-    first, last = _rest(signals, begin)
-    rest = rows_of(signals, first, last, max(1, (last - first) // REST_ROWS))
-    found = []
-    free, before = begin, _place(signals, min(begin, last + int(REST_MARGIN * signals.rate)))
-    least, most = LIKE_THE_FALL
-    for release in falls:
+    slow = Slow(signals, begin, end)
+    searched = search(slow, [choir.jack.string_clearance for choir in choirs(rig)])
+    start, last = float(signals.time[begin]), float(signals.time[end])
+    first, still = _rest(signals, begin)
+    rest = rows_of(signals, first, still, max(1, (still - first) // REST_ROWS))
+    before = _place(signals, min(begin, still + int(REST_MARGIN * signals.rate)))
+    found: list[tuple[Contact, Release]] = []
+    for growth in searched.growths:
+        release = refine(signals, growth.release, growth.force, start, last)
         until = signals.sample(release.time) - BEFORE
-        held = rows_of(signals, free, until, most=CONTACT_ROWS)
-        contact = find_contact(rig, rest, held, release, signals.instant_std, before)
-        if (
-            contact is None
-            or contact.gain < LEAST_GAIN
-            or release.time - contact.time < LEAST_HELD * step
-            or not least * release.fall < contact.at_release < most * release.fall
-        ):
+        held = rows_of(signals, begin, until, most=CONTACT_ROWS)
+        rise = np.interp(held.time, slow.hops, slow.rise(searched.compliance))
+        left = held.load - slow.at(held.time) @ searched.terms
+        held = replace(held, rise=rise, load=left)
+        others = [(contact.time, earlier) for contact, earlier in found]
+        contact = find_contact(
+            rig, rest, held, release, signals.instant_std, before, others, slow
+        )
+        if contact is None:
             continue
         found.append((contact, release))
-        before = _place(signals, signals.sample(contact.time))
-        free = until + BEFORE + int(SETTLED * step * signals.rate)
-    return found
+    return [measured(signals, contact, release) for contact, release in found], searched
 
 
 def _rest(signals: Signals, begin: int) -> tuple[int, int]:
