@@ -41,6 +41,8 @@ class Fitted:
     """s, after the origin, of the event and of others in the window."""
     poles: Poles
     chi2: float
+    left: Floats
+    """Residuals in units of the noise, shape (n,)."""
     factors: Floats
     """Of step, bend and modes."""
     step_std: float
@@ -124,13 +126,20 @@ class EventFit:
             if gained < CONVERGED:
                 break
         instants, poles = self._split(state)
-        _, factors, chi2, _, r = found
+        left, factors, chi2, _, r = found
         inverse = np.linalg.inv(normal + np.diag(1e-9 * np.diag(normal) + 1e-12))
         first = 3 + 2 * modes
         last = np.linalg.inv(r)[first]
         own = factors[first : first + 3 + 2 * modes]
         return Fitted(
-            instants, poles, chi2, own, float(np.linalg.norm(last)), float(inverse[0, 0]), continuous
+            instants,
+            poles,
+            chi2,
+            left[: len(self.load)],
+            own,
+            float(np.linalg.norm(last)),
+            float(inverse[0, 0]),
+            continuous,
         )
 
     def another(self, fitted: Fitted) -> tuple[complex, float]:
@@ -146,7 +155,9 @@ class EventFit:
         a, b = white[:, : len(table)], white[:, len(table) :]
         of_a, of_b = left[:n] @ a, left[:n] @ b
         aa, bb, ab = (a * a).sum(0) + 1e-9, (b * b).sum(0) + 1e-9, (a * b).sum(0)
-        gain = (bb * of_a**2 - 2 * ab * of_a * of_b + aa * of_b**2) / np.maximum(aa * bb - ab**2, 1e-6 * aa * bb)
+        gain = (bb * of_a**2 - 2 * ab * of_a * of_b + aa * of_b**2) / np.maximum(
+            aa * bb - ab**2, 1e-6 * aa * bb
+        )
         best = int(np.argmax(gain))
         return complex(table[best]), float(gain[best])
 
@@ -173,7 +184,9 @@ class EventFit:
         )
 
     def _table(self) -> Poles:
-        return np.array([pole(f, d) for f in FREQUENCIES if f < HIGHEST / self._step for d in DAMPINGS])
+        return np.array(
+            [pole(f, d) for f in FREQUENCIES if f < HIGHEST / self._step for d in DAMPINGS]
+        )
 
     def _base(self, instants: Floats, poles: Poles) -> Floats:
         """Return parabola, ringing from before and events, in units of the noise."""
@@ -221,7 +234,9 @@ class EventFit:
         n = len(self.load)
         columns = np.empty((len(state), len(q)))
         at = self._model(state, factors, continuous)
-        for place, small in enumerate([*[1e-6] * self._events, *[1e-4] * (len(state) - self._events)]):
+        for place, small in enumerate(
+            [*[1e-6] * self._events, *[1e-4] * (len(state) - self._events)]
+        ):
             other = state.copy()
             other[place] += small
             columns[place] = (self._model(other, factors, continuous) - at) / small
@@ -251,7 +266,9 @@ class EventFit:
     def _bounded(self, state: Floats) -> Floats:
         modes = (len(state) - self._events) // 2
         instants, turn, damping = np.split(state, [self._events, self._events + modes])
-        turn = np.clip(turn, math.log(2 * math.pi * LOWEST), math.log(2 * math.pi * 0.45 / self._step))
+        turn = np.clip(
+            turn, math.log(2 * math.pi * LOWEST), math.log(2 * math.pi * 0.45 / self._step)
+        )
         damping = np.clip(damping, math.log(LEAST_DAMPING), math.log(LARGEST_DAMPING))
         return np.concatenate([instants, turn, damping])
 

@@ -113,8 +113,9 @@ class KeyAndString:
             key, load = white(base[:n]), white(rest.load)
             self._gram, self._right = self._gram + key.T @ key, self._right + key.T @ load
             self._square += float(load @ load)
+        # At release the force of the string ends, and the error of the inertia adds its part.
         self._fall_std = math.hypot(release.fall_std, FALL_STD * release.fall)
-        self._fall = release.fall / self._fall_std
+        self._fall, self._slowed = release.fall / self._fall_std, release.slowed / self._fall_std
         self._bend_std = np.array(BEND_STD) * max(1e-3, float(np.ptp(held.load)))
 
     def _other(self, contact: float, other: Release) -> tuple[list[Floats], list[float]]:
@@ -162,6 +163,8 @@ class KeyAndString:
         right[INERTIA] += mean * weights[INERTIA]
         square = self._square + mean**2 * weights[INERTIA]
         if falls:
+            gram[INERTIA, INERTIA] += noise * self._slowed**2
+            right[INERTIA] += noise * self._slowed * self._fall
             square += noise * self._fall**2
         return gram, right, float(square)
 
@@ -201,8 +204,9 @@ class KeyAndString:
         own = string @ string.transpose(0, 2, 1)
         load = string @ self._load
         own[:, range(BENDS), range(BENDS)] += [RIDGE, *(noise / self._bend_std**2)]
-        # The row of the fall at release: the complete force of the string.
+        # The row of the fall at release: the complete force of the string, and the inertia's part.
         own[:, 0, 0] += noise / self._fall_std**2
+        mixed[:, 0, INERTIA] += noise * self._slowed / self._fall_std
         load[:, 0] += noise * self._fall / self._fall_std
         of_all = np.concatenate([right[None], mixed.reshape(-1, len(gram))])
         by_key = np.linalg.solve(gram, of_all.T).T

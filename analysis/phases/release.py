@@ -1,26 +1,33 @@
 """Release of a string: a sudden fall of the load on the key."""
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from sautereau.analysis.phases.event_fit import LEAST_GAIN, EventFit
-from sautereau.analysis.phases.response import Poles
-from sautereau.analysis.phases.signals import Rows, Signals, rows_of
+from sautereau.analysis.phases.signals import BRIDGED, Rows, Signals, rows_of
 from sautereau.trajectory.motion import Floats
 
-BEFORE, AFTER = 4e-3, 2.5e-3
-"""s, before and after a fall, of the samples to which its instant is fitted."""
-ROW = 40e-6
-"""s, shortest row of this fit."""
-NEAR = 0.7e-3
-"""s, standard deviation of the approximate instant."""
-MOST_MODES, FALL_STD = 3, 0.1
-"""Modes of a fit, and relative uncertainty of the fall."""
-REACH, TRIED = 2e-3, 33
-"""s, largest error of a candidate, and instants tried."""
+WINDOW = 20
+"""Rows of the lines fitted on either side of a fall."""
+GAP = 2
+"""Rows on either side of a fall over which it is spread."""
+SIGNIFICANCE = 8.0
+"""Least fall in standard deviations."""
+LEAST_FALL = 0.02
+"""N, least fall of a release."""
+REACH, ROOM = 3, 40
+"""Rows: largest error of a candidate, and range on either side for fitting its instant."""
+SIDE = 60
+"""Largest number of samples on either side of the release for fitting its instant."""
+TRIED, FINEST, ZOOMS = 17, 0.5, 12
+"""Instants of a grid, samples between them in the last grid, largest number of refinements."""
+RIDGE, PARAMETERS = 1e-9, 6
+"""Regularisation of the equations, and number of parameters of a fit."""
+RISES = 1e12
+"""Added to chi2 of an instant at which the load does not fall."""
+WRONG_INERTIA = 0.6
+"""Dimensionless, largest relative error of the rig's inertia."""
 
 
 @dataclass(frozen=True)
@@ -35,69 +42,153 @@ class Release:
     """N at the finger, fall of the load."""
     fall_std: float
     """N, standard uncertainty of the fall."""
-    fits: object = None
-    chance: object = None
-    noise: float = 1.0
+    slowed: float
+    """N, simultaneous fall of the subtracted inertia."""
+    gain: float
+    """Dimensionless, reduction of chi2 compared with a load that only bends."""
+    noise: float
+    """Dimensionless, variance of the residuals over the assumed noise, at least 1."""
 
 
-def refine(
-    signals: Signals, near: float, force: float, after: float, until: float
-) -> Release:
+def find_falls(rows: Rows) -> list[int]:
+    """Return the rows at which the load may have fallen suddenly, in order of time.
+
+    Lines fitted before and after each row are extrapolated to it; their difference is the fall,
+    independent of the slope.
+    """
+    n = len(rows.load)
+    m = max(4, min(WINDOW, n // 12))
+    if n < 2 * (m + GAP) + 1:
+        return []
+    # Weights of the value at row 0 of the least-squares line through the rows from GAP on.
+    away = np.arange(m) - (m - 1) / 2
+    weights = 1 / m - (GAP + (m - 1) / 2) * away / (away @ away)
+    after = np.correlate(rows.load, weights, "valid")
+    before = np.correlate(rows.load, weights[::-1], "valid")
+    # Row r has the lines over r - GAP - m + 1 .. r - GAP and r + GAP .. r + GAP + m - 1.
+    count = n - 2 * (m + GAP) + 2
+    fall = before[:count] - after[2 * GAP + m - 1 :][:count]
+    # A fall together with the acceleration of the key may be an error of the rig's inertia.
+    slowed = (
+        np.correlate(rows.inertia, weights[::-1], "valid")[:count]
+        - np.correlate(rows.inertia, weights, "valid")[2 * GAP + m - 1 :][:count]
+    )
+    fall = fall - WRONG_INERTIA * np.maximum(slowed, 0.0)
+    first = m + GAP - 1
+    std = robust_std(fall)
+    least = max(LEAST_FALL, SIGNIFICANCE * std)
+    found = []
+    left = fall.copy()
+    while len(left) and (best := int(np.argmax(left))) >= 0 and left[best] > least:
+        found.append(first + best)
+        left[max(0, best - m) : best + m] = -np.inf
+    return sorted(found)
+
+
+def refine(signals: Signals, near: float, step: float) -> Release:
     """Return the instant of a fall, fitted to the samples around it.
 
     Args:
         signals: Of the press.
         near: s after the trigger, approximate instant.
-        after: s after the trigger, before which nothing is used.
-        until: s after the trigger, after which nothing is used.
+        step: s, of the rows in which the fall was found.
     """
-    samples = max(1, round(ROW * signals.rate))
-    first, last = (signals.sample(t) for t in (max(after, near - BEFORE), min(until, near + AFTER)))
-    first, last = max(0, first), min(len(signals.time), last)
-    rows = rows_of(signals, first, last, samples)
-    fit = EventFit(rows, near, samples)
-    instants, none = np.linspace(-REACH, REACH, TRIED), np.zeros(0, complex)
-    prior = (instants / NEAR) ** 2
-
-    def sharpest(poles: Poles, noise: float) -> float:
-        chi2, _ = fit.scan(instants, np.zeros(0), poles)
-        return float(instants[np.argmin(chi2 / noise + prior)])
-
-    best = fit.refine(np.array([sharpest(none, 1.0)]), none)
-    n, fits = len(rows.time), [best]
-    for _ in range(MOST_MODES):
-        pole, _ = fit.another(best)
-        poles = np.append(best.poles, pole)
-        noise = max(1.0, best.chi2 / n)
-        starts = {best.instant, sharpest(poles, noise)}
-        trials = [fit.refine(np.array([start]), poles) for start in starts]
-        gained = best.chi2
-        best = min(trials, key=lambda f: f.chi2 / noise + (f.instant / NEAR) ** 2)
-        gained -= best.chi2
-        fits.append(best)
-        if gained < LEAST_GAIN * max(1.0, best.chi2 / n):
+    rate, reach, room = signals.rate, REACH * step, ROOM * step
+    middle = signals.sample(near)
+    side = min(SIDE + int(reach * rate) + 1, max(8, int(room * rate)))
+    first, last = max(0, middle - side), min(len(signals.time), middle + side + 1)
+    rows = rows_of(signals, first, last, 1)
+    tau = (rows.time - near) * rate
+    fit = _Fall(tau, rows)
+    high = min(reach * rate + 3, fit.span - 4)
+    instants = np.linspace(-high, high, TRIED)
+    found = fit.at(instants)
+    bent = found.bent
+    for _ in range(ZOOMS):
+        spacing = float(instants[1] - instants[0])
+        if spacing < 1.01 * FINEST:
             break
-    for f in fits[1:][-2:]:
-        fits.append(fit.refine(f.instants, f.poles, True))
-    noise = max(1.0, min(f.chi2 for f in fits) / n)
-    score = np.array(
-        [f.chi2 / noise + f.parameters * math.log(n) + (f.instant / NEAR) ** 2 for f in fits]
-    )
-    chance = np.exp((score.min() - score) / 2)
-    chance /= chance.sum()
-    times = np.array([f.instant for f in fits])
-    best = fits[int(np.argmin(score))]
-    mean = float(times @ chance)
-    variance = float(chance @ ((times - mean) ** 2 + noise * np.array([min(f.variance,1e-6) for f in fits])))
+        around = max(1.5 * spacing, FINEST * (TRIED - 1) / 2)
+        centre = float(instants[np.argmin(found.chi2)])
+        instants = np.linspace(max(-high, centre - around), min(high, centre + around), TRIED)
+        found = fit.at(instants)
+        bent = min(bent, found.bent)
+    best = int(np.argmin(found.chi2))
+    noise = max(1.0, float(found.chi2[best]) / max(1, len(tau) - PARAMETERS))
+    chance = np.exp((found.chi2[best] - found.chi2) / (2 * noise))
+    mean = float(instants @ chance / chance.sum())
+    variance = float((instants - mean) ** 2 @ chance / chance.sum())
+    bridged = bool(signals.no_velocity[first:last].any())
+    near_by = np.abs(tau - mean) < side / 2
+    before, after = near_by & (tau < mean - GAP), near_by & (tau > mean + GAP)
     return Release(
-        time=near + mean,
-        std=math.hypot(math.sqrt(variance), signals.instant_std),
-        fall=force,
-        fall_std=FALL_STD * force,
-        fits=fits, chance=chance, noise=noise,
+        time=near + mean / rate,
+        # A signal sampled at points does not resolve the instant within a sample.
+        std=math.hypot(math.sqrt(variance) / rate, signals.instant_std),
+        fall=-float(found.step[best]),
+        fall_std=math.hypot(float(found.step_std[best]) * math.sqrt(noise), BRIDGED * bridged),
+        slowed=0.0 if bridged else _mean(rows.inertia[before]) - _mean(rows.inertia[after]),
+        gain=(bent - float(found.chi2[best])) / noise,
+        noise=noise,
     )
+
+
+@dataclass(frozen=True)
+class _Steps:
+    """Fits of a load with a step at each of several instants; arrays of shape (n,)."""
+
+    chi2: Floats
+    """Sum of squared residuals in units of the noise; `RISES` more where the load rises."""
+    step: Floats
+    """N."""
+    step_std: Floats
+    """N, standard uncertainty for the assumed noise."""
+    bent: float
+    """Smallest chi2 of a load that only bends at one of them."""
+
+
+class _Fall:
+    """Least-squares fit of a parabola with a step and a bend at some instant to the load.
+
+    Args:
+        tau: Samples, times of the rows after the approximate fall.
+        rows: One row per sample.
+    """
+
+    def __init__(self, tau: Floats, rows: Rows):
+        self._tau, self._white = tau, rows.whitener()
+        self.span = float(np.abs(tau).max())
+        u = tau / self.span
+        self._base, _ = np.linalg.qr(self._white(np.stack([np.ones_like(u), u, u**2], 1)))
+        load = self._white(rows.load)
+        self._target = load - self._base @ (self._base.T @ load)
+
+    def at(self, instants: Floats) -> _Steps:
+        """Return the fits with a step at each instant [samples]."""
+        from_step = self._tau - instants[:, None]
+        # A row is the mean load over a sample; in the sample of the fall, the step counts in part.
+        part = np.minimum(np.maximum(from_step + 0.5, 0.0), 1.0)
+        columns = np.concatenate([part, part * from_step / self.span])
+        columns = self._white(columns.T).T
+        columns = columns - (columns @ self._base) @ self._base.T
+        step, bend = columns.reshape(2, len(instants), -1)
+        of_step, of_bend = (columns @ self._target).reshape(2, -1)
+        # Solution of the normal equations of a step and a bend.
+        both = (step * bend).sum(1)
+        square_step, square_bend = (step * step).sum(1) + RIDGE, (bend * bend).sum(1) + RIDGE
+        determinant = square_step * square_bend - both**2
+        fall = (square_bend * of_step - both * of_bend) / determinant
+        slope = (square_step * of_bend - both * of_step) / determinant
+        free = float(self._target @ self._target)
+        chi2 = free - fall * of_step - slope * of_bend + RISES * (fall >= 0)
+        bent = free - float((of_bend**2 / square_bend).max())
+        return _Steps(chi2, fall, np.sqrt(square_bend / determinant), bent)
 
 
 def robust_std(signal: Floats) -> float:
     """Return the standard deviation of most of a signal, from its median absolute deviation."""
     return 1.4826 * float(np.median(np.abs(signal - np.median(signal))))
+
+
+def _mean(signal: Floats) -> float:
+    return float(signal.mean()) if len(signal) else 0.0

@@ -89,7 +89,9 @@ class Columns:
     def ring(self, instants: Floats, p: complex) -> Poles:
         """Return exp(p t) from each instant on, shape (instants, n)."""
         return self._mean(
-            instants, lambda t: (np.exp(p * t) - 1) / p, lambda t: (np.exp(p * t) - 1 - p * t) / p**2
+            instants,
+            lambda t: (np.exp(p * t) - 1) / p,
+            lambda t: (np.exp(p * t) - 1 - p * t) / p**2,
         )
 
     def event(self, instants: Floats, poles: Poles) -> Floats:

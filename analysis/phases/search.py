@@ -7,7 +7,6 @@ these sums, as it changes sign while the string is held. The best pair is added,
 refined (Gauss-Newton), and the search is repeated for as many strings as the rig has.
 """
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -23,7 +22,7 @@ LEVEL_STD, DRIFT_STD = 10.0, 0.03
 and by a damper."""
 DAMPER, FULL_RISE = 1e-3, 10e-3
 """m, lift of a damper, and rise over which the load changes."""
-FORCE_STD, CURVED_STD = 3.0, 0.3
+FORCE_STD, CURVED_STD = 3.0, 0.15
 """N, prior standard deviations of a string's force, and of its curvature."""
 LEAST_RISE = 0.25e-3
 """m, least rise of the jack from contact to release."""
@@ -37,6 +36,8 @@ SIGNIFICANCE = 10.0
 """Least reduction of chi2 by a pluck over the noise around it."""
 LEAST_FRACTION, LEAST_FORCE = 0.12, 3e-3
 """Fraction of the largest force of a press, and N, below which there is no pluck."""
+STARTS, BETWEEN = 2, 4.0
+"""Pairs that are refined, and widths between their releases."""
 ROUNDS, STEPS, LONGEST = 3, 6, 4e-3
 """Rounds for the compliance, steps of a refinement, and its longest step in s."""
 EXCHANGED = 1.1
@@ -100,12 +101,14 @@ class _Fit:
     def __init__(self, slow: Slow, compliance: float):
         self._slow, self._compliance = slow, compliance
         self._rise = slow.rise(compliance)
-        self._load = slow.load(compliance)
+        self._weight = NOISE / np.hypot(NOISE, slow.error(slow.time))
+        self._load = self._weight * slow.load(compliance)
         rise, speed = slow.smooth(self._rise), slow.speed()
         drift = [rise / FULL_RISE, speed / max(1e-6, float(speed.max()))]
         drift.append(np.maximum(DAMPER - rise, 0.0) / DAMPER)
         level = np.full(len(rise), LEVEL_STD)
-        self._free = np.column_stack([slow.terms, level, DRIFT_STD * np.stack(drift, 1)])
+        free = np.column_stack([slow.terms, level, DRIFT_STD * np.stack(drift, 1)])
+        self._free = self._weight[:, None] * free
         self._at = rise
 
     def all(self, clearances: Sequence[float]) -> Searched:
@@ -114,10 +117,17 @@ class _Fit:
         gains: list[float] = []
         further = None
         while len(found) <= len(clearances):
-            start = self._best(found, left[0][: len(self._load)], np.asarray(clearances))
-            if start is None:
+            starts = self._best(found, left[0][: len(self._load)], np.asarray(clearances))
+            if not starts:
                 break
-            trial, solved = self._refined(np.vstack([found, start]))
+            if (
+                0 < len(found) < len(clearances)
+            ):  # or the new one touches its string where the rig says
+                rise = np.sort(clearances)[len(found)]
+                contact = float(np.interp(rise, self._rise, self._slow.hops))
+                starts += [np.array([contact, s[1]]) for s in starts[:1] if contact < s[1] - 4e-3]
+            trials = [self._refined(np.vstack([found, start])) for start in starts]
+            trial, solved = min(trials, key=lambda t: float(t[1][0] @ t[1][0]))
             trial, solved = self._in_order(trial, solved)
             n = len(self._load)
             forces = FORCE_STD * solved[1][self._free.shape[1] :: 2]
@@ -126,7 +136,12 @@ class _Fit:
             gain = float(left[0] @ left[0] - solved[0] @ solved[0]) / noise
             least = max(LEAST_FORCE, LEAST_FRACTION * float(forces.max()))
             climbed = np.diff(np.interp(trial[-1], self._slow.hops, self._rise))[0]
-            if climbed < LEAST_RISE or gain < SIGNIFICANCE or forces[-1] < least or len(found) == len(clearances):
+            if (
+                climbed < LEAST_RISE
+                or gain < SIGNIFICANCE
+                or forces[-1] < least
+                or len(found) == len(clearances)
+            ):
                 if climbed >= LEAST_RISE and gain > SIGNIFICANCE and forces[-1] > least:
                     further = Growth(*trial[-1].tolist(), float(forces[-1]), gain)
                 break
@@ -151,9 +166,8 @@ class _Fit:
         at, top = np.interp((contact, release), time, self._rise)
         part = np.clip((release - time) / slow.hop + 0.5, 0.0, 1.0) * (time > contact)
         line = np.maximum(self._rise - at, 0.0) * part / max(top - at, 1e-6)
-        return np.stack(
-            [slow.smooth(line) * FORCE_STD, slow.smooth(line * (line - 1)) * CURVED_STD], 1
-        )
+        curved = slow.smooth(line * (line - 1)) * CURVED_STD
+        return self._weight[:, None] * np.stack([slow.smooth(line) * FORCE_STD, curved], 1)
 
     def _solved(self, plucks: Floats) -> tuple[Floats, Floats, Floats]:
         """Return residuals with those of the priors, factors, and an orthonormal base."""
@@ -186,7 +200,8 @@ class _Fit:
                 trial = np.clip(trial, self._slow.hops[0], self._slow.hops[-1])
                 if (trial[:, 1] > trial[:, 0] + self._slow.width).all():
                     tried = self._solved(trial)
-                    if tried[0] @ tried[0] < left @ left:
+                    pulls = (tried[1][self._free.shape[1] :: 2] > 0).all()
+                    if pulls and tried[0] @ tried[0] < left @ left:
                         better = tried
                         break
                 stiff *= 5
@@ -214,8 +229,8 @@ class _Fit:
         better = fitted[0] @ fitted[0] < EXCHANGED * float(solved[0] @ solved[0])
         return (other, fitted) if better else (plucks, solved)
 
-    def _best(self, found: Floats, left: Floats, clearances: Floats) -> Floats | None:
-        """Return the contact and the release [s] of the saw-tooth that fits residuals best."""
+    def _best(self, found: Floats, left: Floats, clearances: Floats) -> list[Floats]:
+        """Return the contact and the release [s] of the saw-teeth that fit residuals best."""
         _, _, q = self._solved(found)
         size = max(1, -(-len(left) // MOST_ROWS))
         n = len(left) // size
@@ -224,31 +239,44 @@ class _Fit:
             return column[: n * size].reshape(n, size).sum(1)
 
         time, rise = sums(self._slow.time) / size, sums(self._at) / size
-        count, low, high = np.arange(n), np.arange(n)[:, None], np.arange(n)[None, :]
+        low, high = np.arange(n)[:, None], np.arange(n)[None, :]
+        weight = self._weight
         climbed = rise[None, :] - rise[:, None]
 
         def product(column: Floats) -> Floats:
             """Return the products of a column with every saw-tooth, shape (contacts, releases)."""
             alone, risen = _before(column), _before(column * rise)
-            return risen[None, :] - risen[:, None] - rise[:, None] * (alone[None, :] - alone[:, None])
+            return (
+                risen[None, :] - risen[:, None] - rise[:, None] * (alone[None, :] - alone[:, None])
+            )
 
-        alone, squared = _before(rise), _before(rise**2)
-        square = squared[None, :] - squared[:, None] - 2 * rise[:, None] * (alone[None, :] - alone[:, None])
-        square = size * (square + rise[:, None] ** 2 * (count[None, :] - count[:, None]))
+        heavy = sums(weight**2)
+        alone, squared, count = (_before(heavy * rise**k) for k in (1, 2, 0))
+        square = (
+            squared[None, :]
+            - squared[:, None]
+            - 2 * rise[:, None] * (alone[None, :] - alone[:, None])
+        )
+        square = square + rise[:, None] ** 2 * (count[None, :] - count[:, None])
         least = 1e-2 * square
         for column in q[: len(left)].T:
-            square = square - product(sums(column)) ** 2
-        of_load = product(sums(left))
+            square = square - product(sums(weight * column)) ** 2
+        of_load = product(sums(weight * left))
         possible = (high > low + 3) & (climbed > LEAST_RISE) & (of_load > 0) & (square > least)
         for release in found[:, 1]:
             possible &= np.abs(time[None, :] - release) > APART * self._slow.width
         gain = np.where(possible, of_load**2 / np.where(possible, square, 1.0), 0.0)
         far = np.abs(rise[:, None] - clearances).min(1) / CLEARANCE
         gain *= (ANYWHERE + (1 - ANYWHERE) * np.exp(-(far**2) / 2))[:, None]
-        first, last = np.unravel_index(int(np.argmax(gain)), gain.shape)
-        if not gain[first, last] > 0:
-            return None
-        return np.array([time[first], (time[last - 1] + time[last]) / 2])
+        starts: list[Floats] = []
+        for _ in range(STARTS):
+            first, last = np.unravel_index(int(np.argmax(gain)), gain.shape)
+            if not gain[first, last] > 0:
+                break
+            release = (time[last - 1] + time[last]) / 2
+            starts.append(np.array([time[first], release]))
+            gain[:, np.abs(time - release) < BETWEEN * self._slow.width] = 0.0
+        return starts
 
 
 def _before(column: Floats) -> Floats:

@@ -135,15 +135,17 @@ def signals_of(press: Press) -> Signals:
 
 
 def _lag_std(rig: Rig) -> float:
-    """Return the standard uncertainty of the delay of the force [s].
+    """Return the standard uncertainty of the delays of force and velocity [s].
 
     A first-order low-pass delays by 1/(2 pi f). A calibration without the order does not define
     whether its delay includes that, so the error is at most 1/(2 pi f) either way.
     """
-    channel = rig.daq.channel("force")
-    if channel is None or not channel.low_pass or channel.low_pass_order:
-        return 0.0
-    return 1 / (2 * math.pi * channel.low_pass) / math.sqrt(3)
+    channels = [rig.daq.channel(quantity) for quantity in ("force", "velocity")]
+    parts = [channel.delay_std for channel in channels if channel]
+    force = channels[0]
+    if force and force.low_pass and not force.low_pass_order:
+        parts.append(1 / (2 * math.pi * force.low_pass) / math.sqrt(3))
+    return math.hypot(*parts)
 
 
 def way_down(signals: Signals) -> tuple[int, int] | None:

@@ -25,6 +25,9 @@ MARGIN = 4
 """Widths of signal before and after, as far as there is any."""
 TERMS = {"inertia": 0.4, "F''": 1.5e-5, "F'": 3e-4, "v''": 3e-5, "v'''": 3e-7, "F''''": 3e-12}
 """Prior standard deviations of the terms: dimensionless; s^2, s; kg s, kg s^2; s^4."""
+SUDDEN, CALM = 0.3, 0.2
+"""Error of the load over the rms of what is too fast for this relation: impacts and ringing, above
+the noise, which is the rms of this calmest fraction of the rows."""
 MOST_COMPLIANT = 6e-5
 """s^2, largest k."""
 
@@ -73,6 +76,10 @@ class Slow:
         )
         """N, the terms times their prior standard deviations; shape (n, 6)."""
         self._rigid = self.force - self.inertial * acceleration
+        sudden = force - self.inertial * np.gradient(velocity, self.hop)
+        sudden -= np.interp(self.hops, self.time, self._rigid)
+        rms = np.sqrt(np.maximum(self.smooth(sudden**2), 0.0))
+        self._error = SUDDEN * np.maximum(rms - float(np.quantile(rms, CALM)), 0.0)
 
     def smooth(self, signal: Floats, derivative: int = 0) -> Floats:
         """Return a signal of the blocks, or a derivative of it, smoothed, at the rows."""
@@ -93,6 +100,10 @@ class Slow:
     def at(self, time: Floats) -> Floats:
         """Return the terms at other times [s], shape (times, 6)."""
         return np.stack([np.interp(time, self.time, term) for term in self.terms.T], 1)
+
+    def error(self, time: Floats) -> Floats:
+        """Return the standard uncertainty [N] of the load at times [s] by what is too fast."""
+        return np.interp(time, self.time, self._error)
 
     def speed(self) -> Floats:
         """Return the jack's speed [m/s]."""

@@ -32,12 +32,17 @@ DROP_OUT_SEED = 7.0
 DROP_OUT_EDGE = 3.0
 """Deviation at which a drop-out starts and ends, in standard deviations."""
 DROP_OUT_JUMP = 60e-6
-"""s, within which it starts, and ends, by `DROP_OUT_FRACTION` of its depth; at least a sample."""
+"""s, within which it starts or ends by `DROP_OUT_FRACTION` of its depth; at least a sample."""
 DROP_OUT_FRACTION = 0.5
 """Dimensionless, least fraction of its depth."""
-FASTEST = 20.0
+FASTEST = 8.0
 """m/s^2, acceleration at the laser below which a jump may be the key's own, as at a release: that
-of 0.8 N at the jack."""
+of 0.3 N at the jack."""
+BESIDE = 0.4
+"""Dimensionless, fraction of its depth below which the signal beside it deviates; a key that
+vibrates deviates before and after as well."""
+LONG = 0.5e-3
+"""s, duration from which on no vibrating key is so sudden."""
 LEAST_DROP_OUT = 2e-3
 """Dimensionless, fraction of the range below which nothing is a drop-out, for any noise."""
 
@@ -141,10 +146,10 @@ def _saturated(
 def _drop_outs(
     volts: Signal, noise: float, channel: Channel, rate: float, known: NDArray[np.bool_]
 ) -> list[tuple[int, int]]:
-    """Return short deviations from a running median that start and end suddenly.
+    """Return short deviations from a running median that start or end suddenly.
 
-    A reversing key deviates from the median as well, but slowly; at a release it starts or stops
-    suddenly, but does not return to where it was.
+    A reversing key deviates from the median as well, but slowly, as at a release; one that vibrates
+    deviates before and after as well.
     """
     window = math.ceil(DROP_OUT_WINDOW * rate) | 1
     if len(volts) < window:
@@ -160,14 +165,13 @@ def _drop_outs(
     deviation = volts - median_filter(volts, window, mode="nearest")
     found = []
     for start, stop in _runs(np.abs(deviation) > DROP_OUT_EDGE * unit):
-        inside = deviation[start:stop]
-        depth = np.abs(inside).max()
-        away = jumps * np.sign(inside[np.abs(inside).argmax()])
-        starts, ends = (
-            away[max(0, edge - step) : edge + 1] for edge in (start, min(stop, len(jumps)))
-        )
-        least_jump = max(least, DROP_OUT_FRACTION * depth)
-        sudden = starts.max() > least_jump and -ends.min() > least_jump
+        depth = np.abs(deviation[start:stop]).max()
+        jump = np.abs(jumps[max(0, start - step) : stop]).max(initial=0.0)
+        sudden = jump > max(least, DROP_OUT_FRACTION * depth)
+        wide = stop - start + 1
+        beside = np.concatenate([deviation[max(0, start - wide) : start], deviation[stop:][:wide]])
+        slower = stop - start > LONG * rate > 4 * step
+        sudden &= slower or np.abs(beside).max(initial=0.0) < BESIDE * depth
         if depth > DROP_OUT_SEED * unit and sudden and not known[start:stop].any():
             found.append((start, stop))
     return found
