@@ -1,0 +1,136 @@
+"""Assemble the parameters of the compiled functions from the conditions."""
+
+import numpy as np
+
+from .conditions import Choir, Conditions
+from .elastica import shape, static_pluck
+from .kernel import GRAVITY
+from .key import ROOTS, KeyModel, key_model
+from .parameters import Body, Choirs
+
+
+def build_key(c: Conditions) -> KeyModel:
+    """Return the key of the conditions."""
+    bending = ()
+    if np.isfinite(c.bending_frequency):
+        ratio = (ROOTS[1] / ROOTS[0]) ** 2
+        modes = ((c.bending_frequency, c.bending_damping),)
+        bending = modes + ((c.bending_frequency * ratio, c.bending_damping),) * c.second_mode
+    return key_model(
+        c.inertia,
+        c.key_mass,
+        -c.gravity_moment / (c.key_mass * GRAVITY),
+        c.front_arm,
+        c.back_arm,
+        c.heave_frequency,
+        c.heave_damping,
+        bending,
+    )
+
+
+def body_of(c: Conditions, key: KeyModel) -> Body:
+    every = max(round(c.servo_period / c.step), 1)
+    stiffness = c.servo_stiffness if np.isfinite(c.servo_stiffness) else 0.0
+    damping = 2 * c.servo_damping * np.sqrt(stiffness * c.arm_mass)
+    gains = [
+        stiffness,
+        stiffness * c.servo_integral,
+        damping,
+        c.encoder,
+        every * c.step,
+        c.servo_lag,
+    ]
+    transducer = c.tip_mass * (2 * np.pi * c.transducer_frequency) ** 2
+    lossy = 2 * c.transducer_damping * np.sqrt(transducer * c.tip_mass)
+    pad = c.pad_stiffness * (c.pad_stiffness / 0.5) ** (c.pad_exponent - 1)
+    loss = 2 * c.pad_loss * np.sqrt(c.pad_stiffness * c.tip_mass)
+    return Body(
+        c.arm_mass,
+        c.arm_mass + c.tip_mass + c.inertia / c.inertia_factor / c.press_arm**2,
+        every,
+        np.array(gains),
+        np.array([transducer, lossy, c.tip_mass]),
+        np.array([pad, c.pad_exponent, loss, c.finger_friction, c.surface_height]),
+        np.linalg.inv(key.mass),
+        np.ascontiguousarray(key.stiffness),
+        np.ascontiguousarray(key.damping),
+        key.rotation,
+        c.gravity_moment,
+        np.array([c.pivot_coulomb, c.pivot_viscous]),
+        key.at(-c.press_arm),
+        key.at(c.back_arm),
+        key.at(-c.laser_arm),
+        np.array([c.rail_stiffness, c.rail_damping]),
+        np.array([c.felt_stiffness, c.felt_damping, c.dip]),
+    )
+
+
+def string_modes(choir: Choir, step: float) -> tuple[np.ndarray, np.ndarray, float]:
+    """Return shapes with inverse modal masses, exact propagators, and the residual compliance."""
+    count = max(choir.modes, 1)
+    k = np.arange(1, count + 1)
+    at = np.sin(k * np.pi * choir.plucking_point / choir.string_length)
+    density = choir.tension / (2 * choir.string_length * choir.frequency) ** 2
+    mass = density * choir.string_length / 2
+    omega = 2 * np.pi * choir.frequency * k
+    residual = 1 / choir.string_stiffness - float(np.sum(at**2 / (mass * omega**2)))
+    propagators = []
+    for extra in (0.0, choir.damper_decay):
+        decay = choir.decay * (1 + 0.02 * k**2) + extra
+        damped = np.sqrt(omega**2 - decay**2)
+        e, c, s = np.exp(-decay * step), np.cos(damped * step), np.sin(damped * step) / damped
+        rows = [e * (c + decay * s), e * s, -e * omega**2 * s, e * (c - decay * s)]
+        propagators.append(np.stack(rows, axis=-1))
+    modal = np.stack([at, np.full(count, 1 / mass)], axis=-1)
+    return modal, np.array(propagators), residual
+
+
+def choirs_of(c: Conditions, key: KeyModel) -> Choirs:
+    modal = [string_modes(each, c.step) for each in c.choirs]
+    count = max(len(each[0]) for each in modal)
+    if min(len(each[0]) for each in modal) < count:
+        raise ValueError("choirs: the strings have different numbers of modes; give all the same")
+    static = [
+        static_pluck(
+            each.length,
+            each.overlap,
+            each.bending_stiffness,
+            each.string_stiffness,
+            each.friction,
+            each.offset,
+        )
+        for each in c.choirs
+    ]
+    points = 400
+    heights = [np.linspace(0, each.release_height, points) for each in static]
+    return Choirs(
+        np.array([key.at(each.arm) for each in c.choirs]),
+        np.array(
+            [
+                [
+                    each.arm,
+                    c.jack_surface_height,
+                    each.mass,
+                    each.cloth_stiffness,
+                    2 * each.cloth_damping * np.sqrt(each.cloth_stiffness * each.mass),
+                    each.register_friction,
+                    each.clearance,
+                ]
+                for each in c.choirs
+            ]
+        ),
+        np.array(
+            [
+                [p.bending_stiffness, p.length, p.length - p.overlap, p.offset, p.friction]
+                for p in c.choirs
+            ]
+        ),
+        np.array([shape(each.friction) for each in c.choirs]),
+        np.array([[m[2], float(each.modes == 0)] for m, each in zip(modal, c.choirs, strict=True)]),
+        np.array([each[0] for each in modal]),
+        np.array([each[1] for each in modal]),
+        np.array(heights),
+        np.array([np.interp(h, s.height, s.load) for h, s in zip(heights, static, strict=True)]),
+        np.array([[each.damper_stiffness, each.damper_lift] for each in c.choirs]),
+        np.array([[0.015, 0.15e-3] for _ in c.choirs]),
+    )

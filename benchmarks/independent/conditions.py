@@ -1,0 +1,179 @@
+"""Every factor of a simulated press."""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Choir:
+    """One jack with plectrum and string; SI, true values.
+
+    A `_factor` is the true value over that in the rig.
+    """
+
+    arm: float = 0.215
+    mass: float = 6e-3
+    clearance: float = 1.944e-3
+    cloth_stiffness: float = 1e7
+    """N/m, under the jack's foot."""
+    cloth_damping: float = 0.1
+    """Fraction of critical damping of the jack on its cloth."""
+    register_friction: float = 0.02
+    length: float = 4.5e-3
+    width: float = 0.75e-3
+    thickness: float = 0.48e-3
+    modulus: float = 2.9e9
+    overlap: float = 0.263e-3
+    friction: float = 0.0
+    rig_friction: float = 0.0
+    """What the rig says of the plectrum's friction."""
+    modulus_factor: float = 1.0
+    overlap_factor: float = 1.0
+    clearance_factor: float = 1.0
+    on_surface: bool = True
+    """Whether the wire lies on the plectrum's surface; otherwise on its mid-line."""
+    tension: float = 66.95
+    string_length: float = 0.46
+    plucking_point: float = 0.108
+    frequency: float = 365.0
+    diameter: float = 0.31e-3
+    modes: int = 25
+    """Of the string per direction; 0 for a quasi-static spring."""
+    decay: float = 2.0
+    """1/s, of the first mode; mode n has decay (1 + 0.02 n^2)."""
+    damper_stiffness: float = 0.0
+    """N/m; 0 without a damper."""
+    damper_lift: float = 1e-3
+    damper_decay: float = 60.0
+
+    @property
+    def bending_stiffness(self) -> float:
+        """N m^2."""
+        return self.modulus * self.width * self.thickness**3 / 12
+
+    @property
+    def offset(self) -> float:
+        """m, from the plectrum's mid-line to the wire's centre."""
+        return (self.thickness + self.diameter) / 2 if self.on_surface else 0.0
+
+    @property
+    def string_stiffness(self) -> float:
+        """N/m, T / (L b (1 - b))."""
+        b = self.plucking_point / self.string_length
+        return self.tension / (self.string_length * b * (1 - b))
+
+
+@dataclass(frozen=True)
+class Sensor:
+    """One channel's chain: true behaviour, and what the rig says of it."""
+
+    noise: float
+    """Rms within the band of the low-pass."""
+    pink: float = 0.0
+    """Rms of 1/f noise between 1 Hz and 1 kHz."""
+    hum: float = 0.0
+    """Amplitude."""
+    hum_frequency: float = 50.0
+    drift: float = 0.0
+    """Unit per second."""
+    gain: float = 1.0
+    """True sensitivity over the calibrated one."""
+    delay: float = 0.0
+    """s, of the rig."""
+    delay_error: float = 0.0
+    """s, true delay minus that of the rig."""
+    low_pass: float = 22e3
+    low_pass_order: int = 2
+    high_pass: float = 0.5
+    """Hz, first order; 0 for none."""
+    drop_outs: float = 0.0
+    """Fraction of time."""
+    drop_out: float = 100e-6
+    """s, mean duration of one."""
+    cross_talk: float = 0.0
+    """Of the other channel's signal, derived in time where that is a velocity."""
+    scale: float = 1.0
+    """Unit per volt."""
+    range: float = 10.0
+    """V."""
+    bits: int = 24
+
+
+VELOCITY = Sensor(5e-5, delay=1.1e-3, high_pass=0.5, scale=0.025, range=4.0)
+FORCE = Sensor(5e-3, delay=10e-6, high_pass=0.1, scale=1.0, range=10.0)
+
+
+@dataclass(frozen=True)
+class Conditions:
+    """One press; SI, true values. A `_factor` is the true value over that in the rig."""
+
+    choirs: tuple[Choir, ...] = (Choir(),)
+    speed: float = 0.072
+    rise: float = 10e-3
+    run_up: float = 12e-3
+    hold: float = 30e-3
+    return_speed: float = 0.08
+    rest: float = 40e-3
+    """s, recorded before the push."""
+    pre_trigger: float = 0.0
+    """s, recorded before the trigger; the push starts ``rest`` after it."""
+    # Key.
+    press_arm: float = 0.171
+    laser_arm: float = 0.082
+    front_arm: float = 0.185
+    back_arm: float = 0.235
+    surface_height: float = 0.01
+    jack_surface_height: float = 0.01
+    inertia: float = 7e-4
+    inertia_factor: float = 1.0
+    gravity_moment: float = -2e-3
+    gravity_factor: float = 1.0
+    key_mass: float = 0.05
+    pivot_coulomb: float = 0.5e-3
+    pivot_viscous: float = 0.1e-3
+    friction_factor: float = 1.0
+    """Of pivot and register."""
+    rig_press_arm_error: float = 0.0
+    """m, of the rig's press arm."""
+    bending_frequency: float = float("inf")
+    """Hz, of the free-free key's first mode; infinite for a rigid key."""
+    bending_damping: float = 0.01
+    second_mode: bool = True
+    heave_frequency: float = float("inf")
+    heave_damping: float = 0.1
+    rail_stiffness: float = 2e5
+    rail_damping: float = 20.0
+    felt_stiffness: float = 2e4
+    felt_damping: float = 10.0
+    dip: float = 8.2e-3
+    # Finger.
+    arm_mass: float = 0.08
+    servo_stiffness: float = 2700.0
+    """N/m at the fingertip; infinite for an arm that follows its plan exactly."""
+    servo_damping: float = 0.7
+    servo_integral: float = 5.0
+    """1/s, Ki / Kp."""
+    servo_period: float = 976.5625e-6
+    servo_lag: float = 0.4e-3
+    """s, first order, of amplifier and motor."""
+    encoder: float = 0.38e-6
+    """m, at the fingertip."""
+    tip_mass: float = 4e-3
+    transducer_frequency: float = 8e3
+    """Hz, of the tip's mass on the transducer."""
+    transducer_damping: float = 0.02
+    pad_stiffness: float = 1e6
+    """N/m, secant at 0.5 N."""
+    pad_exponent: float = 1.0
+    pad_loss: float = 0.3
+    """Fraction of the critical damping of the tip's mass on its pad at 0.5 N."""
+    finger_friction: float = 0.0
+    preload: float = 0.4
+    """Of the force that lifts the key off its rail; negative for a gap of as many mm."""
+    # Sensors.
+    velocity: Sensor = VELOCITY
+    force: Sensor = FORCE
+    rate: float = 51200.0
+    anti_alias: bool = False
+    """Whether the converter has a steep linear-phase filter at 0.45 of the rate."""
+    step: float = 2.5e-6
+    """s, of the integration."""

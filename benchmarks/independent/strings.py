@@ -1,0 +1,107 @@
+"""The strings' modes, and the contact of plectrum and string with its events."""
+
+import numpy as np
+
+from .compiled import compiled
+from .elastica import solve_contact
+
+BELOW, HELD, ABOVE, PASSING = 0, 1, 2, 3
+"""The plectrum stands below the string, holds it, stands above it, or passes it downwards."""
+CONTACT, RELEASE, LOST = 0, 1, 2
+"""Kinds of events; a contact is lost where the plectrum leaves a string without a release."""
+
+
+@compiled
+def drift_string(dt, c, felt, choirs, s):
+    """Kick string ``c`` by half a step of its load and propagate its modes exactly by ``dt``."""
+    for d in range(2):
+        for k in range(choirs.modes.shape[1]):
+            kick = dt / 2 * s.load[c, d] * choirs.modes[c, k, 0] * choirs.modes[c, k, 1]
+            old, fast = s.position[c, d, k], s.velocity[c, d, k] + kick
+            row = choirs.propagators[c, felt, k]
+            s.position[c, d, k] = row[0] * old + row[1] * fast
+            s.velocity[c, d, k] = row[2] * old + row[3] * fast
+
+
+@compiled
+def kick_string(dt, c, choirs, s):
+    """Kick string ``c`` by half a step of its load."""
+    for d in range(2):
+        if s.load[c, d] != 0.0:
+            for k in range(choirs.modes.shape[1]):
+                kick = dt / 2 * s.load[c, d] * choirs.modes[c, k, 0] * choirs.modes[c, k, 1]
+                s.velocity[c, d, k] += kick
+
+
+@compiled
+def _note(events, found, c, kind, time, load):
+    if found < events.shape[0]:
+        events[found, 0], events[found, 1] = c, kind
+        events[found, 2], events[found, 3] = time, load
+    return found + 1
+
+
+@compiled
+def pluck(i, dt, c, height, choirs, s, events, found):
+    """Update contact and loads of string ``c`` for a jack at ``height`` above contact.
+
+    Events are located between the steps i - 1 and i by the linear course of the gap, and of the
+    string's place on the plectrum.
+
+    Returns:
+        Number of events found so far; N, upward force of the passing tongue on the jack.
+    """
+    stiff, length, x0, offset, friction = choirs.plectrum[c]
+    static = choirs.string[c, 1] == 1.0
+    old_push, old_gap = s.push[c], s.gap[c]
+    x = x0 + choirs.string[c, 0] * s.load[c, 0]
+    z = offset - height + choirs.string[c, 0] * s.load[c, 1]
+    if static:
+        z = offset - height
+    elif s.touched[c]:
+        for k in range(choirs.modes.shape[1]):
+            x += s.position[c, 0, k] * choirs.modes[c, k, 0]
+            z += s.position[c, 1, k] * choirs.modes[c, k, 0]
+    s.gap[c] = z - offset
+    s.push[c] = s.load[c, 0] = s.load[c, 1] = 0.0
+    if s.state[c] == ABOVE or s.state[c] == PASSING:
+        if height >= 0:
+            s.state[c] = ABOVE
+            return found, 0.0
+        s.state[c] = PASSING
+        if -height > choirs.tongue[c, 1]:
+            s.state[c] = BELOW
+            s.gap[c] = max(s.gap[c], 1e-12)
+        return found, choirs.tongue[c, 0] * min(-height / 20e-6, 1.0)
+    if s.gap[c] > 0:
+        if s.state[c] == HELD:
+            s.state[c] = BELOW
+            s.bend[c] = 0.0
+            found = _note(events, found, c, LOST, i * dt, 0.0)
+        return found, 0.0
+    if s.state[c] == BELOW:
+        s.state[c] = HELD
+        s.touched[c] = True
+        s.place[c] = 0.0
+        at = old_gap / (old_gap - s.gap[c]) if old_gap > 0 else 1.0
+        found = _note(events, found, c, CONTACT, (i - 1 + at) * dt, 0.0)
+    if static:
+        top = choirs.static_height[c, -1]
+        beyond, before = height - top, -old_gap - top
+        s.push[c] = np.interp(height, choirs.static_height[c], choirs.static_load[c])
+    else:
+        s.bend[c], place, theta = solve_contact(choirs.shapes[c], x, z, offset, s.bend[c])
+        normal = stiff * s.bend[c] / place**2
+        sine, cosine = np.sin(theta), np.cos(theta)
+        s.load[c, 0] = normal * (sine - friction * cosine)
+        s.load[c, 1] = normal * (cosine + friction * sine)
+        s.push[c] = s.load[c, 1]
+        beyond, before = place - length, s.place[c] - length
+        s.place[c] = place
+    if beyond >= 0:
+        at = before / (before - beyond) if before < 0 else 0.0
+        load = old_push + at * (s.push[c] - old_push)
+        found = _note(events, found, c, RELEASE, (i - 1 + at) * dt, load)
+        s.state[c] = ABOVE
+        s.push[c] = s.load[c, 0] = s.load[c, 1] = s.bend[c] = 0.0
+    return found, 0.0
