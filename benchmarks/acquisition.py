@@ -7,9 +7,9 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,12 +17,8 @@ from benchmarks.figures import Figure, median_time
 from sautereau.rig.acquisition import Daq
 from sautereau.rig.load import load_rig
 from sautereau.rig.schema import Rig
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from sautereau.sim_backend.devices.daqmx.card import TaskSetup
-    from sautereau.trajectory.motion import Floats
+from sautereau.sim_backend.devices.daqmx.card import TaskSetup
+from sautereau.trajectory.motion import Floats
 
 CHANNELS = 16
 DURATION = 10.0
@@ -34,7 +30,7 @@ PERIOD = 2048
 class PacedRun:
     """Samples in real time."""
 
-    def __init__(self, setup: "TaskSetup"):
+    def __init__(self, setup: TaskSetup):
         noise = np.random.default_rng(1).uniform(-4, 4, (len(setup.terminals), PERIOD))
         self._twice = np.concatenate([noise, noise], axis=1)
         self._rate, self._end = setup.rate, setup.n_samples
@@ -45,7 +41,7 @@ class PacedRun:
         time.sleep(min(max(0.0, due - time.monotonic()), timeout))
         return min(self._end, int((time.monotonic() - self._start) * self._rate))
 
-    def read(self, first: int, n: int) -> "Floats":
+    def read(self, first: int, n: int) -> Floats:
         begin = first % PERIOD
         return self._twice[:, begin : begin + n]
 
@@ -64,7 +60,7 @@ class PacedCard:
     terminals = tuple(f"ai{n}" for n in range(CHANNELS))
     paced = True
 
-    def start(self, setup: "TaskSetup") -> PacedRun:
+    def start(self, setup: TaskSetup) -> PacedRun:
         return PacedRun(setup)
 
 
@@ -139,7 +135,7 @@ def _rig(address: str) -> Rig:
 
 
 @contextmanager
-def _served() -> "Iterator[str]":
+def _served() -> Iterator[str]:
     """Serve the card from another process, so that its CPU time is not counted."""
     with subprocess.Popen(
         [sys.executable, "-m", "benchmarks.acquisition"],

@@ -47,15 +47,12 @@ def run() -> list[Figure]:
     built, _ = timed(build, *shape)
     level = FE(plectrum)
     loaded = 1e3 * timed(FE, plectrum)[0]
-    assert built < BUILD_LIMIT
-    assert loaded < LOAD_LIMIT
     bend = level.bend(s, FORCES)
     ours = np.array([bend.x - s, bend.z, bend.theta]).T
     figures = []
     for force, mine, other in zip(FORCES, ours, peer, strict=True):
         for what, a, b in zip(("shortening", "deflection", "rotation"), mine, other, strict=True):
             off = 100 * abs(a / b - 1)
-            assert off < LIMIT, f"{what} at {force} N: {a:.6g} against {b:.6g}"
             figures.append(Figure(f"{what} at {force} N, off CalculiX's", off, "%", "limit", LIMIT))
     return [
         *figures,

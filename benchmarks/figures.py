@@ -1,7 +1,5 @@
 """A measured figure, and the page of figures."""
 
-import os
-import platform
 import statistics
 import time
 from collections.abc import Callable, Sequence
@@ -9,6 +7,8 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TypeVar
+
+from sautereau.sim_backend.trade.study import machine
 
 T = TypeVar("T")
 RUNS = 21
@@ -43,13 +43,6 @@ class Figure:
             f"| {self.what} | {self.value:.4g}{unit} | {self.against}: {self.reference:.4g}{unit}"
             f" | {self.value / self.reference:.3g}{' MISSED' * self.missed} |"
         )
-
-
-def machine() -> str:
-    """Return a description of this machine, without its name."""
-    cores = os.cpu_count()
-    system = f"{platform.system()}, Python {platform.python_version()}"
-    return f"{platform.machine()}, {cores} cores, {system}"
 
 
 def timed(work: Callable[..., T], *arguments, **options) -> tuple[float, T]:

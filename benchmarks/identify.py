@@ -112,7 +112,6 @@ def run() -> list[Figure]:
             Figure(covered, fraction, "1", "nominal", 0.95),
             Figure(largest, worst, "1", "limit", LIMIT),
         ]
-        assert worst < LIMIT, (name, worst)
     before, after = np.median(np.abs(found.slopes), axis=0)
     worst = float(np.abs(found.slopes[:, 1]).max())
     assert after < LIMIT

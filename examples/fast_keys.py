@@ -10,6 +10,7 @@ import sys
 from pathlib import Path
 
 import numpy as np
+from matplotlib.figure import Figure
 
 from sautereau.analysis.model.modal_pluck import modal_pluck
 from sautereau.analysis.model.predict import rig_pluck
@@ -33,8 +34,6 @@ def _held(rig: Rig, speed: float) -> float:
 
 def plot(path: str | Path, studied: dict[float, float]) -> None:
     """Write the plot of the error over the jack speed to a file."""
-    from matplotlib.figure import Figure
-
     figure = Figure(figsize=(8, 4.2), layout="constrained")
     axes = figure.subplots()
     axes.axhline(0, color="#888888", lw=0.8)

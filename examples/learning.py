@@ -11,6 +11,8 @@ import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
+from matplotlib.figure import Figure
+
 from sautereau.analysis.loading.press import Press, load_press
 from sautereau.rig.load import load_rig
 from sautereau.robot.drivers.registry import motion_controller
@@ -46,8 +48,6 @@ def study(n: int = 4, seed: int = 1) -> Learning:
 
 def plot(path: str | Path, studied: Learning) -> None:
     """Plot the jack's speed before and after learning into a file."""
-    from matplotlib.figure import Figure
-
     figure = Figure(figsize=(8, 4.2), layout="constrained")
     axes = figure.subplots()
     law = press_law(studied.first.rig.press)

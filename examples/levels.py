@@ -6,7 +6,7 @@ python -m examples.levels [picture.png]
 import sys
 from pathlib import Path
 
-from sautereau.analysis.figures.pluck import plot_pluck
+from sautereau.analysis.figures.pluck import pluck_figure
 from sautereau.analysis.model.plectrum.levels import LEVELS
 from sautereau.analysis.model.predict import predict
 from sautereau.rig.load import load_rig
@@ -20,7 +20,7 @@ def study(rig: Rig) -> dict[str, float]:
 
 def plot(path: str | Path, rig: Rig) -> None:
     """Write the plot of shape, path and force of every level to a file."""
-    plot_pluck(path, rig, LEVELS.names())
+    pluck_figure(rig, LEVELS.names()).savefig(path, dpi=120)
 
 
 def main() -> None:

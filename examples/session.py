@@ -10,7 +10,7 @@ import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
-from sautereau.analysis.figures.comparison import plot_comparison
+from sautereau.analysis.figures.comparison import comparison_figure
 from sautereau.analysis.loading.press import Press, load_press
 from sautereau.analysis.model.predict import Prediction, predict
 from sautereau.analysis.phases import Phases, find_phases
@@ -48,7 +48,8 @@ def study(n: int = 3, scene: str = "paper", seed: int = 1) -> Session:
 
 def plot(path: str | Path, studied: Session) -> None:
     """Save a plot of force and deflection with phases and model to a file."""
-    plot_comparison(path, studied.presses, studied.phases, studied.prediction)
+    figure = comparison_figure(studied.presses, studied.phases, studied.prediction)
+    figure.savefig(path, dpi=120)
 
 
 def main() -> None:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from sautereau.analysis.model.modal_pluck import ModalPluck, modal_pluck
@@ -47,8 +48,6 @@ def study(rig: Rig) -> Waves:
 
 def plot(path: str | Path, waves: Waves) -> None:
     """Write the plot of the lift over time and position to a file."""
-    from matplotlib.figure import Figure
-
     figure = Figure(figsize=(8, 4.2), layout="constrained")
     axes = figure.subplots()
     most = float(np.abs(waves.lift).max()) * 1e3

@@ -11,12 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from examples.release_fit import (
-    Release,
-    fit_release,
-    overlap_for_duration,
-    overlap_for_speed,
-)
+from examples import release_fit
 from sautereau.analysis.model.string.string import first_mode_release_speed
 from sautereau.rig.load import load_rig
 from sautereau.rig.schema import Rig
@@ -76,12 +71,12 @@ HEAD = (
 )
 
 
-def releases(rig: Rig) -> dict[str, Release]:
+def releases(rig: Rig) -> dict[str, release_fit.Release]:
     """Return the releases of the page's table by what was asked for."""
     return {
-        f"held for {DURATION * 1e3:.3g} ms": overlap_for_duration(rig, DURATION),
-        f"Vosc = {V_OSC:.2g} m/s": overlap_for_speed(rig, V_OSC),
-        "both": fit_release(rig, DURATION, V_OSC),
+        f"held for {DURATION * 1e3:.3g} ms": release_fit.overlap_for_duration(rig, DURATION),
+        f"Vosc = {V_OSC:.2g} m/s": release_fit.overlap_for_speed(rig, V_OSC),
+        "both": release_fit.fit_release(rig, DURATION, V_OSC),
     }
 
 
@@ -91,7 +86,7 @@ def page(rig: Rig, stamp: str) -> str:
     found = releases(rig)
     _, fast, both = found.values()
     first_share = first_mode_release_speed(string, fast.lift) / fast.v_osc
-    first = fit_release(rig, DURATION, V_OSC / first_share)
+    first = release_fit.fit_release(rig, DURATION, V_OSC / first_share)
     ei = plectrum.bending_stiffness
     return TEXT.format(
         stamp=stamp,
@@ -124,7 +119,7 @@ def page(rig: Rig, stamp: str) -> str:
     )
 
 
-def _row(what: str, release: Release, ei: float) -> str:
+def _row(what: str, release: release_fit.Release, ei: float) -> str:
     pluck = release.pluck
     cells = (
         release.bending_stiffness / ei,

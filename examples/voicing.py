@@ -14,6 +14,8 @@ import sys
 from dataclasses import dataclass
 from pathlib import Path
 
+from matplotlib.figure import Figure
+
 from sautereau.analysis.model.pluck.pluck import Pluck
 from sautereau.analysis.model.predict import rig_pluck
 from sautereau.analysis.model.string.string import release_speed
@@ -93,8 +95,6 @@ def study(rig: Rig) -> list[list[Voice]]:
 
 def plot(path: str | Path, studied: list[list[Voice]]) -> None:
     """Draw the force on the jack over its height for every cut into a file."""
-    from matplotlib.figure import Figure
-
     figure = Figure(figsize=(13, 4.8), layout="constrained")
     for axes, voices in zip(
         figure.subplots(1, len(studied), sharex=True, sharey=True), studied, strict=True

@@ -6,14 +6,14 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from sautereau.rig.measured import MEASURED, measured_quantity
+from sautereau.rig.measured import MEASURED
 from sautereau.rig.registry import NameIn
-from sautereau.rig.section import Frequency, Section, Time, Voltage
+from sautereau.rig.section import Current, Frequency, Section, Time, Voltage
 from sautereau.rig.units import Unit, UnitBy
 
 
 def _scale_unit(quantity: str) -> Unit:
-    measured = measured_quantity(quantity)
+    measured = MEASURED.get(quantity)
     return Unit(measured.scale_unit, measured.example)
 
 
@@ -41,6 +41,18 @@ class Channel(Section):
     """s, standard uncertainty of `delay`."""
     gain_std: float = Field(default=0.01, ge=0, le=0.5)
     """Dimensionless, relative standard uncertainty of `scale`."""
+    terminal_configuration: Literal["default", "rse", "nrse", "diff", "pseudo_diff"] = "default"
+    """How the input is referenced to ground; `default` leaves the device's own, which the sensor's
+    wiring must match."""
+    input_coupling: Literal["default", "ac", "dc"] = "default"
+    """Coupling of the input itself, where the device can switch it. With `ac`, the corner of the
+    device's high-pass belongs into `high_pass`."""
+    excitation: Current = Field(default=0.0, ge=0, le=0.1)
+    """A, constant current that the input supplies to an IEPE sensor; 0 for none."""
+    input_delay: Time = Field(default=0.0, ge=-0.1, le=1)
+    """s, by which the device's samples lag its terminals: the delay of its digital filter, less
+    the time by which a multiplexer samples this input later. Read from the device and written
+    into every recording; a value given here is replaced."""
     serial_number: str = ""
     """As engraved on the sensor."""
     calibrated: date | None = None
@@ -68,23 +80,19 @@ class Channel(Section):
     @property
     def unit(self) -> str:
         """SI unit of the signal."""
-        return measured_quantity(self.quantity).unit
-
-    @property
-    def coupling(self) -> Literal["AC", "DC"]:
-        """Whether a constant passes."""
-        return "AC" if self.high_pass else "DC"
+        return MEASURED.get(self.quantity).unit
 
     @property
     def lag(self) -> float:
-        """s, of the signal behind a slow motion: `delay`, and the low-pass's own.
+        """s, of the signal behind a slow motion: `delay`, `input_delay`, the low-pass's own.
 
         A Butterworth filter of order n delays low frequencies by 1 / (w sin(pi / 2n)).
         """
+        delay = self.delay + self.input_delay
         if not self.low_pass_order:
-            return self.delay
+            return delay
         corner = 2 * math.pi * self.low_pass
-        return self.delay + 1 / (corner * math.sin(math.pi / (2 * self.low_pass_order)))
+        return delay + 1 / (corner * math.sin(math.pi / (2 * self.low_pass_order)))
 
 
 class Tls(Section):
@@ -122,7 +130,8 @@ class Daq(Section):
     sample_rate: Frequency = Field(ge=1000, le=1e6)
     """Hz, of every channel."""
     trigger_source: str = Field(min_length=1)
-    """Terminal that the controller's trigger output is wired to: `PFI0`."""
+    """Terminal that the controller's trigger output is wired to: `PFI0`, of the device itself, or
+    of its chassis for a module in one; `/cDAQ1/PFI0` names any other."""
     pre_trigger: Time = Field(default=0.0, ge=0, le=60)
     """s, recorded before the trigger's edge."""
     trigger_timeout: Time = Field(gt=0)

@@ -11,6 +11,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import NamedTuple, TypeVar
 
+from sautereau.rig.disk import read_limited
 from sautereau.rig.errors import RigError
 from sautereau.rig.schema import Arm
 from sautereau.rig.units import parse_quantity
@@ -98,7 +99,7 @@ def read_columns(
             refused; lists the first of them with their lines.
     """
     try:
-        rows = list(csv.reader(path.read_text(encoding="utf-8-sig").splitlines()))
+        rows = list(csv.reader(read_limited(path).decode("utf-8-sig").splitlines()))
     except (OSError, ValueError, csv.Error) as error:
         raise RigError(
             f"{what} {path}: cannot be read: {error}; give the path of a UTF-8 text file"

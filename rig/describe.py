@@ -6,8 +6,8 @@ import json
 import re
 import textwrap
 import types
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator
+from dataclasses import dataclass
 from datetime import date
 from functools import cache
 from itertools import pairwise
@@ -16,7 +16,7 @@ from typing import Annotated, Any, Literal, Union, cast, get_args, get_origin
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
-from sautereau.rig.faults import submodels, unit_of
+from sautereau.rig.faults import submodel, unit_of
 from sautereau.rig.registry import NameIn
 from sautereau.rig.schema import Rig
 from sautereau.rig.units import format_quantity
@@ -58,45 +58,25 @@ class TableDescription:
     entries: tuple[KeyDescription, ...]
 
 
-def describe(model: type[BaseModel] = Rig) -> list[TableDescription]:
-    """Return every table that a rig file may have, in the file's order.
-
-    Args:
-        model: The outermost table; default: the complete rig.
-    """
-    return list(_tables((model,), "", repeated=False, needed=True))
+def describe() -> list[TableDescription]:
+    """Return every table that a rig file may have, in the file's order."""
+    return list(_tables(Rig, "", repeated=False, needed=True))
 
 
 def _tables(
-    models: Sequence[type[BaseModel]], name: str, *, repeated: bool, needed: bool
+    model: type[BaseModel], name: str, *, repeated: bool, needed: bool
 ) -> Iterator[TableDescription]:
-    fields = {k: f for m in models for k, f in m.model_fields.items() if not f.exclude}
-    inner = {key: found for key, field in fields.items() if (found := submodels(field.annotation))}
-    entries = tuple(_entry(key, models) for key in fields if key not in inner)
-    meaning = " Or: ".join(_prose(model.__doc__ or "") for model in models)
-    yield TableDescription(name, repeated, needed, meaning, entries)
+    fields = {key: field for key, field in model.model_fields.items() if not field.exclude}
+    inner = {key: found for key, field in fields.items() if (found := submodel(field.annotation))}
+    entries = tuple(_entry(key, model) for key in fields if key not in inner)
+    yield TableDescription(name, repeated, needed, _prose(model.__doc__ or ""), entries)
     for key, found in inner.items():
         many = get_origin(_bare(fields[key].annotation)) is tuple
         dotted = f"{name}.{key}" if name else key
         yield from _tables(found, dotted, repeated=many, needed=fields[key].is_required())
 
 
-def _entry(key: str, models: Sequence[type[BaseModel]]) -> KeyDescription:
-    """Return the description of a key, joined over all kinds of tables that have it."""
-    described = [_described(key, model) for model in models if key in model.model_fields]
-
-    def joined(name: str, link: str) -> str:
-        return link.join(dict.fromkeys(getattr(entry, name) for entry in described))
-
-    return replace(
-        described[0],
-        unit=joined("unit", " or "),
-        kind=joined("kind", ", ").replace(", one of", ","),
-        meaning=joined("meaning", " Or: "),
-    )
-
-
-def _described(key: str, model: type[BaseModel]) -> KeyDescription:
+def _entry(key: str, model: type[BaseModel]) -> KeyDescription:
     field, name = model.model_fields[key], unit_of(model, [key])
     unit = _written(name) if name else ""
     meaning = _prose(_docstrings(model).get(key, ""))

@@ -1,24 +1,65 @@
-"""Durable writing: text and file names are on the disk when the call returns."""
+"""Durable writing, and reading of regular files of a limited size."""
 
+import errno
 import os
+import secrets
+import stat
 from pathlib import Path
+from typing import BinaryIO
+
+TEXT_LIMIT = 8_000_000
+"""Largest size of a file of text that is read: rig, scene, table, manifest; bytes."""
 
 
-def write_through(path: Path, text: str, *, new: bool) -> None:
-    """Write a file and flush it to the disk, with the line ends of the text.
+def write_durably(path: Path, data: str | bytes, *, new: bool = False) -> None:
+    """Write a file so that, whatever happens, it is complete: the old one or the new one.
+
+    The data go to a file with a random name beside it, are flushed to the disk, and get their
+    name at the end. A symbolic link at that name is replaced, not followed. A text keeps its line
+    ends; an existing file's permissions are kept.
 
     Args:
         path: File to write.
-        text: Complete text.
+        data: Complete content.
         new: Whether to refuse an existing file.
 
     Raises:
-        OSError: It cannot be written, or exists already.
+        OSError: It cannot be written, or exists already; then nothing has changed.
     """
-    with path.open("x" if new else "w", encoding="utf-8", newline="") as file:
-        file.write(text)
-        file.flush()
-        os.fsync(file.fileno())
+    content = data.encode("utf-8") if isinstance(data, str) else data
+    beside = path.with_name(f".{path.name}.{secrets.token_hex(4)}.new")
+    try:
+        with beside.open("xb") as file:
+            file.write(content)
+            file.flush()
+            os.fsync(file.fileno())
+        if new:
+            os.link(beside, path)  # unlike a rename, this fails if the file exists
+            beside.unlink()
+        else:
+            if path.is_file():
+                beside.chmod(stat.S_IMODE(path.stat().st_mode))
+            beside.replace(path)
+    except BaseException:
+        beside.unlink(missing_ok=True)
+        raise
+    sync_folder(path.parent)
+
+
+def hold(file: BinaryIO) -> bool:
+    """Mark an open file as in use until it is closed; return False if another process uses it.
+
+    On Windows it always succeeds: there a file that is in use cannot be opened or renamed.
+    """
+    if os.name != "posix":
+        return True
+    import fcntl
+
+    try:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError as error:
+        return error.errno not in (errno.EAGAIN, errno.EACCES)
+    return True
 
 
 def sync_folder(folder: Path) -> None:
@@ -34,3 +75,25 @@ def sync_folder(folder: Path) -> None:
         os.fsync(entry)
     finally:
         os.close(entry)
+
+
+def read_limited(path: Path, most: int = TEXT_LIMIT) -> bytes:
+    """Return the content of a regular file; a device, a pipe or a large file is not read.
+
+    Args:
+        path: File to read.
+        most: Largest size, bytes.
+
+    Raises:
+        OSError: It cannot be read, is not a regular file, or is larger.
+    """
+    # Without O_NONBLOCK, opening a pipe that nobody writes to never returns.
+    entry = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0))
+    with os.fdopen(entry, "rb") as file:
+        found = os.fstat(entry)
+        if not stat.S_ISREG(found.st_mode):
+            raise OSError(errno.EINVAL, "not a regular file", str(path))
+        if found.st_size > most:
+            text = f"larger than the limit of {most / 1e6:g} MB"
+            raise OSError(errno.EFBIG, text, str(path))
+        return file.read(most)

@@ -6,7 +6,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from sautereau.rig.disk import write_through
+import tomlkit
+
+from sautereau.rig.disk import read_limited, write_durably
 from sautereau.rig.errors import RigError
 from sautereau.rig.faults import fault_list, model_keys, near_miss
 from sautereau.rig.load import parse_rig
@@ -43,15 +45,12 @@ class Edit:
                 f"rig file {self.path}: another program changed it since it was read, so nothing"
                 " was written; check that change, then repeat this step"
             )
-        new = self.path.with_name(f"{self.path.name}.new")
         try:
-            write_through(new, self.after, new=True)
-            new.chmod(self.path.stat().st_mode)
-            new.replace(self.path)
+            write_durably(self.path, self.after)
         except OSError as error:
             raise RigError(
-                f"rig file {self.path}: cannot be written through {new.name}: {error.strerror};"
-                f" remove {new.name} if it exists, or change the permissions of the folder"
+                f"rig file {self.path}: cannot be written: {error.strerror}; change the"
+                " permissions of its folder, or free space on its disk"
             ) from error
 
 
@@ -70,12 +69,32 @@ def edit_rig(path: str | Path, values: Mapping[str, str | float], source: str = 
     Raises:
         RigError: The file cannot be read, a key does not exist, or the new rig is not valid.
     """
-    import tomlkit
-
     path = Path(path)
     before = _read(path)
-    parse_rig(before, str(path), path.parent)
-    document = tomlkit.parse(before)
+    return Edit(path, before, edited_text(before, str(path), path.parent, values, source))
+
+
+def edited_text(
+    text: str,
+    origin: str,
+    folder: Path,
+    values: Mapping[str, str | float],
+    source: str = "",
+) -> str:
+    """Return the text of a rig file with new values; see `edit_rig`.
+
+    Args:
+        text: A valid rig.
+        origin: Name of the file in messages.
+        folder: Of the files that it names.
+        values: TOML values by dotted key.
+        source: Origin of the values.
+
+    Raises:
+        RigError: A key does not exist, or the new rig is not valid.
+    """
+    parse_rig(text, origin, folder)
+    document = tomlkit.parse(text)
     in_file = {current_key(old): old for old in rename_keys(document.unwrap())}
     faults = []
     for dotted, value in values.items():
@@ -84,16 +103,14 @@ def edit_rig(path: str | Path, values: Mapping[str, str | float], source: str = 
         except (KeyError, IndexError, TypeError, ValueError):
             faults.append(f"{dotted}: unknown quantity{near_miss(dotted, list(model_keys(Rig)))}")
     if faults:
-        raise RigError(fault_list(f"rig file {path}", faults))
+        raise RigError(fault_list(f"rig file {origin}", faults))
     after = tomlkit.dumps(document)
-    parse_rig(after, f"{path} with the new values", path.parent)
-    return Edit(path, before, after)
+    parse_rig(after, f"{origin} with the new values", folder)
+    return after
 
 
 def _put(node: Any, keys: list[str], value: str | float, source: str) -> None:
     """Set the value at a key of the document; only the last part of the key may be new."""
-    import tomlkit
-
     *parents, last = keys
     for key in parents:
         node = node[int(key)] if isinstance(node, list) else node[key]
@@ -113,8 +130,7 @@ def _put(node: Any, keys: list[str], value: str | float, source: str) -> None:
 def _read(path: Path) -> str:
     """Return the text of the file with its line ends unchanged."""
     try:
-        with path.open(encoding="utf-8", newline="") as file:
-            return file.read()
+        return read_limited(path).decode("utf-8")
     except (OSError, ValueError) as error:
         raise RigError(
             f"rig file {path}: cannot be read: {error}; give the path of your own rig file:"

@@ -9,6 +9,9 @@ from pydantic import BaseModel, ValidationError
 
 from sautereau.rig.units import Unit, UnitBy, shown
 
+MOST_FAULTS = 50
+"""Faults that are listed one by one; the time for finding each line grows with the file."""
+
 
 def fault_list(origin: str, faults: list[str]) -> str:
     """Return one message that holds every fault."""
@@ -20,7 +23,8 @@ def fault_list(origin: str, faults: list[str]) -> str:
 def validation_faults(error: ValidationError, model: type[BaseModel], text: str) -> list[str]:
     """Turn pydantic's errors into lines: line of the file, key, value, limit, how to fix it."""
     faults = []
-    for item in error.errors(include_url=False):
+    errors = error.errors(include_url=False)
+    for item in errors[:MOST_FAULTS]:
         location = list(item["loc"])
         key = ".".join(map(str, location))
         if item["type"] == "value_error":
@@ -31,7 +35,9 @@ def validation_faults(error: ValidationError, model: type[BaseModel], text: str)
             message = _message(item, model, location)
             faults.append((line_of(text, key), f"{key}: {message}" if key else message))
     faults.sort(key=lambda fault: fault[0] or 0)
-    return [at_line(line, fault) for line, fault in faults]
+    listed = [at_line(line, fault) for line, fault in faults]
+    more = len(errors) - MOST_FAULTS
+    return [*listed, f"and {more} more faults"] if more > 0 else listed
 
 
 def _message(item: Any, model: type[BaseModel], location: list[int | str]) -> str:
@@ -95,11 +101,11 @@ def line_of(text: str, key: str) -> int | None:
     return best[1] if best else None
 
 
-def submodels(annotation: Any) -> list[type[BaseModel]]:
-    """Return the tables that an annotation allows; none if it is a value."""
+def submodel(annotation: Any) -> type[BaseModel] | None:
+    """Return the table that an annotation allows; None if it is a value."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        return [annotation]
-    return [model for inner in get_args(annotation) for model in submodels(inner)]
+        return annotation
+    return next(filter(None, map(submodel, get_args(annotation))), None)
 
 
 def unit_of(model: type[BaseModel], location: list[Any], values: Any = None) -> str | None:
@@ -111,26 +117,18 @@ def unit_of(model: type[BaseModel], location: list[Any], values: Any = None) -> 
         values: What the table holds, a document or an instance. Where a unit follows from
             another field and there is no such value, the result names all: `m/s/V or N/V`.
     """
-    models = [model]
+    table: type[BaseModel] | None = model
     unit = None
     for part in location:
         if str(part).isdigit():
             values = values[int(part)] if isinstance(values, list | tuple) else None
             continue
-        unit, following = None, []
-        for candidate in models:
-            if field := candidate.model_fields.get(str(part)):
-                unit = unit or _find_unit(field.metadata) or _find_unit([field.annotation])
-                following += submodels(field.annotation)
-        if isinstance(unit, UnitBy):
-            unit = _resolved(unit, values)
-        models, values = following, _value(values, str(part))
+        field = table.model_fields.get(str(part)) if table else None
+        unit = field and (_find_unit(field.metadata) or _find_unit([field.annotation]))
+        if isinstance(unit, UnitBy) and (name := _value(values, unit.field)) in unit.names():
+            unit = unit.unit(name)
+        table, values = field and submodel(field.annotation), _value(values, str(part))
     return unit.name if unit else None
-
-
-def _resolved(unit: UnitBy, values: Any) -> Unit | UnitBy:
-    name = _value(values, unit.field)
-    return unit.unit(name) if name in unit.names() else unit
 
 
 def _value(values: Any, name: str) -> Any:
@@ -153,5 +151,5 @@ def model_keys(model: type[BaseModel], prefix: str = "") -> Iterator[str]:
         if field.exclude:
             continue
         yield prefix + name
-        for inner in submodels(field.annotation):
+        if inner := submodel(field.annotation):
             yield from model_keys(inner, f"{prefix}{name}.")

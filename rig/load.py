@@ -19,6 +19,7 @@ from sautereau.rig.faults import (
     line_of,
     model_keys,
     near_miss,
+    submodel,
     unit_of,
     validation_faults,
 )
@@ -254,6 +255,31 @@ def _range(unit: str | None, value: Any, pair: Any) -> tuple[float, float]:
             " change the value or widen the range"
         )
     return low, high
+
+
+def current_document(document: dict[str, Any]) -> dict[str, Any]:
+    """Return a document of an earlier version with the current keys, new ones at their defaults.
+
+    Args:
+        document: As `rig_document` returned it, or a part of it; left unchanged.
+    """
+    current = json.loads(json.dumps(document))
+    rename_keys(current)
+    _complete(current, Rig)
+    return current
+
+
+def _complete(document: dict[str, Any], kind: type[BaseModel]) -> None:
+    """Add the optional keys that are missing in the tables of a document, in place."""
+    for name, field in kind.model_fields.items():
+        if name in document:
+            value = document[name]
+            for table in value if isinstance(value, list) else [value]:
+                if isinstance(table, dict) and (nested := submodel(field.annotation)):
+                    _complete(table, nested)
+        elif not field.is_required() and not field.exclude:
+            default = field.get_default(call_default_factory=True)
+            document[name] = _plain(default, unit_of(kind, [name]))
 
 
 def _document(model: BaseModel, kind: type[BaseModel]) -> dict[str, Any]:

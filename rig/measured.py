@@ -51,13 +51,4 @@ MEASURED = Registry(
     {name: f"sautereau.rig.measured:{name.upper()}" for name in ("velocity", "force")},
     RigError,
 )
-"""Measured quantities by name."""
-
-
-def measured_quantity(name: str) -> MeasuredQuantity:
-    """Return a measured quantity.
-
-    Raises:
-        RigError: No package provides one of this name.
-    """
-    return MEASURED.get(name)
+"""Each is a `MeasuredQuantity`."""

@@ -16,6 +16,7 @@ Angle = Annotated[float, Unit("rad", "30 deg")]
 Time = Annotated[float, Unit("s", "10 ms")]
 Frequency = Annotated[float, Unit("Hz", "22 kHz")]
 Voltage = Annotated[float, Unit("V", "4 V")]
+Current = Annotated[float, Unit("A", "2 mA")]
 Moment = Annotated[float, Unit("N*m", "4 mN m")]
 Inertia = Annotated[float, Unit("kg*m**2", "7e-4 kg m^2")]
 

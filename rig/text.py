@@ -2,7 +2,10 @@
 
 import textwrap
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+import tomlkit
+from tomlkit.items import InlineTable, Table
 
 from sautereau.rig.describe import KeyDescription, TableDescription, describe
 from sautereau.rig.errors import RigError
@@ -11,9 +14,6 @@ from sautereau.rig.load import rig_document
 from sautereau.rig.packaged import named_text
 from sautereau.rig.schema import Rig
 from sautereau.rig.units import format_quantity
-
-if TYPE_CHECKING:
-    from tomlkit.items import InlineTable, Table
 
 _WIDTH = 88
 _ALIKE = "more_choirs"
@@ -26,8 +26,6 @@ def rig_text(rig: Rig) -> str:
     It has none of the comments of the original file, and includes the content of files that the
     original named.
     """
-    import tomlkit
-
     document = tomlkit.document()
     plain: dict[str, Any] = {}
     for name, value in rig_document(rig).items():
@@ -38,8 +36,6 @@ def rig_text(rig: Rig) -> str:
 
 def _add(holder: Any, name: str, value: Any, rig: Rig, dotted: str) -> None:
     """Put a value into a table of the document; None is omitted."""
-    import tomlkit
-
     if value is None:
         return
     if isinstance(value, dict):
@@ -55,9 +51,7 @@ def _add(holder: Any, name: str, value: Any, rig: Rig, dotted: str) -> None:
         holder[name] = value
 
 
-def _table(values: dict[str, Any], rig: Rig, dotted: str) -> "Table":
-    import tomlkit
-
+def _table(values: dict[str, Any], rig: Rig, dotted: str) -> Table:
     table = tomlkit.table()
     # Inner tables come last: in TOML all keys after them would belong to them.
     for name in sorted(values, key=lambda n: isinstance(values[n], dict)):
@@ -65,9 +59,7 @@ def _table(values: dict[str, Any], rig: Rig, dotted: str) -> "Table":
     return table
 
 
-def _with_origin(value: Any, rig: Rig, dotted: str) -> "InlineTable":
-    import tomlkit
-
+def _with_origin(value: Any, rig: Rig, dotted: str) -> InlineTable:
     table = tomlkit.inline_table()
     table["value"] = value
     if dotted in rig.assumed:
@@ -84,8 +76,6 @@ def commented_rig() -> str:
     Values and their sources are those of the packaged rig `paper`; keys that it does not set are
     comments with their defaults, and so are optional tables.
     """
-    import tomlkit
-
     document = tomlkit.parse(named_text("paper", "sautereau.rig", "rig", RigError)[0])
     lines = [
         *_comment(

@@ -14,6 +14,10 @@ _NUMBER_AND_UNIT = re.compile(
     r"\s*([+-]?(?:\d[\d_]*\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*)", re.DOTALL
 )
 
+LONGEST_UNIT = 60
+"""Characters of a unit."""
+_EXPONENT = re.compile(r"(?:\*\*|\^)\s*([+-]?\d{1,2}(?![\d.eE]|\s*(?:\*\*|\^)))?")
+
 
 @cache
 def _registry():
@@ -24,7 +28,12 @@ def _registry():
 
 @lru_cache(maxsize=1024)
 def _unit(text: str):
-    """Return pint's unit of a text; half of the time to load a rig without the cache."""
+    """Return pint's unit of a text; half of the time to load a rig without the cache.
+
+    Pint would compute any exponent, however large, so only numbers of two digits are allowed.
+    """
+    if len(text) > LONGEST_UNIT or any(not m[1] for m in _EXPONENT.finditer(text)):
+        raise ValueError("too long, or an exponent is not a number of at most two digits")
     return _registry().parse_units(text)
 
 

@@ -22,6 +22,8 @@ from sautereau.sim_backend.truth import Truth, truths
 
 SETTLING = 2.0
 """s, for which simulated time advances after a motion, so that the arm comes to rest."""
+BUSY = 20.0
+"""s of real time, in which a busy machine has computed any answer without faults."""
 LONGEST_WAIT = 60.0
 """s of simulated time that may pass before a command is carried out."""
 
@@ -189,19 +191,13 @@ class StandIn:
         scene: What is simulated.
         seed: Of all noise.
         paced: Whether simulated time follows real time.
-        port: `pty` for a pseudo-terminal, `socket` for TCP on loopback; by default a
-            pseudo-terminal where the system has them.
     """
 
-    def __init__(
-        self, rig: Rig, scene: Scene, seed: int = 0, *, paced: bool = False, port: str | None = None
-    ):
+    def __init__(self, rig: Rig, scene: Scene, seed: int = 0, *, paced: bool = False):
         self._nominal = rig
         self.scene = scene
         self.bench = Bench(rig, scene, seed, paced)
-        self._make_port = {"pty": PtyPort, "socket": SocketPort}[
-            port or ("pty" if hasattr(os, "openpty") else "socket")
-        ]
+        self._make_port = PtyPort if hasattr(os, "openpty") else SocketPort
         self._stack = contextlib.ExitStack()
 
     def __enter__(self) -> "StandIn":
@@ -234,8 +230,10 @@ class StandIn:
         """The nominal rig as wired to this stand-in: its addresses, its sensors' calibrations."""
         wired = self.scene.as_wired(self._nominal)
         values = {"controller.port": self.serial_port, "daq.address": self.daq_address}
-        if not self.bench.paced:  # keep-alive messages come in real time
+        if not self.bench.paced:  # keep-alive messages and answers come in real time
             values["controller.watchdog_period"] = "5 s"
+            if self.scene.faults is None and wired.controller.timeout < BUSY:
+                values["controller.timeout"] = f"{BUSY:g} s"
         return with_values(wired, values)
 
     def serve_forever(self) -> None:

@@ -6,7 +6,7 @@ Simulated time advances while the bench is busy, at full speed or paced.
 import threading
 import time
 from collections.abc import Callable
-from typing import Protocol
+from typing import Any
 
 SLICE = 2e-3
 """s of real time, after which the clock releases the lock to the other threads."""
@@ -40,41 +40,19 @@ class FairLock:
         self._condition.notify_all()
 
 
-class Clocked(Protocol):
-    """What a clock advances, one controller sample at a time."""
-
-    @property
-    def time(self) -> float:
-        """Simulated time [s]."""
-        ...
-
-    @property
-    def busy(self) -> bool:
-        """Whether simulated time must advance."""
-        ...
-
-    @property
-    def awaited(self) -> bool:
-        """Whether a thread waits for samples that are complete."""
-        ...
-
-    def tick(self) -> None:
-        """Do one controller sample."""
-        ...
-
-
 class Clock:
     """A thread that advances simulated time while the bench is busy; a context manager.
 
     Args:
-        bench: What it advances.
+        bench: What it advances, as `sautereau.sim_backend.bench.Bench`: with `time` [s], `busy`,
+            `awaited` and `tick`.
         lock: Held while it advances; notified after each slice.
         paced: Whether simulated time follows real time.
         on_failure: Called, under the lock, when the bench has failed.
     """
 
     def __init__(
-        self, bench: Clocked, lock: FairLock, paced: bool, on_failure: Callable[[Exception], None]
+        self, bench: Any, lock: FairLock, paced: bool, on_failure: Callable[[Exception], None]
     ):
         self._bench, self._lock, self._paced = bench, lock, paced
         self._on_failure = on_failure

@@ -1,6 +1,5 @@
 """The true events after each trigger, which no recording holds."""
 
-from bisect import bisect_left
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -33,20 +32,6 @@ class Truth:
         """s from the edge, when falling plectra had passed their strings."""
         return tuple(event.time for event in self.return_events)
 
-    @property
-    def release_forces(self) -> tuple[float, ...]:
-        """N, of the string on the jack just before each release."""
-        return tuple(event.force for event in self.release_events)
-
-    def choir(self, number: int) -> "Truth":
-        """Return the events of one choir, 0 for the first one."""
-        return Truth(
-            *(
-                tuple(event for event in events if event.choir == number)
-                for events in (self.contact_events, self.release_events, self.return_events)
-            )
-        )
-
 
 def truths(events: PluckEvents, edges: list[float]) -> list[Truth]:
     """Return the events from each trigger edge to the next.
@@ -55,16 +40,9 @@ def truths(events: PluckEvents, edges: list[float]) -> list[Truth]:
         events: Of the world so far.
         edges: s, simulated, in order.
     """
-    return [
-        Truth(
-            _between(events.contacts, start, end),
-            _between(events.releases, start, end),
-            _between(events.returns, start, end),
-        )
-        for start, end in pairwise([*edges, float("inf")])
-    ]
-
-
-def _between(events: list[StringEvent], start: float, end: float) -> tuple[StringEvent, ...]:
-    first, stop = (bisect_left(events, t, key=lambda event: event.time) for t in (start, end))
-    return tuple(replace(event, time=event.time - start) for event in events[first:stop])
+    kinds = events.contacts, events.releases, events.returns
+    found = []
+    for start, end in pairwise([*edges, float("inf")]):
+        between = ([e for e in kind if start <= e.time < end] for kind in kinds)
+        found.append(Truth(*(tuple(replace(e, time=e.time - start) for e in b) for b in between)))
+    return found

@@ -127,3 +127,18 @@ def plucked(rig, force, pluck, until=1.0, **parts):
     )
     top = at_rise(rig.key, clearance + pluck.release_height)
     return contact, solved(rig, force, contact, until, pluck=pluck, stop=top, **parts)
+
+
+def arm_energy(arm, joints):
+    """Return kinetic and potential energy [J] of two slender rods and their rotors, shape (n,)."""
+    first, total = joints.position[..., 0], joints.position.sum(-1)
+    speed, turning = joints.velocity[..., 0], joints.velocity.sum(-1)
+    upper, lower = arm.upper_length, arm.lower_length
+    x = -upper * speed * np.sin(first) - lower / 2 * turning * np.sin(total)
+    z = upper * speed * np.cos(first) + lower / 2 * turning * np.cos(total)
+    rotors = np.array(arm.rotor_inertias) * np.array(arm.gear_ratios) ** 2
+    kinetic = arm.upper_mass * (upper * speed) ** 2 / 6 + joints.velocity**2 @ rotors / 2
+    kinetic += arm.lower_mass * ((x**2 + z**2) / 2 + (lower * turning) ** 2 / 24)
+    height = arm.upper_mass * upper / 2 * np.sin(first)
+    height += arm.lower_mass * (upper * np.sin(first) + lower / 2 * np.sin(total))
+    return kinetic + GRAVITY * height

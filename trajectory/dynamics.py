@@ -35,7 +35,8 @@ def mass_matrix(arm: Arm, joints: Floats) -> Floats:
 
 def gravity_torque(arm: Arm, joints: Floats) -> Floats:
     """Return the torques [N m] that balance the links' weight; shape (n, 2)."""
-    upper, lower = _weight_moments(arm)
+    upper = GRAVITY * (arm.upper_mass / 2 + arm.lower_mass) * arm.upper_length
+    lower = GRAVITY * arm.lower_mass * arm.lower_length / 2
     first, total = joints[..., 0], joints.sum(-1)
     torque2 = lower * np.cos(total)
     return np.stack([upper * np.cos(first) + torque2, torque2], -1)
@@ -56,24 +57,9 @@ def joint_torques(arm: Arm, joints: Motion, tip_force: Floats | None = None) -> 
     return torque
 
 
-def energy(arm: Arm, joints: Motion) -> Floats:
-    """Return kinetic and potential energy [J] together, shape (n,); heights from the base."""
-    matrix = mass_matrix(arm, joints.position)
-    kinetic = np.einsum("...i,...ij,...j", joints.velocity, matrix, joints.velocity) / 2
-    upper, lower = _weight_moments(arm)
-    first, total = joints.position[..., 0], joints.position.sum(-1)
-    return kinetic + upper * np.sin(first) + lower * np.sin(total)
-
-
 def _coupling(arm: Arm) -> float:
     """Return the coupling inertia [kg m^2] of the links, to multiply by cos of joint 2."""
     return arm.lower_mass * arm.upper_length * arm.lower_length / 2
-
-
-def _weight_moments(arm: Arm) -> tuple[float, float]:
-    """Return the moments [N m] of the weight about joints 1 and 2 for horizontal links."""
-    upper = (arm.upper_mass / 2 + arm.lower_mass) * arm.upper_length
-    return GRAVITY * upper, GRAVITY * arm.lower_mass * arm.lower_length / 2
 
 
 def _centrifugal(arm: Arm, joints: Motion) -> Floats:

@@ -11,15 +11,14 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING
+
+import pandas as pd
+import pyarrow as pa
+import pyarrow.parquet as pq
 
 from sautereau.analysis.campaign.row import Fault, Row, Source, place_of, unit_of
 from sautereau.analysis.errors import AnalysisError
 from sautereau.rig.disk import sync_folder
-
-if TYPE_CHECKING:
-    import pandas as pd
-    import pyarrow as pa
 
 KEY = b"sautereau"
 """Key of the file's metadata."""
@@ -42,7 +41,7 @@ class Campaign:
 
     path: Path
     """Parquet file."""
-    table: "pa.Table"
+    table: pa.Table
     """One row per press, ordered by `path`; null where a press has no value."""
     faults: tuple[Fault, ...]
     """Ordered by path."""
@@ -52,14 +51,9 @@ class Campaign:
     """Version of the columns in the file; those of `table` always have their present names."""
 
     @cached_property
-    def data(self) -> "pd.DataFrame":
+    def data(self) -> pd.DataFrame:
         """The table as a pandas DataFrame, with NaN or None for null."""
         return self.table.to_pandas()
-
-    @property
-    def units(self) -> dict[str, str]:
-        """Unit of each column; empty for text and yes/no."""
-        return {name: unit_of(name) for name in self.table.column_names}
 
     @property
     def simulated(self) -> bool:
@@ -74,15 +68,11 @@ class Campaign:
 
     def only(self, sources: set[Source]) -> "Campaign":
         """Return the campaign with the rows of these recordings only, and without faults."""
-        import pyarrow as pa
-
         kept = pa.array([source in sources for source in self.sources], pa.bool_())
         return Campaign(self.path, self.table.filter(kept), (), self.made_by)
 
     def grown(self, rows: Sequence[Row], faults: Sequence[Fault]) -> "Campaign":
         """Return the campaign with more rows and faults."""
-        import pyarrow as pa
-
         table = self.table
         if rows:
             both = [table, table_of(rows)] if len(table) else [table_of(rows)]
@@ -97,9 +87,6 @@ class Campaign:
         Raises:
             OSError: The disk is full or not writable; the file is unchanged.
         """
-        import pyarrow as pa
-        import pyarrow.parquet as pq
-
         metadata = {
             "made_by": self.made_by,
             "schema": SCHEMA,
@@ -119,8 +106,6 @@ class Campaign:
 
 def empty_campaign(path: Path, made_by: str) -> Campaign:
     """Return a campaign without rows and faults."""
-    import pyarrow as pa
-
     columns = {
         "path": pa.string(),
         "size": pa.int64(),
@@ -137,9 +122,6 @@ def read_campaign(path: str | Path) -> Campaign:
         AnalysisError: The file is missing, is not a table that `sautereau campaign` has written, or
             has columns of a later version.
     """
-    import pyarrow as pa
-    import pyarrow.parquet as pq
-
     path = Path(path)
     fix = "give the file that `sautereau campaign` has written"
     if not path.is_file():
@@ -179,9 +161,7 @@ def _present_name(column: str) -> str:
     return column
 
 
-def table_of(rows: Sequence[Row]) -> "pa.Table":
+def table_of(rows: Sequence[Row]) -> pa.Table:
     """Return rows as a table, with null where a row has no value."""
-    import pyarrow as pa
-
     names = dict.fromkeys(name for row in rows for name in row)
     return pa.table({name: [row.get(name) for row in rows] for name in names})

@@ -14,6 +14,8 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import brentq
+from scipy.stats import chi2
 
 from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.session.repeatability import COVERAGE, Spread
@@ -168,9 +170,6 @@ class Components:
         The interval holds the values at which the deviance, minimised over the other standard
         deviations, exceeds its minimum by at most the chi-squared quantile.
         """
-        from scipy.optimize import brentq
-        from scipy.stats import chi2
-
         limit = float(self.data.deviance(*np.exp(self.logs)[:, None])[0])
         limit += float(chi2.ppf(COVERAGE, 1))
         middle = float(self.logs[np.isfinite(self.logs)].max())

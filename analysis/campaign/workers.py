@@ -4,14 +4,23 @@ The function must be importable where it runs: defined in a module, not in a con
 sent separately, so an item should be at least a tenth of a second of work.
 """
 
+import multiprocessing
+import os
+import signal
+import threading
 from collections.abc import Callable, Generator, Iterator, Sequence
+from concurrent.futures import (
+    FIRST_COMPLETED,
+    CancelledError,
+    Future,
+    ProcessPoolExecutor,
+    wait,
+)
+from concurrent.futures.process import BrokenProcessPool
 from itertools import islice
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
 
 from sautereau.analysis.errors import AnalysisError
-
-if TYPE_CHECKING:
-    from concurrent.futures import Future
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
@@ -59,10 +68,6 @@ def run_over(
 def _on_cores(
     function: Callable[[Item], Result], items: Sequence[Item], processes: int
 ) -> Iterator[tuple[int, Result]]:
-    import multiprocessing
-    from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
-    from concurrent.futures.process import BrokenProcessPool
-
     # Not "fork", which would copy the locks of the recording readers' threads in any state.
     context = multiprocessing.get_context("spawn")
     pool = ProcessPoolExecutor(processes, mp_context=context, initializer=_start_worker)
@@ -85,11 +90,6 @@ def _on_cores(
 
 def _start_worker() -> None:
     """Leave Ctrl-C to the parent process, end when it ends, and use one core."""
-    import multiprocessing
-    import os
-    import signal
-    import threading
-
     for threads in BLAS:  # before numpy is imported
         os.environ.setdefault(threads, "1")
     signal.signal(signal.SIGINT, signal.SIG_IGN)
@@ -152,8 +152,6 @@ def _workers(client: Any, address: str) -> int:
 
 
 def _result(future: Any, address: str) -> Any:
-    from concurrent.futures import CancelledError
-
     from distributed import KilledWorker
     from distributed.comm.core import CommClosedError
 

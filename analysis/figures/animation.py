@@ -3,19 +3,17 @@
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Polygon
 
 from sautereau.analysis.figures.jack import JackView
 from sautereau.analysis.figures.made import how_made, stamp
 from sautereau.analysis.figures.side import ARM, PRESSED, BenchPose, draw_surroundings
 from sautereau.analysis.press.replay import ChoirMotion, Replay
-
-if TYPE_CHECKING:
-    from matplotlib.artist import Artist
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 SIZE, DPI = (9.6, 6.4), 100
 """in and 1/in: 960 by 640 pixels."""
@@ -26,22 +24,20 @@ HELD = "#fbe3cf"
 class Part:
     """One of the axes of an animation."""
 
-    axes: "Axes"
-    artists: "Sequence[Artist]"
+    axes: Axes
+    artists: Sequence[Artist]
     """All moving artists."""
     show: Callable[[int], None]
     """Move them to a frame."""
 
 
-def animation_figure(scene: Replay, slow: float) -> "tuple[Figure, list[Part]]":
+def animation_figure(scene: Replay, slow: float) -> tuple[Figure, list[Part]]:
     """Return the figure and its moving parts, at the first frame.
 
     Args:
         scene: The press at the frames' instants.
         slow: Duration of the animation over that of the press, dimensionless.
     """
-    from matplotlib.figure import Figure
-
     figure = Figure(figsize=SIZE, dpi=DPI, layout="constrained")
     grid = figure.add_gridspec(3, 2, height_ratios=(1.9, 1.0, 1.3), width_ratios=(1.15, 1))
     parts: list[Part] = [
@@ -94,11 +90,8 @@ def _bench(axes, scene: Replay) -> Part:
         reach = rig.arm.upper_length * np.sin(scene.joints[:, 0]).max()
         left = min(left, rig.arm.base_x - 15e-3)
         top = max(top, rig.arm.base_z + max(reach, 0) + 15e-3)
-    axes.set_xlim(left * 1e3, (behind + 45e-3) * 1e3)
-    axes.set_ylim(-35, top * 1e3)
-    axes.set_aspect("equal")
-    axes.set_xlabel("x from the balance pin (mm)")
-    axes.set_ylabel("z (mm)")
+    axes.set(xlim=(left * 1e3, (behind + 45e-3) * 1e3), ylim=(-35, top * 1e3), aspect="equal")
+    axes.set(xlabel="x from the balance pin (mm)", ylabel="z (mm)")
 
     digits = max(1, math.ceil(-math.log10(1e3 * (scene.time[1] - scene.time[0]))))
 
@@ -136,14 +129,11 @@ def _head(axes, motion: ChoirMotion, name: str) -> Part:
 
 def _strings(axes, scene: Replay) -> Part:
     """Draw every string from nut to bridge: its position, and its range during the frame."""
-    from matplotlib.patches import Polygon
-
     most = max(float(np.abs(motion.deflection).max()) for motion in scene.choirs) * 1e3
     length = max(float(motion.places[-1]) for motion in scene.choirs) * 1e3
-    axes.set_xlim(0, length)
-    axes.set_ylim(-1.2 * max(most, 0.1), 1.2 * max(most, 0.1))
+    high = 1.2 * max(most, 0.1)
+    axes.set(xlim=(0, length), ylim=(-high, high), ylabel="string's z\n(mm)")
     axes.set_xlabel("along the string, from nut to bridge (mm)")
-    axes.set_ylabel("string's z\n(mm)")
     shown = []
     for motion, colour in zip(scene.choirs, (ARM, PRESSED, "#2f6b3a", "#7a3e9d"), strict=False):
         band = Polygon(np.zeros((1, 2)), fc=colour, ec="none", alpha=0.25)

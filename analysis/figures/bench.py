@@ -1,10 +1,9 @@
 """The drawing of the bench to scale, with its dimensions, and of a jack's head enlarged."""
 
 from operator import attrgetter
-from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
+from matplotlib.figure import Figure
 
 from sautereau.analysis.figures.jack import JackView
 from sautereau.analysis.figures.side import (
@@ -23,9 +22,6 @@ from sautereau.analysis.model.choirs import choirs
 from sautereau.rig.schema import Rig
 from sautereau.trajectory.arm import base
 from sautereau.trajectory.press import Trajectory
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 DIMENSION = "#444444"
 LENGTHS = {
@@ -48,20 +44,13 @@ LENGTHS = {
 """Lengths without an arrow in the drawing, with their texts."""
 
 
-def plot_bench(path: str | Path, rig: Rig, trajectory: Trajectory) -> None:
-    """Write `bench_figure` to a file; its extension gives the format."""
-    bench_figure(rig, trajectory).savefig(path, dpi=120)
-
-
-def bench_figure(rig: Rig, trajectory: Trajectory) -> "Figure":
+def bench_figure(rig: Rig, trajectory: Trajectory) -> Figure:
     """Draw the bench to scale at rest and at full rise, with its dimensions, and a jack's head.
 
     Args:
         rig: The bench; dimensions that it assumes are marked.
         trajectory: Its plan, for the arm's joints.
     """
-    from matplotlib.figure import Figure
-
     figure = Figure(figsize=(14, 9), layout="constrained")
     grid = figure.add_gridspec(2, 2, width_ratios=(1, 1.5), height_ratios=(1.3, 1))
     side = figure.add_subplot(grid[0, :])

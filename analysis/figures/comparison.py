@@ -1,8 +1,8 @@
 """Plots of presses and prediction; simulated presses are marked in the plot."""
 
 from collections.abc import Sequence
-from pathlib import Path
-from typing import TYPE_CHECKING
+
+from matplotlib.figure import Figure
 
 from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.figures.made import how_made, stamp
@@ -11,25 +11,15 @@ from sautereau.analysis.model.predict import Prediction
 from sautereau.analysis.phases import Phases
 from sautereau.analysis.summary.text import counted
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
 MEASURED, PREDICTED = "#1f4e79", "#c8502d"
 BESIDE = 5e-3
 """s, before contact and after release, that force on deflection is drawn of."""
 PHASE_COLOURS = ("#e8eef4", "#fbe3cf", "#e5f0e2")
 
 
-def plot_comparison(
-    path: str | Path, presses: Sequence[Press], phases: Sequence[Phases], prediction: Prediction
-) -> None:
-    """Write `comparison_figure` to a file; its extension gives the format."""
-    comparison_figure(presses, phases, prediction).savefig(path, dpi=120)
-
-
 def comparison_figure(
     presses: Sequence[Press], phases: Sequence[Phases], prediction: Prediction
-) -> "Figure":
+) -> Figure:
     """Return a figure of deflection and force with the phases, and of force on deflection.
 
     The first press is drawn over time with the three phases marked, as in the paper's
@@ -43,8 +33,6 @@ def comparison_figure(
     Raises:
         AnalysisError: There is no press to draw.
     """
-    from matplotlib.figure import Figure
-
     if not presses:
         raise AnalysisError("there is no press to draw; give at least one recording")
     figure = Figure(figsize=(12, 6.5), layout="constrained")

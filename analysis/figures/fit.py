@@ -1,9 +1,8 @@
 """The plot of a fit: measured force, model, residuals and the correlation of parameters."""
 
-from pathlib import Path
-from typing import TYPE_CHECKING
-
 import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.ticker import NullFormatter
 
 from sautereau.analysis.figures.comparison import MEASURED, PREDICTED
 from sautereau.analysis.figures.made import how_made, stamp
@@ -11,18 +10,10 @@ from sautereau.analysis.identify.fit import Fit
 from sautereau.analysis.identify.identified import Identified
 from sautereau.analysis.summary.text import counted
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
 STARTED = "#9a9a9a"
 
 
-def plot_fit(path: str | Path, made: Fit, found: Identified, simulated: bool) -> None:
-    """Write `fit_figure` to a file; its extension gives the format."""
-    fit_figure(made, found, simulated).savefig(path, dpi=120)
-
-
-def fit_figure(made: Fit, found: Identified, simulated: bool) -> "Figure":
+def fit_figure(made: Fit, found: Identified, simulated: bool) -> Figure:
     """Return a figure of the first press's force, the residuals of all, and the correlation.
 
     Args:
@@ -30,8 +21,6 @@ def fit_figure(made: Fit, found: Identified, simulated: bool) -> "Figure":
         found: Its result.
         simulated: Whether a stand-in made any of the presses.
     """
-    from matplotlib.figure import Figure
-
     figure = Figure(figsize=(12, 6.5), layout="constrained")
     grid = figure.add_gridspec(2, 2, width_ratios=(1.6, 1))
     top = figure.add_subplot(grid[0, 0])
@@ -88,8 +77,6 @@ def _correlation(figure, axes, found: Identified) -> None:
 
 def _combinations(axes, found: Identified) -> None:
     """Draw the uncertainty of each combination, the largest at the bottom."""
-    from matplotlib.ticker import NullFormatter
-
     known = [(str(c), c.std, c.identifiable) for c in found.combinations if c.std is not None]
     for place, (_, std, identifiable) in enumerate(known):
         axes.plot(std, -place, "o", color=MEASURED if identifiable else PREDICTED)

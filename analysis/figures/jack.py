@@ -56,12 +56,10 @@ class JackView:
         ):  # fmt: skip
             axes.add_patch(patch)
         axes.plot(0, 0, "+", color="#666666", ms=9, mew=0.8, zorder=7)
-        axes.set_aspect("equal")
         below = min(jack.string_clearance, 2.5e-3) + plectrum.thickness + 0.8e-3
-        axes.set_ylim(-below * 1e3, (travel + FELT_HEIGHT + 1.0e-3) * 1e3)
-        axes.set_xlim((self.clamp - AXLE - BODY * 0.7) * 1e3, 2.1)
-        axes.set_xlabel("along the plectrum, from the string (mm)")
-        axes.set_ylabel("z (mm)")
+        left, top = self.clamp - AXLE - BODY * 0.7, travel + FELT_HEIGHT + 1.0e-3
+        axes.set(xlim=(left * 1e3, 2.1), ylim=(-below * 1e3, top * 1e3), aspect="equal")
+        axes.set(xlabel="along the plectrum, from the string (mm)", ylabel="z (mm)")
 
     @property
     def artists(self) -> "list[Artist]":

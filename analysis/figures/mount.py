@@ -1,9 +1,9 @@
 """The plot of where to clamp the robot, to scale with the key and the arm."""
 
-from pathlib import Path
-from typing import TYPE_CHECKING
-
 import numpy as np
+from matplotlib.colors import LogNorm
+from matplotlib.figure import Figure
+from matplotlib.patches import Patch, Rectangle
 
 from sautereau.analysis.figures.side import PRESSED, BenchPose
 from sautereau.rig.schema import Rig
@@ -13,9 +13,6 @@ from sautereau.trajectory.motion import Floats, Motion
 from sautereau.trajectory.mount.bases import key_angles
 from sautereau.trajectory.mount.find import Mount, MountMap, mount_map
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
 REST, PRESENT = "#12263a", "#7a3e9d"
 EXCLUDED, HATCH = "#e9e9e9", "#a8a8a8"
 NEAR = 10e-3
@@ -24,12 +21,7 @@ LOWEST = -40e-3
 """m, lower edge of the plot, which leaves room for labels."""
 
 
-def plot_mount(path: str | Path, rig: Rig, area: MountMap, mount: Mount) -> None:
-    """Write `mount_figure` to a file; its extension gives the format."""
-    mount_figure(rig, area, mount).savefig(path, dpi=120)
-
-
-def mount_figure(rig: Rig, area: MountMap, mount: Mount) -> "Figure":
+def mount_figure(rig: Rig, area: MountMap, mount: Mount) -> Figure:
     """Return a figure of the residual over the region, with key and arm in the same axes.
 
     The arm is drawn at the best base, with the key at rest and at full rise. Places that a
@@ -41,9 +33,6 @@ def mount_figure(rig: Rig, area: MountMap, mount: Mount) -> "Figure":
         area: Residual over the region in which the robot can be clamped.
         mount: The best base.
     """
-    from matplotlib.figure import Figure
-    from matplotlib.patches import Patch, Rectangle
-
     figure = Figure(figsize=(12, 6.6), layout="constrained")
     axes = figure.add_subplot()
     levels = _levels(area, mount)
@@ -95,8 +84,6 @@ def _levels(area: MountMap, mount: Mount) -> Floats:
 
 
 def _draw_residual(axes, area: MountMap, mount: Mount, levels: Floats):
-    from matplotlib.colors import LogNorm
-
     residual, feasible = area.best()
     x, z = area.x * 1e3, area.z * 1e3
     filled = axes.contourf(

@@ -6,17 +6,16 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from itertools import chain
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, cast
+from typing import IO, cast
 
 import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from PIL import Image
 
 from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.figures.animation import animation_figure
 from sautereau.analysis.press.replay import Replay
 from sautereau.trajectory.motion import Floats
-
-if TYPE_CHECKING:
-    from PIL.Image import Image
 
 Done = Callable[[float], object]
 """Called with the completed fraction, 0 to 1."""
@@ -68,12 +67,10 @@ def animate(path: str | Path, scene: Replay, done: Done = lambda fraction: None)
     write(path, scene, done)
 
 
-def pictures(scene: Replay, frames: Iterable[int]) -> "Iterator[Image]":
+def pictures(scene: Replay, frames: Iterable[int]) -> Iterator[Image.Image]:
     """Yield some frames; only moving artists are drawn again."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from PIL import Image
-
-    figure, parts = animation_figure(scene, _slowness(scene))
+    slow = float(1 / (FRAME_RATE * (scene.time[1] - scene.time[0])))
+    figure, parts = animation_figure(scene, slow)
     canvas = FigureCanvasAgg(figure)
     for artist in (artist for part in parts for artist in part.artists):
         artist.set_animated(True)
@@ -88,12 +85,7 @@ def pictures(scene: Replay, frames: Iterable[int]) -> "Iterator[Image]":
         yield Image.fromarray(np.asarray(canvas.buffer_rgba())[..., :3].copy())
 
 
-def _slowness(scene: Replay) -> float:
-    """Return the duration of the animation over that of the press."""
-    return float(1 / (FRAME_RATE * (scene.time[1] - scene.time[0])))
-
-
-def _counted(scene: Replay, done: Done) -> "Iterator[Image]":
+def _counted(scene: Replay, done: Done) -> Iterator[Image.Image]:
     """Yield all frames, and report the completed fraction after each."""
     n = len(scene.time)
     for frame, picture in enumerate(pictures(scene, range(n))):
@@ -117,8 +109,6 @@ def _writer(path: Path) -> Callable[[Path, Replay, Done], None]:
 
 
 def _write_gif(path: Path, scene: Replay, done: Done) -> None:
-    from PIL import Image
-
     # One palette for all frames, so that unchanged pixels are stored once.
     sample = [np.asarray(p) for p in pictures(scene, range(0, len(scene.time), SAMPLED))]
     every = Image.fromarray(np.concatenate(sample))

@@ -1,20 +1,16 @@
 """The plot of presses and their phases: signals, boundaries and their uncertainty."""
 
 from collections.abc import Sequence
-from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.figures.made import how_made
 from sautereau.analysis.loading.press import Press
 from sautereau.analysis.phases import Phases
 from sautereau.rig.quantities import QUANTITIES
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 MEASURED, CONTACT, RELEASE, OTHER = "#1f4e79", "#2e7d32", "#c8502d", "#777777"
 DOUBTFUL = "#f3d9a4"
@@ -26,12 +22,7 @@ COVERAGE = 1.96
 """Half width of a band in standard uncertainties: 95 %."""
 
 
-def plot_phases(path: str | Path, presses: Sequence[Press], phases: Sequence[Phases]) -> None:
-    """Write `phases_figure` to a file; its extension gives the format."""
-    phases_figure(presses, phases).savefig(path, dpi=120)
-
-
-def phases_figure(presses: Sequence[Press], phases: Sequence[Phases]) -> "Figure":
+def phases_figure(presses: Sequence[Press], phases: Sequence[Phases]) -> Figure:
     """Return a figure with a row per press: force and jack speed over time, contact and release.
 
     A boundary is a line with a band of 95 %; doubtful intervals are shaded.
@@ -43,8 +34,6 @@ def phases_figure(presses: Sequence[Press], phases: Sequence[Phases]) -> "Figure
     Raises:
         AnalysisError: There is no press to draw, or too many for one plot.
     """
-    from matplotlib.figure import Figure
-
     if not presses:
         raise AnalysisError("there is no press to draw; give at least one recording")
     if len(presses) > MOST:
@@ -62,7 +51,7 @@ def phases_figure(presses: Sequence[Press], phases: Sequence[Phases]) -> "Figure
     return figure
 
 
-def _complete(axes: "Axes", press: Press, found: Phases) -> None:
+def _complete(axes: Axes, press: Press, found: Phases) -> None:
     time = press.data.index.to_numpy() * 1e3
     spare = MARGIN * max(found.bottom - found.start, 1e-3)
     inside = slice(*time.searchsorted([(found.start - spare) * 1e3, (found.bottom + spare) * 1e3]))
@@ -93,7 +82,7 @@ def _complete(axes: "Axes", press: Press, found: Phases) -> None:
     axes.set_title(f"{press.path.name}{word}", loc="left", fontsize=9)
 
 
-def _close(axes: "Axes", press: Press, found: Phases) -> None:
+def _close(axes: Axes, press: Press, found: Phases) -> None:
     """Draw the force on the deflection from contact on, as the paper aligns its presses."""
     if not found.plucks:
         axes.text(0.5, 0.5, "no pluck", transform=axes.transAxes, ha="center", va="center")
@@ -109,7 +98,7 @@ def _close(axes: "Axes", press: Press, found: Phases) -> None:
     axes.set(xlabel="deflection at the laser from contact (mm)", ylabel="finger force (N)")
 
 
-def _boundary(axes: "Axes", instant: float, std: float, colour: str, name: str) -> None:
+def _boundary(axes: Axes, instant: float, std: float, colour: str, name: str) -> None:
     half = COVERAGE * std
     label = f"{name}: {instant * 1e3:.3f} ± {std * 1e3:.2g} ms"
     axes.axvspan((instant - half) * 1e3, (instant + half) * 1e3, color=colour, alpha=0.25, lw=0)

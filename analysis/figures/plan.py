@@ -1,9 +1,7 @@
 """The plot of a plan, to be looked at before the press is run."""
 
-from pathlib import Path
-from typing import TYPE_CHECKING
-
 import numpy as np
+from matplotlib.figure import Figure
 
 from sautereau.analysis.figures.side import ARM, GRAIN, LASER, PRESSED, BenchPose
 from sautereau.rig.quantities import QUANTITIES
@@ -11,22 +9,12 @@ from sautereau.rig.schema import Rig
 from sautereau.trajectory.expected import Expectation
 from sautereau.trajectory.press import Trajectory
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
 FIRST, SECOND, KEY, FAILED = ARM, PRESSED, GRAIN, LASER
 POSES = (("start", ARM), ("middle", "#5b86b0"), ("end", PRESSED))
 """Poses of the press and their colours."""
 
 
-def plot_plan(
-    path: str | Path, rig: Rig, trajectory: Trajectory, expected: Expectation | None
-) -> None:
-    """Write `plan_figure` to a file; its extension gives the format."""
-    plan_figure(rig, trajectory, expected).savefig(path, dpi=110)
-
-
-def plan_figure(rig: Rig, trajectory: Trajectory, expected: Expectation | None) -> "Figure":
+def plan_figure(rig: Rig, trajectory: Trajectory, expected: Expectation | None) -> Figure:
     """Return a figure of poses and path to scale, jack and joints over time, and limits used.
 
     Args:
@@ -34,8 +22,6 @@ def plan_figure(rig: Rig, trajectory: Trajectory, expected: Expectation | None) 
         trajectory: Its plan, whether or not its checks hold.
         expected: Predicted force on the finger, contact and release; None if unknown.
     """
-    from matplotlib.figure import Figure
-
     figure = Figure(figsize=(14, 9), layout="constrained")
     grid = figure.add_gridspec(3, 2, width_ratios=(1.35, 1))
     scene, zoom = figure.add_subplot(grid[:2, 0]), figure.add_subplot(grid[2, 0])

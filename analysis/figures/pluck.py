@@ -2,10 +2,9 @@
 
 import textwrap
 from collections.abc import Sequence
-from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
+from matplotlib.figure import Figure
 
 from sautereau.analysis.errors import ModelError
 from sautereau.analysis.model.plectrum.levels import LEVELS
@@ -13,20 +12,12 @@ from sautereau.analysis.model.pluck.pluck import Pluck
 from sautereau.analysis.model.predict import rig_pluck
 from sautereau.rig.schema import Rig
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
 COLOURS = ("#a8cbe8", "#d9743a", "#2f6b3a", "#1a1a1a", "#d040a0", "#f0e060")
 WIDTHS = (7.5, 4.5, 2.6, 1.2, 0.8, 0.5)
 """Points, decreasing, so that covered curves remain visible."""
 
 
-def plot_pluck(path: str | Path, rig: Rig, levels: Sequence[str]) -> None:
-    """Write `pluck_figure` to a file; its extension gives the format."""
-    pluck_figure(rig, levels).savefig(path, dpi=120)
-
-
-def pluck_figure(rig: Rig, levels: Sequence[str]) -> "Figure":
+def pluck_figure(rig: Rig, levels: Sequence[str]) -> Figure:
     """Return a figure of the plectrum's angle, the string's path and the force on the clamp.
 
     Args:
@@ -37,8 +28,6 @@ def pluck_figure(rig: Rig, levels: Sequence[str]) -> "Figure":
     Raises:
         ModelError: A level is not known, or none has a pluck.
     """
-    from matplotlib.figure import Figure
-
     for level in levels:
         LEVELS.get(level)
     plucks, faults = _solve(rig, levels)
@@ -63,7 +52,9 @@ def pluck_figure(rig: Rig, levels: Sequence[str]) -> "Figure":
         for axes, x, y, dashes in curves:
             axes.plot(x, y, color=colour, lw=width, ls=dashes)
             axes.plot(x[-1], y[-1], "o", color=colour, ms=4 + width, mfc="white", zorder=3)
-        angle.plot([], [], color=colour, lw=width, label=_label(level, pluck, rig))
+        duration = pluck.release_height / rig.press.jack_speed
+        label = f"{level}: {duration * 1e3:.4g} ms, {pluck.force[-1]:.4g} N"
+        angle.plot([], [], color=colour, lw=width, label=label)
     _dress(rig, angle, path, force)
     entries, columns = angle.get_legend_handles_labels(), min(4, len(levels))
     figure.legend(*entries, loc="outside lower center", ncols=columns, frameon=False)
@@ -86,11 +77,6 @@ def _solve(rig: Rig, levels: Sequence[str]) -> tuple[dict[str, Pluck], dict[str,
         except ModelError as error:
             faults[level] = f"{level}: {error}"
     return plucks, faults
-
-
-def _label(level: str, pluck: Pluck, rig: Rig) -> str:
-    duration = pluck.release_height / rig.press.jack_speed
-    return f"{level}: {duration * 1e3:.4g} ms, {pluck.force[-1]:.4g} N"
 
 
 def _dress(rig: Rig, angle, path, force) -> None:

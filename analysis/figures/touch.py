@@ -1,16 +1,12 @@
 """Plot of touch: forces over the plectrum's stiffness, and the sources of their spread."""
 
-from pathlib import Path
-from typing import TYPE_CHECKING
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from sautereau.analysis.campaign.touch import Felt, Touch
 from sautereau.analysis.session.repeatability import Spread
 from sautereau.analysis.summary.text import counted
 from sautereau.rig.quantities import QUANTITIES
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 COLOURS = {"release_force": "#1f77b4", "force_slope": "#d9743a", "force_drop": "#2f6b3a"}
 DOTS = {"fmt": "o", "ms": 5, "capsize": 3}
@@ -19,19 +15,12 @@ SOURCES = ("press", "session", "plectrum", "unexplained")
 """Standard deviations of `sautereau.analysis.campaign.touch.Felt`."""
 
 
-def plot_touch(path: str | Path, found: Touch) -> None:
-    """Save `touch_figure` to a file; its extension selects the format."""
-    touch_figure(found).savefig(path, dpi=120)
-
-
-def touch_figure(found: Touch) -> "Figure":
+def touch_figure(found: Touch) -> Figure:
     """Return a figure: each quantity over the tip's stiffness, and all standard deviations.
 
     Args:
         found: Result of `sautereau.analysis.campaign.touch.find_touch`.
     """
-    from matplotlib.figure import Figure
-
     figure = Figure(figsize=(13, 7.5), layout="constrained")
     panels = figure.subplots(2, 2).ravel()
     for axes, (name, felt) in zip(panels, found.felt.items(), strict=False):
@@ -51,7 +40,7 @@ def touch_figure(found: Touch) -> "Figure":
     return figure
 
 
-def _felt_over_stiffness(axes: "Axes", found: Touch, name: str, felt: Felt) -> None:
+def _felt_over_stiffness(axes: Axes, found: Touch, name: str, felt: Felt) -> None:
     scale, unit = QUANTITIES[name].displayed
     stiffness = [plectrum.tip_stiffness for plectrum in found.plectra]
     spreads = [plectrum.felt[name] for plectrum in found.plectra]
@@ -69,7 +58,7 @@ def _felt_over_stiffness(axes: "Axes", found: Touch, name: str, felt: Felt) -> N
     )
 
 
-def _sources(axes: "Axes", found: Touch) -> None:
+def _sources(axes: Axes, found: Touch) -> None:
     """Draw the standard deviations, one row for each source."""
     for shift, (name, felt) in enumerate(found.felt.items()):
         spreads = enumerate(getattr(felt, source) for source in SOURCES)

@@ -118,11 +118,14 @@ def press_of(recorded: "Recorded") -> Press:
     path = recorded.path
     rig, rate = recorded.rig, recorded.rate
     velocity_channel, force_channel = (_channel(recorded, q) for q in ("velocity", "force"))
-    rows = _rows(recorded, max(velocity_channel.lag, force_channel.lag))
-    start = recorded.first_sample / rate
+    lags = velocity_channel.lag, force_channel.lag
+    # An input sampled later than the first has a negative lag: its first row lies before its data.
+    early = ceil(max(0.0, -min(lags)) * rate - 1e-9)
+    rows = _rows(recorded, max(lags), early)
+    start = (recorded.first_sample + early) / rate
 
     def aligned(signal: Floats, channel: Channel) -> Floats:
-        return undelayed(signal, channel.lag * rate)[:rows]
+        return undelayed(signal, channel.lag * rate + early)[:rows]
 
     velocity, force = (
         aligned(correct(recorded.volts[channel.name], channel, rate), channel)
@@ -155,7 +158,7 @@ def press_of(recorded: "Recorded") -> Press:
     frame = pd.DataFrame(
         columns_of(rig.key, velocity, force, rate).T,
         columns=_names(),
-        index=pd.Index(recorded.time[:rows], name="time"),
+        index=pd.Index(recorded.time[early : early + rows], name="time"),
         copy=False,
     )
     frame.attrs = {"units": UNITS, "simulated": recorded.simulated, "path": str(path)}
@@ -205,8 +208,8 @@ def _channel(recorded: "Recorded", quantity: str) -> Channel:
     return channel
 
 
-def _rows(recorded: "Recorded", longest: float) -> int:
-    rows = recorded.n_samples - ceil(longest * recorded.rate - 1e-9)
+def _rows(recorded: "Recorded", longest: float, early: int) -> int:
+    rows = recorded.n_samples - early - max(0, ceil(longest * recorded.rate - 1e-9))
     if rows < LEAST_ROWS:
         raise AnalysisError(
             f"recording {recorded.path}: only {max(rows, 0)} samples remain after the correction"

@@ -5,25 +5,18 @@ import hashlib
 from dataclasses import dataclass
 from functools import cache
 from importlib import resources
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from sautereau.analysis.report import facts, figures
+from jinja2 import Environment, StrictUndefined, Template
+from markupsafe import Markup, escape
+from plotly.offline import get_plotlyjs
+
+from sautereau.analysis.report import facts, figures, tables
 from sautereau.analysis.report.contents import Contents
 from sautereau.analysis.report.fits import Fit
 from sautereau.analysis.report.slow_motion import moving
-from sautereau.analysis.report.tables import (
-    compared_rows,
-    comparison_rows,
-    course,
-    feature_table,
-    repeatability_rows,
-)
 from sautereau.analysis.summary.text import counted
 from sautereau.rig.text import rig_text
-
-if TYPE_CHECKING:
-    from jinja2 import Template
-    from markupsafe import Markup
 
 MOST_LONG = 60_000
 """Longest text of a rig or a scene on the page, in characters."""
@@ -61,9 +54,6 @@ def build_report(contents: Contents, about: About) -> str:
         contents: The presses.
         about: Further facts about the session.
     """
-    from markupsafe import Markup, escape
-    from plotly.offline import get_plotlyjs
-
     presses, conditions = contents.presses, contents.conditions
     part_of = {p.number: i for i, c in enumerate(conditions, 1) for p in c.presses}
     many = len(conditions) > 1
@@ -91,13 +81,13 @@ def build_report(contents: Contents, about: About) -> str:
         else [],
         zooms=figures.zooms(contents),
         about_time=escape(figures.about_time(contents)),
-        table=feature_table(presses, part_of),
+        table=tables.feature_table(presses, part_of),
         over_session=len(presses) > 1,
         repeatability=[
             {
                 "name": name,
                 "presses": condition.repeatability.presses,
-                "rows": repeatability_rows(condition.repeatability),
+                "rows": tables.repeatability_rows(condition.repeatability),
             }
             for name, condition in zip(names, conditions, strict=True)
             if condition.repeatability
@@ -108,8 +98,8 @@ def build_report(contents: Contents, about: About) -> str:
                 "name": name,
                 "level": condition.prediction.level,
                 "presses": counted(condition.comparison.presses, "press"),
-                "rows": comparison_rows(condition.comparison),
-                "features": compared_rows(condition.features),
+                "rows": tables.comparison_rows(condition.comparison),
+                "features": tables.compared_rows(condition.features),
             }
             for name, condition in zip(names, conditions, strict=True)
             if condition.comparison and condition.prediction
@@ -128,30 +118,26 @@ def build_report(contents: Contents, about: About) -> str:
     )
 
 
-def _data(contents: Contents, shown: dict[str, Any] | None) -> dict[str, "Markup"]:
+def _data(contents: Contents, shown: dict[str, Any] | None) -> dict[str, Markup]:
     drawn = {
         "over-time": figures.over_time(contents),
         "force-on-deflection": figures.force_on_deflection(contents),
     }
     if len(contents.presses) > 1:
-        drawn["over-session"] = figures.over_session(contents, course(contents.presses))
+        drawn["over-session"] = figures.over_session(contents, tables.course(contents.presses))
     data = {name: figure.to_json(validate=False) or "" for name, figure in drawn.items()}
     if shown:
         data["slow-motion"] = shown["data"]
     return {name: _embedded(text) for name, text in data.items()}
 
 
-def _embedded(text: str) -> "Markup":
+def _embedded(text: str) -> Markup:
     """Return JSON in which an HTML parser finds no tag."""
-    from markupsafe import Markup
-
     return Markup(text.replace("&", "\\u0026").replace("<", "\\u003c").replace(">", "\\u003e"))
 
 
 @cache
-def _template() -> "Template":
-    from jinja2 import Environment, StrictUndefined
-
+def _template() -> Template:
     environment = Environment(
         autoescape=True,
         undefined=StrictUndefined,
@@ -166,10 +152,8 @@ def _part(name: str) -> str:
     return resources.files("sautereau.analysis.report").joinpath(name).read_text(encoding="utf-8")
 
 
-def _policy(*scripts: str) -> "Markup":
+def _policy(*scripts: str) -> Markup:
     """Return the content security policy: only the page's own scripts, nothing loaded."""
-    from markupsafe import Markup
-
     hashes = (
         base64.b64encode(hashlib.sha256(script.encode()).digest()).decode() for script in scripts
     )
@@ -179,8 +163,6 @@ def _policy(*scripts: str) -> "Markup":
     )
 
 
-def _long(text: str) -> "Markup | str":
+def _long(text: str) -> Markup | str:
     """Return an escaped text that may be longer than others."""
-    from markupsafe import escape
-
     return escape(facts.cleaned(text, MOST_LONG)) if text else ""

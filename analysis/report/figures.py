@@ -5,10 +5,11 @@ Plotly interprets texts as markup, so no text of a recording may appear in a plo
 
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from plotly.graph_objects import Figure
+from plotly.subplots import make_subplots
 
 from sautereau.analysis.phases import HeldString
 from sautereau.analysis.report.contents import (
@@ -21,9 +22,6 @@ from sautereau.analysis.report.contents import (
 )
 from sautereau.rig.quantities import QUANTITIES
 
-if TYPE_CHECKING:
-    from plotly.graph_objects import Figure
-
 COLOURS = ("#3b82c4", "#d97706", "#2f9e69", "#b0599b", "#c2410c", "#0e9aa7", "#8a7a1f", "#71717a")
 """Of the conditions; distinct on light and dark backgrounds, and with most colour deficiencies."""
 MODEL = "#e11d48"
@@ -33,10 +31,8 @@ HEIGHT = 240
 """px, of one row."""
 
 
-def over_time(contents: Contents) -> "Figure":
+def over_time(contents: Contents) -> Figure:
     """Draw deflection, speed and force of all presses over the time after the trigger."""
-    from plotly.subplots import make_subplots
-
     figure = make_subplots(len(COLUMNS), 1, shared_xaxes=True, vertical_spacing=0.03)
     for index, condition in enumerate(contents.conditions):
         colour = COLOURS[index % len(COLOURS)]
@@ -63,10 +59,8 @@ def over_time(contents: Contents) -> "Figure":
     return _finished(figure, HEIGHT * len(COLUMNS))
 
 
-def force_on_deflection(contents: Contents) -> "Figure":
+def force_on_deflection(contents: Contents) -> Figure:
     """Draw force over deflection from contact, of the presses and of the model."""
-    from plotly.graph_objects import Figure
-
     figure = Figure()
     for index, condition in enumerate(contents.conditions):
         first = True
@@ -92,15 +86,13 @@ def force_on_deflection(contents: Contents) -> "Figure":
     return _finished(figure, 420)
 
 
-def over_session(contents: Contents, columns: Sequence[tuple[str, list[Any]]]) -> "Figure":
+def over_session(contents: Contents, columns: Sequence[tuple[str, list[Any]]]) -> Figure:
     """Draw a few features from press to press.
 
     Args:
         contents: The presses.
         columns: Title of each axis, and a value or None for every press.
     """
-    from plotly.subplots import make_subplots
-
     figure = make_subplots(1, len(columns), horizontal_spacing=0.08)
     numbers = [record.number for record in contents.presses]
     for col, (label, values) in enumerate(columns, 1):
@@ -150,7 +142,7 @@ def _line(trace: Trace, x_scale: float, y_scale: float) -> dict[str, Any]:
     }
 
 
-def _mark_plucks(figure: "Figure", record: PressRecord, colour: str) -> None:
+def _mark_plucks(figure: Figure, record: PressRecord, colour: str) -> None:
     """Mark contacts and releases of a press on its force."""
     if "force" not in record.traces or not record.phases.plucks:
         return
@@ -176,7 +168,7 @@ def _mark_plucks(figure: "Figure", record: PressRecord, colour: str) -> None:
     )
 
 
-def _shade(figure: "Figure", condition: Condition) -> None:
+def _shade(figure: Figure, condition: Condition) -> None:
     """Shade the three phases between the mean contact and release of all presses."""
     held = _first_plucks(condition.presses)
     if not held:
@@ -203,7 +195,7 @@ def _mean_times(held: Sequence[HeldString]) -> tuple[float, float]:
     return float(np.mean([h.contact for h in held])), float(np.mean([h.release for h in held]))
 
 
-def _finished(figure: "Figure", height: int) -> "Figure":
+def _finished(figure: Figure, height: int) -> Figure:
     figure.update_layout(
         template="none",
         height=height,
@@ -217,45 +209,24 @@ def _finished(figure: "Figure", height: int) -> "Figure":
     return figure
 
 
-@dataclass(frozen=True)
-class Zoom:
-    """One button that changes the displayed range of the plot over time."""
+def zooms(contents: Contents) -> list[tuple[str, str]]:
+    """Return text and range (start and end in ms, as JSON) of the plot over time's buttons.
 
-    text: str
-    range: str = ""
-    """Start and end in ms as JSON; empty for the complete recording, or with `by`."""
-    by: str = ""
-    """1, factor on the width of the displayed range."""
-    shift: str = "0"
-    """1, shift of the displayed range as a fraction of its width."""
-
-
-def zooms(contents: Contents) -> list[Zoom]:
-    """Return the buttons of the plot over time; the first one is its initial range."""
+    The first one is its initial range; the template adds those that do not depend on the presses.
+    """
     held = _first_plucks(contents.presses)
     bottom = max(record.phases.bottom for record in contents.presses)
-    found = [Zoom("Key going down", _ms(0.0, bottom))] if bottom > 0 else []
+    found = [("Key going down", 0.0, bottom)] if bottom > 0 else []
     if held:
         contacts, releases = [pluck.contact for pluck in held], [pluck.release for pluck in held]
         contact, release = (min(contacts), max(contacts)), (min(releases), max(releases))
         margin = 0.2 * (release[1] - contact[0])
         found += [
-            Zoom("String held", _ms(contact[0] - margin, release[1] + margin)),
-            Zoom("Contact", _ms(contact[0] - 2e-3, contact[1] + 2e-3)),
-            Zoom("Release", _ms(release[0] - 1e-3, release[1] + 1e-3)),
+            ("String held", contact[0] - margin, release[1] + margin),
+            ("Contact", contact[0] - 2e-3, contact[1] + 2e-3),
+            ("Release", release[0] - 1e-3, release[1] + 1e-3),
         ]
-    return [
-        *found,
-        Zoom("Complete recording"),
-        Zoom("Zoom in", by="0.5"),
-        Zoom("Zoom out", by="2"),
-        Zoom("Earlier", by="1", shift="-0.5"),
-        Zoom("Later", by="1", shift="0.5"),
-    ]
-
-
-def _ms(start: float, stop: float) -> str:
-    return json.dumps([start * 1e3, stop * 1e3])
+    return [(text, json.dumps([start * 1e3, stop * 1e3])) for text, start, stop in found]
 
 
 def about_time(contents: Contents) -> str:

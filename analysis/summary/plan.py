@@ -99,11 +99,6 @@ def _check_line(check: Check) -> str:
     return f"{check.name:<36} {shown(check.value):>16} {limit:>19} {margin:>8}{verdict}"
 
 
-def mount_summary(found: Mount) -> dict[str, Any]:
-    """Return a mount as JSON; SI units."""
-    return asdict(found)
-
-
 def mount_lines(rig: Rig, found: Mount) -> list[str]:
     """Return a mount as text."""
     error, increase = (

@@ -1,6 +1,7 @@
 """Export of a recording as a table for other programs: Parquet or CSV."""
 
 from collections.abc import Callable
+from math import ceil
 from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO, Literal
 
@@ -20,6 +21,10 @@ if TYPE_CHECKING:
 Format = Literal["parquet", "csv"]
 TIME = "time [s]"
 """Name of the column of times after the trigger."""
+
+
+ENDING = ".exporting.part"
+"""Appended to the name of an exported file until it is complete."""
 
 
 def export(path: str | Path, to: Format, out: Path, *, raw: bool = False) -> list[Path]:
@@ -111,10 +116,11 @@ def _table(recorded: Recorded, raw: bool) -> "tuple[pa.Table, dict[str, dict[str
         columns[name] = {"unit": "V", "what": "raw volts", "channel": channel.name}
         if raw:
             continue
-        values = undelayed(correct(volts, channel, rate), channel.lag * rate)
+        early = min(n, ceil(max(0.0, -channel.lag) * rate - 1e-9))
+        values = undelayed(correct(volts, channel, rate), channel.lag * rate + early)[: n - early]
         name = f"{channel.name} [{channel.unit}]"
-        empty = pa.nulls(n - len(values), pa.float64())
-        arrays[name] = pa.concat_arrays([pa.array(values), empty])
+        before, after = (pa.nulls(m, pa.float64()) for m in (early, n - early - len(values)))
+        arrays[name] = pa.concat_arrays([before, pa.array(values), after])
         columns[name] = {
             "unit": channel.unit,
             "what": f"scaled by {channel.scale!r} {channel.unit}/V, AC coupling of"
@@ -133,7 +139,7 @@ def _write(files: dict[Path, Callable[[BinaryIO], object]]) -> list[Path]:
     opened: list[DurableFile] = []
     try:
         for path, write in files.items():
-            file = DurableFile(path)
+            file = DurableFile(path, ending=ENDING)
             opened.append(file)
             with file.writing():
                 write(file.stream)

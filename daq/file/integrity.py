@@ -52,6 +52,8 @@ def opened(path: Path, *, damaged: bool = False) -> Iterator[BinaryIO]:
     try:
         if path.is_dir():
             raise RecordingError("it is a folder; give one of the .mcap files in it")
+        if path.exists() and not path.is_file():
+            raise RecordingError("it is not a regular file; give an .mcap file")
         try:
             with path.open("rb") as file:
                 if not damaged:

@@ -32,25 +32,19 @@ def write_head(writer: McapWriter, rig: Rig, session: SessionInfo, rate: float) 
     Returns:
         Number of the MCAP channel, by topic.
     """
-    schemas = {name: number for number, name in enumerate(FIELDS, 1)}
-    channels = [
-        Channel(number, topic, "protobuf", metadata, schemas[message])
-        for number, (topic, message, metadata) in enumerate(_topics(rig, rate), 1)
-    ]
-    names = {number: f"{PACKAGE}.{name}" for name, number in schemas.items()}
-    data = schema_data()
+    topics = list(enumerate(_topics(rig, rate), 1))
     head = {
         "channels": {
-            c.topic: json.dumps({"id": c.id, "schema": names[c.schema_id], "metadata": c.metadata})
-            for c in channels
+            topic: json.dumps({"id": id_, "schema": f"{PACKAGE}.{message}", "metadata": metadata})
+            for id_, (topic, message, metadata) in topics
         },
         "rig": {"name": rig.name, "json": rig_json(rig)},
         "software": software(),
         "session": session.to_metadata(),
-        "schemas": {"protobuf": base64.b64encode(data).decode("ascii")},
+        "schemas": {"protobuf": base64.b64encode(schema_data()).decode("ascii")},
     }
     start_head(writer, head)
-    return {channel.topic: channel.id for channel in channels}
+    return {topic: id_ for id_, (topic, _, _) in topics}
 
 
 def start_head(writer: McapWriter, head: dict[str, dict[str, str]]) -> None:

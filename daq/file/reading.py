@@ -8,30 +8,8 @@ from sautereau.daq.errors import RecordingError
 from sautereau.daq.file.container.records import MAGIC, Opcode, read_metadata
 from sautereau.daq.file.contents import Contents
 from sautereau.daq.file.integrity import chunk_index, opened, records, size_of, verified
-from sautereau.daq.file.recorded import (
-    Event,
-    Gap,
-    Joints,
-    Plan,
-    Recorded,
-    SessionInfo,
-    Stretch,
-    session_from_metadata,
-)
-from sautereau.daq.file.runs import Clock, Runs
-
-__all__ = [
-    "Event",
-    "Gap",
-    "Joints",
-    "Plan",
-    "Recorded",
-    "read_parts",
-    "read_recording",
-    "read_session",
-    "read_window",
-    "stream",
-]
+from sautereau.daq.file.recorded import Recorded, SessionInfo, Stretch, session_from_metadata
+from sautereau.daq.file.runs import Runs
 
 MOST_LISTED = 8
 """Gaps listed in one message."""
@@ -173,7 +151,8 @@ def read_window(path: str | Path, start: float, stop: float) -> Stretch:
         names = [channel.name for channel in contents.rig().daq.channels]
         first, last = 0, 0
         for chunk in chunks:
-            if runs.clock and chunk.last < _log_time(runs.clock, first):
+            clock = runs.clock
+            if clock and chunk.last < max(0, clock.t0 + round(first * 1e9 / clock.rate)):
                 continue
             for topic, block in contents.messages(records(file, chunk.start, chunk.stop)):
                 runs.add(topic, block)
@@ -191,7 +170,3 @@ def read_window(path: str | Path, start: float, stop: float) -> Stretch:
     raise RecordingError(
         f"recording {path}: {window}: samples are missing; `sautereau info {path}` shows which"
     )
-
-
-def _log_time(clock: Clock, sample: int) -> int:
-    return max(0, clock.t0 + round(sample * 1e9 / clock.rate))

@@ -90,6 +90,9 @@ class Block:
     """Index of the first sample, counted from the trigger."""
     volts: Signal
     """Raw volts, shape (n_channels, n), V, channels in the order of ``daq.channels``."""
+    acquired: int | None = None
+    """Index after the last sample that the device had acquired when the block was read, from
+    which the date of the trigger follows; None for that after the block's last one."""
 
 
 @dataclass(frozen=True)

@@ -140,7 +140,8 @@ class Recording:
             )
         if self._first is None:
             self._first = first
-            self._t0 = self._clock.now_ns() - self._nanoseconds(first + volts.shape[1] - 1)
+            acquired = first + volts.shape[1] if block.acquired is None else block.acquired
+            self._t0 = self._clock.now_ns() - self._nanoseconds(acquired - 1)
         with file.writing() as writer:
             for start in range(0, volts.shape[1], self._piece):
                 self._write_piece(writer, first + start, volts[:, start : start + self._piece])

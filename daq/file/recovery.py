@@ -17,6 +17,7 @@ from sautereau.daq.file.integrity import opened, verified
 from sautereau.daq.file.provenance import start_head
 from sautereau.daq.file.recorded import Gap
 from sautereau.daq.file.survey import Survey, survey
+from sautereau.rig.disk import hold
 
 ENDING = ".recovering.part"
 """Appended to the name of a recovered recording until it is complete."""
@@ -59,6 +60,8 @@ def recover(path: str | Path, out: str | Path | None = None) -> Recovery:
         out = path.with_suffix("") if path.suffix == PART else recovered
     out = Path(out)
     with opened(path, damaged=True) as file:
+        if not hold(file):
+            raise RecordingError("another process is writing it; wait until that session has ended")
         if not file.read(1):
             raise RecordingError("it is empty: nothing was recorded; delete it and press again")
         found = survey(file)

@@ -12,10 +12,12 @@ from sautereau.daq.errors import DaqError
 from sautereau.daq.file.recorded import Block
 from sautereau.daq.source.connection import connect
 from sautereau.daq.source.driver_faults import NOT_DONE, NOT_YET_AVAILABLE, driver_errors
-from sautereau.daq.source.task import TaskSettings, build_task, plan_task, read_back
+from sautereau.daq.source.inputs import InputSettings, read_inputs
+from sautereau.daq.source.server_session import create_task
+from sautereau.daq.source.task import TaskSettings, build_task, plan_task
+from sautereau.daq.source.terminals import trigger_terminal
 from sautereau.rig.acquisition import Daq
-
-__all__ = ["Acquisition", "Block"]
+from sautereau.rig.schema import Rig
 
 PERIOD = 5e-3
 """Interval of polling for the samples before the trigger, s."""
@@ -24,9 +26,9 @@ PERIOD = 5e-3
 class Acquisition:
     """An acquisition of all channels of a rig's ``daq``.
 
-    Use it as a context manager: entering builds the task, `start` arms it, `blocks` reads
-    it, and leaving clears it, also after an error. Entered without `start` it is a dry run:
-    `settings` returns what the device has accepted.
+    Use it as a context manager: entering builds the task and reserves the device, `start` arms
+    it, `blocks` reads it, and leaving clears it, also after an error. Entered without `start` it
+    is a dry run: `settings` returns what the device has accepted.
     """
 
     def __init__(self, daq: Daq, duration_s: float | None, *, triggered: bool = True):
@@ -51,6 +53,8 @@ class Acquisition:
         self._rate = daq.sample_rate
         self._simulated: bool | None = None
         self._description = ""
+        self._trigger = ""
+        self._inputs: tuple[InputSettings, ...] = ()
 
     @property
     def n_samples(self) -> int | None:
@@ -74,14 +78,32 @@ class Acquisition:
         """Product type, serial number and name of the device; empty before entering."""
         return self._description
 
-    def __enter__(self) -> "Acquisition":
-        from nidaqmx import Task
+    def of_device(self, rig: Rig) -> Rig:
+        """Return a rig whose channels have the delays that the device reports.
 
+        A recording is written with it, so that its delays are those of the device it came from.
+        """
+        channels = tuple(
+            channel.model_copy(update={"input_delay": actual.delay})
+            for channel, actual in zip(rig.daq.channels, self._inputs, strict=True)
+        )
+        daq = rig.daq.model_copy(update={"channels": channels})
+        return rig.model_copy(update={"daq": daq})
+
+    def __enter__(self) -> "Acquisition":
+        from nidaqmx.constants import TaskMode
+
+        daq, plan = self._daq, self._plan
         try:
-            self._options = self._stack.enter_context(connect(self._daq, self._longest_wait))
-            with driver_errors(self._daq, "setting up the task", self._options):
-                self._task = Task(grpc_options=self._options)
-                self._rate = build_task(self._task, self._plan)
+            self._options = self._stack.enter_context(connect(daq, self._longest_wait))
+            with driver_errors(daq, "setting up the task", self._options):
+                if plan.triggered:
+                    self._trigger = trigger_terminal(daq, self._options)
+                self._task = create_task(daq, self._options, self._stack)
+                self._rate = build_task(self._task, plan, self._trigger)
+                self._task.control(TaskMode.TASK_VERIFY)
+                self._inputs = read_inputs(self._task, daq)
+                self._task.control(TaskMode.TASK_RESERVE)
             with driver_errors(self._daq, "identifying the device", self._options):
                 (device,) = self._task.devices
                 self._simulated = bool(device.is_simulated)
@@ -110,18 +132,19 @@ class Acquisition:
     def settings(self) -> TaskSettings:
         """Return the task as the device has accepted and verified it."""
         plan = self._plan
-        with driver_errors(self._daq, "verifying the task", self._options):
-            channels, buffer = read_back(self._entered(), plan)
+        with driver_errors(self._daq, "reading its buffer", self._options):
+            buffer = self._entered().in_stream.input_buf_size
         return TaskSettings(
             device=self._description,
             simulated=self.simulated,
-            channels=channels,
+            channels=self._inputs,
+            requested_rate=self._daq.sample_rate,
             rate=self._rate,
             n_samples=plan.total,
             pre_trigger_samples=plan.before,
             buffer=buffer,
             block=self._daq.block,
-            trigger=plan.trigger if plan.triggered else "",
+            trigger=self._trigger,
         )
 
     def start(self) -> None:
@@ -161,15 +184,27 @@ class Acquisition:
         while plan.total is None or position < plan.total:
             n = daq.block if plan.total is None else min(daq.block, plan.total - position)
             volts = np.empty((len(daq.channels), n))
+            acquired = None
             with driver_errors(daq, "reading", self._options):
                 count, late = self._read(reader, volts)
+                if position == 0:
+                    acquired = self._acquired(count)
             if count:
-                yield Block(position - plan.before, volts[:, :count])
+                yield Block(position - plan.before, volts[:, :count], acquired)
             position += count
             if late is not None:
                 raise self._too_late(position, n) from late
             if plan.total is None:
                 self._check_position(position)
+
+    def _acquired(self, read: int) -> int:
+        """Return the index after the last sample acquired by now, counted from the trigger.
+
+        Reading may lag by seconds behind the device, with samples before the edge by all of them.
+        """
+        if self._plan.before and self._plan.after is not None:
+            return self._plan.after
+        return max(read, self._task.in_stream.total_samp_per_chan_acquired)
 
     def _read(self, reader: Any, volts: NDArray[np.float64]) -> tuple[int, Exception | None]:
         """Fill ``volts``; return the number of samples read, and the error if not all were."""
@@ -203,7 +238,7 @@ class Acquisition:
     def _no_edge(self) -> DaqError:
         daq = self._daq
         return DaqError(
-            f"DAQ device {daq.device}: no edge on {self._plan.trigger}"
+            f"DAQ device {daq.device}: no edge on {self._trigger}"
             f" within {daq.trigger_timeout:g} s; check that a cable connects the controller's"
             " output controller.trigger_output to that terminal, that the controller has started"
             " the press, and that daq.trigger_source names the terminal"

@@ -67,6 +67,7 @@ def record(
             seed=seed,
             notes=notes,
         )
+        rig = acquisition.of_device(rig)
         with Recording(path, rig, session=session, rate=acquisition.rate) as recording:
             acquisition.start()
             for block in acquisition.blocks():

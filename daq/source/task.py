@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from sautereau.daq.errors import DaqError
+from sautereau.daq.source.inputs import InputSettings, add_input
 from sautereau.rig.acquisition import Daq
 
 RATE_TOLERANCE = 1e-2
@@ -39,11 +40,6 @@ class TaskPlan:
     def buffer(self) -> int:
         """Samples of each channel that the buffer holds."""
         return self.total or math.ceil(BUFFER * self.daq.sample_rate)
-
-    @property
-    def trigger(self) -> str:
-        """Terminal of the trigger with the device's name."""
-        return f"/{self.daq.device}/{self.daq.trigger_source}"
 
 
 def plan_task(daq: Daq, duration_s: float | None, triggered: bool) -> TaskPlan:
@@ -90,8 +86,13 @@ def _samples(seconds: float, rate: float) -> int:
     return max(LEAST, math.ceil(round(seconds * rate, 6)))
 
 
-def build_task(task: Any, plan: TaskPlan) -> float:
+def build_task(task: Any, plan: TaskPlan, trigger: str) -> float:
     """Give a new nidaqmx task its channels, clock, trigger and buffer.
+
+    Args:
+        task: The task.
+        plan: What it must do.
+        trigger: Terminal of the trigger's edge, with its device.
 
     Returns:
         Actual sampling rate of the device, Hz.
@@ -100,25 +101,18 @@ def build_task(task: Any, plan: TaskPlan) -> float:
 
     daq = plan.daq
     for channel in daq.channels:
-        task.ai_channels.add_ai_voltage_chan(
-            f"{daq.device}/{channel.terminal}",
-            channel.name,
-            min_val=-channel.range,
-            max_val=channel.range,
-        )
+        add_input(task, daq.device, channel)
     task.timing.cfg_samp_clk_timing(
         daq.sample_rate,
         sample_mode=AcquisitionType.CONTINUOUS if plan.total is None else AcquisitionType.FINITE,
         samps_per_chan=plan.buffer,
     )
     if plan.before:
-        task.triggers.reference_trigger.cfg_dig_edge_ref_trig(
-            plan.trigger, plan.before, Edge.RISING
-        )
+        task.triggers.reference_trigger.cfg_dig_edge_ref_trig(trigger, plan.before, Edge.RISING)
         # By default every read would start at the first sample before the trigger again.
         task.in_stream.relative_to = ReadRelativeTo.CURRENT_READ_POSITION
     elif plan.triggered:
-        task.triggers.start_trigger.cfg_dig_edge_start_trig(plan.trigger, Edge.RISING)
+        task.triggers.start_trigger.cfg_dig_edge_start_trig(trigger, Edge.RISING)
     task.in_stream.input_buf_size = plan.buffer
     rate = task.timing.samp_clk_rate
     if abs(rate / daq.sample_rate - 1) > RATE_TOLERANCE:
@@ -130,29 +124,15 @@ def build_task(task: Any, plan: TaskPlan) -> float:
 
 
 @dataclass(frozen=True)
-class ChannelSettings:
-    """One input as the device has accepted it."""
-
-    name: str
-    terminal: str
-    """Terminal with the device's name: ``Dev1/ai0``."""
-    sensor: str
-    range: float
-    """Requested range, largest magnitude, V."""
-    device_low: float
-    """Lower end of the device's input range, V."""
-    device_high: float
-    """Upper end of the device's input range, V."""
-
-
-@dataclass(frozen=True)
 class TaskSettings:
     """A task as the device has accepted it: the result of a dry run."""
 
     device: str
     """Product type, serial number and name of the device."""
     simulated: bool
-    channels: tuple[ChannelSettings, ...]
+    channels: tuple[InputSettings, ...]
+    requested_rate: float
+    """Sampling rate that the rig requests, Hz."""
     rate: float
     """Sampling rate of every channel, Hz."""
     n_samples: int | None
@@ -165,24 +145,3 @@ class TaskSettings:
     """Samples of each channel read at a time."""
     trigger: str
     """Terminal whose rising edge starts it; empty if it starts immediately."""
-
-
-def read_back(task: Any, plan: TaskPlan) -> tuple[tuple[ChannelSettings, ...], int]:
-    """Return channels and buffer (samples) as the device has accepted and verified them."""
-    from nidaqmx.constants import TaskMode
-
-    task.control(TaskMode.TASK_VERIFY)
-    accepted = []
-    for channel in plan.daq.channels:
-        actual = task.ai_channels[channel.name]
-        accepted.append(
-            ChannelSettings(
-                channel.name,
-                actual.physical_channel.name,
-                channel.sensor,
-                channel.range,
-                actual.ai_rng_low,
-                actual.ai_rng_high,
-            )
-        )
-    return tuple(accepted), task.in_stream.input_buf_size

@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 
 from sautereau.analysis.loading.press import load_press
-from sautereau.rig.load import rig_document
+from sautereau.rig.disk import read_limited, write_durably
+from sautereau.rig.load import current_document, rig_document
 from sautereau.rig.schema import Rig
 from sautereau.robot.errors import RobotError
 from sautereau.robot.experiment.feedforward import torque_table
@@ -145,8 +146,7 @@ def write_learned(
         "learned_for": _learned_for(rig, feed_forward),
     }
     try:
-        with path.open("x", encoding="utf-8") as file:
-            file.write(json.dumps(document, indent=1, allow_nan=False) + "\n")
+        write_durably(path, json.dumps(document, indent=1, allow_nan=False) + "\n", new=True)
     except OSError as error:
         raise RobotError(
             f"learned correction {path}: cannot be written: {error.strerror}; give another folder"
@@ -167,9 +167,11 @@ def read_learned(path: Path, rig: Rig, feed_forward: str = "") -> Correction:
         TrajectoryError: It holds no valid correction.
     """
     try:
-        found = json.loads(path.read_text(encoding="utf-8"))
+        found = json.loads(read_limited(path))
         time, rise = (np.array(found[name], dtype=float) for name in ("time", "rise"))
-        changes = list(differences(found["learned_for"], _learned_for(rig, feed_forward)))
+        asked = _learned_for(rig, feed_forward)
+        learned_for = current_document(found["learned_for"])
+        changes = list(differences({name: learned_for.get(name) for name in asked}, asked))
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise RobotError(
             f"learned correction {path}: cannot be read: {type(error).__name__}: {error}; give the"

@@ -16,6 +16,8 @@ from sautereau.robot.experiment.plan_table import Row
 from sautereau.trajectory.errors import TrajectoryError
 from sautereau.trajectory.press import Trajectory
 
+MOST_PRESSES = 100_000
+"""Largest number of presses of a session: a day of them at full speed."""
 _ADDRESSES = (("controller", "port"), ("daq", "address"))
 """What may change before a session is resumed: where its devices are connected."""
 
@@ -51,6 +53,8 @@ class Plan:
         faults = []
         if not self.rows or min(row.repeats for row in self.rows) < 1:
             faults.append("it has no press; request 1 or more")
+        if (n := sum(row.repeats for row in self.rows) + self.warm_up) > MOST_PRESSES:
+            faults.append(f"{n} presses, more than {MOST_PRESSES}; divide them into sessions")
         if self.warm_up < 0:
             faults.append(f"{self.warm_up} warm-up presses; request 0 or more")
         if not 0 <= self.rest < float("inf"):

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from sautereau.rig.disk import read_limited
 from sautereau.rig.errors import RigError
 from sautereau.rig.faults import fault_list, model_keys, near_miss, unit_of
 from sautereau.rig.load import with_values
@@ -59,7 +60,7 @@ def read_plan_table(path: Path, rig: Rig, repeats: int, notes: str = "") -> tupl
     """
     origin = f"plan table {path}"
     try:
-        text = path.read_text(encoding="utf-8-sig")
+        text = read_limited(path).decode("utf-8-sig")
         lines = list(csv.reader(text.splitlines(), strict=True, skipinitialspace=True))
     except (OSError, ValueError, csv.Error) as error:
         raise RobotError(

@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
@@ -118,9 +119,14 @@ def make_presses(
         watch(Stage("motors off", "idle"))
         number = _free_number(out)
         on_ready()
+        pending = iter(items)
+        first = next(pending, None)
+        if first is not None:  # a card that is missing or in use, before any motion
+            with Acquisition(first.rig.daq, _duration(first)):
+                pass
         with controller.powered():
             last: Trajectory | None = None
-            for item in items:
+            for item in chain([first] if first else [], pending):
                 if last is not None and rest:
                     sleep(rest)
                 watch(Stage("going to the start", "idle"))
@@ -182,11 +188,10 @@ def _press(
 ) -> None:
     """Make one press: the acquisition is armed first, then the controller starts both."""
     rig, trajectory = item.rig, item.trajectory
-    duration = trajectory.segments.total_samples * rig.controller.sample_period + rig.daq.tail
     watch(Stage("loading", "idle", number))
     controller.load(trajectory.segments, item.torques)
     controller.arm()
-    with Acquisition(rig.daq, duration) as acquisition:
+    with Acquisition(rig.daq, _duration(item)) as acquisition:
         session = SessionInfo(
             press=number,
             started=datetime.now(UTC).isoformat(timespec="milliseconds"),
@@ -200,7 +205,8 @@ def _press(
             item=item.number,
             warm_up=item.warm_up,
         )
-        with Recording(path, rig, session=session, rate=acquisition.rate) as recording:
+        of_device = acquisition.of_device(rig)
+        with Recording(path, of_device, session=session, rate=acquisition.rate) as recording:
             acquisition.start()
             watch(Stage("armed", "armed", number))
             controller.start()
@@ -223,6 +229,12 @@ def _press(
             )
             capture = controller.capture()
             recording.write_joints(_joints(capture, rig))
+
+
+def _duration(item: Item) -> float:
+    """Return the duration of a press's acquisition after its trigger, s."""
+    samples = item.trajectory.segments.total_samples
+    return samples * item.rig.controller.sample_period + item.rig.daq.tail
 
 
 def _joints(capture: Capture, rig: Rig) -> Joints:

@@ -12,9 +12,10 @@ from pathlib import Path
 from typing import Any
 
 from sautereau.daq.file.container.durable import PART
-from sautereau.daq.file.reading import read_session
-from sautereau.rig.disk import sync_folder, write_through
-from sautereau.rig.renamed import current_key, rename_keys
+from sautereau.daq.file.reading import read_recording, read_session
+from sautereau.rig.disk import read_limited, write_durably
+from sautereau.rig.load import current_document
+from sautereau.rig.renamed import current_key
 from sautereau.robot.errors import RobotError
 from sautereau.robot.experiment.plan import Plan
 
@@ -86,6 +87,9 @@ class SessionFolder:
         """Recordings by the number of the press in the plan."""
         self.others = 0
         """Recordings in the folder that do not belong to this session."""
+        self.incomplete: list[Path] = []
+        """Recordings of this session that were recovered, or whose press was aborted; their
+        presses are made again."""
         self._find()
 
     @property
@@ -112,11 +116,13 @@ class SessionFolder:
         write_manifest(self.path, self._manifest)
 
     def _find(self) -> None:
-        """Find the presses that are made, from the head of every recording."""
+        """Find the presses that are made."""
         for path in sorted(self.path.glob("*.mcap")) if self.path.is_dir() else []:
             found = read_session(path)
             if found.session != self.session or found.item is None:
                 self.others += 1
+            elif not read_recording(path).complete:
+                self.incomplete.append(path)
             elif found.item in self.done:
                 raise RobotError(
                     f"session folder {self.path}: {path.name} and {self.done[found.item].name} are"
@@ -134,13 +140,13 @@ def read_manifest(folder: Path) -> Manifest | None:
     """
     path = folder / MANIFEST
     try:
-        found = json.loads(path.read_text(encoding="utf-8"))
+        found = json.loads(read_limited(path))
         if found["version"] != VERSION:
             raise RobotError(
                 f"session {path}: it is of version {found['version']!r}, not {VERSION}; continue"
                 " with the version of sautereau that started it, or give another folder"
             )
-        rename_keys(found["plan"].get("rig", {}))
+        found["plan"]["rig"] = current_document(found["plan"].get("rig", {}))
         for row in found["plan"].get("presses", ()):
             row["values"] = {current_key(key): value for key, value in row["values"].items()}
         found["set_up"] = {current_key(key): value for key, value in found["set_up"].items()}
@@ -161,12 +167,9 @@ def write_manifest(folder: Path, manifest: Manifest) -> None:
         RobotError: It cannot be written.
     """
     path = folder / MANIFEST
-    beside = path.with_name(f"{MANIFEST}.new")
     text = json.dumps({"version": VERSION} | vars(manifest), indent=1, allow_nan=False)
     try:
-        write_through(beside, text + "\n", new=False)
-        beside.replace(path)
-        sync_folder(folder)
+        write_durably(path, text + "\n")
     except OSError as error:
         raise RobotError(
             f"session {path}: cannot be written: {error.strerror}; give a folder that can be"

@@ -4,38 +4,25 @@ import signal
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import asdict
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
-from sautereau.commands.common import (
-    Flag,
-    Json,
-    OutFile,
-    RigName,
-    Simulation,
-    answer,
-    fail,
-    fraction_bar,
-    hardware,
-    load_rig,
-    on_signals,
-    say,
-)
+from sautereau.commands import common
 
 if TYPE_CHECKING:
+    from sautereau.daq.source.inputs import InputSettings
     from sautereau.daq.source.task import TaskSettings
-    from sautereau.rig.schema import Rig
 
 
 def acquire(
-    rig: RigName = "paper",
+    rig: common.RigName = "paper",
     *,
-    out: OutFile | None = None,
+    out: common.OutFile | None = None,
     duration: str | None = None,
-    triggered: Annotated[bool, Flag] = False,
-    dry_run: Annotated[bool, Flag] = False,
+    triggered: bool = False,
+    dry_run: bool = False,
     notes: str = "",
-    simulation: Simulation = Simulation(),
-    json: Json = False,
+    simulation: common.Simulation = common.Simulation(),
+    json: common.Json = False,
 ) -> int:
     """Record all channels without the robot, until a given time or Ctrl-C.
 
@@ -53,25 +40,26 @@ def acquire(
         Operator's notes, saved in the recording.
     """
     from sautereau.daq.errors import DaqError
+    from sautereau.daq.source.acquisition import Acquisition
     from sautereau.daq.source.continuous import record
     from sautereau.rig.units import parse_quantity
 
     try:
         seconds = None if duration is None else parse_quantity(duration, "s")
     except ValueError as error:
-        return fail(json, f"--duration: {error}; write it like --duration '60 s'", 2)
+        return common.fail(json, f"--duration: {error}; write it like --duration '60 s'", 2)
     if out is None and not dry_run:
-        return fail(json, "Missing option: --out FILE, or --dry-run", 2)
+        return common.fail(json, "Missing option: --out FILE, or --dry-run", 2)
     if out is not None and not dry_run and out.exists():
         raise DaqError(f"--out: {out} already exists; give another file")
-    nominal = load_rig(rig)
-    with _asked_to_stop() as asked, hardware(nominal, simulation) as bench:
+    nominal = common.load_rig(rig)
+    with _asked_to_stop() as asked, common.hardware(nominal, simulation) as bench:
         if dry_run or out is None:
-            settings = _settings(bench.rig, triggered)
-            answer(json, asdict(settings), _lines(settings))
-            return 0
-        say(not json, f"rig {nominal.name} on {bench.where}; Ctrl-C ends the recording")
-        with fraction_bar() as show:
+            with Acquisition(bench.rig.daq, None, triggered=triggered) as acquisition:
+                settings = acquisition.settings()
+            return common.answer(json, asdict(settings), _lines(settings))
+        common.say(not json, f"rig {nominal.name} on {bench.where}; Ctrl-C ends the recording")
+        with common.fraction_bar() as show:
             rate = bench.rig.daq.sample_rate
             n = record(
                 bench.rig,
@@ -93,15 +81,9 @@ def acquire(
         "seed": bench.seed,
     }
     count = len(bench.rig.daq.channels)
-    answer(json, result, [f"recording:  {out}, {n} samples of each of {count} channels"])
-    return 0
-
-
-def _settings(rig: "Rig", triggered: bool) -> "TaskSettings":
-    from sautereau.daq.source.acquisition import Acquisition
-
-    with Acquisition(rig.daq, None, triggered=triggered) as acquisition:
-        return acquisition.settings()
+    return common.answer(
+        json, result, [f"recording:  {out}, {n} samples of each of {count} channels"]
+    )
 
 
 def _lines(settings: "TaskSettings") -> list[str]:
@@ -110,16 +92,29 @@ def _lines(settings: "TaskSettings") -> list[str]:
         f"device:     {settings.device}{simulated}",
         *(
             f"channel:    {c.name} on {c.terminal}, +-{c.range:g} V within the device's"
-            f" {c.device_low:g} to {c.device_high:g} V, {c.sensor}"
+            f" {c.device_low:g} to {c.device_high:g} V, {_input(c)}, {c.sensor}"
             for c in settings.channels
         ),
-        f"rate:       {settings.rate:.9g} Hz, of every channel",
+        f"rate:       {settings.rate:.9g} Hz, of every channel;"
+        f" requested: {settings.requested_rate:.9g} Hz",
         f"buffer:     {settings.buffer} samples of each channel,"
         f" {settings.buffer / settings.rate:.3g} s",
         f"reads:      {settings.block} samples, {settings.rate / settings.block:.3g} per second",
         f"trigger:    {settings.trigger or 'none: starts immediately'}",
         "nothing was started",
     ]
+
+
+def _input(settings: "InputSettings") -> str:
+    """Return how an input is set, and how far its samples are from the time of their row."""
+    found = [settings.terminal_configuration or "unknown terminal configuration"]
+    if settings.coupling:
+        found.append(f"{settings.coupling.upper()} coupling")
+    if settings.excitation:
+        found.append(f"{settings.excitation * 1e3:g} mA excitation")
+    if settings.delay:
+        found.append(f"delay {settings.delay * 1e6:.4g} us")
+    return ", ".join(found)
 
 
 @contextmanager
@@ -135,5 +130,5 @@ def _asked_to_stop() -> Iterator[Callable[[], bool]]:
         if len(asked) > 1:
             raise KeyboardInterrupt(signal.Signals(number).name)
 
-    with on_signals(("SIGINT", "SIGTERM", "SIGHUP"), ask):
+    with common.on_signals(("SIGINT", "SIGTERM", "SIGHUP"), ask):
         yield lambda: bool(asked)

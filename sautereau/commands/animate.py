@@ -6,7 +6,7 @@ from typing import Annotated
 
 from cyclopts import Parameter, Token
 
-from sautereau.commands.common import Json, Level, OutFile, RigName, answer, fraction_bar, load_rig
+from sautereau.commands import common
 
 
 def _seconds(_: object, tokens: Sequence[Token]) -> float:
@@ -22,11 +22,11 @@ def animate(
     recording: Path,
     /,
     *,
-    out: OutFile,
+    out: common.OutFile,
     slow: float = 20.0,
     since: Time | None = None,
     until: Time | None = None,
-    json: Json = False,
+    json: common.Json = False,
 ) -> int:
     """Show a recorded press in slow motion: arm, key, jack, plectrum and string.
 
@@ -43,8 +43,7 @@ def animate(
     until
         End, after the trigger. Default: end of the recording.
     """
-    from sautereau.analysis.figures.movie import FRAME_RATE, frame_times
-    from sautereau.analysis.figures.movie import animate as write_animation
+    from sautereau.analysis.figures import movie
     from sautereau.analysis.loading.press import press_of
     from sautereau.analysis.phases import find_phases
     from sautereau.analysis.press.replay import replay, shown_stretch
@@ -54,15 +53,17 @@ def animate(
     press = press_of(recorded)
     phases = find_phases(press)
     start, stop = shown_stretch(press, phases, since, until)
-    scene = replay(press, phases, frame_times(start, stop, slow), recorded.joints or recorded.plan)
-    with fraction_bar() as show:
-        write_animation(out, scene, show)
+    scene = replay(
+        press, phases, movie.frame_times(start, stop, slow), recorded.joints or recorded.plan
+    )
+    with common.fraction_bar() as show:
+        movie.animate(out, scene, show)
     plucked = sum(motion.plucks for motion in scene.choirs)
     result = {
         "path": str(out),
         "simulated": press.simulated,
         "frames": len(scene.time),
-        "frame_rate": FRAME_RATE,
+        "frame_rate": movie.FRAME_RATE,
         "start": start,
         "stop": stop,
         "plucks": plucked,
@@ -77,19 +78,18 @@ def animate(
         " by the model from the measured contact and release",
         *result["warnings"],
     ]
-    answer(json, result, lines)
-    return 0
+    return common.answer(json, result, lines)
 
 
 def listen(
-    rig: RigName = "paper",
+    rig: common.RigName = "paper",
     *,
-    out: OutFile,
-    level: Level = "elastica",
+    out: common.OutFile,
+    level: common.Level = "elastica",
     duration: Time = 4.0,
     held: Time | None = None,
     quality: float = 1500.0,
-    json: Json = False,
+    json: common.Json = False,
 ) -> int:
     """Compute the string's force on the bridge in a press, and write it as a WAV file.
 
@@ -107,7 +107,7 @@ def listen(
     """
     from sautereau.analysis.press.sound import LEVEL, SAMPLE_RATE, sound_of, write_sound
 
-    bench = load_rig(rig)
+    bench = common.load_rig(rig)
     sound = sound_of(bench, level, duration=duration, held=held, quality=quality)
     write_sound(out, sound)
     result = {
@@ -131,5 +131,4 @@ def listen(
             for i, (release, modes, decay) in enumerate(heard, 1)
         ),
     ]
-    answer(json, result, lines)
-    return 0
+    return common.answer(json, result, lines)

@@ -13,7 +13,7 @@ from typing import Literal, get_args, get_origin
 # and slow a loaded machine down. A value set by the user stays.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
-from cyclopts import App, CycloptsError, MissingArgumentError, UnusedCliTokensError
+from cyclopts import App, CycloptsError, MissingArgumentError, Parameter, UnusedCliTokensError
 from cyclopts.argument import Argument
 
 from sautereau import __version__
@@ -21,7 +21,7 @@ from sautereau.commands import (
     acquire,
     animate,
     campaign,
-    convert,
+    common,
     fit,
     learn,
     plan,
@@ -31,12 +31,12 @@ from sautereau.commands import (
     setup,
     simulate,
 )
-from sautereau.commands.common import fail
 
 app = App(
     name="sautereau",
     version=__version__,
     help="Press a harpsichord key with a robot finger, record it, compare it with a model.",
+    default_parameter=Parameter(negative=()),  # a flag has no --no-flag
     result_action="return_value",
     suppress_keyboard_interrupt=False,
 )
@@ -59,8 +59,8 @@ for command in (
     report.report,
     recordings.info,
     recordings.recover,
-    convert.export,
-    convert.import_,
+    recordings.export,
+    recordings.import_,
     simulate.stand_in,
     simulate.trade,
     setup.doctor,
@@ -78,19 +78,20 @@ def main() -> None:
     try:
         status = app(print_error=False, exit_on_error=False)
     except CycloptsError as error:
-        status = fail(as_json, _usage_message(error), 2)
+        command = " ".join(["sautereau", *(error.command_chain or ())])
+        status = common.fail(as_json, f"{_usage_fault(error)}\nSee: {command} --help", 2)
     except BrokenPipeError:
         sys.stderr.close()  # the reader of the output has ended: no message would be read
         status = 1
     except KeyboardInterrupt as error:
-        status = fail(as_json, _with_notes("interrupted", error))
+        status = common.fail(as_json, _with_notes("interrupted", error))
     except Exception as error:
         from sautereau.rig.errors import SautereauError
 
         if isinstance(error, SautereauError | OSError):
-            status = fail(as_json, _with_notes(str(error), error))
+            status = common.fail(as_json, _with_notes(str(error), error))
         elif as_json:
-            status = fail(True, f"bug: {error!r}", traceback=traceback.format_exc())
+            status = common.fail(True, f"bug: {error!r}", traceback=traceback.format_exc())
         else:
             raise
     sys.exit(status)
@@ -98,12 +99,6 @@ def main() -> None:
 
 def _with_notes(message: str, error: BaseException) -> str:
     return "\n".join([message, *getattr(error, "__notes__", [])])
-
-
-def _usage_message(error: CycloptsError) -> str:
-    """Return the message for wrong usage, and which help page to read."""
-    command = " ".join(["sautereau", *(error.command_chain or ())])
-    return f"{_usage_fault(error)}\nSee: {command} --help"
 
 
 def _usage_fault(error: CycloptsError) -> str:

@@ -6,15 +6,7 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from sautereau.analysis.summary.text import SOME_SIMULATED
-from sautereau.commands.common import (
-    Json,
-    OutFile,
-    Picture,
-    answer,
-    fail,
-    fraction_bar,
-    signals_stop,
-)
+from sautereau.commands import common
 
 SHOWN = 20
 """Faulty recordings that the text lists; JSON lists all."""
@@ -24,12 +16,13 @@ def campaign(
     folder: Path,
     /,
     *,
-    out: OutFile,
+    out: common.OutFile,
     processes: Annotated[
-        int | None, Parameter(help="Number of processes. Default: one per core.")
+        int | None,
+        Parameter(help="Number of processes. Default: one per core, fewer for few recordings."),
     ] = None,
     cluster: Annotated[str | None, Parameter(help="Address of a Dask scheduler.")] = None,
-    json: Json = False,
+    json: common.Json = False,
 ) -> int:
     """Write one table of the features of all recordings in a folder.
 
@@ -43,15 +36,14 @@ def campaign(
     out
         Parquet file of the table.
     """
-    import os
-
     from sautereau.analysis.campaign.run import run_campaign
 
     if processes is not None and cluster is not None:
-        return fail(json, "--processes and --cluster exclude each other; give one of them", 2)
-    here = processes if processes is not None else os.cpu_count() or 1
-    where = here if cluster is None else cluster
-    with signals_stop(), fraction_bar() as show:
+        return common.fail(
+            json, "--processes and --cluster exclude each other; give one of them", 2
+        )
+    where = processes if cluster is None else cluster
+    with common.signals_stop(), common.fraction_bar() as show:
         made = run_campaign(folder, out, where, on_read=lambda done, total: show(done / total))
     found = made.campaign
     presses, faults = len(found.table), found.faults
@@ -74,11 +66,10 @@ def campaign(
     lines += [f"omitted: {f.source.path}: {f.text}" for f in faults[:SHOWN]]
     if len(faults) > SHOWN:
         lines.append(f"omitted: {len(faults) - SHOWN} more; --json lists all")
-    answer(json, result, lines)
-    return 0
+    return common.answer(json, result, lines)
 
 
-def touch(file: Path, /, *, plot: Picture = None, json: Json = False) -> int:
+def touch(file: Path, /, *, plot: common.Picture = None, json: common.Json = False) -> int:
     """Show how the force at the key depends on the plectrum's shape.
 
     Parameters
@@ -93,8 +84,7 @@ def touch(file: Path, /, *, plot: Picture = None, json: Json = False) -> int:
     found = find_touch(read_campaign(file))
     result, lines = touch_summary(found), touch_lines(found)
     if plot:
-        from sautereau.analysis.figures.touch import plot_touch
+        from sautereau.analysis.figures.touch import touch_figure
 
-        plot_touch(plot, found)
-    answer(json, result, lines, plot)
-    return 0
+        touch_figure(found).savefig(plot, dpi=120)
+    return common.answer(json, result, lines, plot)

@@ -5,6 +5,7 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
+from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -13,20 +14,16 @@ from cyclopts import Parameter
 from sautereau.analysis.model.plectrum.levels import levels_help
 
 if TYPE_CHECKING:
-    from rich.progress import Progress
-
     from sautereau.analysis.loading.press import Press
-    from sautereau.analysis.model.predict import Prediction
     from sautereau.analysis.phases import Phases
     from sautereau.rig.schema import Rig
     from sautereau.sim_backend.scene import Scene
     from sautereau.trajectory.expected import Expectation
 
-Flag = Parameter(negative=())
 OutFile = Annotated[Path, "FILE"]
 OutFolder = Annotated[Path, "FOLDER"]
 """The text names the value in the message for a missing option."""
-Json = Annotated[bool, Parameter(negative=(), help="Print one JSON object, in SI units.")]
+Json = Annotated[bool, Parameter(help="Print one JSON object, in SI units.")]
 RigName = Annotated[str, Parameter(help="Path of a rig file, or name of a packaged one.")]
 Level = Annotated[str, Parameter(help=levels_help())]
 PICTURES = (".png", ".svg", ".pdf", ".jpg", ".webp", ".eps")
@@ -49,11 +46,16 @@ def _check_plot_path(_: object, path: Path | None) -> None:
         raise ValueError(f"Plot {path}: {'; '.join(faults)}.")
 
 
+def _check_seed(_: object, value: int | None) -> None:
+    if value is not None and not 0 <= value < 2**63:
+        raise ValueError("A seed is an integer from 0 to 2**63 - 1.")
+
+
 Picture = Annotated[
     Path | None,
     Parameter(help="Save the plot here (.png, .svg, .pdf).", validator=_check_plot_path),
 ]
-Seed = Annotated[int | None, Parameter(validator=lambda _, value: _check_seed(value))]
+Seed = Annotated[int | None, Parameter(validator=_check_seed)]
 
 
 @Parameter(name="*")
@@ -61,7 +63,7 @@ Seed = Annotated[int | None, Parameter(validator=lambda _, value: _check_seed(va
 class Simulation:
     """The stand-in instead of the hardware."""
 
-    sim: Annotated[bool, Flag] = False
+    sim: bool = False
     """Run on the stand-in instead of the hardware."""
     scene: str | None = None
     """Scene of the stand-in, by path or packaged name; implies --sim. Default: paper."""
@@ -97,17 +99,18 @@ def expected_of(rig: "Rig") -> "tuple[Expectation | None, list[str]]":
         return None, [f"planned without the string's force, because the model failed: {error}"]
 
 
-def load(files: list[Path]) -> "list[tuple[Press, Phases]]":
+def load(files: list[Path]) -> "tuple[list[Press], list[Phases]]":
+    """Return the presses of recordings, and their phases."""
     from sautereau.analysis.loading.press import load_press
     from sautereau.analysis.phases import find_phases
 
-    both = []
+    presses, phases = [], []
     with bar(len(files)) as step:
         for file in files:
-            press = load_press(file)
-            both.append((press, find_phases(press)))
+            presses.append(load_press(file))
+            phases.append(find_phases(presses[-1]))
             step()
-    return both
+    return presses, phases
 
 
 @dataclass(frozen=True)
@@ -167,12 +170,6 @@ def fresh_seed() -> int:
     return secrets.randbits(32)
 
 
-def draw(path: Path, presses: Any, found: Any, prediction: "Prediction") -> None:
-    from sautereau.analysis.figures.comparison import plot_comparison
-
-    plot_comparison(path, presses, found, prediction)
-
-
 @contextmanager
 def signals_stop() -> Iterator[None]:
     """Raise KeyboardInterrupt on SIGTERM and on a closed terminal, as on Ctrl-C."""
@@ -197,43 +194,25 @@ def on_signals(names: tuple[str, ...], handle: Callable[[int, Any], None]) -> It
 
 
 @contextmanager
-def bar(total: int) -> "Iterator[Any]":
-    """Yield a function that advances a progress bar by one step; without a terminal, no bar."""
-    with _progress() as progress:
-        if progress is None or total < 2:
-            yield lambda: None
-            return
-        task = progress.add_task("", total=total)
-        yield lambda: progress.advance(task)
+def bar(total: int) -> Iterator[Callable[[], None]]:
+    """Yield a function that advances a progress bar by one step of several; see `fraction_bar`."""
+    steps = count(1)
+    with fraction_bar(shown=total > 1) as show:
+        yield lambda: show(next(steps) / total)
 
 
 @contextmanager
-def fraction_bar() -> "Iterator[Callable[[float], None]]":
-    """Yield a function that sets a progress bar to a fraction from 0 to 1; see `bar`."""
-    with _progress() as progress:
-        if progress is None:
-            yield lambda fraction: None
-            return
-        task = progress.add_task("", total=1.0)
-        yield lambda fraction: progress.update(task, completed=fraction)
-
-
-@contextmanager
-def _progress() -> "Iterator[Progress | None]":
-    """Yield a progress display on a terminal, else None."""
-    if not sys.stderr.isatty():
-        yield None
+def fraction_bar(shown: bool = True) -> Iterator[Callable[[float], None]]:
+    """Yield a function that sets a progress bar to a fraction; without a terminal, no bar."""
+    if not (shown and sys.stderr.isatty()):
+        yield lambda fraction: None
         return
     from rich.console import Console
     from rich.progress import Progress
 
     with Progress(console=Console(stderr=True), transient=True) as progress:
-        yield progress
-
-
-def _check_seed(value: int | None) -> None:
-    if value is not None and not 0 <= value < 2**63:
-        raise ValueError("A seed is an integer from 0 to 2**63 - 1.")
+        task = progress.add_task("", total=1.0)
+        yield lambda fraction: progress.update(task, completed=fraction)
 
 
 def json_text(result: dict[str, Any]) -> str:
@@ -244,30 +223,51 @@ def json_text(result: dict[str, Any]) -> str:
 
 def answer(
     as_json: bool, result: dict[str, Any], lines: list[str], picture: Path | None = None
-) -> None:
-    """Print the result of a command, and its plot's path: as JSON with its schema, or as lines."""
+) -> int:
+    """Print the result of a command, and its plot's path: as JSON with its schema, or as lines.
+
+    Returns:
+        The exit status, 0.
+    """
     if picture:
         result, lines = result | {"picture": str(picture)}, [*lines, f"picture: {picture}"]
     text = json_text({"schema": SCHEMA} | result) if as_json else "\n".join(lines)
-    sys.stdout.write(text + "\n")
+    sys.stdout.write(printable(text) + "\n")
+    return 0
 
 
 def say(as_text: bool, line: str) -> None:
     """Print a line while a command runs, unless its answer is JSON."""
     if as_text:
-        sys.stdout.write(line + "\n")
+        sys.stdout.write(printable(line) + "\n")
         sys.stdout.flush()
 
 
-def warn(as_text: bool, warning: str) -> None:
-    """Print a warning on standard error, unless the answer is JSON, which holds it."""
+def warn(as_text: bool, *warnings: str) -> None:
+    """Print warnings on standard error, unless the answer is JSON, which holds them."""
     if as_text:
-        sys.stderr.write(f"warning: {warning}\n")
+        sys.stderr.writelines(f"warning: {printable(warning)}\n" for warning in warnings)
+
+
+_CONTROL = {
+    code: f"\\x{code:02x}" for code in (*range(0x20), *range(0x7F, 0xA0)) if chr(code) not in "\n\t"
+} | {code: f"\\u{code:04x}" for code in (*range(0x202A, 0x202F), *range(0x2066, 0x206A))}
+
+
+def printable(text: str) -> str:
+    """Return a text with its control characters made visible.
+
+    Notes, names and file names come from files: an escape sequence in them must not reach the
+    terminal, nor a mark that changes the direction of writing.
+    """
+    return text.translate(_CONTROL)
 
 
 def write(path: Path, text: str) -> None:
+    from sautereau.rig.disk import write_durably
+
     path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(text + "\n", encoding="utf-8")
+    write_durably(path, text + "\n")
 
 
 def fail(as_json: bool, message: str, status: int = 1, **more: str) -> int:
@@ -284,5 +284,5 @@ def fail(as_json: bool, message: str, status: int = 1, **more: str) -> int:
     """
     error = {"message": message, "status": status, **more}
     text = json_text({"schema": SCHEMA, "error": error}) if as_json else f"sautereau: {message}"
-    sys.stderr.write(text + "\n")
+    sys.stderr.write(printable(text) + "\n")
     return status

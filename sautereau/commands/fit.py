@@ -3,28 +3,15 @@
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-from cyclopts import Parameter
-
 from sautereau.analysis.summary.text import SOME_SIMULATED
-from sautereau.commands.common import (
-    Flag,
-    Json,
-    Level,
-    OutFile,
-    Picture,
-    answer,
-    draw,
-    load,
-    load_rig,
-    write,
-)
+from sautereau.commands import common
 
 if TYPE_CHECKING:
     from sautereau.analysis.identify.identified import Identified
     from sautereau.rig.schema import Rig
 
 
-def phases(files: list[Path], /, *, plot: Picture = None, json: Json = False) -> int:
+def phases(files: list[Path], /, *, plot: common.Picture = None, json: common.Json = False) -> int:
     """Find contact and release of every string in recorded presses, with uncertainties.
 
     Parameters
@@ -34,16 +21,16 @@ def phases(files: list[Path], /, *, plot: Picture = None, json: Json = False) ->
     """
     from sautereau.analysis.summary.press import HEADER, press_line, press_summary
 
-    both = load(files)
+    pressed, found = common.load(files)
+    both = list(zip(pressed, found, strict=True))
     warnings = [f"{p.path}: {warning}" for p, f in both for warning in (*p.warnings, *f.warnings)]
     lines = [HEADER, *(press_line(p, f) for p, f in both), *warnings]
     result: dict[str, object] = {"files": [press_summary(p, f) for p, f in both]}
     if plot:
-        from sautereau.analysis.figures.phases import plot_phases
+        from sautereau.analysis.figures.phases import phases_figure
 
-        plot_phases(plot, [p for p, _ in both], [f for _, f in both])
-    answer(json, result, lines, plot)
-    return 0
+        phases_figure(pressed, found).savefig(plot, dpi=120)
+    return common.answer(json, result, lines, plot)
 
 
 def compare(
@@ -51,9 +38,9 @@ def compare(
     /,
     *,
     rig: str | None = None,
-    level: Level = "elastica",
-    plot: Picture = None,
-    json: Json = False,
+    level: common.Level = "elastica",
+    plot: common.Picture = None,
+    json: common.Json = False,
 ) -> int:
     """Compare recorded presses with the model.
 
@@ -71,19 +58,19 @@ def compare(
     from sautereau.analysis.session.compare import compare_features
     from sautereau.analysis.summary.session import comparison_lines, comparison_summary
 
-    both = load(files)
-    pressed, found = [p for p, _ in both], [f for _, f in both]
-    bench = load_rig(rig) if rig else pressed[0].rig
+    pressed, found = common.load(files)
+    bench = common.load_rig(rig) if rig else pressed[0].rig
     prediction = predict_press(bench, level)
     comparison = compare_presses(found, prediction)
-    every = compare_features([features(p, f) for p, f in both], bench, prediction)
+    every = compare_features(list(map(features, pressed, found)), bench, prediction)
     simulated = any(p.simulated for p in pressed)
     lines = [*([SOME_SIMULATED] * simulated), *comparison_lines(comparison, level, every)]
     result = comparison_summary(comparison, every) | {"simulated": simulated}
     if plot:
-        draw(plot, pressed, found, prediction)
-    answer(json, result, lines, plot)
-    return 0
+        from sautereau.analysis.figures.comparison import comparison_figure
+
+        comparison_figure(pressed, found, prediction).savefig(plot, dpi=120)
+    return common.answer(json, result, lines, plot)
 
 
 def identify(
@@ -91,14 +78,14 @@ def identify(
     /,
     *,
     free: Annotated[str, "NAMES"],
-    prior: Annotated[list[str] | None, Parameter(negative=())] = None,
-    level: Level = "elastica",
+    prior: list[str] | None = None,
+    level: common.Level = "elastica",
     starts: int = 3,
-    robust: Annotated[bool, Flag] = False,
-    profile: Annotated[bool, Flag] = False,
-    out: OutFile | None = None,
-    plot: Picture = None,
-    json: Json = False,
+    robust: bool = False,
+    profile: bool = False,
+    out: common.OutFile | None = None,
+    plot: common.Picture = None,
+    json: common.Json = False,
 ) -> int:
     """Fit unknown values of the rig to recorded presses, and report which are identifiable.
 
@@ -130,8 +117,7 @@ def identify(
 
     names = [name.strip() for name in free.split(",") if name.strip()]
     priors = dict(read_prior(text) for text in prior or [])
-    both = load(files)
-    pressed, phases = [p for p, _ in both], [f for _, f in both]
+    pressed, phases = common.load(files)
     dynamics = inverse_dynamics(pressed, phases, names, priors, level)
     made = fit(dynamics, starts, robust, levelled=FORCE in names)
     found = evaluate(made)
@@ -140,17 +126,16 @@ def identify(
     result = fit_summary(found, profiles) | {"simulated": simulated}
     lines = [*([SOME_SIMULATED] * simulated), *fit_lines(found, profiles)]
     if plot:
-        from sautereau.analysis.figures.fit import plot_fit
+        from sautereau.analysis.figures.fit import fit_figure
 
-        plot_fit(plot, made, found, simulated)
+        fit_figure(made, found, simulated).savefig(plot, dpi=120)
         result["picture"] = str(plot)
         lines.append(f"picture: {plot}")
     if out:
         result["rig"] = str(out)
         result["written"] = _write_rig(out, pressed[0].rig, found, simulated)
         lines.append(f"rig:     {out}, with {', '.join(result['written']) or 'nothing new'}")
-    answer(json, result, lines)
-    return 0
+    return common.answer(json, result, lines)
 
 
 def _write_rig(out: Path, nominal: "Rig", found: "Identified", simulated: bool) -> dict[str, Any]:
@@ -158,7 +143,8 @@ def _write_rig(out: Path, nominal: "Rig", found: "Identified", simulated: bool) 
     from datetime import date
 
     from sautereau.analysis.identify.parameters import rig_values
-    from sautereau.rig.edit import edit_rig
+    from sautereau.rig.disk import write_durably
+    from sautereau.rig.edit import edit_rig, edited_text
     from sautereau.rig.text import rig_text
 
     values = rig_values(nominal, {e.name: e.value for e in found.estimates if e.identifiable})
@@ -168,7 +154,9 @@ def _write_rig(out: Path, nominal: "Rig", found: "Identified", simulated: bool) 
         f"{f' and {count - 1} more' * (count > 1)} on {date.today().isoformat()}"
     )
     if not out.exists():
-        write(out, rig_text(nominal).rstrip())
-    if values:
+        out.parent.mkdir(parents=True, exist_ok=True)
+        text = edited_text(rig_text(nominal), str(out), out.parent, values, source)
+        write_durably(out, text, new=True)
+    elif values:
         edit_rig(out, values, source).save()
     return values

@@ -6,34 +6,21 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from sautereau.commands.common import (
-    Json,
-    OutFolder,
-    RigName,
-    Simulation,
-    answer,
-    bar,
-    expected_of,
-    hardware,
-    load_rig,
-    say,
-    signals_stop,
-    warn,
-)
+from sautereau.commands import common
 
 LEARNED = "learned.json"
 """File of the correction in the folder."""
 
 
 def learn(
-    rig: RigName = "paper",
+    rig: common.RigName = "paper",
     *,
     n: Annotated[int, Parameter(name=["-n", "--number"])] = 6,
     feed_forward: Path | None = None,
-    out: OutFolder,
+    out: common.OutFolder,
     notes: str = "",
-    simulation: Simulation = Simulation(),
-    json: Json = False,
+    simulation: common.Simulation = common.Simulation(),
+    json: common.Json = False,
 ) -> int:
     """Press up to n times, correcting the trajectory from the measured speed of the jack.
 
@@ -52,12 +39,13 @@ def learn(
     from sautereau.robot.drivers.registry import motion_controller
     from sautereau.robot.errors import RobotError
     from sautereau.robot.experiment.feedforward import force_of
+    from sautereau.robot.experiment.folder_lock import only_session
     from sautereau.robot.experiment.learning import IterativeLearning, write_learned
     from sautereau.robot.experiment.plan import digest
     from sautereau.robot.experiment.session import Item, Origin, make_presses
 
-    nominal = load_rig(rig)
-    expected, doubts = expected_of(nominal)
+    nominal = common.load_rig(rig)
+    expected, doubts = common.expected_of(nominal)
     file = out / LEARNED
     if file.exists():
         raise RobotError(f"learning: {file} already exists; give another --out")
@@ -65,15 +53,19 @@ def learn(
     measured = force_of(feed_forward) if feed_forward else None
     lesson = IterativeLearning(nominal, expected, n, measured=measured, notes=notes)
     warnings = [*doubts, *lesson.warnings]
-    for warning in warnings:
-        warn(not json, warning)
-    with signals_stop(), hardware(nominal, simulation) as bench, bar(n) as step:
-        say(not json, f"rig {nominal.name} on {bench.where}\n{'press':<18} RMS speed error")
+    common.warn(not json, *warnings)
+    with (
+        common.signals_stop(),
+        only_session(out),
+        common.hardware(nominal, simulation) as bench,
+        common.bar(n) as step,
+    ):
+        common.say(not json, f"rig {nominal.name} on {bench.where}\n{'press':<18} RMS speed error")
 
         def done(item: Item, path: Path) -> None:
             bench.keep_truth(path)
             lesson.update(item, path)
-            say(not json, f"{path.name:<18} {lesson.errors[-1]:>8.2%}")
+            common.say(not json, f"{path.name:<18} {lesson.errors[-1]:>8.2%}")
             step()
 
         recordings = make_presses(
@@ -99,5 +91,4 @@ def learn(
         "seed": bench.seed,
         "warnings": warnings,
     }
-    answer(json, result, [*lines, *(f"recording:  {path}" for path in recordings)])
-    return 0
+    return common.answer(json, result, [*lines, *(f"recording:  {path}" for path in recordings)])

@@ -1,34 +1,22 @@
 """Plan a press, place the robot, predict a press by the model."""
 
+from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Any
 
 from cyclopts import Parameter
 
-from sautereau.commands.common import (
-    Flag,
-    Json,
-    Level,
-    OutFile,
-    Picture,
-    RigName,
-    answer,
-    expected_of,
-    fail,
-    json_text,
-    load_rig,
-    write,
-)
+from sautereau.commands import common
 
 
 def plan(
-    rig: RigName = "paper",
+    rig: common.RigName = "paper",
     *,
-    out: OutFile | None = None,
-    plot: Picture = None,
-    bench: Picture = None,
-    verbose: Annotated[bool, Parameter(name=["-v", "--verbose"], negative=())] = False,
-    json: Json = False,
+    out: common.OutFile | None = None,
+    plot: common.Picture = None,
+    bench: common.Picture = None,
+    verbose: Annotated[bool, Parameter(name=["-v", "--verbose"])] = False,
+    json: common.Json = False,
 ) -> int:
     """Plan one press and check it.
 
@@ -45,8 +33,8 @@ def plan(
     from sautereau.trajectory.press import draft_press
     from sautereau.trajectory.segments import segments_document
 
-    nominal = load_rig(rig)
-    expected, doubts = expected_of(nominal)
+    nominal = common.load_rig(rig)
+    expected, doubts = common.expected_of(nominal)
     draft = draft_press(nominal, expected)
     failed = [check for check in draft.checks if not check.holds]
     warnings = [*doubts, *draft.warnings]
@@ -57,32 +45,32 @@ def plan(
     if out and not failed:
         period = nominal.controller.sample_period
         document = segments_document(draft.segments, period, draft.home, draft.hover)
-        write(out, json_text(document))
+        common.write(out, common.json_text(document))
         lines.append(f"segments: {out}")
     if plot:
-        from sautereau.analysis.figures.plan import plot_plan
+        from sautereau.analysis.figures.plan import plan_figure
 
-        plot_plan(plot, nominal, draft, expected)
+        plan_figure(nominal, draft, expected).savefig(plot, dpi=110)
         lines.append(f"picture: {plot}")
     if bench:
-        from sautereau.analysis.figures.bench import plot_bench
+        from sautereau.analysis.figures.bench import bench_figure
 
-        plot_bench(bench, nominal, draft)
+        bench_figure(nominal, draft).savefig(bench, dpi=120)
         lines.append(f"bench: {bench}")
-    answer(json, result, lines)
+    common.answer(json, result, lines)
     if failed:
         faults = (f"{check}; {check.how_to_fix}" for check in failed)
-        return fail(json, "\n  ".join(["the press is not feasible:", *faults]))
+        return common.fail(json, "\n  ".join(["the press is not feasible:", *faults]))
     return 0
 
 
 def mount(
-    rig: RigName = "paper",
+    rig: common.RigName = "paper",
     *,
-    plot: Picture = None,
+    plot: common.Picture = None,
     touches: Path | None = None,
-    trust_homing: Annotated[bool, Flag] = False,
-    json: Json = False,
+    trust_homing: bool = False,
+    json: common.Json = False,
 ) -> int:
     """Find where to clamp the robot, or from touches where it is clamped.
 
@@ -97,17 +85,12 @@ def mount(
     """
     import numpy as np
 
-    from sautereau.analysis.summary.plan import (
-        located_lines,
-        located_summary,
-        mount_lines,
-        mount_summary,
-    )
+    from sautereau.analysis.summary.plan import located_lines, located_summary, mount_lines
     from sautereau.rig.csv_files import read_touched_points
     from sautereau.trajectory.mount.find import find_mount, mount_map
     from sautereau.trajectory.mount.locate import locate_base
 
-    bench = load_rig(rig)
+    bench = common.load_rig(rig)
     result: dict[str, Any] = {}
     lines = []
     if touches:
@@ -117,30 +100,32 @@ def mount(
         result["located"] = located_summary(located)
         lines += located_lines(located)
     found = find_mount(bench)
-    result |= mount_summary(found)
+    result |= asdict(found)
     lines += mount_lines(bench, found)
     if plot:
-        from sautereau.analysis.figures.mount import plot_mount
+        from sautereau.analysis.figures.mount import mount_figure
 
-        plot_mount(plot, bench, mount_map(bench), found)
-    answer(json, result, lines, plot)
-    return 0
+        mount_figure(bench, mount_map(bench), found).savefig(plot, dpi=120)
+    return common.answer(json, result, lines, plot)
 
 
 def predict(
-    rig: RigName = "paper", *, level: Level = "elastica", plot: Picture = None, json: Json = False
+    rig: common.RigName = "paper",
+    *,
+    level: common.Level = "elastica",
+    plot: common.Picture = None,
+    json: common.Json = False,
 ) -> int:
     """Predict a press by the model alone; the plot shows all plectrum models."""
     from sautereau.analysis.model.plectrum.levels import LEVELS
     from sautereau.analysis.model.predict import predict as predict_press
     from sautereau.analysis.summary.prediction import prediction_lines, prediction_summary
 
-    bench = load_rig(rig)
+    bench = common.load_rig(rig)
     found = predict_press(bench, level)
     result, lines = prediction_summary(bench, found), prediction_lines(bench, found)
     if plot:
-        from sautereau.analysis.figures.pluck import plot_pluck
+        from sautereau.analysis.figures.pluck import pluck_figure
 
-        plot_pluck(plot, bench, LEVELS.names())
-    answer(json, result, lines, plot)
-    return 0
+        pluck_figure(bench, LEVELS.names()).savefig(plot, dpi=120)
+    return common.answer(json, result, lines, plot)

@@ -8,20 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from sautereau.commands.common import (
-    Flag,
-    Json,
-    OutFolder,
-    RigName,
-    Simulation,
-    bar,
-    expected_of,
-    fresh_seed,
-    hardware,
-    load_rig,
-    signals_stop,
-    warn,
-)
+from sautereau.commands import common
 from sautereau.commands.live.watching import watching
 
 if TYPE_CHECKING:
@@ -43,7 +30,7 @@ def _is_time(_: object, text: str) -> None:
 
 
 def press(
-    rig: RigName = "paper",
+    rig: common.RigName = "paper",
     *,
     n: Annotated[int, Parameter(name=["-n", "--number"])] = 1,
     table: Path | None = None,
@@ -51,12 +38,12 @@ def press(
     rest: Annotated[str, Parameter(validator=_is_time)] = "0 s",
     learned: Path | None = None,
     feed_forward: Path | None = None,
-    out: OutFolder,
+    out: common.OutFolder,
     notes: str = "",
-    view: Annotated[bool, Flag] = False,
-    live: Annotated[bool, Flag] = False,
-    simulation: Simulation = Simulation(),
-    json: Json = False,
+    view: bool = False,
+    live: bool = False,
+    simulation: common.Simulation = common.Simulation(),
+    json: common.Json = False,
 ) -> int:
     """Press the key n times, record each press, and compare them with the model.
 
@@ -89,11 +76,12 @@ def press(
     """
     from sautereau.commands.session import SessionReport
     from sautereau.rig.units import parse_quantity
+    from sautereau.robot.experiment.folder_lock import only_session
     from sautereau.robot.experiment.plan import Plan, digest, plan_rows
     from sautereau.robot.experiment.plan_table import Row, read_plan_table
     from sautereau.robot.experiment.session_folder import SessionFolder
 
-    nominal = load_rig(rig)
+    nominal = common.load_rig(rig)
     rows = read_plan_table(table, nominal, n, notes) if table else (Row(nominal, n, notes=notes),)
     followed = {"learned": learned, "feed_forward": feed_forward}
     files = {name: digest(path) for name, path in followed.items() if path}
@@ -109,16 +97,15 @@ def press(
     trajectories = plan_rows(
         rows, lambda bench: _planned(bench, learned, files.get("feed_forward", ""), warnings)
     )
-    for warning in warnings:
-        warn(not json, warning)
+    common.warn(not json, *warnings)
     tables = _torques(rows, trajectories, feed_forward)
-    folder = SessionFolder(
-        out, plan, simulation.seed, fresh_seed() if simulation.requested else None
-    )
-    report = SessionReport(folder, warnings, json)
-    report.begin()
     waiting: dict[str, Any] = {}
-    with signals_stop():
+    with common.signals_stop(), only_session(out):
+        folder = SessionFolder(
+            out, plan, simulation.seed, common.fresh_seed() if simulation.requested else None
+        )
+        report = SessionReport(folder, warnings, json)
+        report.begin()
         for places in plan.set_ups:
             left = [place for place in places if place.number not in folder.done]
             if not left:
@@ -128,7 +115,7 @@ def press(
                 break
             planned = list(zip(trajectories, tables, strict=True))
             _press(folder, left, planned, simulation, report, view=view, live=live)
-    report.end(waiting)
+        report.end(waiting)
     return 0
 
 
@@ -139,7 +126,7 @@ def _planned(
     from sautereau.robot.experiment.learning import read_learned
     from sautereau.trajectory.press import plan_press
 
-    expected, doubts = expected_of(rig)
+    expected, doubts = common.expected_of(rig)
     correction = read_learned(learned, rig, feed_forward) if learned else None
     trajectory = plan_press(rig, expected, correction)
     warnings += [*doubts, *trajectory.warnings]
@@ -165,7 +152,7 @@ def _press(
     folder: "SessionFolder",
     places: "list[Place]",
     planned: "list[tuple[Trajectory, TorqueTable | None]]",
-    simulation: Simulation,
+    simulation: common.Simulation,
     report: Any,
     *,
     view: bool,
@@ -179,8 +166,8 @@ def _press(
     seed = _seed_from(folder.seed, places[0].number)
     nominal = plan.rows[places[0].row].rig
     with (
-        hardware(nominal, replace(simulation, seed=seed)) as bench,
-        nullcontext(lambda: None) if view else bar(len(places)) as step,
+        common.hardware(nominal, replace(simulation, seed=seed)) as bench,
+        nullcontext(lambda: None) if view else common.bar(len(places)) as step,
         watching(
             f"rig {nominal.name} on {bench.where}", in_terminal=view, to_foxglove=live
         ) as watch,

@@ -6,7 +6,7 @@ from shlex import quote
 from typing import TYPE_CHECKING
 
 from sautereau.analysis.summary.text import SOME_SIMULATED
-from sautereau.commands.common import Json, Level, OutFile, answer, bar
+from sautereau.commands import common
 
 if TYPE_CHECKING:
     from sautereau.analysis.report.build import About, Again
@@ -20,7 +20,12 @@ PACKAGES = ("jinja2", "plotly")
 
 
 def report(
-    session: Path, /, *, out: OutFile | None = None, level: Level = "elastica", json: Json = False
+    session: Path,
+    /,
+    *,
+    out: common.OutFile | None = None,
+    level: common.Level = "elastica",
+    json: common.Json = False,
 ) -> int:
     """Write one HTML page about a session; it opens offline, in any browser.
 
@@ -42,6 +47,7 @@ def report(
         )
     from sautereau.analysis.report.build import build_report
     from sautereau.analysis.report.contents import gather
+    from sautereau.rig.disk import write_durably
     from sautereau.robot.experiment.session_folder import read_manifest
 
     manifest = read_manifest(session)
@@ -51,12 +57,12 @@ def report(
             f"report: {session} holds no recording of a press; give a folder written by"
             " `sautereau press --out`"
         )
-    with bar(len(recordings)) as step:
+    with common.bar(len(recordings)) as step:
         contents = gather(recordings, level, step)
     page = build_report(contents, _about(session, manifest, contents.presses, warnings))
     out = out or session / PAGE
     out.parent.mkdir(parents=True, exist_ok=True)
-    out.write_text(page, encoding="utf-8")
+    write_durably(out, page)
     simulated = any(record.press.simulated for record in contents.presses)
     lines = [f"report:     {out}"]
     if simulated:
@@ -68,8 +74,7 @@ def report(
         "simulated": simulated,
         "left_out": {str(path): why for path, why in contents.unread.items()},
     }
-    answer(json, result, lines)
-    return 0
+    return common.answer(json, result, lines)
 
 
 def _recordings(session: Path, manifest: "Manifest | None") -> tuple[list[Path], list[str]]:
@@ -169,8 +174,9 @@ def _again(manifest: "Manifest", presses: "tuple[PressRecord, ...]") -> "Again":
     needs = ["the rig below as rig.toml"]
     if len(rows) > 1:
         needs.append("the conditions above as table.csv")
-    needs += [f"the file of {kind} with SHA-256 {sum_}" for kind, sum_ in _files(manifest)]
-    words += [f"--{kind.replace('_', '-')} FILE" for kind, _ in _files(manifest)]
+    for kind, digest in manifest.plan.get("files", {}).items():
+        needs.append(f"the file of {kind} with SHA-256 {digest}")
+        words.append(f"--{kind.replace('_', '-')} FILE")
     scene = presses[0].session.scene
     if scene:
         name = _packaged(scene)
@@ -180,10 +186,6 @@ def _again(manifest: "Manifest", presses: "tuple[PressRecord, ...]") -> "Again":
     return Again(
         f"To repeat this session, with {', '.join(needs)}:", " ".join([*words, "--out AGAIN"])
     )
-
-
-def _files(manifest: "Manifest") -> list[tuple[str, str]]:
-    return [(str(kind), str(found)) for kind, found in manifest.plan.get("files", {}).items()]
 
 
 def _packaged(scene: str) -> str:

@@ -2,15 +2,19 @@
 
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from sautereau.commands.common import answer, bar, draw, say
-
-if TYPE_CHECKING:
-    from sautereau.analysis.loading.press import Press
-    from sautereau.analysis.phases import Phases
-    from sautereau.commands.common import Bench
-    from sautereau.robot.experiment.session_folder import SessionFolder
+from sautereau.analysis.figures.comparison import comparison_figure
+from sautereau.analysis.loading.press import Press, load_press
+from sautereau.analysis.model.predict import predict
+from sautereau.analysis.phases import Phases, find_phases
+from sautereau.analysis.session.compare import compare
+from sautereau.analysis.session.repeatability import LEAST, repeatability
+from sautereau.analysis.summary import session as summary
+from sautereau.analysis.summary.press import HEADER, press_line, press_summary
+from sautereau.commands import common
+from sautereau.robot.experiment.session_folder import SessionFolder
+from sautereau.trajectory.timing import press_law
 
 PICTURED = 8
 """Number of presses of a row that its plot shows, the first ones."""
@@ -21,7 +25,7 @@ BESIDE = 1e-3
 class SessionReport:
     """Prints every press of a session when it is recorded, and a summary at the end."""
 
-    def __init__(self, folder: "SessionFolder", warnings: list[str], as_json: bool):
+    def __init__(self, folder: SessionFolder, warnings: list[str], as_json: bool):
         self._folder = folder
         self._warnings = warnings
         self._json = as_json
@@ -47,13 +51,15 @@ class SessionReport:
             )
         for path in folder.left_behind:
             self._say(f"not changed: {path}, of an interrupted press")
+        for path in folder.incomplete:
+            text = f"{path} is not a complete press; it is kept, and the press is made again"
+            self._warnings.append(text)
+            common.warn(not self._json, text)
         if folder.others:
             self._say(f"not changed: {folder.others} recordings of other sessions")
 
-    def on(self, bench: "Bench") -> None:
+    def on(self, bench: common.Bench) -> None:
         """Print the bench of the next presses."""
-        from sautereau.analysis.summary.press import HEADER
-
         self._reached = bench.reached
         if not self._headed:
             self._say(f"rig {bench.rig.name} on {bench.where}")
@@ -64,8 +70,6 @@ class SessionReport:
 
     def pressed(self, number: int, path: Path) -> None:
         """Analyse a press of the plan, and print its results."""
-        from sautereau.analysis.summary.press import press_line
-
         self._folder.done[number] = path
         both = self._take(number, path)
         self._say(press_line(*both) + "  warm-up" * self._places[number].warm_up)
@@ -76,11 +80,9 @@ class SessionReport:
         Args:
             to_set: Rig keys and values that the operator must set before the session continues.
         """
-        from sautereau.analysis.summary.press import press_summary
-
         folder = self._folder
         earlier = [number for number in folder.done if number not in self._found]
-        with bar(len(earlier)) as step:
+        with common.bar(len(earlier)) as step:
             for number in earlier:
                 self._take(number, folder.done[number])
                 step()
@@ -106,9 +108,9 @@ class SessionReport:
         lines = [warning for number in order for warning in self._found[number][1].warnings]
         summaries = []
         for index in range(len(folder.plan.rows)):
-            summary, row_lines = self._row(index)
-            if summary:
-                summaries.append(summary)
+            found, row_lines = self._row(index)
+            if found:
+                summaries.append(found)
                 lines += row_lines
         if len(folder.plan.rows) == 1 and summaries:
             result |= {key: value for key, value in summaries[0].items() if key != "recordings"}
@@ -121,21 +123,10 @@ class SessionReport:
                 f"{left} press{'es' * (left > 1)} left: set {values} on the instrument, then run"
                 " the same command again"
             )
-        answer(self._json, result, lines)
+        common.answer(self._json, result, lines)
 
     def _row(self, index: int) -> tuple[dict[str, Any], list[str]]:
         """Return results and lines on all presses of one row."""
-        from sautereau.analysis.model.predict import predict
-        from sautereau.analysis.session.compare import compare
-        from sautereau.analysis.session.repeatability import LEAST, repeatability
-        from sautereau.analysis.summary.session import (
-            comparison_lines,
-            comparison_summary,
-            repeatability_lines,
-            repeatability_summary,
-        )
-        from sautereau.trajectory.timing import press_law
-
         row = self._folder.plan.rows[index]
         numbers = [
             number
@@ -158,23 +149,23 @@ class SessionReport:
             drawn = len(self._pictured.intersection(numbers))
             names = dict.fromkeys((paths[0].stem, paths[drawn - 1].stem))
             picture = self._folder.path / f"{'-to-'.join(names)}.png"
-            draw(picture, pressed[:drawn], found[:drawn], prediction)
-            result |= comparison_summary(comparison) | {"picture": str(picture)}
-            lines += [*comparison_lines(comparison, prediction.level), f"picture:    {picture}"]
+            figure = comparison_figure(pressed[:drawn], found[:drawn], prediction)
+            figure.savefig(picture, dpi=120)
+            result |= summary.comparison_summary(comparison) | {"picture": str(picture)}
+            lines += [
+                *summary.comparison_lines(comparison, prediction.level),
+                f"picture:    {picture}",
+            ]
         else:
             lines.append("no press has a pluck; nothing to compare with the model")
         if len(numbers) >= LEAST and row.rig.press.gesture is None:
             spread = repeatability(pressed, press_law(row.rig.press))
-            result["repeatability"] = repeatability_summary(spread)
-            lines += repeatability_lines(spread)
+            result["repeatability"] = summary.repeatability_summary(spread)
+            lines += summary.repeatability_lines(spread)
         return result, lines
 
-    def _take(self, number: int, path: Path) -> "tuple[Press, Phases]":
+    def _take(self, number: int, path: Path) -> tuple[Press, Phases]:
         """Analyse a press; of presses not plotted, keep only the jack's rise in the cruise."""
-        from sautereau.analysis.loading.press import load_press
-        from sautereau.analysis.phases import find_phases
-        from sautereau.trajectory.timing import press_law
-
         press = load_press(path)
         phases = find_phases(press)
         if number not in self._pictured:
@@ -185,4 +176,4 @@ class SessionReport:
         return press, phases
 
     def _say(self, line: str) -> None:
-        say(not self._json, line)
+        common.say(not self._json, line)

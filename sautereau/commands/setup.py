@@ -1,30 +1,16 @@
 """A new rig file, the checks of this machine, and the set-up of a bench, step by step."""
 
 import sys
-from contextlib import contextmanager
 from dataclasses import asdict
+from datetime import date
+from math import degrees
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
-from sautereau.commands.common import (
-    Flag,
-    Json,
-    RigName,
-    Simulation,
-    answer,
-    fail,
-    hardware,
-    load_rig,
-    say,
-    signals_stop,
-    warn,
-)
+from sautereau.commands import common
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
-
     from sautereau.rig.edit import Edit
-    from sautereau.rig.schema import Rig
 
 _TIMEOUT = "60 s"
 """Timeout of the stand-in's controller, which answers only after the motion has ended."""
@@ -32,7 +18,7 @@ _TIMEOUT = "60 s"
 StepName = Literal["all", "port", "controller", "home", "encoders", "contact", "touch", "dry-run"]
 
 
-def init(file: Path = Path("my-rig.toml"), /, *, json: Json = False) -> int:
+def init(file: Path = Path("my-rig.toml"), /, *, json: common.Json = False) -> int:
     """Write a new rig file that explains every key: its meaning, unit and limits.
 
     Parameters
@@ -40,15 +26,15 @@ def init(file: Path = Path("my-rig.toml"), /, *, json: Json = False) -> int:
     file
         New file, which must not exist yet.
     """
+    from sautereau.rig.disk import write_durably
     from sautereau.rig.errors import RigError
     from sautereau.rig.text import commented_rig
 
     try:
-        with file.open("x", encoding="utf-8") as new:
-            new.write(commented_rig())
+        write_durably(file, commented_rig(), new=True)
     except FileExistsError as error:
         raise RigError(f"rig file {file} already exists; give another name") from error
-    answer(
+    return common.answer(
         json,
         {"path": str(file)},
         [
@@ -56,31 +42,29 @@ def init(file: Path = Path("my-rig.toml"), /, *, json: Json = False) -> int:
             f"check it with: sautereau plan {file}",
         ],
     )
-    return 0
 
 
-def doctor(rig: RigName = "paper", *, json: Json = False) -> int:
+def doctor(rig: common.RigName = "paper", *, json: common.Json = False) -> int:
     """Show what is installed, connected and missing, and how to fix it."""
-    from sautereau.doctor.checks import examine
+    from sautereau.doctor import examine
 
-    found = examine(load_rig(rig), Path())
+    found = examine(common.load_rig(rig), Path())
     lines = []
     for finding in found:
         lines.append(f"{'ok     ' if finding.ok else 'MISSING'} {finding.name}: {finding.detail}")
         if not finding.ok:
             lines.append(f"        fix: {finding.how_to_fix}")
-    answer(json, {"checks": [asdict(finding) for finding in found]}, lines)
-    return 0
+    return common.answer(json, {"checks": [asdict(finding) for finding in found]}, lines)
 
 
 def setup(
     step: StepName = "all",
-    rig: RigName = "paper",
+    rig: common.RigName = "paper",
     *,
-    yes: Annotated[bool, Flag] = False,
-    save: Annotated[bool, Flag] = False,
-    simulation: Simulation = Simulation(),
-    json: Json = False,
+    yes: bool = False,
+    save: bool = False,
+    simulation: common.Simulation = common.Simulation(),
+    json: common.Json = False,
 ) -> int:
     """Set up the bench: find the controller, home, check, touch the key, dry run.
 
@@ -97,29 +81,39 @@ def setup(
     save
         Write the results into the rig file without asking.
     """
+    from sautereau.rig.edit import edit_rig
+    from sautereau.rig.load import with_values
     from sautereau.robot.experiment.setup.steps import make_steps
 
-    nominal = load_rig(rig)
+    nominal = common.load_rig(rig)
     if not yes and not sys.stdin.isatty():
-        return fail(json, "setup asks before motions: run it on a terminal, or give --yes", 2)
+        return common.fail(
+            json, "setup asks before motions: run it on a terminal, or give --yes", 2
+        )
     if save and not Path(rig).is_file():
-        return fail(json, f"--save: {rig} is not a file; write one with `sautereau init`", 2)
+        return common.fail(json, f"--save: {rig} is not a file; write one with `sautereau init`", 2)
     values: dict[str, str | int] = {}
     steps: dict[str, Any] = {}
-    with signals_stop(), _bench(nominal, simulation) as (wired, simulated):
-        for name, found in make_steps(wired, _Operator(yes), None if step == "all" else step):
+    if simulation.requested:
+        nominal = with_values(nominal, {"controller.timeout": _TIMEOUT})
+    with common.signals_stop(), common.hardware(nominal, simulation) as bench:
+        simulated = bool(bench.scene)
+        for name, found in make_steps(bench.rig, _Operator(yes), None if step == "all" else step):
             for line in found.lines:
-                say(not json, line)
-            for warning in found.warnings:
-                warn(not json, f"{name}: {warning}")
-            values |= _of_bench(found.values, simulated)
+                common.say(not json, line)
+            common.warn(not json, *(f"{name}: {warning}" for warning in found.warnings))
+            of_bench = dict(found.values)
+            if simulated:  # the port is the stand-in's
+                of_bench = {k: v for k, v in of_bench.items() if not k.startswith("controller.")}
+            values |= of_bench
             steps[name] = {
                 "lines": list(found.lines),
                 "values": dict(found.values),
                 "figures": dict(found.figures),
                 "warnings": list(found.warnings),
             }
-    edit = _edit(rig, values) if values and Path(rig).is_file() else None
+    source = f"sautereau setup, {date.today().isoformat()}"
+    edit = edit_rig(rig, values, source) if values and Path(rig).is_file() else None
     saved = edit is not None and _save(edit, save, yes, as_text=not json)
     result = {
         "steps": steps,
@@ -128,19 +122,7 @@ def setup(
         "saved": saved,
         "simulated": simulated,
     }
-    answer(json, result, _closing(rig, values, saved))
-    return 0
-
-
-@contextmanager
-def _bench(nominal: "Rig", simulation: Simulation) -> "Iterator[tuple[Rig, bool]]":
-    """Yield the rig to set up, and whether it is simulated."""
-    from sautereau.rig.load import with_values
-
-    if simulation.requested:
-        nominal = with_values(nominal, {"controller.timeout": _TIMEOUT})
-    with hardware(nominal, simulation) as bench:
-        yield bench.rig, bool(bench.scene)
+    return common.answer(json, result, _closing(rig, values, saved))
 
 
 class _Operator:
@@ -173,14 +155,7 @@ class _Operator:
         return None
 
 
-def _of_bench(values: "Mapping[str, str | int]", simulated: bool) -> dict[str, str | int]:
-    """Return the values that hold for the real bench: not the port of the stand-in."""
-    return {k: v for k, v in values.items() if not (simulated and k.startswith("controller."))}
-
-
 def _readable(value: float, unit: str) -> str:
-    from math import degrees
-
     if unit == "rad":
         return f"{degrees(value):.3g} deg"
     return f"{value * 1e3:.4g} mm" if unit == "m" else f"{value:.4g} {unit}"
@@ -193,19 +168,11 @@ def _asked(question: str) -> str:
     return sys.stdin.readline().strip()
 
 
-def _edit(rig: str, values: dict[str, str | int]) -> "Edit":
-    from datetime import date
-
-    from sautereau.rig.edit import edit_rig
-
-    return edit_rig(rig, values, f"sautereau setup, {date.today().isoformat()}")
-
-
 def _save(edit: "Edit", save: bool, agreed: bool, *, as_text: bool) -> bool:
     """Show the difference, and write it if the operator agrees."""
     if not edit.difference:
         return False
-    say(as_text, edit.difference)
+    common.say(as_text, edit.difference)
     if not save and (agreed or _asked(f"Write this into {edit.path}? [y/N] ").lower() != "y"):
         return False
     edit.save()

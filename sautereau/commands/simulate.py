@@ -2,30 +2,18 @@
 
 import sys
 from contextlib import suppress
-from typing import Annotated
 
-from sautereau.commands.common import (
-    Flag,
-    Json,
-    Picture,
-    RigName,
-    Seed,
-    answer,
-    fail,
-    fraction_bar,
-    load_rig,
-    signals_stop,
-)
+from sautereau.commands import common
 
 
 def stand_in(
     scene: str = "paper",
     /,
     *,
-    rig: RigName = "paper",
-    seed: Seed = 0,
-    fast: Annotated[bool, Flag] = False,
-    json: Json = False,
+    rig: common.RigName = "paper",
+    seed: common.Seed = 0,
+    fast: bool = False,
+    json: common.Json = False,
 ) -> int:
     """Serve the simulated bench to any client until it is interrupted.
 
@@ -41,9 +29,9 @@ def stand_in(
     from sautereau.sim_backend.bench import StandIn
     from sautereau.sim_backend.scene import load_scene
 
-    bench = load_rig(rig)
+    bench = common.load_rig(rig)
     with (
-        signals_stop(),
+        common.signals_stop(),
         StandIn(bench, load_scene(scene), seed or 0, paced=not fast) as served,
         suppress(KeyboardInterrupt),
     ):
@@ -54,20 +42,20 @@ def stand_in(
             f"serial port:  {served.serial_port}",
             f"DAQ address:  {served.daq_address}",
         ]
-        answer(json, result, lines)
+        common.answer(json, result, lines)
         sys.stdout.flush()
         served.serve_forever()
     return 0
 
 
 def trade(
-    rig: RigName = "paper",
+    rig: common.RigName = "paper",
     *,
     scene: str = "pluck",
-    fresh: Annotated[bool, Flag] = False,
-    stability: Annotated[bool, Flag] = False,
-    plot: Picture = None,
-    json: Json = False,
+    fresh: bool = False,
+    stability: bool = False,
+    plot: common.Picture = None,
+    json: common.Json = False,
 ) -> int:
     """Measure speed and accuracy of the stand-in's solvers on this machine.
 
@@ -81,28 +69,22 @@ def trade(
         Map at which steps the engines are stable, and at which they refuse to run.
     """
     from sautereau.sim_backend.scene import load_scene
-    from sautereau.sim_backend.trade.results import plot_trade, trade_document, trade_text
-    from sautereau.sim_backend.trade.stability import (
-        run_stability,
-        stability_document,
-        stability_text,
-    )
+    from sautereau.sim_backend.trade import results
+    from sautereau.sim_backend.trade import stability as stability_map
     from sautereau.sim_backend.trade.study import run_trade
 
-    bench = load_rig(rig)
+    bench = common.load_rig(rig)
     if stability:
-        with signals_stop(), fraction_bar() as progress:
-            found = run_stability(bench, progress=progress)
-        answer(json, stability_document(found), stability_text(found))
-        if found.silent_failures:
-            return fail(json, "an engine diverged without an error; see the table")
+        with common.signals_stop(), common.fraction_bar() as progress:
+            found = stability_map.run_stability(bench, progress=progress)
+        common.answer(
+            json, stability_map.stability_document(found), stability_map.stability_text(found)
+        )
+        if stability_map.with_verdict(found, "failed"):
+            return common.fail(json, "an engine diverged without an error; see the table")
         return 0
-    with signals_stop(), fraction_bar() as progress:
+    with common.signals_stop(), common.fraction_bar() as progress:
         measured = run_trade(bench, load_scene(scene), fresh=fresh, progress=progress)
-    result, lines = trade_document(measured), trade_text(measured)
     if plot:
-        plot_trade(measured, plot)
-        result["picture"] = str(plot)
-        lines.append(f"picture: {plot}")
-    answer(json, result, lines)
-    return 0
+        results.trade_figure(measured).savefig(plot, dpi=120)
+    return common.answer(json, results.trade_document(measured), results.trade_text(measured), plot)

@@ -1,7 +1,6 @@
 """The drive of a scene: a planned press, or a push without an arm."""
 
 import math
-from typing import Protocol
 
 import numpy as np
 
@@ -21,29 +20,18 @@ TAIL = 20
 """Controller samples of rest after a press."""
 
 
-class Drive(Protocol):
-    """The reference of a simulation, one controller sample after the other."""
-
-    start: tuple[float, float]
-    """rad, joints when power comes on."""
-    samples: int
-    """Duration in controller samples."""
-
-    def reference(self, sample: int) -> Reference:
-        """Return the reference of the arm over a controller sample."""
-        ...
-
-
 class PushDrive:
     """A push of the scene's duration; the arm stays still."""
 
     def __init__(self, rig: Rig, push: Push):
         self.start = rig.arm.home_angles
+        """rad, joints when power comes on."""
         seconds = push.duration + push.rest
         self.samples = math.ceil(seconds / rig.controller.sample_period - 1e-9)
+        """Duration in controller samples."""
 
     def reference(self, sample: int) -> Reference:
-        """Return a reference at rest."""
+        """Return the reference over a controller sample: at rest."""
         return _at_rest
 
 
@@ -68,7 +56,7 @@ class PressDrive:
         self._cubics = segment_cubics(segments, 1 / self.radians, self.period)
 
     def reference(self, sample: int) -> Reference:
-        """Return the reference: counts from the start, and counts per sample."""
+        """Return the reference over a sample: counts from the start, and counts per sample."""
 
         def at(fractions: Floats) -> tuple[Floats, Floats]:
             motion = self.joints((sample + fractions) * self.period)
@@ -84,6 +72,10 @@ class PressDrive:
         motion = motion_at(self.segments, self._cubics, inside)
         moving = ((sample >= 0) & (sample < self._last))[:, None]
         return Motion(motion.position, motion.velocity * moving, motion.acceleration * moving)
+
+
+Drive = PushDrive | PressDrive
+"""The reference of a simulation, one controller sample after the other."""
 
 
 def drive_of(rig: Rig, scene: Scene) -> Drive:

@@ -8,7 +8,7 @@ import numpy as np
 from sautereau.rig.schema import Rig
 from sautereau.sim_backend.physics.drive import Drive, drive_of
 from sautereau.sim_backend.physics.events import Motions, PluckEvents, StringEvent
-from sautereau.sim_backend.physics.world import new_world
+from sautereau.sim_backend.physics.world import World, new_world
 from sautereau.sim_backend.scene import Scene
 
 
@@ -43,7 +43,11 @@ def observe(rig: Rig, scene: Scene, drive: Drive | None = None) -> Observation:
         SceneError: The scene cannot be simulated.
     """
     drive = drive or drive_of(rig, scene)
-    world = new_world(rig, scene, start=drive.start)
+    return play(new_world(rig, scene, start=drive.start), drive)
+
+
+def play(world: World, drive: Drive) -> Observation:
+    """Simulate a drive in a world at its start, and return the observation."""
     parts = [world.advance(drive.reference(i), True) for i in range(drive.samples)]
     joined = (np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(Motions))
     return Observation(Motions(*joined), world.events)

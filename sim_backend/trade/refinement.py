@@ -73,7 +73,9 @@ class StepRefinement:
                 raise self._diverged[level]
             return DIVERGED
         found = total(_distance(here, last), _distance(before, last), ROUNDING)
-        return Errors(found.time, math.inf) if _is_blow(before, last) else found
+        # The force of a finger that strikes the key of a held string grows as the step shrinks.
+        is_blow = _largest_force(last) > BLOW * _largest_force(before)
+        return Errors(found.time, math.inf) if is_blow else found
 
     def run(self, level: int) -> Observation | None:
         """Return the observation at a level; None where the engine diverged."""
@@ -164,14 +166,6 @@ def fewest(true: Rig, step: float = LONGEST) -> int:
 def total(*parts: Errors) -> Errors:
     """Return the sum of errors, which may all have the same sign."""
     return Errors(sum(part.time for part in parts), sum(part.force for part in parts))
-
-
-def _is_blow(before: Observation, last: Observation) -> bool:
-    """Return whether the finger strikes the key while a string is held.
-
-    The force of a blow grows as the step shrinks.
-    """
-    return _largest_force(last) > BLOW * _largest_force(before)
 
 
 def _largest_force(run: Observation) -> float:

@@ -3,11 +3,9 @@
 from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from matplotlib.figure import Figure
 
 HEADER = "  engine   plectrum  string  iterations        step       error  force error  x real time"
 LEAST = 1e-10
@@ -19,7 +17,7 @@ class Point:
     """A scene simulated one way: its error and its speed."""
 
     scene: str
-    """Description of the scene, or of another simulator."""
+    """Description of the scene."""
     dt: float
     """s, of a step."""
     engine: str
@@ -131,29 +129,16 @@ def _row(point: Point) -> str:
     )
 
 
-def plot_trade(trade: Trade, path: str | Path, peers: Sequence[Point] = ()) -> None:
-    """Save `trade_figure` to a file.
-
-    Args:
-        trade: What was measured.
-        path: Of the file; its extension chooses the format.
-        peers: Points of other simulators, measured on the same scene and machine.
-    """
-    trade_figure(trade, peers).savefig(path, dpi=120)
-
-
-def trade_figure(trade: Trade, peers: Sequence[Point] = ()) -> "Figure":
+def trade_figure(trade: Trade) -> Figure:
     """Return the work-precision diagram: error of events over real-time factor, logarithmic.
 
     One colour is one way to simulate the scene with steps of several lengths; the grey line
     joins the Pareto-optimal points. Points that failed are not drawn.
     """
-    from matplotlib.figure import Figure
-
     figure = Figure(figsize=(9, 6), layout="constrained")
     axes = figure.add_subplot()
     lines: dict[str, list[Point]] = defaultdict(list)
-    for point in [*trade.points, *peers]:
+    for point in trade.points:
         if not point.failed:
             lines[f"{point.engine}, {point.level}, {point.string}"].append(point)
     speeds, errors = _coordinates([point for points in lines.values() for point in points])

@@ -3,7 +3,6 @@
 import math
 from dataclasses import dataclass
 
-from sautereau.rig.instrument import Plectrum
 from sautereau.rig.schema import Rig
 from sautereau.sim_backend.errors import SceneError
 from sautereau.sim_backend.parts import Accuracy
@@ -11,15 +10,7 @@ from sautereau.sim_backend.physics.drive import Drive
 from sautereau.sim_backend.physics.observation import Errors, drive_of, errors, observe
 from sautereau.sim_backend.physics.reference.observe import reference
 from sautereau.sim_backend.scene import Scene
-from sautereau.sim_backend.trade.refinement import (
-    DIVERGED,
-    LONGEST,
-    Observe,
-    Trial,
-    fewest,
-    stepped,
-    total,
-)
+from sautereau.sim_backend.trade import refinement
 
 STRING_STEP = 50e-6
 """s, at which a spring string is compared with a modal one."""
@@ -61,8 +52,8 @@ def select_solver(
     scene: Scene,
     drive: Drive | None = None,
     *,
-    observe: Observe = observe,
-    solve: Observe | None = reference,
+    observe: refinement.Observe = observe,
+    solve: refinement.Observe | None = reference,
 ) -> Selected:
     """Choose what a scene leaves open by the accuracy that it asks for.
 
@@ -82,9 +73,9 @@ def select_solver(
         SceneError: The scene cannot be simulated, or not with the accuracy that it asks for.
     """
     true = scene.true_rig(rig)
-    trial = Trial(rig, true, drive or drive_of(rig, scene), observe, solve)
+    trial = refinement.Trial(rig, true, drive or drive_of(rig, scene), observe, solve)
     if scene.accuracy is None:
-        steps = fewest(true, scene.step or LONGEST)
+        steps = refinement.fewest(true, scene.step or refinement.LONGEST)
         return _selected(true, scene, steps, None, trial.estimate(scene, steps))
     asked = Accuracy.parse(scene.accuracy)
     best: Selected | None = None
@@ -95,7 +86,7 @@ def select_solver(
         own = spring_error if candidate.string == "spring" else Errors(0.0, 0.0)
         if not meets(own, asked):
             continue
-        if best and cost(true, candidate, fewest(true)) >= 1 / best.real_time_factor:
+        if best and cost(true, candidate, refinement.fewest(true)) >= 1 / best.real_time_factor:
             continue
         try:
             found = _refined(trial, candidate, asked, own)
@@ -129,11 +120,6 @@ def cost(rig: Rig, scene: Scene, steps: int) -> float:
     return sample / rig.controller.sample_period
 
 
-def best_level(plectrum: Plectrum) -> str:
-    """Return the level that is exact for a plectrum, the faster one of two."""
-    return "fe" if plectrum.outline is not None else "elastica"
-
-
 def best_models(true: Rig, scene: Scene) -> Scene:
     """Return the scene with the best plectrum level and string where it says "auto".
 
@@ -141,7 +127,8 @@ def best_models(true: Rig, scene: Scene) -> Scene:
         true: The simulated bench.
         scene: Of any kind.
     """
-    level = best_level(true.plectrum) if scene.plectrum == "auto" else scene.plectrum
+    exact = "elastica" if true.plectrum.outline is None else "fe"  # the faster one of two
+    level = exact if scene.plectrum == "auto" else scene.plectrum
     string = "modal" if scene.string == "auto" else scene.string
     return scene.model_copy(update={"plectrum": level, "string": string})
 
@@ -155,7 +142,7 @@ def excess(found: Errors, asked: Accuracy) -> float:
 
 def meets(found: Errors, asked: Accuracy) -> bool:
     """Return whether an error is at most the one asked for."""
-    return found != DIVERGED and excess(found, asked) <= 1
+    return found != refinement.DIVERGED and excess(found, asked) <= 1
 
 
 def reached(found: Errors) -> str:
@@ -170,7 +157,7 @@ def micro(seconds: float) -> str:
     return f"{seconds * 1e6:.4g} us"
 
 
-def _refined(trial: Trial, scene: Scene, asked: Accuracy, own: Errors) -> Selected:
+def _refined(trial: refinement.Trial, scene: Scene, asked: Accuracy, own: Errors) -> Selected:
     """Return the longest step that meets what is asked, or the best that was tried.
 
     Args:
@@ -181,7 +168,7 @@ def _refined(trial: Trial, scene: Scene, asked: Accuracy, own: Errors) -> Select
     """
     closest = None
     for steps, error in trial.errors(scene):
-        found = _selected(trial.true, scene, steps, asked, total(error, own))
+        found = _selected(trial.true, scene, steps, asked, refinement.total(error, own))
         if closest is None or excess(found.errors, asked) < excess(closest.errors, asked):
             closest = found
         if meets(found.errors, asked):
@@ -194,7 +181,9 @@ def _refined(trial: Trial, scene: Scene, asked: Accuracy, own: Errors) -> Select
 def _selected(
     true: Rig, scene: Scene, steps: int, asked: Accuracy | None, found: Errors
 ) -> Selected:
-    return Selected(stepped(true, scene, steps), asked, found, 1 / cost(true, scene, steps))
+    return Selected(
+        refinement.stepped(true, scene, steps), asked, found, 1 / cost(true, scene, steps)
+    )
 
 
 def _candidates(true: Rig, scene: Scene) -> list[Scene]:
@@ -210,7 +199,7 @@ def _candidates(true: Rig, scene: Scene) -> list[Scene]:
     ]
 
 
-def _spring_error(trial: Trial, scene: Scene) -> Errors:
+def _spring_error(trial: refinement.Trial, scene: Scene) -> Errors:
     """Return the error of a spring string against a modal one, where the scene allows both."""
     if scene.string != "auto":
         return Errors(0.0, 0.0)

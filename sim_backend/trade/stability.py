@@ -1,9 +1,9 @@
 """Stability map: every case is as accurate as the engine claims, or refused with a reason."""
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 import numpy as np
 
@@ -12,7 +12,7 @@ from sautereau.rig.load import with_values
 from sautereau.rig.schema import Rig
 from sautereau.sim_backend.physics.drive import drive_of
 from sautereau.sim_backend.physics.observation import Errors, Observation, errors, observe
-from sautereau.sim_backend.scene import Scene
+from sautereau.sim_backend.physics.reference.observe import reference
 from sautereau.sim_backend.trade.cases import Case, grid, random_cases
 from sautereau.sim_backend.trade.select import reached, select_solver
 
@@ -35,23 +35,11 @@ class Cell:
     """Of a refusal or a failure."""
 
 
-@dataclass(frozen=True)
-class Map:
-    """The outcome of every case."""
-
-    cells: tuple[Cell, ...]
-
-    @property
-    def silent_failures(self) -> tuple[Cell, ...]:
-        """Cases whose error is larger than claimed."""
-        return tuple(cell for cell in self.cells if cell.verdict == "failed")
-
-
 def run_stability(
     rig: Rig,
     cases: Iterable[Case] | None = None,
     progress: Callable[[float], None] = lambda fraction: None,
-) -> Map:
+) -> list[Cell]:
     """Run cases through their engines and compare each with the reference solution.
 
     Args:
@@ -65,7 +53,7 @@ def run_stability(
         progress(i / len(chosen))
         cells.append(judge(rig, case))
     progress(1.0)
-    return Map(tuple(cells))
+    return cells
 
 
 def judge(rig: Rig, case: Case) -> Cell:
@@ -86,43 +74,38 @@ def judge(rig: Rig, case: Case) -> Cell:
     if fault:
         return Cell(case, "failed", claim, reason=fault)
     try:
-        error = errors(found, _truth(bench, case.scene))
+        error = errors(found, reference(bench, case.scene, drive))
     except SautereauError as refusal:
-        return Cell(
-            case,
-            "failed",
-            claim,
-            reason=f"simulated, but refused by the reference solver: {refusal}",
-        )
+        reason = f"simulated, but refused by the reference solver: {refusal}"
+        return Cell(case, "failed", claim, reason=reason)
     if error.time <= claim.time and error.force <= claim.force:
         return Cell(case, "converged", claim, error)
     return Cell(case, "failed", claim, error, "less accurate than claimed")
 
 
-def stability_document(found: Map) -> dict[str, Any]:
+def with_verdict(cells: Sequence[Cell], verdict: Verdict) -> list[Cell]:
+    """Return the cells of a verdict; a failed one has a larger error than claimed."""
+    return [cell for cell in cells if cell.verdict == verdict]
+
+
+def stability_document(cells: Sequence[Cell]) -> dict[str, Any]:
     """Return the JSON object of a map; errors in s and dimensionless, null where there is none."""
     return {
-        "cases": [_document(cell) for cell in found.cells],
-        "converged": _count(found, "converged"),
-        "refused": _count(found, "refused"),
-        "silent_failures": [_document(cell) for cell in found.silent_failures],
+        "cases": [_document(cell) for cell in cells],
+        "converged": len(with_verdict(cells, "converged")),
+        "refused": len(with_verdict(cells, "refused")),
+        "silent_failures": [_document(cell) for cell in with_verdict(cells, "failed")],
     }
 
 
-def stability_text(found: Map) -> list[str]:
+def stability_text(cells: Sequence[Cell]) -> list[str]:
     """Return the lines of a map: one for each case, and how many of each verdict."""
     head = f"{'case':40} {'engine':8} {'verdict':9}"
     lines = [f"{head} {'error':>10} {'claimed':>10} {'force':>9} {'claimed':>9}"]
-    lines += [_row(cell) for cell in found.cells]
-    counts = (f"{_count(found, verdict)} {verdict}" for verdict in ("converged", "refused"))
-    lines.append(f"{', '.join(counts)}, {len(found.silent_failures)} failed silently")
+    lines += [_row(cell) for cell in cells]
+    counts = [len(with_verdict(cells, each)) for each in get_args(Verdict)]
+    lines.append("{} converged, {} refused, {} failed silently".format(*counts))
     return lines
-
-
-def _truth(bench: Rig, scene: Scene) -> Observation:
-    from sautereau.sim_backend.physics.reference.observe import reference
-
-    return reference(bench, scene, drive_of(bench, scene))
 
 
 def _fault(found: Observation) -> str:
@@ -134,10 +117,6 @@ def _fault(found: Observation) -> str:
     if not (np.diff(motions.time) > 0).all():
         return "time decreases"
     return ""
-
-
-def _count(found: Map, verdict: Verdict) -> int:
-    return sum(cell.verdict == verdict for cell in found.cells)
 
 
 def _finite(value: float | None) -> float | None:

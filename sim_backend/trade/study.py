@@ -20,8 +20,9 @@ from sautereau.rig.schema import Rig
 from sautereau.sim_backend.errors import SceneError
 from sautereau.sim_backend.parts import Accuracy
 from sautereau.sim_backend.physics.drive import Drive
-from sautereau.sim_backend.physics.finger import Reference
-from sautereau.sim_backend.physics.observation import Observation, drive_of, errors, observe
+from sautereau.sim_backend.physics.observation import Observation, drive_of, errors, play
+from sautereau.sim_backend.physics.reference.observe import reference
+from sautereau.sim_backend.physics.world import new_world
 from sautereau.sim_backend.scene import Scene
 from sautereau.sim_backend.trade.refinement import stepped
 from sautereau.sim_backend.trade.results import Point, Trade, pareto_front, recommended
@@ -109,32 +110,15 @@ def timed(rig: Rig, scene: Scene, drive: Drive) -> tuple[Observation, float]:
     least, most = RUNS
     times: list[float] = []
     while True:
-        watch = _TimedDrive(drive)
-        found = observe(rig, scene, watch)
-        ended = time.perf_counter()
-        times.append(ended - (ended if watch.started is None else watch.started))
+        world = new_world(rig, scene, start=drive.start)
+        started = time.perf_counter()
+        found = play(world, drive)
+        times.append(time.perf_counter() - started)
         if len(times) == most or (len(times) >= least and sum(times) > ENOUGH):
             return found, simulated / max(statistics.median(times), 1e-9)
 
 
-class _TimedDrive:
-    """A drive that notes the time of its first sample, when the world has been built."""
-
-    def __init__(self, drive: Drive):
-        self.start = drive.start
-        self.samples = drive.samples
-        self.started: float | None = None
-        """s of `time.perf_counter`; None before."""
-        self._drive = drive
-
-    def reference(self, sample: int) -> Reference:
-        """Return the drive's own reference."""
-        if self.started is None:
-            self.started = time.perf_counter()
-        return self._drive.reference(sample)
-
-
-def _machine() -> str:
+def machine() -> str:
     """Return a description of this machine, without its name."""
     system = f"{platform.system()}, Python {platform.python_version()}"
     return f"{platform.machine()}, {os.cpu_count()} cores, {system}"
@@ -143,14 +127,12 @@ def _machine() -> str:
 def _path(rig: Rig, scene: Scene) -> Path:
     import platformdirs
 
-    parts = [version("sautereau"), platform.node(), _machine(), rig_json(rig), repr(scene)]
+    parts = [version("sautereau"), platform.node(), machine(), rig_json(rig), repr(scene)]
     name = hashlib.sha256("\n".join(parts).encode()).hexdigest()
     return platformdirs.user_cache_path("sautereau", appauthor=False) / "trade" / f"{name}.json"
 
 
 def _measured(rig: Rig, scene: Scene, progress: Callable[[float], None]) -> Trade:
-    from sautereau.sim_backend.physics.reference.observe import reference
-
     true = scene.true_rig(rig)
     drive = drive_of(rig, scene)
     exact = best_models(true, scene)
@@ -170,7 +152,7 @@ def _measured(rig: Rig, scene: Scene, progress: Callable[[float], None]) -> Trad
     requested = asked or 0.5 / rig.daq.sample_rate  # half a sample, which no recording resolves
     return Trade(
         scene=scene.description,
-        machine=_machine(),
+        machine=machine(),
         requested=requested,
         points=tuple(points),
         pareto=tuple(good[i] for i in front),

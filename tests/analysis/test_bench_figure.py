@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from matplotlib.patches import Circle
 
-from sautereau.analysis.figures.bench import bench_figure, plot_bench
+from sautereau.analysis.figures.bench import bench_figure
 from sautereau.analysis.figures.side import BenchPose, jack_foot, string_height
 from sautereau.analysis.model.choirs import choirs
 from sautereau.rig.load import load_rig, with_values
@@ -79,9 +79,3 @@ def test_a_jack_without_damper_or_tongue_is_drawn(change):
     jack = RIG.jack.model_copy(update=change)
     said = texts_of(RIG.model_copy(update={"jack": jack}), PLAN)
     assert ("damper" in said) is (jack.damper is not None)
-
-
-def test_a_file_appears(tmp_path):
-    path = tmp_path / "bench.svg"
-    plot_bench(path, RIG, PLAN)
-    assert path.read_bytes().startswith(b"<?xml")

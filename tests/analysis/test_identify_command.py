@@ -6,12 +6,10 @@ from importlib import resources
 import pytest
 
 from sautereau.commands.app import app
-from sautereau.rig.load import load_rig
-from sautereau.robot.drivers.galil.driver import GalilController
-from sautereau.robot.experiment.session import run_session
+from sautereau.rig.load import load_rig, with_values
 from sautereau.sim_backend.bench import StandIn
 from sautereau.sim_backend.scene import load_scene
-from sautereau.trajectory.press import plan_press
+from tests.presses import QUICK, press_on
 
 
 @pytest.fixture(scope="module")
@@ -20,9 +18,8 @@ def recordings(tmp_path_factory):
     truth = {"plectrum.overlap": "0.33 mm", "key.inertia": "9e-4 kg m^2"}
     scene = load_scene("paper").model_copy(update={"truth": truth})
     out = tmp_path_factory.mktemp("recordings")
-    with StandIn(load_rig(), scene, 1) as stand_in:
-        rig = stand_in.rig
-        return run_session(rig, plan_press(rig), GalilController(rig), out, 2)
+    with StandIn(with_values(load_rig(), QUICK), scene, 1) as stand_in:
+        return press_on(stand_in, out, 2)
 
 
 def run(capsys, *words):

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from sautereau.analysis.figures.mount import mount_figure, plot_mount
+from sautereau.analysis.figures.mount import mount_figure
 from sautereau.rig.load import with_values
 from sautereau.trajectory.mount.find import MountMap, find_mount, mount_map
 from tests.plots import texts
@@ -62,12 +62,6 @@ def test_what_is_excluded_is_hatched(paper, figure, small_map, best):
     assert not hatched(mount_figure(paper, free, best))
     nothing = MountMap(*small_map[:3], np.zeros_like(small_map.feasible))
     assert hatched(mount_figure(paper, nothing, best))
-
-
-def test_the_picture_is_a_file(paper, small_map, best, tmp_path):
-    path = tmp_path / "mount.png"
-    plot_mount(path, paper, small_map, best)
-    assert path.stat().st_size > 10_000
 
 
 def test_a_region_over_the_key_leaves_no_room_for_the_neighbourhood(paper, figure, best):

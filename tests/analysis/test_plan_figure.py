@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from sautereau.analysis.figures.plan import plan_figure, plot_plan
+from sautereau.analysis.figures.plan import plan_figure
 from sautereau.analysis.model.predict import expectation, predict
 from sautereau.rig.load import load_rig, with_values
 from sautereau.trajectory.press import draft_press
@@ -37,7 +37,7 @@ def test_the_poses_are_drawn_where_the_fingertip_is(tmp_path):
     start = next(line for line in scene.lines if line.get_label() == "start")
     tip = np.array([start.get_xdata()[-1], start.get_ydata()[-1]])
     np.testing.assert_allclose(tip, draft.fingertip.position[0] * 1e3, atol=1e-9)
-    plot_plan(tmp_path / "plan.png", rig, draft, None)
+    plan_figure(rig, draft, None).savefig(tmp_path / "plan.png")
     assert (tmp_path / "plan.png").read_bytes().startswith(b"\x89PNG")
 
 

@@ -82,6 +82,21 @@ def test_every_delay_is_corrected(paper, record, delay):
     assert len(press.data) == 4000 - int(np.ceil(late * RATE - 1e-9))
 
 
+@pytest.mark.parametrize("early", ["-4.8 us", "-19.53125 us", "-30 us"])
+def test_an_input_that_a_multiplexer_samples_later(paper, record, early):
+    """Its samples are of later instants than its rows say; the first rows have no sample of it."""
+    rig = ideal(paper, **{"daq.channels.1.input_delay": early})
+    late, f = rig.daq.channels[1].lag, 200.0
+    time = np.arange(4000) / RATE
+    volts = np.stack([np.sin(2 * np.pi * f * time), np.sin(2 * np.pi * f * (time - late))])
+    press = load_press(record(rig, volts))
+    expected = np.sin(2 * np.pi * f * press.data.index.to_numpy())
+    np.testing.assert_allclose(press.data["velocity"] / 0.025, expected, atol=1e-12)
+    np.testing.assert_allclose(press.data["force"], expected, atol=8e-5)
+    skipped = int(np.ceil(-late * RATE - 1e-9))
+    assert (press.data.index[0], len(press.data)) == (skipped / RATE, 4000 - skipped)
+
+
 def test_ac_coupling_is_inverted(paper, record):
     """A step of force through AC coupling of 0.1 Hz is restored as a step."""
     rig = ideal(paper, **{"daq.channels.1.high_pass": "0.1 Hz"})

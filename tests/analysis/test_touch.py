@@ -9,7 +9,7 @@ import pytest
 from sautereau.analysis.campaign.table import empty_campaign
 from sautereau.analysis.campaign.touch import FELT, find_touch
 from sautereau.analysis.errors import AnalysisError
-from sautereau.analysis.figures.touch import plot_touch, touch_figure
+from sautereau.analysis.figures.touch import touch_figure
 from sautereau.analysis.summary.touch import touch_lines, touch_summary
 
 EXPONENTS = {"release_force": (1.5, 0.0), "force_slope": (2.0, 0.0), "force_drop": (1.5, 0.7)}
@@ -98,9 +98,9 @@ def test_results_as_json_lines_and_plot(found, tmp_path):
     lines = touch_lines(found)
     assert lines[0].startswith("SIMULATED")
     assert any(line.lstrip().startswith("proportional to thickness^") for line in lines)
-    plot_touch(tmp_path / "touch.png", found)
-    assert (tmp_path / "touch.png").stat().st_size > 10_000
     figure = touch_figure(found)
+    figure.savefig(tmp_path / "touch.png")
+    assert (tmp_path / "touch.png").stat().st_size > 10_000
     assert figure.get_suptitle().startswith("SIMULATED")
     assert len(figure.axes) == 4
 

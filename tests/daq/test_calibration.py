@@ -69,11 +69,6 @@ def test_no_high_pass_leaves_the_scaled_signal(velocity):
     assert correct(np.empty(0), velocity, RATE).shape == (0,)
 
 
-def test_coupling(velocity):
-    assert velocity.coupling == "AC"
-    assert with_high_pass(velocity, 0.0).coupling == "DC"
-
-
 @pytest.mark.parametrize(("order", "corner"), [(1, 1000.0), (2, 1000.0), (2, 22_400.0), (8, 500.0)])
 def test_the_low_pass_lags_as_scipys_does(velocity, order, corner):
     """Group delay of the analogue Butterworth filter far below its corner, by its phase."""

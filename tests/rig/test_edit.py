@@ -1,5 +1,7 @@
 """Found values go into a rig file, and nothing else of it changes."""
 
+import errno
+import os
 from importlib import resources
 
 import pytest
@@ -92,8 +94,23 @@ def test_line_ends_and_mode_stay(file):
     assert not list(file.parent.glob("*.new"))
 
 
-def test_what_is_left_of_a_broken_off_save_is_named(file):
-    file.with_name("rig.toml.new").touch()
-    with pytest.raises(RigError, match=r"remove rig\.toml\.new"):
+def test_a_failing_save_changes_nothing(file, monkeypatch):
+    def full(entry):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(os, "fsync", full)
+    with pytest.raises(RigError, match="No space left"):
         edit_rig(file, {"controller.port": "COM4"}).save()
     assert file.read_text() == TEXT
+    assert [path.name for path in file.parent.iterdir()] == [file.name]
+
+
+def test_a_save_follows_no_link(file, tmp_path):
+    target = tmp_path / "another.txt"
+    target.write_text("precious")
+    edit = edit_rig(file, {"controller.port": "COM4"})
+    for link in (".rig.toml.new", "rig.toml.new"):
+        file.with_name(link).symlink_to(target)
+    edit.save()
+    assert file.read_text() == edit.after
+    assert target.read_text() == "precious"

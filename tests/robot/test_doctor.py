@@ -6,10 +6,8 @@ import time
 
 import pytest
 
-from sautereau.doctor import checks as doctor
-from sautereau.doctor import machine
-from sautereau.doctor.checks import examine
-from sautereau.doctor.machine import clock, disk_room, disk_speed
+from sautereau import doctor
+from sautereau.doctor import clock, disk_room, disk_speed, examine
 from sautereau.rig.load import load_rig, with_values
 
 RIG = load_rig()
@@ -65,7 +63,7 @@ def test_a_folder_that_cannot_be_written_is_reported(tmp_path):
 
 def test_a_disk_slower_than_the_channels_is_reported(tmp_path, monkeypatch):
     assert disk_speed(tmp_path, RIG.daq).ok
-    monkeypatch.setattr(machine, "DISK_MARGIN", 1e9)
+    monkeypatch.setattr(doctor, "DISK_MARGIN", 1e9)
     finding = disk_speed(tmp_path, RIG.daq)
     assert not finding.ok
     assert "need 0.819 MB/s" in finding.detail
@@ -73,7 +71,7 @@ def test_a_disk_slower_than_the_channels_is_reported(tmp_path, monkeypatch):
 
 def test_a_full_disk_is_reported(tmp_path, monkeypatch):
     assert disk_room(tmp_path).detail.endswith(str(tmp_path.resolve()))
-    monkeypatch.setattr(machine, "LEAST_SPACE", 1e18)
+    monkeypatch.setattr(doctor, "LEAST_SPACE", 1e18)
     assert not disk_room(tmp_path).ok
 
 

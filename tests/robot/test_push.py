@@ -13,10 +13,9 @@ from sautereau.robot.drivers.galil.push import LEAST_INTERVAL, MOST_ROWS, plan_p
 from sautereau.robot.drivers.states import State
 from sautereau.robot.errors import MotionFault, SettingNotTaken, UnsafeRequest
 from sautereau.sim_backend.bench import StandIn
-from sautereau.sim_backend.fault_tables import Faults
-from sautereau.sim_backend.scene import load_scene
 from sautereau.trajectory.press import plan_press
 from sautereau.trajectory.segments import Segments
+from tests.presses import mute_scene
 
 PUSHED = 0.4  # N m
 
@@ -42,11 +41,8 @@ def bench():
     with contextlib.ExitStack() as stack:
 
         def make(**faults):
-            update = {"plectrum": "none", "string": "none"}
-            update |= {"faults": Faults.model_validate(faults)} if faults else {}
-            scene = load_scene("paper").model_copy(update=update)
             rig = with_values(load_rig(), {"controller.timeout": "20 s"})
-            stand_in = stack.enter_context(StandIn(rig, scene))
+            stand_in = stack.enter_context(StandIn(rig, mute_scene("servo", faults=faults)))
             return stand_in, stack.enter_context(GalilController(stand_in.rig))
 
         yield make

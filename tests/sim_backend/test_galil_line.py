@@ -1,11 +1,12 @@
 """What the serial line of the emulated controller says, byte by byte."""
 
 import pytest
-from hypothesis import example, given, settings
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from sautereau.sim_backend.devices.galil.commands.table import COMMANDS, PROGRAM_COMMANDS
 from sautereau.sim_backend.devices.galil.firmware import GalilFirmware
+from tests.budget import examples
 
 REVISION = "DMC4020 Rev 1.3a-SIM sautereau stand-in"
 
@@ -142,7 +143,7 @@ def _still(bench):
 
 @given(st.binary(max_size=300).filter(lambda data: b"SH" not in data))
 @example(b'\x12\x16\r\xff\x00\\\r;;;\r"\r[\r' + b"(" * 200 + b"\r" + b"(" * 79 + b"\r")
-@settings(max_examples=200, deadline=None)
+@examples(60, 2000)
 def test_random_bytes_neither_crash_nor_move(make_bench, data):
     bench = make_bench()
     bench.firmware.receive(data)
@@ -161,7 +162,7 @@ command_lines = st.lists(
 
 
 @given(command_lines)
-@settings(max_examples=60, deadline=None)
+@examples(60, 2000)
 def test_random_commands_neither_crash_nor_move_without_power(make_bench, parts):
     bench = make_bench()
     bench.firmware.receive(b"DM X[10]\r")
@@ -169,12 +170,3 @@ def test_random_commands_neither_crash_nor_move_without_power(make_bench, parts)
         bench.firmware.receive("".join(part).encode())
         bench.tick()
     _still(bench)
-
-
-@pytest.mark.slow
-@given(command_lines)
-@settings(max_examples=2000, deadline=None)
-def test_many_random_commands_neither_crash_nor_move_without_power(make_bench, parts):
-    test_random_commands_neither_crash_nor_move_without_power.hypothesis.inner_test(
-        make_bench, parts
-    )

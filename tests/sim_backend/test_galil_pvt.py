@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.interpolate import CubicHermiteSpline
 
@@ -25,7 +25,6 @@ def queue(bench, axis, moves):
 
 
 @given(moves=segments, start=st.integers(-5000, 5000), seed=st.integers(0, 2**31))
-@settings(max_examples=40, deadline=None)
 def test_pvt_is_scipys_cubic_hermite_spline(make_bench, moves, start, seed):
     bench = make_bench()
     bench.counts = [start, 0]

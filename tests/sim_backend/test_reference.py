@@ -22,7 +22,7 @@ from sautereau.sim_backend.physics.reference.switch import resolve_impacts, sele
 from sautereau.sim_backend.physics.reference.system import System
 from sautereau.sim_backend.physics.servo import PositionLoops
 from sautereau.trajectory.arm import fingertip_motion
-from sautereau.trajectory.dynamics import energy, joint_torques, mass_matrix
+from sautereau.trajectory.dynamics import joint_torques, mass_matrix
 from sautereau.trajectory.key import angle_of_rise, key_under_fingertip, rise_of_angle
 from sautereau.trajectory.motion import Motion
 from sautereau.trajectory.press import plan_press
@@ -323,7 +323,7 @@ def test_the_motors_work_is_energy_and_heat(paper):
         work += float(np.dot(legs[i].torques, states[i, 4:6] - states[i - 1, 4:6]))
 
     def stored(state):
-        arm = energy(RIG.arm, Motion(state[4:6], state[6:8], np.zeros(2)))
+        arm = key_oracle.arm_energy(RIG.arm, Motion(state[4:6], state[6:8], np.zeros(2)))
         return arm + key_oracle.energy(RIG, *state[:4])
 
     turned, lifted = states[last, 0] - states[first, 0], states[last, 2] - states[first, 2]

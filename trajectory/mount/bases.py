@@ -37,6 +37,8 @@ LIMITS = {
 }
 """The limits that may exclude a base, each with how to fix it."""
 
+FINGER_FORCE = 1.5
+"""N, expected along the key's inward normal: about three times that of a pluck at 0.07 m/s."""
 DISPLACEMENT = 1e-3
 """m, assumed displacement of the base."""
 TURN = np.radians(0.1)
@@ -79,9 +81,7 @@ def key_angles(rig: Rig, n: int) -> Floats:
     return angle_of_rise(rig.key, rises)
 
 
-def assess_bases(
-    rig: Rig, elbow: str, bases: Floats, angles: Floats, finger_force: float = 0.0
-) -> BaseAssessment:
+def assess_bases(rig: Rig, elbow: str, bases: Floats, angles: Floats) -> BaseAssessment:
     """Return residual and margins of bases.
 
     Args:
@@ -89,7 +89,6 @@ def assess_bases(
         elbow: `up` or `down`.
         bases: m, positions of joint 1, shape (n, 2).
         angles: rad, of the key, shape (k,).
-        finger_force: N, along the key's inward normal.
     """
     arm, key = rig.arm, rig.key
     sign = -1.0 if elbow == "up" else 1.0
@@ -121,7 +120,7 @@ def assess_bases(
         margins.append(np.minimum(low - arm.lower_limits[j], arm.upper_limits[j] - high) / np.pi)
     lowest = np.sin(np.hstack([first, hover1])).min(-1) * arm.upper_length + bases[:, 1]
     margins.append((lowest - key.neighbour_height) / scale)
-    torque = _torque(arm, np.stack([first, second], -1), finger_force * normal)
+    torque = _torque(arm, np.stack([first, second], -1), FINGER_FORCE * normal)
     margins.append(1 - torque / arm.torque_limit)
     return BaseAssessment(residual, np.array(margins))
 

@@ -27,8 +27,6 @@ from sautereau.trajectory.mount.bases import (
     unnoticed,
 )
 
-FINGER_FORCE = 1.5
-"""N, expected finger force: about three times that of a pluck at 0.07 m/s."""
 COARSE, FINE = 9, 65
 """Number of key angles for the region, and for the neighbourhood of a good base."""
 GRID, WINDOW = 41, 9
@@ -91,7 +89,7 @@ class MountMap(NamedTuple):
         return np.where(feasible, least, self.residual.min(0)), feasible
 
 
-def find_mount(rig: Rig, finger_force: float = FINGER_FORCE) -> Mount:
+def find_mount(rig: Rig) -> Mount:
     """Find the base in `arm.mount_x` by `arm.mount_z`, and the elbow branch, of least residual.
 
     The largest tilt (hold `point`) or slide (hold `normal`) over the press is minimised among the
@@ -100,18 +98,16 @@ def find_mount(rig: Rig, finger_force: float = FINGER_FORCE) -> Mount:
 
     Args:
         rig: The bench; its own base and elbow are ignored.
-        finger_force: N, expected along the key's normal.
 
     Raises:
         TrajectoryError: No base in the region is feasible; the message names the limit that
             excludes most. Or no such press exists.
     """
-    _check_force(finger_force)
     grid = _grid(*_axes(rig, GRID))
     angles = key_angles(rig, COARSE)
-    coarse = [assess_bases(rig, elbow, grid, angles, finger_force) for elbow in ELBOWS]
+    coarse = [assess_bases(rig, elbow, grid, angles) for elbow in ELBOWS]
     found = [
-        (*_refine(rig, elbow, grid[start], finger_force), elbow)
+        (*_refine(rig, elbow, grid[start]), elbow)
         for elbow, assessment in zip(ELBOWS, coarse, strict=True)
         for start in _lowest(assessment.cost)
     ]
@@ -147,25 +143,23 @@ def assess_mount(rig: Rig) -> Mount:
     )
 
 
-def mount_map(rig: Rig, n: int = 201, finger_force: float = FINGER_FORCE) -> MountMap:
+def mount_map(rig: Rig, n: int = 201) -> MountMap:
     """Return the residual of n by n bases over the region, for either elbow.
 
     Args:
         rig: The bench; its own base and elbow are ignored.
         n: Bases along each side of the region, at least 2.
-        finger_force: N, expected along the key's normal.
 
     Raises:
-        TrajectoryError: n is less than 2, or the force is not finite.
+        TrajectoryError: n is less than 2.
     """
-    _check_force(finger_force)
     if n < 2:
         raise TrajectoryError(f"mount map: {n} bases along a side are too few; give 2 or more")
     x, z = _axes(rig, n)
     angles = key_angles(rig, COARSE)
     # Row by row, so that memory does not grow with n squared.
     rows = [
-        [assess_bases(rig, elbow, _grid(x, z[i : i + 1]), angles, finger_force) for i in range(n)]
+        [assess_bases(rig, elbow, _grid(x, z[i : i + 1]), angles) for i in range(n)]
         for elbow in ELBOWS
     ]
     residual = np.array([[row.worst_residual for row in elbow] for elbow in rows])
@@ -173,9 +167,7 @@ def mount_map(rig: Rig, n: int = 201, finger_force: float = FINGER_FORCE) -> Mou
     return MountMap(x, z, residual, feasible)
 
 
-def _refine(
-    rig: Rig, elbow: str, base: Floats, finger_force: float
-) -> tuple[Floats, BaseAssessment]:
+def _refine(rig: Rig, elbow: str, base: Floats) -> tuple[Floats, BaseAssessment]:
     """Minimise the cost from a base on, in windows that halve around the best point.
 
     The residual is a cone elongated along a valley. Each window is elongated likewise, by the
@@ -186,7 +178,7 @@ def _refine(
     steps = np.linspace(-1, 1, WINDOW)
     window = _grid(steps, steps)
     edge = np.abs(window).max(-1) == 1
-    here = assess_bases(rig, elbow, base[None], angles, finger_force)
+    here = assess_bases(rig, elbow, base[None], angles)
     size = 2.0
     for _ in range(MOST_WINDOWS):
         if here.violation[0] > 0:
@@ -200,7 +192,7 @@ def _refine(
         if size * np.abs(spread).max() < ACCURACY:
             break
         bases = np.clip(base + size * window @ spread, low, high)
-        candidates = assess_bases(rig, elbow, bases, angles, finger_force)
+        candidates = assess_bases(rig, elbow, bases, angles)
         best = int(candidates.cost.argmin())
         newly_feasible = here.violation[0] > 0 >= candidates.violation[best]
         if candidates.cost[best] < here.cost[0]:
@@ -250,8 +242,3 @@ def _axes(rig: Rig, n: int) -> tuple[Floats, Floats]:
 def _grid(x: Floats, z: Floats) -> Floats:
     """Return every pair (x, z), x running fastest; shape (n, 2)."""
     return np.stack(np.meshgrid(x, z), -1).reshape(-1, 2)
-
-
-def _check_force(force: float) -> None:
-    if not np.isfinite(force):
-        raise TrajectoryError(f"finger_force: {force} N is not finite; give one, such as 1.5 N")

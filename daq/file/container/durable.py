@@ -10,7 +10,7 @@ from typing import BinaryIO
 
 from sautereau.daq.errors import RecordingError
 from sautereau.daq.file.container.writer import McapWriter
-from sautereau.rig.disk import sync_folder
+from sautereau.rig.disk import hold, sync_folder
 
 PART = ".part"
 """Appended to the name of a recording until it is complete."""
@@ -35,13 +35,16 @@ class DurableFile:
 
         Args:
             path: Path of the finished file.
-            ending: Appended to its name until then.
+            ending: Appended to its name until then. A file with another ending than `PART` was
+                left by a killed program that made it from other files, and is replaced.
 
         Raises:
             RecordingError: Either file exists already, or the folder cannot be written.
         """
         self.path = Path(path)
         self.part_path = self.path.with_name(self.path.name + ending)
+        if ending != PART:
+            self.part_path.unlink(missing_ok=True)
         for taken in (self.path, self.part_path):
             if os.path.lexists(taken):
                 raise RecordingError(
@@ -54,6 +57,7 @@ class DurableFile:
             )
         with self.writing():
             self.stream: BinaryIO = self.part_path.open("xb")
+            hold(self.stream)
 
     @contextmanager
     def writing(self) -> Iterator[None]:

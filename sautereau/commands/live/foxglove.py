@@ -2,12 +2,13 @@
 
 import time
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from sautereau.commands.live import LiveError
-
-if TYPE_CHECKING:
-    from sautereau.robot.experiment.monitor import Samples, Seen
+from sautereau.daq.file.preview import Decimator
+from sautereau.daq.file.schemas import PACKAGE, encode, schema_data
+from sautereau.daq.file.survey import LAYOUT
+from sautereau.robot.experiment.monitor import Made, Samples, Seen, Stage
 
 LOOPBACK = "127.0.0.1"
 PORT = 8765
@@ -49,8 +50,6 @@ class FoxgloveView:
     @property
     def instruction(self) -> str:
         """How to connect Foxglove."""
-        from sautereau.daq.file.survey import LAYOUT
-
         return (
             f"live: in Foxglove, open the connection ws://{LOOPBACK}:{self.port} and the layout"
             f" {LAYOUT}"
@@ -73,10 +72,8 @@ class FoxgloveView:
     def __exit__(self, *exception: object) -> None:
         self._server.stop()
 
-    def show(self, seen: "Sequence[Seen]", dropped: int) -> None:
+    def show(self, seen: Sequence[Seen], dropped: int) -> None:
         """Send everything new since the last call to all connected viewers."""
-        from sautereau.robot.experiment.monitor import Made, Samples, Stage
-
         for one in seen:
             match one:
                 case Samples():
@@ -91,10 +88,7 @@ class FoxgloveView:
             self._dropped = dropped
             self._event("dropped", f"{dropped} events are not shown")
 
-    def _send(self, samples: "Samples") -> None:
-        from sautereau.daq.file.preview import Decimator
-        from sautereau.daq.file.schemas import encode
-
+    def _send(self, samples: Samples) -> None:
         block, channels = samples.block, samples.channels
         if samples.press != self._press or self._decimator is None:
             self._press = samples.press
@@ -111,16 +105,12 @@ class FoxgloveView:
                 topic.log(encode("Scalar", value=value), log_time=at)
 
     def _event(self, kind: str, text: str) -> None:
-        from sautereau.daq.file.schemas import encode
-
         now = time.time_ns()
         since_start = (now - self._t0) / 1e9 if self._t0 else 0.0
         event = encode("Event", time=since_start, kind=kind, text=text)
         self._topic("/events", "Event").log(event, log_time=now)
 
     def _topic(self, name: str, message: str, **metadata: str) -> Any:
-        from sautereau.daq.file.schemas import PACKAGE, schema_data
-
         if name not in self._channels:
             schema = self._foxglove.Schema(
                 name=f"{PACKAGE}.{message}", encoding="protobuf", data=schema_data()

@@ -9,12 +9,9 @@ from collections.abc import Sequence
 from contextlib import ExitStack
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
-from typing import TYPE_CHECKING
 
 from sautereau.commands.live import LiveError
-
-if TYPE_CHECKING:
-    from sautereau.robot.experiment.monitor import Seen, View
+from sautereau.robot.experiment.monitor import Seen, View
 
 START_TIMEOUT = 30.0
 """s, for the views to start."""
@@ -66,7 +63,7 @@ class ViewProcess:
             self._process.join()
         self._process.close()
 
-    def show(self, seen: "Sequence[Seen]", dropped: int) -> None:
+    def show(self, seen: Sequence[Seen], dropped: int) -> None:
         """Send everything new since the last call, and wait until it is shown."""
         try:
             self._pipe.send((seen, dropped))

@@ -61,19 +61,16 @@ class TerminalView:
                     self._press = one.press
                     self._traces = {}
             case Samples():
-                self._add(one)
+                for channel, volts in zip(one.channels, one.block.volts, strict=True):
+                    label = f"{channel.name} ({channel.unit})"
+                    trace = thinned(volts, STRETCH) * channel.scale
+                    self._traces.setdefault(label, []).append(trace)
             case Made():
                 self._made += 1
             case _:
                 self._arm, self._daq = "see below", "ended"
                 # The answer of a device must not contain control characters for the terminal.
                 self._fault = "".join(c if c.isprintable() or c == "\n" else "?" for c in one.text)
-
-    def _add(self, samples: Samples) -> None:
-        channels = samples.channels
-        for channel, volts in zip(channels, samples.block.volts, strict=True):
-            label = f"{channel.name} ({channel.unit})"
-            self._traces.setdefault(label, []).append(thinned(volts, STRETCH) * channel.scale)
 
     def _drawn(self) -> RenderableType:
         state = Text.assemble(
@@ -90,14 +87,12 @@ class TerminalView:
         width = max(10, self._console.width - 6)
         for label, parts in self._traces.items():
             values = np.concatenate(parts)
-            ends = "nothing" if np.isnan(values).all() else _reach(values)
+            ends = "nothing"
+            if not np.isnan(values).all():
+                ends = f"{np.nanmin(values):.4g} to {np.nanmax(values):.4g}"
             lines.append(Text(f"{label}: {ends}", "dim"))
             lines += [Text(line) for line in trace_lines(values, width, HEIGHT)]
         return Panel(Group(*lines), title=Text(self._title), title_align="left")
-
-
-def _reach(values: NDArray[np.float64]) -> str:
-    return f"{np.nanmin(values):.4g} to {np.nanmax(values):.4g}"
 
 
 def trace_lines(values: NDArray[np.float64], width: int, height: int) -> list[str]:

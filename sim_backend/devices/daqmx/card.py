@@ -22,6 +22,8 @@ class ServerGone(Exception):  # noqa: N818 - the name says what happened
     """Raised by a card whose server stops: no later call is answered."""
 
 
+MOST_CHANNELS = 1024
+"""Channels that one range may name."""
 ENDLESS = 2**62
 """More samples than any acquisition reaches."""
 
@@ -117,6 +119,8 @@ def physical_channels(text: str, card: Card) -> list[str]:
             raise DaqmxError(-200220, f"Device identifier is invalid. Device: {device or part}")
         if span := re.fullmatch(r"([A-Za-z]+)(\d+):(?:[A-Za-z]+)?(\d+)", terminal):
             first, last = int(span[2]), int(span[3])
+            if abs(last - first) > MOST_CHANNELS:
+                raise DaqmxError(-200170, f"More than {MOST_CHANNELS} channels: {part}")
             step = 1 if last >= first else -1
             names = [f"{span[1]}{n}" for n in range(first, last + step, step)]
         else:

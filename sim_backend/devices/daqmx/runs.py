@@ -82,7 +82,7 @@ class SampledRun:
             )
         self._fed: list[tuple[Motions, Sequence[float]]] = []
         self._volts = np.empty((len(setup.terminals), 0))
-        self._computed = self._done = 0
+        self._computed = self._done = self._dropped = 0
         self._requested: list[int] = []
         self._goal = n_samples if n_samples < ENDLESS else 0
 
@@ -158,12 +158,19 @@ class SampledRun:
             return self._readable
 
     def read(self, first: int, n: int) -> Floats:
-        """Return samples first to first + n [V], shape (n_channels, n)."""
+        """Return samples first to first + n [V], shape (n_channels, n).
+
+        Earlier samples of an endless run are dropped.
+        """
         with self._lock:
             stop = min(first + n, self._done)
             if stop > self._computed:
                 self._compute(stop)
-            return self._volts[:, first:stop].copy()
+            volts = self._volts[:, first - self._dropped : stop - self._dropped].copy()
+            if self.n_samples == ENDLESS and 2 * (first - self._dropped) > self._volts.shape[1]:
+                self._volts = self._volts[:, first - self._dropped :].copy()
+                self._dropped = first
+            return volts
 
     def fail(self, error: Callable[[], Exception]) -> None:
         """End the acquisition now; a read of a later sample raises what ``error`` makes."""
@@ -180,12 +187,12 @@ class SampledRun:
     def _compute(self, stop: int) -> None:
         """Compute the samples from the last computed one to ``stop``."""
         self._feed_chains()
-        first, room = self._computed, self._volts.shape[1]
+        first, room = self._computed, self._dropped + self._volts.shape[1]
         if stop > room:  # doubled, so that many small reads rarely copy a sample
-            more = np.empty((len(self._chains), max(stop - room, room)))
+            more = np.empty((len(self._chains), max(stop - room, self._volts.shape[1])))
             self._volts = np.concatenate([self._volts, more], axis=1)
         for row, chain in zip(self._volts, self._chains, strict=True):
-            row[first:stop] = chain.volts(first, stop - first)
+            row[first - self._dropped : stop - self._dropped] = chain.volts(first, stop - first)
         self._computed = stop
 
     def _feed_chains(self) -> None:

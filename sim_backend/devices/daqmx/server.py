@@ -22,7 +22,10 @@ _INITIALIZE, _ATTACH = 1, 2
 _BY_CHANNEL, _BY_SCAN = 0, 1
 _NOT_YET_AVAILABLE = -200284
 _OPTIONS = (("grpc.so_reuseport", 0), ("grpc.max_send_message_length", -1))
-_WORKERS = 8
+_WORKERS = 32
+"""Calls that are answered at the same time; further ones are refused at once."""
+_MOST_SAMPLES = 8_000_000
+"""Samples of all channels that one read may return: what a message may hold."""
 
 
 class Servicer(Properties):
@@ -105,7 +108,7 @@ class Servicer(Properties):
 
     def _reserve(self, task: CardTask) -> None:
         for other in self._tasks.values():
-            if other is not task and other.run is not None:
+            if other is not task and (other.reserved or other.run is not None):
                 raise DaqmxError(-50103, f"The resource is reserved by task {other.name}.")
 
     def _start(self, task: CardTask) -> None:
@@ -139,8 +142,14 @@ class Servicer(Properties):
             self._start(task)
         elif action in (1, 5, 6):
             task.stop()
-        elif action in (2, 3, 4):
+            task.reserved = False
+        elif action == 2:
             task.check()
+        elif action in (3, 4):
+            with self._lock:
+                task.check()
+                self._reserve(task)
+                task.reserved = True
         else:
             raise DaqmxError(-200077, f"Task action {action} does not exist.")
         return pb.TaskControlResponse()
@@ -184,6 +193,10 @@ class Servicer(Properties):
             raise DaqmxError(-200077, f"Fill mode {fill} does not exist.")
         n = request.num_samps_per_chan
         n = task.remaining() if n < 0 else n
+        if n * len(task.channels) > _MOST_SAMPLES:
+            raise DaqmxError(
+                -50352, f"Memory for {n} samples of {len(task.channels)} channels was refused."
+            )
         if request.array_size_in_samps < n * len(task.channels):
             raise DaqmxError(
                 -200229,
@@ -219,7 +232,9 @@ class DaqmxServer:
         """``127.0.0.1:port``, the port chosen by the operating system; empty when not served."""
         self._servicer = Servicer(card)  # pyright: ignore[reportAbstractUsage]
         self._workers = ThreadPoolExecutor(_WORKERS, thread_name_prefix="daqmx stand-in")
-        self._server = grpc.server(self._workers, options=_OPTIONS)
+        self._server = grpc.server(
+            self._workers, options=_OPTIONS, maximum_concurrent_rpcs=_WORKERS
+        )
         nidaqmx_pb2_grpc.add_NiDAQmxServicer_to_server(self._servicer, self._server)
 
     def __enter__(self) -> "DaqmxServer":

@@ -56,6 +56,8 @@ class CardTask:
     """Samples before the edge of a reference trigger; None where the trigger starts."""
     relative: int = _CURRENT
     """Reference of a read: the last sample read, or the first one before the edge."""
+    reserved: bool = False
+    """Whether it holds the card without running."""
     run: Run | None = None
     position: int = 0
     """Samples of each channel read so far."""

@@ -13,15 +13,8 @@ from collections.abc import Callable, Sequence
 from typing import cast
 
 import pymunk
-from pymunk.constraints import (
-    Constraint,
-    GrooveJoint,
-    PinJoint,
-    PivotJoint,
-    RotaryLimitJoint,
-    SimpleMotor,
-    SlideJoint,
-)
+from pymunk import constraints
+from pymunk.constraints import Constraint
 
 from sautereau.rig.instrument import Jack, Key
 from sautereau.rig.schema import Arm
@@ -59,15 +52,15 @@ def add_key(space: pymunk.Space, key: Key, angle: float) -> pymunk.Body:
     """
     body = pymunk.Body(_HEAVY, key.inertia * INERTIA)
     body.angle = angle
-    pin = PivotJoint(space.static_body, body, (0, 0), (0, 0))
-    rail = RotaryLimitJoint(space.static_body, body, RAIL_REACH, 2 * math.pi)
+    pin = constraints.PivotJoint(space.static_body, body, (0, 0), (0, 0))
+    rail = constraints.RotaryLimitJoint(space.static_body, body, RAIL_REACH, 2 * math.pi)
     space.add(body, _hard(pin), _unilateral(rail))
     return body
 
 
 def add_pivot_friction(space: pymunk.Space, body: pymunk.Body, moment: float) -> Constraint:
     """Add the dry friction [N mm] at the pin."""
-    dry = SimpleMotor(space.static_body, body, 0)
+    dry = constraints.SimpleMotor(space.static_body, body, 0)
     dry.max_force = moment
     space.add(dry)
     return dry
@@ -88,8 +81,8 @@ def add_jack(
     x, z = key.jack_arm * MM, key.jack_surface_height * MM
     body = pymunk.Body(jack.mass * MM, math.inf)
     body.position = (x, z + rise)
-    register = GrooveJoint(space.static_body, body, (x, z - FAR), (x, z + FAR), (0, 0))
-    foot_contact = SlideJoint(lever, body, (x, z - FAR), (0, 0), FAR + REACH, 2 * FAR)
+    register = constraints.GrooveJoint(space.static_body, body, (x, z - FAR), (x, z + FAR), (0, 0))
+    foot_contact = constraints.SlideJoint(lever, body, (x, z - FAR), (0, 0), FAR + REACH, 2 * FAR)
     _unilateral(foot_contact)
     space.add(body, _hard(register), foot_contact)
     return body, foot_contact
@@ -98,7 +91,7 @@ def add_jack(
 def add_register_friction(space: pymunk.Space, body: pymunk.Body, force: float) -> Constraint:
     """Add the dry friction [N] of a jack in its register."""
     x, z = body.position
-    dry = PinJoint(space.static_body, body, (x, z + FAR), (0, 0))
+    dry = constraints.PinJoint(space.static_body, body, (x, z + FAR), (0, 0))
     dry.max_bias = 0
     dry.max_force = force
     space.add(dry)
@@ -108,7 +101,7 @@ def add_register_friction(space: pymunk.Space, body: pymunk.Body, force: float) 
 def add_driver(space: pymunk.Space, lever: pymunk.Body) -> tuple[pymunk.Body, Constraint]:
     """Add a kinematic body, the lower bound of the key's angle; returns it and its contact."""
     body = pymunk.Body(body_type=pymunk.Body.KINEMATIC)
-    contact = RotaryLimitJoint(body, lever, math.inf, math.inf)
+    contact = constraints.RotaryLimitJoint(body, lever, math.inf, math.inf)
     space.add(body, _unilateral(contact))
     return body, contact
 
@@ -126,8 +119,8 @@ def add_arm(
     elbow = base + pymunk.Vec2d(l1, 0).rotated(first)
     upper.position = base + pymunk.Vec2d(l1 / 2, 0).rotated(first)
     lower.position = elbow + pymunk.Vec2d(l2 / 2, 0).rotated(total)
-    shoulder = PivotJoint(space.static_body, upper, base, (-l1 / 2, 0))
-    hinge = PivotJoint(upper, lower, (l1 / 2, 0), (-l2 / 2, 0))
+    shoulder = constraints.PivotJoint(space.static_body, upper, base, (-l1 / 2, 0))
+    hinge = constraints.PivotJoint(upper, lower, (l1 / 2, 0), (-l2 / 2, 0))
     space.add(upper, lower, _hard(shoulder), _hard(hinge))
     return upper, lower
 
@@ -139,7 +132,7 @@ def add_fingertip(
     height = (key.surface_height + arm.fingertip_radius) * MM
     behind = (-key.press_arm * MM, height + FAR)
     end = (arm.lower_length * MM / 2, 0)
-    tip = SlideJoint(lever, lower, behind, end, 0, FAR - REACH)
+    tip = constraints.SlideJoint(lever, lower, behind, end, 0, FAR - REACH)
     _unilateral(tip)
     space.add(tip)
     return tip
@@ -147,9 +140,11 @@ def add_fingertip(
 
 def brakes(
     space: pymunk.Space, upper: pymunk.Body, lower: pymunk.Body
-) -> tuple[SimpleMotor, SimpleMotor]:
+) -> tuple[constraints.SimpleMotor, constraints.SimpleMotor]:
     """Return the brakes that hold both joints while they are added to the space."""
-    return SimpleMotor(space.static_body, upper, 0), SimpleMotor(upper, lower, 0)
+    return constraints.SimpleMotor(space.static_body, upper, 0), constraints.SimpleMotor(
+        upper, lower, 0
+    )
 
 
 def _hard(joint: Constraint) -> Constraint:

@@ -51,6 +51,8 @@ class ModalPlucking:
         SceneError: The level has no pluck for this choir, or its damper is too strong.
     """
 
+    steady = False
+
     def __init__(
         self, choir: Choir, scene: Scene, number: int, events: PluckEvents, modes: int = MODES
     ):

@@ -1,0 +1,179 @@
+"""The analog inputs of a task: configured as the rig requests, and read back from the device.
+
+The properties are those of NI-DAQmx; their text is in the reference of its properties under the
+names given here. A device that does not have one refuses it with a code of `NOT_SUPPORTED`.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, TypeVar
+
+from sautereau.daq.errors import DaqError
+from sautereau.rig.acquisition import Channel, Daq
+
+NOT_SUPPORTED = (-200197, -200452)
+"""Codes of a property that the device, or the task, does not have."""
+EXCITATION_TOLERANCE = 0.1
+"""Dimensionless, largest relative difference of the sensor's current from the requested one."""
+
+Value = TypeVar("Value")
+
+
+@dataclass(frozen=True)
+class InputSettings:
+    """One input as the device has accepted it."""
+
+    name: str
+    terminal: str
+    """Terminal with the device's name: ``Dev1/ai0``."""
+    sensor: str
+    range: float
+    """Requested range, largest magnitude, V."""
+    device_low: float
+    """Lower end of the device's input range, V."""
+    device_high: float
+    """Upper end of the device's input range, V."""
+    terminal_configuration: str | None
+    """How it is referenced to ground: `rse`, `nrse`, `diff`, `pseudo_diff`; None if unknown."""
+    coupling: str | None
+    """`ac` or `dc`; None if unknown."""
+    excitation: float | None
+    """Current for the sensor, A; None if the device supplies none."""
+    delay: float
+    """By which its samples lag the terminal, s; negative where it is sampled later than the
+    first input."""
+
+
+def add_input(task: Any, device: str, channel: Channel) -> None:
+    """Add one input to a nidaqmx task, configured as the rig requests."""
+    from nidaqmx.constants import (
+        Coupling,
+        ExcitationSource,
+        ExcitationVoltageOrCurrent,
+        TerminalConfiguration,
+    )
+
+    added = task.ai_channels.add_ai_voltage_chan(
+        f"{device}/{channel.terminal}",
+        channel.name,
+        terminal_config=TerminalConfiguration[channel.terminal_configuration.upper()],
+        min_val=-channel.range,
+        max_val=channel.range,
+    )
+    if channel.input_coupling != "default":
+        added.ai_coupling = Coupling[channel.input_coupling.upper()]
+    if channel.excitation:
+        added.ai_excit_src = ExcitationSource.INTERNAL
+        added.ai_excit_voltage_or_current = ExcitationVoltageOrCurrent.USE_CURRENT
+        added.ai_excit_val = channel.excitation
+
+
+def read_inputs(task: Any, daq: Daq) -> tuple[InputSettings, ...]:
+    """Return the inputs as the device has accepted and verified them.
+
+    Raises:
+        DaqError: Some input differs from the rig's request.
+    """
+    settings = tuple(
+        _read_input(task, channel, number) for number, channel in enumerate(daq.channels)
+    )
+    faults = [
+        fault
+        for channel, actual in zip(daq.channels, settings, strict=True)
+        for fault in _differences(channel, actual)
+    ]
+    if faults:
+        raise DaqError("\n".join(f"DAQ device {daq.device}: {fault}" for fault in faults))
+    return settings
+
+
+def _read_input(task: Any, channel: Channel, number: int) -> InputSettings:
+    actual = task.ai_channels[channel.name]
+    configuration = _optional(lambda: actual.ai_term_cfg)
+    coupling = _optional(lambda: actual.ai_coupling)
+    return InputSettings(
+        name=channel.name,
+        terminal=actual.physical_channel.name,
+        sensor=channel.sensor,
+        range=channel.range,
+        device_low=actual.ai_rng_low,
+        device_high=actual.ai_rng_high,
+        terminal_configuration=configuration and configuration.name.lower(),
+        coupling=coupling and coupling.name.lower(),
+        excitation=_optional(lambda: actual.ai_excit_val) if channel.excitation else None,
+        delay=_filter_delay(task, actual) - _skew(task, number),
+    )
+
+
+def _filter_delay(task: Any, channel: Any) -> float:
+    """Return by how many s the samples lag the input; 0 where the driver removes this delay.
+
+    Of ``AI.FilterDelay``; its unit is that of ``AI.FilterDelayUnits``, seconds if it has none.
+    """
+    from nidaqmx.constants import DigitalWidthUnits
+
+    delay = _optional(lambda: channel.ai_filter_delay)
+    if not delay or _optional(lambda: channel.ai_remove_filter_delay):
+        return 0.0
+    unit = _optional(lambda: channel.ai_filter_delay_units)
+    if unit == DigitalWidthUnits.SAMPLE_CLOCK_PERIODS:
+        return delay / task.timing.samp_clk_rate
+    return delay
+
+
+def _skew(task: Any, number: int) -> float:
+    """Return by how many s a multiplexer samples an input later than the first one.
+
+    Inputs are converted in the order of the task, at ``AIConv.Rate``.
+    """
+    (device,) = task.devices
+    if not number or _optional(lambda: device.ai_simultaneous_sampling_supported) in (None, True):
+        return 0.0
+    rate = _optional(lambda: task.timing.ai_conv_rate)
+    return number / rate if rate else 0.0
+
+
+def _differences(channel: Channel, actual: InputSettings) -> list[str]:
+    """Return what differs from the request in a way that would make the samples wrong."""
+    who = f"input {actual.terminal} ({channel.name})"
+    found = []
+    if min(-actual.device_low, actual.device_high) < channel.range:
+        found.append(
+            f"{who} takes {actual.device_low:g} to {actual.device_high:g} V, less than the"
+            f" requested +-{channel.range:g} V; lower daq.channels.{channel.name}.range, or use"
+            " an attenuator"
+        )
+    for what, wanted, got in (
+        (
+            "terminal_configuration",
+            channel.terminal_configuration,
+            actual.terminal_configuration,
+        ),
+        ("input_coupling", channel.input_coupling, actual.coupling),
+    ):
+        if wanted != "default" and got is not None and got != wanted:
+            found.append(
+                f"{who} is set to {what} = {got}, not to the requested {wanted}; set it to one"
+                " that the device supports"
+            )
+    if actual.excitation is not None and not math.isclose(
+        actual.excitation, channel.excitation, rel_tol=EXCITATION_TOLERANCE
+    ):
+        found.append(
+            f"{who} supplies {actual.excitation * 1e3:g} mA instead of the requested"
+            f" {channel.excitation * 1e3:g} mA; set excitation to what the device supplies"
+        )
+    return found
+
+
+def _optional(read: Callable[[], Value]) -> Value | None:
+    """Return a property; None if the device does not have it."""
+    from nidaqmx.errors import DaqError as DriverError
+
+    try:
+        return read()
+    except DriverError as error:
+        if error.error_code not in NOT_SUPPORTED:
+            raise
+        return None

@@ -1,1 +1,0 @@
-"""Checks of this machine: what is installed, connected and missing."""
