@@ -19,6 +19,8 @@ MOST_MODES, FALL_STD = 3, 0.1
 """Modes of a fit, and relative uncertainty of the fall."""
 LEAST_ROWS = 24
 """Fewest rows of a fit."""
+LARGEST_VARIANCE = 1e-6
+"""s^2, of the instant of one fit; of a mode that nothing determines it is infinite."""
 DISAGREEMENT = 0.5
 """Standard uncertainty over the distance from the approximate instant."""
 BLOCK = 8

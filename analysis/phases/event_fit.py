@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sautereau.analysis.phases.response import BEND_TIME, Columns, Poles, Response, pole
+from sautereau.analysis.phases.response import BEND_TIME, Columns, Poles, pole
 from sautereau.analysis.phases.signals import Rows
 from sautereau.trajectory.motion import Floats
 
@@ -20,6 +20,8 @@ FREQUENCIES, DAMPINGS = np.geomspace(150.0, 4000.0, 22), (0.015, 0.05, 0.15, 0.4
 """Hz and dimensionless, of the table of modes; those above `HIGHEST` rows^-1 are left out."""
 HIGHEST = 0.35
 """Largest frequency of a mode over the rate of the rows."""
+HIGHEST_REFINED = 0.45
+"""The same for a mode that is refined."""
 LOWEST, LEAST_DAMPING, LARGEST_DAMPING = 100.0, 0.003, 0.9
 """Hz and dimensionless, bounds of the modes."""
 BEFORE_STD, RING_STD, BEND_STD, CURVE_STD = 0.5, 1.5, 10.0, 30.0
@@ -28,7 +30,6 @@ STEPS, CONVERGED = 12, 0.05
 """Largest number of steps of a search, and change of chi2 at which it ends."""
 JUMP, JUMP_SLOPE = 1e-3, 1e-3
 """Relative to the range of the load, and to it over `BEND_TIME`: a continuous load's jumps."""
-MOST_MODES = 4
 LEAST_GAIN = 16.0
 """Least reduction of chi2 over the noise by a further mode."""
 
@@ -40,15 +41,17 @@ class Fitted:
     instants: Floats
     """s, after the origin, of the event and of others in the window."""
     poles: Poles
+    """1/s, of the modes."""
     chi2: float
+    """Sum of squared residuals in units of the noise."""
     left: Floats
     """Residuals in units of the noise, shape (n,)."""
     factors: Floats
     """Of step, bend and modes."""
-    step_std: float
     variance: float
     """s^2, of the instant, for the assumed noise."""
     continuous: bool
+    """Whether the load was not allowed to jump."""
 
     @property
     def instant(self) -> float:
@@ -94,7 +97,7 @@ class EventFit:
         gram = left @ white.reshape(n, k, -1).transpose(0, 2, 1)
         gram[:, range(k), range(k)] += 1 / own[-k:] ** 2
         right = left @ self.load
-        factors = np.linalg.solve(gram, right[..., None])[..., 0]
+        factors = np.asarray(np.linalg.solve(gram, right[..., None])[..., 0], dtype=float)
         free = self.load - q @ (q.T @ self.load)
         return float(free @ self.load) - (factors * right).sum(1), factors[:, 0]
 
@@ -116,20 +119,20 @@ class EventFit:
                 trial = self._bounded(state + np.clip(off, -longest, longest))
                 tried = self._eliminated(trial, continuous)
                 if tried[2] < found[2]:
-                    better = tried
+                    better = trial, tried
                     break
                 stiff *= 6
             if better is None:
                 break
-            gained = found[2] - better[2]
-            state, found, stiff = trial, better, max(stiff / 6, 1e-7)
+            gained = found[2] - better[1][2]
+            state, found = better
+            stiff = max(stiff / 6, 1e-7)
             if gained < CONVERGED:
                 break
         instants, poles = self._split(state)
-        left, factors, chi2, _, r = found
+        left, factors, chi2, _, _ = found
         inverse = np.linalg.inv(normal + np.diag(1e-9 * np.diag(normal) + 1e-12))
         first = 3 + 2 * modes
-        last = np.linalg.inv(r)[first]
         own = factors[first : first + 3 + 2 * modes]
         return Fitted(
             instants,
@@ -137,19 +140,19 @@ class EventFit:
             chi2,
             left[: len(self.load)],
             own,
-            float(np.linalg.norm(last)),
             float(inverse[0, 0]),
             continuous,
         )
 
     def another(self, fitted: Fitted) -> tuple[complex, float]:
         """Return the pole of the table that reduces chi2 of a fit most, and by how much."""
-        table = self._table()
+        table: Poles = self._table()
         self._events = len(fitted.instants)
         left, _, _, q, _ = self._eliminated(_joined(fitted.instants, fitted.poles), False)
         n = len(self.load)
         since = self._time - fitted.instant
-        waves = np.where(since[:, None] > 0, np.exp(np.maximum(since, 0.0)[:, None] * table), 0)
+        waves: Poles = np.exp(np.maximum(since, 0.0)[:, None] * table)
+        waves = waves * (since > 0)[:, None]
         white = self._white(np.concatenate([waves.real, waves.imag], 1))
         white = white - q[:n] @ (q[:n].T @ white)
         a, b = white[:, : len(table)], white[:, len(table) :]
@@ -160,28 +163,6 @@ class EventFit:
         )
         best = int(np.argmax(gain))
         return complex(table[best]), float(gain[best])
-
-    def step_in(self, signal: Floats, fitted: Fitted) -> float:
-        """Return the step of another signal of the rows at the instant of a fit."""
-        k = 3 + 2 * len(fitted.poles)
-        matrix = self._base(fitted.instants, fitted.poles)
-        prior = self._prior(len(fitted.instants), len(fitted.poles))
-        target = np.zeros(len(matrix) + len(prior))
-        target[: len(signal)] = self._white(signal)
-        matrix = np.concatenate([matrix, np.diag(1 / prior)])
-        first = len(prior) - k * len(fitted.instants)
-        return float(np.linalg.lstsq(matrix, target, rcond=None)[0][first])
-
-    def response(self, fitted: Fitted) -> Response:
-        """Return the response of a fit."""
-        factors = fitted.factors
-        return Response(
-            time=self.near + fitted.instant,
-            step=float(factors[0]),
-            bend=float(factors[1]) / BEND_TIME,
-            poles=fitted.poles,
-            amplitudes=factors[3::2] - 1j * factors[4::2],
-        )
 
     def _table(self) -> Poles:
         return np.array(
@@ -205,7 +186,9 @@ class EventFit:
         before = [BEFORE_STD] * (2 * modes)
         return self._range * np.array([*[1e3] * 3, *before, *each * events])
 
-    def _eliminated(self, state: Floats, continuous: bool):
+    def _eliminated(
+        self, state: Floats, continuous: bool
+    ) -> tuple[Floats, Floats, float, Floats, Floats]:
         """Return residuals with priors, factors, chi2 and the decomposition of the columns."""
         instants, poles = self._split(state)
         prior = self._prior(len(instants), len(poles))
@@ -217,7 +200,7 @@ class EventFit:
         target[: len(self.load)] = self.load
         q, r = np.linalg.qr(matrix)
         of = q.T @ target
-        factors = np.linalg.solve(r, of)
+        factors = np.asarray(np.linalg.solve(r, of), dtype=float)
         left = target - q @ of
         return left, factors, float(left @ left), q, r
 
@@ -228,10 +211,14 @@ class EventFit:
         row[0, first + 3 : first + 3 + 2 * len(poles) : 2] = 1
         return row / (JUMP * self._range)
 
-    def _slopes(self, state: Floats, found, continuous: bool) -> Floats:
+    def _slopes(
+        self,
+        state: Floats,
+        found: tuple[Floats, Floats, float, Floats, Floats],
+        continuous: bool,
+    ) -> Floats:
         """Return the derivatives of the residuals by the state (Kaufman's approximation)."""
         _, factors, _, q, _ = found
-        n = len(self.load)
         columns = np.empty((len(state), len(q)))
         at = self._model(state, factors, continuous)
         for place, small in enumerate(

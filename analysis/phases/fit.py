@@ -77,6 +77,8 @@ class KeyAndString:
         held: Of the way to a release.
         release: The release.
         before: Time [s] and rise [m] of the jack before which contact is impossible.
+        others: Contact [s] and release of other strings.
+        slow: Of a compliant key; None for a rigid one.
     """
 
     def __init__(
@@ -101,8 +103,8 @@ class KeyAndString:
             columns, stds = self._other(contact, other)
             more, prior = [*more, *columns], [*prior, *stds]
         if more:
-            more = np.concatenate([np.zeros((n, len(more))), np.stack(more, 1)])
-            base, self._prior = np.concatenate([base, more], 1), np.append(self._prior, prior)
+            further = np.concatenate([np.zeros((n, len(more))), np.stack(more, 1)])
+            base, self._prior = np.concatenate([base, further], 1), np.append(self._prior, prior)
         self._white = held.whitener()
         self._key, load = self._white(base[n:]), self._white(held.load)
         self._load = load
@@ -120,7 +122,6 @@ class KeyAndString:
 
     def _other(self, contact: float, other: Release) -> tuple[list[Floats], list[float]]:
         """Return the columns of another string of known contact and release, and their priors."""
-        time = self._held.time
         columns = list(self._bare(np.array([contact]), other)[0])
         stds = [STRING_STD * other.fall, *(np.array(BEND_STD) * other.fall)]
         return columns, stds

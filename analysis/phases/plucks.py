@@ -31,8 +31,9 @@ BEFORE = 6
 SETTLED = 3
 """Rows from a release to the earliest contact with the next string."""
 RIGID_NOISE = 10.0
-"""Variance of the residuals over the noise below which a rigid key explains the load; half of it
-at a release, where a key rings most."""
+"""Variance of the residuals over the noise below which a rigid key explains the load."""
+RELEASE_WEIGHT = 1.25
+"""Weight of the residuals at a release, where a key rings most."""
 LEAST_SIGNIFICANCE, LEAST_GROWTH = 40.0, 30e-3
 """Least significance of a pluck on a compliant key, and its least force in N."""
 
@@ -75,7 +76,7 @@ def find_plucks(rig: Rig, signals: Signals, begin: int, end: int) -> Found:
     large = [release for _, release in found if release.fall > LEAST_FRACTION * largest]
     if len(large) < len(found):  # between two plucks the key is free
         found = _contacts(rig, signals, rows.step, begin, large, rest, before)
-    noise = max((max(c.noise, 2 * r.noise) for c, r in found), default=1.0)
+    noise = max((max(c.noise, RELEASE_WEIGHT * r.noise) for c, r in found), default=1.0)
     rigid = Found(found, Fit("rigid", noise))
     if found and noise < RIGID_NOISE:
         return rigid

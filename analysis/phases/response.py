@@ -6,7 +6,8 @@ exponentials exp(p t) with poles p, which are found together with the instant of
 """
 
 import math
-from dataclasses import dataclass
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,35 +25,6 @@ def pole(frequency: float, damping: float) -> complex:
     """Return the pole of a mode [1/s] with this frequency [Hz] and damping ratio."""
     turn = 2 * math.pi * frequency
     return complex(-damping * turn, turn * math.sqrt(max(0.0, 1 - damping**2)))
-
-
-@dataclass(frozen=True)
-class Response:
-    """The change of the load after an event."""
-
-    time: float
-    """s after the trigger, of the event."""
-    step: float
-    """N, by which the load changes once the modes have decayed; negative at a release."""
-    bend: float
-    """N/s, by which its slope changes."""
-    poles: Poles
-    """1/s, shape (m,)."""
-    amplitudes: Poles
-    """N, complex, shape (m,); the modes add the real part of their sum of exponentials."""
-
-    def ringing(self, time: Floats) -> Floats:
-        """Return the part of the modes [N] at times [s]; 0 before the event."""
-        since = time - self.time
-        each = np.exp(self.poles * np.maximum(since, 0.0)[:, None])
-        return np.where(since > 0, (each @ self.amplitudes).real, 0.0)
-
-    def integral(self, since: Floats) -> Floats:
-        """Return the integral of the modes from the event on [N s], over times since it [s]."""
-        found = np.zeros_like(since)
-        for p, amplitude in zip(self.poles, self.amplitudes, strict=True):
-            found += (amplitude / p * (np.exp(p * np.maximum(since, 0.0)) - 1)).real
-        return found
 
 
 class Columns:
@@ -102,7 +74,9 @@ class Columns:
             columns += [ring.real, ring.imag]
         return np.stack(columns, 1)
 
-    def _mean(self, instants: Floats, once, twice):
+    def _mean(
+        self, instants: Floats, once: Callable[[Floats], Any], twice: Callable[[Floats], Any]
+    ) -> Any:
         """Return the mean over each row of a response with these first and second integrals."""
         since = np.maximum(self._edges - instants[:, None], 0.0)
         if self._single:

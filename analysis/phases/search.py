@@ -67,7 +67,7 @@ class Searched:
     growths: tuple[Growth, ...]
     """In order of release."""
     further: Growth | None
-    """The next one that was left out: the rig has no string for it, or it is not significant."""
+    """The next one, for which the rig has no string."""
     compliance: float
     """s^2, k of `sautereau.analysis.phases.slow`."""
     residual: float
@@ -120,9 +120,7 @@ class _Fit:
             starts = self._best(found, left[0][: len(self._load)], np.asarray(clearances))
             if not starts:
                 break
-            if (
-                0 < len(found) < len(clearances)
-            ):  # or the new one touches its string where the rig says
+            if 0 < len(found) < len(clearances):  # or contact is where the rig says
                 rise = np.sort(clearances)[len(found)]
                 contact = float(np.interp(rise, self._rise, self._slow.hops))
                 starts += [np.array([contact, s[1]]) for s in starts[:1] if contact < s[1] - 4e-3]
@@ -136,20 +134,19 @@ class _Fit:
             gain = float(left[0] @ left[0] - solved[0] @ solved[0]) / noise
             least = max(LEAST_FORCE, LEAST_FRACTION * float(forces.max()))
             climbed = np.diff(np.interp(trial[-1], self._slow.hops, self._rise))[0]
-            if (
-                climbed < LEAST_RISE
-                or gain < SIGNIFICANCE
-                or forces[-1] < least
-                or len(found) == len(clearances)
-            ):
-                if climbed >= LEAST_RISE and gain > SIGNIFICANCE and forces[-1] > least:
-                    further = Growth(*trial[-1].tolist(), float(forces[-1]), gain)
+            near = np.abs(trial[:-1, 1] - trial[-1, 1]).min(initial=np.inf)
+            if climbed < LEAST_RISE or gain < SIGNIFICANCE or forces[-1] < least:
+                break
+            if near < APART * self._slow.width:
+                break
+            if len(found) == len(clearances):
+                further = _growth(trial[-1], float(forces[-1]), gain)
                 break
             found, left, values = trial, solved, forces
             gains.append(gain)
         k = self._compliance - float(left[1][1]) * TERMS["F''"]
         growths = [
-            Growth(*pair.tolist(), float(force), gain)
+            _growth(pair, float(force), gain)
             for pair, force, gain in zip(found, values, gains, strict=True)
         ]
         return Searched(
@@ -176,7 +173,7 @@ class _Fit:
         target = np.concatenate([self._load, np.zeros(columns.shape[1])])
         q, r = np.linalg.qr(matrix)
         of = q.T @ target
-        return target - q @ of, np.linalg.solve(r, of), q
+        return target - q @ of, np.asarray(np.linalg.solve(r, of), dtype=float), q
 
     def _refined(self, plucks: Floats) -> tuple[Floats, tuple[Floats, Floats, Floats]]:
         """Return better instants near those of plucks, shape (plucks, 2), and their fit."""
@@ -202,13 +199,14 @@ class _Fit:
                     tried = self._solved(trial)
                     pulls = (tried[1][self._free.shape[1] :: 2] > 0).all()
                     if pulls and tried[0] @ tried[0] < left @ left:
-                        better = tried
+                        better = trial, tried
                         break
                 stiff *= 5
             if better is None:
                 break
-            gained = float(left @ left - better[0] @ better[0])
-            plucks, solved, stiff = trial, better, max(stiff / 5, 1e-6)
+            plucks, solved = better
+            stiff = max(stiff / 5, 1e-6)
+            gained = float(left @ left - solved[0] @ solved[0])
             if gained < 1e-3 * float(left @ left):
                 break
         return plucks, solved
@@ -279,9 +277,18 @@ class _Fit:
         return starts
 
 
+def _growth(pair: Floats, force: float, gain: float) -> Growth:
+    return Growth(float(pair[0]), float(pair[1]), force, gain)
+
+
 def _before(column: Floats) -> Floats:
     """Return the sums of all rows before each row."""
     return np.concatenate([[0.0], np.cumsum(column)[:-1]])
+
+
+def _between(sums: Floats) -> Floats:
+    """Return the differences of sums, of each row (second axis) less each row (first axis)."""
+    return sums[None, :] - sums[:, None]
 
 
 def _noise(left: Floats, first: int, last: int) -> float:
