@@ -17,7 +17,7 @@ from sautereau.analysis.phases.signals import Rows
 from sautereau.trajectory.motion import Floats
 
 FREQUENCIES, DAMPINGS = np.geomspace(150.0, 4000.0, 22), (0.015, 0.05, 0.15, 0.4)
-"""Hz and dimensionless, of the table of modes; those above `HIGHEST` rows^-1 are left out."""
+"""Hz and dimensionless, of the table of modes; those above `HIGHEST` rows^-1 are omitted."""
 HIGHEST = 0.35
 """Largest frequency of a mode over the rate of the rows."""
 HIGHEST_REFINED = 0.45
