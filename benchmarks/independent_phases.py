@@ -26,7 +26,7 @@ from sautereau.rig.errors import RigError
 from sautereau.rig.load import load_rig
 from sautereau.trajectory.motion import Floats
 
-RANDOM, EACH = 200, 2
+RANDOM, EACH = 100, 1
 """Random presses, and presses of each condition of `ONE_FACTOR`."""
 FAR = 5e-3
 """s, error from which on a press without a warning counts as silent."""
