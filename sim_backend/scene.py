@@ -11,6 +11,7 @@ from sautereau.rig.load import read_toml, with_values
 from sautereau.rig.packaged import named_text, packaged_names
 from sautereau.rig.schema import Rig
 from sautereau.rig.section import Angle, Section, Time
+from sautereau.sim_backend.device_types import DEVICE_TYPES, IDEAL
 from sautereau.sim_backend.errors import SceneError
 from sautereau.sim_backend.fault_tables import Faults
 from sautereau.sim_backend.parts import Accuracy, Push, Sensors, Servo
@@ -18,6 +19,13 @@ from sautereau.sim_backend.parts import Accuracy, Push, Sensors, Servo
 
 def _accuracy(text: str) -> str:
     Accuracy.parse(text)
+    return text
+
+
+def _device_type(text: str) -> str:
+    if text not in DEVICE_TYPES:
+        known = ", ".join(f'"{name}"' for name in DEVICE_TYPES)
+        raise ValueError(f'"{text}" is not a known DAQ device; give one of {known}')
     return text
 
 
@@ -55,6 +63,8 @@ class Scene(Section):
     """The arm's servo; only with `finger = "servo"`, which needs it."""
     sensors: Sensors | None = None
     """The sensor chain; without it all sensors are exact and without delay."""
+    card: Annotated[str, AfterValidator(_device_type)] = IDEAL.product
+    """Product type of the DAQ device; by default an ideal one with the rig's inputs."""
     faults: Faults | None = None
     """Faults to inject."""
     start_offset: tuple[Angle, Angle] = (0.03, -0.03)
@@ -122,6 +132,15 @@ class Scene(Section):
                         f"rig {rig.name}: the scene has {part} = true, and the rig has no table"
                         f" [{at}.{part}]; add it, or set {part} = false in the scene"
                     )
+        number = DEVICE_TYPES[self.card].inputs
+        terminals = {f"ai{n}" for n in range(number or 0)}
+        for channel in rig.daq.channels if number else ():
+            if channel.terminal not in terminals:
+                faults.append(
+                    f"rig {rig.name}: daq.channels.{channel.name}.terminal is"
+                    f" {channel.terminal}, and a {self.card} has ai0 to ai{number - 1}; change"
+                    " the terminal, or the scene's card"
+                )
         if faults:
             raise SceneError("\n".join(faults))
         return rig
