@@ -1,7 +1,7 @@
 """The analog inputs of the devices that the stand-in may be: what their specifications say."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 C_SERIES, M_SERIES, X_SERIES, USB_DAQ, UNKNOWN = 14659, 14643, 15858, 14646, 12588
 """Product categories."""
@@ -102,12 +102,7 @@ class DeviceType:
 IDEAL = DeviceType("sautereau stand-in")
 """Without delay, with every rate."""
 
-_DELTA_SIGMA = {
-    "category": C_SERIES,
-    "inputs": 4,
-    "most_divisions": 31,
-    "triggers": 2,
-}
+_DELTA_SIGMA = DeviceType("", C_SERIES, inputs=4, most_divisions=31, triggers=2)
 _IN_M_AND_X_SERIES = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0)
 
 DEVICE_TYPES = {
@@ -115,8 +110,9 @@ DEVICE_TYPES = {
     for device in (
         IDEAL,
         # NI 9234 Datasheet, 374238: 13.1072 MHz / 256 / n, input delay 38.4 / fs + 3.2 us.
-        DeviceType(
-            "NI 9234",
+        replace(
+            _DELTA_SIGMA,
+            product="NI 9234",
             ranges=(5.0,),
             fastest=51_200.0,
             fastest_many=51_200.0,
@@ -125,17 +121,16 @@ DEVICE_TYPES = {
             couplings=(DC, AC),
             configurations=(PSEUDO_DIFF,),
             excitations=(0.002,),
-            **_DELTA_SIGMA,
         ),
         # NI 9239 Datasheet, 374187: 12.8 MHz / 256 / n, input delay (40 + 5/512) / fs + 3.3 us.
-        DeviceType(
-            "NI 9239",
+        replace(
+            _DELTA_SIGMA,
+            product="NI 9239",
             fastest=50_000.0,
             fastest_many=50_000.0,
             timebase=50_000.0,
             filter_delay=(40 + 5 / 512, 3.3e-6),
             configurations=(DIFF,),
-            **_DELTA_SIGMA,
         ),
         # USB-6008/6009 User Guide and Specifications, 371303: 14 bits differential, 48 kS/s for all
         # inputs together, 24 MHz. That conversions are spaced as in M Series is assumed.

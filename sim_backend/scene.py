@@ -133,13 +133,12 @@ class Scene(Section):
                         f" [{at}.{part}]; add it, or set {part} = false in the scene"
                     )
         number = DEVICE_TYPES[self.card].inputs
-        terminals = {f"ai{n}" for n in range(number or 0)}
         for channel in rig.daq.channels if number else ():
-            if channel.terminal not in terminals:
+            if channel.terminal not in {f"ai{n}" for n in range(number or 0)}:
                 faults.append(
                     f"rig {rig.name}: daq.channels.{channel.name}.terminal is"
-                    f" {channel.terminal}, and a {self.card} has ai0 to ai{number - 1}; change"
-                    " the terminal, or the scene's card"
+                    f" {channel.terminal}, and a {self.card} has {number} inputs from ai0 on;"
+                    " change the terminal, or the scene's card"
                 )
         if faults:
             raise SceneError("\n".join(faults))

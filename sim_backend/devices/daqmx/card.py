@@ -40,6 +40,8 @@ class TaskSetup:
     """s, by which the samples of each channel lag its terminal; None for no lags."""
     converters: tuple[Converter, ...] | None = None
     """Of each channel; None for an ideal card."""
+    limits: tuple[tuple[float, float], ...] | None = None
+    """V, lowest and highest requested of each channel, for a card that makes a signal of them."""
     buffer: int = ENDLESS
     """Samples of each channel that may be unread before a paced acquisition ends."""
 

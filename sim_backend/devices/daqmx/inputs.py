@@ -51,6 +51,11 @@ class Input:
             raise invalid("AI.Min, AI.Max", f"{self.low:g} to {self.high:g}", limits, self)
         return found
 
+    @property
+    def limits(self) -> tuple[float, float]:
+        """Requested lowest and highest value, V."""
+        return self.low * self.volts_per_unit, self.high * self.volts_per_unit
+
     def removed_delay(self, rate: float) -> float:
         """Return how much of its filter's delay the driver removes, s, at a rate [Hz]."""
         samples, seconds = self.device.filter_delay

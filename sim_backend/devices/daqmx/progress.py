@@ -4,16 +4,13 @@ import math
 import time
 from collections.abc import Callable
 from contextlib import AbstractContextManager
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sautereau.sim_backend.devices.daqmx.card import PreTriggerCard, Run
+from sautereau.sim_backend.devices.daqmx.card import Card, PreTriggerCard, Run, TaskSetup
 from sautereau.sim_backend.devices.daqmx.driver_errors import DaqmxError
-
-if TYPE_CHECKING:
-    from sautereau.sim_backend.devices.daqmx.task import CardTask
 
 ON_DEMAND_RATE = 1000.0
 """Hz, at which reads of a task without a sample clock are timed."""
@@ -22,10 +19,33 @@ _SLICE = 0.1
 _CONTINUOUS, _FIRST_BEFORE = 10123, 10427
 
 
+class Configured(Protocol):
+    """A task's settings, as its run needs them; `CardTask` says what they are."""
+
+    card: Card
+    mode: int
+    n_samples: int
+    before: int
+
+    @property
+    def rate(self) -> float | None: ...
+    @property
+    def length(self) -> int: ...
+    @property
+    def buffer_size(self) -> int: ...
+    @property
+    def relative(self) -> int: ...
+    @property
+    def keeps_before(self) -> bool: ...
+    def setup(self, rate: float, n_samples: int) -> TaskSetup: ...
+    def verify(self) -> None: ...
+    def must_be_idle(self) -> None: ...
+
+
 class Progress:
     """What a task has acquired and read."""
 
-    def __init__(self, task: "CardTask"):
+    def __init__(self, task: Configured):
         self._task = task
         self.run: Run | None = None
         self.position = 0

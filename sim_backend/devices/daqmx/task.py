@@ -213,6 +213,7 @@ class CardTask:
             else tuple(
                 Converter(channel.range, self.device.bits) for channel in self.channels.values()
             ),
+            limits=tuple(channel.limits for channel in self.channels.values()),
             buffer=self.buffer_size if self.mode != FINITE else ENDLESS,
         )
 
