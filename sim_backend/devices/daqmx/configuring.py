@@ -5,10 +5,24 @@ from typing import Any
 
 from nidaqmx._stubs import nidaqmx_pb2 as pb
 
-from sautereau.sim_backend.devices.daqmx.attributes import call
+from sautereau.sim_backend.devices.daqmx.attributes import call, number
 from sautereau.sim_backend.devices.daqmx.driver_errors import DaqmxError
 from sautereau.sim_backend.devices.daqmx.task import CardTask
-from sautereau.sim_backend.devices.daqmx.triggers import ANALOG_EDGE, DIGITAL_EDGE
+from sautereau.sim_backend.devices.daqmx.triggers import (
+    ANALOG_EDGE,
+    ANALOG_WINDOW,
+    DIGITAL_EDGE,
+    RISING,
+)
+
+
+def _keep_window(task: CardTask, word: str, request: Any) -> None:
+    for name, value in (
+        ("TOP", request.window_top),
+        ("BTM", request.window_bottom),
+        ("WHEN", request.trigger_when_raw or request.trigger_when),
+    ):
+        task.stored[number("TRIGGER", f"ANLG_WIN_{word}_TRIG_{name}")] = value
 
 
 class Configuring:
@@ -47,7 +61,7 @@ class Configuring:
         task = self._task(request)
         slope = request.trigger_slope_raw or request.trigger_slope
         task.set_trigger(task.start_trigger, ANALOG_EDGE, request.trigger_source, slope)
-        task.stored[pb.TRIGGER_ATTRIBUTE_ANLG_EDGE_START_TRIG_LVL] = request.trigger_level
+        task.stored[number("TRIGGER", "ANLG_EDGE_START_TRIG_LVL")] = request.trigger_level
         return pb.CfgAnlgEdgeStartTrigResponse()
 
     @call
@@ -56,8 +70,23 @@ class Configuring:
         slope = request.trigger_slope_raw or request.trigger_slope
         source, before = request.trigger_source, request.pretrigger_samples
         task.set_trigger(task.reference, ANALOG_EDGE, source, slope, before)
-        task.stored[pb.TRIGGER_ATTRIBUTE_ANLG_EDGE_REF_TRIG_LVL] = request.trigger_level
+        task.stored[number("TRIGGER", "ANLG_EDGE_REF_TRIG_LVL")] = request.trigger_level
         return pb.CfgAnlgEdgeRefTrigResponse()
+
+    @call
+    def CfgAnlgWindowStartTrig(self, request, context):  # noqa: N802
+        task = self._task(request)
+        task.set_trigger(task.start_trigger, ANALOG_WINDOW, request.trigger_source, RISING)
+        _keep_window(task, "START", request)
+        return pb.CfgAnlgWindowStartTrigResponse()
+
+    @call
+    def CfgAnlgWindowRefTrig(self, request, context):  # noqa: N802
+        task = self._task(request)
+        source, before = request.trigger_source, request.pretrigger_samples
+        task.set_trigger(task.reference, ANALOG_WINDOW, source, RISING, before)
+        _keep_window(task, "REF", request)
+        return pb.CfgAnlgWindowRefTrigResponse()
 
     @call
     def DisableStartTrig(self, request, context):  # noqa: N802

@@ -151,6 +151,10 @@ def _creator(name: str, sensor: Sensor) -> Callable[..., Any]:
             for key, value in kept.items():
                 channel.stored[number("CHANNEL", key)] = value
             _excite(channel, request)
+            if sensor.measurement == _VOLTAGE_WITH_EXCITATION:
+                scaling = request.use_excit_for_scaling
+                channel.stored[number("CHANNEL", "AI_BRIDGE_CFG")] = _of(request, "bridge_config")
+                channel.stored[number("CHANNEL", "AI_EXCIT_USE_FOR_SCALING")] = scaling
         return response()
 
     return call(create)

@@ -88,6 +88,16 @@ def _configuration(seat: Seat) -> int:
     return seat.task.device.configurations[0] if given == -1 else given
 
 
+def _set_range(seat: Seat, value: float) -> None:
+    seat.task.must_be_idle()
+    seat.input.requested_range = abs(value)
+
+
+def _free_range(seat: Seat) -> None:
+    seat.task.must_be_idle()
+    seat.input.requested_range = None
+
+
 def _limit(name: str, sign: int) -> Attribute:
     def read(seat: Seat) -> float:
         return sign * seat.input.range / seat.input.volts_per_unit
@@ -155,8 +165,8 @@ CHANNEL = {
             "AI_IS_TEDS": False,
             "AI_MAX": _limit("high", 1),
             "AI_MIN": _limit("low", -1),
-            "AI_RNG_HIGH": lambda seat: seat.input.range,
-            "AI_RNG_LOW": lambda seat: -seat.input.range,
+            "AI_RNG_HIGH": Attribute(lambda seat: seat.input.range, _set_range, _free_range),
+            "AI_RNG_LOW": Attribute(lambda seat: -seat.input.range, _set_range, _free_range),
             "AI_TERM_CFG": Attribute(
                 _configuration, _set_configuration, lambda seat: _set_configuration(seat, -1)
             ),

@@ -30,6 +30,8 @@ class Input:
     """What it measures: voltage, force, ..."""
     volts_per_unit: float = 1.0
     """V per unit of the channel: its sensor's sensitivity."""
+    requested_range: float | None = None
+    """V, that the device's range must take; None for the limits themselves."""
     stored: dict[int, Any] = field(default_factory=dict)
 
     def verify(self) -> None:
@@ -43,7 +45,7 @@ class Input:
     @property
     def range(self) -> float:
         """Largest magnitude of the device's input range, V."""
-        volts = max(abs(self.low), abs(self.high)) * self.volts_per_unit
+        volts = self.requested_range or max(abs(volts) for volts in self.limits)
         # 1e-9: sensitivity times maximum may exceed a range by rounding only.
         found = self.device.range_for(volts * (1 - 1e-9))
         if not self.low < self.high or found is None:

@@ -48,6 +48,8 @@ class Progress:
     def __init__(self, task: Configured):
         self._task = task
         self.run: Run | None = None
+        self.started = 0.0
+        """s since 1970, when the last run was started."""
         self.position = 0
         """Samples of each channel read so far."""
 
@@ -133,7 +135,8 @@ class Progress:
         """Refuse to read samples that later ones have overwritten."""
         task = self._task
         unread = acquired - self.position
-        if task.mode == _CONTINUOUS and task.card.paced and unread > task.buffer_size:
+        endless = task.rate is not None and task.mode == _CONTINUOUS
+        if endless and task.card.paced and unread > task.buffer_size:
             raise DaqmxError(
                 -200279,
                 "The application is not able to keep up with the hardware acquisition.\n"
@@ -160,6 +163,7 @@ class Progress:
     def _launch(self, rate: float, n_samples: int) -> None:
         task = self._task
         setup = task.setup(rate, n_samples)
+        self.started = time.time()
         self.position = 0
         if task.keeps_before and isinstance(task.card, PreTriggerCard):
             self.run = task.card.start_pretrigger(setup, task.before)

@@ -18,6 +18,9 @@ MOST_SAMPLES = 8_000_000
 """Samples of all channels that one read may return: what a message may hold."""
 NOT_YET_AVAILABLE = -200284
 _BY_CHANNEL, _BY_SCAN = 0, 1
+_WITH_TIMING, _WITH_NAMES = 1, 2
+_SINCE_1904 = 2_082_844_800
+"""s, from 1904 to 1970."""
 
 
 def _requested(task: CardTask, request: Any) -> int:
@@ -120,12 +123,18 @@ class Reading:
         task = self._task(request)
         n = _requested(task, request)
         volts, complete = self._read(task, n, request.timeout, context)
-        interval = 0.0 if task.rate is None else 1 / task.rate
+        mode = request.waveform_attribute_mode_raw or request.waveform_attribute_mode
+        interval = 0.0 if task.rate is None or not mode & _WITH_TIMING else 1 / task.rate
+        first = task.progress.started + (task.progress.position - volts.shape[1]) * interval
         waveforms = []
         for (name, channel), row in zip(task.channels.items(), volts, strict=True):
             waveform = waveform_pb2.DoubleAnalogWaveform(dt=interval, y_data=channel.scaled(row))
-            waveform.attributes["NI_ChannelName"].string_value = name
-            waveform.attributes["NI_UnitDescription"].string_value = "Volts"
+            if mode & _WITH_TIMING:
+                waveform.t0.seconds = int(first) + _SINCE_1904
+                waveform.t0.fractional_seconds = int(first % 1 * 2**64)
+            if mode & _WITH_NAMES:
+                waveform.attributes["NI_ChannelName"].string_value = name
+                waveform.attributes["NI_UnitDescription"].string_value = "Volts"
             waveforms.append(waveform)
         return pb.ReadAnalogWaveformsResponse(
             status=0 if complete else NOT_YET_AVAILABLE,

@@ -41,7 +41,7 @@ class CardTask:
     clock: str = ""
     """Source of the sample clock; empty for the device's own."""
     clock_edge: int = RISING
-    mode: int = FINITE
+    mode: int = CONTINUOUS
     n_samples: int = 1000
     """Samples of each channel of a finite acquisition; requested buffer of a continuous one."""
     buffer: int | None = None
@@ -54,6 +54,8 @@ class CardTask:
     """Reference of a read as set; None for the driver's default."""
     reserved: bool = False
     """Whether it holds the card without running."""
+    events: dict[str, object] = field(default_factory=dict)
+    """Registered events, by kind: a token that ends when it is unregistered."""
     stored: dict[int, Any] = field(default_factory=dict)
     """Properties that are kept as they were set."""
 
@@ -87,12 +89,10 @@ class CardTask:
         return names
 
     def set_clock(self, source: str, rate: float, edge: int, mode: int, n_samples: int) -> None:
-        """Configure a sample clock; ``rate`` in Hz. Rate and source are verified later."""
+        """Configure a sample clock; ``rate`` in Hz. The rest is verified later."""
         self.must_be_idle()
         if mode not in (FINITE, CONTINUOUS):
             raise invalid("SampQuant.SampMode", mode, "finite or continuous")
-        if n_samples < LEAST:
-            raise invalid("SampQuant.SampPerChan", n_samples, f"{LEAST} or more")
         self.requested_rate, self.mode, self.n_samples = rate, mode, n_samples
         self.clock = "" if source.lower() == "onboardclock" else source
         self.clock_edge = edge or RISING
@@ -151,6 +151,12 @@ class CardTask:
             return f"/{self.card.name}/ai/SampleClockTimebase"
         return terminal(self.clock, self.card)
 
+    def checked_samples(self) -> int:
+        """Return ``n_samples``, if a task can have so many."""
+        if self.n_samples < LEAST:
+            raise invalid("SampQuant.SampPerChan", self.n_samples, f"{LEAST} or more")
+        return self.n_samples
+
     @property
     def length(self) -> int:
         """Samples of each channel; `ENDLESS` for a continuous acquisition."""
@@ -171,6 +177,7 @@ class CardTask:
             raise DaqmxError(-200460, "There are no input channels in this task.")
         for channel in self.channels.values():
             channel.verify()
+        self.checked_samples()
         triggers = (self.start_trigger, self.reference)
         if self.rate is None and any(trigger.kind != NONE for trigger in triggers):
             raise DaqmxError(-200262, "A trigger needs a sample clock.")
@@ -214,7 +221,7 @@ class CardTask:
                 Converter(channel.range, self.device.bits) for channel in self.channels.values()
             ),
             limits=tuple(channel.limits for channel in self.channels.values()),
-            buffer=self.buffer_size if self.mode != FINITE else ENDLESS,
+            buffer=self.buffer_size if n_samples == ENDLESS else ENDLESS,
         )
 
     def lag(self, position: int, rate: float) -> float:

@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 from sautereau.sim_backend.devices.daqmx.attributes import Attribute, Table, kept, number, table
 from sautereau.sim_backend.devices.daqmx.driver_errors import DaqmxError
-from sautereau.sim_backend.devices.daqmx.task import LEAST, RISING, CardTask
+from sautereau.sim_backend.devices.daqmx.task import CONTINUOUS, LEAST, RISING, CardTask
 from sautereau.sim_backend.devices.daqmx.triggers import NONE, Trigger, terminal
 
 _SAMPLE_CLOCK, _ON_DEMAND = 10388, 10390
@@ -60,12 +60,18 @@ TIMING = {
             "SAMP_CLK_TERM": CardTask.clock_terminal,
             "SAMP_CLK_TIMEBASE_RATE": _timebase,
             "SAMP_CLK_TIMEBASE_SRC": lambda task: f"/{task.card.name}/ai/SampleClockTimebase",
-            "SAMP_CLK_TIMEBASE_DIV": lambda task: round(
-                _timebase(task) / (task.rate or _DEFAULT_RATE)
+            "SAMP_CLK_TIMEBASE_DIV": Attribute(
+                lambda task: round(_timebase(task) / (task.rate or _DEFAULT_RATE)),
+                lambda task, n: _set("requested_rate")(task, _timebase(task) / n),
+                lambda task: _set("requested_rate")(task, _DEFAULT_RATE),
             ),
             "SAMP_CLK_ACTIVE_EDGE": _plain("clock_edge", RISING),
-            "SAMP_QUANT_SAMP_MODE": _plain("mode", 10178),
-            "SAMP_QUANT_SAMP_PER_CHAN": _plain("n_samples", 1000),
+            "SAMP_QUANT_SAMP_MODE": _plain("mode", CONTINUOUS),
+            "SAMP_QUANT_SAMP_PER_CHAN": Attribute(
+                CardTask.checked_samples,
+                _set("n_samples"),
+                lambda task: _set("n_samples")(task, 1000),
+            ),
             "SAMP_TIMING_TYPE": Attribute(
                 lambda task: _ON_DEMAND if task.requested_rate is None else _SAMPLE_CLOCK,
                 _set_timing_type,
