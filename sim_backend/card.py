@@ -9,7 +9,8 @@ from sautereau.sim_backend.clock import FairLock
 from sautereau.sim_backend.device_types import DEVICE_TYPES
 from sautereau.sim_backend.devices.daqmx.card import TaskSetup
 from sautereau.sim_backend.devices.daqmx.driver_errors import DaqmxError
-from sautereau.sim_backend.devices.daqmx.runs import PreTriggerRun, SampledRun
+from sautereau.sim_backend.devices.daqmx.pre_trigger import PreTriggerRun
+from sautereau.sim_backend.devices.daqmx.runs import SampledRun
 from sautereau.sim_backend.fault_injection import FaultInjection
 from sautereau.sim_backend.physics.events import Motions
 from sautereau.sim_backend.scene import Scene

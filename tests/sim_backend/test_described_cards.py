@@ -10,6 +10,9 @@ from sautereau.daq.file.recorded import SessionInfo
 from sautereau.daq.file.recording import Recording
 from sautereau.daq.source.acquisition import Acquisition
 from sautereau.rig.load import load_rig, with_values
+from sautereau.robot.drivers.galil.driver import GalilController
+from sautereau.robot.experiment.session import run_session
+from sautereau.sim_backend.bench import StandIn
 from sautereau.sim_backend.card import BenchCard
 from sautereau.sim_backend.clock import FairLock
 from sautereau.sim_backend.device_types import DEVICE_TYPES
@@ -18,6 +21,7 @@ from sautereau.sim_backend.errors import SceneError
 from sautereau.sim_backend.fault_injection import FaultInjection
 from sautereau.sim_backend.physics.events import Motions
 from sautereau.sim_backend.scene import load_scene, parse_scene
+from sautereau.trajectory.press import plan_press
 
 FREQUENCY, DURATION = 200.0, 0.12
 """Hz and s, of a motion whose force and velocity are in phase."""
@@ -96,6 +100,23 @@ def test_both_sensors_are_aligned(tmp_path, product, rate, device, terminal, del
     for name in ("force", "velocity"):
         late = -phase(time[inner], data[name].to_numpy()[inner]) / (2 * np.pi * FREQUENCY)
         assert late == pytest.approx(0.0, abs=1e-6)
+
+
+def release(path):
+    """Return the time of the largest fall of the force, s after the trigger."""
+    force = load_press(path).data["force"]
+    return force.index[np.argmin(np.diff(force.to_numpy()))]
+
+
+@pytest.mark.parametrize("product", ["NI 9239", "PCI-6251"])
+def test_a_press_on_a_described_card_has_its_release_at_the_true_time(tmp_path, product):
+    rig = with_values(load_rig(), {"daq.sample_rate": "50 kHz", "controller.timeout": "20 s"})
+    scene = load_scene("ideal").model_copy(update={"card": product})
+    with StandIn(rig, scene) as stand_in:
+        wired = stand_in.rig
+        (path,) = run_session(wired, plan_press(wired), GalilController(wired), tmp_path, 1)
+        (truth,) = stand_in.truth()
+    assert release(path) == pytest.approx(truth.releases[0], abs=1 / 50e3)
 
 
 @pytest.mark.parametrize(

@@ -7,9 +7,10 @@ from typing import Any
 
 from nidaqmx._stubs import nidaqmx_pb2 as pb
 
+from sautereau.sim_backend.device_types import DeviceType
 from sautereau.sim_backend.devices.daqmx.attributes import call, number
 from sautereau.sim_backend.devices.daqmx.driver_errors import DaqmxError
-from sautereau.sim_backend.devices.daqmx.inputs import INTERNAL, Input, invalid
+from sautereau.sim_backend.devices.daqmx.inputs import INTERNAL, invalid
 
 G = 9.80665
 """m/s^2, standard gravity."""
@@ -46,6 +47,7 @@ _MICROPHONE = 1e-3
 _REFERENCE_PRESSURE = 20e-6
 """Pa, of a sound pressure level."""
 _VOLTAGE_WITH_EXCITATION = 10323
+_USE_VOLTAGE, _USE_CURRENT = 10322, 10134
 
 
 @dataclass(frozen=True)
@@ -105,19 +107,22 @@ def _limits(request: Any) -> tuple[float, float]:
     return request.min_val, request.max_val
 
 
-def _excite(channel: Input, request: Any) -> None:
+def _excitation(request: Any, device: DeviceType) -> dict[str, Any]:
+    """Return the properties of an excitation, if the device can supply it."""
     for kind in ("current", "voltage"):
         source = _of(request, f"{kind}_excit_source")
         if source is None:
             continue
         value = getattr(request, f"{kind}_excit_val")
-        if source == INTERNAL and value not in (0.0, *channel.device.excitations):
-            possible = f"one of {list(channel.device.excitations)}"
-            raise invalid("AI.Excit.Val", value, possible, channel)
-        channel.stored[number("CHANNEL", "AI_EXCIT_SRC")] = source
-        channel.stored[number("CHANNEL", "AI_EXCIT_VAL")] = value
-        if kind == "voltage":
-            channel.stored[number("CHANNEL", "AI_EXCIT_VOLTAGE_OR_CURRENT")] = 10322
+        if source == INTERNAL and value not in (0.0, *device.excitations):
+            raise invalid("AI.Excit.Val", value, f"one of {list(device.excitations)}")
+        used = _USE_VOLTAGE if kind == "voltage" else _USE_CURRENT
+        return {
+            "AI_EXCIT_SRC": source,
+            "AI_EXCIT_VAL": value,
+            "AI_EXCIT_VOLTAGE_OR_CURRENT": used,
+        }
+    return {}
 
 
 def _creator(name: str, sensor: Sensor) -> Callable[..., Any]:
@@ -130,8 +135,18 @@ def _creator(name: str, sensor: Sensor) -> Callable[..., Any]:
         volts_per_unit = _sensitivity(request, _UNITS[units])
         if volts_per_unit <= 0:
             raise invalid("the sensitivity", volts_per_unit, "above 0")
+        task = self._task(request)
+        kept = {sensor.units: units, **_excitation(request, task.device)}
+        if sensor.sensitivity:
+            given = getattr(request, "mic_sensitivity", None) or request.sensitivity
+            kept[sensor.sensitivity] = given
+        if sensor.sensitivity_units:
+            kept[sensor.sensitivity_units] = _of(request, "sensitivity_units")
+        if sensor.measurement == _VOLTAGE_WITH_EXCITATION:
+            kept["AI_BRIDGE_CFG"] = _of(request, "bridge_config")
+            kept["AI_EXCIT_USE_FOR_SCALING"] = request.use_excit_for_scaling
         low, high = _limits(request)
-        added = self._task(request).add(
+        added = task.add(
             request.physical_channel,
             request.name_to_assign_to_channel,
             low=low,
@@ -141,20 +156,7 @@ def _creator(name: str, sensor: Sensor) -> Callable[..., Any]:
             volts_per_unit=volts_per_unit,
         )
         for channel in added:
-            kept = {sensor.units: units}
-            if sensor.sensitivity:
-                kept[sensor.sensitivity] = getattr(request, "mic_sensitivity", None) or (
-                    request.sensitivity
-                )
-            if sensor.sensitivity_units:
-                kept[sensor.sensitivity_units] = _of(request, "sensitivity_units")
-            for key, value in kept.items():
-                channel.stored[number("CHANNEL", key)] = value
-            _excite(channel, request)
-            if sensor.measurement == _VOLTAGE_WITH_EXCITATION:
-                scaling = request.use_excit_for_scaling
-                channel.stored[number("CHANNEL", "AI_BRIDGE_CFG")] = _of(request, "bridge_config")
-                channel.stored[number("CHANNEL", "AI_EXCIT_USE_FOR_SCALING")] = scaling
+            channel.stored.update((number("CHANNEL", name), kept[name]) for name in kept)
         return response()
 
     return call(create)

@@ -9,14 +9,16 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from sautereau.sim_backend.devices.daqmx.card import Card, PreTriggerCard, Run, TaskSetup
+from sautereau.sim_backend.devices.daqmx.card import ENDLESS, Card, PreTriggerCard, Run, TaskSetup
 from sautereau.sim_backend.devices.daqmx.driver_errors import DaqmxError
 
 ON_DEMAND_RATE = 1000.0
 """Hz, at which reads of a task without a sample clock are timed."""
 _SLICE = 0.1
 """s, after which a waiting read checks whether its client is still there."""
-_CONTINUOUS, _FIRST_BEFORE = 10123, 10427
+FIRST, CURRENT, REFERENCE, FIRST_BEFORE, MOST_RECENT = REFERENCES = tuple(range(10424, 10429))
+"""What a read is relative to."""
+_CONTINUOUS = 10123
 
 
 class Configured(Protocol):
@@ -26,6 +28,7 @@ class Configured(Protocol):
     mode: int
     n_samples: int
     before: int
+    offset: int
 
     @property
     def rate(self) -> float | None: ...
@@ -52,6 +55,8 @@ class Progress:
         """s since 1970, when the last run was started."""
         self.position = 0
         """Samples of each channel read so far."""
+        self._oldest = 0
+        """Number of the first sample that a card keeps."""
 
     def start(self) -> None:
         """Arm the card; without a sample clock nothing happens until a read."""
@@ -107,8 +112,7 @@ class Progress:
                     self._launch(ON_DEMAND_RATE, n)
                 else:
                     self.start()
-        if task.relative == _FIRST_BEFORE:
-            self.position = 0
+        self._move()
         length = n if task.rate is None else task.length
         try:
             if self.position >= length and n:
@@ -125,11 +129,27 @@ class Progress:
             self._must_fit(there)
             count = max(0, min(n, there - self.position))
             volts = run.read(self.position, count)
+            if length == ENDLESS:
+                self._oldest = self.position
             self.position += count
             return volts, count == n
         finally:
             if implicit and (task.rate is None or self.position == length):
                 self.stop()
+
+    def _move(self) -> None:
+        """Go to where a read starts."""
+        task = self._task
+        if task.relative == CURRENT and not task.offset:
+            return
+        starts = {CURRENT: self.position, REFERENCE: task.before, MOST_RECENT: self._there()}
+        start = starts.get(task.relative, 0) + task.offset
+        if start < self._oldest:
+            raise DaqmxError(-200277, f"Sample {start} is before the first one that is kept.")
+        self.position = start
+
+    def _there(self) -> int:
+        return 0 if self.run is None else self.run.wait_for(0, 0.0)
 
     def _must_fit(self, acquired: int) -> None:
         """Refuse to read samples that later ones have overwritten."""
@@ -154,7 +174,7 @@ class Progress:
 
     def available(self) -> int:
         """Return the samples of each channel acquired and not yet read."""
-        return 0 if self.run is None else self.run.wait_for(0, 0.0) - self.position
+        return 0 if self.run is None else self._there() - self.position
 
     def acquired(self) -> int:
         """Return the samples of each channel acquired since the start."""
@@ -162,6 +182,7 @@ class Progress:
 
     def _launch(self, rate: float, n_samples: int) -> None:
         task = self._task
+        self._oldest = 0
         setup = task.setup(rate, n_samples)
         self.started = time.time()
         self.position = 0

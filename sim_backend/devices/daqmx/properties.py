@@ -1,10 +1,10 @@
-"""The properties of system, device, physical channel, task, and of reading."""
+"""The properties of system, device, physical channel and task."""
 
 from dataclasses import dataclass
 from typing import Any
 
 from sautereau.sim_backend.device_types import C_SERIES, USB_DAQ
-from sautereau.sim_backend.devices.daqmx.attributes import Attribute, kept, table
+from sautereau.sim_backend.devices.daqmx.attributes import Attribute, table
 from sautereau.sim_backend.devices.daqmx.card import (
     Card,
     DescribedCard,
@@ -13,14 +13,7 @@ from sautereau.sim_backend.devices.daqmx.card import (
     owner_of,
 )
 from sautereau.sim_backend.devices.daqmx.driver_errors import DaqmxError
-from sautereau.sim_backend.devices.daqmx.inputs import invalid
-from sautereau.sim_backend.devices.daqmx.task import (
-    CONTINUOUS,
-    CURRENT,
-    FINITE,
-    FIRST_BEFORE,
-    CardTask,
-)
+from sautereau.sim_backend.devices.daqmx.task import CONTINUOUS, FINITE
 from sautereau.sim_backend.devices.daqmx.triggers import terminals
 
 SERIAL_NUMBER = 0x5A07E2EA
@@ -180,82 +173,5 @@ TASK = table(
         "NUM_CHANS": lambda task: len(task.channels),
         "NUM_DEVICES": lambda task: 1 if task.channels else 0,
         "COMPLETE": lambda task: task.progress.done,
-    },
-)
-
-
-def _read_from(task: CardTask, relative: int) -> None:
-    if relative not in (10424, 10425, 10426, 10427, 10428):
-        raise invalid("Read.RelativeTo", relative, f"{CURRENT}, {FIRST_BEFORE}")
-    task.requested_relative = relative
-
-
-def _default_relative(task: CardTask) -> None:
-    task.requested_relative = None
-
-
-def _remove_buffer(task: CardTask) -> None:
-    task.must_be_idle()
-    task.buffer = None
-
-
-_FAULTS = (
-    "OVERLOADED",
-    "OVERCURRENT",
-    "OPEN_CURRENT_LOOP",
-    "OPEN_THRMCPL",
-    "COMMON_MODE_RANGE_ERROR",
-    "OPEN",
-    "EXCIT_FAULT",
-    "INPUT_LIMITS_FAULT",
-    "POWER_SUPPLY_FAULT",
-    "OVERTEMPERATURE",
-)
-_NO_FAULTS: dict[str, Any] = {
-    **{f"{name}_CHANS_EXIST": False for name in _FAULTS},
-    **{f"{name}_CHANS": "" for name in _FAULTS},
-}
-READ = {
-    **table(
-        "READ",
-        {
-            "RELATIVE_TO": Attribute(lambda task: task.relative, _read_from, _default_relative),
-            "NUM_CHANS": lambda task: len(task.channels),
-            "AVAIL_SAMP_PER_CHAN": lambda task: task.progress.available(),
-            "RAW_DATA_WIDTH": lambda task: task.device.raw_bits // 8,
-            "CURR_READ_POS": lambda task: task.progress.position,
-            "TOTAL_SAMP_PER_CHAN_ACQUIRED": lambda task: task.progress.acquired(),
-            **_NO_FAULTS,
-        },
-    ),
-    **kept(
-        "READ",
-        {
-            "CHANNELS_TO_READ": lambda task: ", ".join(task.channels),
-            "OFFSET": 0,
-            "READ_ALL_AVAIL_SAMP": False,
-            "AUTO_START": True,
-            "OVERWRITE": 10159,
-            "WAIT_MODE": 12524,
-            "SLEEP_TIME": 0.001,
-            "LOGGING_MODE": 10231,
-            "LOGGING_FILE_PATH": "",
-            "LOGGING_TDMS_GROUP_NAME": "",
-            "LOGGING_TDMS_OPERATION": 15846,
-            "LOGGING_PAUSE": False,
-            "LOGGING_FILE_WRITE_SIZE": 4294967295,
-            "LOGGING_FILE_PREALLOCATION_SIZE": 0,
-            "LOGGING_SAMPS_PER_FILE": 0,
-        },
-    ),
-}
-READ[0x31E8] = Attribute(lambda task: task.progress.remaining())  # asked for by `Task.read`
-BUFFER = table(
-    "BUFFER",
-    {
-        "INPUT_BUF_SIZE": Attribute(
-            lambda task: task.buffer_size, CardTask.set_buffer, _remove_buffer
-        ),
-        "INPUT_ONBRD_BUF_SIZE": 4095,
     },
 )

@@ -20,21 +20,21 @@ from sautereau.sim_backend.devices.daqmx.attributes import Table, call, calls
 from sautereau.sim_backend.devices.daqmx.card import Card, owner_of, physical_channels
 from sautereau.sim_backend.devices.daqmx.configuring import Configuring
 from sautereau.sim_backend.devices.daqmx.creation import CREATORS
-from sautereau.sim_backend.devices.daqmx.driver_errors import DaqmxError, error_text
+from sautereau.sim_backend.devices.daqmx.driver_errors import DaqmxError
 from sautereau.sim_backend.devices.daqmx.input_properties import CHANNEL, Seat
 from sautereau.sim_backend.devices.daqmx.properties import (
-    BUFFER,
     DEVICE,
     PHYSICAL_CHANNEL,
-    READ,
     SYSTEM,
     TASK,
     Chassis,
 )
 from sautereau.sim_backend.devices.daqmx.reading import Reading
+from sautereau.sim_backend.devices.daqmx.reading_properties import BUFFER, READ
 from sautereau.sim_backend.devices.daqmx.task import CardTask
 from sautereau.sim_backend.devices.daqmx.task_events import Events
 from sautereau.sim_backend.devices.daqmx.timing_properties import TIMING, TRIGGER
+from sautereau.sim_backend.devices.daqmx.utilities import Utilities
 
 _INITIALIZE, _ATTACH = 1, 2
 _START, _STOP, _VERIFY, _COMMIT, _RESERVE, _UNRESERVE, _ABORT = range(7)
@@ -43,7 +43,7 @@ _WORKERS = 32
 """Calls that are answered at the same time; further ones are refused at once."""
 
 
-class Servicer(Configuring, Reading, Events, nidaqmx_pb2_grpc.NiDAQmxServicer):
+class Servicer(Configuring, Reading, Events, Utilities, nidaqmx_pb2_grpc.NiDAQmxServicer):
     """The complete stand-in; each method is the call of nidaqmx.proto of that name.
 
     Calls about properties are added from the tables of properties.
@@ -176,38 +176,6 @@ class Servicer(Configuring, Reading, Events, nidaqmx_pb2_grpc.NiDAQmxServicer):
                     -200560, "Wait Until Done did not indicate that the task was done in time."
                 )
         return pb.WaitUntilTaskDoneResponse()
-
-    # Utilities
-
-    @call
-    def GetErrorString(self, request, context):  # noqa: N802
-        return pb.GetErrorStringResponse(error_string=error_text(request.error_code))
-
-    @call
-    def GetNthTaskDevice(self, request, context):  # noqa: N802
-        task = self._task(request)
-        if request.index != 1 or not task.channels:
-            raise DaqmxError(-200077, f"The task has no device number {request.index}.")
-        return pb.GetNthTaskDeviceResponse(buffer=task.card.name)
-
-    @call
-    def ResetDevice(self, request, context):  # noqa: N802
-        self._device(request)
-        with self._lock:
-            for task in self._tasks.values():
-                task.progress.stop()
-                task.reserved = False
-        return pb.ResetDeviceResponse()
-
-    @call
-    def SelfTestDevice(self, request, context):  # noqa: N802
-        self._device(request)
-        return pb.SelfTestDeviceResponse()
-
-    @call
-    def DeviceSupportsCal(self, request, context):  # noqa: N802
-        self._device(request)
-        return pb.DeviceSupportsCalResponse(cal_supported=False)
 
 
 def _no_device_context(self: Servicer, request: Any, context: Any) -> Any:

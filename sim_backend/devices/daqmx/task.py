@@ -15,12 +15,12 @@ from sautereau.sim_backend.devices.daqmx.card import (
 from sautereau.sim_backend.devices.daqmx.driver_errors import DaqmxError
 from sautereau.sim_backend.devices.daqmx.inputs import Input, invalid
 from sautereau.sim_backend.devices.daqmx.names import split_names
-from sautereau.sim_backend.devices.daqmx.progress import Progress
+from sautereau.sim_backend.devices.daqmx.progress import CURRENT, FIRST_BEFORE, Progress
 from sautereau.sim_backend.devices.daqmx.triggers import DIGITAL_EDGE, NONE, Trigger, terminal
+from sautereau.sim_backend.devices.daqmx.unsupported import refuse_unsupported
 from sautereau.sim_backend.sensors.converter import Converter
 
 FINITE, CONTINUOUS = 10178, 10123
-CURRENT, FIRST_BEFORE = 10425, 10427
 RISING = 10280
 LEAST = 2
 """Smallest number of samples, of an acquisition and before or after a reference trigger."""
@@ -54,6 +54,8 @@ class CardTask:
     """Reference of a read as set; None for the driver's default."""
     reserved: bool = False
     """Whether it holds the card without running."""
+    offset: int = 0
+    """Samples by which a read starts after its reference."""
     events: dict[str, object] = field(default_factory=dict)
     """Registered events, by kind: a token that ends when it is unregistered."""
     stored: dict[int, Any] = field(default_factory=dict)
@@ -185,6 +187,7 @@ class CardTask:
             raise DaqmxError(-200452, "The stand-in has no external clock: use the onboard clock.")
         for trigger in triggers:
             trigger.verify(self.card)
+        refuse_unsupported(self)
         self._verify_reference()
 
     def _verify_reference(self) -> None:
