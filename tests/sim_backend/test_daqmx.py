@@ -184,7 +184,7 @@ def test_settings_that_are_not_possible_are_refused_when_verified(task, settings
     assert code_of(task.control, TaskMode.TASK_VERIFY) == code_of(task.start) == code
 
 
-def test_a_bad_source_of_the_clock_is_told_when_it_is_asked_for(task):
+def test_a_bad_source_of_the_clock_is_reported_on_query(task):
     task.ai_channels.add_ai_voltage_chan("Dev1/ai0")
     task.timing.cfg_samp_clk_timing(1000, source="/Dev1/RTSI0")
     assert code_of(getattr, task.timing, "samp_clk_src") == -89120

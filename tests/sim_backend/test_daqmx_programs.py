@@ -232,7 +232,7 @@ def test_what_would_not_be_followed_is_refused(task):
         task.start()
 
 
-def test_one_task_holds_the_card_until_it_lets_go(serve):
+def test_one_task_reserves_the_card_until_it_releases_it(serve):
     options = serve(RampCard())
     with Task(grpc_options=options) as first, Task(grpc_options=options) as second:
         for task in (first, second):

@@ -118,29 +118,24 @@ class Reading:
 
     @call
     def ReadAnalogWaveforms(self, request, context):  # noqa: N802
-        from ni.protobuf.types import waveform_pb2
-
         task = self._task(request)
         n = _requested(task, request)
         volts, complete = self._read(task, n, request.timeout, context)
         mode = request.waveform_attribute_mode_raw or request.waveform_attribute_mode
         interval = 0.0 if task.rate is None or not mode & _WITH_TIMING else 1 / task.rate
         first = task.progress.started + (task.progress.position - volts.shape[1]) * interval
-        waveforms = []
+        response = pb.ReadAnalogWaveformsResponse(
+            status=0 if complete else NOT_YET_AVAILABLE, samps_per_chan_read=volts.shape[1]
+        )
         for (name, channel), row in zip(task.channels.items(), volts, strict=True):
-            waveform = waveform_pb2.DoubleAnalogWaveform(dt=interval, y_data=channel.scaled(row))
+            waveform = response.waveforms.add(dt=interval, y_data=channel.scaled(row))
             if mode & _WITH_TIMING:
                 waveform.t0.seconds = int(first) + _SINCE_1904
                 waveform.t0.fractional_seconds = int(first % 1 * 2**64)
             if mode & _WITH_NAMES:
                 waveform.attributes["NI_ChannelName"].string_value = name
                 waveform.attributes["NI_UnitDescription"].string_value = "Volts"
-            waveforms.append(waveform)
-        return pb.ReadAnalogWaveformsResponse(
-            status=0 if complete else NOT_YET_AVAILABLE,
-            waveforms=waveforms,
-            samps_per_chan_read=volts.shape[1],
-        )
+        return response
 
 
 def _binary(bits: int, signed: bool) -> Callable[..., Any]:
