@@ -152,9 +152,12 @@ class SampledRun:
         """
         if self.trigger_time is None or self.over:
             return
+        elapsed = float(motions.time[-1]) - self.trigger_time
+        if elapsed < 0:
+            return
         self._fed.append((motions, jumps))
-        elapsed = float(motions.time[-1]) - self.trigger_time - self._skew
-        self._done = min(self._last, math.floor(elapsed * self.rate * (1 + 1e-12)) + 1)
+        converted = (elapsed - self._skew) * self.rate * (1 + 1e-12)
+        self._done = min(self._last, math.floor(converted) + 1)
         if self._paced and self._done - self._read_to > self._buffer:
             self._end = self._done  # as the driver: unread samples are not overwritten
 
