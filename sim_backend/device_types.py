@@ -122,7 +122,7 @@ DEVICE_TYPES = {
             configurations=(PSEUDO_DIFF,),
             excitations=(0.002,),
         ),
-        # NI 9239 Datasheet, 374187: 12.8 MHz / 256 / n, input delay (40 + 5/512) / fs + 3.3 us.
+        # NI 9239 Datasheet: 12.8 MHz / 256 / n, input delay (40 + 5/512) / fs + 3.3 us.
         replace(
             _DELTA_SIGMA,
             product="NI 9239",
@@ -166,7 +166,7 @@ DEVICE_TYPES = {
             configurations=(DIFF, RSE, NRSE),
             analog_triggers=("APFI0", "APFI1"),
         ),
-        # NI 6363 Specifications, 374650: 2 MS/s single, 1 MS/s multichannel, 100 MHz.
+        # NI 6363 Specifications: 2 MS/s single, 1 MS/s multichannel, 100 MHz.
         DeviceType(
             "PCIe-6363",
             category=X_SERIES,

@@ -21,6 +21,7 @@ from nidaqmx.system import Device
 
 from sautereau.sim_backend.device_types import DEVICE_TYPES
 from sautereau.sim_backend.devices.daqmx.server import DaqmxServer
+from tests.cards import code_of
 
 G = 9.80665
 
@@ -78,12 +79,6 @@ def serve():
 def task(serve):
     with Task(grpc_options=serve(RampCard())) as task:
         yield task
-
-
-def code_of(function, *arguments, **named):
-    with pytest.raises(DaqError) as caught:
-        function(*arguments, **named)
-    return caught.value.error_code
 
 
 def finite(task, rate=51_200):

@@ -1,7 +1,5 @@
 """Errors as the driver answers them."""
 
-from nidaqmx.error_codes import DAQmxErrors
-
 
 class DaqmxError(Exception):
     """An error as the driver answers it: its code and text."""
@@ -15,6 +13,8 @@ class DaqmxError(Exception):
 
 def error_text(code: int) -> str:
     """Return what an error code means, from the name that the client's library gives it."""
+    from nidaqmx.error_codes import DAQmxErrors  # slow, and this file is imported with every card
+
     try:
         return DAQmxErrors(code).name.replace("_", " ").capitalize() + "."
     except ValueError:
