@@ -39,6 +39,8 @@ class DeviceType:
     couplings: tuple[int, ...] = (DC,)
     configurations: tuple[int, ...] = (DIFF, RSE, NRSE, PSEUDO_DIFF)
     """The first one is the default."""
+    single_ended: tuple[float, int] | None = None
+    """The only range [V] and the bits of single-ended inputs, where those of others differ."""
     excitations: tuple[float, ...] = ()
     """A, currents for IEPE sensors."""
     triggers: int = 16
@@ -71,9 +73,15 @@ class DeviceType:
         divisions = math.floor(round(self.timebase / rate, 9))
         return self.timebase / max(1, min(divisions, self.most_divisions))
 
-    def range_for(self, volts: float) -> float | None:
+    def range_for(self, volts: float, configuration: int) -> float | None:
         """Return the smallest range [V] that takes so much; None if there is none."""
-        return next((high for high in self.ranges if high >= volts), None)
+        single = self.single_ended if configuration == RSE else None
+        ranges = (single[0],) if single else self.ranges
+        return next((high for high in ranges if high >= volts), None)
+
+    def bits_of(self, configuration: int) -> int:
+        """Return the bits of an input of a terminal configuration."""
+        return self.single_ended[1] if self.single_ended and configuration == RSE else self.bits
 
     def conversion_rate(self, rate: float, n_inputs: int) -> float:
         """Return the rate [Hz] at which a multiplexer converts inputs one after the other.
@@ -132,8 +140,9 @@ DEVICE_TYPES = {
             filter_delay=(40 + 5 / 512, 3.3e-6),
             configurations=(DIFF,),
         ),
-        # USB-6008/6009 User Guide and Specifications, 371303: 14 bits differential, 48 kS/s for all
-        # inputs together, 24 MHz. That conversions are spaced as in M Series is assumed.
+        # USB-6008/6009 User Guide and Specifications, 371303: 14 bits differential, 13 bits single,
+        # 48 kS/s for all inputs together, 24 MHz. That conversions are spaced as in M Series is
+        # assumed.
         DeviceType(
             "USB-6009",
             category=USB_DAQ,
@@ -147,6 +156,7 @@ DEVICE_TYPES = {
             simultaneous=False,
             settling=10e-6,
             configurations=(DIFF, RSE),
+            single_ended=(10.0, 13),
             triggers=1,
             reference_trigger=False,
         ),

@@ -144,6 +144,14 @@ def test_counts_and_their_polynomial_are_the_volts(serve):
         assert code_of(lambda: task.ai_channels.all.ai_rng_high) == -200428
 
 
+def test_single_ended_inputs_have_one_range_and_fewer_bits(serve):
+    with Task(grpc_options=serve(RampCard("USB-6009"))) as task:
+        channel = task.ai_channels.add_ai_voltage_chan("Dev1/ai0", min_val=-1, max_val=1)
+        assert (channel.ai_rng_high, channel.ai_resolution) == (1.0, 14)
+        channel.ai_term_cfg = TerminalConfiguration.RSE
+        assert (channel.ai_rng_high, channel.ai_resolution) == (10.0, 13)
+
+
 def test_ranges_of_channels_in_properties(task):
     task.ai_channels.add_ai_voltage_chan("cDAQ1Mod1/ai0:3")
     channels = task.ai_channels["cDAQ1Mod1/ai0:3"]

@@ -204,7 +204,7 @@ CHANNEL = {
                 lambda seat: (False, True),
                 _has_filter,
             ),
-            "AI_RESOLUTION": lambda seat: float(seat.task.device.bits),
+            "AI_RESOLUTION": lambda seat: float(seat.input.bits),
             "AI_RESOLUTION_UNITS": 10109,
             "AI_RAW_SAMP_SIZE": lambda seat: seat.task.device.raw_bits,
             "AI_RAW_SAMP_JUSTIFICATION": _RIGHT,

@@ -47,7 +47,7 @@ class Input:
         """Largest magnitude of the device's input range, V."""
         volts = self.requested_range or max(abs(volts) for volts in self.limits)
         # 1e-9: sensitivity times maximum may exceed a range by rounding only.
-        found = self.device.range_for(volts * (1 - 1e-9))
+        found = self.device.range_for(volts * (1 - 1e-9), self.configuration)
         if not self.low < self.high or found is None:
             limits = f"-{self.device.ranges[-1]:g} V to {self.device.ranges[-1]:g} V"
             raise invalid("AI.Min, AI.Max", f"{self.low:g} to {self.high:g}", limits, self)
@@ -64,9 +64,14 @@ class Input:
         return samples / rate + seconds if self.stored.get(REMOVE_FILTER_DELAY) else 0.0
 
     @property
+    def bits(self) -> int:
+        """Resolution of its converter."""
+        return self.device.bits_of(self.configuration)
+
+    @property
     def step(self) -> float:
         """Volts per count, V; counts are justified to the right."""
-        return 2 * self.range / 2**self.device.bits
+        return 2 * self.range / 2**self.bits
 
     def scaled(self, volts: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return volts in the channel's unit."""
@@ -74,7 +79,7 @@ class Input:
 
     def counts(self, volts: NDArray[np.float64]) -> NDArray[np.int64]:
         """Return the integers that the converter gives for volts."""
-        half = 2 ** (self.device.bits - 1)
+        half = 2 ** (self.bits - 1)
         return np.clip(np.rint(volts / self.step), -half, half - 1).astype(np.int64)
 
 

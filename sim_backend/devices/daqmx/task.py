@@ -221,7 +221,7 @@ class CardTask:
             converters=None
             if self.device is IDEAL
             else tuple(
-                Converter(channel.range, self.device.bits) for channel in self.channels.values()
+                Converter(channel.range, channel.bits) for channel in self.channels.values()
             ),
             limits=tuple(channel.limits for channel in self.channels.values()),
             buffer=self.buffer_size if n_samples == ENDLESS else ENDLESS,
