@@ -4,7 +4,7 @@ import pytest
 
 from sautereau.sim_backend.controller_part import ControllerUnit
 from sautereau.sim_backend.devices.galil.commands.table import HANDLERS
-from sautereau.sim_backend.devices.galil.reference import MODELS, entries
+from sautereau.sim_backend.devices.galil.reference import ABSENT, MODELS, entries
 
 ENTRIES = list(entries().values())
 SETTINGS = [entry for entry in ENTRIES if entry.form == "values"]
@@ -20,6 +20,16 @@ def code_of(bench, line):
 def test_every_command_of_the_table_is_carried_out_and_none_besides():
     assert set(HANDLERS) == set(entries())
     assert all(entry.models <= set(MODELS) and entry.heading for entry in ENTRIES)
+
+
+def test_a_command_that_is_not_emulated_is_refused_and_no_variable(make_bench):
+    bench = make_bench()
+    assert not ABSENT & entries().keys()
+    for code in ABSENT:
+        for line in (code, f"{code} 1", f"{code}A=1", f"{code}*=1", f"{code}=1", f"{code}NAME=1"):
+            assert code_of(bench, line) == 1, line
+        assert code_of(bench, f"{code}a=1") == code_of(bench, f"{code}0=1") == 0
+    assert code_of(bench, "PORT=1;DUAL=1") == 0  # no command begins with PO or DU
 
 
 @by_code
@@ -87,6 +97,7 @@ def test_other_firmware(make_bench, firmware):
     bench = make_bench(ControllerUnit(firmware=firmware))
     assert f"Rev {firmware}-SIM" in bench.send("\x12\x16")
     assert code_of(bench, "PVA=2,2,2") == (1 if "FAST" in firmware else 0)
+    assert code_of(bench, "MG _PVA,_BTA") == (58 if "FAST" in firmware else 0)
     assert bench.number("_DM") == (24_000 if "FAST" in firmware else 16_000)
     bench.firmware.receive(b"DL\r#A\rAT 0\rAT 4,1\rEN\r\\")
     bench.accept("XQ")

@@ -66,9 +66,10 @@ class GalilFirmware(Machine):
     def moving(self) -> bool:
         """Whether a profile, a program or a capture runs, so that time must advance.
 
-        A looping program that the host started, such as a watchdog, does not count.
+        What does not end by itself does not count: a looping program that the host started, such
+        as a watchdog, and a circular capture.
         """
-        if self.in_motion or self.capture.running or self.line_busy:
+        if self.in_motion or self.capture.awaited or self.line_busy:
             return True
         if self.tasks.pending and not self.tasks.in_error_routine:
             return True

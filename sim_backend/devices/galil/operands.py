@@ -28,6 +28,9 @@ def switches(machine: Machine, axis: int) -> int:
     )
 
 
+PVT = ("PV", "BT")
+"""Commands, and operands, that firmware without PVT lacks."""
+
 AXIS_OPERANDS: dict[str, Callable[[Machine, int], float]] = {
     "TP": Machine.position,
     "DP": Machine.position,
@@ -103,6 +106,8 @@ def operand(machine: Machine, name: str) -> float:
         return float(machine.tasks.operand(code, int(index or 0)))
     if name in OPERANDS:
         return float(OPERANDS[name](machine))
+    if code in PVT and not machine.unit.has_pvt:
+        raise CommandError(58)
     axis = AXES.find(index.replace("X", "A").replace("Y", "B")) if len(index) == 1 else -1
     if axis >= 0 and code in AXIS_OPERANDS:
         return float(AXIS_OPERANDS[code](machine, axis))

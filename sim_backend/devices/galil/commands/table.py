@@ -14,8 +14,9 @@ from sautereau.sim_backend.devices.galil.commands import program as programs
 from sautereau.sim_backend.devices.galil.commands.call import Handler, parse_call
 from sautereau.sim_backend.devices.galil.faults import CommandError
 from sautereau.sim_backend.devices.galil.machine import Machine
+from sautereau.sim_backend.devices.galil.operands import PVT
 from sautereau.sim_backend.devices.galil.program import Thread
-from sautereau.sim_backend.devices.galil.reference import entries
+from sautereau.sim_backend.devices.galil.reference import ABSENT, entries
 
 _WORDS = ("ELSE", "ENDIF")
 """Commands of more than two letters."""
@@ -111,11 +112,12 @@ def execute(machine: Machine, text: str, thread: Thread | None = None) -> str | 
         return None
     code = next((word for word in _WORDS if text == word), text[:2])
     entry = entries().get(code)
+    known = entry is not None or code in ABSENT
     # A variable may begin with the letters of a command, if small letters or digits follow them.
-    assigned = entry is None or re.match(r"[A-Z]{2}[a-z0-9][A-Za-z0-9]* *[\[=]", text)
+    assigned = not known or re.match(r"[A-Z]{2}[a-z0-9][A-Za-z0-9]* *[\[=]", text)
     if assigned and (answer := programs.assign(machine, text)) is not None:
         return answer or None
-    if entry is None or (code in ("PV", "BT") and machine.unit.firmware.endswith("-FAST")):
+    if entry is None or (code in PVT and not machine.unit.has_pvt):
         raise CommandError(1)
     call = parse_call(machine, entry, text[len(code) :].strip(" "), thread)
     return HANDLERS[code](machine, call)
