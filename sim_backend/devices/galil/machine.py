@@ -7,6 +7,7 @@ from sautereau.sim_backend.devices.emulators import OnOutput, Plant
 from sautereau.sim_backend.devices.galil.arrays import Arrays, Capture
 from sautereau.sim_backend.devices.galil.axis import AXES, Axis
 from sautereau.sim_backend.devices.galil.faults import CommandError
+from sautereau.sim_backend.devices.galil.formats import write_line
 from sautereau.sim_backend.devices.galil.memory import OUTPUTS, Memory, Parameters
 from sautereau.sim_backend.devices.galil.motion import SAMPLES_PER_SECOND
 from sautereau.sim_backend.devices.galil.outputs import Outputs
@@ -246,4 +247,4 @@ class Machine:
         """Carry out a command of a program; its answer is sent as a message."""
         answer = self.execute(self, command, thread)
         if answer is not None:
-            self.tell(answer + "\r\n")
+            self.tell(write_line(answer))

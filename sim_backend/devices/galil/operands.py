@@ -2,6 +2,7 @@
 
 import functools
 import math
+import struct
 from collections.abc import Callable
 
 from sautereau.sim_backend.devices.galil.axis import AXES
@@ -27,6 +28,10 @@ def switches(machine: Machine, axis: int) -> int:
         | (state.latched is not None)
     )
 
+
+DATA_RECORD = (len(AXES), 52, 26, 36)
+"""Axes, and bytes of general state, of a coordinated motion's and of an axis's, in the data
+record."""
 
 PVT = ("PV", "BT")
 """Commands, and operands, that firmware without PVT lacks."""
@@ -91,6 +96,7 @@ OPERANDS: dict[str, Callable[[Machine], float]] = {
     "IA4": lambda machine: machine.ports.lost_handle,
     **{f"CN{n}": _stored("CN", n) for n in range(5)},
     **{code: _stored(code) for code in ("TM", "EO", "LZ", "US", "EI")},
+    **{f"QZ{n}": lambda machine, n=n: DATA_RECORD[n] for n in range(4)},
     **{f"TA{n}": functools.partial(Machine.amplifier_bits, byte=n) for n in range(4)},
     "PF": lambda machine: machine.config["PF"][0] + machine.config["PF"][1] / 10,
     "VF": lambda machine: machine.config["VF"][0] + machine.config["VF"][1] / 10,
@@ -120,6 +126,15 @@ def _degrees(function: Callable[[float], float]) -> Callable[[float], float]:
     return lambda argument: function(math.radians(argument))
 
 
+def _real(argument: float) -> float:
+    """Return the number of which a 32-bit floating-point number has these bits."""
+    bits = int(argument) & 0xFFFFFFFF
+    value = struct.unpack(">f", bits.to_bytes(4, "big"))[0]
+    if not math.isfinite(value):
+        raise CommandError(6)
+    return value
+
+
 _FUNCTIONS: dict[str, tuple[float, Callable[[float], float]]] = {
     "@ABS": (math.inf, abs),
     "@INT": (math.inf, math.trunc),
@@ -132,6 +147,8 @@ _FUNCTIONS: dict[str, tuple[float, Callable[[float], float]]] = {
     "@TAN": (32768, _degrees(math.tan)),
     "@ASIN": (1, lambda argument: math.degrees(math.asin(argument))),
     "@ACOS": (1, lambda argument: math.degrees(math.acos(argument))),
+    "@FLOT": (math.inf, lambda argument: struct.unpack(">i", struct.pack(">f", argument))[0]),
+    "@REAL": (math.inf, _real),
     "@ATAN": (math.inf, lambda argument: math.degrees(math.atan(argument))),
 }
 """Functions of a number with the largest magnitude of their argument."""

@@ -8,6 +8,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from sautereau.sim_backend.devices.galil.faults import CommandError
+from sautereau.sim_backend.devices.galil.formats import write_line
 from sautereau.sim_backend.devices.galil.program import split_commands
 
 SERIAL = "S"
@@ -81,7 +82,7 @@ def answer_line(line: str, execute: Execute, port: Port) -> tuple[str, int | Non
             return answer + "?", error.code
         if port.download is not None:
             return answer, None
-        answer += ":" if reply is None else f"{reply}\r\n:"
+        answer += ":" if reply is None else f"{write_line(reply)}:"
     return answer or ":", None
 
 

@@ -83,7 +83,7 @@ class Program:
             raise CommandError(11)
         line = int(place or 0)
         if line >= len(self.lines):
-            raise CommandError(11 if place else 10)
+            raise CommandError(10)
         return line
 
 

@@ -27,7 +27,7 @@ MODELS = ("4000", "4200", "4103", "2103", "1806", "1802", "30010", "50000", "520
 _ABSENT = """
 AD AO AP AQ AR AS AU AV BC BD BI BK BX BZ CA CC CD CI CM CR CS DH DR DT DV EA EB EC EG EM EP EQ ES
 ET EW EY GA GD GM GR HS IA IH II IK IP KS LC LE LI LM MB ME MF MR MU MW NB NF NZ OC PL PT PW QD QH
-QQ QR QS QZ RI SL TN TR TZ UI VA VD VE VM VP VR VS VV YA YB YC YR YS ZA
+QQ QR QS RI SL TN TR UI VA VD VE VM VP VR VS VV YA YB YC YR YS ZA
 """
 ABSENT = frozenset(_ABSENT.split())
 """Commands of the reference that are not emulated: all are refused, and begin no variable."""

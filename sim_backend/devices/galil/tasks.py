@@ -60,7 +60,8 @@ class Tasks:
         """Return the value of _XQ, _HX or _ZS of a thread."""
         thread = self.threads.get(number)
         if code == "XQ":
-            return -1 if thread is None else thread.line
+            # A line that runs is about to be followed by the next: _XQ0-1 is that line itself.
+            return -1 if thread is None else thread.line + (number == self.current)
         if code == "ZS":
             return 0 if thread is None else thread.depth
         return 0 if thread is None else 2 if thread.waiting else 1

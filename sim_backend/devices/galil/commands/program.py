@@ -213,6 +213,6 @@ def _destination(machine: Machine, call: Call) -> int | None:
     if not place:
         raise CommandError(50)
     line = whole(evaluate(place, machine), 0, 9999)
-    if line >= len(machine.program.lines):
+    if line >= machine.limits.lines:
         raise CommandError(11)
     return line if not condition or evaluate(condition[0], machine) else None

@@ -64,6 +64,8 @@ HANDLERS: dict[str, Handler] = {
     "TB": report.tell_status,
     "TC": report.tell_code,
     "TI": report.tell_inputs,
+    "TZ": report.tell_ports,
+    "QZ": report.tell_record,
     "LA": report.list_arrays,
     "LL": report.list_labels,
     "LS": report.list_program,
