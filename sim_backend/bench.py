@@ -124,10 +124,14 @@ class Bench:
             self._closing.wait(delay)
         return answer
 
-    def connect(self) -> str | None:
-        """Open a TCP connection to the controller; return its handle, None if all are in use."""
+    def connect(self, peer: int) -> str | None:
+        """Open a connection from a host's TCP port to the controller.
+
+        Returns:
+            Its handle, None if all are in use.
+        """
         with self._lock:
-            return self._networked.connect()
+            return self._networked.connect(peer)
 
     def connected(self, port: str) -> bool:
         """Return whether the controller still has a handle."""

@@ -84,7 +84,7 @@ def test_a_silent_cable_is_noticed_by_messages_without_acknowledgement():
     sent = b"DL\r" + program + b"\\CFI;SH;XQ #A\r"
     faults = Faults.model_validate({"cable_out": {"after_bytes": len(sent)}})
     bench = Bench(load_rig(), quiet(ETHERNET).model_copy(update={"faults": faults}))
-    assert bench.connect() == "A"
+    assert bench.connect(5000) == "A"
     assert bench.receive(sent, "A") == b""
     for _ in range(1300):
         bench.tick()

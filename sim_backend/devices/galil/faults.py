@@ -17,6 +17,7 @@ TEXTS = {
     13: "JG only valid when running in jog mode",
     14: "EEPROM check sum error",
     15: "EEPROM write error",
+    16: "IP incorrect sign during position move or IP given during forced deceleration",
     17: "ED, BN and DL not valid while program running",
     19: "Application strand already executing",
     20: "Begin not valid with motor off",

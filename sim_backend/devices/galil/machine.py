@@ -8,18 +8,17 @@ from sautereau.sim_backend.devices.galil.arrays import Arrays, Capture
 from sautereau.sim_backend.devices.galil.axis import AXES, Axis
 from sautereau.sim_backend.devices.galil.faults import CommandError
 from sautereau.sim_backend.devices.galil.formats import write_line
-from sautereau.sim_backend.devices.galil.memory import OUTPUTS, Memory, Parameters
+from sautereau.sim_backend.devices.galil.memory import Memory, Parameters
 from sautereau.sim_backend.devices.galil.motion import SAMPLES_PER_SECOND
 from sautereau.sim_backend.devices.galil.outputs import Outputs
 from sautereau.sim_backend.devices.galil.ports import HANDLES, SERIAL, Ports
-from sautereau.sim_backend.devices.galil.program import Limits, Program, Thread
+from sautereau.sim_backend.devices.galil.program import Limits, Program
 from sautereau.sim_backend.devices.galil.safety import Safety
-from sautereau.sim_backend.devices.galil.tasks import THREADS, Tasks
+from sautereau.sim_backend.devices.galil.tasks import Tasks
+from sautereau.sim_backend.devices.galil.thread import Thread
 
 INPUTS = 8
 """Digital inputs, numbered from 1."""
-
-__all__ = ["INPUTS", "OUTPUTS", "THREADS", "Machine"]
 
 Execute = Callable[["Machine", str, Thread | None], str | None]
 

@@ -7,8 +7,10 @@ from collections.abc import Callable
 
 from sautereau.sim_backend.devices.galil.axis import AXES
 from sautereau.sim_backend.devices.galil.faults import CommandError
-from sautereau.sim_backend.devices.galil.machine import INPUTS, OUTPUTS, THREADS, Machine
+from sautereau.sim_backend.devices.galil.machine import INPUTS, Machine
+from sautereau.sim_backend.devices.galil.memory import OUTPUTS
 from sautereau.sim_backend.devices.galil.ports import HANDLES, SERIAL
+from sautereau.sim_backend.devices.galil.tasks import THREADS
 
 
 def switches(machine: Machine, axis: int) -> int:
@@ -39,6 +41,7 @@ PVT = ("PV", "BT")
 AXIS_OPERANDS: dict[str, Callable[[Machine, int], float]] = {
     "TP": Machine.position,
     "DP": Machine.position,
+    "IP": Machine.position,
     "RP": Machine.commanded,
     "TE": Machine.error,
     "TD": lambda machine, axis: machine.axes[axis].auxiliary,

@@ -3,7 +3,8 @@
 from collections.abc import Callable, Collection
 
 from sautereau.sim_backend.devices.galil.faults import CommandError
-from sautereau.sim_backend.devices.galil.program import ERROR_ROUTINES, Program, Thread
+from sautereau.sim_backend.devices.galil.program import Program
+from sautereau.sim_backend.devices.galil.thread import ERROR_ROUTINES, Thread
 
 THREADS = 8
 """Threads, numbered from 0."""

@@ -4,8 +4,8 @@ from sautereau.sim_backend.devices.galil.commands.call import Call
 from sautereau.sim_backend.devices.galil.faults import CommandError
 from sautereau.sim_backend.devices.galil.formats import write_number
 from sautereau.sim_backend.devices.galil.grammar import QUERY, evaluate, split_arguments
-from sautereau.sim_backend.devices.galil.machine import OUTPUTS, Machine
-from sautereau.sim_backend.devices.galil.memory import Memory
+from sautereau.sim_backend.devices.galil.machine import Machine
+from sautereau.sim_backend.devices.galil.memory import OUTPUTS, Memory
 from sautereau.sim_backend.devices.galil.operands import whole
 
 BURN_TIME = 1.0

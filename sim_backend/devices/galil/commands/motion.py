@@ -54,6 +54,21 @@ def aim(machine: Machine, call: Call) -> str | None:
     return write_list([operand(machine, index) for index in asked]) if asked else None
 
 
+def increment(machine: Machine, call: Call) -> str | None:
+    """IP: move on by some counts, from rest as PR and BG do."""
+    asked: list[float] = []
+    for index, value in call.values.items():
+        axis = machine.axes[index]
+        if value is None:
+            asked.append(machine.position(index))
+        elif axis.profile is not None:
+            axis.increment(int(value))
+        else:
+            _check_begin(machine, index, value)
+            axis.begin_move(int(value))
+    return write_list(asked) if asked else None
+
+
 def search(machine: Machine, call: Call) -> None:
     """HM, FE and FI: make the next BG a search for the home switch or the index."""
     for index in call.axes:

@@ -15,8 +15,8 @@ from sautereau.sim_backend.devices.galil.commands.call import Handler, parse_cal
 from sautereau.sim_backend.devices.galil.faults import CommandError
 from sautereau.sim_backend.devices.galil.machine import Machine
 from sautereau.sim_backend.devices.galil.operands import PVT
-from sautereau.sim_backend.devices.galil.program import Thread
 from sautereau.sim_backend.devices.galil.reference import ABSENT, entries
+from sautereau.sim_backend.devices.galil.thread import Thread
 
 _WORDS = ("ELSE", "ENDIF")
 """Commands of more than two letters."""
@@ -30,6 +30,7 @@ HANDLERS: dict[str, Handler] = {
     **dict.fromkeys(("PA", "PR", "JG"), motion.aim),
     **dict.fromkeys(("HM", "FE", "FI"), motion.search),
     **dict.fromkeys(("PF", "VF"), config.format_numbers),
+    "IP": motion.increment,
     "AG": settings.gain,
     "MT": settings.gain,
     "OV": settings.encoder_torque,
@@ -77,6 +78,7 @@ HANDLERS: dict[str, Handler] = {
     "RA": arrays.record_into,
     "RD": arrays.record_data,
     "RC": arrays.record,
+    "QD": arrays.download,
     "QU": arrays.upload,
     "BP": programs.burn,
     "DL": programs.download,
