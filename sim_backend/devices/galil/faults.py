@@ -47,11 +47,15 @@ TEXTS = {
     83: "Not a valid number",
     84: "Too many elements",
     90: "Only A B C D valid operand",
+    106: "Privilege Violation",
     120: "Bad Ethernet transmit",
     123: "TCP lost sync",
     126: "Closed Ethernet handle",
     131: "Serial Port Timeout",
     135: "Motor must be in MO",
+    136: "Invalid Password",
+    137: "Invalid lock setting",
+    138: "Passwords not identical",
     141: "Feature not supported",
 }
 """Texts of the error codes, in the command reference's words."""

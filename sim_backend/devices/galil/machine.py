@@ -45,11 +45,8 @@ class Machine:
     ) -> None:
         self.plant, self.unit = plant, unit
         self.execute = execute
-        self.limits = Limits(
-            4000 if unit.large_memory else 2000,
-            elements=24_000 if unit.large_memory else 16_000,
-            line_length=unit.line_length,
-        )
+        lines, elements = (4000, 24_000) if unit.large_memory else (2000, 16_000)
+        self.limits = Limits(lines, elements=elements, line_length=unit.line_length)
         self.inputs = [True] * INPUTS
         """Levels of the digital inputs, which are pulled up."""
         self.outputs = Outputs(on_output)
@@ -90,6 +87,8 @@ class Machine:
         self.tasks = Tasks(self._run_command, self._store, self.tell)
         self.safety = Safety(self)
         self.variables: dict[str, float] = dict(memory.variables)
+        self.variable_axes: dict[str, int] = {}
+        self.password, self.locked = burned.password, False
         self.arrays = Arrays(self.limits.elements, memory.arrays)
         self.capture = Capture()
         self.ports.reset()
@@ -106,6 +105,7 @@ class Machine:
             tuple(dict(axis.settings) for axis in self.axes),
             tuple(axis.motor_on for axis in self.axes),
             self.config,
+            self.password,
             tuple(self.outputs.bits),
         ).only_burnable()
 

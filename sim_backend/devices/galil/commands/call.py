@@ -7,6 +7,7 @@ from sautereau.sim_backend.devices.galil.faults import CommandError
 from sautereau.sim_backend.devices.galil.grammar import (
     QUERY,
     evaluate,
+    named_axes,
     parse_axes,
     parse_list,
     split_arguments,
@@ -77,7 +78,7 @@ def parse_call(machine: Machine, entry: Entry, text: str, thread: Thread | None)
         raise CommandError(3)
     call = Call(entry, text, thread)
     if entry.form == "mask":
-        call.axes = parse_axes(text)
+        call.axes = parse_axes(named_axes(machine, text))
         _check_rest(machine, entry, call.axes)
     elif entry.form == "values":
         values = parse_list(text, machine)

@@ -1,5 +1,6 @@
 """Commands about programs: download, run, jump, branch, wait."""
 
+from sautereau.sim_backend.devices.galil.axis import AXES
 from sautereau.sim_backend.devices.galil.commands.call import Call
 from sautereau.sim_backend.devices.galil.commands.config import BURN_TIME
 from sautereau.sim_backend.devices.galil.commands.report import write_variable
@@ -34,7 +35,10 @@ def assign(machine: Machine, text: str) -> str | None:
             return write_variable(machine, machine.arrays.element(name, place))
         return write_variable(machine, evaluate(name, machine))
     result = evaluate(value, machine)
-    if place is None:
+    if name.startswith("~"):
+        axis = AXES.find(value.strip(' "')) if '"' in value else int(result)
+        machine.variable_axes[name] = whole(axis, 0, len(AXES) - 1)
+    elif place is None:
         machine.set_variable(name, result)
     else:
         machine.arrays.set_element(name, place, result)

@@ -20,7 +20,9 @@ from sautereau.sim_backend.devices.galil.thread import Thread
 
 _WORDS = ("ELSE", "ENDIF")
 """Commands of more than two letters."""
-REVISION, MASTER_RESET = "\x12\x16", "\x12\x13"
+REVISION, MASTER_RESET, LOCK = "\x12\x16", "\x12\x13", "\x0c\x0b"
+_LOCKED = ("ED", "LS", "UL")
+"""Commands that a locked program refuses."""
 
 HANDLERS: dict[str, Handler] = {
     **{code: settings.setting for code, entry in entries().items() if entry.form == "values"},
@@ -49,6 +51,7 @@ HANDLERS: dict[str, Handler] = {
     "ST": motion.stop,
     "AB": motion.abort,
     "AZ": config.clear_amplifier,
+    "PW": config.set_password,
     "OP": config.output_port,
     "OB": config.output_bit,
     "BN": config.burn,
@@ -112,6 +115,8 @@ def execute(machine: Machine, text: str, thread: Thread | None = None) -> str | 
         return machine.unit.revision
     if text == MASTER_RESET and thread is None:
         return config.master_reset(machine)
+    if text.startswith(LOCK) and thread is None:
+        return config.lock(machine, text.removeprefix(LOCK).strip(" "))
     if text.startswith("'") or (thread is not None and text.startswith("#")):
         return None
     code = next((word for word in _WORDS if text == word), text[:2])
@@ -124,4 +129,6 @@ def execute(machine: Machine, text: str, thread: Thread | None = None) -> str | 
     if entry is None or (code in PVT and not machine.unit.has_pvt):
         raise CommandError(1)
     call = parse_call(machine, entry, text[len(code) :].strip(" "), thread)
+    if machine.locked and code in _LOCKED:
+        raise CommandError(106)
     return HANDLERS[code](machine, call)
