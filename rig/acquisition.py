@@ -37,6 +37,10 @@ class Channel(Section):
     where `delay` includes it."""
     high_pass: Frequency = Field(ge=0)
     """Hz, corner of the AC coupling; 0 for none."""
+    delay_std: Time = Field(default=20e-6, ge=0)
+    """s, standard uncertainty of `delay`."""
+    gain_std: float = Field(default=0.01, ge=0, le=0.5)
+    """Dimensionless, relative standard uncertainty of `scale`."""
     terminal_configuration: Literal["default", "rse", "nrse", "diff", "pseudo_diff"] = "default"
     """How the input is referenced to ground; `default` leaves the device's own, which the sensor's
     wiring must match."""

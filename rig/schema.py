@@ -114,6 +114,9 @@ class Arm(Section):
     """kg, link 2, a slender rod."""
     fingertip_radius: Length = Field(gt=0)
     """m, of the sphere that touches the key."""
+    fingertip_friction: float = Field(default=0.0, ge=-1, le=1)
+    """Dimensionless, force of the fingertip along the key over its force on it while the key goes
+    down; positive towards the front edge, where it helps to press; reversed on the way back."""
     base_x: Length
     """m, of joint 1."""
     base_z: Length
