@@ -76,6 +76,7 @@ def test_a_lost_handle_is_noticed_with_the_next_message(bench):
     firmware.disconnect(second)
     bench.tick(6)
     assert firmware.receive(b"MG lost,code,_XQ1\r", first) == b" 1.0000 123.0000 -1.0000\r\n:"
+    assert [bench.number(f"_IA{n}") for n in range(6)] == [2130706433, 250, 7, -1, 1, -1]
     assert [firmware.connect() for _ in range(8)] == [*"BCDEFGH", None]
 
 
