@@ -83,6 +83,21 @@ def test_what_is_burned_remains(make_bench, entry):
     assert bench.number(f"_{entry.code}B") == pytest.approx(argument.default, abs=1e-4)
 
 
+def test_a_burned_lock_remains_until_the_master_reset(make_bench):
+    bench = make_bench()
+    bench.firmware.receive(b"DL\r#A\rEN\r\\")
+    bench.accept("BP", "PW key,key", "\x0c\x0bkey,1", "BN")
+    bench.send("RS")
+    bench.send("EO 0")
+    assert bench.send("\x0c\x0b?") == " 1\r\n:"
+    for line, code in (("LS", 106), ("ED", 106), ("PW a,a", 106), ("\x0c\x0bno,0", 136)):
+        assert code_of(bench, line) == code
+    bench.send("\x12\x13")
+    bench.send("EO 0")
+    assert code_of(bench, "UL") == 0
+    assert bench.send("\x0c\x0b?") == " 0\r\n:"
+
+
 @pytest.mark.parametrize("model", ["DMC4020", "DMC4123", "DMC2123", "DMC1820", "DMC30012"])
 def test_models_lack_what_the_reference_says(make_bench, model):
     unit = ControllerUnit(model=model, burned=())

@@ -88,7 +88,7 @@ class Machine:
         self.safety = Safety(self)
         self.variables: dict[str, float] = dict(memory.variables)
         self.variable_axes: dict[str, int] = {}
-        self.password, self.locked = burned.password, False
+        self.password, self.locked = burned.lock
         self.arrays = Arrays(self.limits.elements, memory.arrays)
         self.capture = Capture()
         self.ports.reset()
@@ -105,7 +105,7 @@ class Machine:
             tuple(dict(axis.settings) for axis in self.axes),
             tuple(axis.motor_on for axis in self.axes),
             self.config,
-            self.password,
+            (self.password, self.locked),
             tuple(self.outputs.bits),
         ).only_burnable()
 
