@@ -70,9 +70,11 @@ class Bench:
         self.card = BenchCard(
             self.rig, self.scene, seed, paced, self._lock, self.injection, lambda: self.world.time
         )
+        self._powered_up = False
         emulate = EMULATORS.get(rig.controller.kind)
         given = {} if scene.controller is None else {"unit": scene.controller}
         self.firmware: Emulator = emulate(rig, self.plant, self._on_output, paced, **given)
+        self._powered_up = True
         self._outbox: dict[str, bytes] = {}
         self.on_message: Callable[[], None] = lambda: None
         """Called when the controller has sent something by itself."""
@@ -122,10 +124,14 @@ class Bench:
             self._closing.wait(delay)
         return answer
 
-    def connect(self) -> str | None:
-        """Open a TCP connection to the controller; return its handle, None if all are in use."""
+    def connect(self, peer: int) -> str | None:
+        """Open a connection from a host's TCP port to the controller.
+
+        Returns:
+            Its handle, None if all are in use.
+        """
         with self._lock:
-            return self._networked.connect()
+            return self._networked.connect(peer)
 
     def connected(self, port: str) -> bool:
         """Return whether the controller still has a handle."""
@@ -154,6 +160,8 @@ class Bench:
         return self.firmware
 
     def _on_output(self, number: int, level: bool) -> None:
+        if not self._powered_up:  # burned levels: there was nobody to see their edges
+            return
         if level != self._inverted and number == self.rig.controller.trigger_output:
             within = self.firmware.phase * self.rig.controller.sample_period
             self.card.edge(within + self._output_delay)

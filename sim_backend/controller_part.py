@@ -88,6 +88,11 @@ class ControllerUnit(Section):
         return f"{self.model} Rev {self.firmware}-SIM sautereau stand-in"
 
     @property
+    def has_pvt(self) -> bool:
+        """Whether the firmware has the PVT mode."""
+        return not self.firmware.endswith("-FAST")
+
+    @property
     def large_memory(self) -> bool:
         """Whether the firmware is 1.2a or later: 4,000 lines and 24,000 array elements."""
         return self.firmware.split("-")[0] >= "1.2a"

@@ -13,8 +13,8 @@ _CHUNK = 4096
 class Controller(Protocol):
     """The controller behind the port; the bench implements it."""
 
-    def connect(self) -> str | None:
-        """Open a connection; return its handle, or None if all are in use."""
+    def connect(self, peer: int) -> str | None:
+        """Open a connection from a host's TCP port; return its handle, None if all are in use."""
         ...
 
     def connected(self, port: str) -> bool:
@@ -74,8 +74,8 @@ class TcpPort(Port):
                     del answers[: connection.send(answers[:_CHUNK])]
 
     def _accept(self) -> None:
-        connection, _ = self._listener.accept()
-        handle = self._controller.connect()
+        connection, (_, peer) = self._listener.accept()
+        handle = self._controller.connect(peer)
         if handle is None:
             connection.close()
             return

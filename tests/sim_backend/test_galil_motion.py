@@ -37,6 +37,43 @@ def test_absolute_and_relative_moves_in_the_hosts_frame(bench):
     assert bench.send("TP") == " 1480,-200\r\n:"
 
 
+@pytest.mark.parametrize("after", [0, 10, 60, 120])
+def test_a_move_that_is_extended_ends_there_and_is_no_slower_than_one_move(bench, after):
+    bench.accept("SP 20000;AC 512000;DC 512000;SH;PRA=-3000;BGA")
+    whole = bench.run()
+    bench.accept("PRA=-2000;BGA")
+    bench.tick(after)
+    bench.accept("IPA=-1000")
+    samples = after + bench.run()
+    assert bench.counts == [-6000, 0]
+    decelerates = after > 2000 / 20_000 * RATE
+    assert samples > whole if decelerates else abs(samples - whole) <= 1
+    assert np.abs(bench.velocities).max() <= 20_000 / RATE * (1 + 1e-9)
+    bench.assert_smooth()
+    bench.accept("IPA=7")
+    bench.run()
+    assert bench.counts == [-5993, 0]
+    bench.accept("MO")
+    assert bench.refusal("IPA=1") == 20
+
+
+def test_increments_that_are_refused_and_those_of_a_jog(bench):
+    bench.accept("SH", "PR 2000;BGA")
+    assert bench.refusal("IPA=-1") == 16
+    bench.accept("STA")
+    assert bench.refusal("IPA=1") == 16
+    bench.run()
+    bench.accept("JGA=1024;BGA")
+    bench.tick(100)
+    place = bench.number("_RPA")
+    bench.accept("IPA=500")
+    assert bench.number("_RPA") == place + 500
+    bench.tick(10)
+    assert bench.number("_RPA") == pytest.approx(place + 510, abs=1)
+    bench.accept("PVB=2,2,2", "BTB")
+    assert bench.refusal("IPB=1") == 7
+
+
 def test_stop_takes_the_distance_and_time_of_its_deceleration(bench):
     bench.accept("SH", "DC 512000,512000", "JG 40960,-20480", "BG")
     bench.tick(300)

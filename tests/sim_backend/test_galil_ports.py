@@ -76,6 +76,7 @@ def test_a_lost_handle_is_noticed_with_the_next_message(bench):
     firmware.disconnect(second)
     bench.tick(6)
     assert firmware.receive(b"MG lost,code,_XQ1\r", first) == b" 1.0000 123.0000 -1.0000\r\n:"
+    assert [bench.number(f"_IA{n}") for n in range(6)] == [2130706433, 250, 7, -1, 1, -1]
     assert [firmware.connect() for _ in range(8)] == [*"BCDEFGH", None]
 
 
@@ -84,7 +85,7 @@ def test_a_silent_cable_is_noticed_by_messages_without_acknowledgement():
     sent = b"DL\r" + program + b"\\CFI;SH;XQ #A\r"
     faults = Faults.model_validate({"cable_out": {"after_bytes": len(sent)}})
     bench = Bench(load_rig(), quiet(ETHERNET).model_copy(update={"faults": faults}))
-    assert bench.connect() == "A"
+    assert bench.connect(5000) == "A"
     assert bench.receive(sent, "A") == b""
     for _ in range(1300):
         bench.tick()

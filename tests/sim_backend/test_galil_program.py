@@ -69,7 +69,11 @@ def test_capture_stops_when_full_or_stopped_and_records_every_power_of_two(bench
     bench.accept("RC 1,-10")
     bench.tick(50)
     assert bench.number("_RC") == 1
-    bench.accept("RC 0", "AB")
+    bench.accept("AB")
+    assert not bench.firmware.moving, "a circular record never ends"
+    bench.accept("RC 0", "RC 3,5")
+    assert bench.firmware.moving
+    bench.accept("RC 0")
     assert not bench.firmware.moving
     assert bench.refusal("RC 1,101") == 84
 

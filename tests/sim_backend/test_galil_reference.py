@@ -4,10 +4,10 @@ import pytest
 
 from sautereau.sim_backend.controller_part import ControllerUnit
 from sautereau.sim_backend.devices.galil.commands.table import HANDLERS
-from sautereau.sim_backend.devices.galil.reference import MODELS, entries
+from sautereau.sim_backend.devices.galil.reference import ABSENT, MODELS, entries
 
 ENTRIES = list(entries().values())
-SETTINGS = [entry for entry in ENTRIES if entry.form == "values"]
+SETTINGS = [entry for entry in ENTRIES if entry.form == "values" and entry.code != "IP"]
 by_code = pytest.mark.parametrize("entry", ENTRIES, ids=lambda entry: entry.code)
 
 
@@ -20,6 +20,16 @@ def code_of(bench, line):
 def test_every_command_of_the_table_is_carried_out_and_none_besides():
     assert set(HANDLERS) == set(entries())
     assert all(entry.models <= set(MODELS) and entry.heading for entry in ENTRIES)
+
+
+def test_a_command_that_is_not_emulated_is_refused_and_no_variable(make_bench):
+    bench = make_bench()
+    assert not ABSENT & entries().keys()
+    for code in ABSENT:
+        for line in (code, f"{code} 1", f"{code}A=1", f"{code}*=1", f"{code}=1", f"{code}NAME=1"):
+            assert code_of(bench, line) == 1, line
+        assert code_of(bench, f"{code}a=1") == code_of(bench, f"{code}0=1") == 0
+    assert code_of(bench, "PORT=1;DUAL=1") == 0  # no command begins with PO or DU
 
 
 @by_code
@@ -73,6 +83,21 @@ def test_what_is_burned_remains(make_bench, entry):
     assert bench.number(f"_{entry.code}B") == pytest.approx(argument.default, abs=1e-4)
 
 
+def test_a_burned_lock_remains_until_the_master_reset(make_bench):
+    bench = make_bench()
+    bench.firmware.receive(b"DL\r#A\rEN\r\\")
+    bench.accept("BP", "PW key,key", "\x0c\x0bkey,1", "BN")
+    bench.send("RS")
+    bench.send("EO 0")
+    assert bench.send("\x0c\x0b?") == " 1\r\n:"
+    for line, code in (("LS", 106), ("ED", 106), ("PW a,a", 106), ("\x0c\x0bno,0", 136)):
+        assert code_of(bench, line) == code
+    bench.send("\x12\x13")
+    bench.send("EO 0")
+    assert code_of(bench, "UL") == 0
+    assert bench.send("\x0c\x0b?") == " 0\r\n:"
+
+
 @pytest.mark.parametrize("model", ["DMC4020", "DMC4123", "DMC2123", "DMC1820", "DMC30012"])
 def test_models_lack_what_the_reference_says(make_bench, model):
     unit = ControllerUnit(model=model, burned=())
@@ -87,6 +112,7 @@ def test_other_firmware(make_bench, firmware):
     bench = make_bench(ControllerUnit(firmware=firmware))
     assert f"Rev {firmware}-SIM" in bench.send("\x12\x16")
     assert code_of(bench, "PVA=2,2,2") == (1 if "FAST" in firmware else 0)
+    assert code_of(bench, "MG _PVA,_BTA") == (58 if "FAST" in firmware else 0)
     assert bench.number("_DM") == (24_000 if "FAST" in firmware else 16_000)
     bench.firmware.receive(b"DL\r#A\rAT 0\rAT 4,1\rEN\r\\")
     bench.accept("XQ")

@@ -3,7 +3,7 @@
 import pytest
 
 from sautereau.sim_backend.controller_part import ControllerUnit
-from sautereau.sim_backend.devices.galil.program import ERROR_ROUTINES
+from sautereau.sim_backend.devices.galil.thread import ERROR_ROUTINES
 
 UNIT = ControllerUnit()
 

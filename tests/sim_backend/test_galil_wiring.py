@@ -67,6 +67,31 @@ def test_a_lifted_arm_holds_its_place_when_it_is_powered():
     assert number(bench, "_TPA") == pytest.approx(5000, abs=20)
 
 
+def test_the_motors_move_a_lifted_arm_as_far_as_any_other():
+    bench = arm(finger="ideal")
+    assert lift(bench, 1, 1000) == (1000, 0)
+    send(bench, "RS")
+    send(bench, "EO 0;SH;PR 2000;BGA")
+    run(bench, 300)
+    assert number(bench, "_TPA") == 2000
+    bench = arm()
+    lift(bench)
+    assert "?" not in send(bench, "SH;SP 20000;AC 9000000;DC 9000000")
+    edges = []
+    for _ in range(4):
+        send(bench, "FEA;BGA")
+        run(bench, 900)
+        edges.append(number(bench, "_TPA"))
+    assert max(edges) - min(edges) < 200
+
+
+@pytest.mark.parametrize("inverted", [False, True])
+def test_burned_outputs_are_no_edges(inverted):
+    bench = arm(burned=("MO", "BW 100", "SB 3", "OP 255"), output_inverted=inverted)
+    assert number(bench, "_BWA") == 100
+    assert bench.injection.presses == 0
+
+
 @pytest.mark.parametrize(
     ("faults", "code"),
     [

@@ -143,7 +143,8 @@ class Terminal:
 
 
 def _outside(text: str) -> str:
-    return re.sub(r'"[^"]*"|\'.*', "", text).rstrip(";")
+    """Return a line without strings and without the text of its comment, which is a command."""
+    return re.sub(r'"[^"]*"|(?<=\').*', "", text).rstrip(";")
 
 
 def _plain(sent: str, answer: str, expected: str) -> None:

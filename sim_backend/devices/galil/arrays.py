@@ -118,6 +118,11 @@ class Capture:
         self._period, self._countdown = 2**exponent, 0
         self.index, self.running = 0, True
 
+    @property
+    def awaited(self) -> bool:
+        """Whether it runs and ends by itself."""
+        return self.running and not self._circular
+
     def stop(self) -> None:
         """Stop; what has been recorded stays."""
         self.running = False

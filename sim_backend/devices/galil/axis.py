@@ -4,6 +4,7 @@ import math
 from collections import deque
 from collections.abc import Callable
 
+from sautereau.sim_backend.devices.galil.faults import CommandError
 from sautereau.sim_backend.devices.galil.homing import Search, find_edge, find_index, go_home
 from sautereau.sim_backend.devices.galil.motion import (
     FIFO_LENGTH,
@@ -135,6 +136,27 @@ class Axis:
         pieces = trapezoid(distance, self.speed("SP"), self.rate("AC"), self.rate("DC"))
         start = round(self.position)
         self._start(Ramp(self.position, 0.0, pieces, StopCode.RUNNING, start + distance))
+
+    def increment(self, distance: int) -> None:
+        """IP in motion: move the end of a move, or the reference of a jog at once.
+
+        Raises:
+            CommandError: The motion is neither, or goes the other way.
+        """
+        profile = self.profile
+        if isinstance(profile, Ramp) and self.jogging:
+            self.position += distance
+            self._start(profile.moved(distance))
+            self.jogging = True
+            return
+        if not isinstance(profile, Ramp):
+            raise CommandError(7)
+        if profile.target is None or distance * (profile.target - self.position) < 0:
+            raise CommandError(16)
+        end = profile.target + distance
+        rates = self.rate("AC"), self.rate("DC")
+        pieces = trapezoid(end - self.position, self.speed("SP"), *rates, self.velocity)
+        self._start(Ramp(self.position, self.velocity, pieces, StopCode.RUNNING, end))
 
     def begin_search(self, home: Callable[[], bool]) -> None:
         """Start HM, FE or FI; ``home`` reads the home input."""

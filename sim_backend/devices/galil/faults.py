@@ -17,6 +17,7 @@ TEXTS = {
     13: "JG only valid when running in jog mode",
     14: "EEPROM check sum error",
     15: "EEPROM write error",
+    16: "IP incorrect sign during position move or IP given during forced deceleration",
     17: "ED, BN and DL not valid while program running",
     19: "Application strand already executing",
     20: "Begin not valid with motor off",
@@ -46,11 +47,15 @@ TEXTS = {
     83: "Not a valid number",
     84: "Too many elements",
     90: "Only A B C D valid operand",
+    106: "Privilege Violation",
     120: "Bad Ethernet transmit",
     123: "TCP lost sync",
     126: "Closed Ethernet handle",
     131: "Serial Port Timeout",
     135: "Motor must be in MO",
+    136: "Invalid Password",
+    137: "Invalid lock setting",
+    138: "Passwords not identical",
     141: "Feature not supported",
 }
 """Texts of the error codes, in the command reference's words."""

@@ -11,8 +11,7 @@ from sautereau.sim_backend.devices.emulators import OnOutput, Plant, along
 from sautereau.sim_backend.devices.galil.commands.table import execute
 from sautereau.sim_backend.devices.galil.faults import CommandError
 from sautereau.sim_backend.devices.galil.machine import Machine
-from sautereau.sim_backend.devices.galil.ports import SERIAL, Port, answer_line
-from sautereau.sim_backend.devices.galil.program import Program
+from sautereau.sim_backend.devices.galil.ports import SERIAL, Download, Port, answer_line
 from sautereau.sim_backend.devices.galil.uart import Uart
 from sautereau.trajectory.motion import Floats
 
@@ -66,9 +65,10 @@ class GalilFirmware(Machine):
     def moving(self) -> bool:
         """Whether a profile, a program or a capture runs, so that time must advance.
 
-        A looping program that the host started, such as a watchdog, does not count.
+        What does not end by itself does not count: a looping program that the host started, such
+        as a watchdog, and a circular capture.
         """
-        if self.in_motion or self.capture.running or self.line_busy:
+        if self.in_motion or self.capture.awaited or self.line_busy:
             return True
         if self.tasks.pending and not self.tasks.in_error_routine:
             return True
@@ -98,9 +98,9 @@ class GalilFirmware(Machine):
         """Whether characters are under way on the serial line."""
         return self._uart is not None and self._uart.busy
 
-    def connect(self) -> str | None:
-        """Open a TCP connection; return its handle, or None if all are in use."""
-        return self.ports.connect()
+    def connect(self, peer: int = 1000) -> str | None:
+        """Open a connection from a host's TCP port; return its handle, None if all are in use."""
+        return self.ports.connect(peer)
 
     def disconnect(self, letter: str) -> None:
         """Lose a TCP connection."""
@@ -154,9 +154,9 @@ class GalilFirmware(Machine):
         port = self.ports[letter]
         echoes = letter == SERIAL
         for byte in data:
-            if port.download is not None:
-                text = port.take_download(byte)
-                answer += b"" if text is None else self._store_program(text)
+            if (download := port.download) is not None:
+                if port.take_download(download, byte):
+                    answer += self._store_download(download)
                 continue
             line_feed = byte == 10 or (port.after_download and byte == 13)
             if echoes and self.config["EO"][0] and not line_feed:
@@ -182,12 +182,10 @@ class GalilFirmware(Machine):
         waiting = self.ports.collect(port.letter)  # what the commands themselves have sent
         return waiting + answer.encode("latin-1", "replace")
 
-    def _store_program(self, text: str) -> bytes:
-        """Store a downloaded program; on an error there is none."""
+    def _store_download(self, download: Download) -> bytes:
         try:
-            self.program = Program.parse(text, self.limits)
+            download.store(download.text)
         except CommandError as error:
-            self.program = Program()
             self.error_code = error.code
             return b"?"
         return b":"

@@ -7,6 +7,17 @@ from sautereau.sim_backend.devices.galil.faults import CommandError
 _FORMAT = re.compile(r"([FZ$])(-?[0-9]+)(?:\.([0-9]+))?")
 
 
+class Unended(str):
+    """An answer after which no line ends, as MG's {N} has it."""
+
+    __slots__ = ()
+
+
+def write_line(answer: str) -> str:
+    """Write an answer with its line end."""
+    return answer if isinstance(answer, Unended) else answer + "\r\n"
+
+
 def write_number(value: float, decimals: int = 4) -> str:
     """Write a number with a blank for the plus sign and without leading zeros."""
     text = f"{value: .{decimals}f}"
@@ -28,8 +39,9 @@ def write_in(value: float, places: int, decimals: int, *, zeros: bool) -> str:
         zeros: Whether leading zeros are written.
     """
     if places < 0:
-        digits = int(value * 65536) & 0xFFFFFFFFFFFF
-        text = f"{digits >> 16:0{-places}X}"[places:]
+        half = 16**-places // 2 * 65536
+        digits = max(-half, min(half - 1, int(value * 65536))) % (2 * half)
+        text = f"{digits >> 16:0{-places}X}"
         return f"${text}" + (f".{digits & 0xFFFF:04X}"[: 1 + decimals] if decimals else "")
     largest = 10**places - 10**-decimals
     value = min(largest, max(-largest, value))

@@ -12,13 +12,17 @@ from sautereau.sim_backend.devices.galil.operands import function, operand, vari
 LARGEST_NUMBER = 2.0**31
 """Largest magnitude of a number in the controller, whose numbers are multiples of 1/65536."""
 QUERY = "?"
+STRING = 6
+"""Characters in a number."""
 
 _TOKEN = re.compile(
+    r'(?P<string>"[^"]*")|(?P<axis>~[a-h])|'
     r"(?P<number>[0-9]+\.?[0-9]*|\.[0-9]+)|(?P<hex>\$[0-9A-Fa-f]+(?:\.[0-9A-Fa-f]{1,4})?)"
-    r"|(?P<operand>_[A-Z]{2}[A-Z0-9]?[0-9]?)|(?P<label>#[A-Za-z0-9]+)"
+    r"|(?P<operand>_[A-Z]{2}(?:~[a-h]|[A-Z0-9]?[0-9]?))|(?P<label>#[A-Za-z0-9]+)"
     r"|(?P<name>@?[A-Za-z][A-Za-z0-9]*)|(?P<sign>[-+*/%&|()\[\]])",
     re.ASCII,
 )
+_BLANKS = re.compile(r'("[^"]*")| ')
 _OPERATOR = re.compile(r"<=|>=|<>|[-+*/%&|<>=]")
 _OPERATIONS: dict[str, Callable[[float, float], float]] = {
     "+": operator.add,
@@ -36,7 +40,8 @@ _OPERATIONS: dict[str, Callable[[float, float], float]] = {
     ">=": operator.ge,
 }
 _ASSIGNMENT = re.compile(
-    r"(?P<name>[A-Za-z][A-Za-z0-9]{0,7}) *(?:\[(?P<index>[^=]*)\])? *=(?P<value>(?:[^=].*)?)",
+    r"(?P<name>~[a-h]|[A-Za-z][A-Za-z0-9]{0,7}) *"
+    r"(?:\[(?P<index>[^=]*)\])? *=(?P<value>(?:[^=].*)?)",
     re.ASCII,
 )
 
@@ -48,7 +53,7 @@ class _Expression:
     """
 
     def __init__(self, text: str, machine: Machine) -> None:
-        self._text, self._machine = text.replace(" ", ""), machine
+        self._text, self._machine = _BLANKS.sub(r"\1", text), machine
         self._at = 0
 
     def value(self) -> float:
@@ -70,12 +75,17 @@ class _Expression:
             raise CommandError(83)
         self._at = token.end()
         text = token[0]
+        if token["string"]:
+            return _packed(text[1:-1])
+        if token["axis"]:
+            return variable_axis(self._machine, text)
         if token["number"]:
             return _bounded(float(text))
         if token["hex"]:
             return _hexadecimal(text[1:])
         if token["operand"]:
-            return operand(self._machine, text[1:])
+            code, axis = text[1:3], text[3:]
+            return operand(self._machine, code + named_axes(self._machine, axis))
         if token["label"]:
             return float(self._machine.program.line_of(text))
         if text == "-":
@@ -119,6 +129,13 @@ def _bounded(value: float) -> float:
     return int(value * 65536) / 65536
 
 
+def _packed(text: str) -> float:
+    """Return the number that holds the characters of a string, from its highest byte on."""
+    if len(text) > STRING:
+        raise CommandError(52)
+    return int.from_bytes(text.encode("latin-1", "replace").ljust(STRING, b"\0"), "big") / 65536
+
+
 def _hexadecimal(text: str) -> float:
     whole, _, fraction = text.partition(".")
     value = int(whole, 16)
@@ -145,6 +162,18 @@ def parse_assignment(text: str) -> tuple[str, str | None, str] | None:
     return (found["name"], found["index"], found["value"]) if found else None
 
 
+def variable_axis(machine: Machine, name: str) -> int:
+    """Return the number of the axis for which ``~a`` to ``~h`` stands."""
+    if name not in machine.variable_axes:
+        raise CommandError(9)
+    return machine.variable_axes[name]
+
+
+def named_axes(machine: Machine, text: str) -> str:
+    """Return a text with the letters of axes instead of ``~a`` to ``~h``."""
+    return re.sub("~[a-h]", lambda found: AXES[variable_axis(machine, found[0])], text)
+
+
 def parse_axes(args: str) -> list[int]:
     """Return the axes that letters name, 0 for A; no letter means all axes."""
     letters = args.replace(" ", "").replace("X", "A").replace("Y", "B")
@@ -161,9 +190,9 @@ def parse_list(args: str, machine: Machine) -> dict[int, float | None]:
     Raises:
         CommandError: An axis or a value is invalid, or there is none.
     """
-    named = re.match(r" *([A-Z*]+) *=", args)
+    named = re.match(r" *((?:[A-Z*]|~[a-h])+) *=", args)
     if named:
-        axes = parse_axes(named[1])
+        axes = parse_axes(named_axes(machine, named[1]))
         texts = [args[named.end() :]] * len(axes)
     else:
         texts = split_arguments(args)

@@ -7,18 +7,18 @@ from sautereau.sim_backend.devices.emulators import OnOutput, Plant
 from sautereau.sim_backend.devices.galil.arrays import Arrays, Capture
 from sautereau.sim_backend.devices.galil.axis import AXES, Axis
 from sautereau.sim_backend.devices.galil.faults import CommandError
-from sautereau.sim_backend.devices.galil.memory import OUTPUTS, Memory, Parameters
+from sautereau.sim_backend.devices.galil.formats import write_line
+from sautereau.sim_backend.devices.galil.memory import Memory, Parameters
 from sautereau.sim_backend.devices.galil.motion import SAMPLES_PER_SECOND
 from sautereau.sim_backend.devices.galil.outputs import Outputs
 from sautereau.sim_backend.devices.galil.ports import HANDLES, SERIAL, Ports
-from sautereau.sim_backend.devices.galil.program import Limits, Program, Thread
+from sautereau.sim_backend.devices.galil.program import Limits, Program
 from sautereau.sim_backend.devices.galil.safety import Safety
-from sautereau.sim_backend.devices.galil.tasks import THREADS, Tasks
+from sautereau.sim_backend.devices.galil.tasks import Tasks
+from sautereau.sim_backend.devices.galil.thread import Thread
 
 INPUTS = 8
 """Digital inputs, numbered from 1."""
-
-__all__ = ["INPUTS", "OUTPUTS", "THREADS", "Machine"]
 
 Execute = Callable[["Machine", str, Thread | None], str | None]
 
@@ -45,11 +45,8 @@ class Machine:
     ) -> None:
         self.plant, self.unit = plant, unit
         self.execute = execute
-        self.limits = Limits(
-            4000 if unit.large_memory else 2000,
-            elements=24_000 if unit.large_memory else 16_000,
-            line_length=unit.line_length,
-        )
+        lines, elements = (4000, 24_000) if unit.large_memory else (2000, 16_000)
+        self.limits = Limits(lines, elements=elements, line_length=unit.line_length)
         self.inputs = [True] * INPUTS
         """Levels of the digital inputs, which are pulled up."""
         self.outputs = Outputs(on_output)
@@ -90,6 +87,8 @@ class Machine:
         self.tasks = Tasks(self._run_command, self._store, self.tell)
         self.safety = Safety(self)
         self.variables: dict[str, float] = dict(memory.variables)
+        self.variable_axes: dict[str, int] = {}
+        self.password, self.locked = burned.lock
         self.arrays = Arrays(self.limits.elements, memory.arrays)
         self.capture = Capture()
         self.ports.reset()
@@ -106,6 +105,7 @@ class Machine:
             tuple(dict(axis.settings) for axis in self.axes),
             tuple(axis.motor_on for axis in self.axes),
             self.config,
+            (self.password, self.locked),
             tuple(self.outputs.bits),
         ).only_burnable()
 
@@ -246,4 +246,4 @@ class Machine:
         """Carry out a command of a program; its answer is sent as a message."""
         answer = self.execute(self, command, thread)
         if answer is not None:
-            self.tell(answer + "\r\n")
+            self.tell(write_line(answer))

@@ -32,6 +32,8 @@ class Parameters:
     motors_on: tuple[bool, ...] = (True,) * len(AXES)
     """A new controller powers its motors; burn MO to prevent that."""
     config: Config = field(default_factory=factory_config)
+    lock: tuple[str, bool] = ("", False)
+    """Password of the program, and whether it is locked."""
     outputs: tuple[bool, ...] = (False,) * OUTPUTS
 
     def only_burnable(self) -> "Parameters":
@@ -48,7 +50,7 @@ class Parameters:
             code: list(values) if table[code].burnable else list(factory.config[code])
             for code, values in self.config.items()
         }
-        return Parameters(axes, self.motors_on, config, self.outputs)
+        return Parameters(axes, self.motors_on, config, self.lock, self.outputs)
 
 
 @dataclass

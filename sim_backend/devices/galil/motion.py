@@ -76,7 +76,12 @@ class Ramp:
         """Whether the axis is at rest at the end of the last step."""
         self._position, self._velocity = position, velocity
         self._pieces = deque(pieces)
-        self._target = target
+        self.target = target
+
+    def moved(self, distance: float) -> "Ramp":
+        """Return what remains of it, from a place that lies further by some counts."""
+        pieces = list(self._pieces)
+        return Ramp(self._position + distance, self._velocity, pieces, self.code)
 
     def step(self) -> tuple[float, float]:
         """Advance by one sample; return position [counts] and velocity [counts per sample]."""
@@ -94,8 +99,8 @@ class Ramp:
             pieces.popleft()
         self.done = True
         self._velocity = 0.0
-        if self._target is not None:
-            self._position = self._target
+        if self.target is not None:
+            self._position = self.target
         return self._position, self._velocity
 
 
@@ -107,9 +112,13 @@ def brake(velocity: float, deceleration: float) -> list[tuple[float, float]]:
 
 
 def trapezoid(
-    distance: float, speed: float, acceleration: float, deceleration: float
+    distance: float,
+    speed: float,
+    acceleration: float,
+    deceleration: float,
+    velocity: float = 0.0,
 ) -> list[tuple[float, float]]:
-    """Return the pieces of a `Ramp` from rest to rest over ``distance`` counts.
+    """Return the pieces of a `Ramp` to rest over ``distance`` counts, towards which it may move.
 
     At a speed of 0 it waits until it is stopped, as the controller does.
     """
@@ -117,12 +126,13 @@ def trapezoid(
         return []
     if speed == 0:
         return [(math.inf, 0.0)]
-    length, sign = abs(distance), math.copysign(1.0, distance)
+    start, sign = abs(velocity), math.copysign(1.0, distance)
     ramps = (1 / acceleration + 1 / deceleration) / 2
-    speed = min(speed, math.sqrt(length / ramps))
+    length = abs(distance) + start**2 / acceleration / 2  # as if it had started from rest
+    speed = max(start, min(speed, math.sqrt(length / ramps)))
     cruise = max(0.0, (length - ramps * speed**2) / speed)
     return [
-        (speed / acceleration, sign * acceleration),
+        ((speed - start) / acceleration, sign * acceleration),
         (cruise, 0.0),
         (speed / deceleration, -sign * deceleration),
     ]

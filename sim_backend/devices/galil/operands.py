@@ -2,12 +2,15 @@
 
 import functools
 import math
+import struct
 from collections.abc import Callable
 
 from sautereau.sim_backend.devices.galil.axis import AXES
 from sautereau.sim_backend.devices.galil.faults import CommandError
-from sautereau.sim_backend.devices.galil.machine import INPUTS, OUTPUTS, THREADS, Machine
+from sautereau.sim_backend.devices.galil.machine import INPUTS, Machine
+from sautereau.sim_backend.devices.galil.memory import OUTPUTS
 from sautereau.sim_backend.devices.galil.ports import HANDLES, SERIAL
+from sautereau.sim_backend.devices.galil.tasks import THREADS
 
 
 def switches(machine: Machine, axis: int) -> int:
@@ -28,9 +31,17 @@ def switches(machine: Machine, axis: int) -> int:
     )
 
 
+DATA_RECORD = (len(AXES), 52, 26, 36)
+"""Axes, and bytes of general state, of a coordinated motion's and of an axis's, in the data
+record."""
+
+PVT = ("PV", "BT")
+"""Commands, and operands, that firmware without PVT lacks."""
+
 AXIS_OPERANDS: dict[str, Callable[[Machine, int], float]] = {
     "TP": Machine.position,
     "DP": Machine.position,
+    "IP": Machine.position,
     "RP": Machine.commanded,
     "TE": Machine.error,
     "TD": lambda machine, axis: machine.axes[axis].auxiliary,
@@ -85,9 +96,15 @@ OPERANDS: dict[str, Callable[[Machine], float]] = {
     "CW": lambda machine: machine.config["CW"][0],
     "CW4": lambda machine: machine.config["CW"][1],
     "WH": lambda machine: -1 if machine.port == SERIAL else HANDLES.index(machine.port),
+    "IA0": lambda machine: 0x7F000001,
+    "IA1": lambda machine: 250,
+    "IA2": lambda machine: sum(letter not in machine.ports.open for letter in HANDLES),
+    "IA3": lambda machine: OPERANDS["WH"](machine),
     "IA4": lambda machine: machine.ports.lost_handle,
+    "IA5": lambda machine: 100 if machine.unit.interface == "ethernet" else -1,
     **{f"CN{n}": _stored("CN", n) for n in range(5)},
     **{code: _stored(code) for code in ("TM", "EO", "LZ", "US", "EI")},
+    **{f"QZ{n}": lambda machine, n=n: DATA_RECORD[n] for n in range(4)},
     **{f"TA{n}": functools.partial(Machine.amplifier_bits, byte=n) for n in range(4)},
     "PF": lambda machine: machine.config["PF"][0] + machine.config["PF"][1] / 10,
     "VF": lambda machine: machine.config["VF"][0] + machine.config["VF"][1] / 10,
@@ -103,6 +120,8 @@ def operand(machine: Machine, name: str) -> float:
         return float(machine.tasks.operand(code, int(index or 0)))
     if name in OPERANDS:
         return float(OPERANDS[name](machine))
+    if code in PVT and not machine.unit.has_pvt:
+        raise CommandError(58)
     axis = AXES.find(index.replace("X", "A").replace("Y", "B")) if len(index) == 1 else -1
     if axis >= 0 and code in AXIS_OPERANDS:
         return float(AXIS_OPERANDS[code](machine, axis))
@@ -113,6 +132,15 @@ def operand(machine: Machine, name: str) -> float:
 
 def _degrees(function: Callable[[float], float]) -> Callable[[float], float]:
     return lambda argument: function(math.radians(argument))
+
+
+def _real(argument: float) -> float:
+    """Return the number of which a 32-bit floating-point number has these bits."""
+    bits = int(argument) & 0xFFFFFFFF
+    value = struct.unpack(">f", bits.to_bytes(4, "big"))[0]
+    if not math.isfinite(value):
+        raise CommandError(6)
+    return value
 
 
 _FUNCTIONS: dict[str, tuple[float, Callable[[float], float]]] = {
@@ -127,6 +155,8 @@ _FUNCTIONS: dict[str, tuple[float, Callable[[float], float]]] = {
     "@TAN": (32768, _degrees(math.tan)),
     "@ASIN": (1, lambda argument: math.degrees(math.asin(argument))),
     "@ACOS": (1, lambda argument: math.degrees(math.acos(argument))),
+    "@FLOT": (math.inf, lambda argument: struct.unpack(">i", struct.pack(">f", argument))[0]),
+    "@REAL": (math.inf, _real),
     "@ATAN": (math.inf, lambda argument: math.degrees(math.atan(argument))),
 }
 """Functions of a number with the largest magnitude of their argument."""

@@ -8,6 +8,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from sautereau.sim_backend.devices.galil.faults import CommandError
+from sautereau.sim_backend.devices.galil.formats import write_line
 from sautereau.sim_backend.devices.galil.program import split_commands
 
 SERIAL = "S"
@@ -24,14 +25,24 @@ Execute = Callable[[str], str | None]
 
 
 @dataclass
+class Download:
+    """The text that follows DL or QD up to its end, and what takes it then."""
+
+    store: Callable[[str], None]
+    text: str = ""
+
+
+@dataclass
 class Port:
     """One line to a host."""
 
     letter: str
     line: bytearray = field(default_factory=bytearray)
     """Of the present command line."""
-    download: str | None = None
-    """Text of the program being downloaded; None outside DL."""
+    peer: int = 0
+    """TCP port of the host, of a handle."""
+    download: Download | None = None
+    """Being read; None outside DL and QD."""
     after_download: bool = False
 
     def take(self, byte: int, longest: int) -> str | None:
@@ -56,15 +67,13 @@ class Port:
             raise CommandError(5)
         return line
 
-    def take_download(self, byte: int) -> str | None:
-        """Take a byte of a program; return its text at the end. Nothing is echoed before that."""
+    def take_download(self, download: Download, byte: int) -> bool:
+        """Take a byte of a download, return whether it ends. Nothing is echoed before that."""
         if byte not in DOWNLOAD_ENDS:
-            if byte != FEED:
-                self.download = (self.download or "") + chr(byte)
-            return None
-        text, self.download = self.download or "", None
-        self.after_download = True
-        return text
+            download.text += "" if byte == FEED else chr(byte)
+            return False
+        self.download, self.after_download = None, True
+        return True
 
 
 def answer_line(line: str, execute: Execute, port: Port) -> tuple[str, int | None]:
@@ -81,7 +90,7 @@ def answer_line(line: str, execute: Execute, port: Port) -> tuple[str, int | Non
             return answer + "?", error.code
         if port.download is not None:
             return answer, None
-        answer += ":" if reply is None else f"{reply}\r\n:"
+        answer += ":" if reply is None else f"{write_line(reply)}:"
     return answer or ":", None
 
 
@@ -104,22 +113,17 @@ class Ports:
         """Letters of the open ports."""
         return "".join(self._ports)
 
-    @property
-    def downloading(self) -> bool:
-        """Whether a program is being downloaded."""
-        return any(port.download is not None for port in self._ports.values())
-
     def reset(self) -> None:
         """Forget half lines and messages, and lose all connections."""
         self._ports = {SERIAL: Port(SERIAL)}
         self._outbox.clear()
         self.unsolicited_port, self.lost_handle = SERIAL, -1
 
-    def connect(self) -> str | None:
-        """Open the first free handle; None if there is none."""
+    def connect(self, peer: int) -> str | None:
+        """Open the first free handle to a host's TCP port; None if there is none."""
         letter = next((each for each in HANDLES if each not in self._ports), None)
         if letter is not None:
-            self._ports[letter] = Port(letter)
+            self._ports[letter] = Port(letter, peer=peer)
         return letter
 
     def disconnect(self, letter: str) -> None:

@@ -24,6 +24,14 @@ from sautereau.sim_backend.devices.galil.faults import CommandError
 MODELS = ("4000", "4200", "4103", "2103", "1806", "1802", "30010", "50000", "52000", "2105")
 """Families of motion controllers that the reference describes."""
 
+_ABSENT = """
+AD AO AP AQ AR AS AU AV BC BD BI BK BX BZ CA CC CD CI CM CR CS DH DR DT DV EA EB EC EG EM EP EQ ES
+ET EW EY GA GD GM GR HS IA IH II IK KS LC LE LI LM MB ME MF MR MU MW NB NF NZ OC PL PT QH
+QQ QR QS RI SL TN TR UI VA VD VE VM VP VR VS VV YA YB YC YR YS ZA
+"""
+ABSENT = frozenset(_ABSENT.split())
+"""Commands of the reference that are not emulated: all are refused, and begin no variable."""
+
 SMALLEST = 1 / 65536
 """Resolution of all numbers."""
 NOT_STORED = (20 / 65536, 1 / 256)

@@ -3,7 +3,8 @@
 from collections.abc import Callable, Collection
 
 from sautereau.sim_backend.devices.galil.faults import CommandError
-from sautereau.sim_backend.devices.galil.program import ERROR_ROUTINES, Program, Thread
+from sautereau.sim_backend.devices.galil.program import Program
+from sautereau.sim_backend.devices.galil.thread import ERROR_ROUTINES, Thread
 
 THREADS = 8
 """Threads, numbered from 0."""
@@ -60,7 +61,8 @@ class Tasks:
         """Return the value of _XQ, _HX or _ZS of a thread."""
         thread = self.threads.get(number)
         if code == "XQ":
-            return -1 if thread is None else thread.line
+            # A line that runs is about to be followed by the next: _XQ0-1 is that line itself.
+            return -1 if thread is None else thread.line + (number == self.current)
         if code == "ZS":
             return 0 if thread is None else thread.depth
         return 0 if thread is None else 2 if thread.waiting else 1

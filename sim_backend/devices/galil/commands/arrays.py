@@ -10,6 +10,7 @@ from sautereau.sim_backend.devices.galil.formats import write_number
 from sautereau.sim_backend.devices.galil.grammar import QUERY, evaluate, parse_axes, split_arguments
 from sautereau.sim_backend.devices.galil.machine import Machine
 from sautereau.sim_backend.devices.galil.operands import AXIS_OPERANDS, variable, whole
+from sautereau.sim_backend.devices.galil.ports import Download
 
 TRANSFER_NAME = 7
 """Longest name of an array that is recorded or uploaded."""
@@ -128,16 +129,41 @@ def upload(machine: Machine, call: Call) -> str:
     values = _transferred(machine, name)
     if len(rest) > 3:
         raise CommandError(4)
-    first, last, comma = [
-        whole(evaluate(part, machine), 0, 2**31) if part else default
-        for part, default in zip([*rest, "", "", ""], (0, len(values) - 1, 0), strict=False)
-    ]
-    if comma > 1:
-        raise CommandError(6)
-    if not first < last < len(values):
-        raise CommandError(56)
+    comma = whole(evaluate(rest[2], machine), 0, 1) if rest[2:] and rest[2] else 0
+    first, last = _piece(machine, rest[:2], values)
     text = ("," if comma else "\r").join(map(write_number, values[first : last + 1]))
     return text + (CONTROL_Z if machine.unit.control_z == "attached" else "\r\n" + CONTROL_Z)
+
+
+def download(machine: Machine, call: Call) -> None:
+    """QD name[],first,last: read the elements that follow, separated by commas or returns."""
+    array, *rest = split_arguments(call.text)
+    (name,) = _array_names(array)
+    values = _transferred(machine, name)
+    if machine.capture.running:
+        raise CommandError(80)
+    first, last = _piece(machine, rest, values)
+
+    def store(text: str) -> None:
+        numbers = [evaluate(part, machine) for part in re.split("[,\r]+", text.strip("\r"))]
+        if len(numbers) > last + 1 - first:
+            raise CommandError(84)
+        values[first : first + len(numbers)] = numbers
+
+    machine.ports[machine.port].download = Download(store)
+
+
+def _piece(machine: Machine, parts: list[str], values: list[float]) -> tuple[int, int]:
+    """Return the first and the last index of a piece of an array; it has two elements or more."""
+    if len(parts) > 2:
+        raise CommandError(4)
+    first, last = [
+        whole(evaluate(part, machine), 0, 2**31) if part else default
+        for part, default in zip([*parts, "", ""], (0, len(values) - 1), strict=False)
+    ]
+    if not first < last < len(values):
+        raise CommandError(56)
+    return first, last
 
 
 def _transferred(machine: Machine, name: str) -> list[float]:

@@ -7,13 +7,14 @@ from sautereau.sim_backend.devices.galil.faults import CommandError
 from sautereau.sim_backend.devices.galil.grammar import (
     QUERY,
     evaluate,
+    named_axes,
     parse_axes,
     parse_list,
     split_arguments,
 )
 from sautereau.sim_backend.devices.galil.machine import Machine
-from sautereau.sim_backend.devices.galil.program import Thread
 from sautereau.sim_backend.devices.galil.reference import Entry
+from sautereau.sim_backend.devices.galil.thread import Thread
 
 _SCALED = {"AC": 2, "DC": 2, "SD": 2, "SP": 1, "JG": 1, "HV": 1}
 """Power of 1000/TM by which a resolution grows."""
@@ -77,7 +78,7 @@ def parse_call(machine: Machine, entry: Entry, text: str, thread: Thread | None)
         raise CommandError(3)
     call = Call(entry, text, thread)
     if entry.form == "mask":
-        call.axes = parse_axes(text)
+        call.axes = parse_axes(named_axes(machine, text))
         _check_rest(machine, entry, call.axes)
     elif entry.form == "values":
         values = parse_list(text, machine)

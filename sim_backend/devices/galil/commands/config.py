@@ -4,9 +4,12 @@ from sautereau.sim_backend.devices.galil.commands.call import Call
 from sautereau.sim_backend.devices.galil.faults import CommandError
 from sautereau.sim_backend.devices.galil.formats import write_number
 from sautereau.sim_backend.devices.galil.grammar import QUERY, evaluate, split_arguments
-from sautereau.sim_backend.devices.galil.machine import OUTPUTS, Machine
-from sautereau.sim_backend.devices.galil.memory import Memory
+from sautereau.sim_backend.devices.galil.machine import Machine
+from sautereau.sim_backend.devices.galil.memory import OUTPUTS, Memory
 from sautereau.sim_backend.devices.galil.operands import whole
+
+PASSWORD = 8
+"""Characters in a password."""
 
 BURN_TIME = 1.0
 """s, that BN takes; BP and BV take twice as long."""
@@ -83,6 +86,31 @@ def burn_variables(machine: Machine, call: Call) -> None:
     machine.memory.variables = dict(machine.variables)
     machine.memory.arrays = {name: list(values) for name, values in machine.arrays.items()}
     machine.occupy(2 * BURN_TIME)
+
+
+def set_password(machine: Machine, call: Call) -> None:
+    """PW: set the password, given twice, while the program is not locked."""
+    first, _, second = call.text.partition(",")
+    if machine.locked:
+        raise CommandError(106)
+    if first != second:
+        raise CommandError(138)
+    if len(first) > PASSWORD:
+        raise CommandError(52)
+    machine.password = first
+
+
+def lock(machine: Machine, text: str) -> str | None:
+    """^L^K password,n: lock the program against listing, or with 0 unlock it."""
+    if text == QUERY:
+        return write_number(machine.locked, 0)
+    password, _, state = text.partition(",")
+    if password != machine.password:
+        raise CommandError(136)
+    if state.strip(" ") not in ("", "0", "1"):
+        raise CommandError(137)
+    machine.locked = state.strip(" ") == "1"
+    return None
 
 
 def reset(machine: Machine, call: Call) -> None:

@@ -6,7 +6,12 @@ from sautereau.sim_backend.devices.galil.axis import SEARCHES
 from sautereau.sim_backend.devices.galil.commands.call import Call
 from sautereau.sim_backend.devices.galil.faults import CommandError
 from sautereau.sim_backend.devices.galil.formats import write_list
-from sautereau.sim_backend.devices.galil.grammar import evaluate, parse_axes, split_arguments
+from sautereau.sim_backend.devices.galil.grammar import (
+    evaluate,
+    named_axes,
+    parse_axes,
+    split_arguments,
+)
 from sautereau.sim_backend.devices.galil.machine import Machine
 from sautereau.sim_backend.devices.galil.motion import Segment, StopCode
 from sautereau.sim_backend.devices.galil.operands import AXIS_OPERANDS, whole
@@ -54,6 +59,21 @@ def aim(machine: Machine, call: Call) -> str | None:
     return write_list([operand(machine, index) for index in asked]) if asked else None
 
 
+def increment(machine: Machine, call: Call) -> str | None:
+    """IP: move on by some counts, from rest as PR and BG do."""
+    asked: list[float] = []
+    for index, value in call.values.items():
+        axis = machine.axes[index]
+        if value is None:
+            asked.append(machine.position(index))
+        elif axis.profile is not None:
+            axis.increment(int(value))
+        else:
+            _check_begin(machine, index, value)
+            axis.begin_move(int(value))
+    return write_list(asked) if asked else None
+
+
 def search(machine: Machine, call: Call) -> None:
     """HM, FE and FI: make the next BG a search for the home switch or the index."""
     for index in call.axes:
@@ -97,10 +117,10 @@ def segment(machine: Machine, call: Call) -> None:
 
     Both axes read their buffers independently. A segment without a time has that of the last one.
     """
-    named = re.fullmatch(r" *([A-Z]) *=(.*)", call.text)
+    named = re.fullmatch(r" *([A-Z]|~[a-h]) *=(.*)", call.text)
     if not named:
         raise CommandError(4)
-    (index,) = parse_axes(named[1])
+    (index,) = parse_axes(named_axes(machine, named[1]))
     axis = machine.axes[index]
     parts = split_arguments(named[2])
     if len(parts) > 3:

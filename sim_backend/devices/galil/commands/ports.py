@@ -52,8 +52,9 @@ def tell_handles(machine: Machine, call: Call) -> str:
     """TH: the Ethernet connections."""
     lines = ["CONTROLLER IP ADDRESS 127,0,0,1 ETHERNET ADDRESS 00-50-4C-00-00-00"]
     for letter in HANDLES:
-        state = (
-            "TCP PORT 23 TO IP ADDRESS 127,0,0,1" if letter in machine.ports.open else "AVAILABLE"
-        )
+        state = "AVAILABLE"
+        if letter in machine.ports.open:
+            peer = machine.ports[letter].peer
+            state = f"TCP PORT 23 TO IP ADDRESS 127,0,0,1 PORT {peer}"
         lines.append(f"IH{letter} {state}")
     return "\r\n".join(lines)

@@ -1,5 +1,6 @@
 """Commands about programs: download, run, jump, branch, wait."""
 
+from sautereau.sim_backend.devices.galil.axis import AXES
 from sautereau.sim_backend.devices.galil.commands.call import Call
 from sautereau.sim_backend.devices.galil.commands.config import BURN_TIME
 from sautereau.sim_backend.devices.galil.commands.report import write_variable
@@ -9,10 +10,13 @@ from sautereau.sim_backend.devices.galil.grammar import (
     parse_assignment,
     split_arguments,
 )
-from sautereau.sim_backend.devices.galil.machine import THREADS, Machine
+from sautereau.sim_backend.devices.galil.machine import Machine
 from sautereau.sim_backend.devices.galil.motion import StopCode
 from sautereau.sim_backend.devices.galil.operands import whole
-from sautereau.sim_backend.devices.galil.program import Thread
+from sautereau.sim_backend.devices.galil.ports import Download
+from sautereau.sim_backend.devices.galil.program import Program
+from sautereau.sim_backend.devices.galil.tasks import THREADS
+from sautereau.sim_backend.devices.galil.thread import Thread
 
 
 def assign(machine: Machine, text: str) -> str | None:
@@ -31,7 +35,10 @@ def assign(machine: Machine, text: str) -> str | None:
             return write_variable(machine, machine.arrays.element(name, place))
         return write_variable(machine, evaluate(name, machine))
     result = evaluate(value, machine)
-    if place is None:
+    if name.startswith("~"):
+        axis = AXES.find(value.strip(' "')) if '"' in value else int(result)
+        machine.variable_axes[name] = whole(axis, 0, len(AXES) - 1)
+    elif place is None:
         machine.set_variable(name, result)
     else:
         machine.arrays.set_element(name, place, result)
@@ -43,12 +50,21 @@ def no_operation(machine: Machine, call: Call) -> None:
 
 
 def download(machine: Machine, call: Call) -> None:
-    """DL: read the following lines as the program."""
-    if call.text:
-        raise CommandError(141)  # a download into the middle of a program is not emulated
+    """DL: read the following lines as the program, from a line or label on or, for #, its end."""
     if machine.tasks.threads:
         raise CommandError(17)
-    machine.ports[machine.port].download = ""
+    lines, place = machine.program.lines, call.text
+    if place.startswith("#"):
+        first = len(lines) if place == "#" else machine.program.line_of(place)
+    else:
+        first = whole(evaluate(place, machine), 0, len(lines)) if place else 0
+
+    def store(text: str) -> None:
+        machine.program = Program()  # what remains after an error
+        machine.program = Program.parse(text, machine.limits)
+
+    kept = "".join(f"{line}\r" for line in lines[:first])
+    machine.ports[machine.port].download = Download(store, kept)
 
 
 def edit(machine: Machine, call: Call) -> None:
@@ -213,6 +229,6 @@ def _destination(machine: Machine, call: Call) -> int | None:
     if not place:
         raise CommandError(50)
     line = whole(evaluate(place, machine), 0, 9999)
-    if line >= len(machine.program.lines):
+    if line >= machine.limits.lines:
         raise CommandError(11)
     return line if not condition or evaluate(condition[0], machine) else None

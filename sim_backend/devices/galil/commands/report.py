@@ -4,10 +4,16 @@ import re
 
 from sautereau.sim_backend.devices.galil.commands.call import Call
 from sautereau.sim_backend.devices.galil.faults import TEXTS, CommandError
-from sautereau.sim_backend.devices.galil.formats import write_as, write_in, write_number
+from sautereau.sim_backend.devices.galil.formats import (
+    Unended,
+    write_as,
+    write_in,
+    write_line,
+    write_number,
+)
 from sautereau.sim_backend.devices.galil.grammar import evaluate, split_arguments
 from sautereau.sim_backend.devices.galil.machine import Machine
-from sautereau.sim_backend.devices.galil.operands import AXIS_OPERANDS
+from sautereau.sim_backend.devices.galil.operands import AXIS_OPERANDS, DATA_RECORD
 from sautereau.sim_backend.devices.galil.ports import SERIAL
 
 CONTROL_Z = "\x1a"
@@ -52,7 +58,22 @@ def tell_amplifier(machine: Machine, call: Call) -> str:
 
 def tell_status(machine: Machine, call: Call) -> str:
     """TB: the status byte."""
-    return write_number(machine.status_byte, 0)
+    status = machine.status_byte
+    return f"{status:03d}" if machine.config["LZ"][0] == 0 else write_number(status, 0)
+
+
+def tell_ports(machine: Machine, call: Call) -> str:
+    """TZ: the inputs and outputs in blocks of 8, as bits from the highest."""
+    blocks = (("input", machine.input_bits), ("output", machine.outputs.value))
+    return "\r\n".join(
+        f"Block 0 (8-1) dedicated as {kind} - value {bits} ({bits >> 4:04b}_{bits & 15:04b})"
+        for kind, bits in blocks
+    )
+
+
+def tell_record(machine: Machine, call: Call) -> str:
+    """QZ: the axes, and the sizes of the data record, which is not emulated itself."""
+    return ",".join(write_number(number, 0) for number in DATA_RECORD)
 
 
 def identify(machine: Machine, call: Call) -> str:
@@ -108,7 +129,7 @@ def message(machine: Machine, call: Call) -> str | None:
     """MG: strings and numbers, each with its format, to a port if one is given."""
     if not call.text:
         raise CommandError(50)
-    answer, port, ending, common = "", "", "\r\n", ""
+    answer, port, common, ended = "", "", "", True
     for part in split_arguments(call.text):
         found = _FORMATS.fullmatch(part)
         if found is None:
@@ -116,7 +137,7 @@ def message(machine: Machine, call: Call) -> str | None:
         form = ""
         for word in re.findall(r"\{([^}]*)\}", found["before"] + found["after"]):
             if word == "N":
-                ending = ""
+                ended = False
             elif re.fullmatch(r"\^[0-9]{1,3}", word) and int(word[1:]) < 256:
                 answer += chr(int(word[1:]))
             elif re.fullmatch(r"P[12]|E[A-H]", word):
@@ -127,14 +148,10 @@ def message(machine: Machine, call: Call) -> str | None:
         if form and (not value or value.startswith('"')):  # it is that of all numbers
             common = form
         answer += _written(machine, value, form or common, bool(answer))
+    answer = answer if ended else Unended(answer)
     if port and not (port == "P1" and machine.port == SERIAL and call.thread is None):
         if port != "P2":
-            machine.tell(answer + ending, port[1] if port[0] == "E" else SERIAL)
-        return None
-    if ending:
-        return answer
-    if call.thread is not None:
-        machine.tell(answer)
+            machine.tell(write_line(answer), port[1] if port[0] == "E" else SERIAL)
         return None
     return answer
 

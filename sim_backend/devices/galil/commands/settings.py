@@ -3,7 +3,7 @@
 from sautereau.sim_backend.devices.galil.commands.call import Call
 from sautereau.sim_backend.devices.galil.faults import CommandError
 from sautereau.sim_backend.devices.galil.formats import write_list
-from sautereau.sim_backend.devices.galil.grammar import parse_axes
+from sautereau.sim_backend.devices.galil.grammar import named_axes, parse_axes
 from sautereau.sim_backend.devices.galil.machine import Machine
 
 LARGEST_GAIN = {"D3040": 2, "D3240": 2, "D3540": 2, "D3547": 2, "D3640": None}
@@ -99,7 +99,7 @@ def brushless(machine: Machine, call: Call) -> None:
 
 def arm_latch(machine: Machine, call: Call) -> None:
     """AL: latch the position at the index, `AL TA`; no other latch is wired."""
-    letters = call.text.replace(" ", "")
+    letters = named_axes(machine, call.text).replace(" ", "")
     if not letters or any(letter != "T" for letter in letters[::2]):
         raise CommandError(141)
     for index in parse_axes(letters[1::2]):

@@ -14,12 +14,15 @@ from sautereau.sim_backend.devices.galil.commands import program as programs
 from sautereau.sim_backend.devices.galil.commands.call import Handler, parse_call
 from sautereau.sim_backend.devices.galil.faults import CommandError
 from sautereau.sim_backend.devices.galil.machine import Machine
-from sautereau.sim_backend.devices.galil.program import Thread
-from sautereau.sim_backend.devices.galil.reference import entries
+from sautereau.sim_backend.devices.galil.operands import PVT
+from sautereau.sim_backend.devices.galil.reference import ABSENT, entries
+from sautereau.sim_backend.devices.galil.thread import Thread
 
 _WORDS = ("ELSE", "ENDIF")
 """Commands of more than two letters."""
-REVISION, MASTER_RESET = "\x12\x16", "\x12\x13"
+REVISION, MASTER_RESET, LOCK = "\x12\x16", "\x12\x13", "\x0c\x0b"
+_LOCKED = ("ED", "LS", "UL")
+"""Commands that a locked program refuses."""
 
 HANDLERS: dict[str, Handler] = {
     **{code: settings.setting for code, entry in entries().items() if entry.form == "values"},
@@ -29,6 +32,7 @@ HANDLERS: dict[str, Handler] = {
     **dict.fromkeys(("PA", "PR", "JG"), motion.aim),
     **dict.fromkeys(("HM", "FE", "FI"), motion.search),
     **dict.fromkeys(("PF", "VF"), config.format_numbers),
+    "IP": motion.increment,
     "AG": settings.gain,
     "MT": settings.gain,
     "OV": settings.encoder_torque,
@@ -47,6 +51,7 @@ HANDLERS: dict[str, Handler] = {
     "ST": motion.stop,
     "AB": motion.abort,
     "AZ": config.clear_amplifier,
+    "PW": config.set_password,
     "OP": config.output_port,
     "OB": config.output_bit,
     "BN": config.burn,
@@ -63,6 +68,8 @@ HANDLERS: dict[str, Handler] = {
     "TB": report.tell_status,
     "TC": report.tell_code,
     "TI": report.tell_inputs,
+    "TZ": report.tell_ports,
+    "QZ": report.tell_record,
     "LA": report.list_arrays,
     "LL": report.list_labels,
     "LS": report.list_program,
@@ -74,6 +81,7 @@ HANDLERS: dict[str, Handler] = {
     "RA": arrays.record_into,
     "RD": arrays.record_data,
     "RC": arrays.record,
+    "QD": arrays.download,
     "QU": arrays.upload,
     "BP": programs.burn,
     "DL": programs.download,
@@ -107,15 +115,20 @@ def execute(machine: Machine, text: str, thread: Thread | None = None) -> str | 
         return machine.unit.revision
     if text == MASTER_RESET and thread is None:
         return config.master_reset(machine)
+    if text.startswith(LOCK) and thread is None:
+        return config.lock(machine, text.removeprefix(LOCK).strip(" "))
     if text.startswith("'") or (thread is not None and text.startswith("#")):
         return None
     code = next((word for word in _WORDS if text == word), text[:2])
     entry = entries().get(code)
+    known = entry is not None or code in ABSENT
     # A variable may begin with the letters of a command, if small letters or digits follow them.
-    assigned = entry is None or re.match(r"[A-Z]{2}[a-z0-9][A-Za-z0-9]* *[\[=]", text)
+    assigned = not known or re.match(r"[A-Z]{2}[a-z0-9][A-Za-z0-9]* *[\[=]", text)
     if assigned and (answer := programs.assign(machine, text)) is not None:
         return answer or None
-    if entry is None or (code in ("PV", "BT") and machine.unit.firmware.endswith("-FAST")):
+    if entry is None or (code in PVT and not machine.unit.has_pvt):
         raise CommandError(1)
     call = parse_call(machine, entry, text[len(code) :].strip(" "), thread)
+    if machine.locked and code in _LOCKED:
+        raise CommandError(106)
     return HANDLERS[code](machine, call)
