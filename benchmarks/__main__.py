@@ -28,6 +28,7 @@ ALL = (
     "identify",
     "campaign",
     "imports",
+    "transient",
 )
 
 

@@ -30,6 +30,7 @@ from sautereau.commands import (
     report,
     setup,
     simulate,
+    transient,
 )
 
 app = App(
@@ -52,6 +53,7 @@ for command in (
     plan.predict,
     fit.compare,
     fit.identify,
+    transient.transient,
     animate.animate,
     animate.listen,
     campaign.campaign,
