@@ -21,7 +21,7 @@ from sautereau.analysis.transient.modes import MOST_DAMPING
 from sautereau.rig.schema import Rig
 from sautereau.trajectory.motion import Floats
 
-DECIDED = 0.8
+DECIDED = 0.85
 """Least probability of an attribution."""
 
 
@@ -91,6 +91,9 @@ RATIO = {
     Source.OTHER: (0.0, 0.8),
 }
 """Of the size of the force over that of the key's inertia."""
+FLEXIBLE = 0.3, -0.3, 0.5
+"""Probability that the finger's ratio is not that of a rigid key, as the key bends or heaves; then
+mean and standard deviation of the logarithm of its size."""
 IN_PHASE_STD = 20.0
 """deg, about 0 deg for the finger, about 0 or 180 deg for the key."""
 IN_PHASE = {Source.FINGER: 0.95, Source.KEY: 0.8}
@@ -253,14 +256,14 @@ def _phases(source: Source, found: Oscillation, several: bool) -> float:
 
 def _ratio(source: Source, clearest: Observed) -> float:
     """Return the density of size and phase of the ratio of force to velocity."""
-    mean, std = RATIO[source]
-    size = log10(abs(clearest.ratio))
-    doubt = sqrt(std**2 + (clearest.ratio_std / log(10)) ** 2)
-    if clearest.unseen == "velocity":
-        return float(norm.sf(size, mean, doubt)) / 2
-    if clearest.unseen == "force":
-        return float(norm.cdf(size, mean, doubt)) / 2
-    likely = float(norm.pdf(size, mean, doubt))
+    size, doubt = log10(abs(clearest.ratio)), clearest.ratio_std / log(10)
+    parts = [(1.0, *RATIO[source])]
+    if source is Source.FINGER:
+        parts = [(1 - FLEXIBLE[0], *RATIO[source]), FLEXIBLE]
+    law = {"velocity": norm.sf, "force": norm.cdf}.get(clearest.unseen, norm.pdf)
+    likely = float(sum(w * law(size, mean, sqrt(std**2 + doubt**2)) for w, mean, std in parts))
+    if clearest.unseen:
+        return likely / 2
     part = IN_PHASE.get(source, 0.0)
     turned = degrees(float(np.angle(clearest.ratio)))
     wide = degrees(2 * pi * clearest.mode.frequency * DELAY_STD)

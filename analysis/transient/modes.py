@@ -162,12 +162,28 @@ class _Fit:
         q, _ = np.linalg.qr(self.basis(poles))
         return self.white - q @ (q.T @ self.white)
 
+    def moved(self, poles: Floats, linear: Floats) -> Floats:
+        """Return the derivatives of the modes by the poles, shape (channels, n, poles)."""
+        decay, omega = np.split(poles, 2)
+        count = len(decay)
+        wave = -self.time[:, None] * np.exp(np.outer(self.time, -decay + 1j * omega))
+        amplitude = (linear[:count] + 1j * linear[count : 2 * count]).T[:, None, :]
+        by_decay = wave * amplitude
+        return np.concatenate([by_decay.real, by_decay.imag], axis=2)
+
+    def slopes(self, poles: Floats) -> Floats:
+        """Return the derivatives of the residuals, shape (channels n, poles), after L. Kaufman."""
+        q, _ = np.linalg.qr(self.basis(poles))
+        moved = self.moved(poles, self.solve(poles)[0])
+        return (q @ (q.T @ moved) - moved).reshape(-1, len(poles))
+
     def refine(self, poles: Floats) -> Floats:
         """Return the poles of least squares near a start."""
         least, most = self.bounds(poles)
         found = least_squares(
-            lambda x: self.residuals(x / self.duration).ravel(),
+            lambda x: self.residuals(x / self.duration).T.ravel(),
             np.clip(poles, least + 1e-6 * (most - least), most) * self.duration,
+            lambda x: self.slopes(x / self.duration) / self.duration,
             bounds=(least * self.duration, most * self.duration),
             xtol=1e-7,
             ftol=1e-7,
@@ -189,14 +205,11 @@ class _Fit:
         basis, channels = self.basis(poles), self.white.shape[1]
         excess = max(1.0, float(np.sum(left**2)) / (left.size - linear.size - len(poles)))
         decay, omega = np.split(poles, 2)
-        wave = np.exp(np.outer(self.time, -decay + 1j * omega))
         complex_ = linear[:count] + 1j * linear[count : 2 * count]
-        moved = -self.time[:, None] * wave
         columns = basis.shape[1]
         jacobian = np.zeros((channels, len(basis), 2 * count + channels * columns))
+        jacobian[:, :, : 2 * count] = self.moved(poles, linear)
         for c in range(channels):
-            jacobian[c, :, :count] = (moved * complex_[:, c]).real
-            jacobian[c, :, count : 2 * count] = (-1j * moved * complex_[:, c]).real
             first = 2 * count + c * columns
             jacobian[c, :, first : first + columns] = basis
         jacobian = jacobian.reshape(-1, jacobian.shape[2])
