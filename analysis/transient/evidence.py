@@ -207,7 +207,9 @@ class _LowPass:
         self.factor = max(1, int(rate // LEAST_RATE))
         self.full, self.rate = rate, rate / self.factor
         taps = TAPS * self.factor + 1
-        self.weights = firwin(taps, 0.9 / self.factor) if self.factor > 1 else np.ones(1)
+        self.weights = np.ones(1)
+        if self.factor > 1:
+            self.weights = np.asarray(firwin(taps, 0.9 / self.factor), float)
 
     def __call__(
         self, time: Floats, signals: Floats, start: float, stop: float

@@ -12,7 +12,8 @@ GRID = 40
 
 def free_frequencies(choir: Choir, highest: float) -> Floats:
     """Return the partials of the ideal string up to a frequency [Hz], shape (n,)."""
-    return choir.string.frequency * np.arange(1, int(highest / choir.string.frequency) + 1)
+    fundamental = choir.string.frequency
+    return fundamental * np.arange(1, int(highest / fundamental) + 1, dtype=float)
 
 
 def held_frequencies(choir: Choir, highest: float) -> Floats:
@@ -40,4 +41,4 @@ def held_frequencies(choir: Choir, highest: float) -> Floats:
     grid = np.linspace(0.3 * string.frequency, highest, count)
     values = np.array([condition(f) for f in grid])
     places = np.flatnonzero(values[1:] * values[:-1] < 0)
-    return np.array([float(brentq(condition, grid[i], grid[i + 1])) for i in places])
+    return np.array([brentq(condition, grid[i], grid[i + 1]) for i in places], dtype=float)

@@ -148,13 +148,14 @@ class _Fit:
     def basis(self, poles: Floats) -> Floats:
         """Return the columns cos, -sin of each mode, then the polynomial; shape (n, columns)."""
         decay, omega = np.split(poles, 2)
-        wave = np.exp(np.outer(self.time, -decay + 1j * omega))
-        return np.hstack([wave.real, -wave.imag, self.trend])
+        shrunk, turned = np.exp(np.outer(self.time, -decay)), np.outer(self.time, omega)
+        waves = shrunk * np.cos(turned), -shrunk * np.sin(turned)
+        return np.asarray(np.hstack([*waves, self.trend]), float)
 
     def solve(self, poles: Floats) -> tuple[Floats, Floats]:
         """Return the linear parameters (columns, channels), and the residuals (n, channels)."""
         basis = self.basis(poles)
-        linear = np.linalg.lstsq(basis, self.white, rcond=None)[0]
+        linear = np.asarray(np.linalg.lstsq(basis, self.white, rcond=None)[0], float)
         return linear, self.white - basis @ linear
 
     def residuals(self, poles: Floats) -> Floats:
@@ -183,7 +184,7 @@ class _Fit:
         found = least_squares(
             lambda x: self.residuals(x / self.duration).T.ravel(),
             np.clip(poles, least + 1e-6 * (most - least), most) * self.duration,
-            lambda x: self.slopes(x / self.duration) / self.duration,
+            lambda x: self.slopes(x / self.duration) / self.duration,  # pyright: ignore[reportArgumentType]
             bounds=(least * self.duration, most * self.duration),
             xtol=1e-7,
             ftol=1e-7,
@@ -229,7 +230,7 @@ class _Fit:
                 amplitude_std=of_amplitude[:, k] * units,
             )
             for k in np.argsort(-np.abs(complex_[:, 0])).tolist()
-            if self.oscillates(decay[k], omega[k])
+            if self.oscillates(float(decay[k]), float(omega[k]))
             and std[count + k] < MOST_DOUBT * omega[k]
             and np.any(np.abs(complex_[k]) > 3 * of_amplitude[:, k])
         )
