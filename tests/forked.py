@@ -3,19 +3,26 @@
 Most of the second that a command takes is imports. Each command is a process with its own
 folder, environment and streams; only its start differs from `python -m sautereau`.
 
-python forked.py serve SOCKET       print a line when the server is ready
+python forked.py serve SOCKET       be the server
 python forked.py run SOCKET WORDS   run `sautereau WORDS`, for the shell of a page
+python forked.py start SOCKET FILE WORDS    the same; the command's process id goes to FILE
+
+WORDS may also be `-c PROGRAM`, as of Python itself.
 """
 
 import json
 import os
 import signal
 import socket
+import struct
 import subprocess
 import sys
+import time
 import tomllib
 import traceback
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 SLOW = (
     "matplotlib.backends.backend_agg", "matplotlib.figure", "nidaqmx", "pandas", "pyarrow.parquet",
@@ -34,25 +41,48 @@ class CommandServer:
     def __enter__(self) -> "CommandServer":
         command = [sys.executable, __file__, "serve", self.path]
         environment = os.environ | {"PYTHONPATH": str(ROOT), "PYTHONWARNINGS": "error"}
-        self._process = subprocess.Popen(command, env=environment, stdout=subprocess.PIPE)
-        assert self._process.stdout.readline() == b"ready\n"
+        self._process = subprocess.Popen(command, env=environment)
         return self
 
     def __exit__(self, *exception: object) -> None:
         self._process.terminate()
-        self._process.communicate()
+        self._process.wait()
 
-    def run(self, *words: object, folder: Path) -> subprocess.CompletedProcess[str]:
-        """Run a command in a folder, without a terminal; return its status and its output."""
+    def start(self, *words: object, **options: Any) -> "Command":
+        """Start a command, with options of `subprocess.Popen`."""
+        return Command(self.path, [str(word) for word in words], **options)
+
+    def run(self, *words: object, folder: Path, **more: object) -> subprocess.CompletedProcess[str]:
+        """Run a command in a folder, without a terminal; return its status and its output.
+
+        `largest_file` limits the sizes of the files that it writes, in bytes.
+        """
         out, error = folder / ".out", folder / ".error"
         arguments = [str(word) for word in words]
         with open(os.devnull, "rb") as nothing, out.open("wb") as o, error.open("wb") as e:  # noqa: PTH123
             streams = [nothing.fileno(), o.fileno(), e.fileno()]
-            status = run(self.path, arguments, str(folder), streams)
+            status = run(self.path, arguments, streams, folder=str(folder), **more)
         texts = out.read_text(encoding="utf-8"), error.read_text(encoding="utf-8")
         out.unlink()
         error.unlink()
         return subprocess.CompletedProcess(arguments, status, *texts)
+
+
+class Command(subprocess.Popen[str]):
+    """A running command, which gets the signals that are sent."""
+
+    def __init__(self, path: str, words: list[str], **options: Any):
+        read, write = os.pipe()
+        start = [sys.executable, "-S", __file__, "start", path, str(write), *words]
+        super().__init__(start, pass_fds=[write], text=True, **options)
+        os.close(write)
+        with os.fdopen(read) as file:
+            self.command = int(file.read())
+
+    def send_signal(self, sig: int) -> None:
+        """Send a signal to the command."""
+        if self.poll() is None:
+            os.kill(self.command, sig)
 
 
 def project_modules() -> list[str]:
@@ -83,7 +113,6 @@ def serve(path: str) -> None:
     listener.bind(path)
     listener.listen()
     signal.signal(signal.SIGTERM, lambda *_: (listener.close(), sys.exit()))
-    os.write(1, b"ready\n")
     running = 0
     while True:
         client, _ = listener.accept()
@@ -104,14 +133,25 @@ def _command(client: socket.socket) -> None:
     request, streams, *_ = socket.recv_fds(client, 1 << 20, 3)
     for number, stream in enumerate(streams):
         os.dup2(stream, number)
+    client.sendall(struct.pack("i", os.getpid()))
     asked = json.loads(request)
     os.chdir(asked["folder"])
     os.environ.clear()
     os.environ.update(asked["environment"])
-    sys.argv = ["sautereau", *asked["words"]]
+    words = asked["words"]
+    sys.argv = ["-c", *words[2:]] if words[:1] == ["-c"] else ["sautereau", *words]
+    if "largest_file" in asked:
+        import resource
+
+        signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+        resource.setrlimit(resource.RLIMIT_FSIZE, [asked["largest_file"]] * 2)
     status = 1
     try:
-        main()
+        if words[:1] == ["-c"]:
+            exec(words[1], {"__name__": "__main__"})
+        else:
+            main()
+        status = 0
     except SystemExit as end:
         status = end.code if isinstance(end.code, int) else int(end.code is not None)
     except BaseException:  # noqa: BLE001 (as Python itself ends with any exception)
@@ -121,17 +161,45 @@ def _command(client: socket.socket) -> None:
     os._exit(status)
 
 
-def run(path: str, words: list[str], folder: str, streams: list[int]) -> int:
+def run(
+    path: str,
+    words: list[str],
+    streams: list[int],
+    started: Callable[[int], object] = lambda process: None,
+    **more: object,
+) -> int:
     """Return the status of a command; 1 if it was killed."""
-    request = {"folder": folder, "environment": dict(os.environ), "words": words}
+    request = {"folder": str(Path.cwd()), "environment": dict(os.environ), "words": words} | more
     with socket.socket(socket.AF_UNIX) as server:
-        server.connect(path)
+        _connect(server, path)
         socket.send_fds(server, [json.dumps(request).encode()], streams)
+        started(*struct.unpack("i", server.recv(4, socket.MSG_WAITALL)))
         status = server.recv(1)
     return status[0] if status else 1
 
 
+def _connect(client: socket.socket, path: str) -> None:
+    """Connect to the server as soon as it has imported everything."""
+    for _ in range(1200):
+        try:
+            return client.connect(path)
+        except (FileNotFoundError, ConnectionRefusedError):
+            time.sleep(0.05)
+    raise TimeoutError(f"{path}: the server of commands did not start")
+
+
+def _main(what: str, path: str, *words: str) -> int:
+    if what == "serve":
+        serve(path)
+    if what == "run":
+        return run(path, list(words), [0, 1, 2])
+
+    def started(process: int) -> None:
+        with open(int(words[0]), "w") as file:  # noqa: PTH123
+            file.write(str(process))
+
+    return run(path, list(words[1:]), [0, 1, 2], started)
+
+
 if __name__ == "__main__":
-    if sys.argv[1] == "serve":
-        serve(sys.argv[2])
-    sys.exit(run(sys.argv[2], sys.argv[3:], str(Path.cwd()), [0, 1, 2]))
+    sys.exit(_main(*sys.argv[1:]))

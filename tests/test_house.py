@@ -6,6 +6,8 @@ from pathlib import Path
 
 import pytest
 
+from benchmarks.imports import FRONTS, imported
+
 ROOT = Path(__file__).parents[1]
 FOLDERS = ("rig", "trajectory", "daq", "analysis", "sim_backend", "robot", "sautereau")
 
@@ -32,3 +34,10 @@ def test_packages_are_imported_by_their_full_name(folder):
 @pytest.mark.parametrize("folder", FOLDERS)
 def test_packages_are_typed(folder):
     assert (ROOT / folder / "py.typed").is_file()
+
+
+@pytest.mark.parametrize("front", FRONTS, ids=lambda front: front.module)
+def test_a_package_imports_only_what_it_needs(front):
+    """So that commands start quickly."""
+    _, brought = imported(front.module)
+    assert brought <= set(front.brings)

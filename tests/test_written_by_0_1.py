@@ -110,7 +110,7 @@ def test_a_continued_campaign_analyses_all_presses_again(run, session, tmp_path)
     """Rows of 0.1 lack the largest force of the press, so they are not kept."""
     out = tmp_path / "table.parquet"
     shutil.copy(OLD / "table.parquet", out)
-    result = run("campaign", session, "--out", out, "--processes", 1)
+    result = run("campaign", session, "--out", out)
     assert (result["presses"], result["read"], result["kept"]) == (2, 2, 0)
     table = read_campaign(out).table.to_pydict()
     assert all(

@@ -1,5 +1,6 @@
 """Turn a folder of recordings into a table, continuing an earlier run."""
 
+import os
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
@@ -13,6 +14,8 @@ from sautereau.analysis.errors import AnalysisError
 
 BATCH = 8
 """Recordings that a process reads before it returns them, about 0.2 s of work."""
+WORTH_A_PROCESS = 64
+"""Recordings that take longer than the start of a process, about 1.5 s."""
 UNWRITTEN = 256
 """Presses after which the table is written; a killed run loses at most these."""
 UNWRITTEN_FRACTION = 0.02
@@ -35,7 +38,7 @@ class CampaignRun:
 def run_campaign(
     folder: str | Path,
     out: str | Path,
-    where: Where = 1,
+    where: Where | None = 1,
     *,
     on_read: Callable[[int, int], None] = lambda done, total: None,
 ) -> CampaignRun:
@@ -49,7 +52,8 @@ def run_campaign(
     Args:
         folder: Folder of recordings, `*.mcap`.
         out: Parquet file to write; an existing table is continued.
-        where: Processes or cluster that read the recordings; the table does not depend on it.
+        where: Processes or cluster that read the recordings; the table does not depend on it. None
+            for as many processes as shorten the run, at most one per core.
         on_read: Called with the number of recordings read so far and of those to read.
 
     Raises:
@@ -61,6 +65,8 @@ def run_campaign(
     campaign = earlier.only(set(found))
     kept = set(campaign.sources)
     unread = [source for source in found if source not in kept]
+    if where is None:
+        where = min(os.cpu_count() or 1, 1 + len(unread) // WORTH_A_PROCESS)
     batches = [unread[i : i + BATCH] for i in range(0, len(unread), BATCH)]
     rows: list[Row] = []
     faults: list[Fault] = []

@@ -17,7 +17,7 @@ from sautereau.rig.disk import read_limited, write_durably
 from sautereau.rig.load import current_document
 from sautereau.rig.renamed import current_key
 from sautereau.robot.errors import RobotError
-from sautereau.robot.experiment.plan import Plan
+from sautereau.robot.experiment.plan import Plan, comparable
 
 MANIFEST = "session.json"
 """Name of the file in the session's folder."""
@@ -146,7 +146,7 @@ def read_manifest(folder: Path) -> Manifest | None:
                 f"session {path}: it is of version {found['version']!r}, not {VERSION}; continue"
                 " with the version of sautereau that started it, or give another folder"
             )
-        found["plan"]["rig"] = current_document(found["plan"].get("rig", {}))
+        found["plan"]["rig"] = comparable(current_document(found["plan"].get("rig", {})))
         for row in found["plan"].get("presses", ()):
             row["values"] = {current_key(key): value for key, value in row["values"].items()}
         found["set_up"] = {current_key(key): value for key, value in found["set_up"].items()}

@@ -18,7 +18,8 @@ def campaign(
     *,
     out: common.OutFile,
     processes: Annotated[
-        int | None, Parameter(help="Number of processes. Default: one per core.")
+        int | None,
+        Parameter(help="Number of processes. Default: one per core, fewer for few recordings."),
     ] = None,
     cluster: Annotated[str | None, Parameter(help="Address of a Dask scheduler.")] = None,
     json: common.Json = False,
@@ -35,16 +36,13 @@ def campaign(
     out
         Parquet file of the table.
     """
-    import os
-
     from sautereau.analysis.campaign.run import run_campaign
 
     if processes is not None and cluster is not None:
         return common.fail(
             json, "--processes and --cluster exclude each other; give one of them", 2
         )
-    here = processes if processes is not None else os.cpu_count() or 1
-    where = here if cluster is None else cluster
+    where = processes if cluster is None else cluster
     with common.signals_stop(), common.fraction_bar() as show:
         made = run_campaign(folder, out, where, on_read=lambda done, total: show(done / total))
     found = made.campaign
@@ -71,20 +69,37 @@ def campaign(
     return common.answer(json, result, lines)
 
 
-def touch(file: Path, /, *, plot: common.Picture = None, json: common.Json = False) -> int:
-    """Show how the force at the key depends on the plectrum's shape.
+def touch(
+    file: Path,
+    /,
+    *,
+    labels: Path | None = None,
+    plot: common.Picture = None,
+    json: common.Json = False,
+) -> int:
+    """Show how the force at the key depends on the plectrum's shape, and what musicians feel.
 
     Parameters
     ----------
     file
         Table written by `sautereau campaign`.
+    labels
+        CSV of judgements: a column `touch` (soft, medium, hard) and one of path, session,
+        plectrum or rig. Default: the lines `touch: hard` in the notes of the recordings.
     """
+    from sautereau.analysis.campaign.judged import find_judged
+    from sautereau.analysis.campaign.judgements import with_labels
     from sautereau.analysis.campaign.table import read_campaign
     from sautereau.analysis.campaign.touch import find_touch
+    from sautereau.analysis.summary.judged import judged_lines, judged_summary
     from sautereau.analysis.summary.touch import touch_lines, touch_summary
 
-    found = find_touch(read_campaign(file))
-    result, lines = touch_summary(found), touch_lines(found)
+    table = read_campaign(file)
+    if labels is not None:
+        table = with_labels(table, labels)
+    found, judged = find_touch(table), find_judged(table)
+    result = touch_summary(found) | {"judged": judged_summary(judged)}
+    lines = [*touch_lines(found), *judged_lines(judged)]
     if plot:
         from sautereau.analysis.figures.touch import touch_figure
 

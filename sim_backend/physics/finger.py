@@ -69,6 +69,13 @@ class SteppedFinger(Finger, Protocol):
         """Return whether a separated finger reaches the key, at an angle [rad] after a step."""
         return False
 
+    def stays_clear(self, angle: float) -> bool:
+        """Return whether it stays off a key at an angle [rad] in this controller sample.
+
+        Only a finger without bodies in motion may return True: then no step is taken.
+        """
+        return False
+
     def gap(self, angle: float, time: float, ahead: float) -> float:
         """Return the gap [mm] to the key.
 

@@ -9,16 +9,10 @@ from scipy.integrate import cumulative_trapezoid
 
 from benchmarks.campaign import write_presses
 from sautereau.analysis.loading.press import Press
-from sautereau.rig.load import load_rig
 from sautereau.trajectory.key import key_motion, rise_of_angle, rise_slope
 from sautereau.trajectory.motion import Motion
 
 RUN_UP, RUN_DOWN = 10e-3, 20e-3
-
-
-@pytest.fixture(scope="session")
-def paper():
-    return load_rig("paper")
 
 
 @pytest.fixture(scope="session")

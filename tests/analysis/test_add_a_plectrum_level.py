@@ -1,6 +1,5 @@
 """docs/add-a-plectrum-level.md followed literally, as a package outside sautereau."""
 
-import importlib
 import json
 import re
 import runpy
@@ -18,7 +17,7 @@ PAGE = Path(__file__).parents[2] / "docs" / "add-a-plectrum-level.md"
 
 
 @pytest.fixture
-def package(tmp_path, monkeypatch):
+def package(tmp_path, install):
     """Write the page's files as an installed package, and return its folder."""
     text = PAGE.read_text(encoding="utf-8")
     files = re.findall(r"Save this as `(\S+)`:\s+```python\n(.*?)```", text, re.DOTALL)
@@ -26,19 +25,7 @@ def package(tmp_path, monkeypatch):
     for name, code in files:
         (tmp_path / name).write_text(code, encoding="utf-8")
     (block,) = re.findall(r"```toml\n(.*?)```", text, re.DOTALL)
-    project = tomllib.loads(block)["project"]
-    info = tmp_path / "hinge_level-1.0.dist-info"
-    info.mkdir()
-    (info / "METADATA").write_text(
-        f"Metadata-Version: 2.1\nName: {project['name']}\nVersion: {project['version']}\n"
-    )
-    points = [
-        f"[{group}]\n" + "\n".join(f"{name} = {at}" for name, at in entries.items())
-        for group, entries in project["entry-points"].items()
-    ]
-    (info / "entry_points.txt").write_text("\n".join(points))
-    monkeypatch.syspath_prepend(tmp_path)
-    importlib.invalidate_caches()
+    install(tmp_path, tomllib.loads(block)["project"])
     return tmp_path
 
 

@@ -79,9 +79,3 @@ def test_a_jack_without_damper_or_tongue_is_drawn(change):
     jack = RIG.jack.model_copy(update=change)
     said = texts_of(RIG.model_copy(update={"jack": jack}), PLAN)
     assert ("damper" in said) is (jack.damper is not None)
-
-
-def test_a_file_appears(tmp_path):
-    path = tmp_path / "bench.svg"
-    bench_figure(RIG, PLAN).savefig(path)
-    assert path.read_bytes().startswith(b"<?xml")

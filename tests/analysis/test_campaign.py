@@ -2,9 +2,7 @@
 
 import os
 import shutil
-import signal
 import subprocess
-import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -24,7 +22,6 @@ from sautereau.analysis.phases import find_phases
 from sautereau.analysis.press.features import features
 from sautereau.rig.load import load_rig, with_values
 
-ROOT = Path(__file__).parents[2]
 GOOD = 12
 
 
@@ -163,20 +160,19 @@ run.run_campaign(sys.argv[1], sys.argv[2], 2, on_read=kill)
 """
 
 
-def test_a_killed_campaign_is_continued_by_two_processes_and_leaves_none(
-    campaign_folder, complete, tmp_path, monkeypatch
+def test_a_killed_campaign_is_continued_and_leaves_no_process(
+    command_server, campaign_folder, complete, tmp_path, monkeypatch
 ):
     out = tmp_path / "table.parquet"
-    words = [sys.executable, "-c", KILLED, str(campaign_folder), str(out)]
     # The workers inherit the pipe, so communicate() returns when the last of them has ended.
-    with subprocess.Popen(words, cwd=ROOT, stdout=subprocess.PIPE) as killed:
+    pipe = {"stdout": subprocess.PIPE}
+    with command_server.start("-c", KILLED, campaign_folder, out, **pipe) as killed:
         killed.communicate(timeout=60)
-    assert killed.returncode == -signal.SIGKILL
     assert len(read_campaign(out).table) == 4
     out.with_name(out.name + PART).write_bytes(b"of an interrupted write")
     monkeypatch.setattr(campaign_run, "BATCH", 1)
     progress = []
-    found = run_campaign(campaign_folder, out, 2, on_read=lambda *done: progress.append(done))
+    found = run_campaign(campaign_folder, out, on_read=lambda *done: progress.append(done))
     assert found.kept == 4
     assert found.campaign.table.equals(complete.table)
     assert progress == [(done, GOOD - 4) for done in range(1, GOOD - 3)]

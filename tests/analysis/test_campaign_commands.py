@@ -24,7 +24,7 @@ def recordings(campaign_folder, tmp_path_factory):
 @pytest.fixture(scope="module")
 def table(recordings, tmp_path_factory):
     out = tmp_path_factory.mktemp("table") / "campaign.parquet"
-    assert run("campaign", recordings, "--out", out, "--processes", 1) == 0
+    assert run("campaign", recordings, "--out", out) == 0
     return out
 
 
@@ -33,7 +33,7 @@ def test_campaign_in_json(recordings, table, capsys):
         (recordings, "--out", table.with_name("new.parquet")),
         (recordings, "--out", table),
     ):
-        assert run("campaign", *words, "--processes", 1, "--json") == 0
+        assert run("campaign", *words, "--json") == 0
         result = json.loads(capsys.readouterr().out)
         counts = [result[name] for name in ("presses", "read", "kept", "dropped")]
         assert counts == ([12, 1, 12, 0] if table in words else [12, 13, 0, 0])
@@ -42,7 +42,7 @@ def test_campaign_in_json(recordings, table, capsys):
 
 
 def test_campaign_in_lines(recordings, table, capsys):
-    assert run("campaign", recordings, "--out", table, "--processes", 1) == 0
+    assert run("campaign", recordings, "--out", table) == 0
     lines = capsys.readouterr().out.splitlines()
     assert lines[0].startswith("SIMULATED")
     assert "12 presses" in lines[1]

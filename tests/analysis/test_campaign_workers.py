@@ -27,7 +27,7 @@ NOWHERE = "tcp://127.0.0.1:1"
 
 @pytest.fixture(scope="module")
 def address():
-    with cluster(2) as (address, _):
+    with cluster(1) as (address, _):
         yield address
 
 

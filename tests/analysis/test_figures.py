@@ -1,10 +1,11 @@
-"""The picture, and that what was simulated says so on it."""
+"""The pictures of a comparison and of phases, and that what was simulated says so on them."""
 
 import numpy as np
 import pytest
 
 from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.figures.comparison import comparison_figure
+from sautereau.analysis.figures.phases import phases_figure
 from sautereau.analysis.model.predict import predict
 from sautereau.analysis.phases import find_phases
 from tests.plots import texts
@@ -59,13 +60,32 @@ def test_a_mute_press_is_drawn(make_press, prediction):
     assert "string held" not in shown
 
 
-def test_a_file_appears(tmp_path, make_press, prediction):
-    press = make_press()
-    path = tmp_path / "picture.pdf"
-    comparison_figure([press], [find_phases(press)], prediction).savefig(path)
-    assert path.read_bytes().startswith(b"%PDF")
-
-
 def test_no_press_is_refused(prediction):
     with pytest.raises(AnalysisError, match="no press to draw"):
         comparison_figure([], [], prediction)
+
+
+def test_a_boundary_is_shown_with_its_uncertainty(make_press):
+    press = make_press(force_noise=5e-3)
+    phases = find_phases(press)
+    figure = phases_figure([press], [phases])
+    labels = [line.get_label() for axes in figure.axes for line in axes.get_lines()]
+    (told,) = (label for label in labels if str(label).startswith("contact 1"))
+    held = phases.plucks[0]
+    assert told == f"contact 1: {held.contact * 1e3:.3f} ± {held.contact_std * 1e3:.2g} ms"
+    assert "SIMULATED" in figure.get_suptitle()
+
+
+def test_presses_with_and_without_a_pluck_go_into_a_file(make_press, tmp_path):
+    presses = [make_press(simulated=False), make_press(slope=0, simulated=False)]
+    path = tmp_path / "phases.png"
+    phases_figure(presses, [find_phases(press) for press in presses]).savefig(path)
+    assert path.stat().st_size > 10_000
+
+
+def test_phases_of_no_press_and_of_too_many_are_refused(make_press):
+    with pytest.raises(AnalysisError, match="no press to draw"):
+        phases_figure([], [])
+    press = make_press()
+    with pytest.raises(AnalysisError, match="9 presses are too many"):
+        phases_figure([press] * 9, [find_phases(press)] * 9)

@@ -5,7 +5,7 @@ import sys
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from sautereau.analysis.errors import ModelError
@@ -31,7 +31,6 @@ def other(**update):
 
 
 @every_level
-@settings(max_examples=40, deadline=None)
 @given(place=st.floats(0.1, 1), share=st.floats(0.01, 0.9), friction=FRICTIONS)
 def test_derivatives_are_those_of_the_map(level, place, share, friction):
     """Against sixth-order central differences."""
@@ -80,7 +79,6 @@ def test_a_small_load_gives_the_beam(level, friction):
 
 
 @every_level
-@settings(max_examples=60, deadline=None)
 @given(
     modulus=MODULI,
     thickness=THICKNESSES,
@@ -154,7 +152,6 @@ def test_what_a_fit_may_try_is_refused(level, field, value, said):
 
 
 @every_level
-@settings(max_examples=40, deadline=None)
 @given(
     modulus=MODULI,
     thickness=THICKNESSES,

@@ -64,12 +64,6 @@ def test_what_is_excluded_is_hatched(paper, figure, small_map, best):
     assert hatched(mount_figure(paper, nothing, best))
 
 
-def test_the_picture_is_a_file(paper, small_map, best, tmp_path):
-    path = tmp_path / "mount.png"
-    mount_figure(paper, small_map, best).savefig(path)
-    assert path.stat().st_size > 10_000
-
-
 def test_a_region_over_the_key_leaves_no_room_for_the_neighbourhood(paper, figure, best):
     wide = paper.model_copy(update={"arm": paper.arm.model_copy(update={"mount_x": (-0.4, 0.1)})})
     assert "about the best base" not in texts(mount_figure(wide, mount_map(wide, 21), best))

@@ -5,7 +5,7 @@ import re
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import cumulative_simpson, solve_ivp
 
@@ -127,7 +127,6 @@ STRING = st.floats(1, 5).map(lambda e: 10**e)
 FRICTION = st.sampled_from([0.0, 0.01, 0.1, 0.2, 0.5])
 
 
-@settings(max_examples=100, deadline=None)
 @given(
     modulus=MODULUS,
     thickness=THICKNESS,

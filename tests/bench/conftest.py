@@ -9,11 +9,9 @@ from pathlib import Path
 import pytest
 
 from sautereau.rig.load import load_rig, with_values
-from sautereau.robot.drivers.galil.driver import GalilController
-from sautereau.robot.experiment.session import run_session
 from sautereau.sim_backend.bench import StandIn
 from sautereau.sim_backend.scene import load_scene
-from sautereau.trajectory.press import plan_press
+from tests.presses import QUICK, press_on
 
 BARE = """
 description = "a key without strings: quick"
@@ -27,9 +25,9 @@ step = "1 ms"
 
 
 @pytest.fixture
-def slow_host_rig():
-    """The paper's rig with a long timeout of the controller, for a busy machine."""
-    return with_values(load_rig(), {"controller.timeout": "20 s"})
+def quick_rig():
+    """The paper's rig with the values `QUICK`."""
+    return with_values(load_rig(), QUICK)
 
 
 @pytest.fixture
@@ -42,12 +40,9 @@ def bare(tmp_path):
 
 def run_on_stand_in(scene: str, out: Path, n: int = 1, seed: int = 0, rig=None):
     """Run n presses; return the recordings and the true events."""
-    rig = rig or with_values(load_rig(), {"controller.timeout": "20 s"})  # for a busy machine
+    rig = rig or with_values(load_rig(), QUICK)
     with StandIn(rig, load_scene(scene), seed) as stand_in:
-        paths = run_session(
-            stand_in.rig, plan_press(stand_in.rig), GalilController(stand_in.rig), out, n
-        )
-        return paths, stand_in.truth()
+        return press_on(stand_in, out, n), stand_in.truth()
 
 
 @pytest.fixture(scope="session")
@@ -64,13 +59,11 @@ def ideal(tmp_path_factory):
 
 @pytest.fixture
 def rig_file(tmp_path):
-    """Write the paper's rig with lines replaced: rig_file(port='...', terminal='...').
-
-    The controller's timeout is long, for a busy machine, unless the test sets it.
-    """
+    """Write the rig with the values `QUICK` and lines replaced: rig_file(port='"..."')."""
 
     def write(**changes: str) -> Path:
         text = resources.files("sautereau.rig").joinpath("paper.toml").read_text(encoding="utf-8")
+        text = text.replace('approach_speed = "0.5 rad/s"', 'approach_speed = "5 rad/s"')
         for key, value in ({"timeout": '"20 s"'} | changes).items():
             text, n = re.subn(
                 rf"(?m)^{key} = .*$", lambda _, k=key, v=value: f"{k} = {v}", text, count=1

@@ -2,14 +2,10 @@
 
 import json
 import math
-import os
 import re
-import resource
 import signal
-import socket
 import subprocess
 import sys
-import threading
 from pathlib import Path
 
 import numpy as np
@@ -218,15 +214,6 @@ def test_interrupts_and_bugs_are_json_under_json(monkeypatch, capsys, error, mes
     assert answer["error"]["message"].startswith(message)
 
 
-def test_every_fault_of_a_rig_is_reported_at_once(sautereau, rig_file):
-    path = rig_file(
-        press_arm='"171 g"', tension='"66.95 N"\ntensoin = "1 N"', baud_rate="115200\nspeed = 3"
-    )
-    done = sautereau("plan", path)
-    refused(done, "3 faults", "key.press_arm", "'171 g'", "string.tensoin", "controller.speed")
-    assert "did you mean 'tension'" in done.stderr
-
-
 def test_an_unreachable_pressing_point(sautereau, rig_file):
     path = rig_file(base_x='"-390 mm"')
     refused(sautereau("plan", path), "reach", "arm.base_x")
@@ -234,49 +221,16 @@ def test_an_unreachable_pressing_point(sautereau, rig_file):
     refused(done, "reach", "arm.base_x")
 
 
-def test_a_serial_port_that_does_not_exist(sautereau, tmp_path):
-    refused(sautereau("press", "--out", "out"), "/dev/ttyUSB0", "controller.port")
+def test_a_packaged_rig_does_not_move_the_hardware(sautereau, tmp_path):
+    for command in ("press", "learn"):
+        done = sautereau(command, "--out", "out")
+        refused(done, "rig 'paper'", "only with a rig file of your own", "sautereau init")
     assert not (tmp_path / "out").exists()
 
 
-@pytest.fixture
-def answering_port():
-    """A pseudo-terminal that gives the same answer to every line except TC1."""
-    masters = []
-
-    def serve(answer: bytes) -> str:
-        master, slave = os.openpty()
-        import tty
-
-        tty.setraw(slave)
-        masters.extend([master, slave])
-
-        def respond():
-            try:
-                while data := os.read(master, 4096):
-                    if data == b"TC1\r":
-                        os.write(master, b" 1 Unrecognized command\r\n:")
-                    elif answer:
-                        os.write(master, answer * data.count(b"\r"))
-            except OSError:
-                return
-
-        threading.Thread(target=respond, daemon=True).start()
-        return os.ttyname(slave)
-
-    yield serve
-    for fd in masters[::-1]:
-        os.close(fd)
-
-
-def test_a_controller_that_is_silent(sautereau, rig_file, answering_port):
-    path = rig_file(port=f'"{answering_port(b"")}"', timeout='"0.2 s"')
-    refused(sautereau("press", path, "--out", "out"), "0.2 s", "answer")
-
-
-def test_a_controller_that_refuses_everything(sautereau, rig_file, answering_port):
-    path = rig_file(port=f'"{answering_port(b"?")}"', timeout='"0.2 s"')
-    refused(sautereau("press", path, "--out", "out"), "EO 0", "1 Unrecognized command")
+def test_a_serial_port_that_does_not_exist(sautereau, rig_file, tmp_path):
+    refused(sautereau("press", rig_file(), "--out", "out"), "/dev/ttyUSB0", "controller.port")
+    assert not (tmp_path / "out").exists()
 
 
 @pytest.fixture
@@ -294,63 +248,21 @@ def test_the_hardware_path_against_a_served_stand_in(sautereau, rig_file, stand_
     assert "simulated" in done.stdout
 
 
-def test_no_daq_server(sautereau, rig_file, stand_in):
-    with socket.socket() as closed:
-        closed.bind(("127.0.0.1", 0))
-        address = f"127.0.0.1:{closed.getsockname()[1]}"
-    path = rig_file(port=f'"{stand_in.serial_port}"', address=f'"{address}"')
-    refused(sautereau("press", path, "--out", "out"), address)
-
-
-def test_a_wrong_channel(sautereau, rig_file, stand_in):
-    path = rig_file(
-        port=f'"{stand_in.serial_port}"', address=f'"{stand_in.daq_address}"', terminal='"ai7"'
-    )
-    refused(sautereau("press", path, "--out", "out"), "ai7", "ai0")
-
-
-def test_a_trigger_that_never_comes(sautereau, rig_file, stand_in, tmp_path):
-    path = rig_file(
-        port=f'"{stand_in.serial_port}"',
-        address=f'"{stand_in.daq_address}"',
-        trigger_output="2",
-        trigger_timeout='"0.3 s"',
-    )
-    done = sautereau("press", path, "--out", "out")
-    refused(done, "PFI0", "press-0001.mcap.part")
-    left = {p.name for p in (tmp_path / "out").iterdir()}
-    assert left == {"press-0001.mcap.part", "session.json", LOCK}
-
-
-def test_a_full_disk(tmp_path, bare, rig_file):
-    def small_files_only():
-        signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
-        resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, 20_000))
-
-    done = subprocess.run(
-        [sys.executable, "-m", "sautereau", "press", rig_file(), "--scene", bare, "--out", "out"],
-        capture_output=True, text=True, cwd=tmp_path, check=False, preexec_fn=small_files_only,
-    )  # fmt: skip
+def test_a_full_disk(command_server, tmp_path, bare, rig_file):
+    words = ("press", rig_file(), "--scene", bare, "--out", "out")
+    done = command_server.run(*words, folder=tmp_path, largest_file=20_000)
     refused(done, "press-0001.mcap.part", "cannot be written")
-
-
-def test_a_file_that_is_no_recording(sautereau, tmp_path):
-    (tmp_path / "notes.txt").write_text("not a recording")
-    for words in (["info"], ["phases"], ["compare"]):
-        refused(sautereau(*words, "notes.txt"), "notes.txt", "not an MCAP file")
 
 
 @pytest.mark.parametrize(
     "number", [signal.SIGINT, pytest.param(signal.SIGTERM, marks=pytest.mark.slow), signal.SIGHUP]
 )
 def test_an_interrupted_session_leaves_a_safe_arm_and_complete_files(
-    rig_file, tmp_path, stand_in, number
+    command_server, rig_file, tmp_path, stand_in, number
 ):
     path = rig_file(port=f'"{stand_in.serial_port}"', address=f'"{stand_in.daq_address}"')
-    command = [sys.executable, "-m", "sautereau", "press", path, "-n", "500", "--out", "out"]
-    with subprocess.Popen(
-        command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-    ) as process:
+    words, pipes = ("press", path, "-n", 500, "--out", "out"), {"stderr": subprocess.PIPE}
+    with command_server.start(*words, cwd=tmp_path, stdout=subprocess.PIPE, **pipes) as process:
         assert process.stdout
         for line in process.stdout:
             if "press-0002" in line:
@@ -365,14 +277,14 @@ def test_an_interrupted_session_leaves_a_safe_arm_and_complete_files(
         assert left.suffix in (".mcap", ".json") or left.name == LOCK or left.name in message
 
 
-def test_plain_clients_press_against_a_served_stand_in(tmp_path, sautereau):
+def test_plain_clients_press_against_a_served_stand_in(command_server, tmp_path, sautereau):
     example = Path(__file__).parents[2] / "examples" / "plain_clients.py"
     assert not re.search(
         r"(?m)^\s*(from|import) (rig|robot|daq|trajectory|analysis|sim_)", example.read_text()
     )
     assert sautereau("plan", "--out", "plan.json").returncode == 0
-    command = [sys.executable, "-m", "sautereau", "stand-in", "ideal", "--fast", "--json"]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, cwd=tmp_path) as server:
+    words = ("stand-in", "ideal", "--fast", "--json")
+    with command_server.start(*words, stdout=subprocess.PIPE, cwd=tmp_path) as server:
         try:
             assert server.stdout
             text = ""

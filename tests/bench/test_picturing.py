@@ -7,7 +7,6 @@ from cyclopts import CycloptsError
 from PIL import Image
 from scipy.io import wavfile
 
-from sautereau.analysis.errors import AnalysisError, ModelError
 from sautereau.analysis.press.strings import QUALITY
 from sautereau.commands.app import app
 
@@ -39,19 +38,10 @@ def test_the_lines_say_simulated(ideal, tmp_path, capsys):
     assert "1 of 1 strings were plucked" in printed
 
 
-@pytest.mark.parametrize(
-    ("words", "error", "said"),
-    [
-        (("--since", "60"), CycloptsError, "has no unit"),
-        (("--since", "3 kg"), CycloptsError, "--since"),
-        (("--until", "9 s"), AnalysisError, "is not within the recording"),
-        (("--slow", "0"), AnalysisError, "must be above 0"),
-        (("--slow", "nan"), AnalysisError, "must be above 0"),
-    ],
-)
-def test_a_wrong_stretch_is_refused(ideal, tmp_path, words, error, said):
-    with pytest.raises(error, match=said):
-        call("animate", ideal[0][0], "--out", tmp_path / "pluck.gif", *words)
+@pytest.mark.parametrize(("since", "said"), [("60", "has no unit"), ("3 kg", "--since")])
+def test_a_wrong_stretch_is_refused(ideal, tmp_path, since, said):
+    with pytest.raises(CycloptsError, match=said):
+        call("animate", ideal[0][0], "--out", tmp_path / "pluck.gif", "--since", since)
     assert not list(tmp_path.iterdir())
 
 
@@ -74,23 +64,7 @@ def test_the_quality_by_default_is_the_models(tmp_path, capsys):
     assert capsys.readouterr().out == default
 
 
-@pytest.mark.parametrize(
-    ("name", "words", "error", "said"),
-    [
-        ("pluck.mp3", ("--duration", "100 ms"), AnalysisError, r"use the file extension \.wav"),
-        ("pluck.wav", ("--quality", "0.5"), ModelError, "must be above 1"),
-        ("pluck.wav", ("--duration", "1 h"), AnalysisError, "between 0 and 60 s"),
-        ("pluck.wav", ("--held", "1"), CycloptsError, "has no unit"),
-    ],
-)
-def test_sounds_that_cannot_be_are_refused(tmp_path, name, words, error, said):
-    with pytest.raises(error, match=said):
-        call("listen", "--out", tmp_path / name, *words)
+def test_a_time_without_a_unit_is_refused(tmp_path):
+    with pytest.raises(CycloptsError, match="has no unit"):
+        call("listen", "--out", tmp_path / "pluck.wav", "--held", "1")
     assert not list(tmp_path.iterdir())
-
-
-def test_the_bench_is_drawn(sautereau, tmp_path):
-    done = sautereau("plan", "--bench", "bench.png")
-    assert done.returncode == 0, done.stderr
-    assert done.stdout.endswith("bench: bench.png\n")
-    assert (tmp_path / "bench.png").read_bytes().startswith(b"\x89PNG")

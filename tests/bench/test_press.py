@@ -10,11 +10,10 @@ from sautereau.analysis.model.predict import predict
 from sautereau.analysis.phases import find_phases
 from sautereau.daq.file.reading import read_recording
 from sautereau.rig.load import load_rig, with_values
-from sautereau.robot.drivers.galil.driver import GalilController
-from sautereau.robot.experiment.session import run_session
 from sautereau.sim_backend.bench import StandIn
 from sautereau.sim_backend.scene import load_scene
 from sautereau.trajectory.press import plan_press
+from tests.presses import press_on
 
 
 def test_ideal_jack_cruises_at_the_requested_speed(ideal):
@@ -53,13 +52,6 @@ def test_encoders_followed_the_plan(ideal):
     for name in ("q1", "q2"):
         planned = np.interp(recorded.joints.t, recorded.plan.t, getattr(recorded.plan, name))
         assert np.abs(getattr(recorded.joints, name) - planned).max() < 3e-5
-
-
-def test_a_simulated_recording_is_marked_by_its_devices(ideal):
-    recorded = read_recording(ideal[0][0])
-    assert recorded.simulated
-    assert "stand-in" in recorded.session.controller
-    assert "stand-in" in recorded.session.daq
 
 
 @pytest.fixture(scope="module")
@@ -103,13 +95,12 @@ def test_paper_jack_slows_down_while_the_string_is_held(paper):
     assert 0.10 < 1 - at_release / before < 0.30
 
 
-def test_truth_apart_from_the_rig_is_seen_in_the_recording(slow_host_rig, tmp_path):
+def test_truth_apart_from_the_rig_is_seen_in_the_recording(quick_rig, tmp_path):
     truth = {"plectrum.overlap": "0.35 mm", "jack.string_clearance": "2.5 mm"}
     scene = load_scene("ideal").model_copy(update={"truth": truth})
-    with StandIn(slow_host_rig, scene) as stand_in:
-        rig = stand_in.rig
-        assert rig.plectrum.overlap == load_rig().plectrum.overlap
-        (path,) = run_session(rig, plan_press(rig), GalilController(rig), tmp_path, 1)
+    with StandIn(quick_rig, scene) as stand_in:
+        assert stand_in.rig.plectrum.overlap == load_rig().plectrum.overlap
+        (path,) = press_on(stand_in, tmp_path)
     phases = find_phases(load_press(path))
     expected = predict(with_values(load_rig(), truth))
     assert phases.plucks[0].pluck_duration == pytest.approx(expected.pluck_duration, abs=0.1e-3)

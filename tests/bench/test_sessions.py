@@ -5,7 +5,6 @@ import json
 import os
 import random
 import subprocess
-import sys
 from collections import Counter
 from pathlib import Path
 
@@ -32,16 +31,13 @@ def fingerprints(out: Path) -> dict[str, str]:
     return {p.name: hashlib.sha256(p.read_bytes()).hexdigest() for p in out.glob("press-*")}
 
 
-def kill_again_and_again(command, tmp_path, presses, kills, seed):
+def kill_again_and_again(command_server, words, tmp_path, presses, kills, seed):
     """Run a command until it ends by itself; before that, kill it after random presses."""
     chance = random.Random(seed)
     points = sorted(chance.sample(range(presses), kills))
     out, made = tmp_path / "out", {}
     for point in points:
-        with subprocess.Popen(
-            command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True
-        ) as process:
-            assert process.stdout
+        with command_server.start(*words, cwd=tmp_path, stdout=subprocess.PIPE) as process:
             wait = max(0, point - len(list(out.glob("*.mcap"))))
             for line in process.stdout:
                 if line.startswith("press "):  # the heading: the arm is about to move
@@ -55,7 +51,7 @@ def kill_again_and_again(command, tmp_path, presses, kills, seed):
         now = fingerprints(out)
         assert made.items() <= now.items()  # nothing is lost, renamed or written again
         made = now
-    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+    done = command_server.run(*words, folder=tmp_path)
     assert done.returncode == 0, done.stderr
     now = fingerprints(out)
     assert made.items() <= now.items()
@@ -79,10 +75,11 @@ def every_press_once(out, presses):
         pytest.param(1000, 10, marks=[pytest.mark.slow, pytest.mark.timeout(7200)]),
     ],
 )
-def test_killed_at_random_moments_and_resumed(sautereau, tmp_path, bare, rig_file, presses, kills):
-    words = ["press", str(rig_file()), "--scene", str(bare), "-n", str(presses), "--out", "out"]
-    command = [sys.executable, "-m", "sautereau", *words]
-    out, done = kill_again_and_again(command, tmp_path, presses, kills, seed=presses)
+def test_killed_at_random_moments_and_resumed(
+    command_server, sautereau, tmp_path, bare, rig_file, presses, kills
+):
+    words = ("press", rig_file(), "--scene", bare, "-n", presses, "--out", "out")
+    out, done = kill_again_and_again(command_server, words, tmp_path, presses, kills, seed=presses)
     recordings = every_press_once(out, presses)
     for path in recordings:
         assert read_recording(path).n_samples > 1000
@@ -149,21 +146,6 @@ def test_a_table_of_presses_with_warm_up_on_the_stand_in(sautereau, rig_file, tm
     assert (rig.press.jack_speed, rig.plectrum.overlap) == pytest.approx((0.08, 0.35e-3))
 
 
-def test_every_fault_of_a_table_is_reported_at_once(sautereau, tmp_path):
-    (tmp_path / "plan.csv").write_text(
-        "press.jack_sped, plectrum.overlap, repeats\n, 3 kg, 2\n, 9 mm, none\n"
-    )
-    done = sautereau("press", "--sim", "--table", "plan.csv", "--out", "out")
-    assert done.returncode == 1
-    for word in ("did you mean 'jack_speed'", "line 2", "'3 kg'", "line 3", "'none'", "9 mm"):
-        assert word in done.stderr
-    (tmp_path / "plan.csv").write_text("press.jack_speed\n0.9 m/s\n0.07 m/s\n0.8 m/s\n")
-    done = sautereau("press", "--sim", "--table", "plan.csv", "--out", "out")
-    assert "line 2" in done.stderr
-    assert "line 4" in done.stderr
-    assert not (tmp_path / "out").exists()
-
-
 def test_the_operator_sets_the_instrument_on_the_hardware(sautereau, bare, rig_file, tmp_path):
     with StandIn(load_rig(), load_scene(str(bare))) as served:
         rig = rig_file(port=f'"{served.serial_port}"', address=f'"{served.daq_address}"')
@@ -181,16 +163,14 @@ def test_the_operator_sets_the_instrument_on_the_hardware(sautereau, bare, rig_f
     assert overlaps == pytest.approx([0.263e-3, 0.30e-3, 0.263e-3])
 
 
-def test_on_a_terminal_the_session_waits_for_the_operator(bare, rig_file, tmp_path):
+def test_on_a_terminal_the_session_waits_for_the_operator(command_server, bare, rig_file, tmp_path):
     with StandIn(load_rig(), load_scene(str(bare))) as served:
         rig = rig_file(port=f'"{served.serial_port}"', address=f'"{served.daq_address}"')
         (tmp_path / "plan.csv").write_text("plectrum.overlap\n0.30 mm\n")
-        command = ["press", str(rig), "--table", "plan.csv", "--out", "out", "--json"]
+        words = ("press", rig, "--table", "plan.csv", "--out", "out", "--json")
         master, slave = os.openpty()
-        with subprocess.Popen(
-            [sys.executable, "-m", "sautereau", *command],
-            cwd=tmp_path, stdin=slave, stderr=slave, stdout=subprocess.PIPE, text=True,
-        ) as process:  # fmt: skip
+        streams = {"stdin": slave, "stderr": slave, "stdout": subprocess.PIPE}
+        with command_server.start(*words, cwd=tmp_path, **streams) as process:
             asked = b""
             while b"Enter" not in asked:
                 asked += os.read(master, 1024)
@@ -203,11 +183,11 @@ def test_on_a_terminal_the_session_waits_for_the_operator(bare, rig_file, tmp_pa
     assert (len(result["recordings"]), result["left"], result["to_set"]) == (1, 0, {})
 
 
-def test_a_known_jitter_is_recovered_within_its_interval(bare, slow_host_rig, tmp_path):
+def test_a_known_jitter_is_recovered_within_its_interval(bare, quick_rig, tmp_path):
     """Each press is planned with a different speed; the recordings have the nominal one."""
     presses, sigma = 10, 4e-3
     speeds = 1 + sigma * np.random.default_rng(5).standard_normal(presses)
-    with StandIn(slow_host_rig, load_scene(str(bare))) as stand_in:
+    with StandIn(quick_rig, load_scene(str(bare))) as stand_in:
         rig = stand_in.rig
         nominal = rig.press.jack_speed
         plans = [
@@ -222,8 +202,8 @@ def test_a_known_jitter_is_recovered_within_its_interval(bare, slow_host_rig, tm
     assert found.velocity_accuracy == pytest.approx(speeds.mean() - 1, abs=3e-4)
 
 
-def test_sensors_noise_is_far_below_a_robots_repeatability(slow_host_rig, tmp_path):
-    with StandIn(slow_host_rig, load_scene("paper"), 1) as stand_in:
+def test_sensors_noise_is_far_below_a_robots_repeatability(quick_rig, tmp_path):
+    with StandIn(quick_rig, load_scene("paper"), 1) as stand_in:
         rig = stand_in.rig
         items = [Item(rig, plan_press(rig))] * 4
         paths = make_presses(GalilController(rig), tmp_path, items)

@@ -34,13 +34,6 @@ def test_init_overwrites_nothing(sautereau, tmp_path):
     assert (tmp_path / "my-rig.toml").read_text() == "mine"
 
 
-def test_init_reports_a_missing_folder(sautereau):
-    done = sautereau("init", "nowhere/rig.toml")
-    assert done.returncode == 1
-    assert "nowhere" in done.stderr
-    assert "Traceback" not in done.stderr
-
-
 @pytest.mark.parametrize(
     ("words", "meant", "status"),
     [

@@ -8,55 +8,9 @@ import pytest
 
 from sautereau.daq.file.recorded import Joints
 from sautereau.daq.file.recording import Block, Recording, SessionInfo
-from sautereau.rig.load import load_rig, with_values
-from sautereau.sim_backend.devices.daqmx.card import DaqmxError, TaskSetup
+from sautereau.rig.load import with_values
 from sautereau.sim_backend.devices.daqmx.server import DaqmxServer
-
-
-class NoiseRun:
-    """Samples that are there at once, as many as ``ready``."""
-
-    def __init__(self, volts, ready, fault):
-        self.volts, self.ready, self.fault = volts, ready, fault
-        self.acquired = ready
-        self.stopped = threading.Event()
-
-    def wait_for(self, n, timeout):
-        if n > self.ready:
-            self.stopped.wait(timeout)
-        return self.ready
-
-    def read(self, first, n):
-        if self.fault and first + n > self.fault[0]:
-            raise DaqmxError(self.fault[1], "The driver's text.")
-        return self.volts[:, first : first + n]
-
-    def stop(self):
-        self.stopped.set()
-
-
-class NoiseCard:
-    """A card of two inputs; ``ready`` bounds the samples, ``fault`` is (sample, code)."""
-
-    name = "Dev1"
-    terminals = ("ai0", "ai1")
-
-    def __init__(self, ready=None, fault=None):
-        self.ready, self.fault = ready, fault
-        self.runs = []
-
-    def start(self, setup: TaskSetup):
-        self.setup = setup
-        shape = (len(setup.terminals), setup.n_samples)
-        volts = np.random.default_rng(7).uniform(-10, 10, shape)
-        ready = setup.n_samples if self.ready is None else self.ready
-        self.runs.append(NoiseRun(volts, ready, self.fault))
-        return self.runs[-1]
-
-
-@pytest.fixture(scope="session")
-def paper():
-    return load_rig("paper")
+from tests.cards import Card
 
 
 @pytest.fixture
@@ -75,7 +29,7 @@ def bench(paper):
     servers = []
 
     def start(card=None, **values):
-        card = card or NoiseCard()
+        card = card or Card()
         server = DaqmxServer(card)
         server.__enter__()
         servers.append(server)
@@ -90,11 +44,6 @@ def bench(paper):
         server.__exit__(None, None, None)
     stray = [t.name for t in threading.enumerate() if t.name.startswith("daqmx stand-in")]
     assert stray == []
-
-
-@pytest.fixture
-def noise_card():
-    return NoiseCard
 
 
 @pytest.fixture(scope="session")

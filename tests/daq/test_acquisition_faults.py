@@ -10,8 +10,7 @@ from sautereau.daq.file.recording import Recording
 from sautereau.daq.source.acquisition import Acquisition
 from sautereau.rig.load import load_rig, with_values
 from sautereau.sim_backend.bench import StandIn
-from sautereau.sim_backend.fault_tables import Faults
-from sautereau.sim_backend.scene import load_scene
+from tests.presses import mute_scene
 
 AT = 3000
 WHOLE = 2048
@@ -28,16 +27,8 @@ FAULTS = [
 @pytest.mark.parametrize("duration", [0.1, None], ids=["finite", "continuous"])
 @pytest.mark.parametrize(("name", "fault", "n", "what", "how_to_fix"), FAULTS)
 def test_a_fault_of_the_card(tmp_path, session, duration, name, fault, n, what, how_to_fix):
-    scene = load_scene("ideal").model_copy(
-        update={
-            "plectrum": "none",
-            "string": "none",
-            "step": 1e-3,
-            "faults": Faults.model_validate({name: fault}),
-        }
-    )
     rig = with_values(load_rig(), {"daq.trigger_timeout": "0.4 s"})
-    with StandIn(rig, scene) as stand_in:
+    with StandIn(rig, mute_scene(faults={name: fault})) as stand_in:
         rig = stand_in.rig
         recording = Recording(tmp_path / "a.mcap", rig, session=session)
         with (

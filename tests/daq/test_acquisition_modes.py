@@ -1,7 +1,5 @@
 """Continuous, around the trigger's edge, many channels, and the dry run, over the real nidaqmx."""
 
-import threading
-
 import numpy as np
 import pytest
 
@@ -11,62 +9,14 @@ from sautereau.daq.file.recording import Recording
 from sautereau.daq.source.acquisition import Acquisition
 from sautereau.sim_backend.devices.daqmx.card import ENDLESS
 from sautereau.sim_backend.devices.daqmx.server import DaqmxServer
-
-
-def ramp(first, n, channels=2):
-    """Return the volts of a ramp card, shape (channels, n), V."""
-    index = np.arange(first, first + n)
-    return (index % 1000 - 500) / 100 + np.arange(channels)[:, None] / 1000
-
-
-class RampRun:
-    def __init__(self, card, setup, before=0):
-        self.card, self.setup, self.before = card, setup, before
-        self.stopped = threading.Event()
-        self.asked = 0
-
-    def wait_for(self, n, timeout):
-        there = self.card.there(n)
-        if there < n:
-            self.stopped.wait(timeout)
-        return there
-
-    def read(self, first, n):
-        return ramp(first, n, len(self.setup.terminals))
-
-    @property
-    def acquired(self):
-        self.asked += 1
-        return self.card.acquired(self)
-
-    def stop(self):
-        self.stopped.set()
-
-
-class RampCard:
-    """A paced card of 16 inputs with a reference trigger; a test sets what is there."""
-
-    name = "Dev1"
-    terminals = tuple(f"ai{n}" for n in range(16))
-    paced = True
-
-    def __init__(self):
-        self.runs = []
-        self.there = lambda n: n
-        self.acquired = lambda run: run.before
-
-    def start(self, setup):
-        self.runs.append(RampRun(self, setup))
-        return self.runs[-1]
-
-    def start_pretrigger(self, setup, before):
-        self.runs.append(RampRun(self, setup, before))
-        return self.runs[-1]
+from tests.cards import PreTriggerCard, volts
 
 
 @pytest.fixture
 def card():
-    return RampCard()
+    card = PreTriggerCard(16, ready=lambda n: n)
+    card.acquired = lambda run: run.before
+    return card
 
 
 @pytest.fixture
@@ -97,7 +47,7 @@ def test_a_continuous_acquisition_continues_until_it_is_left(card, rig, triggere
     with Acquisition(rig.daq, None, triggered=triggered) as acquisition:
         assert acquisition.n_samples is None
         acquisition.start()
-        assert np.array_equal(read(acquisition, 40), ramp(0, 40 * 1024))
+        assert np.array_equal(read(acquisition, 40), volts(0, 40 * 1024, 2))
     (run,) = card.runs
     assert run.setup.trigger == ("/Dev1/PFI0" if triggered else None)
     assert run.setup.n_samples == ENDLESS
@@ -111,7 +61,7 @@ def test_sixteen_channels_in_their_order(card, rig):
     )
     with Acquisition(changed(rig, channels=channels).daq, 0.1, triggered=False) as acquisition:
         acquisition.start()
-        assert np.array_equal(read(acquisition, 5), ramp(0, 5120, 16))
+        assert np.array_equal(read(acquisition, 5), volts(0, 5120, 16))
     assert card.runs[0].setup.terminals == card.terminals[::-1]
 
 
@@ -125,7 +75,7 @@ def test_samples_before_the_edge_are_recorded_below_zero(card, rig, session, tmp
     assert card.runs[0].setup.n_samples == 7680
     found = read_recording(tmp_path / "a.mcap")
     assert found.first_sample == -2560
-    assert np.array_equal(found.volts["force"], ramp(0, 7680)[1])
+    assert np.array_equal(found.volts["force"], volts(0, 7680, 2)[1])
 
 
 @pytest.mark.parametrize(("before", "latest"), [(0.05, 5120), (0.0, 40_000)])
@@ -157,7 +107,7 @@ def test_start_returns_when_the_samples_before_the_edge_are_there(card, rig):
 
 
 def test_no_edge_for_samples_around_it(card, rig):
-    card.there = lambda n: 0
+    card.ready = lambda n: 0
     with Acquisition(changed(rig, pre_trigger=0.01).daq, 0.05) as acquisition:
         acquisition.start()
         with pytest.raises(DaqError, match="no edge on /Dev1/PFI0"):
@@ -180,7 +130,7 @@ def test_a_device_without_a_reference_trigger_says_so(bench):
 )
 def test_samples_before_an_error_are_kept(card, rig, session, tmp_path, there, message, n):
     """The file is properly closed with n samples, and gives the reason."""
-    card.there = there
+    card.ready = there
     with (
         pytest.raises(DaqError, match=message) as caught,
         Acquisition(rig.daq, None, triggered=False) as acquisition,
@@ -189,7 +139,7 @@ def test_samples_before_an_error_are_kept(card, rig, session, tmp_path, there, m
         record(acquisition, recording)
     assert any(str(recording.part_path) in note for note in caught.value.__notes__)
     found = read_recording(recording.part_path)
-    assert np.array_equal(found.volts["velocity"], ramp(0, n)[0])
+    assert np.array_equal(found.volts["velocity"], volts(0, n, 2)[0])
     assert found.events[-1].kind == "aborted"
     assert str(caught.value) in found.events[-1].text
 

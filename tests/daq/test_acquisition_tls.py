@@ -14,6 +14,7 @@ from sautereau.rig.acquisition import Tls
 from sautereau.rig.errors import RigError
 from sautereau.rig.load import load_rig
 from sautereau.sim_backend.devices.daqmx.server import Servicer
+from tests.cards import Card
 
 NEW_KEY = "-newkey ec -pkeyopt ec_paramgen_curve:prime256v1 -nodes -keyout"
 
@@ -54,7 +55,7 @@ def certificates(tmp_path_factory):
 
 
 @pytest.fixture
-def served(certificates, noise_card, paper):
+def served(certificates, paper):
     """Serve a card over TLS; return the daq of a rig for it."""
     servers = []
 
@@ -66,7 +67,7 @@ def served(certificates, noise_card, paper):
             asks_client,
         )
         server = grpc.server(ThreadPoolExecutor(2))
-        nidaqmx_pb2_grpc.add_NiDAQmxServicer_to_server(Servicer(noise_card()), server)
+        nidaqmx_pb2_grpc.add_NiDAQmxServicer_to_server(Servicer(Card()), server)
         port = server.add_secure_port("127.0.0.1:0", credentials)
         server.start()
         servers.append(server)

@@ -16,22 +16,12 @@ PAGE = Path(__file__).parents[2] / "docs" / "add-an-import-format.md"
 
 
 @pytest.fixture
-def package(tmp_path, monkeypatch):
+def package(tmp_path, monkeypatch, install):
     """Write the page's files into a folder, and install it as pip would."""
     page = PAGE.read_text(encoding="utf-8")
     for title, body in re.findall(r'```\w+ title="([^"]+)"\n(.*?)```', page, re.DOTALL):
         (tmp_path / title).write_text(body, encoding="utf-8")
-    project = tomllib.loads((tmp_path / "pyproject.toml").read_text())["project"]
-    info = tmp_path / f"{project['name'].replace('-', '_')}-{project['version']}.dist-info"
-    info.mkdir()
-    (info / "METADATA").write_text(
-        f"Metadata-Version: 2.1\nName: {project['name']}\nVersion: {project['version']}\n"
-    )
-    lines = []
-    for group, points in project["entry-points"].items():
-        lines += [f"[{group}]", *(f"{name} = {place}" for name, place in points.items())]
-    (info / "entry_points.txt").write_text("\n".join(lines) + "\n")
-    monkeypatch.syspath_prepend(tmp_path)
+    install(tmp_path, tomllib.loads((tmp_path / "pyproject.toml").read_text())["project"])
     monkeypatch.chdir(tmp_path)
     return tmp_path
 
@@ -57,11 +47,11 @@ def test_a_damaged_file_and_an_unknown_extension_are_refused(package):
         app(command(), print_error=False, exit_on_error=False)
     (package / "press.xyz").write_text("")
     words = ["press.xyz" if word == "press.toy" else word for word in command()]
-    with pytest.raises(RecordingError, match=r"'\.xyz'.*\.tdms, \.csv, \.wav, \.parquet, \.toy"):
+    with pytest.raises(RecordingError, match=r"'\.xyz'.*\.tdms, \.csv, .*, \.hdf5, \.toy"):
         app(words, print_error=False, exit_on_error=False)
 
 
 def test_the_help_lists_the_built_in_extensions(capsys):
     app(["import", "--help"], print_error=False, exit_on_error=False)
     text = " ".join(capsys.readouterr().out.split())
-    assert all(f".{name}" in text for name in ("tdms", "csv", "wav", "parquet"))
+    assert all(f".{name}" in text for name in ("tdms", "csv", "wav", "parquet", "mat", "npz", "h5"))

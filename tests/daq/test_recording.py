@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 from mcap.reader import make_reader
@@ -23,6 +23,7 @@ from sautereau.daq.file.recording import Block, Recording, SessionInfo
 from sautereau.daq.file.schemas import declared_class
 from sautereau.daq.file.survey import describe
 from sautereau.rig.load import load_rig
+from tests.budget import examples
 from tests.daq.damage import record_and
 
 T0 = 1_700_000_000_000_000_000
@@ -40,20 +41,9 @@ BITS = st.lists(
 )
 
 
-@settings(max_examples=10, deadline=None)
+@examples(10, 300)
 @given(BITS)
 def test_any_bits_in_blocks_of_any_length_come_back(bits):
-    check_round_trip(bits)
-
-
-@pytest.mark.slow
-@settings(max_examples=300, deadline=None)
-@given(BITS)
-def test_many_bits_in_blocks_of_any_length_come_back(bits):
-    check_round_trip(bits)
-
-
-def check_round_trip(bits):
     together = np.concatenate(bits, axis=1)
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "press.mcap"

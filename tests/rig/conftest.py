@@ -4,12 +4,7 @@ from importlib import resources
 
 import pytest
 
-from sautereau.rig.load import load_rig, parse_rig
-
-
-@pytest.fixture(scope="session")
-def paper():
-    return load_rig("paper")
+from sautereau.rig.load import parse_rig
 
 
 @pytest.fixture(scope="session")

@@ -4,12 +4,13 @@ import re
 from importlib import resources
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from sautereau.rig.errors import RigError
 from sautereau.rig.load import load_rig, parse_rig
 from sautereau.rig.schema import Rig
+from tests.budget import examples
 
 PAPER = resources.files("sautereau.rig").joinpath("paper.toml").read_text(encoding="utf-8")
 
@@ -174,7 +175,7 @@ def test_faults_of_a_channel_are_readable(changed, old, new, message):
     with pytest.raises(RigError) as raised:
         changed((old, new))
     assert f"daq.channels.1{message}" in str(raised.value)
-    assert all(len(line) < 260 for line in str(raised.value).split("\n"))
+    assert all(len(line) < 300 for line in str(raised.value).split("\n"))
 
 
 def test_an_empty_file_lists_what_is_missing():
@@ -261,19 +262,8 @@ def mutilated(draw):
 
 
 @given(mutilated())
-@settings(deadline=None, max_examples=25)
+@examples(15, 1000)
 def test_any_mutilated_file_is_a_rig_or_a_rig_error(text):
-    check_mutilated(text)
-
-
-@pytest.mark.slow
-@given(mutilated())
-@settings(deadline=None, max_examples=1000)
-def test_many_mutilated_files_are_rigs_or_rig_errors(text):
-    check_mutilated(text)
-
-
-def check_mutilated(text):
     try:
         rig = parse_rig(text, "bench.toml")
     except RigError as error:

@@ -4,12 +4,13 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from sautereau.rig.errors import RigError
 from sautereau.rig.load import load_rig, rig_from_json, rig_json
 from sautereau.rig.outline import LEAST_TIP, THINNED_PLACES, split
+from tests.budget import examples
 
 WEDGE = [(0, -0.24), (2, -0.2), (4.5, -0.15), (4.5, 0.15), (2, 0.2), (0, 0.24)]
 """mm, thickness 0.48 at the clamp, 0.4 at 2 mm, 0.3 at the tip."""
@@ -170,19 +171,8 @@ POINTS = st.lists(st.tuples(st.integers(-3, 9), st.integers(-3, 3)), max_size=12
 
 
 @given(POINTS)
-@settings(max_examples=60, deadline=None)
+@examples(60, 2000)
 def test_any_points_are_an_outline_or_refused(points):
-    check_points(points)
-
-
-@pytest.mark.slow
-@given(POINTS)
-@settings(max_examples=2000, deadline=None)
-def test_many_points_are_outlines_or_refused(points):
-    check_points(points)
-
-
-def check_points(points):
     try:
         x, top, bottom = split(1e-3 * np.array(points, float).reshape(-1, 2))
     except ValueError:

@@ -16,20 +16,15 @@ def registry():
     return Registry(GROUP, "thing", BUILT_IN, RigError)
 
 
-@pytest.fixture
-def install(tmp_path, monkeypatch):
+@pytest.fixture(name="install")
+def install_one(tmp_path, install):
     """Put packages with entry points of the test's group on sys.path."""
 
-    def install_one(package, **names):
-        folder = tmp_path / package
-        info = folder / f"{package}-1.0.dist-info"
-        info.mkdir(parents=True)
-        (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {package}\nVersion: 1.0\n")
-        lines = [f"{name} = {place}" for name, place in names.items()]
-        (info / "entry_points.txt").write_text("\n".join([f"[{GROUP}]", *lines]) + "\n")
-        monkeypatch.syspath_prepend(folder)
+    def write(package, **names):
+        project = {"name": package, "version": "1.0", "entry-points": {GROUP: names}}
+        install(tmp_path / package, project)
 
-    return install_one
+    return write
 
 
 def test_names_are_in_the_order_given_then_those_of_others_sorted(registry, install):

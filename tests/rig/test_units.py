@@ -3,7 +3,7 @@
 import math
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from sautereau.rig.units import format_quantity, parse_quantity, readable_quantity
@@ -71,13 +71,11 @@ def test_refuses_what_is_no_such_quantity(text, unit, fault):
 
 
 @given(st.floats(allow_nan=False, allow_infinity=False), st.sampled_from(UNITS))
-@settings(deadline=None)
 def test_a_written_float_reads_back_as_itself(value, unit):
     assert parse_quantity(format_quantity(value, unit), unit) == value
 
 
 @given(st.text(max_size=20), st.sampled_from(UNITS))
-@settings(deadline=None)
 def test_any_text_is_a_finite_quantity_or_a_value_error(text, unit):
     try:
         value = parse_quantity(text, unit)

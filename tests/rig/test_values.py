@@ -3,12 +3,13 @@
 import json
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
 from sautereau.rig.errors import RigError, SautereauError
 from sautereau.rig.load import load_rig, rig_document, rig_from_json, rig_json, with_values
+from tests.budget import examples
 
 
 def test_replaces_values_and_leaves_the_rest(paper):
@@ -89,7 +90,7 @@ def between(low, high):
     return st.floats(low, high, allow_nan=False)
 
 
-VALID = (
+@given(
     st.fixed_dictionaries(
         {
             "key.press_arm": between(1e-9, 0.185),
@@ -105,22 +106,8 @@ VALID = (
     between(0, 0.499),
     st.tuples(between(-7, 7), between(-7, 7)),
 )
-
-
-@given(*VALID)
-@settings(deadline=None, max_examples=15)
+@examples(15, 300)
 def test_json_is_exact_for_any_valid_values(values, ratio, angles):
-    check_json(values, ratio, angles)
-
-
-@pytest.mark.slow
-@given(*VALID)
-@settings(deadline=None, max_examples=300)
-def test_json_is_exact_for_many_valid_values(values, ratio, angles):
-    check_json(values, ratio, angles)
-
-
-def check_json(values, ratio, angles):
     unit = {
         "key.inertia": "kg m^2",
         "press.jack_speed": "m/s",

@@ -1,6 +1,5 @@
 """docs/add-a-controller.md, followed literally: a controller that another package provides."""
 
-import importlib
 import re
 import sys
 import tomllib
@@ -28,25 +27,16 @@ def blocks(language):
 
 
 @pytest.fixture
-def installed(tmp_path, monkeypatch):
+def installed(tmp_path, monkeypatch, install):
     """Write the page's package into a folder as pip installs it, and its rig file."""
     module, _ = blocks("python")
     project, controller = map(tomllib.loads, blocks("toml"))
-    info = tmp_path / "toy-1.0.dist-info"
-    info.mkdir()
     (tmp_path / "toy.py").write_text(module, encoding="utf-8")
-    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: toy\nVersion: 1.0\n")
-    points = project["project"]["entry-points"]
-    lines = [
-        f"[{group}]\n{name} = {at}\n" for group in points for name, at in points[group].items()
-    ]
-    (info / "entry_points.txt").write_text("".join(lines))
+    install(tmp_path, {"name": "toy", "version": "1.0"} | project["project"])
     paper = resources.files("sautereau.rig").joinpath("paper.toml").read_text(encoding="utf-8")
     named = f'[controller]\nkind = "{controller["controller"]["kind"]}"\n'
     (tmp_path / "my-rig.toml").write_text(paper.replace("[controller]\n", named, 1))
-    monkeypatch.syspath_prepend(str(tmp_path))
     monkeypatch.chdir(tmp_path)
-    importlib.invalidate_caches()
     yield tmp_path / "my-rig.toml"
     sys.modules.pop("toy", None)
 

@@ -31,9 +31,8 @@ from sautereau.robot.experiment.session_folder import SessionFolder
 from sautereau.sim_backend.bench import StandIn
 from sautereau.sim_backend.devices.galil.faults import CommandError
 from sautereau.sim_backend.devices.galil.motion import StopCode
-from sautereau.sim_backend.fault_tables import Faults
-from sautereau.sim_backend.scene import load_scene
 from sautereau.trajectory.press import plan_press
+from tests.presses import mute_scene
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="signals, pseudo-terminals")
 
@@ -55,6 +54,7 @@ from sautereau.rig.load import rig_from_json
 from sautereau.robot.drivers.galil.driver import GalilController
 from sautereau.robot.experiment.session import run_session
 from sautereau.trajectory.press import plan_press
+from tests.presses import mute_scene
 rig = rig_from_json(Path(sys.argv[1]).read_text())
 run_session(rig, plan_press(rig), GalilController(rig), Path(sys.argv[2]), 1)
 """
@@ -90,14 +90,7 @@ class Desk:
 
     def stand_in(self, rig=None, finger="ideal", seed=0, faults=None) -> StandIn:
         """Return a stand-in whose motors and faults are observed."""
-        scene = load_scene("paper" if finger == "servo" else "ideal").model_copy(
-            update={
-                "plectrum": "none",
-                "string": "none",
-                "step": 1e-4 if finger == "servo" else 1e-3,
-                "faults": Faults.model_validate(faults) if faults else None,
-            }
-        )
+        scene = mute_scene(finger, faults=faults)
         values = {"controller.timeout": "2 s"} | HOLD | (rig or {})
         stand_in = StandIn(with_values(load_rig(), values), scene, seed, paced=True)
         self.watch(stand_in.bench, faults or {})
@@ -618,30 +611,9 @@ def _table():
     path = os.environ.get("SAUTEREAU_FAULTS")
     if path and len(ROWS) == len(FAULTS):
         rows = "\n".join(ROWS[each.name] for each in FAULTS)
-        Path(path).write_text(HEAD + rows + "\n", encoding="utf-8")
-
-
-HEAD = """# What happens when something goes wrong
-
-Written by `make faults`, which injects each fault of the table on the stand-in in real time, so
-that the arm continues to move while the host reacts. "Off after" is simulated time from the fault
-to both motors off; 0 where they were off already, or never on.
-
-- A fault that the controller detects switches the motors off within 50 ms of its detection. A
-  stalled motor is detected when its joint is `controller.position_error_limit` behind, which takes
-  as long as the motion takes to get there.
-- At a limit the controller brings both joints to rest at the arm's deceleration, then switches off.
-- Where the line or the host is lost, the controller's watchdog trips
-  `controller.watchdog_period` (0.5 s) after the last sign of life.
-- Where the host detects the fault, it decelerates the arm and then switches off. This takes as long
-  as this machine takes, and no test limits it.
-
-An incomplete recording is closed and keeps the file extension `.part`. A host that is killed cannot
-close it: `sautereau recover` reads what is in it, which may be nothing in the first 100 ms.
-
-| fault | what was done | off after, ms | recording | message |
-|---|---|---|---|---|
-"""
+        page = Path(path)
+        head, _, _ = page.read_text(encoding="utf-8").partition("|---|")
+        page.write_text(f"{head}|---|---|---|---|---|\n{rows}\n", encoding="utf-8")
 
 
 def test_the_stand_in_itself_presses_without_a_fault(tmp_path, monkeypatch):

@@ -37,6 +37,15 @@ class Still:
     def torque_volts(self):
         return 0.0, 0.0
 
+    def index(self, axis):
+        return None
+
+    def active(self, switch, axis):
+        return False
+
+    def amplifier_fault(self, axis):
+        return False
+
     def drive(self, offsets, limits):
         self.driven = offsets, limits
 

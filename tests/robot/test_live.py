@@ -14,10 +14,8 @@ from sautereau.robot.experiment import monitor as live
 from sautereau.robot.experiment.monitor import Fault, Feed, Made, Samples, Stage
 from sautereau.robot.experiment.session import Item, make_presses
 from sautereau.sim_backend.bench import StandIn
-from sautereau.sim_backend.scene import load_scene
 from sautereau.trajectory.press import plan_press
-
-MUTE = {"plectrum": "none", "string": "none", "step": 1e-3}
+from tests.presses import mute_scene
 
 
 class Keeping:
@@ -93,8 +91,7 @@ def test_a_view_that_never_ends_does_not_hold_the_session(monkeypatch):
 
 
 def press(out, watch, n=2):
-    scene = load_scene("ideal").model_copy(update=MUTE)
-    with StandIn(load_rig(), scene, 3) as stand_in:
+    with StandIn(load_rig(), mute_scene(), 3) as stand_in:
         item = Item(stand_in.rig, plan_press(stand_in.rig))
         return make_presses(GalilController(stand_in.rig), out, [item] * n, watch=watch)
 

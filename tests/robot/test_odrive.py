@@ -352,35 +352,12 @@ def test_with_the_watchdog_disabled_the_motors_stay_off(controller, port):
         assert "w axis0.requested_state 8" not in port.said
 
 
-# What is refused.
+# What is refused; what every controller refuses is in test_order.py.
 
 
-def test_each_state_names_the_way_out(controller, segments):
-    with pytest.raises(NotReady, match=r"connect\(\) first"):
-        controller.positions()
-    with controller:
-        for call in (controller.home, lambda: controller.load(segments), controller.start):
-            with pytest.raises(NotReady, match=r"enter powered\(\) first"):
-                call()
-        with controller.powered():
-            with pytest.raises(NotReady, match=r"call home\(\) first"):
-                controller.load(segments)
-            controller.home()
-            with pytest.raises(NotReady, match=r"call load\(\) first"):
-                controller.arm()
-            with pytest.raises(NotReady, match="wait"):
-                controller.capture()
-            with pytest.raises(NotReady, match="no motion was streamed"):
-                _ = controller.driver.punctuality
-
-
-def test_a_move_out_of_the_limits_is_not_sent(controller, port):
-    with controller, controller.powered():
-        controller.home()
-        port.said.clear()
-        with pytest.raises(UnsafeRequest, match="joint 1 reaches"):
-            controller.move_to([444_445, -500_000], 100_000)
-        assert port.said == []
+def test_without_a_streamed_motion_there_is_no_punctuality(controller):
+    with controller, controller.powered(), pytest.raises(NotReady, match="no motion was streamed"):
+        _ = controller.driver.punctuality
 
 
 def test_torques_are_refused(controller, segments):
@@ -411,14 +388,6 @@ def test_a_motion_that_would_run_out_of_the_limits_if_the_host_died(controller, 
         controller.home()
         with pytest.raises(UnsafeRequest, match=r"joint 1 would run out to .* if the host died"):
             controller.load(near)
-
-
-def test_an_arm_away_from_the_start_is_not_armed(controller, segments):
-    with controller, controller.powered():
-        controller.home()
-        controller.load(segments)
-        with pytest.raises(NotReady, match="move_to"):
-            controller.arm()
 
 
 # How it ends.

@@ -17,14 +17,11 @@ from sautereau.daq.file.reading import read_recording
 from sautereau.rig.load import load_rig, with_values
 from sautereau.robot.drivers.odrive.driver import OdriveController
 from sautereau.robot.errors import LineLost, PortUnavailable, SilentController
-from sautereau.robot.experiment.session import run_session
 from sautereau.sim_backend.bench import StandIn
-from sautereau.sim_backend.fault_tables import Faults
 from sautereau.sim_backend.scene import load_scene
-from sautereau.trajectory.press import plan_press
+from tests.presses import mute_scene, press_on
 
 KIND = {"controller.kind": "odrive", "controller.baud_rate": 921600}
-MUTE = {"plectrum": "none", "string": "none", "step": 1e-3}
 
 
 @pytest.fixture(scope="module")
@@ -32,18 +29,12 @@ def rig():
     return with_values(load_rig(), KIND | {"controller.timeout": "20 s"})  # on a busy machine
 
 
-def mute(**faults):
-    tables = Faults.model_validate(faults) if faults else None
-    return load_scene("ideal").model_copy(update=MUTE | {"faults": tables})
-
-
 @pytest.fixture(scope="module")
 def pressed(rig, tmp_path_factory):
     """A press of seed 5, and its truth."""
     with StandIn(rig, load_scene("ideal"), 5) as stand_in:
-        controller, out = OdriveController(stand_in.rig), tmp_path_factory.mktemp("pressed")
-        paths = run_session(stand_in.rig, plan_press(stand_in.rig), controller, out, 1)
-        return paths[0], stand_in.truth()[0]
+        (path,) = press_on(stand_in, tmp_path_factory.mktemp("pressed"), 1, OdriveController)
+        return path, stand_in.truth()[0]
 
 
 def test_a_press_has_the_phases_that_the_truth_has(pressed):
@@ -82,12 +73,12 @@ def test_the_command_line_presses_with_the_same_bytes_for_the_same_seed(
 
 @pytest.mark.parametrize("port_closes", [False, pytest.param(True, marks=pytest.mark.slow)])
 def test_a_cable_pulled_in_mid_motion(rig, tmp_path, port_closes):
-    scene = mute(cable_out={"press": 1, "at": "20 ms", "port_closes": port_closes})
+    cable_out = {"press": 1, "at": "20 ms", "port_closes": port_closes}
     fast = with_values(rig, {"controller.timeout": "1 s", "daq.trigger_timeout": "0.5 s"})
-    with StandIn(fast, scene, 0) as stand_in:
+    with StandIn(fast, mute_scene(faults={"cable_out": cable_out}), 0) as stand_in:
         controller = OdriveController(stand_in.rig)
         with pytest.raises(Exception, match="NOT confirmed off") as caught:
-            run_session(stand_in.rig, plan_press(stand_in.rig), controller, tmp_path, 1)
+            press_on(stand_in, tmp_path, 1, lambda rig: controller)
         reported = [str(caught.value), *getattr(caught.value, "__notes__", ())]
         assert any("watchdogs switch them off" in text for text in reported)
         assert not list(tmp_path.glob("*.mcap"))
@@ -118,7 +109,7 @@ def until(reached, limit=20.0):
 
 def test_a_host_that_is_killed_leaves_the_motors_off(rig):
     """A real process, a real kill, and a watchdog in real time."""
-    with StandIn(rig, mute(), 0, paced=True) as stand_in:
+    with StandIn(rig, mute_scene(), 0, paced=True) as stand_in:
         firmware = stand_in.bench.firmware
         command = [sys.executable, "-c", HOST.format(port=stand_in.serial_port)]
         with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as host:

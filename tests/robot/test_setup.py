@@ -18,6 +18,7 @@ from sautereau.robot.experiment.setup.touch import locate_by_touch
 from sautereau.sim_backend.bench import StandIn
 from sautereau.sim_backend.scene import load_scene
 from sautereau.trajectory.arm import fingertip_place
+from tests.presses import mute_scene
 
 SHORT = Creep(above=0.3e-3, below=0.6e-3)
 
@@ -33,6 +34,10 @@ class Person:
         self.asked.append(question)
         return self.agrees
 
+    def act(self, instruction):
+        self.asked.append(instruction)
+        return False
+
     def number(self, question, unit, expected):
         self.asked.append(question)
         return None if self.measures is None else self.measures(expected)
@@ -42,11 +47,8 @@ class Person:
 def stand_in():
     """A stand-in whose key is 0.3 mm lower than in the rig, relative to the base."""
     rig = with_values(load_rig(), {"controller.timeout": "60 s"})
-    scene = load_scene("ideal")
     truth = {"arm.base_z": f"{rig.arm.base_z + 0.3e-3!r} m"}
-    bare = {"plectrum": "none", "string": "none", "step": 1e-3}
-    scene = scene.model_copy(update={"truth": truth} | bare)
-    with StandIn(rig, scene) as served:
+    with StandIn(rig, mute_scene(truth=truth)) as served:
         yield served
 
 
@@ -69,7 +71,7 @@ def test_nothing_moves_before_the_operator_has_agreed(stand_in, rig, name):
 
 
 def test_an_unknown_step_names_the_known_ones(rig):
-    with pytest.raises(RobotError, match="no step 'hom'; the steps are port, controller, home"):
+    with pytest.raises(RobotError, match="no step 'hom'; the steps are port, controller, verify"):
         list(make_steps(rig, Person(), "hom"))
 
 

@@ -26,29 +26,18 @@ BLOCK = re.compile(r'^```\w+(?: title="([^"]+)")?\n(.*?)^```', re.DOTALL | re.MU
 MEASURED = "sautereau.measured_quantities"
 
 
-@pytest.fixture
-def install(tmp_path, monkeypatch):
+@pytest.fixture(name="install")
+def install_sensor(tmp_path, monkeypatch, install):
     """Write the files of the page, and install the package with some groups of entry points."""
     files = {title: body for title, body in BLOCK.findall(PAGE.read_text()) if title}
     site = tmp_path / "site"
-    info = site / "key_accelerometer-1.0.dist-info"
-    info.mkdir(parents=True)
-    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: key-accelerometer\nVersion: 1.0\n")
+    site.mkdir()
     for name in ("channel.toml", "check.py"):
         (tmp_path / name).write_text(files[name])
     (site / "key_accelerometer.py").write_text(files["key_accelerometer.py"])
-    groups = tomllib.loads(files["pyproject.toml"])["project"]["entry-points"]
-
-    def with_groups(*names):
-        lines = [
-            f"[{group}]\n" + "".join(f"{name} = {at}\n" for name, at in groups[group].items())
-            for group in names or groups
-        ]
-        (info / "entry_points.txt").write_text("".join(lines))
-        monkeypatch.syspath_prepend(site)
-
+    project = tomllib.loads(files["pyproject.toml"])["project"]
     monkeypatch.chdir(tmp_path)
-    yield with_groups
+    yield lambda *groups: install(site, project, *groups)
     sys.modules.pop("key_accelerometer", None)
 
 

@@ -11,12 +11,7 @@ from sautereau.sim_backend.errors import SceneError
 from sautereau.sim_backend.physics.events import PluckEvents, StringEvent
 from sautereau.sim_backend.scene import load_scene
 from sautereau.sim_backend.truth import truths
-
-MUTE = {"plectrum": "none", "string": "none", "step": 1e-3}
-
-
-def mute_scene(**changes):
-    return load_scene("ideal").model_copy(update=MUTE | changes)
+from tests.presses import mute_scene
 
 
 def event(time, choir=0, force=0.0):
@@ -93,16 +88,14 @@ def test_a_controller_without_an_emulator_is_refused_by_its_name():
         Bench(toy_rig(), NOISY)
 
 
-def test_another_package_adds_the_emulator_of_a_controller(tmp_path, monkeypatch):
-    info = tmp_path / "toy-1.0.dist-info"
-    info.mkdir()
-    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: toy\nVersion: 1.0\n")
-    (info / "entry_points.txt").write_text("[sautereau.emulators]\ntoy = toy_emulator:emulate\n")
+def test_another_package_adds_the_emulator_of_a_controller(tmp_path, install):
+    points = {"sautereau.emulators": {"toy": "toy_emulator:emulate"}}
+    install(tmp_path, {"name": "toy", "version": "1.0", "entry-points": points})
     (tmp_path / "toy_emulator.py").write_text(
+        "from sautereau.sim_backend.controller_part import ControllerUnit\n"
         "from sautereau.sim_backend.devices.galil.firmware import GalilFirmware\n"
         "def emulate(rig, plant, on_output, paced):\n"
-        "    return GalilFirmware(plant, revision='TOY', on_output=on_output)\n"
+        "    return GalilFirmware(plant, ControllerUnit(serial_number=77), on_output=on_output)\n"
     )
-    monkeypatch.syspath_prepend(tmp_path)
     bench = Bench(toy_rig(), NOISY)
-    assert b"TOY" in bench.receive(b"\x12\x16\r")
+    assert b" 77.0000" in bench.receive(b"MG _BN\r")

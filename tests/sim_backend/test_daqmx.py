@@ -13,46 +13,12 @@ from nidaqmx.system import Device, System
 
 from sautereau.sim_backend.devices.daqmx.card import DaqmxError, TaskSetup
 from sautereau.sim_backend.devices.daqmx.server import DaqmxServer
-
-
-class NoiseRun:
-    def __init__(self, volts, ready):
-        self.volts = volts
-        self.ready = self.acquired = ready
-        self.stopped = threading.Event()
-
-    def wait_for(self, n, timeout):
-        if n > self.ready:
-            self.stopped.wait(timeout)
-        return self.ready
-
-    def read(self, first, n):
-        return self.volts[:, first : first + n]
-
-    def stop(self):
-        self.stopped.set()
-
-
-class NoiseCard:
-    name = "Dev1"
-    terminals = ("ai0", "ai1", "ai2", "ai3")
-
-    def __init__(self):
-        self.ready = None
-        self.setups = []
-
-    def start(self, setup: TaskSetup):
-        if setup.rate == 666:
-            raise DaqmxError(-200361, "Onboard device memory overflow.")
-        self.setups.append(setup)
-        shape = (len(setup.terminals), setup.n_samples)
-        self.volts = np.random.default_rng(5).standard_normal(shape)
-        return NoiseRun(self.volts, setup.n_samples if self.ready is None else self.ready)
+from tests.cards import Card, code_of, volts
 
 
 @pytest.fixture
 def card():
-    return NoiseCard()
+    return Card(4)
 
 
 @pytest.fixture
@@ -77,12 +43,6 @@ def finite(task, n_samples, rate=51_200.0, channels="Dev1/ai0:1"):
     )
 
 
-def code_of(function, *arguments, **named):
-    with pytest.raises(DaqError) as caught:
-        function(*arguments, **named)
-    return caught.value.error_code
-
-
 def test_a_finite_triggered_acquisition_is_bit_exact(card, task):
     finite(task, 25_600)
     task.triggers.start_trigger.cfg_dig_edge_start_trig("/Dev1/PFI0", Edge.RISING)
@@ -97,28 +57,28 @@ def test_a_finite_triggered_acquisition_is_bit_exact(card, task):
     task.wait_until_done(timeout=5)
     assert task.is_task_done()
     task.stop()
-    assert np.array_equal(found.view(np.uint64), card.volts.view(np.uint64))
+    assert np.array_equal(found.view(np.uint64), volts(0, 25_600, 2).view(np.uint64))
     assert card.setups == [TaskSetup(("ai0", "ai1"), 51_200.0, 25_600, "/Dev1/PFI0")]
 
 
 def test_a_large_read_in_one_answer(card, task):
     finite(task, 400_000)
-    assert np.array_equal(task.read(READ_ALL_AVAILABLE), card.volts)
+    assert np.array_equal(task.read(READ_ALL_AVAILABLE), volts(0, 400_000, 2))
 
 
 def test_plain_reads(card, task):
     task.ai_channels.add_ai_voltage_chan("Dev1/ai2")
-    assert task.read() == card.volts[0, 0]
-    assert task.read(4) == list(card.volts[0])
+    assert task.read() == volts(0, 1)[0, 0]
+    assert task.read(4) == list(volts(0, 4)[0])
     task.ai_channels.add_ai_voltage_chan("Dev1/ai3", "second")
-    assert task.read() == list(card.volts[:, 0])
+    assert task.read() == list(volts(0, 1, 2)[:, 0])
     assert task.channel_names == ["Dev1/ai2", "second"]
 
 
 def test_a_task_read_without_start_can_be_read_again(card, task):
     finite(task, 100)
     for _ in range(2):
-        assert np.array_equal(task.read(100), card.volts)
+        assert np.array_equal(task.read(100), volts(0, 100, 2))
     assert len(card.setups) == 2
 
 
@@ -132,7 +92,7 @@ def test_a_partial_read_gives_what_is_there(card, task):
         reader.read_many_sample(found, 1000, timeout=0.05)
     assert caught.value.error_code == -200284
     assert caught.value.samps_per_chan_read == 300
-    assert np.array_equal(found[:, :300], card.volts[:, :300])
+    assert np.array_equal(found[:, :300], volts(0, 300, 2))
     assert code_of(task.wait_until_done, timeout=0.05) == -200560
     assert not task.is_task_done()
     assert task.in_stream.avail_samp_per_chan == 0
@@ -197,8 +157,12 @@ def test_a_cleared_task_is_invalid(options):
     assert code_of(interpreter.start_task, handle) == -200088
 
 
-def test_an_error_of_the_card_reaches_the_client(task):
-    finite(task, 100, rate=666)
+def test_an_error_of_the_card_reaches_the_client(card, task, monkeypatch):
+    def overflow(setup):
+        raise DaqmxError(-200361, "Onboard device memory overflow.")
+
+    monkeypatch.setattr(card, "start", overflow)
+    finite(task, 100)
     assert code_of(task.start) == -200361
 
 

@@ -1,59 +1,13 @@
 """Continuous tasks, buffers and reference triggers of the DAQmx stand-in, by the real nidaqmx."""
 
-import threading
-
 import grpc
-import numpy as np
 import pytest
 from nidaqmx import DaqError, GrpcSessionOptions, Task
 from nidaqmx.constants import READ_ALL_AVAILABLE, AcquisitionType, Edge, ReadRelativeTo
 from nidaqmx.error_codes import DAQmxErrors
 
 from sautereau.sim_backend.devices.daqmx.server import DaqmxServer
-
-
-class CountingRun:
-    """Shows the number of each sample, in mV; a test says how many there are."""
-
-    def __init__(self, card, before=0):
-        self.card, self.before = card, before
-        self.stopped = threading.Event()
-
-    def wait_for(self, n, timeout):
-        if self.card.there < n:
-            self.stopped.wait(timeout)
-        return self.card.there
-
-    def read(self, first, n):
-        return np.arange(first, first + n)[None] / 1000
-
-    @property
-    def acquired(self):
-        return self.card.acquired
-
-    def stop(self):
-        self.stopped.set()
-
-
-class PlainCard:
-    name = "Dev1"
-    terminals = ("ai0",)
-
-    def __init__(self, paced=True):
-        self.paced = paced
-        self.there = self.acquired = 0
-        self.setup = None
-
-    def start(self, setup):
-        self.setup = setup
-        return CountingRun(self)
-
-
-class PreTriggerCard(PlainCard):
-    def start_pretrigger(self, setup, before):
-        self.setup = setup
-        self.run = CountingRun(self, before)
-        return self.run
+from tests.cards import Card, PreTriggerCard, code_of, volts
 
 
 @pytest.fixture
@@ -78,21 +32,15 @@ def task_on():
         server.__exit__(None, None, None)
 
 
-def code_of(function, *arguments, **named):
-    with pytest.raises(DaqError) as caught:
-        function(*arguments, **named)
-    return caught.value.error_code
-
-
 def test_a_continuous_task_gives_what_there_is_and_is_never_done(task_on):
-    card = PlainCard()
+    card = Card(1, ready=0)
     task = task_on(card, 1000)
     task.start()
-    card.there = 300
+    card.ready = 300
     assert task.timing.samp_quant_samp_mode == AcquisitionType.CONTINUOUS
     assert task.in_stream.avail_samp_per_chan == 300
-    assert task.read(100) == list(np.arange(100) / 1000)
-    assert task.read(READ_ALL_AVAILABLE) == list(np.arange(100, 300) / 1000)
+    assert task.read(100) == list(volts(0, 100)[0])
+    assert task.read(READ_ALL_AVAILABLE) == list(volts(100, 200)[0])
     assert task.in_stream.curr_read_pos == 300
     assert not task.is_task_done()
     assert code_of(task.read, 1, timeout=0.01) == DAQmxErrors.SAMPLES_NOT_YET_AVAILABLE.value
@@ -105,39 +53,39 @@ def test_a_continuous_task_gives_what_there_is_and_is_never_done(task_on):
     [(100, 2, 1_000), (101, 2, 10_000), (51_200, 2, 100_000), (51_200, 200_000, 200_000)],
 )
 def test_the_driver_chooses_a_buffer_by_the_rate(task_on, rate, wanted, buffer):
-    task = task_on(PlainCard(), wanted, rate=rate)
+    task = task_on(Card(1, ready=0), wanted, rate=rate)
     assert task.in_stream.input_buf_size == buffer
 
 
 def test_samples_beyond_the_buffer_are_overwritten(task_on):
-    card = PlainCard()
+    card = Card(1, ready=0)
     task = task_on(card, 1000)
     task.in_stream.input_buf_size = 500
     task.start()
-    card.there = 500
+    card.ready = 500
     assert len(task.read(10)) == 10
-    card.there = 510
+    card.ready = 510
     assert len(task.read(10)) == 10
-    card.there = 521
+    card.ready = 521
     for _ in range(2):
         assert code_of(task.read, 10) == DAQmxErrors.SAMPLES_NO_LONGER_AVAILABLE.value
     task.stop()
-    card.there = 10
+    card.ready = 10
     task.start()
-    assert task.read(10)[0] == 0
+    assert task.read(10)[0] == volts(0, 1)[0, 0]
 
 
 def test_a_card_that_waits_for_its_reader_overwrites_nothing(task_on):
-    card = PlainCard(paced=False)
+    card = Card(1, ready=0, paced=False)
     task = task_on(card, 2)
     task.in_stream.input_buf_size = 20
     task.start()
-    card.there = 1000
+    card.ready = 1000
     assert len(task.read(1000)) == 1000
 
 
 def test_a_finite_buffer_holds_it_all(task_on):
-    task = task_on(PlainCard(), 100, AcquisitionType.FINITE)
+    task = task_on(Card(1, ready=0), 100, AcquisitionType.FINITE)
     with pytest.raises(DaqError, match="less than the 100"):
         task.in_stream.input_buf_size = 99
     task.in_stream.input_buf_size = 200
@@ -149,33 +97,34 @@ def around(task, before=20):
 
 
 def test_a_reference_trigger_keeps_what_was_before(task_on):
-    card = PreTriggerCard()
+    card = PreTriggerCard(1, ready=0)
     task = task_on(card, 100, AcquisitionType.FINITE)
     around(task)
     task.in_stream.relative_to = ReadRelativeTo.CURRENT_READ_POSITION
     task.start()
-    assert (card.run.before, card.setup.n_samples, card.setup.trigger) == (20, 100, "/Dev1/PFI0")
-    card.acquired = 35
+    (run,) = card.runs
+    assert (run.before, run.setup.n_samples, run.setup.trigger) == (20, 100, "/Dev1/PFI0")
+    card.acquired = lambda run: 35
     assert task.in_stream.total_samp_per_chan_acquired == 35
     assert code_of(task.wait_until_done, timeout=0.01) == -200560
-    card.there = 100
+    card.ready = 100
     task.wait_until_done(timeout=1)
-    assert task.read(60) == list(np.arange(60) / 1000)
-    assert task.read(40) == list(np.arange(60, 100) / 1000)
+    assert task.read(60) == list(volts(0, 60)[0])
+    assert task.read(40) == list(volts(60, 40)[0])
 
 
 def test_by_default_every_read_begins_at_the_first_sample_before_the_edge(task_on):
-    card = PreTriggerCard()
+    card = PreTriggerCard(1, ready=0)
     task = task_on(card, 100, AcquisitionType.FINITE)
     around(task)
     assert task.in_stream.relative_to == ReadRelativeTo.FIRST_PRETRIGGER_SAMPLE
     task.start()
-    card.there = 100
+    card.ready = 100
     assert task.read(50) == task.read(50)
 
 
 def test_reference_triggers_that_are_not_possible(task_on):
-    task = task_on(PreTriggerCard(), 100, AcquisitionType.FINITE)
+    task = task_on(PreTriggerCard(1, ready=0), 100, AcquisitionType.FINITE)
     assert code_of(around, task, 1) == DAQmxErrors.INVALID_ATTRIBUTE_VALUE.value
     around(task, 99)
     assert code_of(task.start) == DAQmxErrors.TOO_MANY_PRETRIG_PLUS_MIN_POST_TRIG_SAMPS.value
@@ -183,6 +132,6 @@ def test_reference_triggers_that_are_not_possible(task_on):
     assert code_of(task.start) == DAQmxErrors.REF_TRIG_WHEN_CONTINUOUS.value
     task.triggers.reference_trigger.disable_ref_trig()
     task.start()
-    plain = task_on(PlainCard(), 100, AcquisitionType.FINITE)
+    plain = task_on(Card(1, ready=0), 100, AcquisitionType.FINITE)
     around(plain)
     assert code_of(plain.start) == DAQmxErrors.ATTRIBUTE_NOT_SUPPORTED_IN_TASK_CONTEXT.value

@@ -13,7 +13,6 @@ from nidaqmx.system import Device
 from sautereau.daq.errors import DaqError
 from sautereau.daq.file.reading import read_recording
 from sautereau.rig.load import load_rig, with_values
-from sautereau.robot.drivers.galil.driver import GalilController
 from sautereau.robot.errors import (
     CommandRefused,
     GarbledAnswer,
@@ -22,38 +21,22 @@ from sautereau.robot.errors import (
     SettingNotTaken,
     SilentController,
 )
-from sautereau.robot.experiment.session import run_session
 from sautereau.sim_backend.bench import Bench, StandIn
 from sautereau.sim_backend.errors import SceneError
-from sautereau.sim_backend.fault_tables import Faults
-from sautereau.sim_backend.scene import load_scene
-from sautereau.trajectory.press import plan_press
-
-LONG_TIMEOUT = {"controller.timeout": "10 s"}
-"""Longer than any answer takes, even on a slow machine."""
+from tests.presses import QUICK, mute_scene, press_on
 
 
 @pytest.fixture
 def injected(tmp_path):
     """Make presses with faults; return the recordings, the error and the final state."""
 
-    def press(finger="ideal", *, n=1, seed=0, rig=LONG_TIMEOUT, afterwards=None, **tables):
-        servo = finger == "servo"
-        scene = load_scene("paper" if servo else "ideal").model_copy(
-            update={
-                "plectrum": "none",
-                "string": "none",
-                "step": 1e-4 if servo else 1e-3,
-                "faults": Faults.model_validate(tables) if tables else None,
-            }
-        )
+    def press(finger="ideal", *, n=1, seed=0, rig=QUICK, afterwards=None, **tables):
+        scene = mute_scene(finger, faults=tables)
         made, error = [], None
         out = tmp_path / f"{len(list(tmp_path.iterdir()))}"
         with StandIn(with_values(load_rig(), rig), scene, seed) as stand_in:
-            controller = GalilController(stand_in.rig)
-            plan = plan_press(stand_in.rig)
             try:
-                run_session(stand_in.rig, plan, controller, out, n, on_press=made.append)
+                press_on(stand_in, out, n, on_press=made.append)
             except Exception as caught:  # noqa: BLE001 - the tests ask for its kind
                 error = caught
             if afterwards:
@@ -71,25 +54,6 @@ def is_safe(found) -> bool:
 
 
 # The card.
-
-
-def test_an_edge_that_does_not_reach_the_card(injected):
-    rig = LONG_TIMEOUT | {"daq.trigger_timeout": "0.4 s"}
-    found = injected(trigger_missing={"press": 1}, rig=rig)
-    assert not found.made
-    assert isinstance(found.error, DaqError)
-    assert "no edge on /Dev1/PFI0" in str(found.error)
-    assert is_safe(found)
-    assert not found.truth
-
-
-def test_samples_that_are_overwritten(injected):
-    found = injected(overrun={"press": 2, "sample": 5000}, n=2)
-    assert len(found.made) == 1
-    assert "-200279" in str(found.error)
-    assert is_safe(found)
-    (part,) = found.made[0].parent.glob("*.part")
-    assert part.stat().st_size > 0
 
 
 @pytest.mark.parametrize(
@@ -186,14 +150,7 @@ def arm():
     """A servo's bench in this process, powered, with faults."""
 
     def make(**tables):
-        scene = load_scene("paper").model_copy(
-            update={
-                "plectrum": "none",
-                "string": "none",
-                "faults": Faults.model_validate(tables),
-            }
-        )
-        bench = Bench(load_rig(), scene)
+        bench = Bench(load_rig(), mute_scene("servo", faults=tables))
         for line in (b"EO 0", b"ER 20000,20000", b"OE 0,0", b"SH AB"):
             assert set(bench.receive(line + b"\r").strip(b"EO 0\r")) <= set(b":")
         return bench
@@ -252,13 +209,10 @@ def test_faults_of_sensors_are_in_the_recording(injected):
 
 def test_a_stand_in_that_fails_reports_it_on_every_channel(tmp_path, monkeypatch):
     """At once, over the card and over the line, and not as a timeout."""
-    scene = load_scene("ideal").model_copy(
-        update={"plectrum": "none", "string": "none", "step": 1e-3}
-    )
 
     def press():
-        with StandIn(with_values(load_rig(), LONG_TIMEOUT), scene) as stand_in:
-            world, rig = stand_in.bench.world, stand_in.rig
+        with StandIn(with_values(load_rig(), QUICK), mute_scene()) as stand_in:
+            world = stand_in.bench.world
             advance = world.advance
 
             def diverge(reference, powered):
@@ -267,7 +221,7 @@ def test_a_stand_in_that_fails_reports_it_on_every_channel(tmp_path, monkeypatch
                 return advance(reference, powered)
 
             monkeypatch.setattr(world, "advance", diverge)
-            run_session(rig, plan_press(rig), GalilController(rig), tmp_path, 1)
+            press_on(stand_in, tmp_path)
 
     with pytest.raises(DaqError, match="The stand-in has failed: diverged") as caught:
         press()

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
@@ -176,7 +176,6 @@ def test_a_megabyte_of_noise_neither_crashes_nor_moves(bench):
         max_size=10,
     )
 )
-@settings(max_examples=100, deadline=None)
 def test_random_commands_move_nothing_without_power(parts):
     bench = Bare()
     for part in parts:
@@ -187,7 +186,6 @@ def test_random_commands_move_nothing_without_power(parts):
 
 
 @given(st.floats(-1, 1), st.floats(-1, 1), st.floats(-1, 1), st.floats(-1, 1), st.floats(1, 300))
-@settings(max_examples=50, deadline=None)
 def test_the_filter_solves_its_equation(x, v, u, w, b):
     found, _ = filtered(Setpoint(x, v), Setpoint(u, w), b, 0.02)
     solved = solve_ivp(
@@ -202,7 +200,6 @@ def test_the_filter_solves_its_equation(x, v, u, w, b):
 
 
 @given(st.floats(-2, 2), st.floats(-3, 3), st.floats(-2, 2), st.floats(0.1, 3), st.floats(0.1, 9))
-@settings(max_examples=100, deadline=None)
 def test_a_trapezoid_is_continuous_and_within_its_limits(x, v, goal, speed, rate):
     move = Trapezoid(Setpoint(x, v), goal, speed, rate, rate)
     times = np.linspace(0, move.duration, 400)

@@ -141,19 +141,6 @@ def test_an_ideal_finger_prescribes_the_motion_and_takes_the_force_of_inverse_dy
 # Conservation.
 
 
-def test_energy_is_that_of_the_push_less_that_of_the_pluck():
-    scene = pushed(duration=15 * PERIOD, rest=0.005, friction=False, felt=False)
-    happened = run(RIG, scene.model_copy(update={"step": 1e-4}))
-    (contact,), (release,) = happened.events.contacts, happened.events.releases
-    motions = happened.motions
-    energy = key_oracle.energy(RIG, motions.angle, motions.angular_velocity)
-    last = motions.angle[motions.time <= 15 * PERIOD][-1]
-    work = 1.2 * KEY.press_arm * np.minimum(motions.angle, last)
-    work[motions.time > release.time] -= rig_pluck(RIG).work
-    free = (motions.time < contact.time) | (motions.time > release.time)
-    np.testing.assert_allclose(energy[free], work[free], atol=1e-13, rtol=1e-9)
-
-
 def test_a_resting_key_stays_at_rest():
     happened = run(RIG, pushed(force=0, **RETURNING))
     for name in ("angle", "angular_velocity", "rise", "finger_force", "string_force"):

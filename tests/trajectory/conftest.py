@@ -2,10 +2,9 @@
 
 import numpy as np
 import pytest
-from hypothesis import settings
 from scipy.interpolate import CubicHermiteSpline, CubicSpline
 
-from sautereau.rig.load import load_rig, with_values
+from sautereau.rig.load import with_values
 from sautereau.rig.section import GRAVITY
 
 # Coefficients of the central difference of eighth order, for offsets 1 to 4.
@@ -13,19 +12,6 @@ FIRST = (4 / 5, -1 / 5, 4 / 105, -1 / 280)
 SECOND = (8 / 5, -1 / 5, 8 / 315, -1 / 560)
 RATE = 1e5
 """Hz, sampling rate of the brute-force checks."""
-
-settings.register_profile("quick", max_examples=20, deadline=None)
-settings.register_profile("wide", max_examples=200, deadline=None)
-
-
-def pytest_configure(config):
-    """Try ten times as many examples where the slow tests are selected."""
-    settings.load_profile("quick" if config.option.markexpr == "not slow" else "wide")
-
-
-@pytest.fixture(scope="session")
-def paper():
-    return load_rig("paper")
 
 
 @pytest.fixture(scope="session")

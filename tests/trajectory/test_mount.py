@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from sautereau.rig.load import load_rig
@@ -14,6 +14,7 @@ from sautereau.trajectory.mount.bases import ELBOWS, LIMITS, assess_bases, key_a
 from sautereau.trajectory.mount.find import assess_mount, find_mount, mount_map
 from sautereau.trajectory.press import plan_press
 from sautereau.trajectory.timing import press_law
+from tests.budget import examples
 
 PAPER = load_rig()
 
@@ -235,12 +236,9 @@ def rigs(draw):
     return changed.model_copy(update={"press": PAPER.press.model_copy(update=press)})
 
 
-@pytest.mark.parametrize("examples", [3, slow(60)])
-def test_any_rig_has_a_mount_or_a_message(examples):
-    settings(max_examples=examples, derandomize=examples < 10)(given(rigs())(check_mount))()
-
-
-def check_mount(rig):
+@given(rigs())
+@examples(3, 60)
+def test_any_rig_has_a_mount_or_a_message(rig):
     try:
         mount = find_mount(rig)
     except TrajectoryError as error:

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from sautereau.rig.load import load_rig, with_values
@@ -11,6 +11,7 @@ from sautereau.trajectory.checks import at_least, at_most
 from sautereau.trajectory.errors import TrajectoryError
 from sautereau.trajectory.expected import Expectation
 from sautereau.trajectory.press import draft_press, plan_press
+from tests.budget import examples
 
 CURVE = Expectation(
     np.array([0.001, 0.002, 0.0021, 0.005]), np.array([0.5, 3.0, -1.0, 2.0]), 0.001, 0.002
@@ -197,17 +198,10 @@ def check_by_force(brute, rig, expected):
         assert margin >= -slack, check
 
 
-@given(presses())
-@settings(max_examples=25, derandomize=True)
-def test_a_plan_holds_by_brute_force_or_is_refused(brute, press):
-    check_by_force(brute, *press)
-
-
-@pytest.mark.slow
 @pytest.mark.timeout(1800)
 @given(presses())
-@settings(max_examples=2000)
-def test_thousands_of_plans_hold_by_brute_force_or_are_refused(brute, press):
+@examples(25, 2000)
+def test_a_plan_holds_by_brute_force_or_is_refused(brute, press):
     check_by_force(brute, *press)
 
 

@@ -61,6 +61,8 @@ class RigidWorld:
         self._step = self._ahead = self._engine_step = self._division.step()
         self._angle, self._omega, self._acceleration = self._key.angle, 0.0, 0.0
         self._fresh = False
+        self._state: tuple[float, ...] = ()
+        self._still = False
         self._elapsed = 0.0
         self._rows: list[tuple[float, float, float, float, float, float]] = []
         self.worst_gap = 0.0
@@ -83,8 +85,11 @@ class RigidWorld:
             self._run(finger.push_end)
             finger.moment, loads.steady = 0.0, loads.weight
             self._split(0.0, None, self._period)
-        self._run(self._period)
-        self._end_sample()
+        if self._still and finger.stays_clear(self._angle):
+            self._rows.append((self._period, self._angle, 0.0, self._jacks[0].rise / MM, 0.0, 0.0))
+        else:
+            self._run(self._period)
+            self._end_sample()
         self.samples += 1
         table = np.array(self._rows).T
         if not math.isfinite(sum(self._rows[-1])):
@@ -246,6 +251,10 @@ class RigidWorld:
         x, z = self._key.position
         worst = max(worst, abs(x), abs(z), *[jack.end_sample(angle) for jack in self._jacks])
         self.worst_gap = max(self.worst_gap, worst / MM)
+        before, self._state = self._state, (angle, self._omega, self._acceleration)
+        unloaded = (jack.standing and jack.unloaded for jack in self._jacks)
+        # A key at rest that a sample has not changed is not changed by the next one either.
+        self._still = self._state == before and all(unloaded)
 
     def _diverged(self) -> SceneError:
         return SceneError(

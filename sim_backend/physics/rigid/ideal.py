@@ -96,6 +96,10 @@ class IdealFinger(StandingFinger, SteppedFinger):
         """Return the force [N] on the key; see `SteppedFinger`."""
         return self._contact.impulse / (weight * self._reach)
 
+    def stays_clear(self, angle: float) -> bool:
+        """Return whether no contact angle of the sample reaches the key's."""
+        return max(self._angles) < angle
+
     def end_sample(self, angle: float) -> tuple[float, float]:
         """Return the angle, and the overlap [mm] of key and fingertip."""
         return angle, max(0.0, (self._angles[self._end] - angle) * self._reaches[self._end])

@@ -66,6 +66,11 @@ class CarriedJack:
         self.low, self.high = -math.inf, math.inf
         self._state = self if string is None else string
 
+    @property
+    def unloaded(self) -> bool:
+        """Whether its string neither pulls it nor will while the jack stays where it is."""
+        return self.string is None or (self.string.steady and self.pull == 0.0)
+
     def surface(self, angle: float) -> float:
         """Return the rise [mm] of a jack that stands on the key, at its angle [rad]."""
         tangent = math.tan(angle)

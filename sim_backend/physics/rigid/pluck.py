@@ -29,6 +29,8 @@ class StringForce(Protocol):
     """N/mm, largest stiffness against the jack in the present mode."""
     stiffest: float
     """N/mm, largest in any mode."""
+    steady: bool
+    """Whether the force depends on the jack's rise and on the mode alone."""
 
     def force(self, rise: float, previous: float, time: float, step: float) -> float:
         """Return the force [N] on the jack at the end of a step, downwards.
@@ -65,6 +67,8 @@ class Plucking:
     Raises:
         SceneError: The level has no pluck for this choir.
     """
+
+    steady = True
 
     def __init__(self, choir: Choir, scene: Scene, number: int, events: PluckEvents):
         try:

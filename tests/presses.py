@@ -1,0 +1,24 @@
+"""Presses on the stand-in, over the real pyserial and nidaqmx, and what makes them quick."""
+
+from sautereau.robot.drivers.galil.driver import GalilController
+from sautereau.robot.experiment.session import run_session
+from sautereau.sim_backend.fault_tables import Faults
+from sautereau.sim_backend.scene import load_scene
+from sautereau.trajectory.press import plan_press
+
+QUICK = {"controller.timeout": "20 s", "arm.approach_speed": "5 rad/s"}
+"""Values of a rig: a timeout for a busy machine, and a short way to the key."""
+
+
+def mute_scene(finger="ideal", *, faults=None, **changes):
+    """Return a scene without a string, with tables of faults; `changes` are in SI."""
+    name, step = ("paper", 1e-4) if finger == "servo" else ("ideal", 1e-3)
+    tables = Faults.model_validate(faults) if faults else None
+    mute = {"plectrum": "none", "string": "none", "step": step, "faults": tables}
+    return load_scene(name).model_copy(update=mute | changes)
+
+
+def press_on(stand_in, out, n=1, controller=GalilController, **options):
+    """Make n presses with the rig of a stand-in; return the recordings."""
+    rig = stand_in.rig
+    return run_session(rig, plan_press(rig), controller(rig), out, n, **options)
