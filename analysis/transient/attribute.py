@@ -21,7 +21,7 @@ from sautereau.analysis.transient.modes import MOST_DAMPING
 from sautereau.rig.schema import Rig
 from sautereau.trajectory.motion import Floats
 
-DECIDED = 0.85
+DECIDED = 0.8
 """Least probability of an attribution."""
 
 
@@ -91,7 +91,7 @@ RATIO = {
     Source.OTHER: (0.0, 0.8),
 }
 """Of the size of the force over that of the key's inertia."""
-FLEXIBLE = 0.3, 0.0, 0.7
+FLEXIBLE = 0.25, 0.0, 0.5
 """Probability that the finger's ratio is not that of a rigid key, as the key bends or heaves; then
 mean and standard deviation of the logarithm of its size."""
 IN_PHASE_STD = 20.0
