@@ -2,7 +2,7 @@
 
 The probability of a source is proportional to prior x frequency x damping x phases x ratio, as if
 independent. All numbers are assumptions from the physics of the bench, stated in the tables
-below; docs/transient.md explains them. None is fitted to data.
+below; docs/transient.md explains them. None is fitted.
 """
 
 from collections.abc import Mapping, Sequence

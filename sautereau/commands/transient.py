@@ -53,7 +53,6 @@ def _known(texts: list[str]) -> "dict[Source, list[float]]":
     """Return measured modes by their source; all faults are reported together."""
     from sautereau.analysis.errors import AnalysisError
     from sautereau.analysis.transient import Source
-    from sautereau.rig.errors import SautereauError
     from sautereau.rig.units import parse_quantity
 
     found: dict[Source, list[float]] = {}
@@ -63,7 +62,7 @@ def _known(texts: list[str]) -> "dict[Source, list[float]]":
         name, _, value = text.partition("=")
         try:
             frequency = parse_quantity(value.strip(), "Hz")
-        except SautereauError as error:
+        except ValueError as error:
             faults.append(f"--known {text}: {error}")
             continue
         if name.strip() not in sources:

@@ -14,6 +14,7 @@ from sautereau.analysis.phases import Phases, find_phases
 from sautereau.analysis.summary.transient import transient_lines, transient_summary
 from sautereau.analysis.transient import Source, attribute, combine, examine
 from sautereau.analysis.transient.held_string import free_frequencies, held_frequencies
+from sautereau.commands.transient import transient
 from sautereau.rig.load import load_rig
 from sautereau.sim_backend.scene import load_scene
 
@@ -109,6 +110,23 @@ def test_the_stand_ins_string_is_found():
     found = attribute(combine([examine(made, find_phases(made))]), rig)
     partials = of(Source.STRING, found)
     assert any(o.frequency == pytest.approx(HELD[0], rel=0.03) for o in partials)
+
+
+def test_known_modes_are_checked_together():
+    with pytest.raises(AnalysisError) as raised:
+        transient([], known=["key=3 m", "string=300 Hz", "finger=-2 Hz", "key=350 Hz"])
+    text = str(raised.value)
+    assert all(name in text for name in ("key=3 m", "string=300 Hz", "finger=-2 Hz"))
+    assert "key=350" not in text
+
+
+def test_recordings_of_a_session_are_examined(write_session, tmp_path, capsys):
+    files = write_session(tmp_path, 2)
+    assert transient(files, plot=tmp_path / "transient.png", json=True) == 0
+    answer = json.loads(capsys.readouterr().out)
+    assert answer["schema"] == 1
+    assert len(answer["presses"]) == len(files) == 2
+    assert (tmp_path / "transient.png").stat().st_size > 10_000
 
 
 def test_a_key_that_does_not_move_is_refused(make_press):
