@@ -29,7 +29,7 @@ COMMANDS = {
     "BT": "begins the segments of both axes in one sample; refused with the motors off",
     "CB": "clears an output; no effect on a brake's output",
     "CF": "`CF I` sends messages of programs to the port that asks",
-    "CN": "polarity of limit and home switches; no selective abort; the abort input ends programs",
+    "CN": "polarity of limit and home switches; no selective abort; the abort input ends nothing",
     "CW": "`CW 1` sets the most significant bit of every character of a program's message",
     "DA": "frees all arrays",
     "DC": "deceleration of ST, multiples of 1024; not taken in a move, so that it is set before",

@@ -93,7 +93,8 @@ SECTIONS = {
          " from contact to release."),
         ("contact_force", "F_c", "N", "contact force", "Finger force at contact."),
         ("release_force", "F_r", "N", "release force", "Finger force just before release."),
-        ("force_drop", "", "N", "force drop", "Fall of the finger force at release."),
+        ("force_drop", "", "N", "force drop", "Fall of the load at release: of"
+         " the finger force less the inertia of key and jack."),
         ("force_slope", "", "N/m", "force slope", "Slope of the finger force on the key deflection"
          " at the laser while the string is held."),
         ("held_work", "W_p", "J", "work, string held", "Work of the finger from contact to"

@@ -196,15 +196,22 @@ def check_same(folder: Path, started: Mapping[str, Any], asked: Mapping[str, Any
 
 
 def differences(started: Any, asked: Any, at: str = "") -> Iterator[str]:
-    """Yield the differences of two JSON documents, by dotted key, with both values."""
+    """Yield the differences of two JSON documents, by dotted key, with both values.
+
+    A key that is missing is one without a value.
+    """
     if isinstance(started, list) and isinstance(asked, list):
         started, asked = (dict(enumerate(values, 1)) for values in (started, asked))
     if isinstance(started, Mapping) and isinstance(asked, Mapping):
         for key in dict.fromkeys([*started, *asked]):
             place = f"{at}.{key}" if at else str(key)
             yield from differences(started.get(key, _ABSENT), asked.get(key, _ABSENT), place)
-    elif started != asked:
+    elif started != asked and not (_is_missing(started) and _is_missing(asked)):
         yield f"{at}: {_shown(started)} then, {_shown(asked)} now"
+
+
+def _is_missing(value: Any) -> bool:
+    return value is None or value is _ABSENT
 
 
 def _shown(value: Any) -> str:

@@ -93,9 +93,9 @@ def setup(
         )
     if save and not Path(rig).is_file():
         return common.fail(json, f"--save: {rig} is not a file; write one with `sautereau init`", 2)
+    nominal = common.rig_to_move(rig, simulation)
     if yes and not simulation.requested and step in ("all", "verify"):
         return common.fail(json, "setup verify needs an operator: give it without --yes", 2)
-    nominal = common.rig_to_move(rig, simulation)
     values: dict[str, str | int] = {}
     steps: dict[str, Any] = {}
     if simulation.requested:

@@ -225,3 +225,18 @@ def test_a_command_that_the_program_was_refused_is_named_by_its_code(bench, line
     with pytest.raises(MotionFault, match=r"refused a command of its program, with code 20 \(TC\)"):  # noqa: SIM117
         with controller, controller.powered():
             controller.home()
+
+
+def test_a_limit_is_named_although_the_abort_overwrites_the_stop_codes(bench, lines):
+    limit = (lines.both_edges[-1][0], " 7.0000 7.0000 1.0000 9.0000 -1.0000\r\n:")
+    names = ",".join(f"_{name}{axis}" for axis in "AB" for name in ("LF", "LR", "TP", "FL", "BL"))
+    first, second = (
+        " 1.0000 1.0000 5.0000 900.0000 -900.0000",
+        " 1.0000 0.0000 5.0000 900.0000 -9.0",
+    )
+    at = lines.home.index(lines.both_edges[-1])
+    read = (f"MG {names}", f"{first}{second}\r\n:")
+    controller, _ = bench(lines.connect, lines.on, lines.home[:at], [limit, read], lines.abort)
+    with pytest.raises(MotionFault, match="joint 2 stopped by the reverse limit; remove"):  # noqa: SIM117
+        with controller, controller.powered():
+            controller.home()

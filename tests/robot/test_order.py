@@ -192,7 +192,10 @@ SETTINGS = {
     ),
     "MG _OFA,_OFB,_TKA,_TKB": (" 0.0000 1.0000 0.0000 0.0000", "_OFB is 1 and should be 0"),
     "MG _TLA,_TLB": (" 9.9979 0.0000", "reads back 9.9979 and 0 V; check its amplifiers"),
-    "MG _CN0,_CN1,_CN3,_LDA,_LDB": (" -1.0000 1.0000 0.0000 0.0000 0.0000", "_CN1 is 1 and"),
+    "MG _CN0,_CN1,_CN3,_CN4,_LDA,_LDB": (
+        " -1.0000 1.0000 0.0000 1.0000 0.0000 0.0000",
+        "_CN1 is 1 and",
+    ),
     "MG _FLA,_FLB,_BLA,_BLB": (
         " 444444.0000 -55556.0000 -444444.0000 0.0000",
         "_BLB is 0 and should be -833333",

@@ -9,6 +9,7 @@ from sautereau.robot.drivers.galil.dmc import CAUSES, stop_reason
 from sautereau.robot.drivers.galil.program import (
     FAULT,
     LEFT,
+    LIMIT,
     RESOLUTION,
     SIGN,
     TICK,
@@ -56,6 +57,10 @@ class Axes(Connection):
     def check_stop(self, what: str, normal: Collection[int]) -> None:
         """Refuse a motion that stopped for another reason than the stop codes ``normal``."""
         *codes, watch, left, fault = self.line.read("_SCA", "_SCB", f"_XQ{WATCH}", LEFT, FAULT)
+        if fault == LIMIT:
+            raise MotionFault(
+                f"{what} broke off: {self._limits_reached()}; remove the cause, then home() again"
+            )
         if fault:
             raise MotionFault(
                 f"{what} broke off: the controller refused a command of its program, with code"
@@ -77,6 +82,20 @@ class Axes(Connection):
             raise MotionFault(
                 f"{what} broke off: {', '.join(faults)}; remove the cause, then home() again"
             )
+
+    def _limits_reached(self) -> str:
+        """Name the joints at a limit switch or a software limit, as far as they are still there."""
+        names = ("_LFA", "_LRA", "_TPA", "_FLA", "_BLA", "_LFB", "_LRB", "_TPB", "_FLB", "_BLB")
+        values = self.line.read(*names)
+        reached = []
+        for joint in (1, 2):
+            forward, reverse, at, high, low = values[5 * joint - 5 : 5 * joint]
+            near = self.limits.tolerance
+            if not forward or at > high - near:
+                reached.append(f"joint {joint} stopped by the forward limit")
+            if not reverse or at < low + near:
+                reached.append(f"joint {joint} stopped by the reverse limit")
+        return " and ".join(reached) or "a joint stopped by a limit that it has left again"
 
     def switch_on(self) -> None:
         """Start the watchdog and see it count; then switch the motors on, and verify."""

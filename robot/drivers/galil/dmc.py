@@ -91,6 +91,7 @@ def switch_settings(controller: Controller) -> dict[str, float]:
         "_CN0": 1 if controller.limit_switches == "active_high" else -1,
         "_CN1": -1 if controller.home_grounded == "below" else 1,
         "_CN3": 0,  # no input stops a single axis
+        "_CN4": 1,  # the abort input leaves the watchdog running
         "_LDA": disabled,
         "_LDB": disabled,
     }

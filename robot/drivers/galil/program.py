@@ -20,14 +20,16 @@ TICK, LEFT = "wtick", "wleft"
 SIGN = "wsign"
 """What the watchdog writes at each count: the signature of this program."""
 FAULT = "wfault"
-"""Error code (TC) of a command that the controller refused its program; 0 for none."""
+"""Error code (TC) of a command that the controller refused its program, or `LIMIT`; 0 for none."""
+LIMIT = -1
+"""A joint has reached a limit; the abort after it overwrites the stop codes."""
 RATE = "rate"
 """Logarithm to base 2 of the controller samples between two rows of a capture."""
 PUSHES, PUSH_EVERY = "pushn", "pushk"
 """Rows of torques, 0 for none, and the negative of the samples that each row lasts."""
 PUSH = ("pushA", "pushB")
 """Arrays of torques, in volts."""
-_FAULTS = ("LIMSWI", "AMPERR", "TCPERR")  # that an abort clears, or that do not enter again
+_FAULTS = ("AMPERR", "TCPERR")
 RESOLUTION = 2
 """Of the times of WT (ms) and AT (samples), and of a segment's samples and velocities."""
 
@@ -88,6 +90,11 @@ def _lines(trigger_output: int, sign: int) -> list[str]:
         now,
         rest,
         "DP _TPA,_TPB",
+        "RE 1",
+        "#LIMSWI",
+        now,
+        rest,
+        f"{FAULT}={LIMIT}",
         "RE 1",
         *(line for name in _FAULTS for line in (f"#{name}", now, rest, "RE 1")),
     ]

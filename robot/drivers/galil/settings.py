@@ -73,7 +73,7 @@ class ControllerSettings:
         wait = round(rig.encoder_loss_time / rig.sample_period)
         line.ask("TM 1000")
         line.ask(f"ER {error},{error}", f"OE {off},{off}", "OF 0,0", "TK 0,0")
-        line.ask(f"CN {switches['_CN0']},{switches['_CN1']},,0,0")
+        line.ask(f"CN {switches['_CN0']},{switches['_CN1']},,0,1")
         line.ask(f"LD {switches['_LDA']},{switches['_LDB']}", *halting(limits))
         self.limit_torque(1.0)
         line.ask(f"OT {wait},{wait}", "OA 1,1")
