@@ -1,8 +1,8 @@
 """To which part of the bench an oscillation belongs: a small Bayesian model.
 
 The probability of a source is proportional to prior x frequency x damping x phases x ratio, as if
-independent. All numbers are chosen by hand, from the physics of the bench and with simulated presses
-in view; docs/transient.md explains them.
+independent. All numbers are chosen by hand, from the physics and with simulated presses in view;
+docs/transient.md explains them.
 """
 
 from collections.abc import Mapping, Sequence
