@@ -29,6 +29,7 @@ ALL = (
     "identify",
     "campaign",
     "imports",
+    "transient",
 )
 
 

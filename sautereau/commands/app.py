@@ -31,6 +31,7 @@ from sautereau.commands import (
     report,
     setup,
     simulate,
+    transient,
 )
 
 app = App(
@@ -53,6 +54,7 @@ for command in (
     plan.predict,
     fit.compare,
     fit.identify,
+    transient.transient,
     animate.animate,
     animate.listen,
     campaign.campaign,

@@ -1,0 +1,108 @@
+"""The plot of the transient phase: oscillations of a press, and the sources of all presses."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from sautereau.analysis.figures.made import how_made
+from sautereau.analysis.transient import Attributed, Examined, Source
+
+COLOURS = {
+    Source.STRING: "#c8502d",
+    Source.KEY: "#2e7d32",
+    Source.FINGER: "#1f77b4",
+    Source.TRANSDUCER: "#8a4fbf",
+    Source.MAINS: "#999999",
+    Source.OTHER: "#e0d8b0",
+}
+MEASURED, FITTED = "#9db4c8", "#111111"
+SCALES = ((1e3, "force (mN)"), (1e3, "velocity (mm/s)"))
+NAMES = ("free", "held", "released")
+
+
+def transient_figure(examined: Sequence[Examined], found: Sequence[Attributed]) -> Figure:
+    """Return a figure: the first press without its slow part, frequencies and probabilities.
+
+    Args:
+        examined: Presses of one bench; the first is drawn over time.
+        found: Their oscillations.
+    """
+    figure = Figure(figsize=(13, 9.5), layout="constrained")
+    grid = figure.add_gridspec(3, 3, height_ratios=(1, 1, 1.2))
+    for column, phase in enumerate(NAMES):
+        for row in range(2):
+            axes = figure.add_subplot(grid[row, column])
+            _over_time(axes, examined[0], phase, row)
+    _frequencies(figure.add_subplot(grid[2, :2]), found)
+    _probabilities(figure.add_subplot(grid[2, 2]), found)
+    kind = how_made(any(press.simulated for press in examined))
+    figure.suptitle(f"Transient phase of {examined[0].path.name}: signals without their slow"
+                    f" part, and modes; {kind}")  # fmt: skip
+    return figure
+
+
+def _over_time(axes: Axes, press: Examined, phase: str, channel: int) -> None:
+    scale, label = SCALES[channel]
+    stretch = next((s for s in press.stretches if s.phase == phase), None)
+    if stretch is None:
+        axes.text(0.5, 0.5, "not examined", transform=axes.transAxes, ha="center", va="center")
+        axes.set_axis_off()
+        return
+    degree = np.polynomial.legendre.legvander(np.linspace(-1, 1, len(stretch.time)), 4)
+    both = np.stack([stretch.signals[channel], stretch.modes.fit[channel]], axis=1)
+    both = both - degree @ np.linalg.lstsq(degree, both[:, 1], rcond=None)[0][:, None]
+    axes.plot(stretch.time * 1e3, both[:, 0] * scale, color=MEASURED, lw=0.8, label="measured")
+    axes.plot(stretch.time * 1e3, both[:, 1] * scale, color=FITTED, lw=0.7, label="fitted modes")
+    axes.set_ylabel(label)
+    if channel == 0:
+        axes.set_title(f"{phase}", fontsize=10)
+    else:
+        axes.set_xlabel("time after the trigger (ms)")
+    if phase == "free" and channel == 0:
+        axes.legend(fontsize=7, loc="upper right")
+    axes.grid(color="#e6e6e6", lw=0.6)
+
+
+def _frequencies(axes: Axes, found: Sequence[Attributed]) -> None:
+    """Draw force amplitude over frequency; a marker per phase, a colour per source."""
+    markers = {"rest": "x", "free": "s", "held": "o", "released": "^"}
+    for each in found:
+        colour = COLOURS[each.source] if each.source else "#000000"
+        for o in each.oscillation.observed:
+            axes.errorbar(
+                o.mode.frequency,
+                abs(complex(o.mode.amplitude[0])) * 1e3,
+                o.mode.amplitude_std[0] * 1e3,
+                1.96 * o.mode.frequency_std,
+                fmt=markers[o.phase],
+                color=colour,
+                ms=5,
+                mfc="none" if each.source is None else colour,
+                elinewidth=0.8,
+            )
+    for phase, marker in markers.items():
+        axes.plot([], [], marker, color="#555555", label=phase)
+    for source, colour in COLOURS.items():
+        axes.plot([], [], "-", color=colour, lw=4, label=str(source))
+    axes.plot([], [], "-", color="#000000", lw=4, label="undecided")
+    axes.set_yscale("log")
+    axes.set_xlabel("frequency (Hz), bars: 95 %")
+    axes.set_ylabel("force amplitude (mN)")
+    axes.legend(fontsize=7, ncols=2)
+    axes.grid(color="#e6e6e6", lw=0.6)
+    axes.set_title("modes of all presses", fontsize=10)
+
+
+def _probabilities(axes: Axes, found: Sequence[Attributed]) -> None:
+    left = np.zeros(len(found))
+    for source, colour in COLOURS.items():
+        width = np.array([each.probability[source] for each in found])
+        axes.barh(range(len(found)), width, left=left, color=colour, height=0.7)
+        left = left + width
+    axes.set_yticks(range(len(found)), [f"{each.oscillation.frequency:.4g} Hz" for each in found])
+    axes.invert_yaxis()
+    axes.set_xlim(0, 1)
+    axes.set_xlabel("probability of the source")
+    axes.set_title("attribution", fontsize=10)

@@ -1,0 +1,292 @@
+"""The damped modes in the phases of one press, and the ratio of force to velocity in each.
+
+Each phase is low-passed and decimated inside itself, so that nothing of contact and release enters.
+Of a long phase the part in which a mode has the largest amplitude is used: the end of the free
+phase, and the start of the others.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from scipy.signal import firwin
+
+from sautereau.analysis.errors import AnalysisError
+from sautereau.analysis.loading.press import Press
+from sautereau.analysis.phases import Phases
+from sautereau.analysis.transient.modes import LEAST_SAMPLES, Mode, Modes, fit_modes
+from sautereau.trajectory.motion import Floats
+
+PHASES = ("rest", "free", "held", "released")
+LONGEST = 40e-3
+"""s, of the examined part of a phase."""
+LEAST_RATE = 10e3
+"""Hz, to which faster recordings are decimated."""
+TAPS = 12
+"""Length of the low-pass in decimated samples."""
+DEVIATIONS = 3.0
+"""Standard uncertainties of contact and release that a stretch stays away from them."""
+FULL_SPEED = 0.95
+"""Dimensionless, fraction of the free speed at which the run-up ends."""
+CONTACT_LOST = 0.3
+"""Dimensionless, fraction of the force in the free phase below which the key leaves the finger."""
+ABOVE_REST = 4.0
+"""Least amplitude of a mode in its uncertainties, with the noise at rest at its frequency."""
+SPREAD = 18
+"""Samples on either side of flagged samples that are replaced by a line."""
+
+
+@dataclass(frozen=True)
+class Observed:
+    """One damped mode in one phase of one press; channels are force, velocity."""
+
+    press: int
+    """Number of the press, from 0."""
+    phase: str
+    """One of `PHASES`."""
+    mode: Mode
+    ratio: complex
+    """Force over the force that the key's inertia needs for the acceleration; dimensionless.
+
+    It is 1 for a rigid key on which only the finger's force oscillates.
+    """
+    ratio_std: float
+    """Standard uncertainty of the logarithm of `ratio`."""
+    unseen: str = ""
+    """`force` or `velocity` if that channel does not show the mode; the ratio is then a limit."""
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """The examined part of one phase; times in s after the trigger."""
+
+    phase: str
+    start: float
+    stop: float
+    time: Floats
+    """Shape (n,)."""
+    signals: Floats
+    """Force [N] and velocity [m/s], shape (2, n)."""
+    modes: Modes
+
+
+@dataclass(frozen=True)
+class Examined:
+    """One press: its stretches and the modes in them."""
+
+    path: Path
+    simulated: bool
+    speed: float
+    """m/s, of the jack before contact."""
+    stretches: tuple[Stretch, ...]
+    observed: tuple[Observed, ...]
+    notes: tuple[str, ...]
+    """Phases that could not be examined, and why."""
+
+
+def examine(press: Press, phases: Phases, number: int = 0) -> Examined:
+    """Return the damped modes of one press.
+
+    Args:
+        press: The recording.
+        phases: Its phases, as `sautereau.analysis.phases.find_phases` returns them.
+        number: Of the press among several, from 0.
+
+    Raises:
+        AnalysisError: The key does not move, or samples are not finite numbers.
+    """
+    time = press.data.index.to_numpy()
+    if not phases.bottom > phases.start:
+        raise AnalysisError(
+            f"press {press.path}: the key does not move down, so it has no transient; check the"
+            " aim and the sign of the vibrometer"
+        )
+    signals = np.array([_bridged(press, time, name) for name in ("force", "velocity")])
+    low_pass = _LowPass(press.rate)
+    rest, _ = low_pass(time, signals, time[0], _rest_end(press, phases))
+    noise = _Noise(rest, signals, low_pass.rate)
+    stretches, notes = [], []
+    for phase, start, stop in _bounds(press, phases, signals[0], notes):
+        part, at = low_pass(time, signals, start, stop)
+        if part.shape[1] < LEAST_SAMPLES:
+            notes.append(f"{phase} phase of {(stop - start) * 1e3:.3g} ms: too short for modes")
+            continue
+        modes = fit_modes(part, low_pass.rate, noise.white)
+        stretches.append(Stretch(phase, start, stop, at, part, modes))
+    observed = [
+        _observed(press, number, stretch, mode, low_pass)
+        for stretch in stretches
+        for mode in stretch.modes.modes
+        if stretch.phase == "rest" or noise.is_below(mode)
+    ]
+    return Examined(
+        press.path,
+        press.simulated,
+        phases.free_speed,
+        tuple(stretches),
+        tuple(observed),
+        tuple(notes),
+    )
+
+
+def _bridged(press: Press, time: Floats, name: str) -> Floats:
+    """Return a channel with lines over its flagged samples."""
+    (signal,) = press.columns(name)
+    if not np.isfinite(signal).all():
+        raise AnalysisError(
+            f"press {press.path}: {int(np.sum(~np.isfinite(signal)))} samples of its {name} are"
+            " not finite numbers; check the recording, and press again"
+        )
+    quantity = {channel.name: channel.quantity for channel in press.rig.daq.channels}
+    good = np.ones(len(time), bool)
+    for flag in press.quality_flags:
+        if quantity.get(flag.channel) == name:
+            first, last = np.searchsorted(time, (flag.start, flag.stop))
+            good[max(0, first - SPREAD) : last + SPREAD] = False
+    return np.interp(time, time[good], signal[good]) if good.any() else signal
+
+
+def _rest_end(press: Press, phases: Phases) -> float:
+    """Return the end of the rest before the motion [s]."""
+    (rise,) = press.columns("jack_rise")
+    moved = int(np.argmax(rise > 3e-4 * rise.max()))
+    return min(phases.start, float(press.data.index[moved])) - 1e-3
+
+
+def _bounds(
+    press: Press, phases: Phases, force: Floats, notes: list[str]
+) -> list[tuple[str, float, float]]:
+    """Return phase, start and stop [s] of every stretch to examine."""
+    time = press.data.index.to_numpy()
+    rest = _rest_end(press, phases)
+    found = [("rest", max(float(time[0]), rest - LONGEST), rest)]
+    (speed,) = press.columns("jack_speed")
+    moving = (time > phases.start) & (speed >= FULL_SPEED * phases.free_speed)
+    steady = float(time[np.argmax(moving)])
+    first = phases.plucks[0] if phases.plucks else None
+    contact = first.contact - DEVIATIONS * first.contact_std if first else phases.bottom
+    if not first:
+        notes.append("no pluck was found: everything before the bottom counts as the free phase")
+    found.append(("free", max(steady, contact - LONGEST), contact))
+    level = np.median(force[(time > steady) & (time < contact)]) if contact > steady else 0.0
+    for number, pluck in enumerate(phases.plucks):
+        start = pluck.contact + DEVIATIONS * pluck.contact_std
+        stop = pluck.release - DEVIATIONS * pluck.release_std
+        found.append(("held", start, min(stop, start + LONGEST)))
+        rest_of = phases.plucks[number + 1 :]
+        stop = rest_of[0].contact - DEVIATIONS * rest_of[0].contact_std if rest_of else np.inf
+        stop = min(stop, phases.bottom, phases.bottomed or np.inf)
+        start = pluck.release + DEVIATIONS * pluck.release_std
+        touching = _touching(time, force > CONTACT_LOST * level, start, stop)
+        if touching[0] > start + 1e-3:
+            notes.append(
+                f"the key leaves the finger after release at {pluck.release * 1e3:.5g} ms:"
+                f" the released phase is examined from {touching[0] * 1e3:.5g} ms"
+            )
+        found.append(("released", touching[0], min(touching[1], touching[0] + LONGEST)))
+    return [(phase, start, stop) for phase, start, stop in found if stop > start]
+
+
+def _touching(time: Floats, touching: np.ndarray, start: float, stop: float) -> tuple[float, float]:
+    """Return start and stop [s] of the first long stretch, or the longest, with finger contact."""
+    inside = slice(*np.searchsorted(time, (start, stop)))
+    edges = np.diff(np.concatenate([[0], touching[inside].astype(int), [0]]))
+    begins, ends = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1) - 1
+    if not len(begins):
+        return start, start
+    at = time[inside]
+    lengths = at[ends] - at[begins]
+    which = int(np.argmax(lengths >= min(LONGEST / 2, lengths.max())))
+    return float(at[begins[which]]), float(at[ends[which]])
+
+
+class _LowPass:
+    """Low-pass and decimation inside a stretch."""
+
+    def __init__(self, rate: float):
+        self.factor = max(1, int(rate // LEAST_RATE))
+        self.full, self.rate = rate, rate / self.factor
+        taps = TAPS * self.factor + 1
+        self.weights = np.ones(1)
+        if self.factor > 1:
+            self.weights = np.asarray(firwin(taps, 0.9 / self.factor), float)
+
+    def __call__(
+        self, time: Floats, signals: Floats, start: float, stop: float
+    ) -> tuple[Floats, Floats]:
+        """Return the decimated signals between two instants, and their times."""
+        first, last = np.searchsorted(time, (start, stop))
+        last = max(last, first)
+        if last - first < len(self.weights):
+            return signals[:, :0], time[:0]
+        half = len(self.weights) // 2
+        passed = np.array([np.convolve(s, self.weights, "valid") for s in signals[:, first:last]])
+        return (
+            passed[:, :: self.factor],
+            time[first + half : last - half : self.factor],
+        )
+
+    def gain(self, frequency: float) -> float:
+        """Return the response at a frequency [Hz]."""
+        place = np.arange(len(self.weights)) - len(self.weights) // 2
+        return float(self.weights @ np.cos(2 * np.pi * frequency / self.full * place))
+
+
+class _Noise:
+    """The noise of force and velocity at rest."""
+
+    def __init__(self, rest: Floats, signals: Floats, rate: float):
+        largest = np.abs(signals).max(axis=1)
+        floor = np.array([1e-6, 1e-9]) + 1e-6 * largest
+        n = rest.shape[1]
+        if n < LEAST_SAMPLES:
+            self.white, self.level = 1e-3 * largest + floor, np.ones((2, 2))
+            self.frequency = np.array([0.0, rate])
+            return
+        line = np.polynomial.legendre.legvander(np.linspace(-1, 1, n), 2)
+        level = rest - (line @ np.linalg.lstsq(line, rest.T, rcond=None)[0]).T
+        window = np.hanning(n)
+        power = np.abs(np.fft.rfft(level * window, axis=1)) ** 2 / np.sum(window**2)
+        # The median of a band, as hum is a line in it.
+        band = power[:, int(0.05 * n) : int(0.38 * n)]
+        self.white = np.maximum(np.sqrt(np.median(band, axis=1) / np.log(2)), floor)
+        smooth = np.array([np.convolve(p, np.ones(5) / 5, "same") for p in power])
+        self.level = np.maximum(1.0, np.sqrt(smooth) / self.white[:, None])
+        self.frequency = np.fft.rfftfreq(n, 1 / rate)
+
+    def is_below(self, mode: Mode) -> bool:
+        """Return whether a mode is larger than the noise at its frequency."""
+        local = np.array([np.interp(mode.frequency, self.frequency, row) for row in self.level])
+        return bool(np.any(np.abs(mode.amplitude) > ABOVE_REST * local * mode.amplitude_std))
+
+
+def _observed(
+    press: Press, number: int, stretch: Stretch, mode: Mode, low_pass: _LowPass
+) -> Observed:
+    """Return a mode with its ratio of force to velocity, undoing the low-pass."""
+    key = press.rig.key
+    inertia = key.inertia + press.rig.jack.mass * key.jack_arm**2
+    gain = low_pass.gain(mode.frequency)
+    mode = Mode(
+        mode.frequency,
+        mode.frequency_std,
+        mode.decay,
+        mode.decay_std,
+        mode.amplitude / gain,
+        mode.amplitude_std / gain,
+    )
+    sizes = np.abs(mode.amplitude)
+    weak = sizes < DEVIATIONS * mode.amplitude_std
+    unseen = ("force", "velocity")[int(np.argmax(weak))] if weak.any() else ""
+    used = np.where(weak, DEVIATIONS * mode.amplitude_std, mode.amplitude)
+    pole = -mode.decay + 2j * np.pi * mode.frequency
+    needed = inertia / (key.laser_arm * key.press_arm) * pole * used[1]
+    relative = mode.amplitude_std / np.maximum(sizes, DEVIATIONS * mode.amplitude_std)
+    return Observed(
+        number,
+        stretch.phase,
+        mode,
+        complex(used[0] / needed),
+        float(np.hypot(*relative)),
+        unseen,
+    )

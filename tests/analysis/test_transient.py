@@ -1,0 +1,149 @@
+"""Sources of oscillations against presses whose truth is known."""
+
+import json
+
+import numpy as np
+import pytest
+
+from benchmarks.independent import ONE_FACTOR, press
+from benchmarks.simulated import simulated_press
+from benchmarks.transient import as_press, true_phases, truth_of
+from sautereau.analysis.errors import AnalysisError
+from sautereau.analysis.figures.transient import transient_figure
+from sautereau.analysis.phases import Phases, find_phases
+from sautereau.analysis.summary.transient import transient_lines, transient_summary
+from sautereau.analysis.transient import Source, attribute, combine, examine
+from sautereau.analysis.transient.held_string import free_frequencies, held_frequencies
+from sautereau.commands.transient import transient
+from sautereau.rig.load import load_rig
+from sautereau.sim_backend.scene import load_scene
+
+HELD = (417.1, 809.6, 1141.2)
+"""Hz, the lowest partials of the string of `rig/paper.toml` on its plectrum."""
+
+
+@pytest.fixture(scope="module")
+def pressed():
+    """Presses of the independent simulator by their factor: recording, truth and phases."""
+    names = ("all stiff", "quasi-static string", "key bends at 350 Hz")
+    made = {name: press(ONE_FACTOR[name], seed=1) for name in names}
+    loaded = {name: as_press(each) for name, each in made.items()}
+    return {n: (loaded[n], made[n], true_phases(made[n], loaded[n])) for n in names}
+
+
+def found_in(pressed, name):
+    loaded, made, phases = pressed[name]
+    return attribute(combine([examine(loaded, phases)]), loaded.rig), made
+
+
+def of(source, found):
+    return [each.oscillation for each in found if each.source is source]
+
+
+@pytest.mark.parametrize("name", ["all stiff", "key bends at 350 Hz"])
+def test_what_is_decided_is_right(pressed, name):
+    found, made = found_in(pressed, name)
+    decided = [each for each in found if each.source]
+    assert decided
+    assert all(truth_of(each.oscillation, made) in (each.source, None) for each in decided)
+    for each in found:
+        assert sum(each.probability.values()) == pytest.approx(1)
+        assert (each.source is None) == bool(each.deciding)
+
+
+def test_the_string_is_found_while_it_is_held(pressed):
+    found, _ = found_in(pressed, "all stiff")
+    partials = of(Source.STRING, found)
+    assert len(partials) >= 2
+    for partial, expected in zip(partials, HELD, strict=False):
+        assert partial.frequency == pytest.approx(expected, rel=0.02)
+        assert {o.phase for o in partial.observed} == {"held"}
+
+
+def test_a_string_without_inertia_has_no_mode(pressed):
+    found, _ = found_in(pressed, "quasi-static string")
+    assert of(Source.STRING, found) == []
+    assert len(of(Source.FINGER, found)) == 1
+
+
+def test_a_bending_key_is_attributed(pressed):
+    found, _ = found_in(pressed, "key bends at 350 Hz")
+    key = of(Source.KEY, found)
+    assert any(o.frequency == pytest.approx(762, rel=0.02) for o in key)
+
+
+def test_a_measured_mode_decides(pressed):
+    loaded, _, phases = pressed["key bends at 350 Hz"]
+    oscillations = combine([examine(loaded, phases)])
+    low = min(oscillations, key=lambda o: o.frequency)
+    (alone,), (known,) = (
+        attribute([low], loaded.rig, {Source.KEY: modes} if modes else None)
+        for modes in ([], [low.frequency])
+    )
+    assert alone.source is None
+    assert known.source is Source.KEY
+
+
+def test_presses_are_combined(pressed):
+    loaded, _, phases = pressed["all stiff"]
+    once, twice = (combine([examine(loaded, phases, k) for k in range(n)]) for n in (1, 2))
+    assert [o.frequency for o in once] == pytest.approx([o.frequency for o in twice])
+    for one, both in zip(once, twice, strict=True):
+        assert both.presses == 2
+        assert both.frequency_std < one.frequency_std
+
+
+def test_results_are_complete(pressed):
+    loaded, _, phases = pressed["all stiff"]
+    examined = [examine(loaded, phases)]
+    found = attribute(combine(examined), loaded.rig)
+    text = json.dumps(transient_summary(examined, found), allow_nan=False)
+    assert json.loads(text)["oscillations"][0]["source"] == "string"
+    assert any("string (" in line for line in transient_lines(examined, found))
+    figure = transient_figure(examined, found)
+    assert len(figure.axes) == 8
+
+
+def test_the_stand_ins_string_is_found():
+    rig, scene = load_rig(), load_scene("paper").model_copy(update={"string": "modal"})
+    made, _ = simulated_press(rig, scene, 3)
+    found = attribute(combine([examine(made, find_phases(made))]), rig)
+    partials = of(Source.STRING, found)
+    assert any(o.frequency == pytest.approx(HELD[0], rel=0.03) for o in partials)
+
+
+def test_known_modes_are_checked_together():
+    with pytest.raises(AnalysisError) as raised:
+        transient([], known=["key=3 m", "string=300 Hz", "finger=-2 Hz", "key=350 Hz"])
+    text = str(raised.value)
+    assert all(name in text for name in ("key=3 m", "string=300 Hz", "finger=-2 Hz"))
+    assert "key=350" not in text
+
+
+def test_recordings_of_a_session_are_examined(write_session, tmp_path, capsys):
+    files = write_session(tmp_path, 2)
+    assert transient(files, plot=tmp_path / "transient.png", json=True) == 0
+    answer = json.loads(capsys.readouterr().out)
+    assert answer["schema"] == 1
+    assert len(answer["presses"]) == len(files) == 2
+    assert (tmp_path / "transient.png").stat().st_size > 10_000
+
+
+def test_a_key_that_does_not_move_is_refused(make_press):
+    with pytest.raises(AnalysisError, match="does not move down"):
+        examine(make_press(), Phases(0.0, 0.0, (), 0.0, None, None, ()))
+
+
+def test_held_partials_lie_between_those_of_a_free_and_a_stopped_string(paper):
+    def with_modulus(factor):
+        modulus = paper.plectrum.youngs_modulus * factor
+        plectrum = paper.plectrum.model_copy(update={"youngs_modulus": modulus})
+        return held_frequencies(paper.model_copy(update={"plectrum": plectrum}), 3000.0)
+
+    free = free_frequencies(paper, 3000.0)
+    np.testing.assert_allclose(with_modulus(1e-9), free[free < 2950], rtol=1e-6)
+    speed = 2 * paper.string.length * paper.string.frequency
+    parts = (paper.string.plucking_point, paper.string.length - paper.string.plucking_point)
+    stopped = sorted(speed / (2 * part) * k for part in parts for k in (1, 2, 3, 4, 5))
+    np.testing.assert_allclose(with_modulus(1e6)[:4], stopped[:4], rtol=1e-3)
+    np.testing.assert_allclose(with_modulus(1.0)[:3], HELD, rtol=1e-3)
