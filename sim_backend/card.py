@@ -1,6 +1,6 @@
 """The bench's DAQ card: it arms acquisitions, and feeds them with the motion of the bench."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import TypeVar
 
 from sautereau.rig.schema import Rig
@@ -113,11 +113,11 @@ class BenchCard:
             for run in waiting:
                 run.trigger(self._now(), self._injection.of_run())
 
-    def feed(self, motions: Motions, jumps: Sequence[float]) -> None:
-        """Receive the motion of one controller sample, and the times [s] at which forces jumped."""
+    def feed(self, motions: Motions) -> None:
+        """Receive the motion of one controller sample."""
         self._last = motions
         for run in self.runs:
-            run.feed(motions, jumps)
+            run.feed(motions)
 
     @property
     def busy(self) -> bool:

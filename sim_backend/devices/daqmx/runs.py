@@ -1,7 +1,7 @@
 """Acquisitions on the simulated card: armed, triggered, and computed when they are read."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, fields
 
 import numpy as np
@@ -65,22 +65,22 @@ class SampledRun:
         self._lock = lock
         by_terminal = {channel.terminal: channel for channel in rig.daq.channels}
         self._chains: list[SensorChain] = []
-        self._simulated = [SIMULATED.get(by_terminal[name].quantity) for name in setup.terminals]
-        self._sources = [simulated.source(rig) for simulated in self._simulated]
-        for i, (name, simulated) in enumerate(zip(setup.terminals, self._simulated, strict=True)):
+        simulated = [SIMULATED.get(by_terminal[name].quantity) for name in setup.terminals]
+        self._sources = [quantity.source(rig) for quantity in simulated]
+        for i, (name, quantity) in enumerate(zip(setup.terminals, simulated, strict=True)):
             value = 0.0
-            if simulated.static and rest is not None:
-                value = float(simulated.source(rig)(rest)[-1])
+            if quantity.static and rest is not None:
+                value = float(quantity.source(rig)(rest)[-1])
             key = np.random.SeedSequence(seed, spawn_key=(2, number, i))
             faults = scene.faults or Faults.model_construct()
-            disturbances = simulated.faults(faults, np.random.default_rng(key))
+            disturbances = quantity.faults(faults, np.random.default_rng(key))
             random = np.random.default_rng([seed, number, i])
             self._chains.append(
                 SensorChain(
                     by_terminal[name], scene.sensors, setup.rate, value, random, disturbances
                 )
             )
-        self._fed: list[tuple[Motions, Sequence[float]]] = []
+        self._fed: list[Motions] = []
         self._volts = np.empty((len(setup.terminals), 0))
         self._computed = self._done = self._dropped = 0
         self._requested: list[int] = []
@@ -129,16 +129,11 @@ class SampledRun:
             self._fault = fault
             self._end = self.n_samples if fault is None else min(fault.sample, self.n_samples)
 
-    def feed(self, motions: Motions, jumps: Sequence[float] = ()) -> None:
-        """Store the motion of one controller sample.
-
-        Args:
-            motions: Of the bench.
-            jumps: s, simulated times at which forces jumped meanwhile.
-        """
+    def feed(self, motions: Motions) -> None:
+        """Store the motion of one controller sample."""
         if self.trigger_time is None or self.over:
             return
-        self._fed.append((motions, jumps))
+        self._fed.append(motions)
         elapsed = float(motions.time[-1]) - self.trigger_time
         self._done = min(self._last, int(elapsed * self.rate * (1 + 1e-12)) + 1)
 
@@ -200,13 +195,11 @@ class SampledRun:
         fed, self._fed = self._fed, []
         if not fed or self.trigger_time is None:
             return
-        joined = (np.concatenate([getattr(m, f.name) for m, _ in fed]) for f in fields(Motions))
+        joined = (np.concatenate([getattr(m, f.name) for m in fed]) for f in fields(Motions))
         motions = Motions(*joined)
         times = motions.time - self.trigger_time
-        jumps = [jump - self.trigger_time for _, jumps in fed for jump in jumps]
-        parts = zip(self._chains, self._sources, self._simulated, strict=True)
-        for chain, source, simulated in parts:
-            chain.input.extend(times, source(motions), jumps if simulated.jumps else ())
+        for chain, source in zip(self._chains, self._sources, strict=True):
+            chain.input.extend(times, source(motions))
 
 
 class PreTriggerRun(SampledRun):
