@@ -24,6 +24,7 @@ def recorded(rig, scene):
     """Return times [s], forces [N], and the true contact and release, after the trigger."""
     found, truth = acquired(rig, scene, observe(rig, scene))
     channel = found.rig.daq.channel("force")
+    assert channel is not None
     force = found.volts[channel.name] * channel.scale
     return np.arange(len(force)) / found.rate, force, truth.contacts[0], truth.releases[0]
 

@@ -45,7 +45,7 @@ def armed(rig, *, n=2000, terminals=("ai0", "ai1"), rate=51_200.0, **others):
     )
     setup = TaskSetup(terminals, rate, n, None)
     seed = others.get("seed", 5)
-    rest = Motions(*np.zeros((4, 1)), np.array([0.3]), np.zeros(1))
+    rest = Motions(*np.array([[0.0], [0.0], [0.0], [0.0], [0.3], [0.0]]))
     return SampledRun(scene.as_wired(rig), setup, scene, seed, 0, rest, FairLock())
 
 

@@ -67,7 +67,7 @@ FINE, TURNED_OVER, CHATTERS, LOST, JUMPED, AT_PIN = 0, 1, 2, 3, 4, 5
 EVENTS = 512
 """Most events of strings in one interval of time."""
 CHANGE_ROWS = 64
-"""Most rows at changes of mode in one interval of time; further ones are left out."""
+"""Most rows at changes of mode in one interval of time; further ones are not kept."""
 
 
 def new_state(choirs: int) -> tuple[Floats, Ints, Floats, Floats]:
