@@ -24,6 +24,7 @@ ALL = (
     "acquisition",
     "learning",
     "phases",
+    "independent_phases",
     "report",
     "identify",
     "campaign",

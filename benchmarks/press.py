@@ -32,9 +32,8 @@ def _help() -> Figure:
 
 def _presses(scene: str) -> list[Figure]:
     from sautereau.analysis.loading.press import load_press
-    from sautereau.analysis.model.predict import predict
     from sautereau.analysis.phases import find_phases
-    from sautereau.analysis.session.compare import compare
+    from sautereau.analysis.session.compare import compare, predict_each
     from sautereau.robot.drivers.galil.driver import GalilController
     from sautereau.robot.experiment.session import run_session
     from sautereau.sim_backend.bench import StandIn
@@ -44,9 +43,10 @@ def _presses(scene: str) -> list[Figure]:
     marks, found = [], []
 
     def done(path: Path) -> None:
-        found.append(find_phases(load_press(path)))
+        press = load_press(path)
+        found.append(find_phases(press))
         plan_press(stand_in.rig)
-        compare(found[-1:], predict(stand_in.rig))
+        compare(found[-1:], predict_each([press], found[-1:], stand_in.rig))
         marks.append(time.perf_counter())
 
     with tempfile.TemporaryDirectory() as out, StandIn(load_rig(), load_scene(scene)) as stand_in:

@@ -34,7 +34,8 @@ with (
 
     send("EO 0")  # the controller answers without repeating the command
     send("SH AB")
-    begin("HM AB")
+    for speed in (60_000, 2_000):  # to the edge of the home switches, then slowly back
+        begin(f"SP {speed},{speed}", "DC 9000000,9000000", "FE AB")
     send("DP {},{}".format(*plan["home"]))
     for target in (plan["hover"], plan["start"]):
         begin("SP 150000,150000", "PA {},{}".format(*target))
@@ -47,7 +48,7 @@ with (
     task.timing.cfg_samp_clk_timing(51200, "", AcquisitionType.FINITE, samps_per_chan=25600)
     task.triggers.start_trigger.cfg_dig_edge_start_trig("/Dev1/PFI0")
     task.start()
-    galil.write(b"SB 1;BT AB\r")  # the trigger's edge and the motion in one sample
+    galil.write(b"SB 1;BT AB\r")  # the trigger's edge, and the motion up to a sample later
     velocity, force = task.read(READ_ALL_AVAILABLE, timeout=10)
     galil.read_until(b"::")
     send("MO AB")

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from sautereau.analysis.errors import ModelError
 from sautereau.analysis.model.plectrum.base import Floats, PlectrumMap
-from sautereau.analysis.model.plectrum.levels import plectrum_map
+from sautereau.analysis.model.plectrum.surface import string_map
 from sautereau.analysis.model.pluck.pluck import Pluck
 from sautereau.analysis.model.predict import rig_pluck
 from sautereau.analysis.model.string.string import release_speed
@@ -75,7 +75,7 @@ def fit_release(rig: Rig, duration: float, v_osc: float, level: str = "elastica"
         ModelError: No modulus and overlap give both within the level's range.
     """
     _check_positive(duration=duration, v_osc=v_osc)
-    plectrum, stiffness = plectrum_map(rig.plectrum, level), rig.string.static_stiffness
+    plectrum, stiffness = string_map(rig.plectrum, rig.string, level), rig.string.static_stiffness
     lift = v_osc / release_speed(rig.string, 1.0)
     drop = duration * rig.press.jack_speed - lift
     load = _solve(
@@ -117,9 +117,9 @@ def overlap_for_speed(rig: Rig, v_osc: float, level: str = "elastica") -> Releas
 
 def _at_release(rig: Rig, level: str, target: float, what: str, part: float) -> Release:
     """Find the force at the tip for which lift - part * Z equals a target [m], and its overlap."""
-    plectrum, stiffness = plectrum_map(rig.plectrum, level), rig.string.static_stiffness
+    plectrum, stiffness = string_map(rig.plectrum, rig.string, level), rig.string.static_stiffness
 
-    def beyond(force: ArrayLike) -> Floats:
+    def beyond(force: Floats) -> Floats:
         _, _, up = _at_tip(plectrum, force)
         drop = -plectrum.bend(plectrum.length, force).z
         return force * up / stiffness + part * drop - target

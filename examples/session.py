@@ -14,7 +14,7 @@ from sautereau.analysis.figures.comparison import comparison_figure
 from sautereau.analysis.loading.press import Press, load_press
 from sautereau.analysis.model.predict import Prediction, predict
 from sautereau.analysis.phases import Phases, find_phases
-from sautereau.analysis.session.compare import Comparison, compare
+from sautereau.analysis.session.compare import Comparison, compare, predict_each
 from sautereau.rig.load import load_rig
 from sautereau.robot.drivers.registry import motion_controller
 from sautereau.robot.experiment.session import run_session
@@ -43,7 +43,9 @@ def study(n: int = 3, scene: str = "paper", seed: int = 1) -> Session:
         contacts = [truth.contacts[0] for truth in served.truth()]
     phases = [find_phases(press) for press in presses]
     prediction = predict(rig)
-    return Session(presses, phases, prediction, compare(phases, prediction), contacts)
+    return Session(
+        presses, phases, prediction, compare(phases, predict_each(presses, phases, rig)), contacts
+    )
 
 
 def plot(path: str | Path, studied: Session) -> None:

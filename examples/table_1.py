@@ -45,7 +45,7 @@ Its Table 1 is used here as below; `rig/paper.toml` holds the same values.
 The paper has the string held for {duration:.3g} ms (contact at 27 ms, release at 47 ms) at a jack
 speed of {speed:.3g} m/s, and Vosc = {v_osc:.2g} m/s. With Table 1's bending stiffness the overlap is
 the only number left to choose, and no overlap gives both. With the elastica as plectrum and a
-spring as string:
+spring as string, on the plectrum's mid-line as in the paper's equations:
 
 {table}
 

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from sautereau.rig.measured import MEASURED
-from sautereau.rig.registry import NameIn
+from sautereau.rig.registry import SOURCES, NameIn
 from sautereau.rig.section import Current, Frequency, Section, Time, Voltage
 from sautereau.rig.units import Unit, UnitBy
 
@@ -23,7 +23,7 @@ class Channel(Section):
     name: str = Field(pattern=r"^[a-z][a-z0-9_]*$")
     """Name of the signal, and of its topic in a recording."""
     terminal: str = Field(min_length=1)
-    """Physical channel of the DAQ device, without the device: `ai0`."""
+    """Physical channel of the DAQ device, without the device: `ai0`; of a sound card `in1`."""
     sensor: str
     """Make and model."""
     range: Voltage = Field(gt=0)
@@ -37,6 +37,10 @@ class Channel(Section):
     where `delay` includes it."""
     high_pass: Frequency = Field(ge=0)
     """Hz, corner of the AC coupling; 0 for none."""
+    delay_std: Time = Field(default=20e-6, ge=0)
+    """s, standard uncertainty of `delay`."""
+    gain_std: float = Field(default=0.01, ge=0, le=0.5)
+    """Dimensionless, relative standard uncertainty of `scale`."""
     terminal_configuration: Literal["default", "rse", "nrse", "diff", "pseudo_diff"] = "default"
     """How the input is referenced to ground; `default` leaves the device's own, which the sensor's
     wiring must match."""
@@ -112,8 +116,10 @@ class Tls(Section):
 
 
 class Daq(Section):
-    """The acquisition: one NI-DAQmx device."""
+    """The acquisition: one device."""
 
+    driver: Annotated[str, NameIn(SOURCES, imported=False)] = "nidaqmx"
+    """What acquires: `nidaqmx`, `sound-card` (extra `sound`), or a driver of another package."""
     address: str
     """`host:port` of NI's gRPC device server; empty for the driver of this machine."""
     tls: Tls | None = None
@@ -122,12 +128,15 @@ class Daq(Section):
     """Whether another machine may be reached without `tls`: neither encrypted nor
     authenticated."""
     device: str = Field(min_length=1)
-    """Name of the device in NI MAX."""
+    """Name of the device in NI MAX; of a sound card a part of its name."""
     sample_rate: Frequency = Field(ge=1000, le=1e6)
     """Hz, of every channel."""
     trigger_source: str = Field(min_length=1)
     """Terminal that the controller's trigger output is wired to: `PFI0`, of the device itself, or
-    of its chassis for a module in one; `/cDAQ1/PFI0` names any other."""
+    of its chassis for a module in one; `/cDAQ1/PFI0` names any other. A sound card has none: it
+    is the input that the edge is wired to, `in3`."""
+    trigger_edge: Literal["rising", "falling"] = "rising"
+    """Edge at that terminal when the output is set; it depends on the output's circuit."""
     pre_trigger: Time = Field(default=0.0, ge=0, le=60)
     """s, recorded before the trigger's edge."""
     trigger_timeout: Time = Field(gt=0)

@@ -1,7 +1,7 @@
 """The instrument's tables of the rig file: key, jack, plectrum, string."""
 
 from itertools import pairwise
-from typing import Annotated
+from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
@@ -134,6 +134,10 @@ class Plectrum(Section):
     """kg/m^3."""
     overlap: Length = Field(gt=0)
     """m, from the string's centre at rest to the tip, along the undeformed mid-line."""
+    contact: Literal["surface", "mid-line"] = "surface"
+    """Where the string lies: on the upper `surface`, as on an instrument, with its centre half the
+    thickness and half the wire's diameter above the mid-line; or on the `mid-line`, as in the
+    paper. An overlap that was fitted with one does not fit the other."""
     friction: float = Field(default=0.0, strict=True, ge=0, le=0.5)
     """Dimensionless, Coulomb coefficient between plectrum and string."""
     tip_thickness: Length | None = Field(default=None, gt=0)

@@ -134,6 +134,9 @@ def rig_from_json(text: str) -> Rig:
         stored = json.loads(text)
         values = stored["values"]
         rename_keys(values)
+        for choir in (values, *values.get("more_choirs", ())):
+            # The overlaps of earlier versions were those of a string on the mid-line.
+            choir["plectrum"].setdefault("contact", "mid-line")
         origins = {
             name: {current_key(key): about for key, about in stored[name].items()}
             for name in ("assumed", "sources")

@@ -93,7 +93,8 @@ SECTIONS = {
          " from contact to release."),
         ("contact_force", "F_c", "N", "contact force", "Finger force at contact."),
         ("release_force", "F_r", "N", "release force", "Finger force just before release."),
-        ("force_drop", "", "N", "force drop", "Fall of the finger force at release."),
+        ("force_drop", "", "N", "force drop", "Fall of the load at release: of"
+         " the finger force less the inertia of key and jack."),
         ("force_slope", "", "N/m", "force slope", "Slope of the finger force on the key deflection"
          " at the laser while the string is held."),
         ("held_work", "W_p", "J", "work, string held", "Work of the finger from contact to"
@@ -165,6 +166,9 @@ SECTIONS = {
     "Touch of plectra": _table(
         ("tip_stiffness", "3EI/L^3", "N/m", "tip stiffness", "Bending stiffness of a uniform"
          " plectrum at its tip."),
+        ("felt.presses", "", "1", "presses", "Number of presses in which a quantity is above 0."),
+        ("felt.omitted", "", "1", "omitted presses", "Number of presses with a pluck in which a"
+         " quantity is missing or not above 0."),
         ("felt.press", "", "1", "within a session", "Relative standard deviation of presses"
          " within one session."),
         ("felt.session", "", "1", "between sessions", "Relative standard deviation of the"
@@ -174,6 +178,12 @@ SECTIONS = {
          " deviation of plectra that their shape does not explain."),
         ("felt.exponents", "", "1", "exponent", "Per cent by which a quantity increases with one"
          " per cent of a dimension of the plectrum."),
+        ("judged.somers_d", "D", "1", "Somers' D", "Fraction of pairs of different judgements of"
+         " touch that a quantity orders alike, minus the fraction that it orders the other way."),
+        ("judged.odds_ratio", "", "1", "odds ratio", "Factor by which the odds of a harder"
+         " judgement increase with one standard deviation of a quantity."),
+        ("judged.q_value", "q", "1", "false discovery rate", "Expected fraction of quantities"
+         " without association among those with at most this value."),
     ),
     "Plan of a press": _table(
         ("cruise_speed", "", "m/s", "cruise speed", "Mean jack speed over the cruise, as the"

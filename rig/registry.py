@@ -106,6 +106,8 @@ class NameIn:
     """Annotation of a text field that holds a name of a registry."""
 
     registry: Registry
+    imported: bool = True
+    """Whether the implementation is imported, which may be slow, or only looked up."""
 
     def __get_pydantic_core_schema__(
         self, source: Any, handler: "GetCoreSchemaHandler"
@@ -115,12 +117,14 @@ class NameIn:
         return core_schema.no_info_after_validator_function(self._known, handler(source))
 
     def _known(self, name: str) -> str:
-        try:
-            self.registry.get(name)
-        except SautereauError as error:
-            from pydantic_core import PydanticCustomError
+        from pydantic_core import PydanticCustomError
 
-            raise PydanticCustomError("unknown_name", "{fault}", {"fault": str(error)}) from error
+        if self.imported or self.registry.unknown(name):
+            try:
+                self.registry.get(name)
+            except SautereauError as error:
+                about = {"fault": str(error)}
+                raise PydanticCustomError("unknown_name", "{fault}", about) from error
         return name
 
 
@@ -135,13 +139,14 @@ CONTROLLERS = Registry(
 )
 """Each is called with a `Rig` and returns a `sautereau.robot.controller.MotionController`."""
 
-
-def known_kind(kind: str) -> str:
-    """Return the kind of a controller, whose driver is not imported.
-
-    Raises:
-        ValueError: No installed package provides it.
-    """
-    if fault := CONTROLLERS.unknown(kind):
-        raise ValueError(fault)
-    return kind
+SOURCES = Registry(
+    "sautereau.sources",
+    "acquisition driver",
+    {
+        "nidaqmx": "sautereau.daq.source.acquisition:Acquisition",
+        "sound-card": "sautereau.daq.source.sound_card:SoundCard",
+    },
+    RigError,
+)
+"""Each is called with a `Daq`, a duration and `triggered`, and returns a
+`sautereau.daq.source.source.Source`."""

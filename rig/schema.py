@@ -11,11 +11,11 @@ import math
 from itertools import pairwise
 from typing import Annotated, Literal
 
-from pydantic import AfterValidator, Field, model_validator
+from pydantic import Field, model_validator
 
 from sautereau.rig.acquisition import Daq
+from sautereau.rig.controller import Controller
 from sautereau.rig.instrument import Choir, Jack, Key, Plectrum, String
-from sautereau.rig.registry import known_kind
 from sautereau.rig.section import (
     GRAVITY,
     Angle,
@@ -24,7 +24,6 @@ from sautereau.rig.section import (
     Moment,
     Section,
     Time,
-    Voltage,
 )
 from sautereau.rig.units import Unit
 
@@ -115,6 +114,9 @@ class Arm(Section):
     """kg, link 2, a slender rod."""
     fingertip_radius: Length = Field(gt=0)
     """m, of the sphere that touches the key."""
+    fingertip_friction: float = Field(default=0.0, ge=-1, le=1)
+    """Dimensionless, force of the fingertip along the key over its force on it while the key goes
+    down; positive towards the front edge, where it helps to press; reversed on the way back."""
     base_x: Length
     """m, of joint 1."""
     base_z: Length
@@ -169,33 +171,6 @@ class Arm(Section):
                     " give the smallest value first"
                 )
         return self
-
-
-class Controller(Section):
-    """The motor controller."""
-
-    kind: Annotated[str, AfterValidator(known_kind)] = "galil"
-    """`galil` (DMC-4x), `odrive` (3.x with firmware 0.5.x), or a kind of another package."""
-    port: str = Field(min_length=1)
-    """Serial device, or any URL that pyserial accepts."""
-    baud_rate: int = Field(strict=True, gt=0)
-    """Bits per second."""
-    timeout: Time = Field(gt=0)
-    """s, longest wait for an answer of the controller."""
-    sample_period: Time = Field(gt=0)
-    """s, of one controller sample; with TM 1000 it is 976 us, not 1 ms."""
-    segment_limit: int = Field(strict=True, ge=8)
-    """PVT segments that the controller's FIFO holds for each axis."""
-    position_error_limit: int = Field(strict=True, gt=0)
-    """Counts of following error at which the controller switches the motors off."""
-    trigger_output: int = Field(strict=True, ge=1, le=16)
-    """Digital output wired to the acquisition's trigger input."""
-    full_torque: Voltage = Field(default=9.998, gt=0, le=9.998)
-    """V, command to an amplifier that corresponds to `arm.torque_limit`."""
-    watchdog_period: Time = Field(default=0.5, ge=0.1, le=5)
-    """s, time without a command from the host; then the controller switches the motors off."""
-    home_tolerance: int = Field(default=100, strict=True, gt=0)
-    """Counts by which a home switch may differ from its position when it is checked again."""
 
 
 class Rig(Section):

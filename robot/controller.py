@@ -35,6 +35,8 @@ class Capture:
     record them."""
     torques: Floats | None = None
     """N m, commanded to the amplifiers; shape (n, 2). None as above."""
+    trigger_delay: float = 0.0
+    """s, from the trigger's edge at the acquisition to the start of the motion."""
 
     def __len__(self) -> int:
         return len(self.samples)
@@ -43,6 +45,11 @@ class Capture:
     def times(self) -> Floats:
         """s, since the motion started; shape (n,)."""
         return self.samples.astype(np.float64) * self.sample_period
+
+    @property
+    def times_after_trigger(self) -> Floats:
+        """s, since the trigger's edge, on the clock of the acquisition; shape (n,)."""
+        return self.times + self.trigger_delay
 
 
 class Player(Protocol):
@@ -81,10 +88,10 @@ class Player(Protocol):
 class MotionController(Player, Protocol):
     """Two joints that play a loaded motion.
 
-    A controller that stores motions (Galil) plays them by itself: it starts the motion, raises
-    the trigger output in the same sample and records the encoders, and the host's timing does
-    not matter. To one that stores none (ODrive) the host streams the motion, and the times of
-    a press are the host's.
+    A controller that stores motions (Galil) plays them by itself: it sets the trigger output,
+    starts the motion `Capture.trigger_delay` after that edge and records the encoders, and the
+    host's timing does not matter. To one that stores none (ODrive) the host streams the motion,
+    and the times of a press are the host's.
 
     Calls of a press: ``connect``, ``powered``, ``home``, ``move_to`` its start, ``load``,
     ``arm``, ``start``, ``wait``, ``capture``. The controller is a context manager for the

@@ -103,10 +103,10 @@ def _serial(port: str) -> Finding:
 
 def _daq(rig: Rig) -> Finding:
     from sautereau.daq.errors import DaqError
-    from sautereau.daq.source.acquisition import Acquisition
+    from sautereau.daq.source.source import open_source
 
     try:
-        with Acquisition(rig.daq, 0.1) as acquisition:
+        with open_source(rig.daq, 0.1) as acquisition:
             return Finding("daq", True, acquisition.device_description)
     except DaqError as error:
         detail, _, fix = str(error).partition("; ")

@@ -1,23 +1,29 @@
 """The stand-in: a simulated bench behind a serial port and a DAQ server."""
 
 import contextlib
+import functools
 import os
 import threading
 import time
+from collections.abc import Callable
 
 from sautereau.rig.load import with_values
 from sautereau.rig.schema import Rig
 from sautereau.sim_backend.card import BenchCard
 from sautereau.sim_backend.clock import Clock, FairLock
+from sautereau.sim_backend.controller_part import ControllerUnit
 from sautereau.sim_backend.devices.daqmx.server import DaqmxServer
 from sautereau.sim_backend.devices.emulators import EMULATORS, Emulator
+from sautereau.sim_backend.devices.galil.firmware import GalilFirmware
+from sautereau.sim_backend.devices.galil.ports import SERIAL
 from sautereau.sim_backend.devices.plant import ArmPlant
 from sautereau.sim_backend.devices.serial_port import PortGone, PtyPort, SocketPort
+from sautereau.sim_backend.devices.tcp_port import TcpPort
 from sautereau.sim_backend.errors import SceneError
 from sautereau.sim_backend.fault_injection import BadLine, FaultInjection
 from sautereau.sim_backend.physics.world import new_world
+from sautereau.sim_backend.prepare import prepared
 from sautereau.sim_backend.scene import Scene
-from sautereau.sim_backend.sensors.simulated import SIMULATED
 from sautereau.sim_backend.truth import Truth, truths
 
 SETTLING = 2.0
@@ -44,14 +50,18 @@ class Bench:
     """
 
     def __init__(self, rig: Rig, scene: Scene, seed: int = 0, paced: bool = False):
-        self.scene, self.reached = _prepared(rig, scene)
+        self.scene, self.reached = prepared(rig, scene)
         """The scene with every choice made, and the accuracy that it reaches; empty where the
         scene asks for none."""
         self.paced = paced
         self.world = new_world(rig, self.scene)
         self.rig = scene.as_wired(self.world.rig)
         self.failure: Exception | None = None
-        self.plant = ArmPlant(self.world)
+        unit = scene.controller or ControllerUnit()
+        self.plant = ArmPlant(self.world, unit.index_angles, unit.limit_switches)
+        self.port = "tcp" if unit.interface == "ethernet" else "serial"
+        """Kind of the controller's port."""
+        self._inverted, self._output_delay = unit.output_inverted, unit.output_delay
         self.injection = FaultInjection(self.scene.faults, self.plant, lambda: self.world.time)
         self._lock = FairLock()
         self._closing = threading.Event()
@@ -61,7 +71,11 @@ class Bench:
             self.rig, self.scene, seed, paced, self._lock, self.injection, lambda: self.world.time
         )
         emulate = EMULATORS.get(rig.controller.kind)
-        self.firmware: Emulator = emulate(rig, self.plant, self._on_output, paced)
+        given = {} if scene.controller is None else {"unit": scene.controller}
+        self.firmware: Emulator = emulate(rig, self.plant, self._on_output, paced, **given)
+        self._outbox: dict[str, bytes] = {}
+        self.on_message: Callable[[], None] = lambda: None
+        """Called when the controller has sent something by itself."""
         self._clock = Clock(self, self._lock, paced, self._fail)
 
     def __enter__(self) -> "Bench":
@@ -75,25 +89,32 @@ class Bench:
             self._lock.notify_all()
         self._clock.__exit__()
 
-    def receive(self, data: bytes) -> bytes:
-        """Pass bytes from the serial line to the controller, and return its answer.
+    def receive(self, data: bytes, port: str = SERIAL) -> bytes:
+        """Pass bytes from a port to the controller, and return what it sends.
 
         Unless time is paced the host is infinitely slow: its bytes arrive when nothing moves
-        any longer, so that its own timing never changes the result.
+        any longer, so that its own timing never changes the result. Without bytes this returns
+        what the controller has sent by itself.
 
         Raises:
             PortGone: The port went with the cable, or the bench has failed.
         """
         with self._lock:
-            if not self.paced:
+            if data and not self.paced:
                 latest = self.world.time + LONGEST_WAIT
                 self._lock.wait_for(
                     lambda: not self.busy or self._closing.is_set() or self.world.time > latest
                 )
             if self.failure is not None:
                 raise PortGone
+            receive = self.firmware.receive
+            if port != SERIAL:
+                receive = functools.partial(self._networked.receive, letter=port)
+            waiting, delay = self._outbox.pop(port, b""), 0.0
             try:
-                answer = self._line.carry(data, self.firmware.receive)
+                if not data:
+                    return waiting
+                answer = waiting + self._line.carry(data, receive)
                 delay = self._line.delay
             finally:
                 self._lock.notify_all()
@@ -101,9 +122,41 @@ class Bench:
             self._closing.wait(delay)
         return answer
 
+    def connect(self) -> str | None:
+        """Open a TCP connection to the controller; return its handle, None if all are in use."""
+        with self._lock:
+            return self._networked.connect()
+
+    def connected(self, port: str) -> bool:
+        """Return whether the controller still has a handle."""
+        with self._lock:
+            return self._networked.connected(port)
+
+    def disconnect(self, port: str) -> None:
+        """Lose a TCP connection."""
+        with self._lock:
+            self._networked.disconnect(port)
+
+    def operate(self, act: Callable[[ArmPlant], None]) -> None:
+        """Let an operator act on the arm, its switches or its cables; one sample passes."""
+        with self._lock:
+            act(self.plant)
+            self.tick()
+            self._lock.notify_all()
+
+    @property
+    def _networked(self) -> GalilFirmware:
+        if not isinstance(self.firmware, GalilFirmware):
+            raise SceneError(
+                f"controller.kind: {self.rig.controller.kind!r} has no Ethernet port; use a"
+                ' pseudo-terminal, or controller.kind = "galil"'
+            )
+        return self.firmware
+
     def _on_output(self, number: int, level: bool) -> None:
-        if level and number == self.rig.controller.trigger_output:
-            self.card.edge()
+        if level != self._inverted and number == self.rig.controller.trigger_output:
+            within = self.firmware.phase * self.rig.controller.sample_period
+            self.card.edge(within + self._output_delay)
 
     def truth(self) -> list[Truth]:
         """Return the true events of each triggered acquisition, in order."""
@@ -137,6 +190,13 @@ class Bench:
         self.injection.inject()
         self.firmware.tick()
         reference = self.plant.wired(self.firmware.reference)
+        for port, message in self.firmware.outgoing().items():
+            sent = self._line.towards_host(message)
+            self._outbox[port] = self._outbox.get(port, b"") + sent
+            if port != SERIAL and self._line.gone:
+                self._networked.miss_acknowledgement(port)
+        if self._outbox:
+            self.on_message()
         motions = self.world.advance(reference, any(self.firmware.motors_on))
         self.plant.sample()
         if self.firmware.moving:
@@ -150,36 +210,6 @@ class Bench:
         self._lock.notify_all()
 
 
-def _prepared(rig: Rig, scene: Scene) -> tuple[Scene, str]:
-    """Return a scene with every choice made, and the accuracy that it reaches, if it asks for one.
-
-    Raises:
-        SceneError: As of `Bench`.
-    """
-    faults = []
-    if scene.finger == "push":
-        faults.append(
-            'finger: "push" has no arm for a controller to move; it is for sweeps and `trade`:'
-            ' use finger = "ideal" or "servo"'
-        )
-    elif scene.faults is not None:
-        quantities = {channel.quantity for channel in rig.daq.channels}
-        faults += scene.faults.conflicts(scene.finger, quantities)
-    for i, channel in enumerate(rig.daq.channels):
-        try:
-            SIMULATED.get(channel.quantity)
-        except SceneError as error:
-            faults.append(f"daq.channels.{i}.quantity: {error}")
-    if faults:
-        raise SceneError("\n".join(faults))
-    if scene.accuracy is None:  # only an accuracy leaves choices open
-        return scene, ""
-    from sautereau.sim_backend.trade.select import select_solver
-
-    selected = select_solver(rig, scene)
-    return selected.scene, str(selected)
-
-
 class StandIn:
     """The simulated bench as the host sees it: a serial port and a gRPC address.
 
@@ -188,18 +218,26 @@ class StandIn:
         scene: What is simulated.
         seed: Of all noise.
         paced: Whether simulated time follows real time.
+        port: `tcp` for the controller's Ethernet, whatever port the scene's controller has.
     """
 
-    def __init__(self, rig: Rig, scene: Scene, seed: int = 0, *, paced: bool = False):
+    def __init__(
+        self, rig: Rig, scene: Scene, seed: int = 0, *, paced: bool = False, port: str | None = None
+    ):
         self._nominal = rig
         self.scene = scene
         self.bench = Bench(rig, scene, seed, paced)
-        self._make_port = PtyPort if hasattr(os, "openpty") else SocketPort
+        if "tcp" in (port, self.bench.port):
+            self._make_port = lambda: TcpPort(self.bench)
+        else:
+            serial = PtyPort if hasattr(os, "openpty") else SocketPort
+            self._make_port = lambda: serial(self.bench.receive)
         self._stack = contextlib.ExitStack()
 
     def __enter__(self) -> "StandIn":
         with contextlib.ExitStack() as stack:
-            self._serial = stack.enter_context(self._make_port(self.bench.receive))
+            self._serial = stack.enter_context(self._make_port())
+            self.bench.on_message = self._serial.wake
             self._daq = stack.enter_context(DaqmxServer(self.bench.card))
             stack.enter_context(self.bench)  # ends first, so that no call waits for it
             self._stack = stack.pop_all()
@@ -214,7 +252,7 @@ class StandIn:
 
     @property
     def serial_port(self) -> str:
-        """Port for pyserial."""
+        """Port for pyserial, or `tcp://127.0.0.1:port` of the controller's Ethernet."""
         return self._serial.url
 
     @property

@@ -105,13 +105,18 @@ class BenchCard:
 
     # Called by the bench, under the lock.
 
-    def edge(self) -> None:
-        """Receive a rising edge at the trigger input; it counts as a press if one waits for it."""
+    def edge(self, delay: float = 0.0) -> None:
+        """Receive a rising edge at the trigger input; it counts as a press if one waits for it.
+
+        Args:
+            delay: s, from now to the edge.
+        """
+        time = self._now() + delay
         waiting = [run for run in self.runs if run.waiting_for_trigger]
         if waiting and self._injection.begin_press():
-            self.starts.append(self._now())
+            self.starts.append(time)
             for run in waiting:
-                run.trigger(self._now(), self._injection.of_run())
+                run.trigger(time, self._injection.of_run())
 
     def feed(self, motions: Motions) -> None:
         """Receive the motion of one controller sample."""

@@ -30,6 +30,31 @@ class FaultInjection:
         self._faults, self._joints, self._now = faults or Faults.model_construct(), joints, now
         self._edges: list[float] = []
         self._due: list[tuple[float, Callable[[], None]]] = []
+        self._wire()
+
+    def _wire(self) -> None:
+        """Wire the arm wrongly, as the scene says, and inject what is there from power-up."""
+        faults, joints = self._faults, self._joints
+        if faults.encoder_sign:
+            joints.reverse(faults.encoder_sign.joint)
+        if faults.encoders_swapped:
+            joints.swap()
+        if faults.index_missing:
+            joints.unwire_index(faults.index_missing.joint)
+        if faults.switch_polarity:
+            joints.invert(faults.switch_polarity.switch)
+        self._schedule_wiring(0, self._now())
+        self.inject()
+
+    def _schedule_wiring(self, press: int, now: float) -> None:
+        faults, joints = self._faults, self._joints
+        if (loss := faults.encoder_loss) and loss.press == press:
+            self._due.append((now + loss.at, lambda: joints.lose_encoder(loss.joint)))
+        if (switch := faults.switch_closed) and switch.press == press:
+            close = lambda: joints.close(switch.switch, switch.joint)  # noqa: E731
+            self._due.append((now + switch.at, close))
+        if (fault := faults.amplifier_fault) and fault.press == press:
+            self._due.append((now + fault.at, lambda: joints.break_amplifier(fault.joint)))
 
     @property
     def presses(self) -> int:
@@ -48,6 +73,7 @@ class FaultInjection:
             self._due.append((now + stall.at, lambda: joints.stall(stall.joint)))
         if (slip := faults.slip) and slip.press == self.presses:
             self._due.append((now + slip.at, lambda: joints.slip(slip.joint, slip.counts)))
+        self._schedule_wiring(self.presses, now)
         missing = faults.trigger_missing
         return missing is None or missing.press != self.presses
 
@@ -149,6 +175,15 @@ class BadLine:
                 raise PortGone
             return b""
         return self._disturbed(answer, "host")
+
+    @property
+    def gone(self) -> bool:
+        """Whether the cable is disconnected."""
+        return self._out(self._cable)
+
+    def towards_host(self, data: bytes) -> bytes:
+        """Carry bytes that the controller sends by itself."""
+        return b"" if self.gone else self._disturbed(data, "host")
 
     @property
     def _noisy(self) -> bool:

@@ -133,6 +133,61 @@ class Slip(_AtTime):
     """Offset of its readings from then on."""
 
 
+class _Since(Section):
+    press: int = Field(default=0, ge=0)
+    """Press in which it occurs, from 1; 0 for power-up."""
+    at: Time = Field(default=0.0, ge=0, le=60)
+    """s after the press's trigger edge."""
+
+
+class EncoderLoss(_Since):
+    """An encoder's signals disappear: its position does not change any more."""
+
+    joint: Literal[1, 2]
+    """Of the arm."""
+
+
+class EncoderSign(Section):
+    """An encoder counts backwards, so that its loop has positive feedback."""
+
+    joint: Literal[1, 2]
+    """Of the arm."""
+
+
+class EncodersSwapped(Section):
+    """The encoders' cables are exchanged."""
+
+
+class IndexMissing(Section):
+    """An encoder's index is not wired."""
+
+    joint: Literal[1, 2]
+    """Of the arm."""
+
+
+class SwitchClosed(_Since):
+    """A switch is closed for good."""
+
+    switch: Literal["forward", "reverse", "home", "abort"]
+    """Limit switches, home switch, or the abort input, which both joints share."""
+    joint: Literal[1, 2] = 1
+    """Of the arm."""
+
+
+class SwitchPolarity(Section):
+    """Switches are wired the other way: current flows where none should."""
+
+    switch: Literal["limit", "home", "abort"]
+    """Which ones, of both joints."""
+
+
+class AmplifierFault(_Since):
+    """The amplifier of a joint reports overcurrent."""
+
+    joint: Literal[1, 2]
+    """Of the arm."""
+
+
 class Faults(Section):
     """The faults of a scene."""
 
@@ -158,6 +213,20 @@ class Faults(Section):
     """A motor is blocked."""
     slip: Slip | None = None
     """An encoder slips."""
+    encoder_loss: EncoderLoss | None = None
+    """An encoder is lost."""
+    encoder_sign: EncoderSign | None = None
+    """An encoder counts backwards."""
+    encoders_swapped: EncodersSwapped | None = None
+    """The encoders are exchanged."""
+    index_missing: IndexMissing | None = None
+    """An encoder has no index."""
+    switch_closed: SwitchClosed | None = None
+    """A switch is closed."""
+    switch_polarity: SwitchPolarity | None = None
+    """Switches are inverted."""
+    amplifier_fault: AmplifierFault | None = None
+    """An amplifier reports a fault."""
 
     @model_validator(mode="after")
     def _can_all_occur(self):
@@ -191,7 +260,7 @@ class Faults(Section):
             quantities: Measured by the rig's channels.
         """
         faults = []
-        for name in ("stall", "slip"):
+        for name in ("stall", "slip", "encoder_loss", "encoder_sign", "encoders_swapped"):
             if getattr(self, name) is not None and finger != "servo":
                 faults.append(
                     f'faults.{name}: finger = "{finger}" has no motors and encoders; use'

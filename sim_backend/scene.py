@@ -11,6 +11,7 @@ from sautereau.rig.load import read_toml, with_values
 from sautereau.rig.packaged import named_text, packaged_names
 from sautereau.rig.schema import Rig
 from sautereau.rig.section import Angle, Section, Time
+from sautereau.sim_backend.controller_part import ControllerUnit
 from sautereau.sim_backend.errors import SceneError
 from sautereau.sim_backend.fault_tables import Faults
 from sautereau.sim_backend.parts import Accuracy, Push, Sensors, Servo
@@ -57,6 +58,8 @@ class Scene(Section):
     """The sensor chain; without it all sensors are exact and without delay."""
     faults: Faults | None = None
     """Faults to inject."""
+    controller: ControllerUnit | None = None
+    """The Galil controller, where it differs from a new one with `MO` burned."""
     start_offset: tuple[Angle, Angle] = (0.03, -0.03)
     """rad, of the joints from their home switches at power-up."""
     more_choirs: tuple[Choir, ...] | None = None

@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from sautereau.rig.schema import Controller, Rig
+from sautereau.rig.controller import Controller
+from sautereau.rig.schema import Rig
 from sautereau.trajectory.errors import TrajectoryError
 from sautereau.trajectory.motion import Floats, Motion
 from sautereau.trajectory.segments import Counts, Segments
@@ -10,6 +11,8 @@ from sautereau.trajectory.timing import JerkLaw
 
 GRAIN = 2
 """Controller samples; the duration of every segment is a multiple, as PVT mode requires."""
+VELOCITY_GRAIN = 2
+"""Counts per second; every velocity at a knot is a multiple, as PVT mode requires."""
 STEADY_COUNTS = 20_000
 """Counts moved by the slower joint between knots at constant speed: a knot is rounded by at most
 half a count, so longer segments have a smaller error of speed, until the cubic no longer follows
@@ -41,7 +44,7 @@ def sample_times(controller: Controller, law: JerkLaw) -> Floats:
 
 
 def quantise(rig: Rig, law: JerkLaw, joints: Motion) -> Segments:
-    """Round a motion to integer counts, counts per second and controller samples.
+    """Round a motion to integer counts, even counts per second and even controller samples.
 
     Positions are rounded, not steps, so that rounding errors do not accumulate. Knots are placed
     further apart if necessary to fit into the controller's FIFO, final segment included.
@@ -67,7 +70,8 @@ def quantise(rig: Rig, law: JerkLaw, joints: Motion) -> Segments:
             break
         grains += 1
     positions = rounded[knots].astype(np.int64)
-    velocities = np.rint(joints.velocity[knots] * counts_per_radian).astype(np.int64)
+    grains_per_second = joints.velocity[knots] * counts_per_radian / VELOCITY_GRAIN
+    velocities = VELOCITY_GRAIN * np.rint(grains_per_second).astype(np.int64)
     return Segments(positions[0], np.diff(positions, axis=0), velocities[1:], np.diff(knots))
 
 

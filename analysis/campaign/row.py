@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from sautereau.analysis.campaign.labels import TOUCH, touch_in
 from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.loading.press import press_of
 from sautereau.analysis.phases import find_phases
@@ -36,6 +37,7 @@ UNITS = {
     "warm_up": "",
     "simulated": "",
     "notes": "",
+    TOUCH: "",
     "rig": "",
     "plectrum": "",
     **{f"plectrum_{name}": unit for name, unit in PLECTRUM.items()},
@@ -117,6 +119,7 @@ def read_row(folder: Path, source: Source) -> Row:
         "warm_up": session.warm_up,
         "simulated": recorded.simulated,
         "notes": session.notes,
+        TOUCH: touch_in(session.notes),
         "rig": rig.name,
         "plectrum": plectrum_id(rig),
         **{f"plectrum_{name}": getattr(rig.plectrum, name) for name in PLECTRUM},
@@ -139,7 +142,8 @@ def plectrum_id(rig: Rig) -> str:
 
     Two plectra with the same numbers need rigs with different names to be distinguished.
     """
-    description = f"{rig.name}\n{rig.plectrum.model_dump_json()}"
+    # How the model places the string on it is no property of the plectrum.
+    description = f"{rig.name}\n{rig.plectrum.model_dump_json(exclude={'contact'})}"
     return hashlib.sha256(description.encode()).hexdigest()[:8]
 
 

@@ -16,6 +16,7 @@ import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from sautereau.analysis.campaign.labels import LEVELS, TOUCH
 from sautereau.analysis.campaign.row import Fault, Row, Source, place_of, unit_of
 from sautereau.analysis.errors import AnalysisError
 from sautereau.rig.disk import sync_folder
@@ -24,8 +25,9 @@ KEY = b"sautereau"
 """Key of the file's metadata."""
 PART = ".part"
 """Added to the name of a file while it is written."""
-SCHEMA = 2
-"""Version of the columns; tables of sautereau 0.1 have no such number and are version 1."""
+SCHEMA = 3
+"""Version of the columns; tables of sautereau 0.1 have no such number and are version 1, and those
+of version 2 have no column `TOUCH`."""
 RENAMED = {
     "contact_duration": "pluck_duration",
     "peak_force": "release_force",
@@ -52,8 +54,11 @@ class Campaign:
 
     @cached_property
     def data(self) -> pd.DataFrame:
-        """The table as a pandas DataFrame, with NaN or None for null."""
-        return self.table.to_pandas()
+        """The table as a pandas DataFrame, with NaN or None for null; `TOUCH` is ordered."""
+        data = self.table.to_pandas()
+        if TOUCH in data:
+            data[TOUCH] = data[TOUCH].astype(pd.CategoricalDtype(LEVELS, ordered=True))
+        return data
 
     @property
     def simulated(self) -> bool:

@@ -16,10 +16,18 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from sautereau.analysis.campaign.shape import (
+    CONDITIONS,
+    SHAPE,
+    collinear,
+    logs,
+    not_identifiable,
+)
 from sautereau.analysis.campaign.table import Campaign
 from sautereau.analysis.campaign.variance import Components, Nested, fit_nested
 from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.session.repeatability import COVERAGE, Spread
+from sautereau.rig.faults import fault_list
 from sautereau.trajectory.motion import Floats
 
 if TYPE_CHECKING:
@@ -27,21 +35,8 @@ if TYPE_CHECKING:
 
 FELT = ("release_force", "force_slope", "force_drop")
 """Columns of a campaign that describe touch; `sautereau.rig.quantities` defines them."""
-SHAPE = (
-    "plectrum_length",
-    "plectrum_width",
-    "plectrum_thickness",
-    "plectrum_overlap",
-    "plectrum_youngs_modulus",
-)
-"""Columns of a plectrum's shape and material; those that vary get an exponent."""
-CONDITIONS = ("jack_speed", "string_stiffness")
-"""Columns that change the touch of one plectrum; regressors of the model where they vary."""
-LEAST_RANGE = 1e-6
-"""1, range of a column's logarithm below which it counts as constant."""
-LEAST_SINGULAR = 1e-3
-"""1, ratio of smallest to largest singular value of the normalised regressors, below which they
-are collinear and their exponents are not identifiable."""
+MOST_OMITTED = 0.05
+"""1, fraction of the presses of a plectrum that may lack a quantity, where it gets exponents."""
 
 
 @dataclass(frozen=True)
@@ -58,7 +53,8 @@ class Plectrum:
     tip_stiffness: float
     """N/m, 3 EI / length^3 of a uniform section."""
     felt: dict[str, Spread]
-    """SI units, by the names of `FELT`; of all its presses, whatever their conditions."""
+    """SI units, by the names of `FELT`, as far as its presses have them; of all its presses,
+    whatever their conditions."""
 
 
 @dataclass(frozen=True)
@@ -78,6 +74,10 @@ class Exponent:
 class Felt:
     """One quantity over all plectra; standard deviations relative to it, dimensionless."""
 
+    presses: int
+    """Number of presses in which it is above 0."""
+    omitted: int
+    """Number of other presses with a pluck, which are omitted from this quantity alone."""
     press: Spread
     """Of presses within a session: the repeatability."""
     session: Spread | None
@@ -102,7 +102,7 @@ class Touch:
     plectra: tuple[Plectrum, ...]
     """Ordered by the stiffness of their tips."""
     felt: dict[str, Felt]
-    """By the names of `FELT`."""
+    """By the names of `FELT`, as far as there are presses with them."""
     notes: tuple[str, ...]
     """Excluded presses, and quantities that are not identifiable, with how to fix it."""
 
@@ -111,51 +111,41 @@ def find_touch(campaign: Campaign) -> Touch:
     """Fit the force at the key to the plectrum's shape, and split the spread by its sources.
 
     Warm-up presses and presses without a pluck are excluded; of several plucks, the first counts.
+    A press whose quantity is missing or not above 0 is omitted from that quantity only.
 
     Raises:
-        AnalysisError: Too few presses remain for a spread.
+        AnalysisError: Too few presses remain for a spread of any quantity.
     """
     presses, notes = _selected(campaign)
-    groups = _numbers(presses, ["plectrum"])
-    subgroups = _numbers(presses, ["plectrum", "session"])
-    plectra = int(groups.max()) + 1
-    if len(presses) == plectra:
-        raise AnalysisError(
-            f"touch of {campaign.path}: {len(presses)} presses of {plectra} plectra give no"
-            " spread; press each plectrum several times"
-        )
-    sessions = [len(set(subgroups[groups == g])) for g in range(plectra)]
-    by_session = max(sessions) > 1 and int(np.bincount(subgroups).max()) > 1
-    if not by_session:
-        subgroups = groups
-        notes.append(
-            "no plectrum has two sessions of several presses: the spread between plectra includes"
-            " the effect of a new set-up; press some of them in a second session"
-        )
-    conditions = _logs(presses, CONDITIONS)
-    if _collinear(conditions):
-        conditions = {name: conditions[name] for name in CONDITIONS[:1]}
-    shape = _logs(presses, SHAPE)
-    reason = _not_identifiable(shape, conditions, plectra)
-    if reason:
-        shape = {}
-        notes.append(reason)
-    regressors = np.column_stack([np.ones(len(presses)), *conditions.values()])
-    felt, means = {}, {}
+    felt: dict[str, Felt] = {}
+    means: dict[str, dict[str, Spread]] = {}
+    reasons: dict[str, list[str]] = {}
+    few: list[str] = []
     for name in FELT:
-        values = np.log(presses[name].to_numpy())
-        data = Nested(values - values.mean(), regressors, groups, subgroups)
-        found = fit_nested(data, subgroups=by_session, groups=plectra > 1)
-        means[name] = _means(values, found, groups, subgroups)
-        felt[name] = _felt(data, found, shape, by_session, plectra)
-    each = [_plectrum(presses, groups, g, sessions[g], means) for g in range(plectra)]
+        fitted, omitted = _with_positive(presses, name)
+        number = len(set(fitted["plectrum"]))
+        if len(fitted) < max(2, number + 1):
+            few.append(
+                f"{name}: {len(fitted)} presses of {number} plectra give no spread; press each"
+                " plectrum several times"
+            )
+            continue
+        felt[name], means[name], why = _fit(name, fitted, omitted)
+        for reason in why:
+            reasons.setdefault(reason, []).append(name)
+    if not felt:
+        raise AnalysisError(fault_list(f"touch of {campaign.path}", [*few, *notes]))
+    notes += few
+    for reason, names in reasons.items():
+        everywhere = len(names) == len(felt)
+        notes.append(reason if everywhere else f"{', '.join(names)}: {reason}")
+    each = [_plectrum(own, means) for _, own in presses.groupby("plectrum")]
     each.sort(key=lambda plectrum: plectrum.tip_stiffness)
     simulated = presses["simulated"].to_numpy(bool)
     if 0 < simulated.sum() < len(presses):
         notes.append("this campaign mixes presses of the stand-in and of an instrument")
-    return Touch(
-        bool(simulated.any()), len(presses), sum(sessions), tuple(each), felt, tuple(notes)
-    )
+    sessions = sum(plectrum.sessions for plectrum in each)
+    return Touch(bool(simulated.any()), len(presses), sessions, tuple(each), felt, tuple(notes))
 
 
 def _selected(campaign: Campaign) -> "tuple[pd.DataFrame, list[str]]":
@@ -169,21 +159,15 @@ def _selected(campaign: Campaign) -> "tuple[pd.DataFrame, list[str]]":
         )
     warm_up = data["warm_up"].to_numpy(bool)
     plucked = data["plucks"].to_numpy() > 0
-    positive = (data[list(FELT)].to_numpy(float) > 0).all(axis=1)
     notes = [
         f"excluded: {int(which.sum())} {what}"
         for which, what in (
             (warm_up, "warm-up presses"),
             (~warm_up & ~plucked, "presses without a pluck"),
-            (
-                ~warm_up & plucked & ~positive,
-                "presses whose release force, force slope or force drop is not above 0;"
-                " look at their recordings",
-            ),
         )
         if which.any()
     ]
-    kept = data.loc[~warm_up & plucked & positive].reset_index(drop=True)
+    kept = data.loc[~warm_up & plucked].reset_index(drop=True)
     if len(kept) < 2:
         excluded = f" ({'; '.join(notes)})" if notes else ""
         raise AnalysisError(
@@ -193,48 +177,78 @@ def _selected(campaign: Campaign) -> "tuple[pd.DataFrame, list[str]]":
     return kept, notes
 
 
+def _with_positive(presses: "pd.DataFrame", name: str) -> "tuple[pd.DataFrame, dict[str, int]]":
+    """Return the presses whose quantity has a logarithm, and how many of each plectrum have not."""
+    positive = presses[name].to_numpy(float) > 0
+    without = presses.loc[~positive, "plectrum"].value_counts()
+    return presses.loc[positive].reset_index(drop=True), without.to_dict()
+
+
+def _fit(
+    name: str, presses: "pd.DataFrame", omitted: dict[str, int]
+) -> tuple[Felt, dict[str, Spread], list[str]]:
+    """Return the fit of one quantity, its mean by plectrum, and why a part of it is missing."""
+    groups = _numbers(presses, ["plectrum"])
+    subgroups = _numbers(presses, ["plectrum", "session"])
+    plectra = int(groups.max()) + 1
+    notes = []
+    several = max(len(set(subgroups[groups == g])) for g in range(plectra)) > 1
+    by_session = several and int(np.bincount(subgroups).max()) > 1
+    if not by_session:
+        subgroups = groups
+        notes.append(
+            "no plectrum has two sessions of several presses: the spread between plectra includes"
+            " the effect of a new set-up; press some of them in a second session"
+        )
+    conditions = logs(presses, CONDITIONS)
+    if collinear(conditions):
+        conditions = {name: conditions[name] for name in CONDITIONS[:1]}
+    shape = logs(presses, SHAPE)
+    reason = not_identifiable(shape, conditions, plectra) or _selective(presses, omitted)
+    if reason:
+        shape = {}
+        notes.append(reason)
+    if omitted:
+        notes.append(
+            f"omitted from this quantity alone: {sum(omitted.values())} presses, in which it is"
+            " missing or not above 0; look at their recordings"
+        )
+    regressors = np.column_stack([np.ones(len(presses)), *conditions.values()])
+    values = np.log(presses[name].to_numpy(float))
+    data = Nested(values - values.mean(), regressors, groups, subgroups)
+    found = fit_nested(data, subgroups=by_session, groups=plectra > 1)
+    names = sorted(presses["plectrum"].unique())  # in the order of the groups' numbers
+    spreads = _means(values, found, groups, subgroups)
+    felt = _felt(data, found, shape, by_session, plectra, len(presses), sum(omitted.values()))
+    return felt, dict(zip(names, spreads, strict=True)), notes
+
+
+def _selective(presses: "pd.DataFrame", omitted: dict[str, int]) -> str:
+    """Return why exponents would be biased by the presses omitted; empty where they are not."""
+    used = presses["plectrum"].value_counts().to_dict()
+    most = max((n / (n + used.get(p, 0)) for p, n in omitted.items()), default=0.0)
+    if most <= MOST_OMITTED:
+        return ""
+    return (
+        f"{most:.0%} of the presses of a plectrum have no positive value; the others are the larger"
+        f" ones, and exponents from them would be too large, so there are none above"
+        f" {MOST_OMITTED:.0%}: reduce the noise of the force"
+    )
+
+
 def _numbers(presses: "pd.DataFrame", columns: list[str]) -> NDArray[np.intp]:
     """Return the number, from 0, of each press's group of equal values in these columns."""
     return presses.groupby(columns).ngroup().to_numpy(np.intp)
 
 
-def _logs(presses: "pd.DataFrame", columns: tuple[str, ...]) -> dict[str, Floats]:
-    """Return the logarithms, minus their mean, of the columns that vary."""
-    logs = {name: np.log(presses[name].to_numpy(float)) for name in columns}
-    return {name: v - v.mean() for name, v in logs.items() if np.ptp(v) > LEAST_RANGE}
-
-
-def _not_identifiable(shape: dict[str, Floats], conditions: dict[str, Floats], plectra: int) -> str:
-    """Return why exponents of the shape are not identifiable; empty where they are."""
-    if not shape:
-        return (
-            "all plectra have the same shape, so its exponents are not identifiable; press plectra"
-            " of other shapes"
-        )
-    if plectra < len(shape) + 2:
-        return (
-            f"{plectra} plectra that differ in {', '.join(shape)} are too few for exponents, which"
-            f" need {len(shape) + 2}; press more plectra"
-        )
-    if _collinear(shape | conditions):
-        return (
-            f"{', '.join(shape | conditions)} vary together, so their exponents are not"
-            " identifiable; press plectra that differ in one of them alone"
-        )
-    return ""
-
-
-def _collinear(logs: dict[str, Floats]) -> bool:
-    """Return whether columns depend on each other linearly."""
-    if not logs:
-        return False
-    matrix = np.column_stack(list(logs.values()))
-    singular = np.linalg.svd(matrix / np.linalg.norm(matrix, axis=0), compute_uv=False)
-    return bool(singular[-1] <= LEAST_SINGULAR * singular[0])
-
-
 def _felt(
-    data: Nested, found: Components, shape: dict[str, Floats], by_session: bool, plectra: int
+    data: Nested,
+    found: Components,
+    shape: dict[str, Floats],
+    by_session: bool,
+    plectra: int,
+    presses: int,
+    omitted: int,
 ) -> Felt:
     """Return one quantity's spreads and exponents."""
     from scipy.stats import t
@@ -255,7 +269,9 @@ def _felt(
             value = float(shaped.coefficients[place])
             std = float(np.sqrt(shaped.covariance[place, place]))
             exponents[name] = Exponent(value, std, value - reach * std, value + reach * std)
-    return Felt(found.residual, found.subgroup, found.group, unexplained, exponents)
+    return Felt(
+        presses, omitted, found.residual, found.subgroup, found.group, unexplained, exponents
+    )
 
 
 def _means(
@@ -277,22 +293,17 @@ def _means(
     return [Spread(*map(float, column)) for column in ends.T]
 
 
-def _plectrum(
-    presses: "pd.DataFrame",
-    groups: NDArray[np.intp],
-    number: int,
-    sessions: int,
-    means: dict[str, list[Spread]],
-) -> Plectrum:
-    own = presses[groups == number]
+def _plectrum(own: "pd.DataFrame", means: dict[str, dict[str, Spread]]) -> Plectrum:
+    """Return one plectrum, given its presses and the means of each quantity by plectrum."""
     first = own.iloc[0]
+    name = str(first["plectrum"])
     stiffness = float(first["plectrum_bending_stiffness"])
     return Plectrum(
-        name=str(first["plectrum"]),
+        name=name,
         rig=str(first["rig"]),
         presses=len(own),
-        sessions=sessions,
-        shape={name: float(first[name]) for name in SHAPE},
+        sessions=len(set(own["session"])),
+        shape={column: float(first[column]) for column in SHAPE},
         tip_stiffness=3 * stiffness / float(first["plectrum_length"]) ** 3,
-        felt={name: spreads[number] for name, spreads in means.items()},
+        felt={felt: spreads[name] for felt, spreads in means.items() if name in spreads},
     )

@@ -1,7 +1,7 @@
 """A jack's head seen along the string, to scale: tongue, plectrum, damper and wire.
 
-The model's string is a line on the plectrum's mid-line. A wire lies on the upper surface, so
-the plectrum is drawn lower by half its thickness and the wire's radius.
+The wire lies on the upper surface, so the plectrum's mid-line is drawn lower by half its thickness
+and the wire's radius, also where the model has the string on the mid-line.
 """
 
 from typing import TYPE_CHECKING

@@ -42,8 +42,9 @@ def touch_figure(found: Touch) -> Figure:
 
 def _felt_over_stiffness(axes: Axes, found: Touch, name: str, felt: Felt) -> None:
     scale, unit = QUANTITIES[name].displayed
-    stiffness = [plectrum.tip_stiffness for plectrum in found.plectra]
-    spreads = [plectrum.felt[name] for plectrum in found.plectra]
+    with_it = [plectrum for plectrum in found.plectra if name in plectrum.felt]
+    stiffness = [plectrum.tip_stiffness for plectrum in with_it]
+    spreads = [plectrum.felt[name] for plectrum in with_it]
     forces = [scale * spread.value for spread in spreads]
     axes.errorbar(stiffness, forces, _bars(spreads, scale), color=COLOURS[name], **DOTS)
     axes.set_ylabel(QUANTITIES[name].title(unit))

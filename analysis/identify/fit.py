@@ -6,12 +6,21 @@ from dataclasses import dataclass
 import numpy as np
 
 from sautereau.analysis.errors import AnalysisError
-from sautereau.analysis.identify.observed import coupled_force, observed
+from sautereau.analysis.identify.observed import (
+    BACK,
+    FREE,
+    HELD,
+    LEAST,
+    coupled_force,
+    observed,
+)
 from sautereau.analysis.identify.parameters import (
     CLEARANCE,
-    GAIN,
+    FORCE_GAIN,
+    RELEASE,
     TIME,
     TIME_RANGE,
+    VELOCITY_GAIN,
     Parameter,
     Prior,
     parameters,
@@ -29,13 +38,15 @@ from sautereau.analysis.phases import Phases
 from sautereau.rig.schema import Rig
 from sautereau.trajectory.motion import Floats
 
-RISE_STD = 2e-6
-"""m, common error of all rises: the remaining drift of the vibrometer."""
-TIME_STD = 20e-6
-"""s, remaining delay between force and motion after the correction of their delays."""
-GAIN_STD = 1.2e-3
-"""Dimensionless, common relative error of all forces: the finger of a compliant arm slides along
-the key by a fifth of a millimetre, and its moment on the key changes by as much."""
+CLEARANCE_STD = 0.1e-3
+"""m, of the clearance in the rig: each recording shows it to some micrometres, so it is always
+fitted, and contact does not calibrate the vibrometer."""
+SLIDING_STD = 1.2e-3
+"""Dimensionless, common relative error of all forces, besides that of the transducer: the finger
+of a compliant arm slides along the key by a fifth of a millimetre, and its moment on the key
+changes by as much."""
+RELEASE_STD = 5e-3
+"""Dimensionless, of the height of release: the string moves, and the model's is static."""
 FAR = 10
 """Bounds of these errors, in their standard uncertainties."""
 ROUNDS = 3
@@ -51,6 +62,8 @@ class Fit:
     """SI, of all parameters, including hidden ones."""
     residual_before: float
     """N, RMS force residual with the values of the rig."""
+    levelled: bool
+    """Whether the zero of each force was free."""
 
     @property
     def excess(self) -> float:
@@ -74,7 +87,7 @@ def inverse_dynamics(
     rig = check_alike({str(press.path): press.rig for press in presses})
     free = parameters(rig, names, priors)
     free += tuple(error for error in _errors(rig) if error.name not in names)
-    shift = TIME_RANGE if TIME in names else FAR * TIME_STD
+    shift = TIME_RANGE if TIME in names else min(TIME_RANGE, FAR * _stds(rig)[TIME])
     taken = [observed(p, f, shift) for p, f in zip(presses, phases, strict=True)]
     return InverseDynamics(rig, free, taken, level)
 
@@ -107,23 +120,35 @@ def fit(
         # The scatter of the rises at release over their stated uncertainties.
         factor = max(1.0, float(np.std(rises, ddof=1))) if len(rises) > 2 else 1.0
         _, values = descend(_problem(dynamics, values, noise, factor), values, robust)
-    return Fit(_problem(dynamics, values, noise, factor), values, residual_before)
+    return Fit(_problem(dynamics, values, noise, factor), values, residual_before, levelled)
 
 
 def _errors(rig: Rig) -> list[Parameter]:
-    """Return the hidden parameters for errors of the measurement.
+    """Return the hidden parameters for errors of the measurement, and the clearance."""
+    units = {CLEARANCE: "m", TIME: "s"}
+    values = {CLEARANCE: rig.jack.string_clearance, TIME: 0.0, RELEASE: 0.0}
+    found = []
+    for name, std in _stds(rig).items():
+        value = values.get(name, 1.0)
+        low = value - min(FAR * std, 0.9 * value) if value else -FAR * std
+        unit = units.get(name, "")
+        found.append(Parameter(name, unit, value, low, value + FAR * std, value, std, hidden=True))
+    return found
 
-    The clearance of the string represents a common error of all rises.
-    """
-    known = (
-        (CLEARANCE, "m", rig.jack.string_clearance, RISE_STD),
-        (TIME, "s", 0.0, TIME_STD),
-        (GAIN, "", 1.0, GAIN_STD),
+
+def _stds(rig: Rig) -> dict[str, float]:
+    """Return the standard uncertainties of the hidden parameters."""
+    force, velocity = (
+        next(c for c in rig.daq.channels if c.quantity == name) for name in ("force", "velocity")
     )
-    return [
-        Parameter(name, unit, value, value - FAR * std, value + FAR * std, value, std, hidden=True)
-        for name, unit, value, std in known
-    ]
+    return {
+        CLEARANCE: CLEARANCE_STD,
+        # Not 0, which would be no prior but an empty range.
+        TIME: max(float(np.hypot(force.delay_std, velocity.delay_std)), 1e-9),
+        FORCE_GAIN: float(np.hypot(force.gain_std, SLIDING_STD)),
+        VELOCITY_GAIN: max(velocity.gain_std, 1e-6),
+        RELEASE: RELEASE_STD,
+    }
 
 
 def _problem(
@@ -135,21 +160,37 @@ def _problem(
 
 def _white(dynamics: InverseDynamics, forces: Sequence[Floats], levelled: bool) -> list[Whitening]:
     """Return whitenings for independent residuals."""
-    # Not below rounding errors, so that presses without noise can be fitted as well.
-    spread = max(rms([f - f.mean() * levelled for f in forces]), 1e-9)
-    return [whitening(p.used, np.array([spread**2]), levelled) for p in dynamics.presses]
+    spread = max(rms([f - f.mean() * levelled for f in forces]), dynamics.floor)
+    return [whitening(p.used, np.ones(1), levelled, spread, p.step) for p in dynamics.presses]
 
 
 def _coloured(
     dynamics: InverseDynamics, forces: Sequence[Floats], noise: Sequence[Whitening], levelled: bool
 ) -> list[Whitening]:
-    """Return whitenings for the autocovariance of the residuals."""
+    """Return whitenings for scale and autocovariance of the residuals.
+
+    Each part of the press has its own scale: an error of the pluck's model is in one only, and on
+    the way back the finger may lose the key and catch it again.
+    """
     left = [f - w.trend(f) for f, w in zip(forces, noise, strict=True)]
-    spent = len(dynamics.free) + 2 * levelled * len(forces)
+    spent = len(dynamics.free) + sum(w.trends.shape[1] for w in noise)
+    parts = [p.part[p.used] for p in dynamics.presses]
+    scales = [np.full(len(f), max(rms(left), dynamics.floor)) for f in left]
+    for part in (FREE, HELD, BACK):
+        own = [f[p == part] for f, p in zip(left, parts, strict=True)]
+        if sum(map(len, own)) >= LEAST:
+            for scale, p in zip(scales, parts, strict=True):
+                scale[p == part] = max(rms(own), dynamics.floor)
     covariance = autocovariance(
-        left, [p.used for p in dynamics.presses], dynamics.presses[0].step, spent
+        [f / s for f, s in zip(left, scales, strict=True)],
+        [p.used for p in dynamics.presses],
+        dynamics.presses[0].step,
+        spent,
     )
-    return [whitening(p.used, covariance, levelled) for p in dynamics.presses]
+    return [
+        whitening(p.used, covariance, levelled, s, p.step)
+        for p, s in zip(dynamics.presses, scales, strict=True)
+    ]
 
 
 def _starts(free: Sequence[Parameter], count: int) -> list[Floats]:

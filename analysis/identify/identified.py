@@ -11,8 +11,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sautereau.analysis.identify.fit import Fit, fit, inverse_dynamics, rms
+from sautereau.analysis.identify.fixed import (
+    Sensitivity,
+    Suggestion,
+    sensitivities,
+    suggestions,
+)
 from sautereau.analysis.identify.parameters import FORCE, Parameter, Prior, with_parameters
 from sautereau.analysis.identify.problem import AT_BOUND, Problem
+from sautereau.analysis.identify.quality import Quality, quality
 from sautereau.analysis.identify.residuals import InverseDynamics
 from sautereau.analysis.loading.press import Press
 from sautereau.analysis.phases import Phases
@@ -23,9 +30,9 @@ INTERVAL = 1.96
 """Standard uncertainties from a value to the ends of its 95 % interval."""
 UNDETERMINED = 1e-7
 """Fraction of the largest singular value below which a combination is undetermined."""
-IDENTIFIABLE = 0.015
+IDENTIFIABLE = 0.025
 """Dimensionless, standard uncertainty over the scale of a parameter below which it is identifiable:
-its 95 % interval is at most 3 % of the scale either way."""
+its 95 % interval is at most 5 % of the scale either way."""
 LEAST_WEIGHT = 0.1
 """Dimensionless, smallest weight of a parameter that a combination lists."""
 
@@ -42,9 +49,9 @@ class Estimate:
     std: float | None
     """Standard uncertainty from data and prior; None where undetermined."""
     low: float | None
-    """Lower end of the 95 % interval."""
+    """Lower end of the 95 % interval; None where undetermined, or where the model does not fit."""
     high: float | None
-    """Upper end of the 95 % interval."""
+    """Upper end of the 95 % interval; None as for `low`."""
     at_bound: bool
     """Whether the value is at a bound: then the interval describes the bound, not the data."""
     identifiable: bool
@@ -92,6 +99,12 @@ class Identified:
     """m, RMS residual of the rises at release; None without a release."""
     force_offsets: tuple[float, ...]
     """N, fitted zero of the force of each press; 0 where it is known."""
+    quality: Quality
+    """Goodness of the fit."""
+    sensitivity: tuple[Sensitivity, ...]
+    """What the fixed numbers do to the results, the largest effect first."""
+    suggested: tuple[Suggestion, ...]
+    """Fixed numbers to free where the model does not fit, the best first."""
     warnings: tuple[str, ...]
 
 
@@ -126,8 +139,9 @@ def identify(
 
 def evaluate(made: Fit) -> Identified:
     """Return the result of a fit with its uncertainties."""
-    found, values, excess = made.problem, made.values, made.excess
+    found, values, good = made.problem, made.values, quality(made)
     dynamics, point = found.dynamics, values / found.scales
+    excess = made.excess * good.repetition
     shown = [k for k, p in enumerate(found.free) if not p.hidden]
     data = found.jacobian(point, found.data)
     prior = found.prior_jacobian(point)
@@ -137,7 +151,13 @@ def evaluate(made: Fit) -> Identified:
     seen &= np.sqrt(np.diag(alone)) < IDENTIFIABLE
     free = [found.free[k] for k in shown]
     estimates = [
-        _estimate(found.free[k], float(values[k]), float(stds[k] * found.scales[k]), bool(seen[k]))
+        _estimate(
+            found.free[k],
+            float(values[k]),
+            float(stds[k] * found.scales[k]),
+            identifiable=bool(seen[k]),
+            fits=good.fits,
+        )
         for k in shown
     ]
     forces, rises = dynamics.residuals(values)
@@ -159,11 +179,16 @@ def evaluate(made: Fit) -> Identified:
         residual_before=made.residual_before,
         rise_residual=rms([rises * dynamics.rise_stds]) if len(rises) else None,
         force_offsets=tuple(offsets),
+        quality=good,
+        sensitivity=sensitivities(made, data, excess),
+        suggested=() if good.fits else suggestions(made, good.scale),
         warnings=_warnings(estimates, dynamics),
     )
 
 
-def _estimate(parameter: Parameter, value: float, std: float, identifiable: bool) -> Estimate:
+def _estimate(
+    parameter: Parameter, value: float, std: float, *, identifiable: bool, fits: bool
+) -> Estimate:
     room = AT_BOUND * (parameter.high - parameter.low)
     known = np.isfinite(std)
     return Estimate(
@@ -172,8 +197,8 @@ def _estimate(parameter: Parameter, value: float, std: float, identifiable: bool
         value=value,
         start=parameter.start,
         std=std if known else None,
-        low=value - INTERVAL * std if known else None,
-        high=value + INTERVAL * std if known else None,
+        low=value - INTERVAL * std if known and fits else None,
+        high=value + INTERVAL * std if known and fits else None,
         at_bound=min(value - parameter.low, parameter.high - value) <= room,
         identifiable=identifiable,
     )
@@ -199,7 +224,7 @@ def _apart(data: Floats, found: Problem, shown: Sequence[int]) -> Floats:
 
 
 def _warnings(estimates: Sequence[Estimate], dynamics: InverseDynamics) -> tuple[str, ...]:
-    found = []
+    found: list[str] = []
     by_name = {p.name: p for p in dynamics.free}
     for estimate in estimates:
         if estimate.at_bound:

@@ -40,6 +40,10 @@ BESIDE_STRING = 0.3e-3
 act there."""
 RISE_STD = 1e-6
 """m, uncertainty of the rise of a jack, without that of the instant of release."""
+LEAST_REST, AFTER_RETURN = 10e-3, 10e-3
+"""s, shortest rest from which the noise is estimated, and the time after the return before it."""
+FREE, HELD, BACK = range(3)
+"""Parts of a press: down without a string, with one, and the way back."""
 LEAST = 20
 """Fewest fitted instants of a press."""
 
@@ -60,10 +64,10 @@ class Observed:
     """Which instants are fitted, shape (n,)."""
     releases: Floats
     """s after the trigger, measured, in order; shape (plucks,)."""
-    release_rises: Floats
-    """m, rise of the first jack at release; shape (plucks,)."""
+    release_angles: Floats
+    """rad, of the key at release; shape (plucks,)."""
     release_stds: Floats
-    """m, standard uncertainties of these rises; shape (plucks,)."""
+    """m, standard uncertainties of the rises of the first jack there; shape (plucks,)."""
     release_speeds: Floats
     """m/s, speed of the first jack at release; shape (plucks,)."""
     every_time: Floats
@@ -74,6 +78,11 @@ class Observed:
     """s, `PARTS` times as dense as `time`, extended at both ends by half the smoothing window."""
     part_angle: Floats
     """rad, measured angle of the key at `part_time`."""
+    part: NDArray[np.int8]
+    """Part of the press at the instants: `FREE`, `HELD` or `BACK`; shape (n,)."""
+    noise: float | None
+    """N, RMS of the smoothed force with that of the acceleration, while the key is at rest; None
+    without a rest."""
 
     def force(self, lag: float = 0.0) -> Floats:
         """Return the force [N] at the instants, for a delay `lag` [s] of the force."""
@@ -129,7 +138,7 @@ def observed(press: Press, phases: Phases, shift: float = 0.0) -> Observed:
     motion = Motion(smooth(angle)[at], smooth(velocity)[at] / arm, slope[at] / arm)
     releases = np.array([p.release for p in phases.plucks], float)
     stds = np.array([p.release_std for p in phases.plucks], float)
-    rises = np.interp(releases, data.index, data["jack_rise"])
+    angles = np.interp(releases, data.index, data["angle"])
     speeds = np.interp(releases, time, smooth(data["jack_speed"].to_numpy()))
     used = _used(press, phases, time[at], motion, shift)
     if used.sum() < LEAST:
@@ -145,14 +154,52 @@ def observed(press: Press, phases: Phases, shift: float = 0.0) -> Observed:
         motion=motion,
         used=used,
         releases=releases,
-        release_rises=rises,
+        release_angles=angles,
         release_stds=np.hypot(stds * speeds, RISE_STD),
         release_speeds=speeds,
         every_time=time,
         every_force=smooth(force),
         part_time=data.index.to_numpy()[rows],
         part_angle=angle[rows],
+        part=_part(phases, time[at], motion),
+        noise=_noise(
+            press, time, smooth(force), Motion(smooth(angle), smooth(velocity) / arm, slope / arm)
+        ),
     )
+
+
+def _part(phases: Phases, time: Floats, motion: Motion) -> NDArray[np.int8]:
+    found = np.where(motion.velocity < 0, BACK, FREE).astype(np.int8)
+    for pluck in phases.plucks:
+        found[(time > pluck.contact) & (time < pluck.release)] = HELD
+    return found
+
+
+def _noise(press: Press, time: Floats, force: Floats, motion: Motion) -> float | None:
+    """Return the RMS [N] of the load on a key at rest, without its mean and trend.
+
+    Args:
+        press: The recording.
+        time: s, shape (n,).
+        force: N, smoothed, shape (n,).
+        motion: Smoothed motion of the key, arrays of shape (n,).
+    """
+    key, jack = press.rig.key, press.rig.jack
+    inertia = key.inertia + jack.mass * key.jack_arm**2
+    load = force - inertia / key.press_arm * motion.acceleration
+    speed = np.abs(motion.velocity)
+    moving = time[speed > SLOW * speed.max(initial=0.0)]
+    found = []
+    for rest in (time < moving[0] - BESIDE_TURN, time > moving[-1] + AFTER_RETURN):
+        count = np.count_nonzero(rest)
+        if count < LEAST_REST * press.rate:
+            continue
+        at, left = time[rest] - time[rest].mean(), load[rest] - load[rest].mean()
+        left -= at * (at @ left) / (at @ at)
+        # The smoothing leaves about one independent value in half a window.
+        found.append(float(np.sqrt(left @ left / (count - WINDOW * press.rate))))
+    # After a return the arm may still vibrate.
+    return min(found, default=None)
 
 
 def _used(

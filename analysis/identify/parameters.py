@@ -12,8 +12,11 @@ from sautereau.rig.units import format_quantity, parse_quantity
 
 STIFFNESS, MODULUS = "plectrum.bending_stiffness", "plectrum.youngs_modulus"
 TIME, FORCE = "offset.time", "offset.force"
-GAIN = "offset.gain"
-"""Relative gain of the forces, 1 if correct; hidden, never a result."""
+FORCE_GAIN, VELOCITY_GAIN = "offset.force_gain", "offset.velocity_gain"
+"""True over measured force and velocity, 1 if correct; hidden, never a result."""
+RELEASE = "offset.release"
+"""Relative error of the static string's height of release; hidden."""
+FINGERTIP = "arm.fingertip_friction"
 CLEARANCE = "jack.string_clearance"
 TIME_RANGE = 1e-3
 """s, bound of the delay between force and motion."""
@@ -21,6 +24,7 @@ FACTOR = 10.0
 """Ratio of a bound to the value where the rig file assumes no range."""
 ENDS = {
     "plectrum.friction": (0.0, 0.5),
+    FINGERTIP: (-0.6, 0.6),
     TIME: (-TIME_RANGE, TIME_RANGE),
 }
 """Bounds of parameters with a natural range, SI."""
@@ -36,6 +40,7 @@ NAMES = (
     "jack.mass",
     "jack.register_friction",
     CLEARANCE,
+    FINGERTIP,
     TIME,
     FORCE,
 )
@@ -190,15 +195,16 @@ def with_parameters(rig: Rig, values: Mapping[str, float]) -> Rig:
     changes: dict[str, dict[str, float]] = {}
     for name, value in values.items():
         section, _, field = name.partition(".")
-        if section == "offset":
-            continue
-        if name == STIFFNESS:
-            field, value = "youngs_modulus", value * rig.plectrum.youngs_modulus / _stiffness(rig)
-        changes.setdefault(section, {})[field] = value
+        if section != "offset" and name != STIFFNESS:
+            changes.setdefault(section, {})[field] = value
     parts = {
         section: getattr(rig, section).model_copy(update=fields)
         for section, fields in changes.items()
     }
+    if STIFFNESS in values:
+        plectrum = parts.get("plectrum", rig.plectrum)
+        modulus = values[STIFFNESS] * plectrum.youngs_modulus / plectrum.bending_stiffness
+        parts["plectrum"] = plectrum.model_copy(update={"youngs_modulus": modulus})
     return rig.model_copy(update=parts)
 
 

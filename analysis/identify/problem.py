@@ -27,18 +27,22 @@ UNSOLVED = 1e6
 """Residual of every datum where the model has no solution, so that the solver rejects the step."""
 REACH = 50e-3
 """s, longest lag of the autocovariance: two and a half periods of the mains."""
+MAINS, HUM_LEAST = (50.0, 60.0), 0.15
+"""Hz, of the mains, and the shortest record [s] in which both are separated from the press."""
 FLOOR = 1e-3
 """Dimensionless, smallest value of the noise spectrum over its mean."""
-QUIET = 1e-18
-"""N^2, smallest variance of residuals, for presses without noise."""
+QUIET = 1e-12
+"""Smallest variance of scaled residuals, for presses without noise."""
 
 
 @dataclass(frozen=True)
 class Whitening:
     """Maps residuals of one press to independent ones of variance 1, without unknown trends."""
 
+    scale: Floats
+    """N, standard deviation at each instant, shape (n,)."""
     factor: Floats
-    """N, lower Cholesky factor of the covariance, banded, diagonals as rows: shape (band, n)."""
+    """Lower Cholesky factor of the correlation, banded, diagonals as rows: shape (band, n)."""
     trends: Floats
     """Whitened trends, orthonormal; shape (n, trends)."""
     shapes: Floats
@@ -46,22 +50,31 @@ class Whitening:
 
     def __call__(self, residual: Floats) -> Floats:
         """Return the whitened residuals [1] of residuals [N], shape (n,)."""
-        white = _solved(self.factor, residual)
+        white = _solved(self.factor, residual / self.scale)
         return white - self.trends @ (self.trends.T @ white)
 
     def trend(self, residual: Floats) -> Floats:
         """Return the trend [N] in residuals [N], shape (n,)."""
-        return self.shapes @ (self.trends.T @ _solved(self.factor, residual))
+        return self.shapes @ (self.trends.T @ _solved(self.factor, residual / self.scale))
 
 
-def whitening(used: NDArray[np.bool_], covariance: Floats, levelled: bool) -> Whitening:
+def whitening(
+    used: NDArray[np.bool_],
+    covariance: Floats,
+    levelled: bool,
+    scale: Floats | float = 1.0,
+    step: float = 0.0,
+) -> Whitening:
     """Return the whitening of one press.
 
     Args:
         used: Which of its equidistant instants are fitted.
-        covariance: N^2, over the lag in instants, from 0; longer lags have covariance 0.
+        covariance: Of residuals over their scale, over the lag in instants, from 0; longer lags
+            have covariance 0.
         levelled: Whether the force has an unknown level and an unknown slow ramp, because of AC
             coupling.
+        scale: N, of the residuals; shape (n,) of the fitted instants, or ().
+        step: s, between instants: the force then has unknown hum of the mains; 0 for none.
     """
     from scipy.linalg import cholesky_banded
 
@@ -73,11 +86,14 @@ def whitening(used: NDArray[np.bool_], covariance: Floats, levelled: bool) -> Wh
         lags = at[row:] - at[: count - row]
         diagonals[row, : count - row] = padded[np.minimum(lags, len(covariance))]
     factor = cholesky_banded(diagonals, lower=True, check_finite=False)
+    scale = np.broadcast_to(scale, count)
     columns = [np.ones(count), 2 * (at - at[0]) / max(at[-1] - at[0], 1) - 1] if levelled else []
+    if (at[-1] - at[0]) * step > HUM_LEAST:
+        columns += [f(2 * np.pi * at * step * mains) for f in (np.sin, np.cos) for mains in MAINS]
     plain = np.stack(columns, 1) if columns else np.zeros((count, 0))
-    white = np.stack([_solved(factor, c) for c in columns], 1) if columns else plain
+    white = np.stack([_solved(factor, c / scale) for c in columns], 1) if columns else plain
     trends, mixing = np.linalg.qr(white)
-    return Whitening(factor, trends, plain @ np.linalg.inv(mixing))
+    return Whitening(scale, factor, trends, plain @ np.linalg.inv(mixing))
 
 
 def _solved(factor: Floats, values: Floats) -> Floats:
@@ -88,7 +104,7 @@ def _solved(factor: Floats, values: Floats) -> Floats:
 def autocovariance(
     residuals: Sequence[Floats], used: Sequence[NDArray[np.bool_]], step: float, spent: int
 ) -> Floats:
-    """Return a positive definite autocovariance [N^2] of the residuals over the lag in instants.
+    """Return a positive definite autocovariance of the residuals over the lag in instants.
 
     Args:
         residuals: N, of each press at its used instants.

@@ -6,14 +6,25 @@ import numpy as np
 
 from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.identify.observed import Observed
-from sautereau.analysis.identify.parameters import GAIN, TIME, Parameter, with_parameters
+from sautereau.analysis.identify.parameters import (
+    FORCE_GAIN,
+    RELEASE,
+    TIME,
+    VELOCITY_GAIN,
+    Parameter,
+    with_parameters,
+)
 from sautereau.analysis.model.choirs import choir_pluck, choirs, key_of
 from sautereau.analysis.model.key import finger_force
 from sautereau.analysis.model.pluck.pluck import Pluck
 from sautereau.rig.instrument import Choir
 from sautereau.rig.schema import Rig
 from sautereau.trajectory.key import angle_of_rise, rise_of_angle
-from sautereau.trajectory.motion import Floats
+from sautereau.trajectory.motion import Floats, Motion
+
+MODEL_STD = 5e-4
+"""Dimensionless, accuracy of the model over the largest force. Without noise, smaller errors of the
+model would be taken for those of the calibrations."""
 
 
 class InverseDynamics:
@@ -36,6 +47,11 @@ class InverseDynamics:
         self._solved: dict[tuple[object, ...], Pluck] = {}
 
     @property
+    def floor(self) -> float:
+        """N, smallest scale of the force residuals: the accuracy of the model, not of the data."""
+        return MODEL_STD * max(float(np.abs(p.force()[p.used]).max()) for p in self.presses)
+
+    @property
     def rise_stds(self) -> Floats:
         """m, uncertainty of the rise at each release of the model; shape (releases,)."""
         count = len(choirs(self.rig))
@@ -56,20 +72,22 @@ class InverseDynamics:
         """
         values = dict(zip((p.name for p in self.free), point.tolist(), strict=True))
         rig, lag = with_parameters(self.rig, values), values.get(TIME, 0.0)
-        gain = values.get(GAIN, 1.0)
+        gains = values.get(FORCE_GAIN, 1.0), values.get(VELOCITY_GAIN, 1.0)
         plucks = [self._pluck(choir) for choir in choirs(rig)]
+        late = 1 + values.get(RELEASE, 0.0)
         released = [
-            angle_of_rise(key_of(rig, choir), choir.jack.string_clearance + pluck.release_height)
-            for choir, pluck in zip(choirs(rig), plucks, strict=True)
+            angle_of_rise(key_of(rig, choir), choir.jack.string_clearance + late * p.release_height)
+            for choir, p in zip(choirs(rig), plucks, strict=True)
         ]
         angles = np.array(released, float)
         order = np.argsort(angles, kind="stable").tolist()  # in which the strings are released
         modelled = rise_of_angle(rig.key, angles[order])
         forces, rises = [], []
         for press in self.presses:
-            forces.append(self._force(rig, plucks, order, press, lag, gain))
+            forces.append(self._force(rig, plucks, order, press, lag, gains))
             count = min(len(order), len(press.releases))
-            measured = press.release_rises[:count] - press.release_speeds[:count] * lag
+            measured = rise_of_angle(rig.key, gains[1] * press.release_angles[:count])
+            measured = measured - press.release_speeds[:count] * lag
             rises.append((measured - modelled[:count]) / press.release_stds[:count])
         return forces, np.concatenate(rises)
 
@@ -80,12 +98,13 @@ class InverseDynamics:
         order: Sequence[int],
         press: Observed,
         lag: float,
-        gain: float,
+        gains: tuple[float, float],
     ) -> Floats:
+        force_gain, velocity_gain = gains
         strings = np.zeros((len(plucks), len(press.time)))
         for number, release in zip(order, press.releases - lag, strict=False):
             choir, pluck = choirs(rig)[number], plucks[number]
-            rise = rise_of_angle(key_of(rig, choir), press.part_angle)
+            rise = rise_of_angle(key_of(rig, choir), velocity_gain * press.part_angle)
             height = rise - choir.jack.string_clearance
             held = (press.part_time < release) & (height > 0)
             # A string that is held beyond the modelled release keeps its force: so the residual
@@ -93,7 +112,9 @@ class InverseDynamics:
             force = np.zeros_like(height)
             force[held] = pluck.force_on_jack(np.minimum(height[held], pluck.release_height))
             strings[number] = press.smoothed(force)
-        residual = press.force(lag) - gain * finger_force(rig, press.motion, strings)
+        motion = Motion(*(velocity_gain * part for part in press.motion))
+        # In units of the measured force, whose noise is the same for every gain.
+        residual = press.force(lag) - finger_force(rig, motion, strings) / force_gain
         return residual[press.used]
 
     def _pluck(self, choir: Choir) -> Pluck:

@@ -24,12 +24,14 @@ NARROWINGS = 4
 """Refinements of a force peak inside the pluck, each between the neighbours of the last."""
 VARIABLES = (
     *(f"plectrum.{n}" for n in ("youngs_modulus", "width", "thickness", "length", "overlap")),
-    *(f"string.{n}" for n in ("tension", "length", "plucking_point", "frequency")),
+    *(f"string.{n}" for n in ("tension", "length", "plucking_point", "frequency", "diameter")),
     *(f"jack.{n}" for n in ("mass", "register_friction", "string_clearance")),
-    *(f"key.{n}" for n in ("press_arm", "jack_arm", "jack_surface_height", "inertia")),
+    *(f"key.{n}" for n in ("press_arm", "surface_height", "jack_arm", "jack_surface_height")),
+    "key.inertia",
     *(f"key.{n}" for n in ("gravity_moment", "pivot_coulomb_friction", "pivot_viscous_friction")),
     *(f"key.{n}" for n in ("dip", "felt_stiffness", "felt_damping")),
     *(f"press.{n}" for n in ("jack_speed", "jack_rise")),
+    "arm.fingertip_friction",
 )
 """Values of a rig that may vary between cases, SI."""
 DERIVED = ("plectrum.bending_stiffness", "string.static_stiffness")
@@ -94,7 +96,7 @@ def predict_many(rig: Rig, values: Mapping[str, ArrayLike]) -> PredictionBatch:
         chunk = fixed | {name: v[part] for name, v in varying.items()}
         chunk = {n: np.broadcast_to(v, (part.stop - start,)) for n, v in chunk.items()}
         with np.errstate(all="ignore"):
-            found = _chunk(float(friction), chunk)
+            found = _chunk(float(friction), rig.plectrum.contact == "surface", chunk)
         for result, value in zip(results, found, strict=True):
             result[part] = value
     return PredictionBatch(*(result.reshape(shape) for result in results))
@@ -125,10 +127,10 @@ def _check(rig: Rig, given: Mapping[str, Floats], friction: Floats) -> None:
         raise ModelError("\n".join(faults))
 
 
-def _chunk(friction: float, v: Mapping[str, Floats]) -> tuple[np.ndarray, ...]:
+def _chunk(friction: float, surface: bool, v: Mapping[str, Floats]) -> tuple[np.ndarray, ...]:
     """Return the fields of `PredictionBatch` for cases of shape (n,)."""
     modulus, width, thickness, length, overlap = (v[n] for n in VARIABLES[:5])
-    tension, string_length, plucking_point, frequency = (v[n] for n in VARIABLES[5:9])
+    tension, string_length, plucking_point, frequency, diameter = (v[n] for n in VARIABLES[5:10])
     speed, clearance = v["press.jack_speed"], v["jack.string_clearance"]
     b = plucking_point / string_length
     bending = v.get(DERIVED[0], modulus * width * thickness**3 / 12)
@@ -142,13 +144,18 @@ def _chunk(friction: float, v: Mapping[str, Floats]) -> tuple[np.ndarray, ...]:
         & (b > 0)
         & (b < 1),
         Status.OVERLAP_OUT_OF_RANGE: (overlap > 0) & (overlap <= OVERLAP_MAX * length),
-        Status.PLECTRUM_OUT_OF_RANGE: _positive(bending) & _positive(length),
+        Status.PLECTRUM_OUT_OF_RANGE: _positive(bending)
+        & _positive(length)
+        & _positive(thickness)
+        & _positive(diameter),
     }
     sound = np.logical_and.reduce(list(ranges.values()))
-    bending, stiffness, length, overlap = np.where(
-        sound, (bending, stiffness, length, overlap), [[1.0], [1.0], [1.0], [0.1]]
+    offset = (thickness + diameter) / 2 if surface else np.zeros_like(length)
+    bending, stiffness, length, overlap, offset = np.where(
+        sound, (bending, stiffness, length, overlap, offset), [[1.0], [1.0], [1.0], [0.1], [0.0]]
     )
-    equilibria = Equilibria(UniformPlectra(friction, length, bending), stiffness, overlap)
+    plectra = UniformPlectra(friction, length, bending, offset)
+    equilibria = Equilibria(plectra, stiffness, overlap)
     paths = solve_paths(equilibria, POINTS)
     slide, status = paths.curves[-1], paths.status
     for name, within in ranges.items():
@@ -180,6 +187,7 @@ def _key_in_range(v: Mapping[str, Floats]) -> np.ndarray:
     rest = ("key.gravity_moment", "key.jack_surface_height", "key.pivot_coulomb_friction")
     rest = (*rest, "key.pivot_viscous_friction", "jack.register_friction")
     rest = (*rest, "key.dip", "key.felt_stiffness", "key.felt_damping")
+    rest = (*rest, "key.surface_height", "arm.fingertip_friction")
     return np.logical_and.reduce([*positive, *(np.isfinite(v[name]) for name in rest)])
 
 
@@ -216,7 +224,7 @@ def _finger_force(v: Mapping[str, Floats], rise: Floats, string: Floats) -> Floa
     `sautereau.trajectory.key` written in the tangent of half the angle; rise and string
     force of shape (cases, points).
     """
-    c = {name.split(".")[1]: value[:, None] for name, value in v.items() if name[0] in "jkp"}
+    c = {name.split(".")[1]: value[:, None] for name, value in v.items() if name[0] in "ajkp"}
     b, hb = c["jack_arm"], c["jack_surface_height"]
     half = rise / (b + np.sqrt(b**2 + rise * (2 * hb + rise)))
     cosine, sine = (1 - half**2) / (1 + half**2), 2 * half / (1 + half**2)
@@ -229,4 +237,5 @@ def _finger_force(v: Mapping[str, Floats], rise: Floats, string: Floats) -> Floa
     arm = c["press_arm"]
     travel, speed = arm * 2 * np.arctan(half), arm * spin
     felt = felt_force(travel, speed, c["dip"], c["felt_stiffness"], c["felt_damping"])
-    return (moment + load * slope) / arm + felt
+    rubbing = c["fingertip_friction"] * c["surface_height"]
+    return (moment + load * slope) / (arm + rubbing) + felt

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 from sautereau.analysis.errors import ModelError
 from sautereau.analysis.model.plectrum.base import Floats
-from sautereau.analysis.model.plectrum.levels import plectrum_map
+from sautereau.analysis.model.plectrum.surface import string_map
 from sautereau.analysis.model.pluck.pluck import Pluck, solve_pluck
 from sautereau.analysis.model.string.string import release_speed
 from sautereau.rig.instrument import Choir, Key
@@ -31,7 +31,7 @@ class ReleasedString:
 
 @dataclass(frozen=True)
 class ChoirPluck:
-    """The pluck of one choir in a press with the first jack at constant speed."""
+    """The pluck of one choir in a press; times are in s after the jack leaves rest."""
 
     string_force: Floats
     """N, of the string on the jack, over the prediction's time; shape (n,)."""
@@ -97,7 +97,7 @@ def choir_pluck(choir: Choir, level: str = "elastica", *, rollover: bool = False
         ModelError: The level has no solution for this choir.
     """
     return solve_pluck(
-        plectrum_map(choir.plectrum, level),
+        string_map(choir.plectrum, choir.string, level),
         choir.string.static_stiffness,
         choir.plectrum.overlap,
         rollover=rollover,
@@ -138,9 +138,19 @@ def hold(rig: Rig, level: str, *, rollover: bool = False) -> list[PlacedPluck]:
     return held
 
 
-def plucked(rig: Rig, held: PlacedPluck, string_force: Floats) -> ChoirPluck:
-    """Return a choir's pluck at the press's speed of the first jack."""
-    pluck, speed = held.pluck, rig.press.jack_speed
+def plucked(
+    rig: Rig, held: PlacedPluck, string_force: Floats, times: tuple[float, float], speed: float
+) -> ChoirPluck:
+    """Return a choir's pluck in time.
+
+    Args:
+        rig: The bench.
+        held: The pluck.
+        string_force: N, of the string on the jack, over the prediction's time; shape (n,).
+        times: s, of contact and release.
+        speed: m/s, of the first jack at release.
+    """
+    pluck = held.pluck
     lever = key_of(rig, held.choir)
     rise = held.choir.jack.string_clearance + pluck.release_height
     own, first = (rise_slope(key, angle_of_rise(lever, rise)) for key in (lever, rig.key))
@@ -149,8 +159,8 @@ def plucked(rig: Rig, held: PlacedPluck, string_force: Floats) -> ChoirPluck:
     lift = float(pluck.lift[-1])
     return ChoirPluck(
         string_force=string_force,
-        contact=held.contact / speed,
-        release=held.release / speed,
+        contact=times[0],
+        release=times[1],
         plectrum_force=float(pluck.force[-1]),
         release_lift=lift,
         release_angle=float(pluck.angle[-1]),

@@ -49,8 +49,9 @@ def felt_force(
 def finger_force(rig: Rig, angle: Motion, string_force: Floats) -> Floats:
     """Return the finger force [N] normal to the key that a motion requires.
 
-    F a_p = I a'' + friction - M_g + sum of N_j d(rise)/da over the jacks
-    (paper, 2.2) with the static gravity moment M_g of the key (`key.gravity_moment`), plus
+    F (a_p + mu h_f) = I a'' + friction - M_g + sum of N_j d(rise)/da over the jacks
+    (paper, 2.2) with the static gravity moment M_g of the key (`key.gravity_moment`) and the
+    friction mu of the fingertip at the height h_f above the pin, which reverses with the key; plus
     the force of the front felt once the key has reached it.
 
     Args:
@@ -73,4 +74,5 @@ def finger_force(rig: Rig, angle: Motion, string_force: Floats) -> Floats:
         moment = moment + slope * jack_load(choir.jack, slope * angle.velocity, acceleration, force)
     travel, speed = key.press_arm * angle.position, key.press_arm * angle.velocity
     felt = felt_force(travel, speed, key.dip, key.felt_stiffness, key.felt_damping)
-    return moment / key.press_arm + felt
+    rubbing = rig.arm.fingertip_friction * key.surface_height * np.sign(angle.velocity)
+    return moment / (key.press_arm + rubbing) + felt

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from sautereau.analysis.errors import ModelError
 from sautereau.analysis.model.plectrum.base import Floats
-from sautereau.analysis.model.plectrum.levels import plectrum_map
+from sautereau.analysis.model.plectrum.surface import string_map
 from sautereau.analysis.model.predict import rig_pluck
 from sautereau.analysis.model.string.contact import STEP_FRACTION, STEP_FRACTION_MAX, ModalContact
 from sautereau.analysis.model.string.free import FreeString
@@ -97,7 +97,7 @@ def modal_pluck(
         ModelError: The level has no pluck for this rig, the step is too long, or the contact
             has no solution or no end.
     """
-    plectrum, static = plectrum_map(rig.plectrum, level), rig_pluck(rig, level)
+    plectrum, static = string_map(rig.plectrum, rig.string, level), rig_pluck(rig, level)
     duration = static.release_height / rig.press.jack_speed
     string = ModalString(rig.string, modes, decay)
     shortest = 1 / (rig.string.frequency * modes)

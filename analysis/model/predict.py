@@ -1,4 +1,4 @@
-"""The model's prediction of a complete press with the jack at constant speed."""
+"""The model's prediction of a complete press with the jack at a given speed."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -17,6 +17,7 @@ from sautereau.analysis.model.choirs import (
 from sautereau.analysis.model.key import finger_force
 from sautereau.analysis.model.plectrum.base import Floats
 from sautereau.analysis.model.pluck.pluck import Pluck
+from sautereau.analysis.model.speed import JackSpeed
 from sautereau.rig.schema import Rig
 from sautereau.trajectory.expected import Expectation
 from sautereau.trajectory.key import angle_of_rise, key_motion, rise_of_angle
@@ -28,7 +29,7 @@ STEPS = 2000
 
 @dataclass(frozen=True)
 class Prediction(ChoirPluck):
-    """A press with the jack at constant speed; arrays of shape (n,) on one time base.
+    """A press with the jack at a given speed; arrays of shape (n,) on one time base.
 
     The inherited values are those of the first choir; `choirs` has all of them.
     """
@@ -88,31 +89,47 @@ def rig_pluck(rig: Rig, level: str = "elastica", *, rollover: bool = False) -> P
     return choir_pluck(choirs(rig)[0], level, rollover=rollover)
 
 
-def predict(rig: Rig, level: str = "elastica", *, rollover: bool = False) -> Prediction:
-    """Predict the press of a rig: deflection and force while the jack rises at constant speed.
+def predict(
+    rig: Rig,
+    level: str = "elastica",
+    *,
+    rollover: bool = False,
+    speed: JackSpeed | None = None,
+) -> Prediction:
+    """Predict the press of a rig: deflection and force while the jack rises.
 
     Args:
         rig: The bench; all its choirs are plucked.
         level: Of the plectra.
         rollover: Include the wires' roll over the tips' edges.
+        speed: Of the first jack; None for the constant `press.jack_speed`.
 
     Raises:
         ModelError: The level has no solution for this rig, or the press ends before release.
     """
     held = hold(rig, level, rollover=rollover)
-    speed = rig.press.jack_speed
+    speed = speed or JackSpeed.constant(rig.press.jack_speed)
     # The plucks' own points are instants of the time base, release with the string still held.
     plucks = [at for h in held for at in (_rises(rig, h), [h.release * (1 + 1e-12)])]
     rise = np.unique(np.concatenate([np.linspace(0.0, rig.press.jack_rise, STEPS), *plucks]))
-    still = np.zeros_like(rise)
-    angle = key_motion(rig.key, Motion(rise, np.full_like(rise, speed), still))
+    time, moving = speed.time(rise), Motion(rise, *speed.at(rise))
+    angle = key_motion(rig.key, moving)
     forces = np.stack([_string_force(rig, h, rise, angle.position) for h in held])
-    all_choirs = tuple(plucked(rig, h, force) for h, force in zip(held, forces, strict=True))
+    all_choirs = tuple(
+        plucked(
+            rig,
+            h,
+            force,
+            (float(np.interp(h.contact, rise, time)), float(np.interp(h.release, rise, time))),
+            float(speed.at(np.array(h.release))[0]),
+        )
+        for h, force in zip(held, forces, strict=True)
+    )
     first: dict[str, Any] = vars(all_choirs[0]) | {"work": sum(c.work for c in all_choirs)}
     return Prediction(
         **first,
         level=level,
-        time=rise / speed,
+        time=time,
         rise=rise,
         deflection=rig.key.laser_arm * angle.position,
         finger_force=finger_force(rig, angle, forces),

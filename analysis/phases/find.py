@@ -4,42 +4,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sautereau.analysis.loading.press import Press
-from sautereau.analysis.phases.contact import Contact, find_contact
 from sautereau.analysis.phases.found import (
     HeldString,
     Phases,
     ending,
+    fit_warnings,
     line_through,
     measured,
     pluck_warnings,
 )
-from sautereau.analysis.phases.release import LEAST_FALL, Release, find_falls, refine, robust_std
-from sautereau.analysis.phases.signals import LEFT, Rows, Signals, rows_of, signals_of, way_down
-from sautereau.rig.schema import Rig
+from sautereau.analysis.phases.plucks import SETTLED, find_plucks
+from sautereau.analysis.phases.release import robust_std
+from sautereau.analysis.phases.signals import LEFT, Signals, rows_of, signals_of, way_down
 from sautereau.trajectory.motion import Floats
 
 FULL_SPEED = 0.95
 """Dimensionless, fraction of the median speed above which the jack neither starts nor stops."""
 LEAST_SAMPLES = 16
 """Fewest samples of a way down."""
-STILL = 3e-4
-"""Dimensionless, fraction of the full rise below which the jack is at rest."""
-REST, REST_MARGIN = 40e-3, 2e-3
-"""s, duration of the rest in which hum is fitted, and its distance from the motion."""
-REST_ROWS, CONTACT_ROWS = 40, 200
-"""Largest number of rows of the rest and of the way to a release for finding contact."""
-LEAST_GAIN, LEAST_FALL_GAIN = 20.0, 9.0
-"""Least reduction of chi2 by a string over a free key, and by a fall over a bend."""
-LEAST_HELD = 8
-"""Fewest rows for which a string is held."""
-LIKE_THE_FALL = 0.4, 2.0
-"""Range of the ratio of the string's force at release to the fall of the load in a pluck."""
-LEAST_FRACTION = 0.1
-"""Fraction of the largest fall in a press below which a fall is no release."""
-BEFORE = 6
-"""Samples before a release over which the correction of the delay spreads most of it."""
-SETTLED = 3
-"""Rows from a release to the earliest contact with the next string."""
 FELT, FELT_SIGNIFICANCE = 0.1, 6.0
 """Least rise of the load at the front felt: in N, and in standard deviations."""
 
@@ -73,7 +55,8 @@ def find_phases(press: Press) -> Phases:
         return Phases(
             float(time[begin]), float(time[end]), (), mean, None, None, (warning,), peak_force=peak
         )
-    plucks = _plucks(press.rig, signals, rows_of(signals, begin, end), begin)
+    found = find_plucks(press.rig, signals, begin, end)
+    plucks = [measured(signals, contact, release) for contact, release in found.plucks]
     contact = plucks[0].contact if plucks else float(time[end])
     contact = max(contact, float(time[begin + LEAST_SAMPLES // 2]))
     settled = _at_full_speed(time, speed, time[begin], contact)
@@ -94,73 +77,13 @@ def find_phases(press: Press) -> Phases:
         warnings=(
             *ending(signals, begin),
             *pluck_warnings(signals, press.quality_flags, plucks, steady),
+            *fit_warnings(found.fit, found.further),
         ),
         bottomed=_bottomed(signals, begin, plucks),
         returned=_returned(signals, end),
         peak_force=peak,
+        fit=found.fit,
     )
-
-
-def _plucks(rig: Rig, signals: Signals, rows: Rows, begin: int) -> list[HeldString]:
-    """Return the plucks on the way down, in order of time."""
-    falls = [
-        release
-        for fall in find_falls(rows)
-        if (release := refine(signals, float(rows.time[fall]), rows.step)).gain > LEAST_FALL_GAIN
-        and release.fall > LEAST_FALL
-    ]
-    found = _contacts(rig, signals, rows.step, begin, falls)
-    largest = max((release.fall for _, release in found), default=0.0)
-    large = [release for _, release in found if release.fall > LEAST_FRACTION * largest]
-    if len(large) < len(found):  # between two plucks the key is free
-        found = _contacts(rig, signals, rows.step, begin, large)
-    return [measured(signals, contact, release) for contact, release in found]
-
-
-def _contacts(
-    rig: Rig, signals: Signals, step: float, begin: int, falls: list[Release]
-) -> list[tuple[Contact, Release]]:
-    """Return the falls that have a contact before them, with that contact.
-
-    Args:
-        rig: The bench.
-        signals: Of the press.
-        step: s, uncertainty of a fall before its refinement.
-        begin: Sample at which the jack leaves rest.
-        falls: In order of time.
-    """
-    first, last = _rest(signals, begin)
-    rest = rows_of(signals, first, last, max(1, (last - first) // REST_ROWS))
-    found = []
-    free, before = begin, _place(signals, min(begin, last + int(REST_MARGIN * signals.rate)))
-    least, most = LIKE_THE_FALL
-    for release in falls:
-        until = signals.sample(release.time) - BEFORE
-        held = rows_of(signals, free, until, most=CONTACT_ROWS)
-        contact = find_contact(rig, rest, held, release, signals.instant_std, before)
-        if (
-            contact is None
-            or contact.gain < LEAST_GAIN
-            or release.time - contact.time < LEAST_HELD * step
-            or not least * release.fall < contact.at_release < most * release.fall
-        ):
-            continue
-        found.append((contact, release))
-        before = _place(signals, signals.sample(contact.time))
-        free = until + BEFORE + int(SETTLED * step * signals.rate)
-    return found
-
-
-def _rest(signals: Signals, begin: int) -> tuple[int, int]:
-    """Return the first and last sample of the rest before the motion."""
-    still = np.flatnonzero(signals.rise[:begin] < STILL * signals.rise.max())
-    last = max(0, int(still[-1]) - int(REST_MARGIN * signals.rate)) if len(still) else 0
-    return max(0, last - int(REST * signals.rate)), last
-
-
-def _place(signals: Signals, sample: int) -> tuple[float, float]:
-    """Return time [s] and rise [m] of the jack at a sample."""
-    return float(signals.time[sample]), float(signals.rise[sample])
 
 
 def _bottomed(signals: Signals, begin: int, plucks: list[HeldString]) -> float | None:

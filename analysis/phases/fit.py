@@ -7,12 +7,14 @@ which ends with the fall at release. The model is linear except for the instant 
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from sautereau.analysis.phases.release import Release
 from sautereau.analysis.phases.signals import Rows
+from sautereau.analysis.phases.slow import TERMS, Slow
 from sautereau.rig.schema import Rig
 from sautereau.trajectory.motion import Floats
 
@@ -44,6 +46,10 @@ FALL_STD = 0.03
 """Relative standard deviation of the fall at release about the force of the string."""
 RIDGE = 1e-9
 """Regularisation of the equations for a string without force."""
+STRING_STD = 2.0
+"""Prior standard deviation of the force of an earlier string over the fall at its release."""
+TERMS_STD = 0.1
+"""Standard deviation of the terms of a compliant key about those of the search."""
 INERTIA = 4
 """Index of the column of the inertia."""
 
@@ -71,14 +77,34 @@ class KeyAndString:
         held: Of the way to a release.
         release: The release.
         before: Time [s] and rise [m] of the jack before which contact is impossible.
+        others: Contact [s] and release of other strings.
+        slow: Of a compliant key; None for a rigid one.
     """
 
     def __init__(
-        self, rig: Rig, rest: Rows, held: Rows, release: Release, before: tuple[float, float]
+        self,
+        rig: Rig,
+        rest: Rows,
+        held: Rows,
+        release: Release,
+        before: tuple[float, float],
+        others: Sequence[tuple[float, Release]] = (),
+        slow: Slow | None = None,
     ):
         self._path = np.append(before[0], held.time), np.append(before[1], held.rise)
         self._held, n = held, len(rest.time)
         base, self._prior = _base(rig, rest, held)
+        more: list[Floats] = []
+        prior: list[float] = []
+        if slow is not None:
+            more += [*slow.at(held.time)[:, 1:].T]
+            prior += [TERMS_STD] * (len(TERMS) - 1)
+        for contact, other in others:
+            columns, stds = self._other(contact, other)
+            more, prior = [*more, *columns], [*prior, *stds]
+        if more:
+            further = np.concatenate([np.zeros((n, len(more))), np.stack(more, 1)])
+            base, self._prior = np.concatenate([base, further], 1), np.append(self._prior, prior)
         self._white = held.whitener()
         self._key, load = self._white(base[n:]), self._white(held.load)
         self._load = load
@@ -93,6 +119,12 @@ class KeyAndString:
         self._fall_std = math.hypot(release.fall_std, FALL_STD * release.fall)
         self._fall, self._slowed = release.fall / self._fall_std, release.slowed / self._fall_std
         self._bend_std = np.array(BEND_STD) * max(1e-3, float(np.ptp(held.load)))
+
+    def _other(self, contact: float, other: Release) -> tuple[list[Floats], list[float]]:
+        """Return the columns of another string of known contact and release, and their priors."""
+        columns = list(self._bare(np.array([contact]), other)[0])
+        stds = [STRING_STD * other.fall, *(np.array(BEND_STD) * other.fall)]
+        return columns, stds
 
     def free(self, noise: float) -> float:
         """Return chi2 of a key without a string; the noise as in `at`."""
@@ -139,22 +171,30 @@ class KeyAndString:
 
     def _string(self, times: Floats) -> Floats:
         """Return the string's columns in units of the noise, shape (instants, BENDS, rows)."""
+        columns = self._bare(times, None)
+        return self._white(columns.reshape(-1, columns.shape[-1]).T).T.reshape(columns.shape)
+
+    def _bare(self, times: Floats, ended: Release | None) -> Floats:
+        """Return the string's columns for a release after the rows, or for this one."""
         held, n = self._held, len(times)
         at = np.interp(times, *self._path)
         columns = np.empty((n, BENDS, len(held.time)))
         line, square, cube = columns[:, 0], columns[:, 1], columns[:, 2]
         np.maximum(held.rise - at[:, None], 0.0, out=line)
         # The mean of a row over the bend is larger than the bend; it affects the two adjacent rows.
-        above = np.interp(times, held.time, held.speed) * held.step / 6
+        speed = np.interp(times, held.time, held.speed)
+        above = speed * held.step / 6
         place = (times - held.time[0]) / held.step
         row = np.clip(np.floor(place).astype(int), 0, len(held.time) - 2)
         for beside in (row, row + 1):
             line[np.arange(n), beside] += above * np.maximum(1 - np.abs(place - beside), 0.0) ** 3
-        line /= np.maximum(held.rise[-1] - at, 1e-9)[:, None]
+        top = held.rise[-1] if ended is None else np.interp(ended.time, *self._path)
+        line /= np.maximum(top - at, 1e-9)[:, None]
         np.multiply(line, line - 1, out=square)
         np.multiply(square, line - 0.5, out=cube)
-        white = self._white(columns.reshape(-1, len(held.time)).T)
-        return white.T.reshape(columns.shape)
+        if ended is not None:
+            columns *= np.clip((ended.time - held.time) / held.step + 0.5, 0.0, 1.0)
+        return columns
 
     def _fits(
         self, string: Floats, noise: float, inertia: float | None

@@ -2,11 +2,13 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
 from sautereau.analysis.phases.contact import Contact
 from sautereau.analysis.phases.release import Release
+from sautereau.analysis.phases.search import Growth
 from sautereau.analysis.phases.signals import Signals
 from sautereau.daq.signals.quality_flags import QualityFlag
 from sautereau.trajectory.motion import Floats
@@ -19,6 +21,8 @@ WEAK = 0.5e-3
 """s, uncertainty above which a contact or a release gives a warning."""
 NEAR = 1e-3
 """s, distance from a contact or release within which a quality flag gives a warning."""
+GOOD, FAIR = 4.0, 15e-3
+"""Variance of residuals over the noise of a good fit, and their rms in N of a fair one."""
 DEVIATIONS = 3.0
 """Standard uncertainties within which the true contact may lie."""
 
@@ -38,7 +42,7 @@ class HeldString:
     release_force: float
     """N, of the finger just before release."""
     force_drop: float
-    """N, fall of the finger force at release."""
+    """N at the finger, fall of the load at release: of finger force less the key's inertia."""
     force_slope: float
     """N/m, finger force on key deflection at the laser while the string is held."""
 
@@ -46,6 +50,27 @@ class HeldString:
     def pluck_duration(self) -> float:
         """Time from contact to release [s]."""
         return self.release - self.contact
+
+
+@dataclass(frozen=True)
+class Fit:
+    """How well the load was explained."""
+
+    model: Literal["rigid", "compliant"]
+    """Of the key: rigid, or one that bends, heaves and rings."""
+    noise: float
+    """Dimensionless, largest variance of the residuals over that of the noise."""
+    compliance: float = 0.0
+    """s^2, over whose square root in s the key deflects under the finger as fast as it turns."""
+    residual: float = 0.0
+    """N, rms of the smoothed load that a compliant key does not explain."""
+
+    @property
+    def verdict(self) -> Literal["good", "fair", "poor"]:
+        """Whether instants and uncertainties can be relied on."""
+        if self.model == "rigid":
+            return "good" if self.noise < GOOD else "fair"
+        return "fair" if self.residual < FAIR else "poor"
 
 
 @dataclass(frozen=True)
@@ -70,6 +95,8 @@ class Phases:
     """s, at which the key is back at rest; None where it does not return."""
     peak_force: float | None = None
     """N, largest finger force of the complete press; None where it was not evaluated."""
+    fit: Fit | None = None
+    """How well the load was explained; None where it was not evaluated."""
 
 
 def line_through(x: Floats, y: Floats) -> tuple[float, float]:
@@ -91,14 +118,12 @@ def measured(signals: Signals, contact: Contact, release: Release) -> HeldString
     time, force, rate = signals.time, signals.force, signals.rate
     first, last = np.searchsorted(time, (contact.time, release.time)).tolist()
     m = max(4, min(int(SIDE * rate), (last - first) // 3))
-    # Lines on both sides are extrapolated to the release.
-    sides = slice(max(0, last - GAP - m), last - GAP), slice(last + GAP, last + GAP + m)
-    before, after = (
-        line_through(time[s] - release.time, force[s])[1]
-        if len(time[s]) > 2
-        else float(force[min(s.start, len(force) - 1)])
-        for s in sides
-    )
+    # The line before is extrapolated to the release.
+    side = slice(max(0, last - GAP - m), last - GAP)
+    if len(time[side]) > 2:
+        before = line_through(time[side] - release.time, force[side])[1]
+    else:
+        before = float(force[min(side.start, len(force) - 1)])
     travel = signals.deflection[first:last] - signals.deflection[first:last].mean()
     return HeldString(
         contact=contact.time,
@@ -107,9 +132,26 @@ def measured(signals: Signals, contact: Contact, release: Release) -> HeldString
         release_std=release.std,
         contact_force=float(force[max(0, first - m) : max(1, first)].mean()),
         release_force=before,
-        force_drop=before - after,
+        force_drop=release.fall,
         force_slope=float(travel @ force[first:last] / (travel @ travel)),
     )
+
+
+def fit_warnings(fit: Fit, further: Sequence[Growth]) -> list[str]:
+    """Return warnings about a poor fit, and about growths of the load without a pluck."""
+    found = [
+        f"from {growth.contact * 1e3:.5g} to {growth.release * 1e3:.5g} ms the load climbs by"
+        f" {growth.force:.3g} N and collapses, and no pluck was found there; plot the phases, and"
+        " check the number of strings in the rig"
+        for growth in further
+    ]
+    if fit.verdict == "poor":
+        found.append(
+            f"the key rings and bends: {fit.residual * 1e3:.2g} mN rms of the load are not"
+            " explained, so contact and release may be wrong by more than their uncertainties;"
+            " press more slowly, or check them in a plot"
+        )
+    return found
 
 
 def ending(signals: Signals, begin: int) -> list[str]:

@@ -46,6 +46,8 @@ class Release:
     """N, simultaneous fall of the subtracted inertia."""
     gain: float
     """Dimensionless, reduction of chi2 compared with a load that only bends."""
+    noise: float
+    """Dimensionless, variance of the residuals over the assumed noise, at least 1."""
 
 
 def find_falls(rows: Rows) -> list[int]:
@@ -127,6 +129,7 @@ def refine(signals: Signals, near: float, step: float) -> Release:
         fall_std=math.hypot(float(found.step_std[best]) * math.sqrt(noise), BRIDGED * bridged),
         slowed=0.0 if bridged else _mean(rows.inertia[before]) - _mean(rows.inertia[after]),
         gain=(bent - float(found.chi2[best])) / noise,
+        noise=noise,
     )
 
 

@@ -17,6 +17,7 @@ from scipy.linalg import get_lapack_funcs
 
 from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.loading.press import Press, columns_of
+from sautereau.analysis.model.choirs import choirs
 from sautereau.daq.signals.calibration import white_noise
 from sautereau.rig.schema import Rig
 from sautereau.trajectory.motion import Floats
@@ -101,7 +102,10 @@ def signals_of(press: Press) -> Signals:
                 f"press {press.path}: {bad} samples of its {name} are not finite numbers;"
                 " check the recording, and press again"
             )
-    force_noise, velocity_noise = (white_noise(signal[:NOISE_ROWS]) for signal in (force, velocity))
+    longest = max(1, int(LEAST_STEP * rate))
+    force_noise, velocity_noise = (
+        white_noise(signal[:NOISE_ROWS], longest) for signal in (force, velocity)
+    )
     names = {c.name: c.quantity for c in press.rig.daq.channels}
     flagged = {quantity: np.zeros(len(time), bool) for quantity in ("force", "velocity")}
     for mark in press.quality_flags:
@@ -112,7 +116,7 @@ def signals_of(press: Press) -> Signals:
         good = ~flagged["velocity"]
         velocity = np.interp(time, time[good], velocity[good])
         _, _, _, deflection, rise, speed = columns_of(key, velocity, force, rate)
-    inertia = key.inertia + press.rig.jack.mass * key.jack_arm**2
+    inertia = key.inertia + sum(c.jack.mass * c.jack_arm**2 for c in choirs(press.rig))
     return Signals(
         time=time,
         rate=rate,
@@ -131,15 +135,17 @@ def signals_of(press: Press) -> Signals:
 
 
 def _lag_std(rig: Rig) -> float:
-    """Return the standard uncertainty of the delay of the force [s].
+    """Return the standard uncertainty of the delays of force and velocity [s].
 
     A first-order low-pass delays by 1/(2 pi f). A calibration without the order does not define
     whether its delay includes that, so the error is at most 1/(2 pi f) either way.
     """
-    channel = rig.daq.channel("force")
-    if channel is None or not channel.low_pass or channel.low_pass_order:
-        return 0.0
-    return 1 / (2 * math.pi * channel.low_pass) / math.sqrt(3)
+    channels = [rig.daq.channel(quantity) for quantity in ("force", "velocity")]
+    parts = [channel.delay_std for channel in channels if channel]
+    force = channels[0]
+    if force and force.low_pass and not force.low_pass_order:
+        parts.append(1 / (2 * math.pi * force.low_pass) / math.sqrt(3))
+    return math.hypot(*parts)
 
 
 def way_down(signals: Signals) -> tuple[int, int] | None:

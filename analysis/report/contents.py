@@ -18,6 +18,7 @@ from sautereau.analysis.session.compare import (
     Comparison,
     compare,
     compare_features,
+    predict_each,
 )
 from sautereau.analysis.session.repeatability import LEAST, Repeatability, repeatability
 from sautereau.daq.file.reading import read_recording
@@ -216,8 +217,10 @@ def _condition(records: list[PressRecord], base: Mapping[str, Any], level: str) 
     warnings = []
     try:
         prediction = predict(rig, level)
-        comparison = compare([record.phases for record in counted], prediction)
-        compared = compare_features([record.features for record in counted], rig, prediction)
+        phases = [record.phases for record in counted]
+        each = predict_each([record.press for record in counted], phases, rig, level)
+        comparison = compare(phases, each)
+        compared = compare_features([record.features for record in counted], rig, each)
     except SautereauError as error:
         warnings.append(f"no comparison with the model: {error}")
     if len(counted) >= LEAST and rig.press.gesture is None:

@@ -1,4 +1,8 @@
-"""Recordings against the model: slope, magnitude and duration, and every feature."""
+"""Recordings against the model: slope, magnitude and duration, and every feature.
+
+Each press is predicted for the speed that its jack had while the string was held. A compliant arm
+loses 10 to 30 % of its speed then, and the key's inertia, slowed down, pushes in its place.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -8,8 +12,10 @@ import numpy as np
 from scipy.integrate import trapezoid
 
 from sautereau.analysis.errors import AnalysisError
+from sautereau.analysis.loading.press import Press
 from sautereau.analysis.model.choirs import ChoirPluck
-from sautereau.analysis.model.predict import Prediction
+from sautereau.analysis.model.predict import Prediction, predict
+from sautereau.analysis.model.speed import JackSpeed
 from sautereau.analysis.phases import Phases
 from sautereau.analysis.press.features import UNITS, Row, column
 from sautereau.rig.schema import Rig
@@ -18,6 +24,11 @@ MANY = 20
 """Presses from which on the interval is a bootstrap's: of fewer, Student's covers better."""
 RESAMPLES = 9999
 """Of a bootstrap."""
+BEFORE = 0.1
+"""Dimensionless, time before contact whose rise is used as well, over the pluck duration."""
+DEGREE, LEAST, INSTANTS = 5, 20, 100
+"""Of the polynomial through the rise while a string is held, its fewest samples, and the instants
+at which its speed is taken."""
 COMPARED = (
     "pluck_duration",
     "contact_rise",
@@ -59,25 +70,77 @@ class Comparison:
     """Of the pluck duration."""
 
 
-def compare(phases: Sequence[Phases], prediction: Prediction) -> Comparison:
-    """Compare the first pluck of repeated presses with a prediction.
+def jack_speed(press: Press, phases: Phases) -> JackSpeed | None:
+    """Return the speed of the first jack while its string was held; None without a pluck.
+
+    It is that of a polynomial of degree `DEGREE` through the rise over time.
+
+    Args:
+        press: The recording, at least its `jack_rise` from contact to release.
+        phases: Its phases.
+    """
+    if not phases.plucks:
+        return None
+    held = phases.plucks[0]
+    start = held.contact - BEFORE * held.pluck_duration
+    rise = press.data.loc[start : held.release, "jack_rise"]
+    if len(rise) < LEAST:
+        return None
+    through = np.polynomial.Polynomial.fit(rise.index.to_numpy(), rise.to_numpy(), DEGREE)
+    time = np.linspace(rise.index[0], rise.index[-1], INSTANTS)
+    speed = through.deriv()(time)
+    # A jack that stops or turns has no speed as a function of its rise.
+    return JackSpeed(through(time), speed, through.deriv(2)(time)) if np.all(speed > 0) else None
+
+
+def predict_each(
+    presses: Sequence[Press], phases: Sequence[Phases], rig: Rig, level: str = "elastica"
+) -> list[Prediction]:
+    """Predict each press for the speed that its jack had.
+
+    Args:
+        presses: The recordings.
+        phases: Theirs, in the same order.
+        rig: The bench to predict with.
+        level: Of the plectrum model.
+
+    Raises:
+        ModelError: The model has no solution for the rig.
+    """
+    return [
+        predict(rig, level, speed=jack_speed(p, f)) for p, f in zip(presses, phases, strict=True)
+    ]
+
+
+def compare(phases: Sequence[Phases], predictions: Sequence[Prediction]) -> Comparison:
+    """Compare the first pluck of repeated presses with predictions.
+
+    Args:
+        phases: Of the presses.
+        predictions: Of each press, by `predict_each`.
 
     Raises:
         AnalysisError: No press has a pluck to compare.
     """
-    held = [p.plucks[0] for p in phases if p.plucks]
+    held = [(f.plucks[0], p) for f, p in zip(phases, predictions, strict=True) if f.plucks]
     if not held:
         raise AnalysisError(
             f"none of the {len(phases)} presses has a pluck, so there is nothing to compare;"
             " check the forces, and the string and plectrum of that key"
         )
-    slope, rise = predicted_features(prediction)
-    duration = prediction.pluck_duration
+    slopes, rises = zip(*(predicted_features(p) for _, p in held), strict=True)
     return Comparison(
         presses=len(held),
-        slope_error=mean_of([slope / h.force_slope - 1 for h in held]),
-        magnitude_error=mean_of([rise / (h.release_force - h.contact_force) - 1 for h in held]),
-        duration_error=mean_of([duration / h.pluck_duration - 1 for h in held]),
+        slope_error=mean_of(
+            [s / h.force_slope - 1 for s, (h, _) in zip(slopes, held, strict=True)]
+        ),
+        magnitude_error=mean_of(
+            [
+                r / (h.release_force - h.contact_force) - 1
+                for r, (h, _) in zip(rises, held, strict=True)
+            ]
+        ),
+        duration_error=mean_of([p.pluck_duration / h.pluck_duration - 1 for h, p in held]),
     )
 
 
@@ -140,31 +203,39 @@ class ComparedFeature:
     """Presses that have it."""
     measured: Mean
     predicted: float
+    """Mean over the same presses."""
 
 
 def compare_features(
-    rows: Sequence[Row], rig: Rig, prediction: Prediction
+    rows: Sequence[Row], rig: Rig, predictions: Sequence[Prediction]
 ) -> tuple[ComparedFeature, ...]:
-    """Compare the features of repeated presses with those of a prediction.
+    """Compare the features of repeated presses with those of predictions.
 
     Args:
         rows: Features of the presses.
         rig: The predicted bench.
-        prediction: The model's press.
+        predictions: Of each press, by `predict_each`.
 
     Returns:
         The features that both have, pluck by pluck; none where no press has a pluck.
     """
-    choirs = sorted(prediction.choirs, key=lambda choir: choir.release)
+    each = [
+        [pluck_features(rig, p, c) for c in sorted(p.choirs, key=lambda choir: choir.release)]
+        for p in predictions
+    ]
     found = []
-    for number, choir in enumerate(choirs, 1):
-        predicted = pluck_features(rig, prediction, choir)
+    for number in range(len(each[0]) if each else 0):
         for name in COMPARED:
-            key = column(name, number)
-            values = [value for row in rows if isinstance(value := row.get(key), float)]
-            if values:
-                mean = mean_of(values)
-                found.append(ComparedFeature(key, UNITS[name], len(values), mean, predicted[name]))
+            key = column(name, number + 1)
+            both = [
+                (value, predicted[number][name])
+                for row, predicted in zip(rows, each, strict=True)
+                if isinstance(value := row.get(key), float)
+            ]
+            if both:
+                values, model = zip(*both, strict=True)
+                mean, count = mean_of(values), len(values)
+                found.append(ComparedFeature(key, UNITS[name], count, mean, float(np.mean(model))))
     return tuple(found)
 
 

@@ -3,8 +3,10 @@
 from collections.abc import Sequence
 from typing import Any
 
+from sautereau.analysis.identify.fixed import CONTACT, Suggestion
 from sautereau.analysis.identify.identified import IDENTIFIABLE, Estimate, Identified
 from sautereau.analysis.identify.profile import Profile
+from sautereau.analysis.identify.quality import Quality
 from sautereau.analysis.summary.text import counted
 from sautereau.rig.quantities import QUANTITIES
 
@@ -36,6 +38,30 @@ def fit_summary(found: Identified, profiles: Sequence[Profile] = ()) -> dict[str
                 for c in found.combinations
             ],
         },
+        "fits": found.quality.fits,
+        "quality": {
+            "noise": found.quality.noise,
+            "free_residual": found.quality.free_residual,
+            "held_residual": found.quality.held_residual,
+            "repeated_residual": found.quality.repeated_residual,
+            "autocorrelation": found.quality.autocorrelation,
+            "offsets": dict(found.quality.offsets),
+            "reasons": list(found.quality.reasons),
+        },
+        "suggested": [
+            {"name": s.name, "value": s.value, "unit": s.unit, "reduction": s.reduction}
+            for s in found.suggested
+        ],
+        "sensitivity": {
+            s.name: {
+                "unit": s.unit,
+                "value": s.value,
+                "change": s.change,
+                "stated": s.stated,
+                "effects": dict(s.effects),
+            }
+            for s in found.sensitivity
+        },
         "presses": list(found.presses),
         "releases": found.releases,
         "level": found.level,
@@ -57,15 +83,28 @@ def fit_summary(found: Identified, profiles: Sequence[Profile] = ()) -> dict[str
     return result
 
 
-def fit_lines(found: Identified, profiles: Sequence[Profile] = ()) -> list[str]:
-    """Return a fit as text."""
+def fit_lines(
+    found: Identified, profiles: Sequence[Profile] = (), *, every: bool = False
+) -> list[str]:
+    """Return a fit as text.
+
+    Args:
+        found: The fit.
+        profiles: Of its parameters.
+        every: Whether to add the table of the fixed numbers' effects.
+    """
     lines = [
         f"rig {found.rig.name}, plectrum model {found.level}, fitted to"
         f" {counted(len(found.presses), 'press')} with {counted(found.releases, 'release')}",
         f"{QUANTITIES['residual'].label}: {found.residual_before * 1e3:.3g} mN before the fit,"
         f" {found.residual * 1e3:.3g} mN after",
+        _quality_line(found.quality),
+        *(f"  {reason}" for reason in found.quality.reasons),
+        *(_suggestion_line(suggestion) for suggestion in found.suggested),
         *(_estimate_line(estimate) for estimate in found.estimates),
     ]
+    if not found.quality.fits:
+        lines.append("no 95 % intervals: the uncertainties are those of a model that fits")
     for profile in profiles:
         ends = ["a bound" if end is None else f"{end:.5g}" for end in (profile.low, profile.high)]
         lines.append(f"  {profile.name}: 95 % by profile likelihood, {ends[0]} to {ends[1]}")
@@ -81,7 +120,48 @@ def fit_lines(found: Identified, profiles: Sequence[Profile] = ()) -> list[str]:
             f" {'identifiable' if c.identifiable else 'not identifiable':<16} {c}"
             for c in found.combinations
         ]
+    if every:
+        lines += _table(found)
     return lines + [f"warning: {warning}" for warning in found.warnings]
+
+
+def _quality_line(good: Quality) -> str:
+    parts = [f"{good.free_residual * 1e3:.3g} mN without a string"]
+    if good.held_residual is not None:
+        parts.append(f"{good.held_residual * 1e3:.3g} mN while it is held")
+    if good.noise is not None:
+        parts.append(f"{good.noise * 1e3:.3g} mN of noise at rest")
+    verdict = "the model fits" if good.fits else "THE MODEL DOES NOT FIT"
+    return f"{verdict}: residual {', '.join(parts)}"
+
+
+def _suggestion_line(suggestion: Suggestion) -> str:
+    gain = f"weighted sum of squares {suggestion.reduction:.0f} less"
+    if suggestion.name == CONTACT:
+        return f'  suggested: set {CONTACT} = "surface" in the rig ({gain})'
+    value = _quantity(suggestion.value, suggestion.unit)
+    return f"  suggested: free {suggestion.name}, about {value} ({gain})"
+
+
+def _quantity(value: float, unit: str) -> str:
+    return f"{value:.4g} {unit.replace('**', '^').replace('*', ' ')}".strip()
+
+
+def _table(found: Identified) -> list[str]:
+    """Return the effects of fixed numbers and calibrations, a line each."""
+    names = [e.name.rpartition(".")[2] for e in found.estimates]
+    widths = [max(len(name), 9) for name in names]
+    heads = "  ".join(f"{name:>{width}}" for name, width in zip(names, widths, strict=True))
+    lines = [
+        "change of each result by a change of a number that is not a result (* stated in the rig):",
+        f"  {'number':<28} {'change':>18}  {heads}",
+    ]
+    for s in found.sensitivity:
+        change = _quantity(s.change, s.unit) + "*" * s.stated
+        effects = [f"{s.effects[e.name]:+.2%}" for e in found.estimates]
+        row = "  ".join(f"{e:>{width}}" for e, width in zip(effects, widths, strict=True))
+        lines.append(f"  {s.name:<28} {change:>18}  {row}")
+    return lines
 
 
 def _estimate_line(estimate: Estimate) -> str:

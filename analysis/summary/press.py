@@ -40,6 +40,7 @@ def press_summary(press: Press, phases: Phases) -> dict[str, Any]:
             "drop": first and first.force_drop,
             "peak": phases.peak_force,
         },
+        "fit": phases.fit and asdict(phases.fit) | {"verdict": phases.fit.verdict},
         "warnings": [*press.warnings, *phases.warnings],
     }
 

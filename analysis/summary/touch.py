@@ -28,12 +28,13 @@ def touch_lines(found: Touch) -> list[str]:
     lines.append(f"{'plectrum':10}{'3EI/L^3 N/m':>12}{'presses':>9}{titles}")
     for plectrum in found.plectra:
         cells = "".join(
-            f"{_interval(spread, quantities[name].displayed[0]):>30}"
-            for name, spread in plectrum.felt.items()
+            f"{_interval(plectrum.felt.get(name), quantity.displayed[0]):>30}"
+            for name, quantity in quantities.items()
         )
         lines.append(f"{plectrum.name:10}{plectrum.tip_stiffness:12.4g}{plectrum.presses:9}{cells}")
     for name, felt in found.felt.items():
-        lines += [f"{quantities[name].label}, standard deviations:", *_felt_lines(felt)]
+        label = f"{quantities[name].label}, {counted(felt.presses, 'press')}"
+        lines += [f"{label}, standard deviations:", *_felt_lines(felt)]
     return [*lines, *(f"note: {note}" for note in found.notes)]
 
 
@@ -51,7 +52,9 @@ def _felt_lines(felt: Felt) -> list[str]:
     return lines
 
 
-def _interval(spread: Spread, scale: float) -> str:
+def _interval(spread: Spread | None, scale: float) -> str:
+    if spread is None:
+        return "-"
     value, low, high = (scale * v for v in (spread.value, spread.low, spread.high))
     return f"{value:.4g} ({low:.4g} to {high:.4g})"
 

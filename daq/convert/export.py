@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, BinaryIO, Literal
 
 import numpy as np
 
-from sautereau.daq.convert.formats import PARQUET_KEY, SIMULATED, document_text
+from sautereau.daq.convert.document import PARQUET_KEY, SIMULATED, document_text
 from sautereau.daq.errors import RecordingError
 from sautereau.daq.file.container.durable import DurableFile
 from sautereau.daq.file.reading import read_recording

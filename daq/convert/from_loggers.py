@@ -2,11 +2,13 @@
 
 import struct
 import warnings
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from sautereau.daq.convert.formats import Columns, ImportSource
+from sautereau.daq.convert.formats import Columns, ImportSource, refuse_rows
 from sautereau.daq.errors import RecordingError
 
 UNIT_PROPERTIES = ("unit_string", "NI_UnitDescription")
@@ -38,10 +40,11 @@ def open_tdms(path: Path) -> ImportSource:
         for key in reversed(UNIT_PROPERTIES)
         if values.get(key)
     }
-    steps = {name: float(values.get("wf_increment", 0)) for name, values in properties.items()}
+    steps = _numbers(properties, "wf_increment")
     dates = {str(v["wf_start_time"]) for v in properties.values() if v.get("wf_start_time")}
 
     def read(names: list[str]) -> Columns:
+        refuse_rows(max((len(of[name]) for name in names), default=0))
         try:
             with TdmsFile.open(path) as file:
                 data = {n: file[of[n].group_name][of[n].name][:] for n in names}
@@ -62,13 +65,19 @@ def open_tdms(path: Path) -> ImportSource:
         read,
         units=units,
         rates={name: float(f"{1 / step:.12g}") for name, step in steps.items() if step > 0},
-        starts={
-            name: float(values["wf_start_offset"])
-            for name, values in properties.items()
-            if "wf_start_offset" in values
-        },
+        starts=_numbers(properties, "wf_start_offset"),
         started=f"{min(dates)}+00:00" if dates else None,
     )
+
+
+def _numbers(properties: Mapping[str, Mapping[str, Any]], key: str) -> dict[str, float]:
+    """Return a property of each channel that has it as a finite number."""
+    found = {name: values.get(key) for name, values in properties.items()}
+    return {
+        name: float(value)
+        for name, value in found.items()
+        if isinstance(value, int | float | np.number) and np.isfinite(value)
+    }
 
 
 def open_wav(path: Path) -> ImportSource:
@@ -83,14 +92,20 @@ def open_wav(path: Path) -> ImportSource:
     from scipy.io import wavfile
 
     try:
-        _check_length(path)
+        _check_chunks(path)
         with warnings.catch_warnings():
             # Chunks of notes and markers are no fault; a truncated file is.
             warnings.filterwarnings("ignore", "Chunk", wavfile.WavFileWarning)
             warnings.filterwarnings("error", "Reached EOF", wavfile.WavFileWarning)
             rate, samples = wavfile.read(path)
-    except (ValueError, EOFError, OSError, struct.error, wavfile.WavFileWarning) as error:
-        raise RecordingError(f"it is damaged, or not a WAV file: {error}") from error
+        if rate <= 0 or not samples.size:
+            raise ValueError(f"it has {samples.size} samples at {rate} Hz")
+    except RecordingError:
+        raise
+    except Exception as error:  # scipy raises many kinds, depending on the bytes
+        raise RecordingError(
+            f"it is damaged, or not a WAV file: {type(error).__name__}: {error}; use a copy of it"
+        ) from error
     samples = samples.reshape(len(samples), -1)
     names = tuple(str(i + 1) for i in range(samples.shape[1]))
 
@@ -101,13 +116,30 @@ def open_wav(path: Path) -> ImportSource:
     return ImportSource("WAV", names, read, rates=rates, full_scale=True)
 
 
-def _check_length(path: Path) -> None:
-    """Refuse a file that is shorter than its header says; scipy would read what there is."""
+def _check_chunks(path: Path) -> None:
+    """Refuse a file that is shorter than its chunks say; scipy would read what there is."""
+    size = path.stat().st_size
     with path.open("rb") as file:
-        name, size = struct.unpack("<4sI", file.read(8))
-    actual = path.stat().st_size - 8
-    if name == b"RIFF" and size > actual:
-        raise ValueError(f"its header says {size} bytes, but there are {actual}")
+        name, length, _ = struct.unpack("<4sI4s", file.read(12))
+        if name != b"RIFF":
+            return
+        if length > size - 8:
+            raise ValueError(f"its header says {length} bytes, but there are {size - 8}")
+        frame = 0
+        while len(head := file.read(8)) == 8 and file.tell() < length + 8:
+            name, length_here = struct.unpack("<4sI", head)
+            end = file.tell() + length_here
+            if end > size:
+                raise ValueError(f"its chunk {name!r} ends at {end} of {size} bytes")
+            if name == b"fmt ":
+                _, channels, _, _, frame, bits = struct.unpack("<HHIIHH", file.read(16))
+                if not frame or frame != channels * ((bits + 7) // 8):
+                    raise ValueError(f"{channels} channels of {bits} bits are not {frame} bytes")
+            if name == b"data":
+                if not frame or length_here % frame:
+                    raise ValueError(f"{length_here} bytes are not samples of {frame} bytes")
+                refuse_rows(length_here // frame)
+            file.seek(end + length_here % 2)
 
 
 def _fractions(samples: np.ndarray) -> np.ndarray:

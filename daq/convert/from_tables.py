@@ -1,118 +1,154 @@
-"""Import of CSV and Parquet files, exported by sautereau or by other programs."""
+"""Import of text tables and Parquet files, exported by sautereau or by other programs."""
 
-import csv as csv_dialects
-from dataclasses import dataclass
+import io
+from itertools import islice
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from sautereau.daq.convert.document import PARQUET_KEY, Document, read_document
 from sautereau.daq.convert.formats import (
-    PARQUET_KEY,
     Columns,
-    Document,
     ImportSource,
-    read_document,
     refuse_missing,
+    refuse_rows,
+    refuse_size,
 )
+from sautereau.daq.convert.layout import Layout, find_layout
 from sautereau.daq.errors import RecordingError
+from sautereau.rig.disk import read_limited
 
-DELIMITERS = ";\t,"
-"""Possible delimiters; the first of them that the line contains is used, since a comma may
-also be a decimal one."""
+if TYPE_CHECKING:
+    import pyarrow as pa
 
-
-@dataclass(frozen=True)
-class _Layout:
-    names: tuple[str, ...]
-    skip: int
-    """Lines before the first row."""
-    delimiter: str
-    decimal: str
+MOST_DOCUMENT = 200_000_000
+"""Limit of the size of an export's metadata file, byte."""
+LAST_LINE = "its last line has no line end, so its last number may be cut off"
 
 
 def open_csv(path: Path) -> ImportSource:
-    """Open a CSV file: comment lines after ``#``, a line of names, rows of numbers.
+    """Open a text table; `sautereau.daq.convert.layout` finds its names, units and first row.
 
-    Columns without names are called 1, 2 and so on. If the delimiter is ``;`` or a tab, commas
-    are decimal commas.
+    Columns without names are called 1, 2 and so on. A column of ISO 8601 dates becomes the time
+    after the first of them.
 
     Raises:
-        RecordingError: The file is empty or not text, or its metadata file cannot be read.
+        RecordingError: The file has no rows or is not text, or its metadata file cannot be read.
     """
     document = _document(path)
-    layout = _layout(path)
+    refuse_size(path.stat().st_size)
+    layout = find_layout(path)
 
     def read(names: list[str]) -> Columns:
-        import pyarrow as pa
-        from pyarrow import csv
+        table = _read(path, layout, names)
+        if layout.rows is not None and layout.rows != len(table):
+            raise RecordingError(
+                f"its first lines say {layout.rows} rows, but there are {len(table)}; use a"
+                " complete copy, or delete that line if it means something else"
+            )
+        refuse_rows(len(table))
+        for name in names:
+            refuse_missing(name, table.column(name).is_null().to_numpy(), where)
+        return {
+            name: _seconds(name, table.column(name))
+            if name in layout.dates
+            else table.column(name).to_numpy()
+            for name in names
+        }
 
+    def where(row: int) -> str:
+        return f"row {row + 1} (line {_line_of(path, layout, row)})"
+
+    rate = None if layout.interval is None else float(f"{1 / layout.interval:.9g}")
+    every = layout.names
+    return ImportSource(
+        "CSV",
+        every,
+        read,
+        units=layout.units | dict.fromkeys(layout.dates, "s"),
+        rates={} if rate is None else dict.fromkeys(every, rate),
+        starts={} if layout.start is None else dict.fromkeys(every, layout.start),
+        started=next(iter(layout.dates.values()), None),
+        document=document,
+        where=where,
+        cut="" if layout.rows is not None or _ends_a_line(path) else LAST_LINE,
+    )
+
+
+def _read(path: Path, layout: Layout, names: list[str]) -> "pa.Table":
+    """Return the named columns as the file has them, dates as text."""
+    import pyarrow as pa
+    from pyarrow import csv
+
+    source, skip = path, layout.skip
+    if layout.delimiter == " ":  # several of them between columns count as one
+        lines = path.read_bytes().splitlines()[layout.skip :]
+        source, skip = io.BytesIO(b"\n".join(b" ".join(line.split()) for line in lines)), 0
+    for threads in (True, False):  # only without threads is the row of a fault known
         try:
-            table = csv.read_csv(
-                path,
-                csv.ReadOptions(skip_rows=layout.skip, column_names=layout.names),
+            return csv.read_csv(
+                source,
+                csv.ReadOptions(
+                    use_threads=threads,
+                    skip_rows=skip,
+                    column_names=layout.names,
+                    encoding=layout.encoding.removesuffix("-sig"),
+                ),
                 csv.ParseOptions(delimiter=layout.delimiter),
                 csv.ConvertOptions(
                     include_columns=names,
-                    column_types={name: pa.float64() for name in names},
+                    column_types={
+                        name: pa.string() if name in layout.dates else pa.float64()
+                        for name in names
+                    },
                     decimal_point=layout.decimal,
                     null_values=[""],
+                    strings_can_be_null=True,
                 ),
             )
         except pa.ArrowException as error:
-            raise RecordingError(
-                f"the rows cannot be read as numbers: {error}; correct that row, or give another"
-                " column"
-            ) from error
-        for name in names:
-            refuse_missing(name, table.column(name).is_null().to_numpy())
-        return {name: table.column(name).to_numpy() for name in names}
+            fault = error
+            if isinstance(source, io.BytesIO):
+                source.seek(0)
+    raise RecordingError(
+        f"the rows cannot be read as numbers: {fault}; correct that row, or give another column"
+    ) from fault
 
-    return ImportSource("CSV", layout.names, read, document=document)
+
+def _seconds(name: str, dates: "pa.ChunkedArray") -> np.ndarray:
+    """Return ISO 8601 dates as seconds after the first of them."""
+    import pandas as pd
+
+    try:
+        found = pd.to_datetime(dates.to_pandas(), format="ISO8601", utc=True)
+    except ValueError as error:
+        raise RecordingError(f"column {name!r}: {error}; correct that date") from error
+    return (found - found.iloc[0]).dt.total_seconds().to_numpy(np.float64)
+
+
+def _line_of(path: Path, layout: Layout, row: int) -> int:
+    """Return the line, from 1, of a row, from 0: empty lines hold no row."""
+    with path.open(encoding=layout.encoding) as file:
+        filled = (n for n, line in enumerate(file, 1) if n > layout.skip and line.strip())
+        return next(islice(filled, row, None), row + 1 + layout.skip)
+
+
+def _ends_a_line(path: Path) -> bool:
+    with path.open("rb") as file:
+        file.seek(-1, io.SEEK_END)
+        return file.read(1) in b"\r\n"
 
 
 def _document(path: Path) -> Document | None:
     """Return the metadata in ``NAME.csv.json``, if that file exists."""
     sidecar = path.with_name(path.name + ".json")
-    return read_document(sidecar.read_bytes()) if sidecar.is_file() else None
-
-
-def _layout(path: Path) -> _Layout:
-    """Find the first row, the names of the columns, the delimiter and the decimal sign."""
-    comments = 0
-    lines: list[str] = []
+    if not sidecar.is_file():
+        return None
     try:
-        with path.open(encoding="utf-8-sig") as file:
-            for line in file:
-                if not lines and (line.startswith("#") or not line.strip()):
-                    comments += 1
-                    continue
-                lines.append(line.rstrip("\r\n"))
-                if len(lines) == 2:
-                    break
-    except UnicodeDecodeError as error:
-        raise RecordingError(f"it is not UTF-8 text: {error}; save it as UTF-8") from error
-    if not lines:
-        raise RecordingError("it has no rows; give a CSV file with numbers")
-    delimiter = next((sign for sign in DELIMITERS if sign in lines[0]), ",")
-    decimal = "," if delimiter != "," and "," in lines[-1] else "."
-    (cells,) = csv_dialects.reader([lines[0]], delimiter=delimiter)
-    if all(_is_number(cell, decimal) for cell in cells):
-        return _Layout(tuple(str(i + 1) for i in range(len(cells))), comments, delimiter, decimal)
-    names = tuple(cell.strip() for cell in cells)
-    repeated = sorted({name for name in names if names.count(name) > 1})
-    if repeated:
-        raise RecordingError(
-            f"several columns are called {', '.join(map(repr, repeated))}; give each its own name"
-        )
-    return _Layout(names, comments + 1, delimiter, decimal)
-
-
-def _is_number(cell: str, decimal: str) -> bool:
-    try:
-        float(cell.replace(decimal, "."))
-    except ValueError:
-        return False
-    return True
+        return read_document(read_limited(sidecar, MOST_DOCUMENT))
+    except OSError as error:
+        raise RecordingError(f"its metadata {sidecar}: {error.strerror}; use a copy") from error
 
 
 def open_parquet(path: Path) -> ImportSource:
@@ -125,25 +161,27 @@ def open_parquet(path: Path) -> ImportSource:
     import pyarrow.parquet as pq
 
     try:
-        schema = pq.read_schema(path)
-    except (pa.ArrowException, OSError) as error:
+        file = pq.ParquetFile(path)
+        schema, rows = file.schema_arrow, file.metadata.num_rows
+        names, metadata = tuple(schema.names), schema.metadata or {}
+        units = {
+            field.name: field.metadata[b"unit"].decode()
+            for field in schema
+            if field.metadata and b"unit" in field.metadata
+        }
+    except (pa.ArrowException, OSError, ValueError) as error:
         raise RecordingError(f"it is damaged, or not a Parquet file: {error}") from error
-    metadata = schema.metadata or {}
+    refuse_rows(rows)
     document = read_document(metadata[PARQUET_KEY]) if PARQUET_KEY in metadata else None
-    units = {
-        field.name: field.metadata[b"unit"].decode()
-        for field in schema
-        if field.metadata and b"unit" in field.metadata
-    }
 
     def read(names: list[str]) -> Columns:
         try:
             table = pq.read_table(path, columns=names)
             return {name: _floats(name, table.column(name)) for name in names}
-        except (pa.ArrowException, OSError) as error:
+        except (pa.ArrowException, OSError, ValueError) as error:
             raise RecordingError(f"it is damaged: {error}; use a copy of it") from error
 
-    return ImportSource("Parquet", tuple(schema.names), read, units=units, document=document)
+    return ImportSource("Parquet", names, read, units=units, document=document)
 
 
 def _floats(name: str, column) -> np.ndarray:

@@ -1,33 +1,26 @@
 """Import: make a recording of another program's file, or of an export."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
-from sautereau.daq.convert.formats import (
-    Document,
-    ImportSource,
-    digest,
-    open_source,
-    refuse_missing,
-    sha256,
-)
-from sautereau.daq.convert.options import (
-    ChannelColumn,
-    ImportOptions,
-    ImportSettings,
-    refuse_options,
-    resolve_options,
-)
+from sautereau.daq.convert.document import HIGHEST_RATE, Document, digest, sha256
+from sautereau.daq.convert.formats import ImportSource, open_source, refuse_missing
+from sautereau.daq.convert.options import ImportOptions, refuse_options
+from sautereau.daq.convert.plausible import doubts
+from sautereau.daq.convert.settings import ChannelColumn, ImportSettings, resolve_options
+from sautereau.daq.convert.times import start_and_rate
 from sautereau.daq.errors import RecordingError
 from sautereau.daq.file.recorded import Block, SessionInfo, Signal
 from sautereau.daq.file.recording import Recording
 from sautereau.daq.signals.calibration import to_volts
 from sautereau.rig.schema import Rig
 
-EVEN = 0.1
-"""Sampling intervals by which a time may differ from an even grid, since files round times."""
+SMOOTHED = 5
+"""Samples of the polynomial of degree 4 whose derivative is a displacement's velocity."""
 
 
 @dataclass(frozen=True)
@@ -44,6 +37,27 @@ class Imported:
     """Index of the first sample, counted from the trigger."""
     trigger_shift: float
     """Time from sample 0, the nearest to the trigger, to the trigger, s."""
+    warnings: tuple[str, ...] = ()
+    """What is doubtful about the samples, and how to fix it."""
+
+
+def targets(files: list[Path], out: Path) -> list[tuple[Path, Path]]:
+    """Return each file with the recording to write.
+
+    Args:
+        files: Files of other programs.
+        out: Recording, or existing folder.
+
+    Raises:
+        RecordingError: Several files would become one recording.
+    """
+    pairs = [(file, out / f"{file.stem}.mcap" if out.is_dir() else out) for file in files]
+    if len({target for _, target in pairs}) < len(pairs):
+        raise RecordingError(
+            f"import into {out}: several of the {len(files)} files would become one recording; give"
+            " an existing folder, and files with different names"
+        )
+    return pairs
 
 
 def import_file(
@@ -74,7 +88,7 @@ def import_file(
             return _restore(source, source.document, rig, out, notes, origin)
         if rig is None:
             raise RecordingError("--rig is required: it holds the sensors' calibrations")
-        settings = resolve_options(source, rig, options)
+        settings = resolve_options(source, rig, options, path.stat().st_mtime)
         return _import(source, settings, options.time, rig, out, notes, origin)
     except RecordingError as error:
         if str(error).startswith("recording "):  # the fault is in the file to write
@@ -99,9 +113,8 @@ def _restore(
         )
     session = replace(document.session, notes=_joined(document.session.notes, notes, origin))
     volts, first = np.stack(list(columns.values())), document.first_sample
-    recording = _recording(out, document.rig, session, volts, first, document.rate, document.t0_ns)
-    with recording:
-        _write_volts(recording, volts, first, document.rig.daq.block)
+    rig, rate = document.rig, document.rate
+    with _recording(out, rig, session, volts, first, rate, document.t0_ns) as recording:
         if document.plan is not None:
             plan = document.plan
             recording.write_plan(plan.t, plan.q1, plan.q2, plan.jack_rise)
@@ -131,11 +144,11 @@ def _import(
         raise RecordingError(
             f"its columns have the lengths {listed}; give columns of one acquisition with samples"
         )
-    for column in columns:
-        refuse_missing(column.name, np.isnan(data[column.name]))
-    start, rate = settings.start, settings.rate
+    for name, values in data.items():
+        refuse_missing(name, ~np.isfinite(values), source.where)
+    start, rate, warnings = settings.start, settings.rate, []
     if time is not None:
-        start, rate = _start_and_rate(data[time], rate)
+        start, rate, warnings = start_and_rate(data[time] * settings.time_unit, rate, source)
     if rate is None:
         raise RecordingError("which sampling rate? give --rate")
     first = round((start - settings.trigger) * rate)
@@ -155,23 +168,46 @@ def _import(
         daq=device,
         notes=_joined(notes, origin),
     )
-    volts = np.stack([_volts(data[column.name], column) for column in columns])
+    volts = np.stack([_volts(data[column.name], column, rate) for column in columns])
+    for column, values in zip(columns, volts, strict=True):
+        refuse_missing(column.name, ~np.isfinite(values), source.where)
+        warnings += doubts(values, column.channel)
+        if column.unit == "m":
+            warnings.append(f"{column.channel.name}: derivative of the displacement in the file")
     with _recording(out, part, session, volts, first, rate, settings.t0_ns) as recording:
-        _write_volts(recording, volts, first, rig.daq.block)
+        for warning in warnings:
+            recording.event("warning", warning, 0.0)
         recording.event("imported", origin, 0.0)
     shift = settings.trigger - start + first / rate
-    return Imported(out, session.simulated, rate, volts.shape[1], first, shift)
+    return Imported(out, session.simulated, rate, volts.shape[1], first, shift, tuple(warnings))
 
 
+@contextmanager
 def _recording(
     out: Path, rig: Rig, session: SessionInfo, volts: Signal, first: int, rate: float, t0_ns: int
-) -> Recording:
-    """Return a recording whose trigger gets the date ``t0_ns``."""
+) -> Iterator[Recording]:
+    """Open a recording whose trigger has the date ``t0_ns``, with its volts; no fault leaves it."""
+    ends = [t0_ns + index * 1e9 / rate for index in (first, first + volts.shape[1])]
+    if not (0 < rate <= HIGHEST_RATE and all(0 <= end < 2**63 for end in ends)):
+        raise RecordingError(
+            f"at {rate:.6g} Hz, its {volts.shape[1]} samples from sample {first} on reach beyond"
+            " the dates from 1970 to 2262; correct the rate, --trigger or --started"
+        )
     last = first + min(rig.daq.block, volts.shape[1]) - 1
     arrived = t0_ns + round(last * 1e9 / rate)
-    return Recording(
+    recording = Recording(
         out, rig, session=session, rate=rate, clock=lambda: arrived, monotonic=lambda: 0.0
     )
+    opened = False
+    try:
+        with recording:
+            opened = True
+            _write_volts(recording, volts, first, rig.daq.block)
+            yield recording
+    except BaseException:
+        if opened:  # the samples are in the imported file
+            recording.part_path.unlink(missing_ok=True)
+        raise
 
 
 def _write_volts(recording: Recording, volts: Signal, first: int, size: int) -> None:
@@ -180,26 +216,19 @@ def _write_volts(recording: Recording, volts: Signal, first: int, size: int) -> 
         recording.write_block(Block(first + at, volts[:, at : at + size]))
 
 
-def _volts(values: Signal, column: ChannelColumn) -> Signal:
-    scaled = values * column.unit_value
-    return scaled if column.in_volts else to_volts(scaled, column.channel)
+def _volts(values: Signal, column: ChannelColumn, rate: float) -> Signal:
+    with np.errstate(over="ignore", invalid="ignore"):  # refused by the caller
+        scaled = values * column.unit_value
+        if column.unit == "m":
+            from scipy.signal import savgol_filter
 
-
-def _start_and_rate(times: Signal, rate: float | None) -> tuple[float, float]:
-    """Return the start (s) and the rate (Hz) of a column of times, which must be even."""
-    if len(times) < 2:
-        raise RecordingError("its column of times has fewer than two rows; give --rate instead")
-    if rate is None:
-        rate = float(f"{(len(times) - 1) / (times[-1] - times[0]):.9g}")
-    error = np.abs((times - times[0]) * rate - np.arange(len(times)))
-    if not error.max() <= EVEN:
-        worst = int(np.argmax(~(error <= EVEN)))
-        raise RecordingError(
-            f"its column of times is not even at {rate:.9g} Hz: row {worst + 1} at"
-            f" {times[worst]:.9g} s is {error[worst]:.3g} sampling intervals off; give the correct"
-            " --rate, or a file without missing samples: nothing is resampled"
-        )
-    return float(times[0]), rate
+            if len(scaled) < SMOOTHED:
+                raise RecordingError(
+                    f"column {column.name!r} has {len(scaled)} rows, and the derivative of a"
+                    f" displacement needs {SMOOTHED}; give more rows"
+                )
+            scaled = np.asarray(savgol_filter(scaled, SMOOTHED, 4, deriv=1, delta=1 / rate), float)
+        return scaled if column.unit == "V" else to_volts(scaled, column.channel)
 
 
 def _joined(*texts: str) -> str:

@@ -21,6 +21,9 @@ FLAT_LEVEL = 0.1
 """Dimensionless, fraction of the range above which a flat signal counts as saturated."""
 LEAST_NOISE = 1e-6
 """Dimensionless, fraction of the range below which a signal has too little noise to judge."""
+RESOLUTION_ROWS, LEAST_COUNTS = 2048, 2.0
+"""Samples from which the converter's resolution is read, and noise in counts below which equal
+samples are no sign of saturation."""
 DROP_OUT_WINDOW = 3e-3
 """Length of the running median that drop-outs are compared with, s; it finds those of up to half
 this length."""
@@ -28,11 +31,18 @@ DROP_OUT_SEED = 7.0
 """Least deviation of a drop-out from the median, in standard deviations of the noise."""
 DROP_OUT_EDGE = 3.0
 """Deviation at which a drop-out starts and ends, in standard deviations."""
-DROP_OUT_JUMP = 3
-"""Samples within which it starts or ends by `DROP_OUT_FRACTION` of its depth, faster than any
-key."""
+DROP_OUT_JUMP = 60e-6
+"""s, within which it starts or ends by `DROP_OUT_FRACTION` of its depth; at least a sample."""
 DROP_OUT_FRACTION = 0.5
 """Dimensionless, least fraction of its depth."""
+FASTEST = 8.0
+"""m/s^2, acceleration at the laser below which a jump may be the key's own, as at a release: that
+of 0.3 N at the jack."""
+BESIDE = 0.4
+"""Dimensionless, fraction of its depth below which the signal beside it deviates; a key that
+vibrates deviates before and after as well."""
+LONG = 0.5e-3
+"""s, duration from which on no vibrating key is so sudden."""
 LEAST_DROP_OUT = 2e-3
 """Dimensionless, fraction of the range below which nothing is a drop-out, for any noise."""
 
@@ -112,7 +122,7 @@ def _stretches(volts: Signal, channel: Channel, rate: float) -> list[tuple[Kind,
     for start, stop in _saturated(volts, magnitude, noise, channel.range, high):
         found.append(("overload", start, stop))
     if channel.quantity == "velocity":
-        for start, stop in _drop_outs(volts, noise, channel.range, rate, high):
+        for start, stop in _drop_outs(volts, noise, channel, rate, high):
             found.append(("drop-out", start, stop))
     return found
 
@@ -123,6 +133,9 @@ def _saturated(
     """Return where a noisy signal is flat, away from zero and below the end of the range."""
     if noise < LEAST_NOISE * largest or len(volts) < FLAT:
         return []
+    levels = np.unique(volts[:RESOLUTION_ROWS])
+    if len(levels) > 1 and noise < LEAST_COUNTS * np.diff(levels).min():
+        return []
     steps = np.diff(volts)
     flat = np.abs(steps, out=steps) < FLAT_NOISE * noise
     flat &= magnitude[1:] > FLAT_LEVEL * largest
@@ -131,29 +144,34 @@ def _saturated(
 
 
 def _drop_outs(
-    volts: Signal, noise: float, largest: float, rate: float, known: NDArray[np.bool_]
+    volts: Signal, noise: float, channel: Channel, rate: float, known: NDArray[np.bool_]
 ) -> list[tuple[int, int]]:
     """Return short deviations from a running median that start or end suddenly.
 
-    A reversing key deviates from the median as well, but slowly.
+    A reversing key deviates from the median as well, but slowly, as at a release; one that vibrates
+    deviates before and after as well.
     """
     window = math.ceil(DROP_OUT_WINDOW * rate) | 1
     if len(volts) < window:
         return []
-    unit = max(noise, LEAST_DROP_OUT * largest / DROP_OUT_SEED)
-    least = DROP_OUT_SEED * math.sqrt(2) * unit
-    jumps = volts[DROP_OUT_JUMP:] - volts[:-DROP_OUT_JUMP]
-    np.abs(jumps, out=jumps)
-    if not (jumps > least).any():
+    unit = max(noise, LEAST_DROP_OUT * channel.range / DROP_OUT_SEED)
+    step = max(1, round(DROP_OUT_JUMP * rate))
+    least = max(DROP_OUT_SEED * math.sqrt(2) * unit, FASTEST * step / rate / channel.scale)
+    jumps = volts[step:] - volts[:-step]
+    if not ((jumps > least) | (jumps < -least)).any():
         return []  # before computing the median, which is most of the work
     from scipy.ndimage import median_filter
 
-    deviation = np.abs(volts - median_filter(volts, window, mode="nearest"))
+    deviation = volts - median_filter(volts, window, mode="nearest")
     found = []
-    for start, stop in _runs(deviation > DROP_OUT_EDGE * unit):
-        depth = deviation[start:stop].max()
-        jump = jumps[max(0, start - DROP_OUT_JUMP) : stop].max()
+    for start, stop in _runs(np.abs(deviation) > DROP_OUT_EDGE * unit):
+        depth = np.abs(deviation[start:stop]).max()
+        jump = np.abs(jumps[max(0, start - step) : stop]).max(initial=0.0)
         sudden = jump > max(least, DROP_OUT_FRACTION * depth)
+        wide = stop - start + 1
+        beside = np.concatenate([deviation[max(0, start - wide) : start], deviation[stop:][:wide]])
+        slower = stop - start > LONG * rate > 4 * step
+        sudden &= slower or np.abs(beside).max(initial=0.0) < BESIDE * depth
         if depth > DROP_OUT_SEED * unit and sudden and not known[start:stop].any():
             found.append((start, stop))
     return found

@@ -12,9 +12,10 @@ from sautereau.daq.errors import DaqError
 from sautereau.daq.file.recorded import Block
 from sautereau.daq.source.connection import connect
 from sautereau.daq.source.driver_faults import NOT_DONE, NOT_YET_AVAILABLE, driver_errors
-from sautereau.daq.source.inputs import InputSettings, read_inputs
+from sautereau.daq.source.inputs import read_inputs
 from sautereau.daq.source.server_session import create_task
-from sautereau.daq.source.task import TaskSettings, build_task, plan_task
+from sautereau.daq.source.source import InputSettings, SourceSettings
+from sautereau.daq.source.task import build_task, plan_task
 from sautereau.daq.source.terminals import trigger_terminal
 from sautereau.rig.acquisition import Daq
 from sautereau.rig.schema import Rig
@@ -129,12 +130,12 @@ class Acquisition:
                 raise
             first.add_note(f"then clearing the task failed as well: {error}")
 
-    def settings(self) -> TaskSettings:
+    def settings(self) -> SourceSettings:
         """Return the task as the device has accepted and verified it."""
         plan = self._plan
         with driver_errors(self._daq, "reading its buffer", self._options):
             buffer = self._entered().in_stream.input_buf_size
-        return TaskSettings(
+        return SourceSettings(
             device=self._description,
             simulated=self.simulated,
             channels=self._inputs,

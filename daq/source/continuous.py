@@ -8,7 +8,7 @@ from pathlib import Path
 from sautereau.daq.errors import DaqError
 from sautereau.daq.file.recorded import Block, SessionInfo
 from sautereau.daq.file.recording import Recording
-from sautereau.daq.source.acquisition import Acquisition
+from sautereau.daq.source.source import open_source
 from sautereau.rig.schema import Rig
 
 NO_PRESS = 0
@@ -52,7 +52,7 @@ def record(
             f"recording of {duration_s:g} s: the duration must be a number above 0 s; give one, or"
             " none to continue until it is stopped"
         )
-    with Acquisition(rig.daq, None, triggered=triggered) as acquisition:
+    with open_source(rig.daq, None, triggered=triggered) as acquisition:
         limit = math.inf
         if duration_s is not None:
             # Rounded first: the last digits of the product are rounding errors.

@@ -6,10 +6,10 @@ names given here. A device that does not have one refuses it with a code of `NOT
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any, TypeVar
 
 from sautereau.daq.errors import DaqError
+from sautereau.daq.source.source import InputSettings
 from sautereau.rig.acquisition import Channel, Daq
 
 NOT_SUPPORTED = (-200197, -200452)
@@ -18,31 +18,6 @@ EXCITATION_TOLERANCE = 0.1
 """Dimensionless, largest relative difference of the sensor's current from the requested one."""
 
 Value = TypeVar("Value")
-
-
-@dataclass(frozen=True)
-class InputSettings:
-    """One input as the device has accepted it."""
-
-    name: str
-    terminal: str
-    """Terminal with the device's name: ``Dev1/ai0``."""
-    sensor: str
-    range: float
-    """Requested range, largest magnitude, V."""
-    device_low: float
-    """Lower end of the device's input range, V."""
-    device_high: float
-    """Upper end of the device's input range, V."""
-    terminal_configuration: str | None
-    """How it is referenced to ground: `rse`, `nrse`, `diff`, `pseudo_diff`; None if unknown."""
-    coupling: str | None
-    """`ac` or `dc`; None if unknown."""
-    excitation: float | None
-    """Current for the sensor, A; None if the device supplies none."""
-    delay: float
-    """By which its samples lag the terminal, s; negative where it is sampled later than the
-    first input."""
 
 
 def add_input(task: Any, device: str, channel: Channel) -> None:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from sautereau.daq.errors import DaqError
-from sautereau.daq.source.inputs import InputSettings, add_input
+from sautereau.daq.source.inputs import add_input
 from sautereau.rig.acquisition import Daq
 
 RATE_TOLERANCE = 1e-2
@@ -107,12 +107,13 @@ def build_task(task: Any, plan: TaskPlan, trigger: str) -> float:
         sample_mode=AcquisitionType.CONTINUOUS if plan.total is None else AcquisitionType.FINITE,
         samps_per_chan=plan.buffer,
     )
+    edge = Edge[daq.trigger_edge.upper()]
     if plan.before:
-        task.triggers.reference_trigger.cfg_dig_edge_ref_trig(trigger, plan.before, Edge.RISING)
+        task.triggers.reference_trigger.cfg_dig_edge_ref_trig(trigger, plan.before, edge)
         # By default every read would start at the first sample before the trigger again.
         task.in_stream.relative_to = ReadRelativeTo.CURRENT_READ_POSITION
     elif plan.triggered:
-        task.triggers.start_trigger.cfg_dig_edge_start_trig(trigger, Edge.RISING)
+        task.triggers.start_trigger.cfg_dig_edge_start_trig(trigger, edge)
     task.in_stream.input_buf_size = plan.buffer
     rate = task.timing.samp_clk_rate
     if abs(rate / daq.sample_rate - 1) > RATE_TOLERANCE:
@@ -121,27 +122,3 @@ def build_task(task: Any, plan: TaskPlan, trigger: str) -> float:
             f" {daq.sample_rate:.9g} Hz; set daq.sample_rate to a rate that it supports"
         )
     return rate
-
-
-@dataclass(frozen=True)
-class TaskSettings:
-    """A task as the device has accepted it: the result of a dry run."""
-
-    device: str
-    """Product type, serial number and name of the device."""
-    simulated: bool
-    channels: tuple[InputSettings, ...]
-    requested_rate: float
-    """Sampling rate that the rig requests, Hz."""
-    rate: float
-    """Sampling rate of every channel, Hz."""
-    n_samples: int | None
-    """Samples of each channel; None to continue until it is stopped."""
-    pre_trigger_samples: int
-    """Samples of each channel before the edge, included in ``n_samples``."""
-    buffer: int
-    """Samples of each channel that the buffer holds."""
-    block: int
-    """Samples of each channel read at a time."""
-    trigger: str
-    """Terminal whose rising edge starts it; empty if it starts immediately."""

@@ -72,6 +72,11 @@ class PoweredArm(MotionController, Generic[DriverT]):
         return self._identity
 
     @property
+    def connected(self) -> bool:
+        """Whether there is a connection."""
+        return self._driver is not None
+
+    @property
     def simulated(self) -> bool:
         return "SIM" in self.identity
 

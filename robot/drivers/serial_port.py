@@ -1,10 +1,11 @@
-"""Open a serial port, or list the ports of this machine and how to fix it; read and close it."""
+"""Open a port of a controller, or list the ports of this machine and how to fix it."""
 
 import errno
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Protocol
 
+from sautereau.robot.drivers.ethernet import TCP, EthernetPort
 from sautereau.robot.errors import LineLost, PortUnavailable, SilentController
 
 
@@ -35,7 +36,7 @@ def open_port(name: str, baud_rate: int, timeout: float) -> Port:
     """Open a serial device, or any URL that pyserial takes, for exclusive use.
 
     Args:
-        name: Device or URL.
+        name: Device, `tcp://host:port`, or URL.
         baud_rate: Bits per second.
         timeout: s, of reading and of writing.
 
@@ -45,6 +46,8 @@ def open_port(name: str, baud_rate: int, timeout: float) -> Port:
     import serial
 
     try:
+        if name.startswith(TCP):
+            return EthernetPort(name, timeout)
         return serial.serial_for_url(
             name, baudrate=baud_rate, timeout=timeout, write_timeout=timeout, exclusive=True
         )

@@ -13,6 +13,7 @@ from sautereau.rig.load import current_document, rig_document
 from sautereau.rig.schema import Rig
 from sautereau.robot.errors import RobotError
 from sautereau.robot.experiment.feedforward import torque_table
+from sautereau.robot.experiment.plan import comparable
 from sautereau.robot.experiment.session import Item
 from sautereau.robot.experiment.session_folder import differences
 from sautereau.trajectory.errors import TrajectoryError
@@ -24,7 +25,6 @@ from sautereau.trajectory.timing import press_law
 HALVINGS = 4
 """Times that the change of a correction is halved where the press cannot be planned."""
 _SECTIONS = ("press", "arm", "controller")
-_ADDRESS = "port"
 
 
 class IterativeLearning:
@@ -98,7 +98,7 @@ class IterativeLearning:
             SautereauError: The recording has no speed over the complete press.
         """
         press = load_press(path)
-        time = press.data.index.to_numpy(dtype=float)
+        time = press.data.index.to_numpy(dtype=float) - self._rig.controller.trigger_delay
         speed = press.data["jack_speed"].to_numpy(dtype=float)
         correction = self._learner.learn(self._used, time, speed)
         self._trajectory = None
@@ -170,7 +170,7 @@ def read_learned(path: Path, rig: Rig, feed_forward: str = "") -> Correction:
         found = json.loads(read_limited(path))
         time, rise = (np.array(found[name], dtype=float) for name in ("time", "rise"))
         asked = _learned_for(rig, feed_forward)
-        learned_for = current_document(found["learned_for"])
+        learned_for = comparable(current_document(found["learned_for"]))
         changes = list(differences({name: learned_for.get(name) for name in asked}, asked))
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise RobotError(
@@ -188,7 +188,5 @@ def read_learned(path: Path, rig: Rig, feed_forward: str = "") -> Correction:
 
 def _learned_for(rig: Rig, feed_forward: str) -> dict[str, Any]:
     """Return what a correction depends on, as TOML would hold it."""
-    document = rig_document(rig)
-    found = {section: document[section] for section in _SECTIONS}
-    del found["controller"][_ADDRESS]
-    return found | {"feed_forward": feed_forward}
+    document = comparable(rig_document(rig))
+    return {section: document[section] for section in _SECTIONS} | {"feed_forward": feed_forward}

@@ -18,8 +18,12 @@ from sautereau.trajectory.press import Trajectory
 
 MOST_PRESSES = 100_000
 """Largest number of presses of a session: a day of them at full speed."""
-_ADDRESSES = (("controller", "port"), ("daq", "address"))
-"""What may change before a session is resumed: where its devices are connected."""
+_MAY_CHANGE = {
+    "controller": ("port", "verified", "verified_settings", "verified_on"),
+    "daq": ("address",),
+}
+"""What may change before a session is resumed: where its devices are connected, and that the
+controller was verified again."""
 
 
 @dataclass(frozen=True)
@@ -79,9 +83,6 @@ class Plan:
 
     def document(self) -> dict[str, Any]:
         """Return the plan as a JSON document; equal plans give equal documents."""
-        rig = rig_document(self.rig)
-        for section, name in _ADDRESSES:
-            del rig[section][name]
         rows = [
             {"values": dict(row.values), "repeats": row.repeats, "notes": row.notes}
             for row in self.rows
@@ -90,10 +91,18 @@ class Plan:
             "presses": rows,
             "warm_up": self.warm_up,
             "rest": self.rest,
-            "rig": rig,
+            "rig": comparable(rig_document(self.rig)),
             "scene": json.loads(self.scene) if self.scene else "the hardware",
             "files": dict(self.files or {}),
         }
+
+
+def comparable(document: dict[str, Any]) -> dict[str, Any]:
+    """Remove what may change within a session from a rig as TOML holds it, and return it."""
+    for section, names in _MAY_CHANGE.items():
+        for name in names:
+            document.get(section, {}).pop(name, None)
+    return document
 
 
 def plan_rows(rows: Sequence[Row], plan_one: Callable[[Rig], Trajectory]) -> list[Trajectory]:

@@ -13,7 +13,7 @@ import numpy as np
 
 from sautereau.daq.file.recorded import Joints
 from sautereau.daq.file.recording import Recording, SessionInfo
-from sautereau.daq.source.acquisition import Acquisition
+from sautereau.daq.source.source import open_source
 from sautereau.rig.schema import Rig
 from sautereau.robot.controller import Capture, MotionController, TorqueTable
 from sautereau.robot.errors import RobotError
@@ -122,7 +122,7 @@ def make_presses(
         pending = iter(items)
         first = next(pending, None)
         if first is not None:  # a card that is missing or in use, before any motion
-            with Acquisition(first.rig.daq, _duration(first)):
+            with open_source(first.rig.daq, _duration(first)):
                 pass
         with controller.powered():
             last: Trajectory | None = None
@@ -191,7 +191,7 @@ def _press(
     watch(Stage("loading", "idle", number))
     controller.load(trajectory.segments, item.torques)
     controller.arm()
-    with Acquisition(rig.daq, _duration(item)) as acquisition:
+    with open_source(rig.daq, _duration(item)) as acquisition:
         session = SessionInfo(
             press=number,
             started=datetime.now(UTC).isoformat(timespec="milliseconds"),
@@ -223,11 +223,9 @@ def _press(
                 first, second = np.abs(item.torques.torques).max(axis=0)
                 largest = f"up to {first:.4g} N m at joint 1 and {second:.4g} N m at joint 2"
                 recording.event("feed-forward", largest, 0.0)
-            joints = trajectory.joints.position
-            recording.write_plan(
-                trajectory.time, joints[:, 0], joints[:, 1], trajectory.rise.position
-            )
             capture = controller.capture()
+            planned, joints = trajectory.time + capture.trigger_delay, trajectory.joints.position
+            recording.write_plan(planned, joints[:, 0], joints[:, 1], trajectory.rise.position)
             recording.write_joints(_joints(capture, rig))
 
 
@@ -245,7 +243,7 @@ def _joints(capture: Capture, rig: Rig) -> Joints:
     if capture.torques is not None:
         columns["m"] = capture.torques
     named = {f"{name}{j + 1}": c[:, j] for name, c in columns.items() for j in (0, 1)}
-    return Joints(t=capture.times, **named)
+    return Joints(t=capture.times_after_trigger, **named)
 
 
 def _free_number(out: Path) -> int:

@@ -17,7 +17,7 @@ from sautereau.rig.disk import read_limited, write_durably
 from sautereau.rig.load import current_document
 from sautereau.rig.renamed import current_key
 from sautereau.robot.errors import RobotError
-from sautereau.robot.experiment.plan import Plan
+from sautereau.robot.experiment.plan import Plan, comparable
 
 MANIFEST = "session.json"
 """Name of the file in the session's folder."""
@@ -146,7 +146,7 @@ def read_manifest(folder: Path) -> Manifest | None:
                 f"session {path}: it is of version {found['version']!r}, not {VERSION}; continue"
                 " with the version of sautereau that started it, or give another folder"
             )
-        found["plan"]["rig"] = current_document(found["plan"].get("rig", {}))
+        found["plan"]["rig"] = comparable(current_document(found["plan"].get("rig", {})))
         for row in found["plan"].get("presses", ()):
             row["values"] = {current_key(key): value for key, value in row["values"].items()}
         found["set_up"] = {current_key(key): value for key, value in found["set_up"].items()}
@@ -196,15 +196,22 @@ def check_same(folder: Path, started: Mapping[str, Any], asked: Mapping[str, Any
 
 
 def differences(started: Any, asked: Any, at: str = "") -> Iterator[str]:
-    """Yield the differences of two JSON documents, by dotted key, with both values."""
+    """Yield the differences of two JSON documents, by dotted key, with both values.
+
+    A key that is missing is one without a value.
+    """
     if isinstance(started, list) and isinstance(asked, list):
         started, asked = (dict(enumerate(values, 1)) for values in (started, asked))
     if isinstance(started, Mapping) and isinstance(asked, Mapping):
         for key in dict.fromkeys([*started, *asked]):
             place = f"{at}.{key}" if at else str(key)
             yield from differences(started.get(key, _ABSENT), asked.get(key, _ABSENT), place)
-    elif started != asked:
+    elif started != asked and not (_is_missing(started) and _is_missing(asked)):
         yield f"{at}: {_shown(started)} then, {_shown(asked)} now"
+
+
+def _is_missing(value: Any) -> bool:
+    return value is None or value is _ABSENT
 
 
 def _shown(value: Any) -> str:

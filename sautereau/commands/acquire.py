@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Any
 from sautereau.commands import common
 
 if TYPE_CHECKING:
-    from sautereau.daq.source.inputs import InputSettings
-    from sautereau.daq.source.task import TaskSettings
+    from sautereau.daq.source.source import InputSettings, SourceSettings
 
 
 def acquire(
@@ -40,8 +39,9 @@ def acquire(
         Operator's notes, saved in the recording.
     """
     from sautereau.daq.errors import DaqError
-    from sautereau.daq.source.acquisition import Acquisition
+    from sautereau.daq.file.reading import read_session
     from sautereau.daq.source.continuous import record
+    from sautereau.daq.source.source import open_source
     from sautereau.rig.units import parse_quantity
 
     try:
@@ -55,7 +55,7 @@ def acquire(
     nominal = common.load_rig(rig)
     with _asked_to_stop() as asked, common.hardware(nominal, simulation) as bench:
         if dry_run or out is None:
-            with Acquisition(bench.rig.daq, None, triggered=triggered) as acquisition:
+            with open_source(bench.rig.daq, None, triggered=triggered) as acquisition:
                 settings = acquisition.settings()
             return common.answer(json, asdict(settings), _lines(settings))
         common.say(not json, f"rig {nominal.name} on {bench.where}; Ctrl-C ends the recording")
@@ -77,7 +77,7 @@ def acquire(
         "n_samples": n,
         "channels": [channel.name for channel in bench.rig.daq.channels],
         "stopped": asked(),
-        "simulated": bool(bench.scene),
+        "simulated": read_session(out).simulated,
         "seed": bench.seed,
     }
     count = len(bench.rig.daq.channels)
@@ -86,7 +86,7 @@ def acquire(
     )
 
 
-def _lines(settings: "TaskSettings") -> list[str]:
+def _lines(settings: "SourceSettings") -> list[str]:
     simulated = ", SIMULATED" if settings.simulated else ""
     return [
         f"device:     {settings.device}{simulated}",

@@ -69,20 +69,37 @@ def campaign(
     return common.answer(json, result, lines)
 
 
-def touch(file: Path, /, *, plot: common.Picture = None, json: common.Json = False) -> int:
-    """Show how the force at the key depends on the plectrum's shape.
+def touch(
+    file: Path,
+    /,
+    *,
+    labels: Path | None = None,
+    plot: common.Picture = None,
+    json: common.Json = False,
+) -> int:
+    """Show how the force at the key depends on the plectrum's shape, and what musicians feel.
 
     Parameters
     ----------
     file
         Table written by `sautereau campaign`.
+    labels
+        CSV of judgements: a column `touch` (soft, medium, hard) and one of path, session,
+        plectrum or rig. Default: the lines `touch: hard` in the notes of the recordings.
     """
+    from sautereau.analysis.campaign.judged import find_judged
+    from sautereau.analysis.campaign.judgements import with_labels
     from sautereau.analysis.campaign.table import read_campaign
     from sautereau.analysis.campaign.touch import find_touch
+    from sautereau.analysis.summary.judged import judged_lines, judged_summary
     from sautereau.analysis.summary.touch import touch_lines, touch_summary
 
-    found = find_touch(read_campaign(file))
-    result, lines = touch_summary(found), touch_lines(found)
+    table = read_campaign(file)
+    if labels is not None:
+        table = with_labels(table, labels)
+    found, judged = find_touch(table), find_judged(table)
+    result = touch_summary(found) | {"judged": judged_summary(judged)}
+    lines = [*touch_lines(found), *judged_lines(judged)]
     if plot:
         from sautereau.analysis.figures.touch import touch_figure
 

@@ -88,6 +88,23 @@ def load_rig(name: str) -> "Rig":
     return load_rig(name)
 
 
+def rig_to_move(name: str, simulation: Simulation) -> "Rig":
+    """Load the rig of a command that moves the arm.
+
+    Raises:
+        RigError: The hardware would move by a packaged rig; its limits are of another arm.
+    """
+    from sautereau.rig.errors import RigError
+
+    if not simulation.requested and not Path(name).is_file():
+        raise RigError(
+            f"rig {name!r}: the hardware moves only with a rig file of your own, since a packaged"
+            " rig has the limits of another arm; write one with `sautereau init my-rig.toml` and"
+            " give its path, or add --sim for the stand-in"
+        )
+    return load_rig(name)
+
+
 def expected_of(rig: "Rig") -> "tuple[Expectation | None, list[str]]":
     """Return the string's force that the model expects in a press, or why there is none."""
     from sautereau.analysis.errors import ModelError

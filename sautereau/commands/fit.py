@@ -3,6 +3,8 @@
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
+from cyclopts import Parameter
+
 from sautereau.analysis.summary.text import SOME_SIMULATED
 from sautereau.commands import common
 
@@ -55,14 +57,15 @@ def compare(
     from sautereau.analysis.model.predict import predict as predict_press
     from sautereau.analysis.press.features import features
     from sautereau.analysis.session.compare import compare as compare_presses
-    from sautereau.analysis.session.compare import compare_features
+    from sautereau.analysis.session.compare import compare_features, predict_each
     from sautereau.analysis.summary.session import comparison_lines, comparison_summary
 
     pressed, found = common.load(files)
     bench = common.load_rig(rig) if rig else pressed[0].rig
     prediction = predict_press(bench, level)
-    comparison = compare_presses(found, prediction)
-    every = compare_features(list(map(features, pressed, found)), bench, prediction)
+    each = predict_each(pressed, found, bench, level)
+    comparison = compare_presses(found, each)
+    every = compare_features(list(map(features, pressed, found)), bench, each)
     simulated = any(p.simulated for p in pressed)
     lines = [*([SOME_SIMULATED] * simulated), *comparison_lines(comparison, level, every)]
     result = comparison_summary(comparison, every) | {"simulated": simulated}
@@ -83,6 +86,7 @@ def identify(
     starts: int = 3,
     robust: bool = False,
     profile: bool = False,
+    verbose: Annotated[bool, Parameter(name=["-v", "--verbose"])] = False,
     out: common.OutFile | None = None,
     plot: common.Picture = None,
     json: common.Json = False,
@@ -105,9 +109,11 @@ def identify(
         Weight large residuals linearly instead of quadratically.
     profile
         Compute 95 % intervals by profile likelihood, too; this takes longer.
+    verbose
+        List what each fixed number of the rig does to the results.
     out
-        Rig file for the identifiable values. Other values of an existing file stay; a new file
-        is written from the recordings' rig.
+        Rig file for the identifiable values of a model that fits. Other values of an existing
+        file stay; a new file is written from the recordings' rig.
     """
     from sautereau.analysis.identify.fit import fit, inverse_dynamics
     from sautereau.analysis.identify.identified import evaluate
@@ -124,7 +130,7 @@ def identify(
     profiles = [profile_of(made, found, e.name) for e in found.estimates] if profile else []
     simulated = any(p.simulated for p in pressed)
     result = fit_summary(found, profiles) | {"simulated": simulated}
-    lines = [*([SOME_SIMULATED] * simulated), *fit_lines(found, profiles)]
+    lines = [*([SOME_SIMULATED] * simulated), *fit_lines(found, profiles, every=verbose)]
     if plot:
         from sautereau.analysis.figures.fit import fit_figure
 
@@ -147,7 +153,8 @@ def _write_rig(out: Path, nominal: "Rig", found: "Identified", simulated: bool) 
     from sautereau.rig.edit import edit_rig, edited_text
     from sautereau.rig.text import rig_text
 
-    values = rig_values(nominal, {e.name: e.value for e in found.estimates if e.identifiable})
+    sure = [e for e in found.estimates if e.identifiable and found.quality.fits]
+    values = rig_values(nominal, {e.name: e.value for e in sure})
     first, count = found.presses[0], len(found.presses)
     source = (
         f"identified from {'SIMULATED ' * simulated}{first}"

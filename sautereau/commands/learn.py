@@ -44,7 +44,7 @@ def learn(
     from sautereau.robot.experiment.plan import digest
     from sautereau.robot.experiment.session import Item, Origin, make_presses
 
-    nominal = common.load_rig(rig)
+    nominal = common.rig_to_move(rig, simulation)
     expected, doubts = common.expected_of(nominal)
     file = out / LEARNED
     if file.exists():

@@ -81,7 +81,7 @@ def press(
     from sautereau.robot.experiment.plan_table import Row, read_plan_table
     from sautereau.robot.experiment.session_folder import SessionFolder
 
-    nominal = common.load_rig(rig)
+    nominal = common.rig_to_move(rig, simulation)
     rows = read_plan_table(table, nominal, n, notes) if table else (Row(nominal, n, notes=notes),)
     followed = {"learned": learned, "feed_forward": feed_forward}
     files = {name: digest(path) for name, path in followed.items() if path}

@@ -8,7 +8,7 @@ from sautereau.analysis.figures.comparison import comparison_figure
 from sautereau.analysis.loading.press import Press, load_press
 from sautereau.analysis.model.predict import predict
 from sautereau.analysis.phases import Phases, find_phases
-from sautereau.analysis.session.compare import compare
+from sautereau.analysis.session.compare import compare, predict_each
 from sautereau.analysis.session.repeatability import LEAST, repeatability
 from sautereau.analysis.summary import session as summary
 from sautereau.analysis.summary.press import HEADER, press_line, press_summary
@@ -145,7 +145,7 @@ class SessionReport:
             lines.append(", ".join(f"{key} = {value}" for key, value in row.values.items()) + ":")
         if any(f.plucks for f in found):
             prediction = predict(row.rig)
-            comparison = compare(found, prediction)
+            comparison = compare(found, predict_each(pressed, found, row.rig))
             drawn = len(self._pictured.intersection(numbers))
             names = dict.fromkeys((paths[0].stem, paths[drawn - 1].stem))
             picture = self._folder.path / f"{'-to-'.join(names)}.png"

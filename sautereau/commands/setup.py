@@ -15,7 +15,9 @@ if TYPE_CHECKING:
 _TIMEOUT = "60 s"
 """Timeout of the stand-in's controller, which answers only after the motion has ended."""
 
-StepName = Literal["all", "port", "controller", "home", "encoders", "contact", "touch", "dry-run"]
+StepName = Literal[
+    "all", "port", "controller", "verify", "home", "encoders", "contact", "touch", "dry-run"
+]
 
 
 def init(file: Path = Path("my-rig.toml"), /, *, json: common.Json = False) -> int:
@@ -85,13 +87,15 @@ def setup(
     from sautereau.rig.load import with_values
     from sautereau.robot.experiment.setup.steps import make_steps
 
-    nominal = common.load_rig(rig)
     if not yes and not sys.stdin.isatty():
         return common.fail(
             json, "setup asks before motions: run it on a terminal, or give --yes", 2
         )
     if save and not Path(rig).is_file():
         return common.fail(json, f"--save: {rig} is not a file; write one with `sautereau init`", 2)
+    nominal = common.rig_to_move(rig, simulation)
+    if yes and not simulation.requested and step in ("all", "verify"):
+        return common.fail(json, "setup verify needs an operator: give it without --yes", 2)
     values: dict[str, str | int] = {}
     steps: dict[str, Any] = {}
     if simulation.requested:
@@ -138,6 +142,13 @@ class _Operator:
     def confirm(self, question: str) -> bool:
         """Return whether the answer is yes; see `Ask`."""
         return self._agreed or _asked(f"{question} [y/N] ").lower() in ("y", "yes")
+
+    def act(self, instruction: str) -> bool:
+        """Wait until it is done; see `Ask`."""
+        if self._agreed:
+            return False
+        _asked(f"{instruction} Press Enter when it is done. ")
+        return True
 
     def number(self, question: str, unit: str, expected: float) -> float | None:
         """Return the measured value; see `Ask`."""

@@ -1,6 +1,6 @@
 """The emulated controllers: their interface, their registry, and their references."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from typing import Protocol
 
 import numpy as np
@@ -25,6 +25,18 @@ class Plant(Protocol):
 
     def home_counts(self) -> tuple[int, int]:
         """Return the raw encoder counts at the home switches."""
+        ...
+
+    def index(self, axis: int) -> int | None:
+        """Return the raw counts of the encoder index that passed in the last sample, or None."""
+        ...
+
+    def active(self, switch: str, axis: int) -> bool:
+        """Return whether current flows in an input: forward, reverse, home or abort."""
+        ...
+
+    def amplifier_fault(self, axis: int) -> bool:
+        """Return whether an axis's amplifier reports a fault."""
         ...
 
     def torque_volts(self) -> tuple[float, float]:
@@ -76,6 +88,15 @@ class Emulator(Protocol):
         """
         ...
 
+    @property
+    def phase(self) -> float:
+        """Fraction of the sample that has passed when an output changes within a tick."""
+        ...
+
+    def outgoing(self) -> Mapping[str, bytes]:
+        """Return what the controller has sent by itself since the last call, by port."""
+        ...
+
     def receive(self, data: bytes) -> bytes:
         """Take bytes from the host; return what the controller sends back."""
         ...
@@ -96,7 +117,7 @@ EMULATORS = Registry(
 """Functions that return an `Emulator` at power-up, by the rig's `controller.kind`.
 
 Their arguments are the `Rig`, the `Plant`, an `OnOutput`, and whether simulated time follows real
-time.
+time; and `unit`, the scene's table `[controller]`, if it has one.
 """
 
 

@@ -14,7 +14,8 @@ from types import TracebackType
 from typing import Self
 
 Handler = Callable[[bytes], bytes]
-"""Takes the received bytes and returns the answer; called in the port's thread."""
+"""Takes the received bytes and returns the answer; called in the port's thread. Without bytes it
+returns what the device has sent by itself."""
 
 _CHUNK = 4096
 
@@ -23,10 +24,14 @@ class PortGone(Exception):  # noqa: N818 - the name says what happened
     """Raised by a handler whose line is gone for good: the port closes without an answer."""
 
 
-class _Port:
-    """The thread and its state: subclasses open, wait, read and write."""
+class Port:
+    """The thread and its state: subclasses open, wait, read and write.
 
-    def __init__(self, handler: Handler) -> None:
+    Args:
+        handler: Takes the received bytes, returns the answer.
+    """
+
+    def __init__(self, handler: Handler = bytes) -> None:
         self.url = ""
         """URL for pyserial; known once the port is entered."""
         self._handler = handler
@@ -36,6 +41,7 @@ class _Port:
     def __enter__(self) -> Self:
         self._failure, self._stopping, self._gone = None, False, False
         self._waker, self._wake = socket.socketpair()
+        self._waker.setblocking(False)  # or a tick would wait for the thread that waits for it
         try:
             self._open()
         except BaseException:
@@ -58,7 +64,7 @@ class _Port:
             Exception: The handler's, which ended the thread.
         """
         self._stopping = True
-        self._waker.send(b"x")
+        self.wake()
         self._thread.join()
         if not self._gone:
             self._close()
@@ -66,6 +72,11 @@ class _Port:
         self._wake.close()
         if self._failure is not None and error is None:
             raise self._failure
+
+    def wake(self) -> None:
+        """Send the host what the device has sent by itself; any thread may call this."""
+        with contextlib.suppress(OSError):  # the port is closing, or will wake already
+            self._waker.send(b"w")
 
     def _run(self) -> None:
         try:
@@ -90,6 +101,9 @@ class _Port:
             if self._stopping:
                 return
             with contextlib.suppress(BlockingIOError):
+                if self._wake in readable:
+                    self._wake.recv(_CHUNK)
+                    answers += self._handler(b"")
                 if host in readable:
                     data = receive()
                     if not data:
@@ -108,7 +122,7 @@ class _Port:
         raise NotImplementedError(f"{type(self).__name__} does not say how it serves")
 
 
-class PtyPort(_Port):
+class PtyPort(Port):
     """A pseudo-terminal; the host may close it and open it again.
 
     Args:
@@ -133,7 +147,7 @@ class PtyPort(_Port):
         self._exchange(ours, lambda: os.read(ours, _CHUNK), lambda data: os.write(ours, data))
 
 
-class SocketPort(_Port):
+class SocketPort(Port):
     """A TCP port on loopback, for one host at a time.
 
     Args:
@@ -152,7 +166,9 @@ class SocketPort(_Port):
             readable, _, _ = select.select([self._listener, self._wake], [], [])
             if self._stopping:
                 return
-            if readable:
+            if self._wake in readable:
+                self._wake.recv(_CHUNK)
+            if self._listener in readable:
                 host, _ = self._listener.accept()
                 host.setblocking(False)
                 host.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)

@@ -16,7 +16,8 @@ from tests.presses import QUICK, press_on
 def recordings(tmp_path_factory):
     """Two recordings of a bench whose overlap and inertia are not those of its rig."""
     truth = {"plectrum.overlap": "0.33 mm", "key.inertia": "9e-4 kg m^2"}
-    scene = load_scene("paper").model_copy(update={"truth": truth})
+    # With the scene's own steps the force is 20 us late, which is an error of the model.
+    scene = load_scene("paper").model_copy(update={"truth": truth, "step": 50e-6})
     out = tmp_path_factory.mktemp("recordings")
     with StandIn(with_values(load_rig(), QUICK), scene, 1) as stand_in:
         return press_on(stand_in, out, 2)
@@ -29,7 +30,7 @@ def run(capsys, *words):
 
 def test_identify_writes_a_rig_that_compare_agrees_with(recordings, tmp_path, capsys):
     rig, picture = tmp_path / "found.toml", tmp_path / "fit.png"
-    free = "plectrum.overlap,key.inertia,key.gravity_moment"
+    free = "plectrum.bending_stiffness,plectrum.overlap,key.inertia,key.gravity_moment"
     status, out = run(
         capsys, "identify", *recordings, "--free", free, "--starts", 1, "--out", rig,
         "--plot", picture, "--json",
@@ -42,7 +43,10 @@ def test_identify_writes_a_rig_that_compare_agrees_with(recordings, tmp_path, ca
         assert low < high
         assert set(found["correlation"]) == set(found["parameters"])
     assert found["simulated"]
-    assert set(found["written"]) == {"plectrum.overlap", "key.inertia"}
+    assert found["fits"]
+    assert set(found["written"]) == {
+        "plectrum.youngs_modulus", "plectrum.overlap", "key.inertia"
+    }  # fmt: skip
     assert picture.stat().st_size > 1000
     written = load_rig(rig)
     assert written.plectrum.overlap == found["parameters"]["plectrum.overlap"]["value"]
@@ -53,9 +57,10 @@ def test_identify_writes_a_rig_that_compare_agrees_with(recordings, tmp_path, ca
     for extra in ((), ("--rig", rig)):
         _, out = run(capsys, "compare", *recordings, "--json", *extra)
         compared = json.loads(out)
-        errors.append(abs(compared["slope_error"]["value"]))
+        errors.append(abs(compared["duration_error"]["value"]))
         assert compared["features"]["pluck_duration"]["unit"] == "s"
-    assert errors[1] < errors[0]
+    assert errors[0] > 0.05
+    assert errors[1] < 0.02
 
 
 def test_a_rig_file_keeps_its_comments_and_profiles_are_reported(recordings, tmp_path, capsys):
@@ -76,7 +81,10 @@ def test_a_rig_file_keeps_its_comments_and_profiles_are_reported(recordings, tmp
     assert sources["key.inertia"].startswith("identified from SIMULATED press-0001.mcap on ")
 
 
-def test_an_error_elsewhere_in_the_rig_hides_a_parameter(recordings, capsys):
-    """With a wrong overlap the residual is so large that the inertia is not identifiable."""
-    _, out = run(capsys, "identify", recordings[0], "--free", "key.inertia", "--starts", 1)
-    assert "not identifiable from these recordings" in out
+def test_an_error_elsewhere_in_the_rig_is_reported_and_its_cause_suggested(recordings, capsys):
+    """With a wrong overlap the model does not fit, and freeing the overlap is suggested."""
+    _, out = run(capsys, "identify", recordings[0], "--free", "key.inertia", "--starts", 1, "-v")
+    assert "THE MODEL DOES NOT FIT" in out
+    assert "suggested: free plectrum.overlap" in out
+    assert "no 95 % intervals" in out
+    assert "offset.velocity_gain" in out

@@ -6,11 +6,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from benchmarks.campaign import write_presses
+from sautereau.analysis.campaign.run import run_campaign
 from sautereau.analysis.campaign.table import empty_campaign
 from sautereau.analysis.campaign.touch import FELT, find_touch
 from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.figures.touch import touch_figure
+from sautereau.analysis.model.predict import predict
 from sautereau.analysis.summary.touch import touch_lines, touch_summary
+from sautereau.rig.load import load_rig, with_values
 
 EXPONENTS = {"release_force": (1.5, 0.0), "force_slope": (2.0, 0.0), "force_drop": (1.5, 0.7)}
 """Of thickness and overlap."""
@@ -110,11 +114,39 @@ def test_excluded_presses_are_counted():
     rows[0] |= {"warm_up": True}
     rows[1] |= {"plucks": 0} | dict.fromkeys(FELT)
     rows[2] |= {"force_slope": -1.0}
+    rows[3] |= {"force_slope": None}
     found = find_touch(campaign_of(rows))
-    assert found.presses == len(rows) - 3
+    assert found.presses == len(rows) - 2
+    counts = {name: (felt.presses, felt.omitted) for name, felt in found.felt.items()}
+    assert counts == {
+        "release_force": (16, 0), "force_slope": (14, 2), "force_drop": (16, 0),
+    }  # fmt: skip
     notes = "\n".join(found.notes)
-    for text in ("1 warm-up presses", "1 presses without a pluck", "not above 0"):
+    for text in (
+        "1 warm-up presses", "1 presses without a pluck",
+        "force_slope: omitted from this quantity alone: 2 presses",
+    ):  # fmt: skip
         assert text in notes
+
+
+def test_exponents_are_not_biased_by_presses_without_a_drop():
+    """The drop of thin plectra is lost in noise; the other quantities keep their exponents."""
+    rows, random = rows_of(), np.random.default_rng(3)
+    for row in rows:
+        row["force_drop"] += random.normal(0, 0.8)
+    found = find_touch(campaign_of(rows))
+    assert found.presses == len(rows)
+    assert found.felt["force_drop"].omitted > 20
+    assert not found.felt["force_drop"].exponents
+    assert "exponents from them would be too large" in "\n".join(found.notes)
+    thickness = found.felt["release_force"].exponents["plectrum_thickness"]
+    assert thickness.value == pytest.approx(1.5, rel=0.1)
+    without = [row | {"force_drop": -1.0} for row in rows]
+    found = find_touch(campaign_of(without))
+    assert list(found.felt) == ["release_force", "force_slope"]
+    assert any(note.startswith("force_drop: 0 presses") for note in found.notes)
+    assert touch_lines(found)
+    assert touch_figure(found)
 
 
 @pytest.mark.parametrize(
@@ -164,3 +196,24 @@ def test_too_few_presses_are_refused():
     mute = [row | dict.fromkeys(FELT) | {"plucks": 0} for row in rows]
     with pytest.raises(AnalysisError, match="3 presses without a pluck"):
         find_touch(campaign_of(mute))
+
+
+@pytest.mark.slow
+def test_exponents_of_simulated_presses_are_those_of_the_model(tmp_path):
+    write_presses(tmp_path / "presses", 8, 2, 2)
+    found = find_touch(run_campaign(tmp_path / "presses", tmp_path / "table.parquet").campaign)
+    columns, expected = [], []
+    for plectrum in found.plectra:
+        shape = {name: plectrum.shape[f"plectrum_{name}"] for name in ("thickness", "overlap")}
+        rig = with_values(load_rig(), {f"plectrum.{k}": f"{v} m" for k, v in shape.items()})
+        model = predict(rig)
+        held = (model.time > model.contact) & (model.time < model.release)
+        last = np.flatnonzero(model.string_force > 0)[-1]
+        slope = np.polyfit(model.deflection[held], model.finger_force[held], 1)[0]
+        drop = model.finger_force[last] - model.finger_force[last + 1]
+        columns.append([1.0, *np.log(list(shape.values()))])
+        expected.append(np.log([model.release_force, slope, drop]))
+    true = np.linalg.lstsq(np.array(columns), np.array(expected), rcond=None)[0]
+    for name, exponent in zip(FELT, true[1], strict=True):
+        thickness = found.felt[name].exponents["plectrum_thickness"]
+        assert thickness.value == pytest.approx(exponent, rel=0.1)

@@ -221,8 +221,15 @@ def test_an_unreachable_pressing_point(sautereau, rig_file):
     refused(done, "reach", "arm.base_x")
 
 
-def test_a_serial_port_that_does_not_exist(sautereau, tmp_path):
-    refused(sautereau("press", "--out", "out"), "/dev/ttyUSB0", "controller.port")
+def test_a_packaged_rig_does_not_move_the_hardware(sautereau, tmp_path):
+    for command in ("press", "learn"):
+        done = sautereau(command, "--out", "out")
+        refused(done, "rig 'paper'", "only with a rig file of your own", "sautereau init")
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_serial_port_that_does_not_exist(sautereau, rig_file, tmp_path):
+    refused(sautereau("press", rig_file(), "--out", "out"), "/dev/ttyUSB0", "controller.port")
     assert not (tmp_path / "out").exists()
 
 

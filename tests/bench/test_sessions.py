@@ -203,10 +203,11 @@ def test_a_known_jitter_is_recovered_within_its_interval(bare, quick_rig, tmp_pa
 
 
 def test_sensors_noise_is_far_below_a_robots_repeatability(quick_rig, tmp_path):
+    """The path depends on the time of the trigger's edge, up to a sample before the motion."""
     with StandIn(quick_rig, load_scene("paper"), 1) as stand_in:
         rig = stand_in.rig
         items = [Item(rig, plan_press(rig))] * 4
         paths = make_presses(GalilController(rig), tmp_path, items)
     found = repeatability([load_press(path) for path in paths], press_law(rig.press))
     assert found.velocity_repeatability.value < 1e-3
-    assert found.path_repeatability < 20e-6
+    assert found.path_repeatability < rig.press.jack_speed * rig.controller.sample_period

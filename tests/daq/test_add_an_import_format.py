@@ -47,11 +47,11 @@ def test_a_damaged_file_and_an_unknown_extension_are_refused(package):
         app(command(), print_error=False, exit_on_error=False)
     (package / "press.xyz").write_text("")
     words = ["press.xyz" if word == "press.toy" else word for word in command()]
-    with pytest.raises(RecordingError, match=r"'\.xyz'.*\.tdms, \.csv, \.wav, \.parquet, \.toy"):
+    with pytest.raises(RecordingError, match=r"'\.xyz'.*\.tdms, \.csv, .*, \.hdf5, \.toy"):
         app(words, print_error=False, exit_on_error=False)
 
 
 def test_the_help_lists_the_built_in_extensions(capsys):
     app(["import", "--help"], print_error=False, exit_on_error=False)
     text = " ".join(capsys.readouterr().out.split())
-    assert all(f".{name}" in text for name in ("tdms", "csv", "wav", "parquet"))
+    assert all(f".{name}" in text for name in ("tdms", "csv", "wav", "parquet", "mat", "npz", "h5"))

@@ -125,6 +125,15 @@ def test_the_age_of_a_calibration(velocity, calibrated, message):
         assert "velocity: Polytec PDV-100" in found
 
 
+def test_noise_in_a_part_of_the_band_has_the_density_of_white_noise():
+    """A boxcar of 8 samples: 8 times the density of its own differences."""
+    noise = np.random.default_rng(0).standard_normal(2**16)
+    limited = np.convolve(noise, np.full(8, 1 / 8), "valid")
+    assert white_noise(limited) < 0.3
+    assert white_noise(limited, 64) == pytest.approx(1.0, rel=0.1)
+    assert white_noise(noise, 64) == pytest.approx(1.0, rel=0.1)
+
+
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf, 1e308])
 def test_white_noise_of_what_is_hardly_a_number(bad):
     """A few samples do not count; of nothing but them there is none."""

@@ -323,14 +323,20 @@ def test_a_rate_that_is_not_the_files(tmp_path, back, paper, volts):
     ("text", "word"),
     [
         ("a\n1\n\n", None),
-        ("a,b\n1,2\n,4\n", "no number in 1 row, the first is row 2; gaps are never filled"),
-        ("a,b\n1,2\nnan,4\n", "no number in 1 row, the first is row 2; gaps are never filled"),
+        (
+            "a,b\n1,2\n,4\n",
+            "no finite number in 1 row, the first is row 2 (line 3); gaps",
+        ),
+        (
+            "a,b\n1,2\nnan,4\n",
+            "no finite number in 1 row, the first is row 2 (line 3); gaps",
+        ),
         ("a,b\n1,2\nx,4\n", "rows cannot be read as numbers"),
         ("a,b\n1,2\n3\n", "rows cannot be read as numbers"),
-        ("a,b\n", "the lengths 'a' 0"),
+        ("a,b\n", "it has no rows of numbers"),
         ("", "it has no rows"),
-        ("# nothing\n", "it has no rows"),
-        ("a,a\n1,2\n", "several columns are called 'a'"),
+        ("# nothing\n", "it has no rows of numbers"),
+        ("a,a\n1,2\n", "it has 'a (column 1)', 'a (column 2)'"),
     ],
 )
 def test_rows_that_are_none(tmp_path, back, paper, text, word):

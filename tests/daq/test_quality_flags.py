@@ -115,6 +115,25 @@ def test_a_key_that_turns_round_sharply_is_no_drop_out(velocity):
     assert find_quality_flags(1.1 + kink + noise, velocity, RATE) == []
 
 
+@pytest.mark.parametrize("rate", [5e3, 10e3, 51.2e3, 200e3])
+def test_a_release_is_no_drop_out_at_any_rate(velocity, rate):
+    """It changes the acceleration by 12 m/s^2, and a key rings at 350 Hz from then on."""
+    time = np.arange(round(0.1 * rate)) / rate
+    since = np.maximum(time - 0.05, 0)
+    speed = 0.03 + 12 * np.minimum(since, 1e-3)
+    speed += 5e-3 * np.exp(-60 * since) * np.sin(2 * np.pi * 350 * since)
+    noise = 5e-5 * np.random.default_rng(0).standard_normal(len(time))
+    assert find_quality_flags((speed + noise) / velocity.scale, velocity, rate) == []
+
+
+def test_quiet_data_of_16_bits_are_no_overload(force):
+    """A slow force: many neighbouring samples have the same count."""
+    count = 20 / 2**16
+    volts = 4 + np.sin(2 * np.pi * 2 * np.arange(51_200) / RATE)
+    volts = volts + 0.6 * count * np.random.default_rng(0).standard_normal(len(volts))
+    assert find_quality_flags(np.round(volts / count) * count, force, RATE) == []
+
+
 @pytest.mark.parametrize("n", [0, 1, 2, 3, 50, 153, 154])
 def test_short_signals(velocity, n):
     assert find_quality_flags(np.zeros(n), velocity, RATE) == []

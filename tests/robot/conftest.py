@@ -11,7 +11,7 @@ import pytest
 
 from sautereau.rig.load import load_rig, with_values
 from sautereau.robot.drivers.galil.driver import GalilController
-from sautereau.robot.drivers.galil.program import controller_program
+from sautereau.robot.drivers.galil.program import controller_program, signature
 from sautereau.trajectory.segments import Segments
 
 REVISION = "DMC4020 Rev 1.3c-SIM"
@@ -19,56 +19,113 @@ STATE = "MG 4711,_MOA,_MOB,_BGA,_BGB,_OFA,_OFB"
 ABORT = [
     ("AB", ":"),
     ("MO AB", ":"),
-    ("HX 1;HX 2;OF 0,0;RC 0;CB 1", ":::::"),
+    ("HX 1;HX 2;HX 3;OF 0,0;RC 0;CB 1", "::::::"),
     (STATE, " 4711.0000 1.0000 1.0000 0.0000 0.0000 0.0000 0.0000\r\n:"),
 ]
 PROGRAM = controller_program(1)
+SIGN = signature(1)
 SOFTWARE = [
     ("FL 444444,-55556;BL -444444,-833333", "::"),
     ("MG _FLA,_FLB,_BLA,_BLB", " 444444.0000 -55556.0000 -444444.0000 -833333.0000\r\n:"),
 ]
+
+
+def torque(volts, lost):
+    return [
+        ("OV 0,0", ":"),
+        (f"TL {volts},{volts}", ":"),
+        ("MG _TLA,_TLB", f" {volts} {volts}\r\n:"),
+        (f"OV {lost},{lost}", ":"),
+        ("MG _OVA,_OVB", f" {lost} {lost}\r\n:"),
+    ]
+
+
+MEMORY = [
+    (
+        "MG _MTA,_MTB,_CEA,_CEB,_AGA,_AGB,_KPA,_KPB,_KIA,_KIB,_KDA,_KDB",
+        " 1.0000 1.0000 0.0000 0.0000 1.0000 1.0000 6.0000 6.0000 0.5000 0.5000 64.0000 64.0000"
+        "\r\n:",
+    ),
+    ("MG _BN,_BWA,_BWB", " 4711.0000 0.0000 0.0000\r\n:"),
+]
+SETTINGS = [
+    ("TM 1000", ":"),
+    ("ER 20000,20000;OE 3,3;OF 0,0;TK 0,0", "::::"),
+    ("CN -1,-1,,0,1", ":"),
+    ("LD 0,0;DC 63661056,63661056;SD 63661056,63661056", ":::"),
+    *torque("9.9980", "5.9988"),
+    ("OT 102,102;OA 1,1", "::"),
+    ("MG _TM,_ERA,_ERB,_OEA,_OEB", " 1000.0000 20000.0000 20000.0000 3.0000 3.0000\r\n:"),
+    ("MG _OFA,_OFB,_TKA,_TKB", " 0.0000 0.0000 0.0000 0.0000\r\n:"),
+    ("MG _CN0,_CN1,_CN3,_CN4,_LDA,_LDB", " -1.0000 -1.0000 0.0000 1.0000 0.0000 0.0000\r\n:"),
+    ("MG _OTA,_OTB,_OAA,_OAB", " 102.0000 102.0000 1.0000 1.0000\r\n:"),
+    *SOFTWARE,
+]
+DOWNLOAD = [
+    ("DL", ""),
+    *[(line, b"") for line in PROGRAM],
+    ("\\", b"::"),
+    ("MG 4711", " 4711.0000\r\n:"),
+    ("LS", "".join(f"{number} {line} \r\n" for number, line in enumerate(PROGRAM)) + ":"),
+]
+REST_OF_CONNECT = [*ABORT, *MEMORY, *SETTINGS, *DOWNLOAD]
 CONNECT = [
     ("EO 0", "EO 0\r\n:"),
     ("\x12\x16", f"{REVISION}\r\n:"),
     ("MG _PVA", " 255.0000\r\n:"),
     ("EO 1", ":"),
     ("MG _EO", " 1.0000\r\n:"),
-    *ABORT,
-    ("TM 1000", ":"),
-    ("ER 20000,20000;OE 1,1", "::"),
-    ("TL 9.9980,9.9980;OF 0,0", "::"),
-    SOFTWARE[0],
-    ("MG _TM,_ERA,_ERB,_OEA,_OEB", " 1000.0000 20000.0000 20000.0000 1.0000 1.0000\r\n:"),
-    ("MG _TLA,_TLB,_OFA,_OFB", " 9.9979 9.9979 0.0000 0.0000\r\n:"),
-    SOFTWARE[1],
-    ("DL", ""),
-    *[(line, b"") for line in PROGRAM],
-    ("\\", b"::"),
-    ("MG 4711", " 4711.0000\r\n:"),
-    ("LS", "".join(f"{number} {line}\r\n" for number, line in enumerate(PROGRAM)) + ":"),
+    ("CF I;CW 1", "::"),
+    *REST_OF_CONNECT,
 ]
 ON = [
-    ("wtick=50;wleft=10", "::"),
+    ("MG _AB,_LFA,_LFB,_LRA,_LRB", " 1.0000 1.0000 1.0000 1.0000 1.0000\r\n:"),
+    ("wtick=50;wleft=10;wsign=0;wfault=0", "::::"),
     ("MG wtick,wleft", " 50.0000 10.0000\r\n:"),
     ("XQ #WATCH,0", ":"),
     ("MG wleft,_XQ0", " 10.0000 1.0000\r\n:"),
     ("MG wleft,_XQ0", " 9.0000 1.0000\r\n:"),
-    ("wleft=10", ":"),
+    ("MG TIME", " 5000.0000\r\n:"),
+    ("MG wsign,wleft,_XQ0,TIME;wsign=0;wleft=10", f" {SIGN}.0000 9.0000 1.0000 5001.0000\r\n:::"),
     ("SH AB", ":"),
     ("MG _MOA,_MOB", " 0.0000 0.0000\r\n:"),
 ]
-CODES = "MG _SCA,_SCB,_XQ0,wleft"
+CODES = "MG _SCA,_SCB,_XQ0,wleft,wfault"
+AT_REST = ("MG _BGA,_BGB", " 0.0000 0.0000\r\n:")
+EDGES = (CODES, " 9.0000 9.0000 1.0000 9.0000 0.0000\r\n:")
+BOTH_EDGES = [("FE AB", ":"), ("BG AB", ":"), AT_REST, EDGES]
+SLOWLY = [
+    ("SP 3182,3182;AC 31744,31744;DC 31744,31744", ":::"),
+    ("DC 63661056,63661056", ":"),
+]
+APPROACH = [
+    *SLOWLY,
+    *BOTH_EDGES,
+    ("MG _HMA,_HMB", " 1.0000 0.0000\r\n:"),  # joint 2 came from above
+    *SLOWLY,
+    ("FE B", ":"),
+    ("BG B", ":"),
+    AT_REST,
+    EDGES,
+    ("MG _TPA,_TPB", " 1.0000 -499999.0000\r\n:"),
+]
 HOME = [
-    ("FL 2147483647,2147483647;BL -2147483648,-2147483648", "::"),
+    ("MG _TPA,_TPB", " 7.0000 9.0000\r\n:"),
+    *torque("4.9990", "2.9994"),
+    ("FL 1018599,1018601;BL -1018585,-1018583", "::"),
+    ("MG _FLA,_FLB,_BLA,_BLB", " 1018599.0000 1018601.0000 -1018585.0000 -1018583.0000\r\n:"),
     ("SP 63660,63660;AC 635904,635904;DC 635904,635904", ":::"),
-    ("HM AB", ":"),
+    ("FE AB", ":"),
     ("BG AB", ":"),
     ("MG _BGA,_BGB", " 1.0000 1.0000\r\n:"),
-    ("MG _BGA,_BGB", " 0.0000 0.0000\r\n:"),
-    (CODES, " 10.0000 10.0000 1.0000 9.0000\r\n:"),
+    AT_REST,
+    EDGES,
+    *APPROACH,
+    *APPROACH,
     ("DP 0,-500000", ":"),
     ("MG _TPA,_TPB", " 1.0000 -499999.0000\r\n:"),
     *SOFTWARE,
+    *torque("9.9980", "5.9988"),
 ]
 MOVE = [
     ("MG _TPA,_TPB", " 0.0000 -500000.0000\r\n:"),
@@ -77,7 +134,7 @@ MOVE = [
     ("BG AB", ":"),
     ("MG _BGA,_BGB", " 0.0000 1.0000\r\n:"),
     ("MG _BGA,_BGB", " 0.0000 0.0000\r\n:"),
-    (CODES, " 1.0000 1.0000 1.0000 9.0000\r\n:"),
+    (CODES, " 1.0000 1.0000 1.0000 9.0000 0.0000\r\n:"),
     ("MG _TPA,_TPB", " 900.0000 -500900.0000\r\n:"),
     ("MG _TPA,_TPB", " 1003.0000 -501002.0000\r\n:"),
 ]
@@ -97,6 +154,7 @@ ARRAYS = [
 LOAD = [*FIFO, *ARRAYS, ("pushn=0", ":"), ("MG pushn", " 0.0000\r\n:")]
 ARM = [
     ("MG _TPA,_TPB", " 1003.0000 -501002.0000\r\n:"),
+    ("DC 63661056,63661056;SD 63661056,63661056", "::"),
     ("RA posA[],posB[],errA[],errB[],trqA[],trqB[]", ":"),
     ("RD _TPA,_TPB,_TEA,_TEB,_TTA,_TTB", ":"),
     ("rate=1", ":"),
@@ -108,14 +166,14 @@ WAIT = [
     (POLL, " 1.0000 1.0000 0.0000 0.0000 11.0000 1.0000\r\n:"),
     (POLL, " 0.0000 0.0000 0.0000 0.0000 13.0000 1.0000\r\n:"),
     (POLL, " 0.0000 0.0000 0.0000 0.0000 -1.0000 1.0000\r\n:"),
-    (CODES, " 31.0000 31.0000 1.0000 9.0000\r\n:"),
-    ("MG _BTA,_BTB", " 3.0000 3.0000\r\n:"),
+    (CODES, " 31.0000 31.0000 1.0000 9.0000 0.0000\r\n:"),
+    ("MG _BTA,_BTB,_RPA,_RPB", " 3.0000 3.0000 1050.0000 -501025.0000\r\n:"),
 ]
 
 
 def upload(name, numbers):
     listed = ", ".join(f"{number:.4f}" for number in numbers)
-    return f"QU {name}[],0,{ROWS - 1},1", f" {listed}\r\n:"
+    return f"QU {name}[],0,{ROWS - 1},1", f" {listed}\r\n\x1a:"
 
 
 CAPTURE = [
@@ -123,12 +181,12 @@ CAPTURE = [
     upload("posB", range(-501000, -501000 - ROWS, -1)),
     upload("errA", range(ROWS)),
     upload("errB", range(0, -ROWS, -1)),
-    upload("trqA", [4.999] * ROWS),
-    upload("trqB", [-9.998] * ROWS),
+    upload("trqA", [16380] * ROWS),
+    upload("trqB", [-32760] * ROWS),
 ]
 STOP = [
-    ("DC 63661056,63661056;ST AB", "::"),
-    ("HX 1;HX 2;OF 0,0;RC 0;CB 1", ":::::"),
+    ("ST AB", ":"),
+    ("HX 1;HX 2;HX 3;OF 0,0;RC 0;CB 1", "::::::"),
     ("MG _BGA,_BGB", " 0.0000 0.0000\r\n:"),
 ]
 OFF = [*STOP, *ABORT]

@@ -36,7 +36,7 @@ def test_each_segment_is_one_command_of_each_axis(rows):
 @pytest.mark.parametrize("output", [1, 16])
 def test_capture_trigger_and_motion_start_on_one_line(output):
     program = controller_program(output)
-    assert f"RC rate;SB {output};BT AB" in program
+    assert f"XQ #PUSH,2;RC rate;SB {output};BT AB" in program
     assert max(map(len, program)) < 80
     assert not any(mark in line for line in program for mark in "?:")
 

@@ -37,6 +37,15 @@ class Still:
     def torque_volts(self):
         return 0.0, 0.0
 
+    def index(self, axis):
+        return None
+
+    def active(self, switch, axis):
+        return False
+
+    def amplifier_fault(self, axis):
+        return False
+
     def drive(self, offsets, limits):
         self.driven = offsets, limits
 
@@ -125,11 +134,11 @@ def test_noise_at_the_other_end_never_gets_the_motors_on(rig, kind):
 @pytest.mark.parametrize("size", [MEGABYTE // 16, pytest.param(MEGABYTE, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("kind", ["bytes", "text", "answers", "words"])
 def test_noise_into_the_controller(kind, size):
-    """Without the command SH nothing may move; the controller continues to answer."""
+    """Without SH nothing may move, nor without RS: by factory settings the motors start on."""
     changed = []
     plant = Still()
     firmware = GalilFirmware(plant, on_output=lambda *change: changed.append(change))
-    data = babble(kind, 3, size).replace(b"SH", b"SX")
+    data = babble(kind, 3, size).replace(b"SH", b"SX").replace(b"RS", b"SX")
     for part in range(0, size, 4096):
         firmware.receive(data[part : part + 4096])
         for _ in range(4):

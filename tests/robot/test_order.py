@@ -187,10 +187,15 @@ def test_a_controller_without_echo(bench, lines):
 
 SETTINGS = {
     "MG _TM,_ERA,_ERB,_OEA,_OEB": (
-        " 1000.0000 20000.0000 16384.0000 1.0000 0.0000",
+        " 1000.0000 20000.0000 16384.0000 3.0000 0.0000",
         "_ERB is 16384 and should be 20000, _OEB is 0",
     ),
-    "MG _TLA,_TLB,_OFA,_OFB": (" 9.9979 9.9979 0.0000 1.0000", "_OFB is 1 and should be 0"),
+    "MG _OFA,_OFB,_TKA,_TKB": (" 0.0000 1.0000 0.0000 0.0000", "_OFB is 1 and should be 0"),
+    "MG _TLA,_TLB": (" 9.9979 0.0000", "reads back 9.9979 and 0 V; check its amplifiers"),
+    "MG _CN0,_CN1,_CN3,_CN4,_LDA,_LDB": (
+        " -1.0000 1.0000 0.0000 1.0000 0.0000 0.0000",
+        "_CN1 is 1 and",
+    ),
     "MG _FLA,_FLB,_BLA,_BLB": (
         " 444444.0000 -55556.0000 -444444.0000 0.0000",
         "_BLB is 0 and should be -833333",
@@ -208,8 +213,9 @@ def test_settings_that_the_controller_does_not_take_keep_the_power_off(bench, li
 
 
 def test_limits_that_are_not_restored_after_homing(bench, lines):
-    other = (lines.home[-1][0], " 444444.0000 -55556.0000 -444444.0000 0.0000\r\n:")
-    controller, _ = bench(lines.connect, lines.on, lines.home[:-1], [other], lines.abort)
+    other = (lines.software[-1][0], " 444444.0000 -55556.0000 -444444.0000 0.0000\r\n:")
+    at = len(lines.home) - 1 - lines.home[::-1].index(lines.software[-1])
+    controller, _ = bench(lines.connect, lines.on, lines.home[:at], [other], lines.abort)
     with pytest.raises(SettingNotTaken, match="_BLB is 0 and should be -833333"):  # noqa: SIM117
         with controller, controller.powered():
             controller.home()

@@ -29,13 +29,13 @@ def test_transcript_of_a_press(request, through, lines, segments, rig):
     np.testing.assert_array_equal(capture.counts[:, 1], -501000 - np.arange(27))
     assert capture.counts.dtype == np.int64
     np.testing.assert_array_equal(capture.following_errors[:, 1], -np.arange(27))
-    np.testing.assert_allclose(capture.torques[5], [1.0, -2.0])
+    np.testing.assert_allclose(capture.torques[5], [1.0, -2.0], rtol=1e-4)
     assert controller.loaded_torque is None
     assert capture.times[-1] == pytest.approx(52 * rig.controller.sample_period)
 
 
 def test_firmwares_that_count_the_end_of_the_motion_as_a_segment(bench, lines, segments):
-    ends = {"MG _PVA,_PVB": ("252", "251"), "MG _BTA,_BTB": ("3.", "4.")}
+    ends = {"MG _PVA,_PVB": ("252", "251"), "MG _BTA,_BTB,_RPA,_RPB": (" 3.", " 4.")}
     script = [(s, a.replace(*ends[s]) if s in ends else a) for s, a in lines.press]
     controller, _ = bench(script)
     press(controller, segments)

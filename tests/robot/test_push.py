@@ -118,6 +118,10 @@ def test_no_torque_is_left_on_any_way_out(bench, way):
     assert line.read("_MOA", "_MOB", "_OFA", "_OFB", "@OUT[1]", "_XQ2") == [1, 1, 0, 0, 0, -1]
 
 
+FULL = 9.998
+"""V, the torque limit of the rig."""
+
+
 @pytest.fixture(scope="module")
 def rig():
     return load_rig()
@@ -126,10 +130,10 @@ def rig():
 def test_every_fault_of_a_table_is_listed(rig):
     motion = still([0, 0])
     good = pulse(motion, rig)
-    assert plan_push(rig, good, motion).volts.max() == pytest.approx(0.2 * 9.998, rel=1e-3)
+    assert plan_push(rig, good, motion, FULL).volts.max() == pytest.approx(0.2 * 9.998, rel=1e-3)
     late = replace(good, time=good.time[::-1] + 1.0, torques=good.torques * 6)
     with pytest.raises(UnsafeRequest) as caught:
-        plan_push(rig, late, motion)
+        plan_push(rig, late, motion, FULL)
     for said in ("do not increase", "it lasts 1 s, longer than the", "joint 1 gets 2.4 N m, above"):
         assert said in str(caught.value)
     for bad in (
@@ -139,26 +143,32 @@ def test_every_fault_of_a_table_is_listed(rig):
         TorqueTable(np.zeros(0), np.zeros((0, 2))),
     ):
         with pytest.raises(UnsafeRequest, match="torque table"):
-            plan_push(rig, bad, motion)
+            plan_push(rig, bad, motion, FULL)
 
 
 @pytest.mark.parametrize("samples", [2, 10, 1000, 1024, 1026, 100_000])
 def test_rows_cover_the_motion_and_are_few(rig, samples):
     motion = still([0, 0], samples)
-    push = plan_push(rig, pulse(motion, rig, 2.0), motion)
+    push = plan_push(rig, pulse(motion, rig, 2.0), motion, FULL)
     assert len(push.volts) <= MOST_ROWS
     assert len(push.volts) * push.interval >= motion.total_samples
     assert (len(push.volts) - 1) * push.interval < motion.total_samples
     assert np.abs(push.volts).max() <= 9.998
+    assert push.interval % 2 == 0
+
+
+def test_amplifiers_that_allow_less_than_the_rig(rig):
+    motion = still([0, 0])
+    with pytest.raises(UnsafeRequest, match=r"above 1\.4 N m, .* the limit of the amplifiers"):
+        plan_push(rig, pulse(motion, rig, 1.5), motion, 0.7 * FULL)
 
 
 def test_a_torque_that_the_controller_reads_back_differently(bench):
     stand_in, controller = bench()
     with controller.powered():
         motion = still(controller.home())
-        line, numbers = controller.driver.line, controller.driver.line.numbers
-        line.numbers = lambda *asked: [value + 0.01 for value in numbers(*asked)]
-        line.read = lambda *names: numbers(f"MG {','.join(names)}", len(names))
+        line, upload = controller.driver.line, controller.driver.line.upload
+        line.upload = lambda *asked: [value + 0.01 for value in upload(*asked)]
         with pytest.raises(SettingNotTaken, match=r"differs by 0\.01 V"):
             controller.load(motion, pulse(motion, stand_in.rig))
         assert controller.state is State.HOMED
@@ -188,4 +198,4 @@ def test_a_torque_limit_in_the_controller_limits_the_motors(bench):
         motion = still(controller.home())
         controller.driver.line.ask("TL 2.5,2.5")
         capture = play(controller, motion, pulse(motion, stand_in.rig))
-    assert capture.torques.max() == pytest.approx(2.5 / 9.998 * 2.0)
+    assert capture.torques.max() == pytest.approx(2.5 / 9.998 * 2.0, rel=1e-4)

@@ -25,7 +25,7 @@ def test_any_exception_leaves_the_motors_off(request, through, lines, kind):
 
 
 def test_an_interrupt_in_mid_motion_stops_it(bench, lines):
-    script = [*lines.connect, *lines.on, *lines.home[:4]]
+    script = [*lines.connect, *lines.on, *lines.home[:11]]
     controller, transcript = bench(script, [("MG _BGA,_BGB", KeyboardInterrupt())], lines.off)
     with pytest.raises(KeyboardInterrupt), controller, controller.powered():
         controller.home()
@@ -36,7 +36,7 @@ def test_a_second_interrupt_while_stopping_does_not_leave_the_motors_on(bench, l
     controller, _ = bench(
         lines.connect,
         lines.on,
-        [("DC 63661056,63661056;ST AB", KeyboardInterrupt())],
+        [("ST AB", KeyboardInterrupt())],
         lines.abort,
         lines.off,
     )
@@ -94,7 +94,9 @@ def test_a_press_that_breaks_off_names_the_joint_and_the_reason(
     bench, lines, segments, codes, reason
 ):
     script = [*lines.started, *lines.wait[:-2]]
-    controller, _ = bench(script, [(lines.wait[3][0], f" {codes} 1.0000 9.0000\r\n:")], lines.abort)
+    controller, _ = bench(
+        script, [(lines.wait[3][0], f" {codes} 1.0000 9.0000 0.0000\r\n:")], lines.abort
+    )
     with pytest.raises(MotionFault, match=reason) as caught:
         run_to_wait(controller, segments)
     assert OFF in str(caught.value)
@@ -105,7 +107,7 @@ def test_a_press_that_the_watchdog_ended(bench, lines, segments, watch):
     """Its thread has ended, or is about to end, or was ended by something else."""
     expired = [
         (lines.wait[0][0], " 0.0000 0.0000 7.0000 7.0000 -1.0000 -1.0000\r\n:"),
-        (lines.wait[3][0], f" 7.0000 7.0000 {watch}\r\n:"),
+        (lines.wait[3][0], f" 7.0000 7.0000 {watch} 0.0000\r\n:"),
     ]
     controller, _ = bench(lines.started, expired, lines.abort)
     with pytest.raises(MotionFault, match="watchdog has switched the motors off") as caught:
@@ -115,16 +117,16 @@ def test_a_press_that_the_watchdog_ended(bench, lines, segments, watch):
 
 @pytest.mark.parametrize("left", [" 9.0000 -1.0000", " 10.0000 -1.0000"])
 def test_a_watchdog_that_does_not_run_keeps_the_power_off(bench, lines, left):
-    asked = lines.on[3][0]
-    controller, _ = bench(lines.connect, lines.on[:3], [(asked, f"{left}\r\n:")], lines.off)
+    asked = lines.on[4][0]
+    controller, _ = bench(lines.connect, lines.on[:4], [(asked, f"{left}\r\n:")], lines.off)
     with pytest.raises(SettingNotTaken, match="watchdog does not run"), controller:  # noqa: SIM117
         with controller.powered():
             pass
 
 
 def test_a_watchdog_that_does_not_count_keeps_the_power_off(bench, lines):
-    stuck = [lines.on[3]] * 600
-    controller, transcript = bench(lines.connect, lines.on[:3], stuck)
+    stuck = [lines.on[4]] * 600
+    controller, transcript = bench(lines.connect, lines.on[:4], stuck)
     limit(transcript, [*lines.stop, *lines.abort])
     with pytest.raises(MotionFault, match="first count has not"), controller, controller.powered():
         pass
@@ -132,7 +134,11 @@ def test_a_watchdog_that_does_not_count_keeps_the_power_off(bench, lines):
 
 def test_a_press_that_skipped_segments(bench, lines, segments):
     script = [*lines.started, *lines.wait[:-1]]
-    controller, _ = bench(script, [("MG _BTA,_BTB", " 3.0000 2.0000\r\n:")], lines.abort)
+    controller, _ = bench(
+        script,
+        [(lines.wait[-1][0], lines.wait[-1][1].replace("3.0000 3.", "3.0000 2."))],
+        lines.abort,
+    )
     with pytest.raises(MotionFault, match="3 and 2 of its 3 segments"):
         run_to_wait(controller, segments)
 
@@ -140,7 +146,7 @@ def test_a_press_that_skipped_segments(bench, lines, segments):
 def test_a_limit_of_one_joint_ends_the_press_of_both(bench, lines, segments):
     limited = [
         (lines.wait[0][0], " 0.0000 1.0000 2.0000 0.0000 1.0000 1.0000\r\n:"),
-        (lines.wait[3][0], " 2.0000 0.0000 1.0000 9.0000\r\n:"),
+        (lines.wait[3][0], " 2.0000 0.0000 1.0000 9.0000 0.0000\r\n:"),
     ]
     controller, _ = bench(lines.started, limited, lines.abort)
     with pytest.raises(MotionFault, match="joint 1 stopped by the forward limit") as caught:

@@ -34,6 +34,10 @@ class Person:
         self.asked.append(question)
         return self.agrees
 
+    def act(self, instruction):
+        self.asked.append(instruction)
+        return False
+
     def number(self, question, unit, expected):
         self.asked.append(question)
         return None if self.measures is None else self.measures(expected)
@@ -67,7 +71,7 @@ def test_nothing_moves_before_the_operator_has_agreed(stand_in, rig, name):
 
 
 def test_an_unknown_step_names_the_known_ones(rig):
-    with pytest.raises(RobotError, match="no step 'hom'; the steps are port, controller, home"):
+    with pytest.raises(RobotError, match="no step 'hom'; the steps are port, controller, verify"):
         list(make_steps(rig, Person(), "hom"))
 
 

@@ -112,7 +112,7 @@ def test_a_host_that_is_killed_or_frozen_in_mid_press(paced, kind):
         line.echo = True
         clock = iter(range(10_000)).__next__
         Polling(clock, lambda seconds: None, "amplifiers").until(
-            lambda: line.read("_MOA", "_MOB") == [1, 1], "the watchdog", 9000
+            lambda: line.read("_MOA", "_MOB", "_XQ0") == [1, 1, -1], "the watchdog", 9000
         )
         state = line.read("_XQ0", "_XQ1", "_SCA", "_SCB", "_OFA", "@OUT[1]", "wleft")
         assert state == [-1, -1, 7, 7, 0, 0, 0]

@@ -9,12 +9,15 @@ from sautereau.sim_backend.devices.galil.firmware import GalilFirmware
 class BareBench:
     """Encoders that are where the reference is (or stay put), and the host's end of the line."""
 
-    def __init__(self):
+    def __init__(self, unit=None, **options):
         self.counts = [0, 0]
         self.follows = True
-        self.outputs = []
+        self.outputs, self.firmware = [], None
+        self.torques = 0.5, -1.25
+        self.closed, self.broken = set(), set()
+        self.indices = [None, None]
         self.positions, self.velocities = [], []
-        self.firmware = GalilFirmware(self, on_output=self._note_output)
+        self.firmware = GalilFirmware(self, unit, on_output=self._note_output, **options)
         self.firmware.receive(b"EO 0\r")
 
     def encoder_counts(self):
@@ -24,13 +27,26 @@ class BareBench:
         return 1500, -700
 
     def torque_volts(self):
-        return 0.5, -1.25
+        return self.torques
+
+    def active(self, switch, axis):
+        if switch == "home":
+            return self.counts[axis] < self.home_counts()[axis]
+        return (switch, axis) in self.closed
+
+    def index(self, axis):
+        """Every 4000 counts from 100 on, if it has passed since the last tick."""
+        return self.indices[axis]
+
+    def amplifier_fault(self, axis):
+        return axis in self.broken
 
     def drive(self, offsets, limits):
         self.driven = offsets, limits
 
     def _note_output(self, number, level):
-        self.outputs.append((self.firmware.samples, number, level))
+        at = self.firmware.samples if self.firmware else 0
+        self.outputs.append((at, number, level))
 
     def send(self, text):
         return self.firmware.receive(text.encode("latin-1") + b"\r").decode("latin-1")
@@ -45,6 +61,7 @@ class BareBench:
         return int(self.send("TC1").split()[0])
 
     def number(self, expression):
+        self.firmware.receive(b"")
         answer = self.send(f"MG {expression}")
         assert answer.endswith("\r\n:"), (expression, answer)
         return float(answer[:-3])
@@ -56,7 +73,10 @@ class BareBench:
             self.positions.append(positions)
             self.velocities.append(velocities)
             if self.follows:
-                self.counts = [round(value) for value in positions[-1]]
+                before, self.counts = self.counts, [round(value) for value in positions[-1]]
+                for axis, (old, new) in enumerate(zip(before, self.counts, strict=True)):
+                    low, high = sorted(((old - 100) // 4000, (new - 100) // 4000))
+                    self.indices[axis] = high * 4000 + 100 if low != high else None
 
     def run(self, limit=20_000):
         """Tick until nothing moves; return how many samples that took."""

@@ -92,9 +92,10 @@ def test_another_package_adds_the_emulator_of_a_controller(tmp_path, install):
     points = {"sautereau.emulators": {"toy": "toy_emulator:emulate"}}
     install(tmp_path, {"name": "toy", "version": "1.0", "entry-points": points})
     (tmp_path / "toy_emulator.py").write_text(
+        "from sautereau.sim_backend.controller_part import ControllerUnit\n"
         "from sautereau.sim_backend.devices.galil.firmware import GalilFirmware\n"
         "def emulate(rig, plant, on_output, paced):\n"
-        "    return GalilFirmware(plant, revision='TOY', on_output=on_output)\n"
+        "    return GalilFirmware(plant, ControllerUnit(serial_number=77), on_output=on_output)\n"
     )
     bench = Bench(toy_rig(), NOISY)
-    assert b"TOY" in bench.receive(b"\x12\x16\r")
+    assert b" 77.0000" in bench.receive(b"MG _BN\r")

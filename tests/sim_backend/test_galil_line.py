@@ -4,7 +4,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from sautereau.sim_backend.devices.galil.commands.table import COMMANDS, PROGRAM_COMMANDS
+from sautereau.sim_backend.devices.galil.commands.table import HANDLERS
 from sautereau.sim_backend.devices.galil.firmware import GalilFirmware
 from tests.budget import examples
 
@@ -41,7 +41,7 @@ REVISION = "DMC4020 Rev 1.3a-SIM sautereau stand-in"
             ("AC 100000", ":"),
             ("MG _ACA", " 99328.0000\r\n:"),
             ("KP ,2.5", ":"),
-            ("KPB=?", " 2.5000\r\n:"),
+            ("KPB=?", " 2.50\r\n:"),
         ],
         [
             ("ER 100,200;OE 1,1;FLA=5;BLA=-5;TL 3", ":::::"),
@@ -67,14 +67,14 @@ REVISION = "DMC4020 Rev 1.3a-SIM sautereau stand-in"
                 " 255.0000 0.0000 0.0000 1.0000 -1.0000 0.0000 0.0000\r\n:",
             )
         ],
-        [("OP 5", ":"), ("MG _OP,@OUT[3]", " 5.0000 1.0000\r\n:"), ("TI", " 255\r\n:")],
+        [("OP 5", ":"), ("MG _OP0,@OUT[3]", " 5.0000 1.0000\r\n:"), ("TI", " 255\r\n:")],
         [
-            ("DM X[3],Y[15997]", ":"),
+            ("DM X[3],Y[23997]", ":"),
             ("MG _DM,X[-1],X[0]", " 0.0000 3.0000 0.0000\r\n:"),
-            ("QU X[]", " 0.0000\r\n 0.0000\r\n 0.0000\r\n:"),
-            ("QU X[],1,2,1", " 0.0000, 0.0000\r\n:"),
+            ("QU X[]", " 0.0000\r 0.0000\r 0.0000\r\n\x1a\r\n:"),
+            ("QU X[],1,2,1", " 0.0000, 0.0000\r\n\x1a\r\n:"),
             ("DA *[]", ":"),
-            ("MG _DM", " 16000.0000\r\n:"),
+            ("MG _DM", " 24000.0000\r\n:"),
         ],
     ],
 )
@@ -87,17 +87,19 @@ def test_transcript(bench, transcript):
     ("line", "code"),
     [
         ("FOO", 1), ("sh", 1), ("#A", 1), ("AM", 2), ("WT 5", 2), ("AI 1", 2), ("EN", 2),
-        ("PVA 1,2,3", 4), ("SB 1,2", 4), ("AB2", 4), ("DL#A", 4),
-        ("SB 0", 6), ("SB 9", 6), ("SB 1.5", 6), ("SP -1", 6), ("AC 1", 6), ("EO 2", 6),
-        ("PVA=1,1,2049", 6), ("PVA=1,1,0", 6), ("PVA=1,1,-2", 6), ("PVA=.5,1,2", 6),
-        ("PVA=44000001,0,9", 6), ("PVA=1,99999999,9", 6), ("DP 99999999999", 6), ("MG 1/0", 6),
-        ("PVA=1,2", 50), ("PVA=1,2,3,4", 4), ("PVA=a,2,3", 9), ("PVA=1e3,2,3", 83),
+        ("PVA 1,2,3", 4), ("SB 1,2", 4), ("AB2", 6), ("DL#A", 141),
+        ("SB 0", 6), ("SB 9", 6), ("JG 15000002", 6), ("AC 1", 6), ("EO 2", 6),
+        ("PVA=1,1,2049", 6), ("PVA=1,1,-2", 6), ("PVA=.5,1,2", 6),
+        ("PVA=30000001,0,9", 6), ("PVA=1,99999999,9", 6), ("DP 99999999999", 6), ("MG 1/0", 6),
+        ("PVA=1,2", 39), ("RS 1", 6), ("EO 0,1", 4), ("PVA=1,2,3,4", 4),
+        ("PVA=a,2,3", 9), ("PVA=1e3,2,3", 83),
         ("PVC=1,2,3", 90),
         ("MG speed", 9), ("XQ", 10), ("XQ #A", 10), ("XQ 5", 11), ("XQ X", 11),
         ("BGAB", 20), ("BT AB", 20), ("SP", 50), ("SP 1,2,3", 90), ("SHC", 90), ("MG", 50),
-        ('MG "A', 52), ("MG 1{F4.0}", 53), ("DM X", 55), ("MG @OUT", 55), ("MG @FOO[1]", 57),
+        ('MG "A', 52), ("MG 1{Q4.0}", 53), ("DM X", 55), ("MG @OUT", 55), ("MG @FOO[1]", 57),
         ("DM 1X[5]", 57), ("MG _GNX", 58), ("MG _TP", 58), ("MG (1+2", 59), ("MG 1)", 59),
-        ("DM X[20000]", 84), ("DM X[9000],Y[9000]", 66), ("RC 1", 81), ("RC 9", 6), ("RD _KPA", 81),
+        ("DM X[25000]", 84), ("DM X[13000],Y[13000]", 66),
+        ("RC 1", 81), ("RC 9", 6), ("RD _KPA", 81),
         ("QU X[]", 82), ("RA X[]", 82), ("DA X[]", 82), ("MG X[0]", 82), ("MG 1__2", 83),
         ("SP 1;" + "TP;" * 30, 5),
     ],
@@ -108,7 +110,9 @@ def test_refusals_leave_their_code(bench, line, code):
 
 
 def test_arrays_are_bounded(bench):
-    bench.accept("DM X[10]")
+    bench.accept("DM X[10],longname[2]")
+    assert bench.refusal("QU longname[]") == 57
+    bench.accept("DA longname[]")
     assert bench.refusal("DM X[10]") == 57
     assert bench.refusal("MG X[10]") == 56
     assert bench.refusal("QU X[],0,10") == 56
@@ -152,7 +156,7 @@ def test_random_bytes_neither_crash_nor_move(make_bench, data):
 
 command_lines = st.lists(
     st.tuples(
-        st.sampled_from(sorted({*COMMANDS, *PROGRAM_COMMANDS} - {"SH"})),
+        st.sampled_from(sorted({*HANDLERS} - {"SH"})),
         st.sampled_from(["", "A", "AB", "A=", " ", "#P", "X[]", "X[", " _TPA", "1,", "*="]),
         st.text(alphabet='AB01259-+*/%&|()[]"?,.$_@XTPM ', max_size=12),
         st.sampled_from(["\r", ";", "\r#P\r", "\\"]),

@@ -102,7 +102,7 @@ def test_error_limit_switches_the_axis_off(bench):
     bench.run()
     assert bench.firmware.motors_on == (False, True)
     assert bench.number("_SCA") == 8
-    assert bench.send("TE") == " 0, 0\r\n:"
+    assert 500 < bench.number("_TEA") == bench.number("_RPA") < 520  # RP stays
     assert abs(bench.positions[-2][-1, 0]) > 500
     bench.accept("SH")
     assert bench.firmware.motors_on == (True, True)
@@ -126,26 +126,18 @@ def test_motor_off_lets_the_reference_follow(bench):
     bench.tick()
     np.testing.assert_array_equal(bench.positions[-1], [[123, -45]] * 3)
     np.testing.assert_array_equal(bench.velocities[-1], 0)
-    assert bench.send("TP;RP") == " 123,-45\r\n: 123,-45\r\n:"
-
-
-def test_homing_ends_at_zero(bench):
-    bench.accept("SH", "DP 5000,5000", "HM", "BG")
-    assert bench.number("_HMA") == 0
-    bench.run()
-    assert bench.counts == [1500, -700]
-    assert bench.send("TP;SC;MG _HMA") == " 0, 0\r\n: 10, 10\r\n: 1.0000\r\n:"
-    bench.accept("PA 10,10;BG")
-    bench.run()
-    assert bench.counts == [1510, -690]
-    bench.assert_smooth()
+    assert bench.send("TP;RP;TE") == " 123,-45\r\n: 0, 0\r\n:-123, 45\r\n:"
+    bench.accept("DP 123,-45")
+    assert bench.send("RP;TE") == " 123,-45\r\n: 0, 0\r\n:"
 
 
 def test_refused_while_moving(bench):
     bench.accept("SH", "PR 5000,0", "PVB=1,0,5", "BGA")
-    for line in ("BGA", "BT A", "MO", "MOA", "SHA", "DP 0", "PA 5", "HMA"):
+    for line in ("MO", "MOA", "SHA", "DP 0", "PA 5", "HMA", "DC 5000", "TM 500", "BP"):
         assert bench.refusal(line) == 7, line
-    assert bench.refusal("BTA;BTB") == 7
+    for line in ("BGA", "BT A", "BTA;BTB"):
+        assert bench.refusal(line) == 21, line
+    assert bench.send("TM ?;DC ?") == " 1000\r\n: 256000\r\n:"
     bench.run()
     assert bench.refusal("BTA") == 24
     bench.accept("MO")

@@ -5,7 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from sautereau.sim_backend.devices.galil.program import LINE_TIME
+from sautereau.sim_backend.controller_part import ControllerUnit
+from sautereau.sim_backend.devices.galil.tasks import LINE_TIME
 
 
 def download(bench, *lines, end="\\\r"):
@@ -23,10 +24,11 @@ def capture(bench, *sources, exponent=1, size=100):
 
 def upload(bench, name, comma=True):
     answer = bench.send(f"QU {name}[]" + (",0,99,1" if comma else ""))
-    return [float(text) for text in answer[:-1].split("," if comma else "\r\n") if text.strip()]
+    assert answer.endswith("\r\n\x1a\r\n:")
+    return [float(text) for text in answer[:-6].split("," if comma else "\r")]
 
 
-def test_a_press_triggers_starts_and_captures_in_one_sample(bench):
+def test_a_press_triggers_captures_and_starts_with_the_next_sample(bench):
     bench.accept("SH")
     for axis, sign in (("A", 1), ("B", -1)):
         for part in (f"{sign * 500},{sign * 9000},60", f"{sign * 500},0,60", "0,0,0"):
@@ -39,14 +41,14 @@ def test_a_press_triggers_starts_and_captures_in_one_sample(bench):
     (up, number, level), (down, _, _) = bench.outputs
     assert (number, level) == (1, True)
     path = np.array(bench.positions)
-    # The edge is at the very sample from whose beginning the reference leaves rest.
+    # The edge is in the sample after which the reference leaves rest.
     first = int(np.argmax(path[:, -1, 0] != 0))
-    assert first == up
+    assert first == up + 1
     assert path[first, 0, 0] == 0
-    assert down == up + 120
+    assert down == first + 119
     assert bench.send("MG _XQ;SC") == "-1.0000\r\n: 31, 31\r\n:"
-    # Record k is the encoder 2 k samples after the edge.
-    at_edge = np.round(path[up : up + 200 : 2, 0, :])
+    # Record k is the encoder 2 k samples after the start.
+    at_edge = np.round(path[first : first + 200 : 2, 0, :])
     assert upload(bench, "D0") == list(at_edge[:, 0])
     assert upload(bench, "D1", comma=False) == list(at_edge[:, 1])
     assert not any(upload(bench, "D2"))
@@ -99,15 +101,15 @@ def test_threads_take_turns_line_by_line(bench):
 
 
 def test_a_trip_point_releases_the_rest_of_its_line(bench):
-    bench.accept("SH", "PVA=100,0,10;PVA=0,0,0")
+    bench.accept("SH", "PVA=100,0,10;PVA=,,0")
     download(bench, "#WAIT", "AI -2;SB 1;BTA", "AM;CB 1;EN")
     bench.accept("XQ #WAIT,3")
     bench.tick(20)
     assert bench.outputs == []
-    assert bench.send("MG _XQ3,_XQ0,_HX3") == " 1.0000 -1.0000 1.0000\r\n:"
+    assert bench.send("MG _XQ3,_XQ0,_HX3") == " 1.0000 -1.0000 2.0000\r\n:"
     bench.firmware.inputs[1] = False
     bench.run()
-    assert bench.outputs == [(20, 1, True), (30, 1, False)]
+    assert bench.outputs == [(20, 1, True), (30, 1, False)]  # it moves from 21 to 30
 
 
 def test_threads_run_side_by_side_and_halt(bench):
@@ -122,7 +124,7 @@ def test_threads_run_side_by_side_and_halt(bench):
     assert not bench.firmware.moving
 
 
-@pytest.mark.parametrize(("line", "left"), [("AB", 0), ("AB1", 1), ("ST", 0), ("STA", 1)])
+@pytest.mark.parametrize(("line", "left"), [("AB", 0), ("AB1", 2), ("ST", 0), ("STA", 2)])
 def test_which_stops_end_the_programs_too(bench, line, left):
     download(bench, "#A", "WT 100", "EN")
     bench.accept("SH", "JGA=5000;BGA", "XQ #A")
@@ -142,7 +144,7 @@ def test_a_refused_command_ends_the_program_and_is_reported(bench):
 
 
 @pytest.mark.parametrize(
-    ("lines", "code"), [(["#A", "QU X[]"], 3), (["#A", "DL"], 3), (["#A", "SB 1"], 10)]
+    ("lines", "code"), [(["#A", "LS"], 3), (["#A", "DL"], 3), (["#A", "SB 1"], 10)]
 )
 def test_a_program_refuses(bench, lines, code):
     assert download(bench, *lines) == ":"
@@ -162,7 +164,7 @@ def test_programs_speak_without_being_asked(bench):
 @pytest.mark.parametrize("end", ["\\", "\\\r", "\\\r\n"])
 def test_download_answers_once(bench, end):
     assert download(bench, "#A", "EN", end=end) == ":"
-    assert bench.send("LS") == "0 #A\r\n1 EN\r\n:"
+    assert bench.send("LS") == "0 #A \r\n1 EN \r\n:"
 
 
 @pytest.mark.parametrize(
@@ -171,7 +173,7 @@ def test_download_answers_once(bench, end):
         (["#A", "#A"], 61),
         (["#TOOLONGNAME"], 61),
         (["M" * 81], 60),
-        (["EN"] * 2001, 60),
+        (["EN"] * 4001, 60),
         ([f"#A{number}" for number in range(511)], 62),
     ],
 )
@@ -179,3 +181,55 @@ def test_a_bad_download_leaves_no_program(bench, lines, code):
     assert download(bench, *lines) == "?"
     assert bench.send("TC1").startswith(f"{code} ")
     assert bench.refusal("XQ") == 10
+
+
+def test_torque_is_recorded_as_a_fraction_of_ten_volts(bench):
+    bench.torques = 10.0, -2.5
+    capture(bench, "_TTA", "_TTB", "_TSA", "TIME")
+    bench.accept("RC 1,4")
+    bench.tick(9)
+    assert upload(bench, "D0")[:4] == [32_767] * 4
+    assert upload(bench, "D1")[:4] == [-8192] * 4
+    assert upload(bench, "D2")[0] == 12  # bits 0 to 4 only
+    assert np.diff(upload(bench, "D3")[:4]).tolist() == [2, 2, 2]
+    assert bench.send("TT;MG _TTB") == " 10.0000,-2.5000\r\n:-2.5000\r\n:"
+
+
+def test_elements_are_uploaded_in_pieces(make_bench):
+    bench = make_bench(ControllerUnit(control_z="attached"))
+    bench.accept("DM X[4]", "X[2]=7")
+    assert bench.send("QU X[],2,3,1") == " 7.0000, 0.0000\x1a\r\n:"
+    assert bench.refusal("QU X[],3,3,1") == 56  # at least two
+    assert bench.refusal("QU X[],0,4,1") == 56
+
+
+def test_waits_have_a_resolution_of_two_and_scale_with_tm(bench):
+    download(bench, "#A", "t=TIME;WT 9;a=TIME-t", "t=TIME;WT 9,1;b=TIME-t", "EN")
+    for period, first in ((1000, 8), (500, 16)):
+        bench.accept(f"TM {period}", "XQ #A")
+        bench.run()
+        assert bench.send("MG a,b") == f" {first}.0000 8.0000\r\n:"
+
+
+def test_at_may_be_late(make_bench):
+    bench = make_bench(ControllerUnit(at_jitter=4))
+    download(bench, "#A", "AT 0", "#L", "AT -10,1;SB 1;CB 1;n=n+1", "JP #L,n<40", "EN")
+    bench.accept("n=0", "XQ #A")
+    bench.tick(450)
+    rises = np.array([at for at, _, level in bench.outputs if level])
+    late = rises - rises[0] - 10 * np.arange(40)
+    assert 0 < np.ptp(late) <= 4
+
+
+@pytest.mark.parametrize(
+    ("amplifier", "largest"), [("none", 9.9982), ("D3040", 7), ("D3540", 5), ("D3640", 5)]
+)
+def test_the_largest_gain_limits_the_torque(make_bench, amplifier, largest):
+    bench = make_bench(ControllerUnit(amplifier=amplifier))
+    bench.accept("TL 9.9" if amplifier != "D3640" else "TL 5", "AG 2")
+    assert bench.number("_TLA") == pytest.approx(min(9.9, largest), abs=1e-3)
+    if amplifier != "none":
+        assert bench.refusal(f"TLA={largest + 0.1:.2f}") == 6
+        bench.accept(f"TLA={largest}")
+    bench.accept("SHA")
+    assert bench.refusal("AGA=1") == 135

@@ -6,12 +6,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.interpolate import CubicHermiteSpline
 
+from sautereau.sim_backend.controller_part import ControllerUnit
+
 RATE = 1024
 """Samples that the firmware counts as a second."""
 
 segments = st.lists(
     st.tuples(
-        st.integers(-3000, 3000), st.integers(-60_000, 60_000), st.integers(1, 40)
+        st.integers(-3000, 3000),
+        st.integers(-30_000, 30_000).map(lambda half: 2 * half),
+        st.integers(1, 20).map(lambda half: 2 * half),
     ),
     min_size=1,
     max_size=12,
@@ -67,7 +71,7 @@ def test_a_polynomial_is_extrapolated_beyond_its_sample(bench):
 def test_both_axes_start_and_end_in_step(bench):
     bench.accept("SH")
     for axis, sign in (("A", 1), ("B", -2)):
-        queue(bench, axis, [(sign * 100, sign * 9000, 15), (sign * 200, 0, 31)])
+        queue(bench, axis, [(sign * 100, sign * 9000, 16), (sign * 200, 0, 30)])
     assert bench.number("_PVA") == 252
     bench.accept("BT AB")
     assert bench.send("SC") == " 30, 30\r\n:"
@@ -129,3 +133,43 @@ def test_stop_during_pvt_forgets_the_rest(bench):
     assert bench.number("_PVA") == 255
     assert bench.number("_SCA") == 4
     bench.assert_smooth()
+
+
+def test_times_are_repeated_and_fractions_are_not_kept(bench):
+    bench.accept("SH", "PVA=100,1001,51", "PVA=100,0", "PVA=,,0", "BTA")
+    assert bench.run() == 100
+    assert bench.number("_BTA") == 3
+    assert bench.number("_MOA") == 0
+    bench.accept("PVA=1,0,2", "PVA=,,-1")
+    assert bench.number("_PVA") == 255
+    assert bench.refusal("BTA") == 24
+
+
+@pytest.mark.parametrize("line", ["PVA=1,3,2", "PVA=1,2,3"])
+def test_odd_values_may_be_refused(make_bench, line):
+    bench = make_bench(ControllerUnit(odd_pvt="refuse"))
+    assert bench.refusal(line) == 6
+    bench.accept("PVA=1,2,4", "PVA=,,0", "PVA=,,-1")
+
+
+@pytest.mark.parametrize(("underrun", "beyond"), [("decelerate", True), ("stop", False)])
+def test_an_empty_buffer_at_speed(make_bench, underrun, beyond):
+    bench = make_bench(ControllerUnit(underrun=underrun))
+    bench.accept("SH", "PVA=400,8192,100", "BTA")
+    bench.run()
+    assert (bench.counts[0] > 400) == beyond
+    assert bench.number("_SCA") == 32
+
+
+@pytest.mark.parametrize("limited", [True, False])
+def test_limits_may_act_in_pvt_or_not(make_bench, limited):
+    unit = ControllerUnit(pvt_error_limit=limited, pvt_soft_limits=limited)
+    bench = make_bench(unit)
+    bench.accept("SH", "FLA=150", "PVA=400,0,100", "PVA=,,0", "BTA")
+    bench.run()
+    assert bench.number("_SCA") == (2 if limited else 31)
+    bench = make_bench(unit)
+    bench.follows = False
+    bench.accept("SH", "OE 1;ER 100", "PVA=400,0,100", "PVA=,,0", "BTA")
+    bench.tick(90)
+    assert bench.number("_MOA") == limited

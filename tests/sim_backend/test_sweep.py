@@ -144,16 +144,21 @@ def test_derived_quantities_may_be_given():
 
 
 @pytest.mark.parametrize("friction", [0.0, 0.1, 0.4])
-@pytest.mark.parametrize("overlap", [0.02e-3, 0.263e-3, 1e-3, 2e-3])
-def test_laws_solved_together_are_those_of_the_model(friction, overlap):
+@pytest.mark.parametrize(
+    ("overlap", "contact"),
+    [(0.02e-3, "mid-line"), (0.263e-3, "surface"), (1e-3, "mid-line"), (2e-3, "mid-line")],
+)
+def test_laws_solved_together_are_those_of_the_model(friction, overlap, contact):
     choir = choirs(RIG)[0]
-    plectrum = choir.plectrum.model_copy(update={"friction": friction, "overlap": overlap})
+    update = {"friction": friction, "overlap": overlap, "contact": contact}
+    plectrum = choir.plectrum.model_copy(update=update)
     pluck = choir_pluck(choir.model_copy(update={"plectrum": plectrum}))
     laws, good = elastica_laws(
         np.array([choir.string.static_stiffness]),
         np.array([overlap]),
         np.array([plectrum.bending_stiffness]),
         np.array([plectrum.length]),
+        np.array([(plectrum.thickness + choir.string.diameter) / 2 * (contact == "surface")]),
         friction,
     )
     assert good.all()

@@ -6,6 +6,7 @@ bent down, the string goes out by F (sin a - T cos a) / K and up by F (cos a + T
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +20,10 @@ rounding."""
 LOADS = np.concatenate([[0.0], np.geomspace(1e-14, 1.0, 97)])
 """Fractions of the largest load, between which the load of a given position is bracketed."""
 NEWTON_STEPS = 60
+SMALL = 1e-6
+"""Fraction of the largest load at which the direction of the first friction is found."""
+TURN_POINTS, TURN_NARROWINGS = 33, 4
+"""Points of a search for the load at which the string turns, and how often it is narrowed."""
 
 
 @dataclass(frozen=True)
@@ -51,7 +56,9 @@ class Equilibria:
         self.plectra, self.length = plectra, plectra.length
         self.stiffness, self.overlap = stiffness[:, None], overlap[:, None]
         self.rest = self.length - self.overlap
-        """m, position of the string at rest, shape (cases, 1)."""
+        """m, place of the string at rest, shape (cases, 1)."""
+        self.first = plectra.first(self.rest)
+        """m, its position on the plectrum at first contact, shape (cases, 1)."""
         self._pull = plectra.unit / self.stiffness
         """m^3, F s^2 / K at a load of one."""
 
@@ -93,21 +100,65 @@ class Equilibria:
         load = np.where(found, np.where(never, 0.0, load), limit)
         return load[:, 0], found[:, 0]
 
+    @cached_property
+    def turn(self) -> Floats:
+        """Largest loads under which the string slides towards the clamp, shape (cases, 1).
+
+        As the plectrum turns, a string above its mid-line is moved outwards, over its surface
+        towards the clamp, until it is bent so far that the string's force moves it towards the tip.
+        Where friction prevents it, and on the mid-line, this is 0.
+        """
+        none = np.zeros_like(self.rest)
+        near = SMALL * self.plectra.load_limit(self.first) + none
+        at = self.plectra.under(near)(self.first)
+        pull = self._pull * near / self.first**2
+        drag = (at.sine + (self.rest - at.x) / pull) / at.cosine
+        if not np.any(drag < -self.plectra.friction):
+            return none
+        # Before the load at which the string would slide towards the tip from its first position.
+        last, slips = self.sliding_load(self.first)
+        rows = np.flatnonzero((drag[:, 0] < -self.plectra.friction) & slips)
+        some, low, high = self.subset(rows), none[rows, 0], last[rows]
+        for _ in range(TURN_NARROWINGS):
+            load = np.linspace(low, high, TURN_POINTS, axis=1)
+            best = np.argmin(some._slide(load, -self.plectra.friction).position, axis=1)
+            low, none[rows, 0], high = (
+                load[np.arange(len(rows)), np.clip(best + k, 0, TURN_POINTS - 1)]
+                for k in (-1, 0, 1)
+            )
+        return none
+
+    @cached_property
+    def held(self) -> Floats:
+        """m, position at which friction holds the string, shape (cases, 1)."""
+        return self._sticking(self.turn)
+
+    def _sticking(self, load: Floats) -> Floats:
+        """Return the position [m] of a string that has not yet slid towards the tip."""
+        if not self.turn.any():
+            return np.repeat(self.first, load.shape[1], axis=1)
+        back = self._slide(np.minimum(load, self.turn), -self.plectra.friction).position
+        return np.where(self.turn > 0, np.minimum(back, self.first), self.first)
+
     def stick(self, load: Floats) -> Curve:
-        """Return the equilibria of a string that friction holds at its position of contact."""
-        s = np.repeat(self.rest, load.shape[1], axis=1)
+        """Return the equilibria of a string that friction holds, or that slides to the clamp."""
+        s = self._sticking(load)
         at = self.plectra.under(load)(s)
         pull, back = self._pull * load / s**2, self.rest - at.x
         # From K (x - rest) = F (sin a - T cos a).
         drag = np.divide(back, pull, out=np.zeros_like(pull), where=pull > 0)
         # At rest there is no friction, and no more than the coefficient allows but for rounding.
-        drag = np.clip((at.sine + drag) / at.cosine, 0, self.plectra.friction)
+        drag = np.clip((at.sine + drag) / at.cosine, -self.plectra.friction, self.plectra.friction)
         return self._curve(at, load, s, drag)
 
     def slide(self, load: Floats) -> Curve:
-        """Return the equilibria of a sliding string; positions that are not found are NaN."""
+        """Return the equilibria of a string that slides towards the tip; NaN where not found."""
+        return self._slide(load, self.plectra.friction)
+
+    def _slide(self, load: Floats, mu: float) -> Curve:
+        """Return the equilibria of a string that slides, with its force to the clamp over F."""
         under, pull = self.plectra.under(load), self._pull * load
-        rest, mu = self.rest, self.plectra.friction
+        rest = self.rest
         least, done = rest / 2, np.zeros(load.shape, bool)
         s = np.repeat(self.length, load.shape[1], axis=1)
         for _ in range(NEWTON_STEPS):

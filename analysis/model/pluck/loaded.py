@@ -1,8 +1,8 @@
 """Plectra under given loads, with a leading axis of cases: what the solver asks of a level.
 
 The load is F s^2, for the force F normal to the plectrum at the position s of the string. Of
-a uniform section each load belongs to one position and each position to one load, so that
-the load leads from first contact to release past any fold over height or force.
+a uniform section each load belongs to one position, so that the load leads from first contact to
+release past any fold over height or force.
 """
 
 from collections.abc import Callable
@@ -13,17 +13,18 @@ from numpy.typing import NDArray
 
 from sautereau.analysis.model.plectrum.base import Floats, PlectrumMap
 from sautereau.analysis.model.plectrum.elastica import Elastica, elastica_tables, q_max
+from sautereau.analysis.model.plectrum.surface import StringCentre
 
 Rows = NDArray[np.intp]
 
 
 class Loaded(NamedTuple):
-    """The loaded points of plectra; all fields broadcast to (cases, points)."""
+    """The string on loaded plectra; all fields broadcast to (cases, points)."""
 
     x: Floats
-    """m, from the clamp along the undeformed mid-line."""
+    """m, of the string's centre, from the clamp along the undeformed mid-line."""
     z: Floats
-    """m, upwards."""
+    """m, of the string's centre, upwards from first contact."""
     angle: Floats
     """rad, by which the plectrum is bent down."""
     sine: Floats
@@ -47,6 +48,10 @@ class Plectra(Protocol):
     unit: Floats
     """N m^2, of the loads, shape (cases, 1)."""
 
+    def first(self, rest: Floats) -> Floats:
+        """Return the position [m] on the plectrum of a string at rest at x [m], at contact."""
+        ...
+
     def load_limit(self, s: Floats) -> Floats:
         """Return the largest load at positions s [m], shape (cases, 1) or (1, 1)."""
         ...
@@ -67,12 +72,26 @@ class Plectra(Protocol):
 class UniformPlectra:
     """Elasticas; `unit` is the bending stiffness EI, so that a load is q = F s^2 / EI."""
 
-    def __init__(self, friction: float, length: Floats, bending_stiffness: Floats):
-        """Take lengths [m] and bending stiffnesses [N m^2], each of shape (cases,)."""
+    def __init__(
+        self, friction: float, length: Floats, bending_stiffness: Floats, offset: Floats | float
+    ):
+        """Take the plectra.
+
+        Args:
+            friction: Dimensionless, common to all.
+            length: m, shape (cases,).
+            bending_stiffness: N m^2, shape (cases,).
+            offset: m, of the string's centre from the mid-line, shape (cases,) or ().
+        """
         self.friction, self.length = friction, length[:, None]
         self.unit = bending_stiffness[:, None]
+        self._offset = np.broadcast_to(offset, length.shape)[:, None]
         self._table, self._slopes = elastica_tables(friction)
         self._limit = np.full((1, 1), q_max(friction))
+
+    def first(self, rest: Floats) -> Floats:
+        """Return x itself: the unloaded plectrum is straight."""
+        return rest
 
     def load_limit(self, s: Floats) -> Floats:
         """Return the q that turns the tangent by nearly 90 degrees, shape (1, 1)."""
@@ -83,17 +102,22 @@ class UniformPlectra:
         x, z, theta = np.moveaxis(self._table(load), -1, 0)
         x, z, angle = x.copy(), load * z, -load * theta
         sine, cosine = np.sin(angle), np.cos(angle)
-        return lambda s: Loaded(s * x, s * z, angle, sine, cosine, x, z, 0.0)
+        out, down = self._offset * sine, self._offset * (1 - cosine)
+        return lambda s: Loaded(s * x + out, s * z - down, angle, sine, cosine, x, z, 0.0)
 
     def load_slopes(self, s: Floats, load: Floats) -> tuple[Floats, Floats, Floats]:
         """Return the derivatives of x [m], z [m] and angle [rad] by q at the same s [m]."""
         _, z, theta = np.moveaxis(self._table(load), -1, 0)
         x_q, z_q, theta_q = np.moveaxis(self._slopes(load), -1, 0)
-        return s * x_q, s * (z + load * z_q), -theta - load * theta_q
+        angle, angle_q = -load * theta, -theta - load * theta_q
+        out, down = self._offset * np.cos(angle), self._offset * np.sin(angle)
+        return s * x_q + out * angle_q, s * (z + load * z_q) - down * angle_q, angle_q
 
     def subset(self, rows: Rows) -> "UniformPlectra":
         """Return some of the cases."""
-        return UniformPlectra(self.friction, self.length[rows, 0], self.unit[rows, 0])
+        return UniformPlectra(
+            self.friction, self.length[rows, 0], self.unit[rows, 0], self._offset[rows, 0]
+        )
 
 
 class OnePlectrum:
@@ -102,6 +126,10 @@ class OnePlectrum:
     def __init__(self, plectrum: PlectrumMap):
         self._map, self.friction = plectrum, plectrum.friction
         self.length, self.unit = np.full((1, 1), plectrum.length), np.ones((1, 1))
+
+    def first(self, rest: Floats) -> Floats:
+        """Return the position [m] of the string at first contact, of which the map knows."""
+        return np.full_like(rest, getattr(self._map, "first", rest))
 
     def load_limit(self, s: Floats) -> Floats:
         """Return the largest load [N m^2] at positions s [m]."""
@@ -137,7 +165,9 @@ class OnePlectrum:
 
 def plectra_of(plectrum: PlectrumMap) -> Plectra:
     """Return a plectrum as a single case."""
-    if isinstance(plectrum, Elastica):
-        length, stiffness = np.array([plectrum.length]), np.array([plectrum.bending_stiffness])
-        return UniformPlectra(plectrum.friction, length, stiffness)
+    centre = plectrum if isinstance(plectrum, StringCentre) else None
+    uniform = centre.mid_line if centre else plectrum
+    if isinstance(uniform, Elastica):
+        length, stiffness = np.array([uniform.length]), np.array([uniform.bending_stiffness])
+        return UniformPlectra(uniform.friction, length, stiffness, centre.offset if centre else 0.0)
     return OnePlectrum(plectrum)

@@ -79,7 +79,7 @@ def solve_paths(equilibria: Equilibria, points: int) -> Paths:
     slip, slips = np.zeros(len(equilibria.rest)), np.ones(len(equilibria.rest), bool)
     kinds = (STICK, SLIDE) if equilibria.plectra.friction > 0 else (SLIDE,)
     if STICK in kinds:
-        slip, slips = equilibria.sliding_load(equilibria.rest)
+        slip, slips = equilibria.sliding_load(equilibria.held)
     end, released = equilibria.sliding_load(equilibria.length)
     status = np.where(released & slips, Status.RELEASED, Status.STILL_HELD)
     # A string that never slips has a slide of no length, at no load.

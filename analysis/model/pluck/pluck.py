@@ -6,8 +6,8 @@ contact. Friction holds the string at its position of contact until the force al
 reaches mu F; from there it slides to the tip, where it is released. Where the curve of
 equilibria folds and h no longer rises, the string slides off the plectrum and is released early.
 
-The string is a line on the plectrum's mid-line, from which the overlap is measured. With
-`rollover` its wire of radius r turns about the tip's edge once it has reached the tip, and the
+The string's centre is on the plectrum's mid-line or, by `StringCentre`, above it on the surface.
+With `rollover` its wire of radius r turns about the tip's edge once it has reached the tip, and the
 contact's normal turns with it, until the jack can rise no further. The force then departs from
 the plectrum's normal; its normal part bends the plectrum, its part along the plectrum counts as
 friction. A wire on an edge is stable only if the string is displaced by less than the radius, so

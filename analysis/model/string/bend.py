@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 from sautereau.analysis.model.plectrum.base import PlectrumMap
 from sautereau.analysis.model.plectrum.elastica import CELLS, Elastica, elastica_tables
+from sautereau.analysis.model.plectrum.surface import StringCentre
 
 Bent = tuple[
     float, float, float, float, float, float, float, float, float, float, float, float
@@ -28,7 +29,11 @@ class PointBend(NamedTuple):
 
 def point_bend(plectrum: PlectrumMap) -> PointBend:
     """Return a plectrum's map for single points; the elastica's from its table."""
-    return _of_elastica(plectrum) if isinstance(plectrum, Elastica) else _of_map(plectrum)
+    centre = plectrum if isinstance(plectrum, StringCentre) else None
+    uniform = centre.mid_line if centre else plectrum
+    if isinstance(uniform, Elastica):
+        return _of_elastica(uniform, centre.offset if centre else 0.0)
+    return _of_map(plectrum)
 
 
 def _of_map(plectrum: PlectrumMap) -> PointBend:
@@ -47,7 +52,7 @@ def _of_map(plectrum: PlectrumMap) -> PointBend:
     return PointBend(at, lambda s: float(plectrum.force_limit(s)))
 
 
-def _of_elastica(plectrum: Elastica) -> PointBend:
+def _of_elastica(plectrum: Elastica, offset: float) -> PointBend:
     table, _ = elastica_tables(plectrum.friction)
     # The polynomials of each cell, one tuple of coefficients for each of x, z / q, theta / q.
     cells = table.c.transpose(1, 2, 0).tolist()
@@ -72,10 +77,12 @@ def _of_elastica(plectrum: Elastica) -> PointBend:
         out, up = -sine - friction * cosine, cosine - friction * sine
         q_s = 2 * force * s / stiffness
         out_q, up_q = -up * theta_q, out * theta_q
+        # Of the string's centre, at the offset from the mid-line.
+        x_q, z_q = s * x_q - offset * cosine * theta_q, s * z_q - offset * sine * theta_q
         return (
-            s * x, s * z, out, up,
-            x + s * x_q * q_s, z + s * z_q * q_s, out_q * q_s, up_q * q_s,
-            s * x_q * q_f, s * z_q * q_f, out_q * q_f, up_q * q_f,
+            s * x - offset * sine, s * z + offset * (cosine - 1), out, up,
+            x + x_q * q_s, z + z_q * q_s, out_q * q_s, up_q * q_s,
+            x_q * q_f, z_q * q_f, out_q * q_f, up_q * q_f,
         )  # fmt: skip
 
     def limit(s: float) -> float:

@@ -1,154 +1,73 @@
-"""The two motors behind a Galil controller: set-up, on and off, stopping and standstill."""
+"""The two motors behind a Galil controller: on, watched, stopping and standstill."""
 
 from collections.abc import Callable, Collection
 
 import numpy as np
 
-from sautereau.rig.schema import Rig
-from sautereau.robot.drivers.driver import Clock, Sleep
-from sautereau.robot.drivers.galil.dmc import (
-    halting,
-    software_limit_settings,
-    software_limits,
-    stop_reason,
-)
-from sautereau.robot.drivers.galil.line import Line
+from sautereau.robot.drivers.galil.connection import Connection
+from sautereau.robot.drivers.galil.dmc import CAUSES, stop_reason
 from sautereau.robot.drivers.galil.program import (
+    FAULT,
     LEFT,
-    PRESS,
+    LIMIT,
+    RESOLUTION,
+    SIGN,
     TICK,
-    TORQUES,
     WATCH,
-    controller_program,
 )
 from sautereau.robot.drivers.keep_alive import TICKS
-from sautereau.robot.drivers.limits import Limits
-from sautereau.robot.drivers.polling import STOPPING, Polling
-from sautereau.robot.drivers.serial_port import Port
+from sautereau.robot.drivers.polling import STOPPING
 from sautereau.robot.errors import (
     CommandRefused,
     GarbledAnswer,
     MotionFault,
-    RobotError,
+    NotReady,
     SettingNotTaken,
 )
 from sautereau.trajectory.segments import Counts
 
-_STATE = ("_MOA", "_MOB", "_BGA", "_BGB", "_OFA", "_OFB")
-_SAFE = [1, 1, 0, 0, 0, 0]
-_SAMPLE_PERIODS = (970e-6, 1001e-6)  # s, what firmwares make of TM 1000
-_VOLTAGE_STEP = 5e-4  # V, to which the controller rounds TL and OF
 
+class Axes(Connection):
+    """Axes A and B, which turn joints 1 and 2."""
 
-class Axes:
-    """Axes A and B, which turn joints 1 and 2; arguments as for `Driver`."""
+    on_trial = False
+    """Whether a controller that is not verified may be switched on."""
 
-    def __init__(self, rig: Rig, port: Port, clock: Clock, sleep: Sleep):
-        settings = rig.controller
-        self._rig, self._settings = rig, settings
-        self._limits = Limits(rig.arm)
-        self.line = Line(port, settings.port, settings.timeout)
-        self._polling = Polling(clock, sleep, "amplifiers")
-        trigger_off = f"CB {settings.trigger_output}"
-        # Ends everything that the program does except its watchdog.
-        self._quiet = (f"HX {PRESS}", f"HX {TORQUES}", "OF 0,0", "RC 0", trigger_off)
-        self._abort_commands = ("AB", "MO AB", ";".join(self._quiet))
-
-    def close(self) -> None:
-        self.line.close()
-
-    def set_up(self) -> str:
-        identity = self._introduce()
-        self.abort()
-        self._set_limits()
-        self.line.download(controller_program(self._settings.trigger_output))
-        return identity
-
-    def _introduce(self) -> str:
-        """Identify the controller, and switch its echo on.
-
-        Returns:
-            Model and firmware, as the controller reports them.
-
-        Raises:
-            RobotError: It is no Galil controller with PVT mode, or it has no echo.
-        """
-        line = self.line
-        line.resynchronise()
-        try:
-            line.ask("EO 0")
-        except CommandRefused:  # the rest of a line that another host broke off
-            line.ask("EO 0")
-        identity = " ".join(line.ask("\x12\x16").split())
-        if "DMC" not in identity:
-            raise GarbledAnswer(
-                f"port {line.name}: a Galil controller gives its revision as DMC..., this one"
-                f" answers {identity[:40]!r}; correct controller.port in the rig file"
-            )
-        try:
-            line.read("_PVA")
-        except CommandRefused as error:
-            raise RobotError(
-                f"controller on {line.name}: {identity} has no PVT mode ({error.code}"
-                f" {error.text}); update its firmware, or use a DMC-40x0 or later"
-            ) from error
-        line.ask("EO 1")
-        line.echo = True
-        try:
-            line.verify({"_EO": 1})
-        except GarbledAnswer as error:
-            raise SettingNotTaken(
-                f"controller on {line.name}: {identity} does not echo what it receives, so that a"
-                f" command corrupted on the line would be executed ({error}); connect it by a"
-                " serial line or USB"
-            ) from error
-        return identity
-
-    def _set_limits(self) -> None:
-        """Set sample period, following error, torque and software limits, and read them back.
-
-        Raises:
-            RobotError: The controller would not enforce a limit of the rig, or it does not take
-                the settings.
-        """
-        line, settings, limits = self.line, self._settings, self._limits
-        error = settings.position_error_limit
-        faults = []
-        period = settings.sample_period
-        if not _SAMPLE_PERIODS[0] <= period <= _SAMPLE_PERIODS[1]:
-            faults.append(
-                f"controller.sample_period is {period * 1e6:.6g} us, and TM 1000 gives 976 to"
-                " 1000 us; correct it as the controller's manual says"
-            )
-        room = int((limits.upper - limits.lower).min()) // 2
-        if error > room:
-            faults.append(
-                f"controller.position_error_limit is {error} counts, more than half of the smaller"
-                f" joint range, {room} counts; lower it"
-            )
-        if faults:
-            raise RobotError(f"rig: {'; '.join(faults)}")
-        line.ask("TM 1000")
-        line.ask(f"ER {error},{error}", "OE 1,1")
-        line.ask(f"TL {settings.full_torque:.4f},{settings.full_torque:.4f}", "OF 0,0")
-        line.ask(*software_limits(limits))
-        line.verify({"_TM": 1000, "_ERA": error, "_ERB": error, "_OEA": 1, "_OEB": 1})
-        torque = settings.full_torque
-        line.verify({"_TLA": torque, "_TLB": torque, "_OFA": 0, "_OFB": 0}, _VOLTAGE_STEP)
-        line.verify(software_limit_settings(limits))
+    _signed = 0.0
+    """Samples on the controller's clock at the last signature of the program."""
+    silent = False
+    """Whether the signs of life are withheld, to measure the watchdog."""
 
     def positions(self) -> Counts:
         """Read the encoders: counts, shape (2,)."""
         return np.rint(self.line.read("_TPA", "_TPB")).astype(np.int64)
 
+    def await_record(self) -> None:
+        """Wait until a recording is complete."""
+        self._polling.until(lambda: not self.line.read("_RC")[0], "the recording", STOPPING)
+
     def await_standstill(self, what: str, limit: float) -> None:
         """Wait until both axes are at rest, ``limit`` seconds at most; ``what`` is the motion."""
         self._polling.until(lambda: not any(self.line.read("_BGA", "_BGB")), what, limit)
 
+    def settle(self, target: Counts) -> None:
+        """Wait until both joints are at a target, counts of shape (2,)."""
+        self._polling.settle(self.positions, target, self.limits.tolerance)
+
     def check_stop(self, what: str, normal: Collection[int]) -> None:
         """Refuse a motion that stopped for another reason than the stop codes ``normal``."""
-        *codes, watch, left = self.line.read("_SCA", "_SCB", f"_XQ{WATCH}", LEFT)
-        if watch < 0 or left <= 0:  # it has tripped, or is about to end after tripping
+        *codes, watch, left, fault = self.line.read("_SCA", "_SCB", f"_XQ{WATCH}", LEFT, FAULT)
+        if fault == LIMIT:
+            raise MotionFault(
+                f"{what} broke off: {self._limits_reached()}; remove the cause, then home() again"
+            )
+        if fault:
+            raise MotionFault(
+                f"{what} broke off: the controller refused a command of its program, with code"
+                f" {fault:g} (TC); look it up in the command reference, then home() again"
+            )
+        tripped = watch < 0 or left <= 0  # it has, or is about to end after tripping
+        if tripped and not CAUSES.intersection(codes):
             raise MotionFault(
                 f"{what} broke off: the controller's watchdog has switched the motors off,"
                 " because the host gave no sign of life for too long"
@@ -164,14 +83,25 @@ class Axes:
                 f"{what} broke off: {', '.join(faults)}; remove the cause, then home() again"
             )
 
+    def _limits_reached(self) -> str:
+        """Name the joints at a limit switch or a software limit, as far as they are still there."""
+        names = ("_LFA", "_LRA", "_TPA", "_FLA", "_BLA", "_LFB", "_LRB", "_TPB", "_FLB", "_BLB")
+        values = self.line.read(*names)
+        reached = []
+        for joint in (1, 2):
+            forward, reverse, at, high, low = values[5 * joint - 5 : 5 * joint]
+            near = self.limits.tolerance
+            if not forward or at > high - near:
+                reached.append(f"joint {joint} stopped by the forward limit")
+            if not reverse or at < low + near:
+                reached.append(f"joint {joint} stopped by the reverse limit")
+        return " and ".join(reached) or "a joint stopped by a limit that it has left again"
+
     def switch_on(self) -> None:
         """Start the watchdog and see it count; then switch the motors on, and verify."""
-        tick = round(self._settings.watchdog_period * 1e3 / TICKS)
-        self.line.ask(f"{TICK}={tick}", f"{LEFT}={TICKS}")
-        self.line.verify({TICK: tick, LEFT: TICKS})
-        self.line.ask(f"XQ #WATCH,{WATCH}")
-        self._polling.until(lambda: self._watched() < TICKS, "the watchdog's first count", STOPPING)
-        self.renew()
+        self._check_verified()
+        self._check_inputs()
+        self.start_watchdog()
         self.line.ask("SH AB")
         if any(self.line.read("_MOA", "_MOB")):
             raise SettingNotTaken(
@@ -179,7 +109,50 @@ class Axes:
                 " emergency stop and the amplifiers"
             )
 
-    def _watched(self) -> float:
+    def _check_verified(self) -> None:
+        """Refuse a real controller that was not verified, or has changed since."""
+        rig = self._settings
+        if self.on_trial or "SIM" in self.identity:
+            return
+        pairs = ((rig.verified, self.record), (rig.verified_settings, self.settings.memory_text))
+        changed = [f"{before!r} is now {now!r}" for before, now in pairs if before != now]
+        if changed:
+            since = f"has changed since {rig.verified_on}: {', '.join(changed)}"
+            raise NotReady(
+                f"powered: the controller on {self.line.name}"
+                f" {since if rig.verified else 'was never verified on this bench'}; run"
+                " `sautereau setup verify` with your rig file"
+            )
+
+    def _check_inputs(self) -> None:
+        """Refuse to switch on while the abort input or a limit switch is active."""
+        abort, *allowed = self.line.read("_AB", "_LFA", "_LFB", "_LRA", "_LRB")
+        if not abort:
+            raise SettingNotTaken(
+                f"controller on {self.line.name}: its abort input is active; release the emergency"
+                " stop, then enter powered() again"
+            )
+        names = [f"{side} limit of joint {j}" for side in ("forward", "reverse") for j in (1, 2)]
+        active = [name for name, allows in zip(names, allowed, strict=True) if not allows]
+        if active and self._settings.limit_switches != "none":
+            raise SettingNotTaken(
+                f"controller on {self.line.name}: active: {', '.join(active)}; move the arm off"
+                " the switch by hand, or correct controller.limit_switches in the rig file"
+            )
+
+    def start_watchdog(self) -> None:
+        """Start the watchdog and see it count."""
+        steps = round(self._settings.watchdog_period * 1e3 / TICKS / RESOLUTION)
+        tick = steps * RESOLUTION
+        self.line.ask(f"{TICK}={tick}", f"{LEFT}={TICKS}", f"{SIGN}=0", f"{FAULT}=0")
+        self.line.verify({TICK: tick, LEFT: TICKS})
+        self.line.ask(f"XQ #WATCH,{WATCH}")
+        self._polling.until(lambda: self._left() < TICKS, "the watchdog's first count", STOPPING)
+        (self._signed,) = self.line.read("TIME")
+        self._watched = True
+        self.renew()
+
+    def _left(self) -> float:
         """Return the counts that the watchdog has left; it must be running."""
         left, running = self.line.read(LEFT, f"_XQ{WATCH}")
         if running < 0:
@@ -189,38 +162,37 @@ class Axes:
         return left
 
     def renew(self, keep_waiting: Callable[[], bool] | None = None, /) -> None:
-        """Give the watchdog a sign of life; ``keep_waiting`` as for `Line.ask`."""
-        self.line.ask(f"{LEFT}={TICKS}", keep_waiting=keep_waiting)
+        """Give the watchdog a sign of life; stop the arm where another program runs in its place.
+
+        Args:
+            keep_waiting: As for `Line.ask`.
+        """
+        if self.silent:
+            return
+        renewal = (f"MG {SIGN},{LEFT},_XQ{WATCH},TIME", f"{SIGN}=0", f"{LEFT}={TICKS}")
+        sign, left, running, now = self.line.numbers(*renewal, count=4, keep_waiting=keep_waiting)
+        if sign == self._sign:
+            self._signed = now
+        unsigned = (now - self._signed) * self._settings.sample_period
+        # Without pacing, the stand-in's program does not count; see docs/stand-in.md.
+        late = unsigned >= self._settings.watchdog_period / 2 and "SIM" not in self.identity
+        replaced = running < 0 or (sign != self._sign and (left < TICKS or late))
+        if self._watched and left > 0 and replaced:
+            self.abort()
+            self.line.report(
+                MotionFault(
+                    f"controller on {self.line.name}: its watchdog was stopped or its program was"
+                    " replaced, so the motors were switched off; end the other program that uses"
+                    " the controller, then connect() again"
+                )
+            )
 
     def halt(self) -> None:
         """Decelerate to a standstill, motors on, without a torque from the program."""
         self.line.resynchronise()
-        # A Galil accepts DC while its axes move [confirm].
-        self._ask_with_retry(halting(self._limits), "ST AB")
+        self._ask_with_retry("ST AB")
         self._ask_with_retry(*self._quiet)
         self.await_standstill("the stop", STOPPING)
-
-    def abort(self) -> None:
-        """Stop at once, switch motors and trigger off, and verify by reading back.
-
-        Raises:
-            RobotError: The controller did not confirm that the motors are off.
-        """
-        state: list[float] = []
-        for _ in range(2):  # what was sent before may have spoilt the first
-            try:
-                state = self.line.send_unchecked(self._abort_commands, *_STATE)
-            except GarbledAnswer:
-                state = self.line.send_unchecked((), *_STATE)
-            if state == _SAFE:
-                return
-        raise MotionFault(
-            f"the controller reads {','.join(_STATE)} = {state}, not motors off and at rest"
-        )
-
-    def send_abort(self) -> None:
-        """Send what `abort` sends, unacknowledged."""
-        self.line.send_unacknowledged(*self._abort_commands)
 
     def _ask_with_retry(self, *commands: str) -> None:
         """Send commands, twice where a broken-off line before them spoilt the first."""

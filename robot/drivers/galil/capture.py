@@ -19,6 +19,8 @@ SOURCES = {
     "trqB": "_TTB",
 }
 """What a capture records, by array."""
+VOLTS_RECORDED = 10 / 32767
+"""V of a recorded torque of 1: the record holds integers, unlike the operand _TT."""
 _EXPONENTS = range(1, 9)
 
 
@@ -47,7 +49,7 @@ def plan_capture(total_samples: int, room: int) -> CapturePlan:
     for exponent in _EXPONENTS:
         interval = 2**exponent
         rows = (total_samples + SETTLE - 2 * interval) // interval + 1
-        if rows >= 1 and rows * len(SOURCES) <= room:
+        if rows >= 2 and rows * len(SOURCES) <= room:
             return CapturePlan(rows, exponent)
     raise UnsafeRequest(
         f"load: a capture of {total_samples} samples does not fit into {room} array elements,"
@@ -70,9 +72,7 @@ def make_room(line: Line, total_samples: int, torque_rows: int) -> CapturePlan:
 
 def read_capture(line: Line, plan: CapturePlan, rig: Rig) -> Capture:
     """Read what the controller has recorded."""
-    columns = {
-        name: line.numbers(f"QU {name}[],0,{plan.rows - 1},1", plan.rows) for name in SOURCES
-    }
+    columns = {name: line.upload(name, plan.rows) for name in SOURCES}
     pairs = {
         name: np.column_stack([columns[f"{name}A"], columns[f"{name}B"]])
         for name in ("pos", "err", "trq")
@@ -81,6 +81,7 @@ def read_capture(line: Line, plan: CapturePlan, rig: Rig) -> Capture:
         samples=2**plan.exponent * np.arange(plan.rows, dtype=np.int64),
         counts=np.rint(pairs["pos"]).astype(np.int64),
         following_errors=np.rint(pairs["err"]).astype(np.int64),
-        torques=pairs["trq"] * rig.arm.torque_limit / rig.controller.full_torque,
+        torques=pairs["trq"] * (VOLTS_RECORDED * rig.arm.torque_limit / rig.controller.full_torque),
         sample_period=rig.controller.sample_period,
+        trigger_delay=rig.controller.trigger_delay,
     )

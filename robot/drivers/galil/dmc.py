@@ -1,20 +1,27 @@
 """Limits, profiles and segments as commands of Galil's DMC language."""
 
+import numpy as np
+
+from sautereau.rig.controller import Controller
+from sautereau.robot.drivers.galil.program import RESOLUTION
 from sautereau.robot.drivers.limits import Limits
-from sautereau.trajectory.segments import Segments
+from sautereau.robot.errors import UnsafeRequest
+from sautereau.trajectory.segments import Counts, Segments
 
 END_OF_MOTION = ("PVA=0,0,0", "PVB=0,0,0")
 """Ends PVT mode after the segments before it."""
 CLEAR_SEGMENTS = ("PVA=0,0,-1", "PVB=0,0,-1")
 """Empties the FIFO of both axes."""
-NO_LIMITS = ("FL 2147483647,2147483647", "BL -2147483648,-2147483648")
-"""Switches the software limits off."""
 NORMAL_ENDS = frozenset({0, 1, 31})
 """Stop codes of a move or a PVT motion that came to its end."""
-HOMED_ENDS = NORMAL_ENDS | {10}
-"""Stop codes of an axis that has found its home switch."""
+EDGE_FOUND, INDEX_FOUND = 9, 10
+"""Stop codes of an axis that has found the edge of its home switch, or an index."""
+LARGEST_STEP, LARGEST_VELOCITY, LONGEST_SEGMENT = 30_000_000, 15_000_000, 2048
+"""Of a segment: counts, counts per second, controller samples."""
 _STEP_OF_ACCELERATION = 1024  # counts/s^2, resolution of AC and DC
 _LARGEST_ACCELERATION = 1_073_740_800  # counts/s^2
+CAUSES = frozenset({2, 3, 6, 8, 11, 12, 15})
+"""Stop codes of what switches the motors off, other than the watchdog."""
 _STOP_CODES = {
     0: "running, or never moved",
     1: "at the commanded position",
@@ -47,15 +54,18 @@ def profile(limits: Limits, speed: float) -> tuple[str, str, str]:
     The controller takes even speeds and multiples of 1024 counts/s^2: both are
     rounded down, but not below the smallest value that it takes.
     """
-    even = max(2, int(speed) // 2 * 2)
+    even = max(RESOLUTION, int(speed) // RESOLUTION * RESOLUTION)
     rate = _rate(limits.move_acceleration(speed))
     return f"SP {even},{even}", f"AC {rate},{rate}", f"DC {rate},{rate}"
 
 
-def halting(limits: Limits) -> str:
-    """Return DC for a decelerated stop, at the arm's limit of acceleration."""
+def halting(limits: Limits) -> tuple[str, str]:
+    """Return DC and SD for a stop by ST or by a limit, at the arm's limit of acceleration.
+
+    They are set at a standstill: DC is not taken during a move.
+    """
     rate = _rate(limits.acceleration)
-    return f"DC {rate},{rate}"
+    return f"DC {rate},{rate}", f"SD {rate},{rate}"
 
 
 def _rate(acceleration: float) -> int:
@@ -63,16 +73,50 @@ def _rate(acceleration: float) -> int:
     return max(1, steps) * _STEP_OF_ACCELERATION
 
 
-def software_limits(limits: Limits) -> tuple[str, str]:
+def software_limits(lower: Counts, upper: Counts) -> tuple[str, str]:
     """Return FL and BL, beyond which the controller stops by itself."""
-    (low_a, low_b), (high_a, high_b) = limits.lower, limits.upper
-    return f"FL {high_a},{high_b}", f"BL {low_a},{low_b}"
+    return f"FL {upper[0]},{upper[1]}", f"BL {lower[0]},{lower[1]}"
 
 
-def software_limit_settings(limits: Limits) -> dict[str, float]:
+def software_limit_settings(lower: Counts, upper: Counts) -> dict[str, float]:
     """Return what the controller should read back of `software_limits`."""
-    (low_a, low_b), (high_a, high_b) = limits.lower.tolist(), limits.upper.tolist()
+    (low_a, low_b), (high_a, high_b) = lower.tolist(), upper.tolist()
     return {"_FLA": high_a, "_FLB": high_b, "_BLA": low_a, "_BLB": low_b}
+
+
+def switch_settings(controller: Controller) -> dict[str, float]:
+    """Return the configuration of limit and home switches, as CN and LD read back."""
+    disabled = 3 if controller.limit_switches == "none" else 0
+    return {
+        "_CN0": 1 if controller.limit_switches == "active_high" else -1,
+        "_CN1": -1 if controller.home_grounded == "below" else 1,
+        "_CN3": 0,  # no input stops a single axis
+        "_CN4": 1,  # the abort input leaves the watchdog running
+        "_LDA": disabled,
+        "_LDB": disabled,
+    }
+
+
+def check_segments(segments: Segments) -> None:
+    """Refuse segments that are out of the controller's ranges or off its steps.
+
+    Raises:
+        UnsafeRequest: Lists every fault.
+    """
+    faults = [
+        f"{what} of {value:g} {unit}, and the controller takes {limit:g} at most"
+        for what, value, limit, unit in (
+            ("a step", np.abs(segments.steps).max(), LARGEST_STEP, "counts"),
+            ("a velocity", np.abs(segments.velocities).max(), LARGEST_VELOCITY, "counts/s"),
+            ("a segment", segments.samples.max(), LONGEST_SEGMENT, "samples"),
+        )
+        if value > limit
+    ]
+    for what, values in (("velocities", segments.velocities), ("samples", segments.samples)):
+        if odd := int(np.count_nonzero(values % RESOLUTION)):
+            faults.append(f"{odd} of its {what} are odd, and the controller takes even ones")
+    if faults:
+        raise UnsafeRequest(f"load: {'; '.join(faults)}; plan the motion again")
 
 
 def segment_commands(segments: Segments) -> list[str]:

@@ -3,8 +3,8 @@
 Positions are counts, speeds counts per second, durations controller samples.
 """
 
-import math
 from functools import partial
+from typing import ClassVar
 
 import numpy as np
 
@@ -16,14 +16,13 @@ from sautereau.robot.drivers.galil.capture import SOURCES, CapturePlan, make_roo
 from sautereau.robot.drivers.galil.dmc import (
     CLEAR_SEGMENTS,
     END_OF_MOTION,
-    HOMED_ENDS,
-    NO_LIMITS,
     NORMAL_ENDS,
+    check_segments,
+    halting,
     profile,
     segment_commands,
-    software_limit_settings,
-    software_limits,
 )
+from sautereau.robot.drivers.galil.homing import Homing
 from sautereau.robot.drivers.galil.program import PRESS, RATE, WATCH
 from sautereau.robot.drivers.galil.push import Push, plan_push, table_of, write_push
 from sautereau.robot.drivers.polling import MARGIN
@@ -32,17 +31,15 @@ from sautereau.robot.drivers.serial_port import Port
 from sautereau.robot.errors import MotionFault, NotReady, SettingNotTaken
 from sautereau.trajectory.segments import Counts, Segments
 
-_HOMING_SPEED = 0.2  # rad/s
-
 
 class GalilDriver(Axes):
-    """A `Driver` over a serial line."""
+    """A `Driver` over a serial line or Ethernet."""
 
-    WITHOUT_HOST = (
+    WITHOUT_HOST: ClassVar[str] = (
         "A motion that the controller has started continues until its watchdog trips, {period:g} s"
         " after the host's last sign of life."
     )
-    ABORT_AFTER = frozenset[str]()
+    ABORT_AFTER: ClassVar[frozenset[str]] = frozenset()
 
     def __init__(self, rig: Rig, port: Port, clock: Clock, sleep: Sleep):
         super().__init__(rig, port, clock, sleep)
@@ -50,35 +47,28 @@ class GalilDriver(Axes):
         self._motion: Segments | None = None
         self._plan: CapturePlan | None = None
         self._push: Push | None = None
+        self.homing = Homing(self)
 
     def find_home(self, home: Counts) -> None:
-        line, limits = self.line, self._limits
-        # Until the switches are found, positions mean nothing, and neither do their limits.
-        line.ask(*NO_LIMITS)
-        line.ask(*profile(limits, limits.in_counts(_HOMING_SPEED)))
-        line.ask("HM AB")
-        line.ask("BG AB")
-        self.await_standstill("homing", 2 * math.pi / _HOMING_SPEED + MARGIN)
-        self.check_stop("homing", HOMED_ENDS)
-        line.ask(f"DP {home[0]},{home[1]}")
-        self._polling.settle(self.positions, home, limits.tolerance)
-        line.ask(*software_limits(limits))
-        line.verify(software_limit_settings(limits))
+        self.homing.find(home)
 
     def home_levels(self) -> list[float]:
         return self.line.read("_HMA", "_HMB")
 
     def go(self, target: Counts, speed: float) -> None:
         distance = int(np.abs(target - self.positions()).max())
-        self.line.ask(*profile(self._limits, speed))
+        self.line.ask(*profile(self.limits, speed))
         self.line.ask(f"PA {target[0]},{target[1]}")
         self.line.ask("BG AB")
         self.await_standstill("the move", distance / speed + MARGIN)
         self.check_stop("the move", NORMAL_ENDS)
-        self._polling.settle(self.positions, target, self._limits.tolerance)
+        self.settle(target)
 
     def plan(self, segments: Segments, torque: TorqueTable | None) -> None:
-        push = None if torque is None else plan_push(self._rig, torque, segments)
+        check_segments(segments)
+        push = (
+            None if torque is None else plan_push(self.rig, torque, segments, self.settings.torque)
+        )
         self._planned = segments, push
 
     def load(self) -> Segments:
@@ -109,7 +99,7 @@ class GalilDriver(Axes):
 
     @property
     def loaded_torque(self) -> TorqueTable | None:
-        return None if self._push is None else table_of(self._push, self._rig)
+        return None if self._push is None else table_of(self._push, self.rig)
 
     def _empty_fifo(self) -> list[float]:
         """Return the free space of both FIFOs, emptied of a motion that was never played."""
@@ -128,6 +118,7 @@ class GalilDriver(Axes):
 
     def arm(self) -> None:
         _, plan = self._loaded("arm")
+        self.line.ask(*halting(self.limits))
         self.line.ask(f"RA {','.join(f'{name}[]' for name in SOURCES)}")
         self.line.ask(f"RD {','.join(SOURCES.values())}")
         self.line.ask(f"{RATE}={plan.exponent}")
@@ -141,7 +132,13 @@ class GalilDriver(Axes):
         duration = motion.total_samples * self._settings.sample_period
         self._polling.until(self._ended, "the press", duration + MARGIN)
         self.check_stop("the press", NORMAL_ENDS)
-        played = self.line.read("_BTA", "_BTB")
+        *played, end_a, end_b = self.line.read("_BTA", "_BTB", "_RPA", "_RPB")
+        if (end_a, end_b) != tuple(motion.end):
+            raise MotionFault(
+                f"the press ended at {end_a:g} and {end_b:g} counts instead of {motion.end[0]} and"
+                f" {motion.end[1]}: a segment was not taken as it was sent; check the cable's"
+                " shield and the firmware's revision, then home() again"
+            )
         if any(done not in (len(motion), len(motion) + 1) for done in played):
             raise MotionFault(
                 f"the press ended after {played[0]:g} and {played[1]:g} of its"
@@ -149,7 +146,7 @@ class GalilDriver(Axes):
             )
 
     def capture(self) -> Capture:
-        return read_capture(self.line, self._loaded("capture")[1], self._rig)
+        return read_capture(self.line, self._loaded("capture")[1], self.rig)
 
     def _loaded(self, call: str) -> tuple[Segments, CapturePlan]:
         """Return the loaded motion and its capture."""
@@ -171,4 +168,4 @@ class GalilDriver(Axes):
 
 
 GalilController = partial(PoweredArm, GalilDriver)
-"""A `MotionController` over a serial line; further arguments as for `PoweredArm`."""
+"""A `MotionController` over a serial line or Ethernet; further arguments as for `PoweredArm`."""

@@ -1,77 +1,36 @@
 """The request/answer line of a Galil controller: commands out, `:` or `?` back.
 
 With its echo on, the controller repeats what it has received, and every command is compared
-with that: a corrupted byte is always noticed.
+with that: a corrupted byte is always noticed. There is an echo on a serial port only; Ethernet
+has checksums, and what the controller took is read back. What a program in the controller sends
+by itself has the most significant bit of every byte set (CW 1), which separates it from answers.
 """
 
 import re
-import threading
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import contextmanager, suppress
+from contextlib import suppress
+from itertools import pairwise
 
+from sautereau.robot.drivers.galil.fair_lock import FairLock
 from sautereau.robot.drivers.serial_port import Port, Wire
 from sautereau.robot.errors import (
     CommandRefused,
     GarbledAnswer,
     LineLost,
+    RobotError,
     SettingNotTaken,
-    SilentController,
 )
 
 LONGEST_LINE = 79
 """Characters of one command line, without its carriage return."""
 _LONGEST_ANSWER = 1 << 18
+_SPACES = b"\t\n\r\x1a"
+"""Control characters of answers; control-Z follows an uploaded array."""
+_NOISE = 3
+"""Bytes with their most significant bit set that are no message yet."""
+_END = "\x1a\r\n "
 _MARK = "4711"
 _MARKED = re.compile(rf"{_MARK}(?:\.0*)?((?: +-?[0-9.]+)*)\s*:$")
-
-
-class FairLock:
-    """A lock for the commands of the host and its keep-alive: one thread at a time.
-
-    A command that waits ends the keep-alive's wait for an answer.
-    """
-
-    def __init__(self) -> None:
-        self.lock = threading.RLock()
-        """Held by the thread that uses the line."""
-        self._command_waits = threading.Event()
-        self._silent: SilentController | None = None
-
-    @property
-    def command_waits(self) -> bool:
-        """Whether a command waits for the lock."""
-        return self._command_waits.is_set()
-
-    @contextmanager
-    def keep_alive(self) -> Iterator[None]:
-        """Hold the lock; a silent controller found in the block is reported to the next command."""
-        with self.lock:
-            try:
-                yield
-            except SilentController as error:
-                self._silent = error
-                raise
-
-    @contextmanager
-    def command(self) -> Iterator[None]:
-        """Hold the lock, taken from a waiting keep-alive.
-
-        Raises:
-            SilentController: The keep-alive found it so, and no command was sent since.
-        """
-        with self.command_despite_silence() as error:
-            if error is not None:
-                raise error
-            yield
-
-    @contextmanager
-    def command_despite_silence(self) -> Iterator[SilentController | None]:
-        """Hold the lock as `command` does; yield the keep-alive's error instead of raising it."""
-        self._command_waits.set()
-        with self.lock:
-            self._command_waits.clear()
-            error, self._silent = self._silent, None
-            yield error
 
 
 class Line(Wire):
@@ -84,6 +43,8 @@ class Line(Wire):
         super().__init__(port, name, timeout)
         self.echo = False
         """Whether the controller repeats what it receives, and the host compares it."""
+        self.piece = 1 << 16
+        """Most elements of an array that are uploaded at once."""
         self._lock = FairLock()
 
     def ask(self, *commands: str, keep_waiting: Callable[[], bool] | None = None) -> str:
@@ -106,17 +67,29 @@ class Line(Wire):
                 early = self._waiting()
             if early:
                 self.resynchronise()
+                text = bytes(byte & 127 for byte in early)
                 raise GarbledAnswer(
-                    f"controller on {self.name} sent {early!r} before it was asked"
+                    f"controller on {self.name} sent {text!r} before it was asked"
                     f" {';'.join(commands)!r}: its program failed, or another program shares the"
                     " line; look the message up, then connect() again"
                 )
             self._send(";".join(commands))
             return self._answer(commands, keep_waiting)
 
-    def numbers(self, command: str, count: int) -> list[float]:
-        """Return the numbers that a query answers; refuse another number of them than ``count``."""
-        text = self.ask(command)
+    def numbers(
+        self, *commands: str, count: int, keep_waiting: Callable[[], bool] | None = None
+    ) -> list[float]:
+        """Return the numbers that a query answers; refuse another number of them than ``count``.
+
+        Args:
+            commands: The query, and others that answer nothing, on one line.
+            count: Of the numbers.
+            keep_waiting: As for `ask`.
+        """
+        text = self.ask(*commands, keep_waiting=keep_waiting)
+        return self._numbers(text, commands[0], count)
+
+    def _numbers(self, text: str, command: str, count: int) -> list[float]:
         try:
             values = [float(word) for word in text.replace(",", " ").split()]
         except ValueError:
@@ -130,7 +103,21 @@ class Line(Wire):
 
     def read(self, *operands: str) -> list[float]:
         """Return the values of operands such as `_TPA`."""
-        return self.numbers(f"MG {','.join(operands)}", len(operands))
+        return self.numbers(f"MG {','.join(operands)}", count=len(operands))
+
+    def upload(self, array: str, rows: int) -> list[float]:
+        """Return an array of the controller, in pieces between which others can use the line.
+
+        Args:
+            array: Its name.
+            rows: Its size, at least 2.
+        """
+        values: list[float] = []
+        for first, last in pieces(rows, self.piece):
+            command = f"QU {array}[],{first},{last},1"
+            text = self.ask(command).rstrip(_END)
+            values += self._numbers(text, command, last - first + 1)
+        return values
 
     def verify(self, settings: Mapping[str, float], tolerance: float = 0.0) -> None:
         """Read operands back, and refuse a controller that has not taken their values."""
@@ -153,7 +140,7 @@ class Line(Wire):
 
     def send_unacknowledged(self, *commands: str) -> None:
         """Send commands, a line each; their answers and a lost line are ignored."""
-        with self._lock.lock, suppress(LineLost):
+        with self._lock.held(), suppress(LineLost):
             for command in commands:
                 self._send(command)
 
@@ -194,12 +181,17 @@ class Line(Wire):
             _, answer = self._after_mark(())
             if "?" in answer:
                 self._refuse("DL")
-            held = [line.partition(" ")[2] for line in self.ask("LS").split("\r\n")]
+        # A listed line has its number, its text and a blank.
+        held = [line.strip().partition(" ")[2] for line in self.ask("LS").split("\r\n")]
         if held != program:
             raise SettingNotTaken(
                 f"controller on {self.name} holds another program than was sent:"
                 f" {_short(str(held))}; connect() again, and check the cable's shield"
             )
+
+    def report(self, error: RobotError) -> None:
+        """Raise an error, found by the keep-alive, at the next command."""
+        self._lock.report(error)
 
     def resynchronise(self) -> None:
         """Discard what has come in so far."""
@@ -256,7 +248,17 @@ class Line(Wire):
                 break
         if not data:
             raise self._silence(asked, _short(received) if received else "")
-        if any(byte > 126 or (byte < 32 and byte not in b"\t\n\r") for byte in data):
+        if any(byte > 127 for byte in data):
+            data += self._waiting()
+        message = bytes(byte & 127 for byte in data if byte > 127).strip()
+        if len(message) > _NOISE and message.isascii() and message.decode().isprintable():
+            self.resynchronise()
+            raise GarbledAnswer(
+                f"controller on {self.name} sent {message[:60]!r} by itself while it was asked"
+                f" {asked!r}: its program failed, or another is running in it; look the message"
+                " up, then connect() again"
+            )
+        if any(byte > 126 or (byte < 32 and byte not in _SPACES) for byte in data):
             self.resynchronise()
             raise GarbledAnswer(
                 f"controller on {self.name} answered {asked!r} with {data[:40]!r}, which is no"
@@ -293,6 +295,13 @@ def pack(commands: Iterable[str]) -> Iterator[tuple[str, ...]]:
         line.append(command)
     if line:
         yield tuple(line)
+
+
+def pieces(rows: int, longest: int) -> Iterator[tuple[int, int]]:
+    """Divide rows from 0 into pieces of at least 2, as QU needs; yield the first and last row."""
+    count = max(1, min(-(-rows // longest), rows // 2))
+    edges = [rows * i // count for i in range(count + 1)]
+    return ((first, end - 1) for first, end in pairwise(edges))
 
 
 def _short(text: str) -> str:

@@ -1,69 +1,100 @@
-"""The program in the controller: a press, its torques, the watchdog, and fault handling.
+"""The program in the controller: a press, its torques, the watchdog, and what ends in safety.
 
-Thread 0 runs the watchdog, and ``#POSERR`` after a following error; thread 1 the press;
-thread 2 the torques; thread 3 stops both joints where one of them stops alone. Variables that
-the host sets are named here.
+Thread 0 runs the watchdog, and is interrupted by the automatic routines; thread 1 runs the press,
+thread 2 the torques; thread 3 sees that no joint stops alone. Every fault ends at `AB 1;MO AB`: the
+abort alone switches off, because off-on-error is set, so that it does not matter whether anything
+after it succeeds. No message is sent: a full port would hold the program up. Variables that the
+host sets are named here.
 """
+
+import zlib
 
 WATCH, PRESS, TORQUES, BOTH = 0, 1, 2, 3
 """Threads."""
 SETTLE = 20
 """ms that the capture continues after the motion; at TM 1000 at least as many samples."""
 LOOK = 2
-"""ms between two checks whether one joint has stopped alone; the other is then stopped too."""
+"""ms between two checks whether a joint has stopped."""
 TICK, LEFT = "wtick", "wleft"
 """ms between two counts of the watchdog, and the counts left; the host renews the latter."""
+SIGN = "wsign"
+"""What the watchdog writes at each count: the signature of this program."""
+FAULT = "wfault"
+"""Error code (TC) of a command that the controller refused its program, or `LIMIT`; 0 for none."""
+LIMIT = -1
+"""A joint has reached a limit; the abort after it overwrites the stop codes."""
 RATE = "rate"
 """Logarithm to base 2 of the controller samples between two rows of a capture."""
 PUSHES, PUSH_EVERY = "pushn", "pushk"
 """Rows of torques, 0 for none, and the negative of the samples that each row lasts."""
 PUSH = ("pushA", "pushB")
 """Arrays of torques, in volts."""
+_FAULTS = ("AMPERR", "TCPERR")
+RESOLUTION = 2
+"""Of the times of WT (ms) and AT (samples), and of a segment's samples and velocities."""
 
 
 def controller_program(trigger_output: int) -> list[str]:
-    """Return the program; its capture, trigger and motion start in one sample."""
-    safe = f"AB 1;MO AB;HX {PRESS};HX {TORQUES};OF 0,0;CB {trigger_output}"
+    """Return the program; its watchdog writes its `signature`."""
+    return _lines(trigger_output, signature(trigger_output))
+
+
+def signature(trigger_output: int) -> int:
+    """Return a number that no other program writes, exact in the controller's arithmetic."""
+    return zlib.crc32("\r".join(_lines(trigger_output, 0)).encode()) >> 8
+
+
+def _lines(trigger_output: int, sign: int) -> list[str]:
+    now = "AB 1;MO AB"
+    # In thread 3, the last command ends the thread itself.
+    rest = f"HX {PRESS};HX {TORQUES};OF 0,0;RC 0;CB {trigger_output};HX {BOTH}"
     return [
         "#WATCH",
         f"WT {TICK}",
-        f"{LEFT}={LEFT}-1",
+        f"{LEFT}={LEFT}-1;{SIGN}={sign}",
         f"JP #WATCH,{LEFT}>0",
-        safe,
+        "#SAFE",
+        now,
+        rest,
         "EN",
         "#PRESS",
-        f"JP #BARE,{PUSHES}=0",
-        f"XQ #PUSH,{TORQUES}",
-        "#BARE",
-        f"RC {RATE};SB {trigger_output};BT AB",
+        f"XQ #PUSH,{TORQUES};RC {RATE};SB {trigger_output};BT AB",
         f"XQ #BOTH,{BOTH}",
         "AM AB",
-        f"HX {TORQUES};OF 0,0",
+        f"HX {BOTH};HX {TORQUES};OF 0,0",
         f"WT {SETTLE}",
         "RC 0",
         f"CB {trigger_output}",
         "EN",
         "#BOTH",
         f"WT {LOOK}",
-        # A limit's stop codes are 2 and 3; without one both joints end in the same sample.
-        "JP #BOTH,_BGA*_BGB*(_SCA-2)*(_SCA-3)*(_SCB-2)*(_SCB-3)<>0",
-        "JP #EVEN,_BGA+_BGB=0",
-        f"ST AB;HX {TORQUES};OF 0,0",
-        "AM AB",
-        "MO AB",
-        "#EVEN",
+        "JP #BOTH,_BGA*_BGB=1",
+        # Both joints end in the same sample, or one has stopped alone.
+        f"WT {LOOK}",
+        "JP #SAFE,_BGA+_BGB>0",
         "EN",
         "#PUSH",
-        "AT 0",
-        "row=0",
-        "#NEXT",
-        f"OF {PUSH[0]}[row],{PUSH[1]}[row]",
-        "row=row+1",
-        f"AT {PUSH_EVERY},1",
-        f"JP #NEXT,row<{PUSHES}",
+        f"AT 0;row=0;JP #NONE,{PUSHES}=0",
+        # On one line, since other threads run between lines.
+        f"#NEXT;OF {PUSH[0]}[row],{PUSH[1]}[row];row=row+1;AT {PUSH_EVERY},1;JP #NEXT,row<{PUSHES}",
+        "#NONE",
         "OF 0,0",
         "EN",
+        "#CMDERR",
+        now,
+        rest,
+        f"{FAULT}=_TC",
+        "EN 1",
+        # The error is cleared, or the routine is entered again at once.
         "#POSERR",
-        safe,
+        now,
+        rest,
+        "DP _TPA,_TPB",
         "RE 1",
+        "#LIMSWI",
+        now,
+        rest,
+        f"{FAULT}={LIMIT}",
+        "RE 1",
+        *(line for name in _FAULTS for line in (f"#{name}", now, rest, "RE 1")),
     ]

@@ -7,7 +7,7 @@ import numpy as np
 from sautereau.rig.schema import Rig
 from sautereau.robot.controller import TorqueTable
 from sautereau.robot.drivers.galil.line import Line
-from sautereau.robot.drivers.galil.program import PUSH, PUSH_EVERY, PUSHES
+from sautereau.robot.drivers.galil.program import PUSH, PUSH_EVERY, PUSHES, RESOLUTION
 from sautereau.robot.errors import SettingNotTaken, UnsafeRequest
 from sautereau.trajectory.motion import Floats
 from sautereau.trajectory.segments import Segments
@@ -29,7 +29,7 @@ class Push:
     """Controller samples that each row is held."""
 
 
-def plan_push(rig: Rig, torque: TorqueTable, motion: Segments) -> Push:
+def plan_push(rig: Rig, torque: TorqueTable, motion: Segments, volts: float) -> Push:
     """Return the offsets that play a table of torques during a motion.
 
     A row holds the table's value at the middle of the row; outside the table the torque is 0.
@@ -38,12 +38,17 @@ def plan_push(rig: Rig, torque: TorqueTable, motion: Segments) -> Push:
         rig: Its arm and controller give the volts of a torque, and the limit.
         torque: N m of both joints, over s from the start of motion.
         motion: The motion during which it is played.
+        volts: V, the limit of the torque that the controller has taken.
 
     Raises:
         UnsafeRequest: Lists every fault of the table.
     """
     time, torques = np.asarray(torque.time), np.asarray(torque.torques)
-    limit, period = rig.arm.torque_limit, rig.controller.sample_period
+    per_volt, period = (
+        rig.arm.torque_limit / rig.controller.full_torque,
+        rig.controller.sample_period,
+    )
+    limit = volts * per_volt
     duration = motion.total_samples * period
     faults = []
     if time.ndim != 1 or torques.shape != (len(time), 2) or len(time) < 2:
@@ -56,7 +61,8 @@ def plan_push(rig: Rig, torque: TorqueTable, motion: Segments) -> Push:
         if time[-1] > duration + period:
             faults.append(f"it lasts {time[-1]:.4g} s, longer than the motion, {duration:.4g} s")
         faults += [
-            f"joint {joint} gets {peak:.4g} N m, above arm.torque_limit, {limit:.4g} N m"
+            f"joint {joint} gets {peak:.4g} N m, above {limit:.4g} N m, the smaller one of"
+            " arm.torque_limit and the limit of the amplifiers"
             for joint, peak in enumerate(np.abs(torques).max(axis=0), 1)
             if peak > limit
         ]
@@ -64,14 +70,14 @@ def plan_push(rig: Rig, torque: TorqueTable, motion: Segments) -> Push:
         raise UnsafeRequest(
             f"load: torque table: {'; '.join(faults)}; make a new one for this press"
         )
-    interval = max(LEAST_INTERVAL, -(-motion.total_samples // MOST_ROWS))
+    steps = -(-motion.total_samples // (MOST_ROWS * RESOLUTION))
+    interval = max(LEAST_INTERVAL, steps * RESOLUTION)
     rows = -(-motion.total_samples // interval)
     middles = (np.arange(rows) + 0.5) * interval * period
-    volts = [
-        np.interp(middles, time, column, left=0.0, right=0.0) * rig.controller.full_torque / limit
-        for column in torques.T
+    offsets = [
+        np.interp(middles, time, column, left=0.0, right=0.0) / per_volt for column in torques.T
     ]
-    return Push(np.array(np.round(np.transpose(volts), 4) + 0.0, dtype=np.float64), interval)
+    return Push(np.array(np.round(np.transpose(offsets), 4) + 0.0, dtype=np.float64), interval)
 
 
 def write_push(line: Line, push: Push | None) -> Push | None:
@@ -88,7 +94,7 @@ def write_push(line: Line, push: Push | None) -> Push | None:
     ]
     line.ask_packed([*arrays, f"{PUSHES}={rows}", f"{PUSH_EVERY}={-push.interval}"])
     line.verify({PUSHES: rows, PUSH_EVERY: -push.interval})
-    held = np.column_stack([line.numbers(f"QU {name}[],0,{rows - 1},1", rows) for name in PUSH])
+    held = np.column_stack([line.upload(name, rows) for name in PUSH])
     if (wrong := np.abs(held - push.volts).max()) > _VOLTAGE_STEP:
         raise SettingNotTaken(
             f"controller on {line.name}: a torque that it holds differs by {wrong:.4g} V from"

@@ -183,7 +183,7 @@ def play_measured(
     The force [N] is from the motion's start to its end, shape (n,); None where the rig has no
     force channel.
     """
-    from sautereau.daq.source.acquisition import Acquisition
+    from sautereau.daq.source.source import open_source
 
     controller.load(segments)
     controller.arm()
@@ -194,7 +194,7 @@ def play_measured(
         return controller.capture(), None
     duration = segments.total_samples * rig.controller.sample_period
     row = rig.daq.channels.index(channel)
-    with Acquisition(rig.daq, duration) as acquisition:
+    with open_source(rig.daq, duration) as acquisition:
         acquisition.start()
         controller.start()
         blocks = [block.volts[row, max(0, -block.first_sample) :] for block in acquisition.blocks()]
@@ -204,15 +204,21 @@ def play_measured(
 
 def _one_step(rig: Rig, start: Counts, end: Counts, creep: Creep) -> Segments:
     """Return a step down between two rests."""
-    period = rig.controller.sample_period
-    rest = math.ceil(_REST / period)
+    rest, move = (
+        _even(t / rig.controller.sample_period) for t in (_REST, creep.step / creep.speed)
+    )
     still, step = np.zeros(2, np.int64), end - start
     return Segments(
         start=start,
         steps=np.stack([still, step, still]),
         velocities=np.zeros((3, 2), np.int64),
-        samples=np.array([rest, max(1, math.ceil(creep.step / creep.speed / period)), rest]),
+        samples=np.array([rest, move, rest]),
     )
+
+
+def _even(samples: float) -> int:
+    """Return the next even number of samples, 2 at least."""
+    return max(2, 2 * math.ceil(samples / 2))
 
 
 def _rise(force: Floats, rate: float) -> float:

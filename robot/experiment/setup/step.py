@@ -22,6 +22,10 @@ class Ask(Protocol):
         """Return whether the answer is yes."""
         ...
 
+    def act(self, instruction: str) -> bool:
+        """Have the operator do something by hand; return False where nobody is there to do it."""
+        ...
+
     def number(self, question: str, unit: str, expected: float) -> float | None:
         """Return a measured value.
 

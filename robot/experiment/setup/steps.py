@@ -11,10 +11,12 @@ from sautereau.robot.experiment.setup.joints import check_encoders, find_home
 from sautereau.robot.experiment.setup.port import find_port, identify
 from sautereau.robot.experiment.setup.step import Ask, Found
 from sautereau.robot.experiment.setup.touch import locate_by_touch
+from sautereau.robot.experiment.setup.verify.run import verify
 
 STEPS: dict[str, Callable[[Rig, Ask], Found]] = {
     "port": find_port,
     "controller": identify,
+    "verify": verify,
     "home": find_home,
     "encoders": check_encoders,
     "contact": find_contact,

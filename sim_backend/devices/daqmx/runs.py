@@ -133,8 +133,10 @@ class SampledRun:
         """Store the motion of one controller sample."""
         if self.trigger_time is None or self.over:
             return
-        self._fed.append(motions)
         elapsed = float(motions.time[-1]) - self.trigger_time
+        if elapsed < 0:
+            return
+        self._fed.append(motions)
         self._done = min(self._last, int(elapsed * self.rate * (1 + 1e-12)) + 1)
 
     def wait_for(self, n: int, timeout: float | None) -> int:

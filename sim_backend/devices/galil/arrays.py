@@ -5,8 +5,6 @@ from collections.abc import Callable
 
 from sautereau.sim_backend.devices.galil.faults import CommandError
 
-ELEMENTS = 16_000
-"""Elements that all arrays together may have."""
 ARRAYS = 30
 """Arrays that may be defined."""
 
@@ -14,15 +12,30 @@ _NAME = re.compile(r"[A-Za-z][A-Za-z0-9]{0,7}")
 
 
 class Arrays:
-    """Named arrays in a memory of fixed size."""
+    """Named arrays in a memory of fixed size.
 
-    def __init__(self) -> None:
-        self._values: dict[str, list[float]] = {}
+    Args:
+        elements: That all arrays together may have.
+        burned: Arrays to start with.
+    """
+
+    def __init__(self, elements: int, burned: dict[str, list[float]]) -> None:
+        self._elements = elements
+        self._values = {name: list(values) for name, values in burned.items()}
+
+    @property
+    def unused(self) -> int:
+        """Arrays that may still be defined."""
+        return ARRAYS - len(self._values)
+
+    def items(self) -> list[tuple[str, list[float]]]:
+        """Return names and values in alphabetical order."""
+        return sorted(self._values.items())
 
     @property
     def free(self) -> int:
         """Elements that are not in use."""
-        return ELEMENTS - sum(map(len, self._values.values()))
+        return self._elements - sum(map(len, self._values.values()))
 
     def define(self, sizes: dict[str, int]) -> None:
         """Define arrays of zeros, all of them or none.
@@ -33,7 +46,7 @@ class Arrays:
         for name, size in sizes.items():
             if not _NAME.fullmatch(name) or name in self._values:
                 raise CommandError(57)
-            if not 1 <= size <= ELEMENTS:
+            if not 1 <= size <= self._elements:
                 raise CommandError(84)
         if len(self._values) + len(sizes) > ARRAYS:
             raise CommandError(67)

@@ -1,12 +1,13 @@
 """One axis of the controller: its settings, its reference, and its state."""
 
+import math
 from collections import deque
-from dataclasses import dataclass
+from collections.abc import Callable
 
+from sautereau.sim_backend.devices.galil.homing import Search, find_edge, find_index, go_home
 from sautereau.sim_backend.devices.galil.motion import (
     FIFO_LENGTH,
     SAMPLES_PER_SECOND,
-    Profile,
     Pvt,
     Ramp,
     Segment,
@@ -15,105 +16,143 @@ from sautereau.sim_backend.devices.galil.motion import (
     jog,
     trapezoid,
 )
+from sautereau.sim_backend.devices.galil.reference import entries
 
 AXES = "AB"
-LARGEST = 2**31 - 1
-"""Counts, the end of the controller's 32-bit positions."""
+LIMIT_CODES = (StopCode.FORWARD_LIMIT, StopCode.REVERSE_LIMIT)
+SEARCHES = ("HM", "FE", "FI")
+"""Modes of motion that end at a switch or an index."""
+
+Profile = Ramp | Pvt | Search
+"""A motion being executed."""
 
 
-@dataclass(frozen=True)
-class Setting:
-    """A number stored for an axis: the command `SP 1000`, the operand `_SPA`."""
-
-    default: float
-    low: float
-    high: float
-    step: float = 0.0
-    """The controller rounds down to a multiple of this; 0 keeps the fraction."""
-
-
-SETTINGS = {
-    "SP": Setting(25_000, 0, 22_000_000, 2),
-    "AC": Setting(256_000, 1024, 1_073_740_800, 1024),
-    "DC": Setting(256_000, 1024, 1_073_740_800, 1024),
-    "ER": Setting(16_384, -1, LARGEST, 1),
-    "OE": Setting(0, 0, 1, 1),
-    "FL": Setting(LARGEST, -LARGEST - 1, LARGEST, 1),
-    "BL": Setting(-LARGEST - 1, -LARGEST - 1, LARGEST, 1),
-    "TL": Setting(9.9982, 0, 9.9982),
-    "OF": Setting(0, -9.9982, 9.9982),
-    "KP": Setting(6, 0, 1023.875),
-    "KI": Setting(0, 0, 255.999),
-    "KD": Setting(64, 0, 4095.875),
-}
-"""SP counts/s, AC and DC counts/s^2, ER counts (negative: no limit), FL and BL counts,
-TL and OF volts."""
+def factory_settings() -> dict[str, float]:
+    """Return the numbers stored for an axis, by their commands, as the factory sets them."""
+    return {
+        code: entry.arguments[0].accept(entry.arguments[0].default)
+        for code, entry in entries().items()
+        if entry.form == "values" and entry.arguments[0].default is not None
+        if code not in ("DE", "DP", "JG", "PA")
+    }
 
 
 class Axis:
-    """Reference of one axis, in the raw encoder's counts; power-up state is motor off.
+    """Reference of one axis, in the raw encoder's counts.
 
     Args:
         counts: Raw encoder counts at power-up.
     """
 
     def __init__(self, counts: int) -> None:
-        self.settings = {name: setting.default for name, setting in SETTINGS.items()}
+        self.settings = factory_settings()
         self.motor_on = False
+        self.brake_samples = 0
+        """Samples for which the amplifier stays on after MO, while the brake engages."""
         self.position, self.velocity = float(counts), 0.0
         """Raw reference at the end of the sample last ticked: counts, counts per sample."""
-        self.offset = 0
+        self.offset = -counts
         """Counts, reported positions minus raw ones."""
+        self.held = 0
+        """Counts that RP reports while the motor is off."""
         self.auxiliary = 0
         """Counts of the auxiliary encoder, which does not move."""
+        self.brushless = False
         self.stop_code = StopCode.AT_TARGET
         self.fifo: deque[Segment] = deque()
+        self.last_samples = 0
+        """Duration of the last PVT segment, for one without."""
         self.executed = 0
         """PVT segments executed since the last BT."""
         self.mode = "PR"
-        """Which of PA, PR, JG and HM the next BG starts."""
+        """Which of PA, PR, JG, HM, FE and FI the next BG starts."""
+        self.distance, self.jog_speed = 0, 25_000
+        """Counts of the next PR, counts/s of JG."""
+        self.stopped_at = 0
+        """Counts reported by RP when the last motion ended."""
         self.target = 0
-        """Counts, operand of PA or PR; counts/s of JG."""
+        """Counts reported by RP where PA ends."""
         self.profile: Profile | None = None
-        self.jogging = self.homing = False
+        self.jogging = False
+        self.latched: int | None = None
+        """Raw counts of the index, or None."""
+        self.latch_armed = False
+        self.weak_samples, self.weak_from = 0, 0
+        """Samples for which the torque exceeds OV, and the encoder's counts then."""
+        self.encoder_failed = False
+        self.last_raw = counts
+        self.filtered_speed = 0.0
+        """Counts/s, of the encoder, averaged over 0.25 s."""
         self.cubic = (self.position, 0.0, 0.0, 0.0)
         """Reference over the sample last ticked: coefficients of 1, f, f^2, f^3."""
 
     @property
+    def powered(self) -> bool:
+        """Whether the amplifier is on."""
+        return self.motor_on or self.brake_samples > 0
+
+    @property
     def reported(self) -> int:
-        """Counts, the reference in the host's frame."""
-        return round(self.position) + self.offset
+        """Counts that RP reports."""
+        return round(self.position) + self.offset if self.motor_on else self.held
 
     @property
     def free(self) -> int:
         """Free places in the PVT buffer."""
         return FIFO_LENGTH - len(self.fifo)
 
-    def begin_pvt(self) -> None:
-        """Start the PVT sequence with the next sample."""
+    def rate(self, name: str) -> float:
+        """Return AC, DC or SD [counts per sample squared]."""
+        return self.settings[name] / SAMPLES_PER_SECOND**2
+
+    def speed(self, name: str) -> float:
+        """Return SP or HV [counts per sample]."""
+        return self.settings[name] / SAMPLES_PER_SECOND
+
+    def arm_latch(self) -> None:
+        """Wait for the index, and forget the last one."""
+        self.latched, self.latch_armed = None, True
+
+    def begin_pvt(self, *, stop_at_once: bool = False) -> None:
+        """Start the PVT sequence with the next sample.
+
+        Args:
+            stop_at_once: Whether an empty buffer stops it without deceleration.
+        """
         self.executed = 0
-        self._start(Pvt(self.position, self.fifo, self._rate("DC")))
+        deceleration = math.inf if stop_at_once else self.rate("DC")
+        self._start(Pvt(self.position, self.fifo, deceleration))
 
     def begin_jog(self) -> None:
         """Ramp to the speed of JG, from rest or from another jog."""
-        pieces = jog(
-            self.velocity, self.target / SAMPLES_PER_SECOND, self._rate("AC"), self._rate("DC")
-        )
+        speed = self.jog_speed / SAMPLES_PER_SECOND
+        pieces = jog(self.velocity, speed, self.rate("AC"), self.rate("DC"))
         self._start(Ramp(self.position, self.velocity, pieces, StopCode.RUNNING))
         self.jogging = True
 
-    def begin_move(self, target: float, *, home: bool = False) -> None:
-        """Start a trapezoid from rest to ``target`` [raw counts]; ``home`` makes that 0."""
-        speed = self.settings["SP"] / SAMPLES_PER_SECOND
-        pieces = trapezoid(target - self.position, speed, self._rate("AC"), self._rate("DC"))
-        self._start(Ramp(self.position, 0.0, pieces, StopCode.RUNNING, target))
-        self.homing = home
+    def begin_move(self, distance: float) -> None:
+        """Start a trapezoid from rest over a distance [counts]."""
+        pieces = trapezoid(distance, self.speed("SP"), self.rate("AC"), self.rate("DC"))
+        start = round(self.position)
+        self._start(Ramp(self.position, 0.0, pieces, StopCode.RUNNING, start + distance))
 
-    def stop(self, code: StopCode) -> None:
-        """Decelerate from the present velocity at DC, and clear the PVT buffer."""
+    def begin_search(self, home: Callable[[], bool]) -> None:
+        """Start HM, FE or FI; ``home`` reads the home input."""
+        if self.mode == "HM":
+            search = Search(self, go_home(self, home), StopCode.HOMED, homes=True)
+        elif self.mode == "FE":
+            search = Search(self, find_edge(self, home), StopCode.EDGE_FOUND, homes=False)
+        else:
+            legs = find_index(self, self.jog_speed / SAMPLES_PER_SECOND)
+            search = Search(self, legs, StopCode.HOMED, homes=True)
+        self._start(search)
+        self.mode = "PR"
+
+    def stop(self, code: StopCode, rate: str = "DC") -> None:
+        """Decelerate from the present velocity, and clear the PVT buffer."""
         if self.profile is None:
             return
-        pieces = brake(self.velocity, self._rate("DC"))
+        pieces = brake(self.velocity, self.rate(rate))
         self._start(Ramp(self.position, self.velocity, pieces, code))
         self.fifo.clear()
 
@@ -121,18 +160,34 @@ class Axis:
         """Stop at once, and clear the PVT buffer."""
         if self.profile is not None:
             self.stop_code = code
+            self.stopped_at = self.reported
         self.profile = None
-        self.jogging = self.homing = False
+        self.jogging = False
         self.velocity = 0.0
         self.fifo.clear()
+
+    def switch_on(self, counts: int) -> None:
+        """Power the motor with the reference at the raw encoder's position."""
+        self.follow(counts)
+        self.motor_on, self.brake_samples = True, 0
+        self.weak_samples, self.encoder_failed = 0, False
+
+    def switch_off(self, *, brake_first: bool) -> None:
+        """Switch the motor off, after BW's samples if its brake engages first."""
+        if self.motor_on:
+            self.held = self.reported
+            self.brake_samples = int(self.settings["BW"]) if brake_first else 0
+        self.motor_on = False
 
     def follow(self, counts: int) -> None:
         """Set the reference to the raw encoder's position, at rest."""
         self.position, self.velocity = float(counts), 0.0
 
-    def exceeds_error_limit(self, counts: int) -> bool:
-        """Return whether the distance of raw encoder and reference exceeds ER."""
-        return 0 <= self.settings["ER"] < abs(self.position - counts)
+    def define(self, value: int, counts: int) -> None:
+        """DP: make a value the reported position of encoder and reference."""
+        self.offset = value - counts
+        self.held = value
+        self.follow(counts)
 
     def step(self) -> None:
         """Advance by one sample."""
@@ -155,26 +210,17 @@ class Axis:
         self.stop_code = profile.code
         if isinstance(profile, Pvt):
             self.executed = profile.executed
-        if profile.done:
-            if self.homing:
-                self.offset = -round(self.position)
-                self.mode, self.target = "PA", 0
-                self.stop_code = StopCode.HOMED
-            elif profile.code == StopCode.RUNNING:
-                self.stop_code = StopCode.AT_TARGET
-            self.profile = None
-            self.jogging = self.homing = False
-        elif self.stop_code not in (StopCode.FORWARD_LIMIT, StopCode.REVERSE_LIMIT):
-            reported = self.position + self.offset
-            if self.velocity > 0 and reported > self.settings["FL"]:
-                self.stop(StopCode.FORWARD_LIMIT)
-            elif self.velocity < 0 and reported < self.settings["BL"]:
-                self.stop(StopCode.REVERSE_LIMIT)
+        if not profile.done:
+            return
+        if isinstance(profile, Search) and profile.homes and self.latched is not None:
+            self.offset = -round(self.position)
+        if profile.code == StopCode.RUNNING:
+            self.stop_code = StopCode.AT_TARGET
+        self.profile = None
+        self.jogging = False
+        self.stopped_at = self.reported
 
     def _start(self, profile: Profile) -> None:
         self.profile = profile
-        self.jogging = self.homing = False
+        self.jogging = False
         self.stop_code = profile.code
-
-    def _rate(self, name: str) -> float:
-        return self.settings[name] / SAMPLES_PER_SECOND**2

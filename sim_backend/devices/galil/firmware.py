@@ -1,35 +1,40 @@
-"""The firmware of a Galil DMC-4020 with two axes, as its serial line shows it.
+"""The firmware of a Galil controller with two axes, as its ports show it.
 
-Lines end with a carriage return. The answer to each accepted command ends with ``:``; a refused
-one is answered with ``?``, and the rest of its line is ignored. The layers below are the grammar
-(`grammar`), the commands (`commands`), the state (`machine`) and the profilers (`motion`). The
+The layers below are the commands (`commands`, checked against `reference`), the grammar
+(`grammar`), the state (`machine`, `safety`, `tasks`) and the profilers (`motion`, `homing`). The
 only clock of the firmware is `GalilFirmware.tick`.
 """
 
 from sautereau.rig.schema import Rig
+from sautereau.sim_backend.controller_part import ControllerUnit
 from sautereau.sim_backend.devices.emulators import OnOutput, Plant, along
-from sautereau.sim_backend.devices.galil.commands.table import execute, execute_in_program
+from sautereau.sim_backend.devices.galil.commands.table import execute
 from sautereau.sim_backend.devices.galil.faults import CommandError
 from sautereau.sim_backend.devices.galil.machine import Machine
-from sautereau.sim_backend.devices.galil.program import LINE_LENGTH, Program, split_commands
+from sautereau.sim_backend.devices.galil.ports import SERIAL, Port, answer_line
+from sautereau.sim_backend.devices.galil.program import Program
+from sautereau.sim_backend.devices.galil.uart import Uart
 from sautereau.trajectory.motion import Floats
 
-_RETURN, _FEED, _BACKSLASH = b"\r\n\\"
+RETRIES = 5 * 250
+"""Samples after which a message is given up that its host does not acknowledge: five retries."""
 
 
-def emulate(rig: Rig, plant: Plant, on_output: OnOutput, paced: bool) -> "GalilFirmware":
+def emulate(
+    rig: Rig, plant: Plant, on_output: OnOutput, paced: bool, unit: ControllerUnit | None = None
+) -> "GalilFirmware":
     """Return the controller at power-up; see `EMULATORS`."""
-    return GalilFirmware(plant, on_output=on_output, host_waits=not paced)
+    return GalilFirmware(plant, unit, on_output=on_output, host_waits=not paced)
 
 
 class GalilFirmware(Machine):
-    """A controller at power-up: motors off, outputs low, echo on.
+    """A controller at power-up.
 
     It is not thread-safe: guard `receive` and `tick` by one lock.
 
     Args:
-        plant: Motors and encoders.
-        revision: Answer to ^R^V.
+        plant: Motors, encoders and switches.
+        unit: The controller as bought and configured; by default a new one with `MO` burned.
         on_output: Called with number (from 1) and level when a digital output changes.
         host_waits: Whether the host sends only while simulated time is stopped: then a looping
             program that the host started runs one iteration, and waits for the next command.
@@ -38,20 +43,24 @@ class GalilFirmware(Machine):
     def __init__(
         self,
         plant: Plant,
+        unit: ControllerUnit | None = None,
         *,
-        revision: str = "DMC4020 Rev 1.3a-SIM sautereau stand-in",
         on_output: OnOutput,
         host_waits: bool = False,
     ) -> None:
-        super().__init__(plant, revision, on_output, execute_in_program, host_waits)
-        self._line = bytearray()
-        self._after_download = False
+        unit = unit or ControllerUnit()
+        self._giving_up: dict[str, int] = {}
+        self._uart = Uart(unit.baud_rate, unit.input_buffer) if unit.baud_rate else None
+        super().__init__(plant, unit, on_output, execute, host_waits)
+        silent = self.unit.interface == "usb" and not self.unit.usb_echo
+        if silent:
+            self.config["EO"][0] = 0
 
     @property
     def motors_on(self) -> tuple[bool, bool]:
         """Whether each axis is powered."""
         first, second = self.axes
-        return first.motor_on, second.motor_on
+        return first.powered, second.powered
 
     @property
     def moving(self) -> bool:
@@ -59,80 +68,124 @@ class GalilFirmware(Machine):
 
         A looping program that the host started, such as a watchdog, does not count.
         """
-        if self.in_motion or self.capture.running:
+        if self.in_motion or self.capture.running or self.line_busy:
             return True
-        return any(not thread.resident for thread in self.threads.values())
+        if self.tasks.pending and not self.tasks.in_error_routine:
+            return True
+        return any(not thread.resident for thread in self.tasks.threads.values())
 
     @property
     def watching(self) -> bool:
         """Whether any program runs."""
-        return bool(self.threads)
+        return bool(self.tasks.threads)
 
     @property
     def held(self) -> bool:
         """Whether simulated time must not advance: never, all motions are in the controller."""
         return False
 
+    @property
+    def phase(self) -> float:
+        """Fraction of the sample that has passed when an output changes."""
+        return self.tasks.phase
+
     def reference(self, fractions: Floats) -> tuple[Floats, Floats]:
         """Return the reference within the sample last ticked; see `Emulator`."""
         return along((axis.cubic for axis in self.axes), fractions)
 
-    def receive(self, data: bytes) -> bytes:
-        """Take bytes from the host; return what the controller sends back.
+    @property
+    def line_busy(self) -> bool:
+        """Whether characters are under way on the serial line."""
+        return self._uart is not None and self._uart.busy
 
-        Messages of programs since the last call come first.
-        """
-        answer = bytearray(self.unsolicited.encode("latin-1", "replace"))
-        self.unsolicited = ""
-        for byte in data:
-            if self.download is not None:
-                answer += self._download(byte)
-                continue
-            if self._after_download:
-                self._after_download = byte == _FEED
-                if byte in (_RETURN, _FEED):
-                    continue
-            if byte == _FEED:
-                continue
-            if self.echo:
-                answer.append(byte)
-            if byte == _RETURN:
-                answer += self._answer_line()
-            elif len(self._line) <= LINE_LENGTH:
-                self._line.append(byte)
-        return bytes(answer)
+    def connect(self) -> str | None:
+        """Open a TCP connection; return its handle, or None if all are in use."""
+        return self.ports.connect()
 
-    def _answer_line(self) -> bytes:
-        line = self._line.decode("latin-1")
-        self._line.clear()
-        if len(line) > LINE_LENGTH:
+    def disconnect(self, letter: str) -> None:
+        """Lose a TCP connection."""
+        self.ports.disconnect(letter)
+
+    def miss_acknowledgement(self, letter: str) -> None:
+        """Give a handle up after some retries, because its host does not acknowledge a message."""
+        self._giving_up.setdefault(letter, self.samples + RETRIES)
+
+    def connected(self, letter: str) -> bool:
+        """Return whether a handle is open."""
+        return letter in self.ports.open
+
+    def outgoing(self) -> dict[str, bytes]:
+        """Return what the controller has sent by itself since the last call, by port."""
+        if self._uart is not None:
+            self._uart.write(self.ports.collect(SERIAL), self.now)
+        sent = {letter: self.ports.collect(letter) for letter in self.ports.waiting}
+        if self._uart is not None and (delivered := self._uart.delivered(self.now)):
+            sent[SERIAL] = delivered
+        return sent
+
+    def tick(self) -> None:
+        """Do one sample; a serial line carries the characters that are due."""
+        super().tick()
+        for letter in [each for each, at in self._giving_up.items() if at <= self.samples]:
+            del self._giving_up[letter]
+            self.ports.disconnect(letter)
+            self.lose_handle(letter)
+        uart = self._uart
+        if uart is None or not uart.busy:
+            return
+        if uart.overflowed(self.now):
             self.error_code = 5
-            return b"?"
-        answer = ""
-        for command in split_commands(line):
+        while self.now >= self.occupied_until and (byte := uart.next_byte(self.now)):
+            uart.write(self._take(byte, SERIAL), self.now)
+
+    def receive(self, data: bytes, letter: str = SERIAL) -> bytes:
+        """Take bytes from the host at a port; return what the controller sends back at once.
+
+        Messages of programs that wait for this port come first. A serial line that takes time
+        answers later, by `outgoing`.
+        """
+        if letter == SERIAL and self._uart is not None:
+            self._uart.send(data, self.now)
+            return b""
+        return self.ports.collect(letter) + self._take(data, letter)
+
+    def _take(self, data: bytes, letter: str) -> bytes:
+        answer = bytearray()
+        port = self.ports[letter]
+        echoes = letter == SERIAL
+        for byte in data:
+            if port.download is not None:
+                text = port.take_download(byte)
+                answer += b"" if text is None else self._store_program(text)
+                continue
+            line_feed = byte == 10 or (port.after_download and byte == 13)
+            if echoes and self.config["EO"][0] and not line_feed:
+                answer.append(byte)
             try:
-                reply = execute(self, command)
+                line = port.take(byte, self.limits.line_length)
             except CommandError as error:
                 self.error_code = error.code
-                return (answer + "?").encode("latin-1")
-            if self.download is not None:
-                return answer.encode("latin-1")
-            answer += ":" if reply is None else f"{reply}\r\n:"
-        return (answer or ":").encode("latin-1")
+                answer += b"?"
+                continue
+            if line is not None:
+                answer += self._answer(line, port)
+                if letter not in self.ports.open:  # RS loses it
+                    break
+                port = self.ports[letter]
+        return bytes(answer)
 
-    def _download(self, byte: int) -> bytes:
-        """Take a byte of a program, which a backslash ends, together with a return after it.
+    def _answer(self, line: str, port: Port) -> bytes:
+        self.port = port.letter
+        answer, code = answer_line(line, lambda command: execute(self, command), port)
+        if code is not None:
+            self.error_code = code
+        waiting = self.ports.collect(port.letter)  # what the commands themselves have sent
+        return waiting + answer.encode("latin-1", "replace")
 
-        Nothing is echoed or answered before the end.
-        """
-        if self.download is not None and byte != _BACKSLASH:
-            if byte != _FEED:
-                self.download += chr(byte)
-            return b""
-        text, self.download = self.download or "", None
-        self._after_download = True
+    def _store_program(self, text: str) -> bytes:
+        """Store a downloaded program; on an error there is none."""
         try:
-            self.program = Program.parse(text)
+            self.program = Program.parse(text, self.limits)
         except CommandError as error:
             self.program = Program()
             self.error_code = error.code

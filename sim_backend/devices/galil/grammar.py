@@ -1,4 +1,4 @@
-"""The controller's grammar: numbers, expressions, per-axis lists, and how it writes numbers."""
+"""The controller's grammar: numbers, expressions, and lists of arguments."""
 
 import operator
 import re
@@ -7,14 +7,15 @@ from collections.abc import Callable
 from sautereau.sim_backend.devices.galil.axis import AXES
 from sautereau.sim_backend.devices.galil.faults import CommandError
 from sautereau.sim_backend.devices.galil.machine import Machine
-from sautereau.sim_backend.devices.galil.operands import function, operand, variable, whole
+from sautereau.sim_backend.devices.galil.operands import function, operand, variable
 
 LARGEST_NUMBER = 2.0**31
-"""Largest magnitude of a number in the controller."""
+"""Largest magnitude of a number in the controller, whose numbers are multiples of 1/65536."""
 QUERY = "?"
 
 _TOKEN = re.compile(
-    r"(?P<number>[0-9]+\.?[0-9]*|\.[0-9]+)|(?P<hex>\$[0-9A-F]+)|(?P<operand>_[A-Z]{2}[A-Z0-9]?)"
+    r"(?P<number>[0-9]+\.?[0-9]*|\.[0-9]+)|(?P<hex>\$[0-9A-Fa-f]+(?:\.[0-9A-Fa-f]{1,4})?)"
+    r"|(?P<operand>_[A-Z]{2}[A-Z0-9]?[0-9]?)|(?P<label>#[A-Za-z0-9]+)"
     r"|(?P<name>@?[A-Za-z][A-Za-z0-9]*)|(?P<sign>[-+*/%&|()\[\]])",
     re.ASCII,
 )
@@ -25,8 +26,8 @@ _OPERATIONS: dict[str, Callable[[float, float], float]] = {
     "*": operator.mul,
     "/": operator.truediv,
     "%": operator.mod,
-    "&": lambda left, right: int(left) & int(right),
-    "|": lambda left, right: int(left) | int(right),
+    "&": lambda left, right: (int(left * 65536) & int(right * 65536)) / 65536,
+    "|": lambda left, right: (int(left * 65536) | int(right * 65536)) / 65536,
     "<": operator.lt,
     ">": operator.gt,
     "=": operator.eq,
@@ -35,7 +36,8 @@ _OPERATIONS: dict[str, Callable[[float, float], float]] = {
     ">=": operator.ge,
 }
 _ASSIGNMENT = re.compile(
-    r"(?P<name>[A-Za-z][A-Za-z0-9]{0,7}) *(?:\[(?P<index>[^=]*)\])? *=(?P<value>[^=].*)", re.ASCII
+    r"(?P<name>[A-Za-z][A-Za-z0-9]{0,7}) *(?:\[(?P<index>[^=]*)\])? *=(?P<value>(?:[^=].*)?)",
+    re.ASCII,
 )
 
 
@@ -71,9 +73,11 @@ class _Expression:
         if token["number"]:
             return _bounded(float(text))
         if token["hex"]:
-            return _bounded(float(int(text[1:], 16)))
+            return _hexadecimal(text[1:])
         if token["operand"]:
             return operand(self._machine, text[1:])
+        if token["label"]:
+            return float(self._machine.program.line_of(text))
         if text == "-":
             return -self._term()
         if text == "+":
@@ -112,7 +116,16 @@ def _apply(sign: str, left: float, right: float) -> float:
 def _bounded(value: float) -> float:
     if not abs(value) <= LARGEST_NUMBER:
         raise CommandError(6)
-    return value
+    return int(value * 65536) / 65536
+
+
+def _hexadecimal(text: str) -> float:
+    whole, _, fraction = text.partition(".")
+    value = int(whole, 16)
+    if value >= 2**32:
+        raise CommandError(6)
+    signed = value - 2**32 if value >= 2**31 else value
+    return signed + int(fraction.ljust(4, "0") or "0", 16) / 65536
 
 
 def evaluate(text: str, machine: Machine) -> float:
@@ -153,7 +166,7 @@ def parse_list(args: str, machine: Machine) -> dict[int, float | None]:
         axes = parse_axes(named[1])
         texts = [args[named.end() :]] * len(axes)
     else:
-        texts = args.replace(" ", "").split(",")
+        texts = split_arguments(args)
         axes = list(range(len(texts)))
         if len(axes) > len(AXES):
             raise CommandError(90)
@@ -181,27 +194,3 @@ def split_arguments(args: str) -> list[str]:
     if quoted:
         raise CommandError(52)
     return [part.strip(" ") for part in parts]
-
-
-def integers(machine: Machine, args: str, *limits: tuple[float, float]) -> list[int]:
-    """Return the integer arguments, at least one, each within its limits.
-
-    Raises:
-        CommandError: An argument is out of its limits, or there are too many.
-    """
-    parts = split_arguments(args)
-    if len(parts) > len(limits):
-        raise CommandError(4)
-    pairs = zip(parts, limits, strict=False)
-    return [whole(evaluate(part, machine), low, high) for part, (low, high) in pairs]
-
-
-def write_number(value: float, decimals: int = 4) -> str:
-    """Write a number as the controller does, with a blank for the plus sign."""
-    text = f"{value: .{decimals}f}"
-    return text if float(text) or not text.startswith("-") else " " + text[1:]
-
-
-def write_list(values: list[float], decimals: int = 0) -> str:
-    """Write the answer of a command that reports one number per axis."""
-    return ",".join(write_number(value, decimals) for value in values)

@@ -2,29 +2,35 @@
 
 from collections.abc import Callable
 
+from sautereau.sim_backend.controller_part import ControllerUnit
 from sautereau.sim_backend.devices.emulators import OnOutput, Plant
 from sautereau.sim_backend.devices.galil.arrays import Arrays, Capture
-from sautereau.sim_backend.devices.galil.axis import Axis
+from sautereau.sim_backend.devices.galil.axis import AXES, Axis
 from sautereau.sim_backend.devices.galil.faults import CommandError
-from sautereau.sim_backend.devices.galil.motion import StopCode
-from sautereau.sim_backend.devices.galil.program import LINE_TIME, THREADS, Program, Thread
+from sautereau.sim_backend.devices.galil.memory import OUTPUTS, Memory, Parameters
+from sautereau.sim_backend.devices.galil.motion import SAMPLES_PER_SECOND
+from sautereau.sim_backend.devices.galil.outputs import Outputs
+from sautereau.sim_backend.devices.galil.ports import HANDLES, SERIAL, Ports
+from sautereau.sim_backend.devices.galil.program import Limits, Program, Thread
+from sautereau.sim_backend.devices.galil.safety import Safety
+from sautereau.sim_backend.devices.galil.tasks import THREADS, Tasks
 
-OUTPUTS = 8
-"""Digital outputs, numbered from 1."""
 INPUTS = 8
 """Digital inputs, numbered from 1."""
-VARIABLES = 510
-"""Largest number of variables."""
+
+__all__ = ["INPUTS", "OUTPUTS", "THREADS", "Machine"]
+
+Execute = Callable[["Machine", str, Thread | None], str | None]
 
 
 class Machine:
     """The state of the firmware from one sample to the next.
 
     Args:
-        plant: The motors and encoders.
-        revision: Answer to ^R^V.
+        plant: The motors, encoders and switches.
+        unit: The controller as bought and configured.
         on_output: Called with number and level when a digital output changes.
-        execute: Carries out one command of a program's thread.
+        execute: Carries out one command of the host or of a thread, and returns its answer.
         host_waits: Whether the host sends only while simulated time is stopped: then resident
             threads, which wait for it, do not run.
     """
@@ -32,68 +38,145 @@ class Machine:
     def __init__(
         self,
         plant: Plant,
-        revision: str,
+        unit: ControllerUnit,
         on_output: OnOutput,
-        execute: Callable[["Machine", str, Thread], None],
+        execute: Execute,
         host_waits: bool,
     ) -> None:
-        self.plant = plant
-        self.revision = revision
-        self.burned = Program()
-        """The program that survives power-off."""
+        self.plant, self.unit = plant, unit
+        self.execute = execute
+        self.limits = Limits(
+            4000 if unit.large_memory else 2000,
+            elements=24_000 if unit.large_memory else 16_000,
+            line_length=unit.line_length,
+        )
         self.inputs = [True] * INPUTS
         """Levels of the digital inputs, which are pulled up."""
-        self.outputs = [False] * OUTPUTS
-        self.samples = 0
-        """Samples since the start of the emulation."""
-        self._on_output = on_output
-        self._execute = execute
+        self.outputs = Outputs(on_output)
+        self.samples = self.started = 0
+        """Samples since the start of the emulation, and those of the last power-up."""
+        self.memory = Memory()
+        self.ports = Ports()
+        self.port = SERIAL
+        """Letter of the port from which the present command comes."""
         self.host_waits = host_waits
+        self.occupied_until = 0.0
+        """s since power-on of the emulation, until which a command keeps the interpreter busy."""
+        self.power_up()
+        for command in unit.burned:
+            execute(self, command, None)
+        self.burn()
+        text = unit.burned_program.strip("\n").replace("\n", "\r")
+        self.memory.program = Program.parse(text, self.limits)
         self.power_up()
 
-    def power_up(self) -> None:
-        """Reset: motors and outputs off; only the burned program remains."""
-        self.axes = [Axis(counts) for counts in self.plant.encoder_counts()]
-        self.sample_time = 1000
-        """TM, in units of 1/1024 ms."""
+    def power_up(self, *, factory: bool = False) -> None:
+        """Reset: what is burned remains, or with ``factory`` the factory's values."""
+        memory = self.memory
+        burned = Parameters() if factory else memory.parameters
+        counts = self.plant.encoder_counts()
+        self.axes = [Axis(each) for each in counts]
+        for axis, settings, on, raw in zip(
+            self.axes, burned.axes, burned.motors_on, counts, strict=True
+        ):
+            axis.settings = dict(settings)
+            if on:
+                axis.switch_on(raw)
+        self.config = {code: list(values) for code, values in burned.config.items()}
         self.error_code = 0
         """Of the last refused command, for TC."""
-        self.echo = True
-        self.download: str | None = None
-        """Text of the program being downloaded; None outside DL."""
-        self.program = self.burned
-        self.threads: dict[int, Thread] = {}
-        self.variables: dict[str, float] = {}
-        self.arrays = Arrays()
+        self.latching_amplifier = False
+        self.program = memory.program
+        self.tasks = Tasks(self._run_command, self._store, self.tell)
+        self.safety = Safety(self)
+        self.variables: dict[str, float] = dict(memory.variables)
+        self.arrays = Arrays(self.limits.elements, memory.arrays)
         self.capture = Capture()
-        self.unsolicited = ""
-        """Messages of programs that the host has not read yet."""
-        self._lines, self._served = 0.0, -1
-        for number in range(1, OUTPUTS + 1):
-            self.set_output(number, False)
+        self.ports.reset()
+        self.started = self.samples
+        self.outputs.reset(burned.outputs, self.axes)
         self.drive()
         if "#AUTO" in self.program.labels:
-            self.threads[0] = Thread(self.program, self.program.labels["#AUTO"], hosted=True)
+            line = self.program.labels["#AUTO"]
+            self.tasks.threads[0] = Thread(self.program, line, hosted=True)
+
+    def burn(self) -> None:
+        """BN: store the parameters."""
+        self.memory.parameters = Parameters(
+            tuple(dict(axis.settings) for axis in self.axes),
+            tuple(axis.motor_on for axis in self.axes),
+            self.config,
+            tuple(self.outputs.bits),
+        ).only_burnable()
+
+    @property
+    def now(self) -> float:
+        """Simulated time since the start of the emulation [s]."""
+        return self.samples * self.period
+
+    @property
+    def period(self) -> float:
+        """Sample time [s]: TM microseconds of 1/1.024 us."""
+        return self.config["TM"][0] * 1e-3 / 1024
+
+    @property
+    def line_busy(self) -> bool:
+        """Whether characters are under way, so that real time passes."""
+        return False
+
+    def occupy(self, duration: float) -> None:
+        """Keep the interpreter of a line that takes time busy for a duration [s]."""
+        self.occupied_until = self.now + duration
 
     @property
     def in_motion(self) -> bool:
         """Whether an axis moves."""
-        first, second = self.axes
-        return first.profile is not None or second.profile is not None
+        return any(axis.profile is not None for axis in self.axes)
 
     def position(self, axis: int) -> int:
         """Return the counts that TP reports."""
         return self.plant.encoder_counts()[axis] + self.axes[axis].offset
 
     def commanded(self, axis: int) -> int:
-        """Return the counts that RP reports; with the motor off those of the position."""
-        if not self.axes[axis].motor_on:
-            return self.position(axis)
+        """Return the counts that RP reports, which a motor that is off keeps."""
         return self.axes[axis].reported
 
     def error(self, axis: int) -> int:
         """Return the following error that TE reports [counts]."""
         return self.commanded(axis) - self.position(axis)
+
+    def exceeds_error_limit(self, axis: int) -> bool:
+        """Return whether the error exceeds ER."""
+        return 0 <= self.axes[axis].settings["ER"] < abs(self.error(axis))
+
+    def home_state(self, axis: int) -> bool:
+        """Return what _HM reports."""
+        return self.plant.active("home", axis) == (self.config["CN"][1] > 0)
+
+    def limit_allows(self, axis: int, switch: str) -> bool:
+        """Return what _LF or _LR reports: 1 where motion is allowed."""
+        return self.plant.active(switch, axis) == (self.config["CN"][0] > 0)
+
+    @property
+    def abort_active(self) -> bool:
+        """Whether the abort input is active."""
+        return self.plant.active("abort", 0)
+
+    def amplifier_bits(self, byte: int) -> int:
+        """Return what TA reports: overcurrent in byte 0, nothing else."""
+        broken = any(self.plant.amplifier_fault(axis) for axis in range(len(AXES)))
+        return int(broken) if byte == 0 else 0
+
+    @property
+    def status_byte(self) -> int:
+        """What TB reports."""
+        tasks = self.tasks
+        return bool(tasks.threads) << 7 | tasks.in_error_routine << 4 | int(self.config["EO"][0])
+
+    @property
+    def input_bits(self) -> int:
+        """What TI reports."""
+        return sum(level << bit for bit, level in enumerate(self.inputs))
 
     def set_variable(self, name: str, value: float) -> None:
         """Set a variable; the first assignment creates it.
@@ -101,7 +184,7 @@ class Machine:
         Raises:
             CommandError: There are too many.
         """
-        if name not in self.variables and len(self.variables) == VARIABLES:
+        if name not in self.variables and len(self.variables) == self.limits.variables:
             raise CommandError(67)
         self.variables[name] = value
 
@@ -110,82 +193,57 @@ class Machine:
         offsets, limits = ([axis.settings[name] for axis in self.axes] for name in ("OF", "TL"))
         self.plant.drive((offsets[0], offsets[1]), (limits[0], limits[1]))
 
-    def set_output(self, number: int, level: bool) -> None:
-        """Set a digital output, and report a change."""
-        if self.outputs[number - 1] != level:
-            self.outputs[number - 1] = level
-            self._on_output(number, level)
+    def tell(self, text: str, port: str | None = None) -> None:
+        """Send a message that no host asked for; if its handle is lost, #TCPERR is due."""
+        mark = self.config["CW"][0] == 1
+        port = port or self.ports.unsolicited_port
+        if not self.ports.send(text, port, mark=mark):
+            self.lose_handle(port)
 
-    def motor_off(self, axis: Axis, code: StopCode) -> None:
-        """Switch an axis off, and store the reason."""
-        axis.halt(code)
-        axis.stop_code = code
-        axis.motor_on = False
-
-    def abort(self, *, programs: bool) -> None:
-        """Stop both axes at once; where OE is 1 the motor is switched off as well."""
-        for axis in self.axes:
-            axis.halt(StopCode.ABORTED)
-            if axis.settings["OE"]:
-                axis.motor_on = False
-        if programs:
-            self.halt_threads(range(THREADS))
-
-    def halt_threads(self, numbers: range | list[int]) -> None:
-        """End threads, if they run."""
-        for number in numbers:
-            if number in self.threads:
-                self.threads.pop(number).running = False
+    def lose_handle(self, letter: str) -> None:
+        """Notice that a handle's host is gone: #TCPERR is due."""
+        self.ports.lost_handle = HANDLES.index(letter)
+        self.error_code = 123
+        self.tasks.raise_once("#TCPERR")
 
     def tick(self) -> None:
-        """Do one sample: programs, safety, capture, and then the profilers.
+        """Do one sample: safety, capture, the profilers, and then the programs' lines.
 
-        The first three see the start of the sample.
+        The first two see the start of the sample; what a line starts moves in the next sample.
         """
         counts = self.plant.encoder_counts()
-        for axis, raw in zip(self.axes, counts, strict=True):
+        for index, axis in enumerate(self.axes):
             if not axis.motor_on:
-                axis.follow(raw)
-        if self.threads:
-            self._run_threads()
-        for axis, raw in zip(self.axes, counts, strict=True):
-            if axis.motor_on and axis.exceeds_error_limit(raw):
-                if 0 in self.threads:
-                    self.threads[0].interrupt("#POSERR")
-                if axis.settings["OE"]:
-                    self.motor_off(axis, StopCode.OFF_ON_ERROR)
-                    axis.follow(raw)
+                axis.follow(counts[index])
+                axis.brake_samples = max(0, axis.brake_samples - 1)
+            self._read_encoder(index, axis, counts[index])
+        active = self.safety.check(counts)
         if self.capture.running:
             self.capture.sample()
         for axis in self.axes:
             axis.step()
+        self.tasks.raise_events(active, self.program)
+        if self.tasks.threads:
+            # A resident thread does not run while the host waits for rest.
+            wait = self.host_waits and not self.line_busy
+            held = {n for n, thread in self.tasks.threads.items() if wait and thread.resident}
+            self.tasks.run(self.period, self.program, held)
+        self.tasks.phase = 0.0
         self.samples += 1
 
-    def _run_threads(self) -> None:
-        """Run the threads alternately, line by line, as many lines as fit into a sample."""
-        self._lines = self._lines % 1 + self.sample_time * 1e-3 / 1024 / LINE_TIME
-        # A resident thread does not run while the host waits for rest.
-        held = {n for n, thread in self.threads.items() if self.host_waits and thread.resident}
-        for number, thread in sorted(self.threads.items()):
-            if number not in held and thread.wait is not None and not thread.waiting:
-                self._run_line(number, thread)  # the rest of a line whose time has been counted
-        while self._lines >= 1:
-            ready = [n for n, each in self.threads.items() if n not in held and not each.waiting]
-            if not ready:
-                return
-            later = [number for number in ready if number > self._served]
-            self._served = min(later or ready)
-            self._lines -= 1
-            self._run_line(self._served, self.threads[self._served])
+    def _read_encoder(self, index: int, axis: Axis, raw: int) -> None:
+        latched = self.plant.index(index)
+        if axis.latch_armed and latched is not None:
+            axis.latched, axis.latch_armed = latched, False
+        speed = (raw - axis.last_raw) * SAMPLES_PER_SECOND
+        axis.filtered_speed += (speed - axis.filtered_speed) / 256
+        axis.last_raw = raw
 
-    def _run_line(self, number: int, thread: Thread) -> None:
-        if not thread.running:
-            return
-        try:
-            thread.run_line(lambda command, thread: self._execute(self, command, thread))
-        except CommandError as error:
-            self.error_code = error.code
-            self.unsolicited += f"?{thread.line} {thread.command}\r\n"
-            thread.running = False
-        if not thread.running and self.threads.get(number) is thread:
-            del self.threads[number]
+    def _store(self, code: int) -> None:
+        self.error_code = code
+
+    def _run_command(self, command: str, thread: Thread) -> None:
+        """Carry out a command of a program; its answer is sent as a message."""
+        answer = self.execute(self, command, thread)
+        if answer is not None:
+            self.tell(answer + "\r\n")

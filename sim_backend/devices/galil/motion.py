@@ -26,12 +26,18 @@ class StopCode(IntEnum):
     FORWARD_LIMIT = 2
     REVERSE_LIMIT = 3
     STOPPED = 4
+    ABORT_INPUT = 6
     ABORTED = 7
     OFF_ON_ERROR = 8
+    EDGE_FOUND = 9
     HOMED = 10
+    SELECTIVE_ABORT = 11
+    ENCODER_FAILURE = 12
+    AMPLIFIER_FAULT = 15
     PVT_RUNNING = 30
     PVT_COMPLETE = 31
     PVT_STARVED = 32
+    NOT_IN_POSITION = 99
 
 
 class Segment(NamedTuple):
@@ -95,7 +101,7 @@ class Ramp:
 
 def brake(velocity: float, deceleration: float) -> list[tuple[float, float]]:
     """Return the pieces of a `Ramp` from ``velocity`` to rest."""
-    if velocity == 0:
+    if velocity == 0 or deceleration == math.inf:
         return []
     return [(abs(velocity) / deceleration, -math.copysign(deceleration, velocity))]
 
@@ -143,7 +149,7 @@ class Pvt:
     Args:
         position: Counts, start of the first segment, at rest.
         fifo: The buffer, shared with the axis, which adds segments to it.
-        deceleration: Counts per sample squared, of that deceleration.
+        deceleration: Counts per sample squared, of that deceleration; infinite for a stop at once.
     """
 
     def __init__(self, position: float, fifo: deque[Segment], deceleration: float) -> None:
@@ -198,7 +204,3 @@ class Pvt:
         pieces = brake(self._start_velocity, self._deceleration)
         self._brake = Ramp(self._start, self._start_velocity, pieces, self.code)
         self.done = self._brake.done
-
-
-Profile = Ramp | Pvt
-"""A motion being executed."""

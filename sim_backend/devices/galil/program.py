@@ -6,20 +6,26 @@ from dataclasses import dataclass, field
 
 from sautereau.sim_backend.devices.galil.faults import CommandError
 
-LINE_LENGTH = 80
-"""Largest number of characters in a line of a program or of a host's command."""
-LINES = 2000
-"""Largest number of lines of a program."""
-LABELS = 510
-"""Largest number of labels of a program."""
-THREADS = 8
-"""Threads, numbered from 0."""
 DEPTH = 16
 """Largest depth of nested subroutines."""
-LINE_TIME = 250e-6
-"""s, duration of any line of a program; the threads run alternately."""
 
-_LABEL = re.compile(r"#[A-Za-z0-9]{1,7}")
+ERROR_ROUTINES = ("#POSERR", "#LIMSWI", "#AMPERR", "#TCPERR")
+"""Automatic subroutines that RE ends; the others are ended by EN."""
+
+_LABEL = re.compile(r"#[A-Za-z][A-Za-z0-9]{0,6}")
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What the controller's memory holds."""
+
+    lines: int = 4000
+    labels: int = 510
+    variables: int = 510
+    elements: int = 24_000
+    """Of all arrays together."""
+    line_length: int = 80
+    """Characters in a line of a program or of a command."""
 
 
 def split_commands(line: str) -> list[str]:
@@ -37,24 +43,29 @@ class Program:
     """Line number of each ``#LABEL``."""
 
     @classmethod
-    def parse(cls, text: str) -> "Program":
+    def parse(cls, text: str, limits: Limits) -> "Program":
         """Parse a download: lines that end with a carriage return; blank ones are dropped.
+
+        Args:
+            text: Of all lines.
+            limits: Of the controller's memory.
 
         Raises:
             CommandError: A line is too long, a label is invalid or repeated, or there are too many.
         """
         lines = tuple(line for line in text.split("\r") if line.strip(" "))
-        if len(lines) > LINES or any(len(line) > LINE_LENGTH for line in lines):
+        longest = max(map(len, lines), default=0)
+        if len(lines) > limits.lines or longest > limits.line_length:
             raise CommandError(60)
         labels: dict[str, int] = {}
         for number, line in enumerate(lines):
-            label = line.split(";")[0].strip(" ")
+            label = line.split(";")[0].rstrip(" ")
             if not label.startswith("#"):
                 continue
             if not _LABEL.fullmatch(label) or label in labels:
                 raise CommandError(61)
             labels[label] = number
-        if len(labels) > LABELS:
+        if len(labels) > limits.labels:
             raise CommandError(62)
         return cls(lines, labels)
 
@@ -83,22 +94,24 @@ class _Frame:
     next_line: int
     rest: tuple[str, ...]
     wait: Callable[[], bool] | None
-    automatic: bool
+    routine: str
+    """Label of an automatic subroutine; empty for one that JS called."""
 
 
 class Thread:
     """A thread of execution; it runs one line at a time.
 
-    A trip point (AM, WT, AI, AT) sets `wait`; the rest of its line runs in the sample in which
-    that becomes true.
+    A trip point (AM, WT, AI, AT, MC) sets `wait`; the rest of its line runs as soon as that is
+    true.
 
     Args:
         program: The program.
         line: Number of the first line.
         hosted: Whether the host started it, and not a program.
+        routine: Label of the automatic subroutine for which it was started, if it was.
     """
 
-    def __init__(self, program: Program, line: int, *, hosted: bool) -> None:
+    def __init__(self, program: Program, line: int, *, hosted: bool, routine: str = "") -> None:
         self.line = line
         """Number of the present line."""
         self.running = True
@@ -108,21 +121,32 @@ class Thread:
         """The present command."""
         self.reference = 0
         """Sample from which AT counts."""
+        self.stuck = False
+        """Whether EN ended a subroutine that only RE ends: it does not run again before ZS."""
         self._program = program
         self._next_line = line
         self._rest: list[str] = []
         self._frames: list[_Frame] = []
-        self._hosted, self._looped = hosted, False
+        self._hosted, self._base = hosted, routine
+        self._visited: set[int] = set()
+        self.looped = False
+        """Whether a line runs again, since the start or the last interruption."""
 
     @property
-    def interrupted(self) -> bool:
-        """Whether an automatic subroutine runs in it."""
-        return any(frame.automatic for frame in self._frames)
+    def routines(self) -> tuple[str, ...]:
+        """Labels of the automatic subroutines that run in it, the innermost last."""
+        frames = [frame.routine for frame in self._frames]
+        return tuple(name for name in (self._base, *frames) if name)
+
+    @property
+    def depth(self) -> int:
+        """Levels of its stack of subroutines."""
+        return len(self._frames)
 
     @property
     def resident(self) -> bool:
-        """Whether the host started it, it loops, and no subroutine interrupts it."""
-        return self._hosted and self._looped and not self.interrupted
+        """Whether it loops, and waits for the host or in an automatic subroutine."""
+        return self.looped and (self._hosted or bool(self.routines))
 
     @property
     def waiting(self) -> bool:
@@ -149,48 +173,63 @@ class Thread:
             self.command = self._rest.pop(0)
             execute(self.command, self)
 
-    def jump(self, place: str) -> None:
-        """Continue at a label or a line."""
-        line = self._program.line_of(place)
-        self._looped |= line <= self.line
+    def jump(self, line: int) -> None:
+        """Continue at a line."""
+        self.looped |= line in self._visited
         self._next_line, self._rest = line, []
 
-    def call(self, place: str) -> None:
-        """Run a subroutine, then continue after the present command."""
+    def call(self, line: int, routine: str = "") -> None:
+        """Run a subroutine, then continue after the present command.
+
+        Args:
+            line: Number of its first line.
+            routine: Its label, if it is an automatic one.
+
+        Raises:
+            CommandError: There are too many levels.
+        """
         if len(self._frames) == DEPTH:
             raise CommandError(12)
-        line = self._program.line_of(place)
-        self._push(line, automatic=False)
+        self._frames.append(_Frame(self._next_line, tuple(self._rest), self.wait, routine))
+        self._next_line, self._rest, self.wait = line, [], None
+        if routine:
+            self._visited, self.looped = set(), False
 
-    def interrupt(self, place: str) -> bool:
-        """Run an automatic subroutine, if the program has it and none runs already."""
-        if self.interrupted or place not in self._program.labels:
-            return False
-        self._push(self._program.labels[place], automatic=True)
-        return True
+    def end(self, *, keep_trip_point: bool) -> None:
+        """EN: return from a subroutine, or end the thread."""
+        inner = self._frames[-1].routine if self._frames else self._base
+        self.stuck |= inner in ERROR_ROUTINES
+        self._return(keep_trip_point or not inner)
 
-    def end(self) -> None:
-        """Return from a subroutine, or end the thread."""
-        if not self._frames:
-            self.running = False
-        else:
-            self._pop(keep_trip_point=True)
-
-    def end_interrupt(self, *, keep_trip_point: bool) -> None:
-        """Return from an automatic subroutine.
+    def end_error(self, *, keep_trip_point: bool) -> None:
+        """RE: return from an automatic subroutine of an error.
 
         Raises:
             CommandError: None runs.
         """
-        if not self._frames or not self._frames[-1].automatic:
+        inner = self._frames[-1].routine if self._frames else self._base
+        if inner not in ERROR_ROUTINES:
             raise CommandError(8)
-        self._pop(keep_trip_point)
+        self._return(keep_trip_point)
+
+    def clear_stack(self, levels: int) -> None:
+        """ZS: forget where the innermost subroutines return to."""
+        if levels >= len(self._frames):
+            self._base = ""
+        del self._frames[len(self._frames) - min(levels, len(self._frames)) :]
+        self.stuck = False
 
     def skip(self, *ends: str) -> None:
-        """Continue after the ELSE or ENDIF that belongs to the present IF or ELSE."""
+        """Continue after the ELSE or ENDIF that belongs to the present IF or ELSE.
+
+        Raises:
+            CommandError: There is none.
+        """
         depth = 0
         while True:
             while not self._rest:
+                if self._next_line >= len(self._program.lines):
+                    raise CommandError(63)
                 self._fetch()
             command = self._rest.pop(0)
             if depth == 0 and command in ends:
@@ -200,11 +239,10 @@ class Thread:
             elif command == "ENDIF":
                 depth -= 1
 
-    def _push(self, line: int, *, automatic: bool) -> None:
-        self._frames.append(_Frame(self._next_line, tuple(self._rest), self.wait, automatic))
-        self._next_line, self._rest, self.wait = line, [], None
-
-    def _pop(self, keep_trip_point: bool) -> None:
+    def _return(self, keep_trip_point: bool) -> None:
+        if not self._frames:
+            self.running = False
+            return
         frame = self._frames.pop()
         self._next_line, self._rest = frame.next_line, list(frame.rest)
         self.wait = frame.wait if keep_trip_point else None
@@ -215,4 +253,5 @@ class Thread:
         if self.line >= len(self._program.lines):
             raise CommandError(10)
         self._next_line = self.line + 1
+        self._visited.add(self.line)
         self._rest = split_commands(self._program.lines[self.line])

@@ -69,6 +69,15 @@ class Machine:
         return self.stepped and self.outputs[self.trigger - 1] and not self._granted
 
     @property
+    def phase(self) -> float:
+        """Fraction of the sample that has passed when an output changes: none, at its start."""
+        return 0.0
+
+    def outgoing(self) -> dict[str, bytes]:
+        """Return what the controller has sent by itself: nothing."""
+        return {}
+
+    @property
     def moving(self) -> bool:
         """Whether time must advance, because a setpoint changes or the host waits."""
         if self.held:

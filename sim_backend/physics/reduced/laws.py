@@ -60,21 +60,27 @@ def _law(pluck: Pluck) -> Laws:
 
 
 def elastica_laws(
-    stiffness: Floats, overlap: Floats, bending: Floats, length: Floats, friction: float
+    stiffness: Floats,
+    overlap: Floats,
+    bending: Floats,
+    length: Floats,
+    offset: Floats,
+    friction: float,
 ) -> tuple[Laws, NDArray[np.bool_]]:
     """Solve many plucks of the elastica at once.
 
     Args:
-        stiffness: N/m, of the strings; shape (laws,), as the next three.
+        stiffness: N/m, of the strings; shape (laws,), as the next four.
         overlap: m.
         bending: N m^2, of the plectra.
         length: m, of the plectra.
+        offset: m, of the strings' centres from the mid-lines.
         friction: Dimensionless, common to all.
 
     Returns:
         The laws, and which of them are valid; the others must not be used.
     """
-    plectra = UniformPlectra(friction, length, bending)
+    plectra = UniformPlectra(friction, length, bending, offset)
     with np.errstate(all="ignore"):
         paths = solve_paths(Equilibria(plectra, stiffness, overlap), POINTS)
         status = paths.status

@@ -34,7 +34,7 @@ CHUNK = 192
 """Plucks that are solved together; limited by the processor's cache."""
 _LEVER = ("press_arm", "jack_arm", "jack_surface_height", "inertia", "gravity_moment")
 _PLECTRUM = ("youngs_modulus", "width", "thickness", "length", "overlap", "friction")
-_STRING = ("tension", "length", "plucking_point")
+_STRING = ("tension", "length", "plucking_point", "diameter")
 _LIMITS = {"gt": np.greater, "ge": np.greater_equal, "lt": np.less, "le": np.less_equal}
 _DERIVED = ("plectrum.bending_stiffness", "string.static_stiffness")
 
@@ -131,7 +131,7 @@ def varied_laws(
                 raise SceneError(f"rig {numbers.rig.name}: {at}{error}") from error
             which, good = np.zeros(presses, np.int64), np.ones(1, bool)
         elif numbers.scene.plectrum == "elastica":
-            laws, which, good = _elastica(numbers, at, played)
+            laws, which, good = _elastica(numbers, at, choir, played)
         else:
             laws, which, good = _one_by_one(numbers, at, choir, played)
         rows[:, k] = count + which
@@ -143,14 +143,17 @@ def varied_laws(
 
 
 def _elastica(
-    numbers: Numbers, at: str, played: NDArray[np.bool_]
+    numbers: Numbers, at: str, choir: Choir, played: NDArray[np.bool_]
 ) -> tuple[list[Laws], Ints, NDArray[np.bool_]]:
     with np.errstate(all="ignore"):  # of presses that are not simulated
         stiffness, bending = static_stiffness(numbers, at), bending_stiffness(numbers, at)
     overlap, length = numbers(f"{at}plectrum.overlap"), numbers(f"{at}plectrum.length")
     friction = numbers(f"{at}plectrum.friction")
-    different, which = _different((friction, stiffness, overlap, bending, length), played)
-    friction, stiffness, overlap, bending, length = different
+    offset = (numbers(f"{at}plectrum.thickness") + numbers(f"{at}string.diameter")) / 2
+    offset = offset if choir.plectrum.contact == "surface" else 0 * offset
+    columns = (friction, stiffness, overlap, bending, length, offset)
+    different, which = _different(columns, played)
+    friction, stiffness, overlap, bending, length, offset = different
     low, high = STIFFNESS_RANGE
     good = (stiffness >= low) & (stiffness <= high) & (overlap <= OVERLAP_MAX * length)
     stiffness, overlap = np.where(good, (stiffness, overlap), ([[1.0], [0.1]] * length))
@@ -160,7 +163,12 @@ def _elastica(
         for first in range(start, step_end, CHUNK):
             part = slice(first, min(first + CHUNK, step_end))
             solved, sure = elastica_laws(
-                stiffness[part], overlap[part], bending[part], length[part], float(friction[start])
+                stiffness[part],
+                overlap[part],
+                bending[part],
+                length[part],
+                offset[part],
+                float(friction[start]),
             )
             good[part] &= sure
             laws.append(solved)

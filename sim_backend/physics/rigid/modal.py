@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 from sautereau.analysis.errors import ModelError
 from sautereau.analysis.model.modal_pluck import MODES
-from sautereau.analysis.model.plectrum.levels import plectrum_map
+from sautereau.analysis.model.plectrum.surface import string_map
 from sautereau.analysis.model.string.contact import STEP_FRACTION, ModalContact
 from sautereau.analysis.model.string.free import FreeString
 from sautereau.analysis.model.string.string import ModalString
@@ -67,7 +67,7 @@ class ModalPlucking:
         try:
             self._free = ModalString(choir.string, modes)
             self._damped = ModalString(choir.string, modes, damper.decay if damper else 0.0)
-            plectrum = plectrum_map(choir.plectrum, scene.plectrum)
+            plectrum = string_map(choir.plectrum, choir.string, scene.plectrum)
         except ModelError as error:
             raise SceneError(f"{self._at}{error}") from error
         string = self._damped if self._felt else self._free

@@ -34,6 +34,8 @@ class FE:
         self.length = plectrum.length
         self.friction = plectrum.friction
         self.profile = profile_of(plectrum)
+        self.clamp_thickness = self.profile.clamp_thickness * self.length
+        """m, of which the contact point lies half below the upper edge."""
         self._table = _table_of(plectrum)
         self._load = self._table.load * plectrum.youngs_modulus * plectrum.width * self.length
 

@@ -1,0 +1,211 @@
+"""Touch as musicians say it - soft, medium, hard - and the measured quantities that go with it.
+
+Of each quantity alone, the proportional-odds model (McCullagh, J. R. Stat. Soc. B 42, 1980)
+
+    P(touch <= k) = 1 / (1 + exp(b x - c_k)),
+
+where x is the quantity's logarithm, or its value where not all are positive, over its standard
+deviation, and exp(b) the odds ratio of a harder judgement. Somers' D needs no model: it is the
+fraction of pairs of different judgements that the quantity orders alike, minus that of the others.
+"""
+
+import warnings
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from itertools import combinations, pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import false_discovery_control, norm
+
+from sautereau.analysis.campaign.judgements import judgements
+from sautereau.analysis.campaign.labels import LEVELS, TOUCH
+from sautereau.analysis.campaign.table import Campaign
+from sautereau.analysis.session.repeatability import COVERAGE, Spread
+from sautereau.trajectory.motion import Floats
+
+MEASURED = (
+    "release_force",
+    "force_slope",
+    "force_drop",
+    "contact_force",
+    "peak_force",
+    "held_work",
+    "press_work",
+    "pluck_duration",
+    "held_deflection",
+    "release_rise",
+)
+"""Columns that are compared with the judgements; `sautereau.rig.quantities` defines them."""
+FEW = 10
+"""Judgements below which intervals are not reliable."""
+FEW_OF_A_LEVEL = 3
+"""The same for each level."""
+LEAST = 4
+"""Judgements below which nothing is compared."""
+RESAMPLES = 999
+"""Of the bootstrap of Somers' D, and permutations of the judgements."""
+INSTALL = "install statsmodels: pip install 'sautereau[ordinal]'"
+
+
+Fit = Callable[[Floats, NDArray[np.intp]], Spread | None]
+
+
+@dataclass(frozen=True)
+class Association:
+    """One quantity and the judgements."""
+
+    judgements: int
+    """Number of judgements with this quantity."""
+    means: dict[str, float]
+    """Mean of each level, SI units; geometric where all values are positive."""
+    somers_d: Spread
+    """From -1 to 1: 1 where the quantity orders all judgements from soft to hard."""
+    p_value: float
+    """1, fraction of permuted judgements with a Somers' D at least as large."""
+    q_value: float
+    """1, the same as a false discovery rate over all quantities (Benjamini, Hochberg)."""
+    odds_ratio: Spread | None
+    """1, of a harder judgement, per standard deviation; None without a fit."""
+    separated: bool
+    """Whether the levels do not overlap, so that the odds ratio has no finite estimate."""
+
+
+@dataclass(frozen=True)
+class Judged:
+    """Judgements of touch and what goes with them."""
+
+    judgements: dict[str, int]
+    """Number of each level; the presses of a session with one judgement count once."""
+    quantities: dict[str, Association]
+    """By the names of `MEASURED`, the strongest first."""
+    notes: tuple[str, ...]
+    """What limits the result, and how to fix it."""
+
+
+def find_judged(campaign: Campaign) -> Judged | None:
+    """Compare the judgements of touch with each measured quantity; None without judgements.
+
+    Warm-up presses and presses without a pluck are excluded.
+    """
+    data = campaign.data
+    if TOUCH not in data or "plucks" not in data or not len(data[TOUCH].dropna()):
+        return None
+    columns = [name for name in MEASURED if name in data]
+    codes, values = judgements(data, columns)
+    counts = {level: int(np.count_nonzero(codes == k)) for k, level in enumerate(LEVELS)}
+    shown = ", ".join(f"{count} {level}" for level, count in counts.items())
+    if len(codes) < LEAST or len(set(codes)) < 2:
+        few = (
+            f"{shown}: too few judgements to compare, which takes {LEAST} of two levels; judge more"
+            " sessions"
+        )
+        return Judged(counts, {}, (few,))
+    notes = []
+    if len(codes) < FEW or any(0 < count < FEW_OF_A_LEVEL for count in counts.values()):
+        notes.append(
+            f"{shown}: the intervals are not reliable below {FEW} judgements and {FEW_OF_A_LEVEL}"
+            " of each level; judge more sessions"
+        )
+    fit = _fitter(notes)
+    found = {}
+    for name in columns:
+        there = np.isfinite(values[name])
+        own, x = codes[there], values[name][there]
+        if len(x) < LEAST or len(set(own)) < 2 or np.ptp(x) == 0:
+            notes.append(f"{name}: not compared, {len(x)} judgements have it")
+        else:
+            found[name] = _association(name, x, own, fit, notes)
+    return Judged(counts, _ranked(found), tuple(notes))
+
+
+def _fitter(notes: list[str]) -> Fit | None:
+    """Return a function that gives the odds ratio of a quantity, or None if its fit fails."""
+    try:
+        from statsmodels.miscmodels.ordinal_model import OrderedModel
+    except ImportError:
+        notes.append(f"no odds ratios, which need ordinal regression; {INSTALL}")
+        return None
+
+    def fit(scaled: Floats, codes: NDArray[np.intp]) -> Spread | None:
+        present = np.unique(codes, return_inverse=True)[1]
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")  # a fit that has not converged is none
+            try:
+                model = OrderedModel(present, scaled[:, None], distr="logit")
+                result = model.fit(method="bfgs", maxiter=500, disp=False)
+                slope, std = float(result.params[0]), float(result.bse[0])
+                reach = float(norm.ppf((1 + COVERAGE) / 2)) * std
+                ends = np.exp([slope, slope - reach, slope + reach])
+            except (Warning, ValueError, ArithmeticError, np.linalg.LinAlgError):
+                return None
+        return Spread(*map(float, ends)) if np.isfinite(ends).all() else None
+
+    return fit
+
+
+def _association(
+    name: str, values: Floats, codes: NDArray[np.intp], fit: Fit | None, notes: list[str]
+) -> Association:
+    positive = bool((values > 0).all())
+    x = np.log(values) if positive else values
+    means = {
+        level: float(np.exp(x[codes == k].mean()) if positive else x[codes == k].mean())
+        for k, level in enumerate(LEVELS)
+        if (codes == k).any()
+    }
+    separated = _separated(x, codes)
+    odds = None
+    if separated:
+        notes.append(
+            f"{name}: the levels do not overlap, so the odds ratio has no finite estimate; judge"
+            " more plectra between the levels"
+        )
+    elif fit is not None:
+        odds = fit((x - x.mean()) / x.std(), codes)
+        if odds is None:
+            notes.append(f"{name}: no odds ratio, the regression diverged; judge more sessions")
+    somers, p_value = _somers(x, codes)
+    return Association(len(x), means, somers, p_value, p_value, odds, separated)
+
+
+def _separated(x: Floats, codes: NDArray[np.intp]) -> bool:
+    """Return whether a quantity orders the levels completely, upwards or downwards."""
+    levels = [x[codes == code] for code in np.unique(codes)]
+    pairs = list(pairwise(levels))
+    up = all(low.max() <= high.min() for low, high in pairs)
+    return up or all(low.min() >= high.max() for low, high in pairs)
+
+
+def _somers(x: Floats, codes: NDArray[np.intp]) -> tuple[Spread, float]:
+    """Return Somers' D with its bootstrap interval, and the p-value of a permutation test."""
+    random = np.random.default_rng(0)
+    value = _somers_d(x, codes)
+    drawn = random.integers(0, len(x), (RESAMPLES, len(x)))
+    resampled = [d for i in drawn if np.isfinite(d := _somers_d(x[i], codes[i]))]
+    permuted = [abs(_somers_d(x, random.permutation(codes))) for _ in range(RESAMPLES)]
+    beyond = np.count_nonzero(np.array(permuted) >= abs(value) * (1 - 1e-12))
+    tail = (1 - COVERAGE) / 2
+    low, high = np.quantile(resampled, [tail, 1 - tail])
+    return Spread(value, float(low), float(high)), (1 + beyond) / (1 + RESAMPLES)
+
+
+def _somers_d(x: Floats, codes: NDArray[np.intp]) -> float:
+    """Return Somers' D (Am. Sociol. Rev. 27, 1962); NaN for a single level."""
+    levels = [np.sort(x[codes == code]) for code in np.unique(codes)]
+    ordered = pairs = 0
+    for low, high in combinations(levels, 2):
+        below = np.searchsorted(low, high) + np.searchsorted(low, high, "right")
+        ordered += int((below - len(low)).sum())
+        pairs += len(low) * len(high)
+    return ordered / pairs if pairs else float("nan")
+
+
+def _ranked(found: dict[str, Association]) -> dict[str, Association]:
+    """Return the quantities with their false discovery rates, the strongest association first."""
+    rates = false_discovery_control([one.p_value for one in found.values()]) if found else []
+    rated = [
+        (name, replace(one, q_value=float(rate)))
+        for (name, one), rate in zip(found.items(), rates, strict=True)
+    ]
+    return dict(sorted(rated, key=lambda item: -abs(item[1].somers_d.value)))

@@ -1,0 +1,216 @@
+"""The numbers that a fit keeps fixed: what each does to the results, and which should be freed.
+
+With the Jacobian J of whitened residuals and priors by the fitted parameters, and the derivative c
+by a fixed number, a change of that number moves the fit by -J^+ c. What is left of c, which is
+d = c - J J^+ c, gives the effect of freeing it: a Gauss-Newton step of -d r / d d, which reduces
+the sum of squares of the residuals r by (d r)^2 / d d (the score test; 1 on average for a correct
+number).
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from sautereau.analysis.errors import ModelError
+from sautereau.analysis.identify.fit import Fit
+from sautereau.analysis.identify.parameters import (
+    ENDS,
+    FORCE,
+    MODULUS,
+    NAMES,
+    STIFFNESS,
+    VELOCITY_GAIN,
+    unit_of_parameter,
+    value_of,
+    with_parameters,
+)
+from sautereau.analysis.identify.problem import Problem, whitening
+from sautereau.analysis.identify.residuals import InverseDynamics
+from sautereau.rig.schema import Rig
+from sautereau.trajectory.motion import Floats
+
+MEASURED = (
+    *("key.press_arm", "key.laser_arm", "key.jack_arm", "key.jack_surface_height"),
+    *("plectrum.length", "plectrum.thickness"),
+    *("string.tension", "string.length", "string.plucking_point", "string.diameter"),
+)
+"""Numbers of the rig that are measured with a rule, and never fitted."""
+CHANGE, STEP = 0.01, 1e-3
+"""Dimensionless, change of a number without a stated range in the table, and of differences."""
+FRICTION_CHANGE = 0.1
+"""Dimensionless, change of a coefficient of friction in the table."""
+CONTACT, LIKELY = "plectrum.contact", 0.4
+"""The string on the surface is suggested where its fitted offset from the mid-line is larger than
+this fraction of that on the surface."""
+SUGGESTED = 16.0
+"""Reduction of the sum of squares from which freeing is suggested: 4 standard deviations."""
+DEPENDENT = 2.4
+"""Dimensionless, instants per independent value of the smoothed force."""
+
+
+@dataclass(frozen=True)
+class Sensitivity:
+    """What one fixed number of the rig, or one calibration, does to the results."""
+
+    name: str
+    unit: str
+    value: float
+    """SI; of `plectrum.contact` 1 for the surface and 0 for the mid-line."""
+    change: float
+    """SI; its standard uncertainty where the rig states a range, else 1 % of it; of
+    `plectrum.contact` 1, to the other one."""
+    stated: bool
+    """Whether the rig states that uncertainty."""
+    effects: dict[str, float]
+    """Change of each result by it, over the result's scale; dimensionless."""
+
+
+@dataclass(frozen=True)
+class Suggestion:
+    """A fixed number whose freeing would reduce the residuals."""
+
+    name: str
+    unit: str
+    reduction: float
+    """Expected reduction of the weighted sum of squares; 1 on average for a correct number."""
+    value: float
+    """SI, expected value."""
+
+
+def sensitivities(made: Fit, jacobian: Floats, excess: float) -> tuple[Sensitivity, ...]:
+    """Return the effects of all fixed numbers and calibrations, the largest first.
+
+    Args:
+        made: The fit.
+        jacobian: Derivatives of its whitened residuals by the scaled parameters.
+        excess: Mean square of the whitened residuals.
+    """
+    problem, dynamics = made.problem, made.problem.dynamics
+    shown = [k for k, p in enumerate(problem.free) if not p.hidden]
+    prior = problem.prior_jacobian(made.values / problem.scales)
+    data, nothing = jacobian / np.sqrt(excess), np.zeros(len(prior))
+    rows, table = np.vstack([data, prior]), []
+
+    def add(name: str, unit: str, value: float, change: float, stated: bool, moved: Floats) -> None:
+        effects = {problem.free[k].name: float(moved[k] * change) for k in shown}
+        table.append(Sensitivity(name, unit, value, change, stated, effects))
+
+    for k, parameter in enumerate(problem.free):
+        if parameter.hidden and parameter.std:
+            # While it is fixed, its own prior does not count.
+            others = [j for j in range(len(problem.free)) if j != k]
+            kept = np.concatenate([np.ones(len(data), bool), np.any(prior[:, others] != 0, axis=1)])
+            column, moved = np.concatenate([data[:, k], nothing]), np.zeros(len(problem.free))
+            moved[others] = _moved(rows[kept][:, others], column[kept]) / problem.scales[k]
+            value = float(made.values[k])
+            add(parameter.name, parameter.unit, value, parameter.std, True, moved)
+    for name, unit, value in _fixed(dynamics):
+        column = _column(problem, made.values, *_beside(dynamics, name, value))
+        if column is not None:
+            column = np.concatenate([column / np.sqrt(excess), nothing])
+            add(name, unit, value, *_change(dynamics, name, value), _moved(rows, column))
+    contact = dynamics.rig.plectrum.contact
+    column = _column(problem, made.values, _other_contact(dynamics.rig), 1.0)
+    if column is not None:
+        column = np.concatenate([column / np.sqrt(excess), nothing])
+        add(CONTACT, "", float(contact == "surface"), 1.0, False, _moved(rows, column))
+    return tuple(sorted(table, key=lambda s: -max(map(abs, s.effects.values()), default=0.0)))
+
+
+def suggestions(made: Fit, noise: float) -> tuple[Suggestion, ...]:
+    """Return the fixed numbers whose freeing would reduce the residuals, the best first.
+
+    Args:
+        made: The fit, of a model that does not fit.
+        noise: N, RMS of the force residual without the error of the model.
+    """
+    dynamics, scale = made.problem.dynamics, noise * np.sqrt(DEPENDENT)
+    white = [whitening(p.used, np.ones(1), made.levelled, scale, p.step) for p in dynamics.presses]
+    problem = replace(made.problem, whitenings=tuple(white))
+    point = made.values / problem.scales
+    prior = problem.prior_jacobian(point)
+    rows = np.vstack([problem.jacobian(point, problem.data), prior])
+    residuals = np.concatenate([problem.data(point), problem.prior(point)])
+    basis, _ = np.linalg.qr(rows)
+
+    def freed(rig: Rig, step: float) -> tuple[float, float]:
+        """Return the step of a number, and the reduction by it."""
+        column = _column(problem, made.values, rig, step)
+        if column is None:
+            return 0.0, 0.0
+        column = np.concatenate([column, np.zeros(len(prior))])
+        left = column - basis @ (basis.T @ column)
+        size, along = float(left @ left), float(left @ residuals)
+        if size <= 1e-9 * float(column @ column):
+            return 0.0, 0.0
+        return -along / size, along**2 / size
+
+    found = []
+    for name, unit, value in _fixed(dynamics):
+        if name in MEASURED:
+            continue
+        step, reduction = freed(*_beside(dynamics, name, value))
+        low, high = ENDS.get(name, (0.0, np.inf))
+        # An impossible number is not the cause, but a linear step may be too long.
+        if reduction > SUGGESTED and low <= value + step <= high + (high - low):
+            found.append(Suggestion(name, unit, reduction, min(value + step, high)))
+    found.sort(key=lambda s: -s.reduction)
+    if dynamics.rig.plectrum.contact == "mid-line":
+        # The offset of the string's centre, as a fraction of that on the surface.
+        step, reduction = freed(_other_contact(dynamics.rig), 1.0)
+        if reduction > SUGGESTED and step > LIKELY:
+            # First: it is no number to free, and friction imitates it.
+            found.insert(0, Suggestion(CONTACT, "", reduction, 1.0))
+    return tuple(found)
+
+
+def _other_contact(rig: Rig) -> Rig:
+    """Return the rig with the string on the surface instead of the mid-line, or the reverse."""
+    other = "mid-line" if rig.plectrum.contact == "surface" else "surface"
+    return rig.model_copy(update={"plectrum": rig.plectrum.model_copy(update={"contact": other})})
+
+
+def _moved(rows: Floats, column: Floats) -> Floats:
+    """Return the move of the fit by a unit of the column."""
+    return -np.asarray(np.linalg.lstsq(rows, column, rcond=1e-9)[0], float)
+
+
+def _fixed(dynamics: InverseDynamics) -> list[tuple[str, str, float]]:
+    """Return name, unit and value of the fixed numbers that the model has."""
+    free = {p.name for p in dynamics.free}
+    taken = free | {FORCE, MODULUS} | ({STIFFNESS} if MODULUS in free else set())
+    names = [name for name in (*NAMES, *MEASURED) if name not in taken]
+    return [(name, unit_of_parameter(name), value_of(dynamics.rig, name)) for name in names]
+
+
+def _change(dynamics: InverseDynamics, name: str, value: float) -> tuple[float, bool]:
+    rig = dynamics.rig
+    if name in rig.assumed:
+        low, high = rig.assumed[name]
+        return (high - low) / np.sqrt(12), True
+    return (CHANGE * abs(value) if value else FRICTION_CHANGE), False
+
+
+def _beside(dynamics: InverseDynamics, name: str, value: float) -> tuple[Rig, float]:
+    """Return the rig with another value of a fixed number, and the step to it."""
+    step = STEP * abs(value) if value else STEP
+    return with_parameters(dynamics.rig, {name: value + step}), step
+
+
+def _column(problem: Problem, values: Floats, rig: Rig, step: float) -> Floats | None:
+    """Return the derivative of the whitened residuals by a number of the rig.
+
+    None where the model has no solution for that rig.
+    """
+    dynamics, beside = problem.dynamics, values.copy()
+    # The angle is the measured velocity over this arm.
+    gain = [p.name for p in dynamics.free].index(VELOCITY_GAIN)
+    beside[gain] *= dynamics.rig.key.laser_arm / rig.key.laser_arm
+    moved = InverseDynamics(rig, dynamics.free, dynamics.presses, dynamics.level)
+    try:
+        ends = [each.residuals(at) for each, at in ((dynamics, values), (moved, beside))]
+    except ModelError:
+        return None
+    force = [w(b - a) for w, a, b in zip(problem.whitenings, ends[0][0], ends[1][0], strict=True)]
+    rises = (ends[1][1] - ends[0][1]) / problem.rise_factor
+    return np.concatenate([*force, rises]) / step

@@ -1,0 +1,198 @@
+"""Whether the model fits the presses, apart from whether they identify its parameters.
+
+A wrong model can be fitted with small residuals and narrow intervals. Four signs of it are tested:
+the residual exceeds the noise at rest; it is larger while a string is held than elsewhere; it
+repeats from press to press, which noise does not; a calibration is fitted far from its value.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from sautereau.analysis.identify.fit import Fit, rms
+from sautereau.analysis.identify.observed import BACK, FREE, HELD, WINDOW, Observed
+from sautereau.analysis.identify.parameters import FORCE_GAIN, TIME, VELOCITY_GAIN
+from sautereau.trajectory.motion import Floats
+
+NOISE_MAX = 1.2
+"""Dimensionless, largest averaged residual over the noise at rest, which is not averaged."""
+HELD_MAX, HELD_STDS = 1.1, 2.0
+"""Dimensionless, largest residual of held strings over that elsewhere, and the standard deviations
+of that ratio which are allowed besides; at least the noise at rest is allowed."""
+REPEATED_MAX, REPEATED_STDS = 0.5, 3.0
+"""Dimensionless, largest repeated part of the residual over the rest of it, and the standard
+deviations of it which are allowed besides."""
+PRIOR_MAX = 3.0
+"""Standard uncertainties by which a calibration may differ from the rig."""
+LONGEST = 9
+"""Instants, of the longest average over a period of the string."""
+INDEPENDENT = 0.6
+"""Dimensionless, time between independent values of a smoothed force over the windows of smoothing
+and averaging."""
+
+
+@dataclass(frozen=True)
+class Quality:
+    """The goodness of a fit; a statistic is None where the recordings do not have it."""
+
+    noise: float | None
+    """N, RMS of the load on the key at rest, smoothed as in the fit."""
+    free_residual: float
+    """N, RMS force residual on the way down without a string, averaged over a period of it."""
+    held_residual: float | None
+    """N, RMS force residual while a string is held, averaged over a period of it."""
+    repeated_residual: float | None
+    """N, RMS of the part of the force residual that repeats from press to press."""
+    repetition: float
+    """Dimensionless, at least 1: variance of the mean residual of all presses over that of
+    independent ones. What repeats does not become smaller with more presses."""
+    autocorrelation: float
+    """Correlation of the residuals one smoothing window apart."""
+    offsets: dict[str, float]
+    """Fitted errors of the calibrations, in their standard uncertainties."""
+    reasons: tuple[str, ...]
+    """Why the model does not fit; empty if it does."""
+
+    @property
+    def scale(self) -> float:
+        """N, RMS of the force residual without the error of the model, as far as is known."""
+        known = (self.free_residual, self.held_residual, self.noise and NOISE_MAX * self.noise)
+        return min(value for value in known if value)
+
+    @property
+    def fits(self) -> bool:
+        """Whether the model fits."""
+        return not self.reasons
+
+
+def quality(made: Fit) -> Quality:
+    """Return the goodness of a fit."""
+    dynamics = made.problem.dynamics
+    forces, _ = dynamics.residuals(made.values)
+    left = [f - w.trend(f) for f, w in zip(forces, made.problem.whitenings, strict=True)]
+    period = 1 / dynamics.rig.string.frequency
+    slow = [_slow(f, p, period) for f, p in zip(left, dynamics.presses, strict=True)]
+    inside, outside = (
+        [f[np.isfinite(f) & (p.part == which)] for f, p in zip(slow, dynamics.presses, strict=True)]
+        for which in (HELD, FREE)
+    )
+    free = rms(outside)
+    noises = [p.noise for p in dynamics.presses if p.noise is not None]
+    noise = rms([np.array(noises)]) if noises else None
+    reasons = []
+    if noise is not None and free > NOISE_MAX * np.hypot(noise, dynamics.floor):
+        reasons.append(
+            f"the residual without a string is {free * 1e3:.3g} mN, and the noise at rest"
+            f" {noise * 1e3:.3g} mN: look at the key, such as its bending, and at its frictions"
+        )
+    held_residual, instants = (
+        (rms(inside) if sum(map(len, inside)) else None),
+        sum(map(len, inside)),
+    )
+    if held_residual is not None:
+        spread = 1 / np.sqrt(2 * max(1.0, instants * _independent(dynamics.presses, period)))
+        allowed = max(free, dynamics.floor) * (HELD_MAX + HELD_STDS * spread)
+        if held_residual > max(allowed, noise or 0.0):
+            reasons.append(
+                f"the residual while a string is held is {held_residual * 1e3:.3g} mN, and"
+                f" {free * 1e3:.3g} mN without a string: look at plectrum and string"
+            )
+    repeated = _repeated(dynamics.presses, slow, dynamics.floor, period)
+    if repeated is not None:
+        size, allowed, _ = repeated
+        if size > allowed:
+            reasons.append(
+                f"{size * 1e3:.3g} mN of the residual repeat from press to press, and noise would"
+                f" leave up to {allowed * 1e3:.3g} mN: the model lacks something"
+            )
+    offsets = {
+        p.name: float((value - p.mean) / p.std)
+        for p, value in zip(dynamics.free, made.values.tolist(), strict=True)
+        if p.hidden and p.name in (TIME, FORCE_GAIN, VELOCITY_GAIN) and p.mean is not None and p.std
+    }
+    reasons += [
+        f"{name}: the fit is {abs(off):.1f} standard uncertainties from the calibration"
+        for name, off in offsets.items()
+        if abs(off) > PRIOR_MAX
+    ]
+    return Quality(
+        noise=noise,
+        free_residual=free,
+        held_residual=held_residual,
+        repeated_residual=repeated[0] if repeated else None,
+        repetition=repeated[2] if repeated else 1.0,
+        autocorrelation=_autocorrelation(dynamics.presses, left),
+        offsets=offsets,
+        reasons=tuple(reasons),
+    )
+
+
+def _slow(residual: Floats, press: Observed, period: float) -> Floats:
+    """Return the residual averaged over about a period of the string, NaN where it is not fitted.
+
+    The held string vibrates, which the model does not, and which does not bend its curve of force.
+    """
+    count = min(2 * round(period / press.step / 2) + 1, LONGEST)
+    series, slow = np.full(len(press.used), np.nan), np.full(len(press.used), np.nan)
+    series[press.used] = residual
+    means = np.convolve(series, np.full(count, 1 / count), "valid")
+    slow[count // 2 : len(slow) - count // 2] = means
+    # Not across the ends of the pluck, and as it is where it is too short.
+    edges = (
+        np.convolve(np.diff(press.part, prepend=press.part[0]) != 0, np.ones(count), "same") > 0.5
+    )
+    return np.where(np.isfinite(slow) & ~edges, slow, np.nan)
+
+
+def _independent(presses: Sequence[Observed], period: float) -> float:
+    """Return the number of independent values per instant."""
+    return presses[0].step / (INDEPENDENT * (WINDOW + period))
+
+
+def _repeated(
+    presses: Sequence[Observed], slow: Sequence[Floats], floor: float, period: float
+) -> tuple[float, float, float] | None:
+    """Return the RMS [N] of what presses of one motion have in common, its limit, the repetition.
+
+    None without two presses of one motion.
+    """
+    count = max(len(p.time) for p in presses)
+    every = np.full((len(presses), count), np.nan)
+    for row, press, residual in zip(every, presses, slow, strict=True):
+        row[: len(residual)] = np.where(press.part == BACK, np.nan, residual)
+    alike = np.isfinite(every).all(axis=0)
+    first = presses[0].motion.velocity
+    same = all(
+        len(p.time) == len(first)
+        and np.abs(p.motion.velocity - first).max() < SAME * np.abs(first).max()
+        for p in presses
+    )
+    if len(presses) < 2 or not same or alike.sum() < 2:
+        return None
+    n, mean = len(presses), every[:, alike].mean(axis=0)
+    within = float(np.mean(np.var(every[:, alike], axis=0, ddof=1))) + floor**2
+    common = float(np.mean(mean**2)) - within / n
+    spread = np.sqrt(2 / max(1.0, alike.sum() * _independent(presses, period))) * within / n
+    allowed = np.sqrt(REPEATED_MAX**2 * within + REPEATED_STDS * spread)
+    common = max(0.0, common)
+    return float(np.sqrt(common)), float(allowed), 1 + n * common / within
+
+
+def _autocorrelation(presses: Sequence[Observed], left: Sequence[Floats]) -> float:
+    """Return the correlation of residuals one smoothing window apart."""
+    lag = max(1, round(WINDOW / presses[0].step))
+    products, squares = [], []
+    for press, residual in zip(presses, left, strict=True):
+        series = np.zeros(len(press.used))
+        series[press.used] = residual
+        both = press.used[lag:] & press.used[:-lag]
+        products.append((series[lag:] * series[:-lag])[both])
+        squares.append(residual**2)
+    every = np.concatenate(products)
+    total = float(np.mean(np.concatenate(squares)))
+    return float(np.mean(every)) / total if len(every) and total > 0 else 0.0
+
+
+SAME = 0.05
+"""Dimensionless, largest difference of velocities, over the largest velocity, of one motion."""

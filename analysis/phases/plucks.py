@@ -1,0 +1,146 @@
+"""The plucks of a press: of a rigid key where that explains the load, else of a compliant one."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from sautereau.analysis.phases.compliant import compliant_plucks
+from sautereau.analysis.phases.contact import Contact, find_contact
+from sautereau.analysis.phases.found import Fit
+from sautereau.analysis.phases.release import LEAST_FALL, Release, find_falls, refine
+from sautereau.analysis.phases.search import Growth
+from sautereau.analysis.phases.signals import Rows, Signals, rows_of
+from sautereau.rig.schema import Rig
+
+STILL = 3e-4
+"""Dimensionless, fraction of the full rise below which the jack is at rest."""
+REST, REST_MARGIN = 40e-3, 2e-3
+"""s, duration of the rest in which hum is fitted, and its distance from the motion."""
+REST_ROWS, CONTACT_ROWS = 40, 200
+"""Largest number of rows of the rest and of the way to a release for finding contact."""
+LEAST_GAIN, LEAST_FALL_GAIN = 20.0, 9.0
+"""Least reduction of chi2 by a string over a free key, and by a fall over a bend."""
+LEAST_HELD = 8
+"""Fewest rows for which a string is held."""
+LIKE_THE_FALL = 0.4, 2.0
+"""Range of the ratio of the string's force at release to the fall of the load in a pluck."""
+LEAST_FRACTION = 0.1
+"""Fraction of the largest fall in a press below which a fall is no release."""
+BEFORE = 6
+"""Samples before a release over which the correction of the delay spreads most of it."""
+SETTLED = 3
+"""Rows from a release to the earliest contact with the next string."""
+RIGID_NOISE = 10.0
+"""Variance of the residuals over the noise below which a rigid key explains the load."""
+RELEASE_WEIGHT = 1.25
+"""Weight of the residuals at a release, where a key rings most."""
+LEAST_SIGNIFICANCE, LEAST_GROWTH = 40.0, 30e-3
+"""Least significance of a pluck on a compliant key, and its least force in N."""
+
+
+@dataclass(frozen=True)
+class Found:
+    """The plucks of a press, and what they rest on."""
+
+    plucks: list[tuple[Contact, Release]]
+    """In order of time."""
+    fit: Fit
+    further: tuple[Growth, ...] = ()
+    """Where the load climbs and collapses without a pluck that was found."""
+
+
+def find_plucks(rig: Rig, signals: Signals, begin: int, end: int) -> Found:
+    """Return the plucks on the way down, in order of time.
+
+    The load of a rigid key is tried first. Where the key bends or rings, its residuals exceed the
+    noise, and the load of a compliant key is fitted.
+
+    Args:
+        rig: The bench.
+        signals: Of the press.
+        begin: Sample at which the jack leaves rest.
+        end: Sample at which it reaches its top.
+    """
+    rows = rows_of(signals, begin, end)
+    falls = [
+        release
+        for fall in find_falls(rows)
+        if (release := refine(signals, float(rows.time[fall]), rows.step)).gain > LEAST_FALL_GAIN
+        and release.fall > LEAST_FALL
+    ]
+    first, last = _rest(signals, begin)
+    rest = rows_of(signals, first, last, max(1, (last - first) // REST_ROWS))
+    before = _place(signals, min(begin, last + int(REST_MARGIN * signals.rate)))
+    found = _contacts(rig, signals, rows.step, begin, falls, rest, before)
+    largest = max((release.fall for _, release in found), default=0.0)
+    large = [release for _, release in found if release.fall > LEAST_FRACTION * largest]
+    if len(large) < len(found):  # between two plucks the key is free
+        found = _contacts(rig, signals, rows.step, begin, large, rest, before)
+    noise = max((max(c.noise, RELEASE_WEIGHT * r.noise) for c, r in found), default=1.0)
+    rigid = Found(found, Fit("rigid", noise))
+    if found and noise < RIGID_NOISE:
+        return rigid
+    plucks, searched = compliant_plucks(rig, signals, rest, (begin, end), before)
+    further = () if searched.further is None else (searched.further,)
+    if not plucks or not any(_plausible(growth) for growth in searched.growths):
+        missed = () if found else tuple(filter(_plausible, (*searched.growths, *further)))
+        return replace(rigid, further=missed)
+    noise = max(contact.noise for contact, _ in plucks)
+    fit = Fit("compliant", noise, searched.compliance, searched.residual)
+    return Found(plucks, fit, tuple(filter(_plausible, further)))
+
+
+def _plausible(growth: Growth) -> bool:
+    return growth.significance > LEAST_SIGNIFICANCE and growth.force > LEAST_GROWTH
+
+
+def _contacts(
+    rig: Rig,
+    signals: Signals,
+    step: float,
+    begin: int,
+    falls: list[Release],
+    rest: Rows,
+    before: tuple[float, float],
+) -> list[tuple[Contact, Release]]:
+    """Return the falls that have a contact before them, with that contact.
+
+    Args:
+        rig: The bench.
+        signals: Of the press.
+        step: s, uncertainty of a fall before its refinement.
+        begin: Sample at which the jack leaves rest.
+        falls: In order of time.
+        rest: Of the key at rest before the press.
+        before: Time [s] and rise [m] of the jack before which contact is impossible.
+    """
+    found = []
+    free = begin
+    least, most = LIKE_THE_FALL
+    for release in falls:
+        until = signals.sample(release.time) - BEFORE
+        held = rows_of(signals, free, until, most=CONTACT_ROWS)
+        contact = find_contact(rig, rest, held, release, signals.instant_std, before)
+        if (
+            contact is None
+            or contact.gain < LEAST_GAIN
+            or release.time - contact.time < LEAST_HELD * step
+            or not least * release.fall < contact.at_release < most * release.fall
+        ):
+            continue
+        found.append((contact, release))
+        before = _place(signals, signals.sample(contact.time))
+        free = until + BEFORE + int(SETTLED * step * signals.rate)
+    return found
+
+
+def _rest(signals: Signals, begin: int) -> tuple[int, int]:
+    """Return the first and last sample of the rest before the motion."""
+    still = np.flatnonzero(signals.rise[:begin] < STILL * signals.rise.max())
+    last = max(0, int(still[-1]) - int(REST_MARGIN * signals.rate)) if len(still) else 0
+    return max(0, last - int(REST * signals.rate)), last
+
+
+def _place(signals: Signals, sample: int) -> tuple[float, float]:
+    """Return time [s] and rise [m] of the jack at a sample."""
+    return float(signals.time[sample]), float(signals.rise[sample])

@@ -1,0 +1,205 @@
+"""Contact and release in presses of the independent simulator, by condition."""
+
+import statistics
+import sys
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+
+from benchmarks.figures import Figure
+from benchmarks.independent import (
+    ONE_FACTOR,
+    Conditions,
+    Pressed,
+    press,
+    random_conditions,
+    write_rig,
+)
+from benchmarks.simulated import DAY
+from sautereau.analysis.loading.press import Press, press_of
+from sautereau.analysis.phases import Phases, find_phases
+from sautereau.daq.file.recorded import Recorded, SessionInfo
+from sautereau.rig.errors import RigError
+from sautereau.rig.load import load_rig
+from sautereau.trajectory.motion import Floats
+
+RANDOM, EACH = 100, 1
+"""Random presses, and presses of each condition of `ONE_FACTOR`."""
+FAR = 5e-3
+"""s, error from which on a press without a warning counts as silent."""
+STEEP = 0.8e-3, 4.0
+"""s, of the smoothed derivative of the force in the plain threshold beside; and the threshold in
+standard deviations of its calm part."""
+
+
+@dataclass(frozen=True)
+class Judged:
+    """One press: the truth, what was found, and what a plain threshold finds."""
+
+    truth: Floats
+    """s, contact and release of every pluck, shape (plucks, 2)."""
+    found: Floats
+    """s, contact, release and their standard uncertainties, shape (plucks found, 4)."""
+    threshold: Floats
+    """s, releases by the threshold."""
+    warned: bool
+    seconds: float
+
+    @property
+    def right(self) -> bool:
+        """Whether the number of plucks is right."""
+        return len(self.truth) == len(self.found)
+
+    @property
+    def errors(self) -> Floats:
+        """s, of contact and release, with their uncertainties; shape (plucks, 4)."""
+        if not self.right or not len(self.truth):
+            return np.zeros((0, 4))
+        return np.concatenate([self.found[:, :2] - self.truth, self.found[:, 2:]], 1)
+
+
+def judged_press(conditions: Conditions, seed: int) -> tuple[Press, Pressed]:
+    """Simulate a press and return it as the analysis gets it, with the truth.
+
+    Raises:
+        ValueError: The conditions cannot be simulated.
+        ArithmeticError: The integration diverged.
+    """
+    pressed = press(conditions, seed)
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "rig.toml"
+        write_rig(pressed, path)
+        rig = load_rig(path)
+    names = {channel.quantity: channel.name for channel in rig.daq.channels}
+    volts = {"velocity": pressed.velocity_volts, "force": pressed.force_volts}
+    recorded = Recorded(
+        t0_ns=0,
+        rate=pressed.rate,
+        first_sample=-round(pressed.t0 * pressed.rate),
+        volts={names[quantity]: signal for quantity, signal in volts.items()},
+        path=Path(f"judged-{seed}.mcap"),
+        rig=rig,
+        session=SessionInfo(1, DAY, True, "none", "none", seed=seed),
+        plan=None,
+        joints=None,
+        events=(),
+        software={},
+        channels={},
+        gaps=(),
+    )
+    return press_of(recorded), pressed
+
+
+def judge(conditions: Conditions, seed: int) -> Judged:
+    """Return what the analysis finds in a press, beside the truth."""
+    recorded, pressed = judged_press(conditions, seed)
+    start = time.process_time()
+    found = find_phases(recorded)
+    seconds = time.process_time() - start
+    truth = [(pluck.contact, pluck.release) for pluck in pressed.truth.plucks]
+    plucks = [(h.contact, h.release, h.contact_std, h.release_std) for h in found.plucks]
+    return Judged(
+        np.reshape(truth, (-1, 2)),
+        np.reshape(plucks, (-1, 4)),
+        _by_threshold(recorded, found),
+        bool(found.warnings),
+        seconds,
+    )
+
+
+def random_presses(seeds: range) -> list[Judged]:
+    """Return random presses; conditions that cannot be simulated or planned are drawn again."""
+    found = []
+    for seed in seeds:
+        random = np.random.default_rng([15, seed])
+        while True:
+            try:
+                found.append(judge(random_conditions(random), seed))
+            except (ValueError, ArithmeticError, RigError):
+                continue
+            break
+    return found
+
+
+def _by_threshold(recorded: Press, found: Phases) -> Floats:
+    """Return the releases [s] by a threshold on the smoothed derivative of the force."""
+    at, force = recorded.data.index.to_numpy(), recorded.data["force"].to_numpy()
+    inside = (at > found.start) & (at < found.bottom)
+    width = max(1, round(STEEP[0] * recorded.rate))
+    if np.count_nonzero(inside) < 4 * width:
+        return np.zeros(0)
+    smooth = np.convolve(force[inside], np.full(width, 1 / width), "valid")
+    slope = smooth[width:] - smooth[:-width]
+    calm = 1.4826 * float(np.median(np.abs(slope - np.median(slope))))
+    steep = slope < -STEEP[1] * calm
+    starts = np.flatnonzero(steep[1:] & ~steep[:-1]) + 1
+    return at[inside][starts + width]
+
+
+def run() -> list[Figure]:
+    """Return the figures of all conditions together, and of each."""
+    every = random_presses(range(RANDOM))
+    figures = _figures("random", every)
+    for name, conditions in ONE_FACTOR.items():
+        figures += _row(name, [judge(conditions, seed) for seed in range(EACH)])
+    return figures
+
+
+def _figures(name: str, presses: list[Judged]) -> list[Figure]:
+    errors = np.concatenate([each.errors for each in presses])
+    wrong = [each for each in presses if not each.right]
+    silent = [each for each in wrong if not each.warned]
+    far = [
+        each
+        for each in presses
+        if not each.warned and np.abs(each.errors[:, :2]).max(initial=0.0) > FAR
+    ]
+    share = 1 - len(wrong) / len(presses)
+    by_threshold = np.mean([len(each.truth) == len(each.threshold) for each in presses])
+    figures = [
+        Figure(f"{name}: number of plucks right", share, "", "at least", 0.98),
+        Figure(f"{name}: number of plucks right", share, "", "threshold", float(by_threshold)),
+        Figure(f"{name}: wrong without a warning", len(silent), "", "limit", 0.5),
+        Figure(f"{name}: off by 5 ms without a warning", len(far), "", "limit", 0.5),
+    ]
+    limits = {"contact": (0.1, 1.0), "release": (0.05, 0.5)}
+    for place, (what, (middle, most)) in enumerate(limits.items()):
+        error, std = np.abs(errors[:, place]), errors[:, 2 + place]
+        for label, value, limit in (
+            ("median error", np.median(error), middle),
+            ("95th percentile", np.quantile(error, 0.95), most),
+        ):
+            figures.append(Figure(f"{name}: {what}, {label}", value * 1e3, "ms", "limit", limit))
+        figures += [
+            Figure(f"{name}: {what}, in its 68 %", float(np.mean(error < std)), "", "meant", 0.68),
+            Figure(
+                f"{name}: {what}, in its 95 %",
+                float(np.mean(error < 1.96 * std)),
+                "",
+                "meant",
+                0.95,
+            ),
+        ]
+    seconds = statistics.median(each.seconds for each in presses)
+    return [*figures, Figure(f"{name}: phases of a press", seconds * 1e3, "ms", "limit", 3.3)]
+
+
+def _row(name: str, presses: list[Judged]) -> list[Figure]:
+    errors = np.abs(np.concatenate([each.errors for each in presses]))
+    right = sum(each.right for each in presses) / len(presses)
+    figures = [Figure(f"{name}: number of plucks right", right, "", "at least", 1.0)]
+    if len(errors):
+        contact, release = np.median(errors[:, :2], axis=0) * 1e3
+        figures += [
+            Figure(f"{name}: contact, median error", float(contact), "ms", "limit", 0.1),
+            Figure(f"{name}: release, median error", float(release), "ms", "limit", 0.05),
+        ]
+    return figures
+
+
+if __name__ == "__main__":
+    for figure in _figures("random", random_presses(range(*map(int, sys.argv[1:3])))):
+        print(figure)

@@ -1,0 +1,90 @@
+"""Reads a MATLAB or HDF5 file and writes its arrays of numbers as npz on standard output.
+
+A program of its own, because the compiled readers end or block their process on some damaged
+files. The first array holds the names of the others and their units as JSON.
+
+python array_reader.py mat|hdf5 FILE MOST_VALUES
+"""
+
+import io
+import json
+import sys
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import numpy as np
+
+MOST_DEPTH = 20
+"""Limit of structures within each other."""
+UNIT_ATTRIBUTES = ("unit", "units")
+
+Found = tuple[dict[str, np.ndarray], dict[str, str]]
+"""Arrays, and units where the file has them."""
+
+
+def main() -> None:
+    """Read the file; a fault is one line on standard error, and status 1."""
+    kind, path, most = sys.argv[1:]
+    try:
+        arrays, units = (read_mat if kind == "mat" else read_hdf5)(path, int(most))
+    except Exception as error:  # noqa: BLE001 (the readers raise many kinds)
+        sys.exit(f"{type(error).__name__}: {error}")
+    file = io.BytesIO()
+    np.savez(file, np.array(json.dumps([list(arrays), units])), *arrays.values())
+    sys.stdout.buffer.write(file.getbuffer())
+
+
+def read_mat(path: str, most: int) -> Found:
+    """Return the arrays of a MATLAB file of versions 4 to 7.2."""
+    from scipy.io import loadmat, whosmat
+
+    refuse(sum(float(np.prod(shape, dtype=float)) for _, shape, _ in whosmat(path)), most)
+    variables = loadmat(path, simplify_cells=True)
+    named = {name: value for name, value in variables.items() if not name.startswith("__")}
+    return dict(flat(named, "", MOST_DEPTH)), {}
+
+
+def flat(values: Mapping[str, Any], prefix: str, depth: int) -> Iterator[tuple[str, np.ndarray]]:
+    """Yield the arrays of numbers in nested structures, by their paths with dots."""
+    for name, value in values.items():
+        if isinstance(value, Mapping) and depth:
+            yield from flat(value, f"{prefix}{name}.", depth - 1)
+        elif isinstance(value, np.ndarray) and value.dtype.kind in "fiu":
+            yield prefix + name, value
+
+
+def read_hdf5(path: str, most: int) -> Found:
+    """Return the datasets of an HDF5 file, by their paths."""
+    import h5py
+
+    datasets: dict[str, Any] = {}
+
+    def visit(name: str, item: Any) -> None:
+        if isinstance(item, h5py.Dataset) and item.shape and item.dtype.kind in "fiu":
+            datasets[name] = item
+
+    with h5py.File(path) as file:
+        file.visititems(visit)
+        refuse(sum(float(item.size) for item in datasets.values()), most)
+        texts = {
+            name: item.attrs[key]
+            for name, item in datasets.items()
+            for key in UNIT_ATTRIBUTES
+            if key in item.attrs
+        }
+        units = {
+            name: text.decode() if isinstance(text, bytes) else text
+            for name, text in texts.items()
+            if isinstance(text, str | bytes)
+        }
+        return {name: item[()] for name, item in datasets.items()}, units
+
+
+def refuse(values: float, most: int) -> None:
+    """Refuse a file that holds more values than the limit."""
+    if values > most:
+        raise ValueError(f"it holds {values:.0f} values, more than the limit MOST_VALUES = {most}")
+
+
+if __name__ == "__main__":
+    main()

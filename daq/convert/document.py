@@ -1,0 +1,187 @@
+"""The document of an export: everything in a recording except its samples, as JSON."""
+
+import hashlib
+import json
+import math
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from sautereau.daq.errors import RecordingError
+from sautereau.daq.file.contents import MOST_EVENTS
+from sautereau.daq.file.recorded import (
+    Event,
+    Joints,
+    Plan,
+    Recorded,
+    SessionInfo,
+    Signal,
+    session_from_metadata,
+)
+from sautereau.daq.signals.quality_flags import find_quality_flags
+from sautereau.rig.errors import RigError
+from sautereau.rig.faults import fault_list
+from sautereau.rig.load import rig_from_json, rig_json
+from sautereau.rig.schema import Rig
+from sautereau.rig.units import shown
+
+SIMULATED = "simulated"
+"""Column that an export of a simulated recording has, so that the table alone shows it."""
+HIGHEST_RATE = 1e9
+"""Hz, limit for a recording that is imported."""
+FARTHEST_SAMPLE = 2**53
+"""Limit of the index of a first sample, counted from the trigger."""
+FORMAT = "sautereau export 1"
+"""Name and version of the document's format."""
+PARQUET_KEY = b"sautereau"
+"""Key of the document in the metadata of a Parquet file's schema."""
+
+
+@dataclass(frozen=True)
+class Document:
+    """What an export holds besides its columns."""
+
+    rig: Rig
+    session: SessionInfo
+    t0_ns: int
+    """Date of the trigger, ns since 1970."""
+    rate: float
+    """Sampling rate, Hz."""
+    first_sample: int
+    """Index of the first row, counted from the trigger."""
+    samples_sha256: str
+    """SHA-256 of the raw volts, see `digest`."""
+    plan: Plan | None
+    joints: Joints | None
+    events: tuple[Event, ...]
+
+
+def sha256(path: Path) -> str:
+    """Return the SHA-256 of a file, in hexadecimal."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def digest(volts: Sequence[Signal]) -> str:
+    """Return the SHA-256 of raw volts as little-endian doubles, one channel after another."""
+    hashed = hashlib.sha256()
+    for signal in volts:
+        hashed.update(np.ascontiguousarray(signal, dtype="<f8").tobytes())
+    return hashed.hexdigest()
+
+
+def document_text(recorded: Recorded, columns: dict[str, dict[str, str]]) -> str:
+    """Return the document of a recording.
+
+    Args:
+        recorded: The recording.
+        columns: Unit and meaning of each column of the export.
+    """
+    volts, rate = recorded.volts, recorded.rate
+    flags = [
+        flag
+        for channel in recorded.rig.daq.channels
+        for flag in find_quality_flags(volts[channel.name], channel, rate, recorded.first_sample)
+    ]
+    # The gaps are exported as events, so that no import of the rest counts as complete.
+    gaps = [Event(gap.start, "aborted", str(gap)) for gap in recorded.gaps]
+    return json.dumps(
+        {
+            "format": FORMAT,
+            "source": {"name": recorded.path.name, "sha256": sha256(recorded.path)},
+            "columns": columns,
+            "t0_ns": recorded.t0_ns,
+            "rate": rate,
+            "first_sample": recorded.first_sample,
+            "samples_sha256": digest([volts[c.name] for c in recorded.rig.daq.channels]),
+            "session": recorded.session.to_metadata(),
+            "rig": json.loads(rig_json(recorded.rig)),
+            "software": recorded.software,
+            "events": [asdict(event) for event in (*recorded.events, *gaps)],
+            "plan": _lists(recorded.plan),
+            "joints": _lists(recorded.joints),
+            "quality_flags": [asdict(flag) for flag in flags],
+        },
+        indent=1,
+    )
+
+
+def read_document(text: str | bytes) -> Document:
+    """Read back what `document_text` wrote.
+
+    Raises:
+        RecordingError: It is not such a document, or one of another version.
+    """
+    try:
+        values = json.loads(text)
+        if values["format"] != FORMAT:
+            raise RecordingError(
+                f"its metadata are in the format {values['format']!r}, not {FORMAT!r}; read it with"
+                " the version of sautereau that wrote it"
+            )
+        document = Document(
+            rig=rig_from_json(json.dumps(values["rig"])),
+            session=session_from_metadata(values["session"]),
+            t0_ns=int(values["t0_ns"]),
+            rate=float(values["rate"]),
+            first_sample=int(values["first_sample"]),
+            samples_sha256=str(values["samples_sha256"]),
+            plan=_arrays(Plan, values["plan"]),
+            joints=_arrays(Joints, values["joints"]),
+            events=tuple(Event(**event) for event in values["events"]),
+        )
+    except (ValueError, KeyError, TypeError, ArithmeticError, RecursionError, RigError) as error:
+        raise RecordingError(
+            f"its metadata cannot be read: {type(error).__name__}: {error}; export the recording"
+            " again"
+        ) from error
+    if faults := _faults(document):
+        raise RecordingError(f"{fault_list('its metadata', faults)}; export the recording again")
+    return document
+
+
+def _faults(document: Document) -> list[str]:
+    """Return the values of a document that are beyond what a recording can hold."""
+    faults = []
+    if not 0 < document.rate <= HIGHEST_RATE:
+        faults.append(f"rate: {document.rate!r} Hz is not from 0 to {HIGHEST_RATE:g} Hz")
+    if not 0 <= document.t0_ns < 2**63:
+        faults.append(f"t0_ns: {shown(document.t0_ns)} ns is not a date of 64 bits")
+    if abs(document.first_sample) > FARTHEST_SAMPLE:
+        faults.append(
+            f"first_sample: {shown(document.first_sample)} is beyond {FARTHEST_SAMPLE} samples"
+        )
+    if len(document.events) >= MOST_EVENTS:  # the import adds one
+        faults.append(
+            f"events: {len(document.events)} are not below the limit MOST_EVENTS = {MOST_EVENTS}"
+        )
+    if not all(
+        isinstance(event.time, int | float)
+        and math.isfinite(event.time)
+        and isinstance(event.kind, str)
+        and isinstance(event.text, str)
+        for event in document.events
+    ):
+        faults.append("events: one has no finite time, or a kind or text that is none")
+    for name, series in (("plan", document.plan), ("joints", document.joints)):
+        arrays = [] if series is None else [getattr(series, f.name) for f in fields(series)]
+        if any(a.ndim != 1 or not np.isfinite(a).all() for a in arrays) or (
+            len({len(a) for a in arrays if a.ndim and len(a)}) > 1
+        ):
+            faults.append(f"{name}: not columns of equally many finite numbers")
+    return faults
+
+
+def _lists(series: Plan | Joints | None) -> dict[str, list[float]] | None:
+    if series is None:
+        return None
+    return {field.name: getattr(series, field.name).tolist() for field in fields(series)}
+
+
+def _arrays(kind: Any, lists: dict[str, list[float]] | None) -> Any:
+    if lists is None:
+        return None
+    return kind(**{name: np.array(values, dtype=float) for name, values in lists.items()})

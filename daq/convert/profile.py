@@ -1,0 +1,70 @@
+"""Profiles: the options of an import in a TOML file, to use them again for files of one kind."""
+
+import os
+from pathlib import Path
+
+import tomlkit
+from pydantic import Field, ValidationError
+
+from sautereau.daq.convert.options import MODIFIED, ImportOptions
+from sautereau.daq.errors import RecordingError
+from sautereau.rig.disk import read_limited, write_durably
+from sautereau.rig.faults import fault_list, validation_faults
+from sautereau.rig.load import read_toml
+
+
+class Profile(ImportOptions, frozen=True):
+    """Options of an import, and the rig."""
+
+    without: tuple[str, ...] = Field(default=(), strict=False)
+    invert: tuple[str, ...] = Field(default=(), strict=False)
+    rig: str | None = None
+    """Path of a rig file, relative to the profile's folder, or name of a packaged one."""
+
+    def under(self, given: ImportOptions) -> ImportOptions:
+        """Return the options, those that are given instead of the profile's."""
+        own = self.model_dump(exclude={"rig"})
+        for name, value in given.model_dump(exclude_defaults=True).items():
+            own[name] = own[name] | value if isinstance(value, dict) else value
+        return ImportOptions(**own)
+
+
+def load_profile(path: Path) -> Profile:
+    """Read a profile.
+
+    Raises:
+        RecordingError: It cannot be read; lists every fault with its line.
+    """
+    origin = f"import profile {path}"
+    try:
+        text = read_limited(path).decode("utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise RecordingError(f"{origin}: {error}; give a file of --save-profile") from error
+    try:
+        profile = Profile.model_validate(read_toml(text, origin, RecordingError))
+    except ValidationError as error:
+        raise RecordingError(fault_list(origin, validation_faults(error, Profile, text))) from error
+    if profile.rig is not None and (near := path.parent / profile.rig).is_file():
+        profile = profile.model_copy(update={"rig": str(near)})
+    return profile
+
+
+def save_profile(path: Path, options: ImportOptions, rig: str | None) -> None:
+    """Write the options of an import as a profile, except a date, which is that of one file.
+
+    Raises:
+        RecordingError: The file exists, or cannot be written.
+    """
+    values = options.model_dump(exclude_defaults=True)
+    if values.get("started") != MODIFIED:
+        values.pop("started", None)
+    if rig is not None:
+        is_file = Path(rig).is_file()
+        values["rig"] = Path(os.path.relpath(rig, path.parent)).as_posix() if is_file else rig
+    ordered = dict(sorted(values.items(), key=lambda item: isinstance(item[1], dict)))
+    try:
+        write_durably(path, tomlkit.dumps(ordered), new=True)
+    except OSError as error:
+        raise RecordingError(
+            f"import profile {path}: {error.strerror}; nothing is overwritten: give another name"
+        ) from error

@@ -1,0 +1,258 @@
+"""Settings of an import: options combined with what the file holds; or all that is missing."""
+
+from dataclasses import dataclass
+from datetime import UTC, datetime
+
+from sautereau.daq.convert.document import SIMULATED
+from sautereau.daq.convert.formats import ImportSource
+from sautereau.daq.convert.layout import is_unit
+from sautereau.daq.convert.options import MODIFIED, ImportOptions
+from sautereau.daq.errors import RecordingError
+from sautereau.rig.acquisition import Channel
+from sautereau.rig.faults import fault_list
+from sautereau.rig.schema import Rig
+from sautereau.rig.units import parse_quantity
+
+
+@dataclass(frozen=True)
+class ChannelColumn:
+    """The column of a channel."""
+
+    channel: Channel
+    name: str
+    """Name of the column."""
+    unit_value: float
+    """What the value 1 in the column stands for, in V, in ``channel.unit`` or in m; negative
+    for an inverted sensor."""
+    unit: str
+    """V, ``channel.unit``, or m for the displacement whose derivative the channel measures."""
+
+
+@dataclass(frozen=True)
+class ImportSettings:
+    """Everything needed to read a file."""
+
+    columns: tuple[ChannelColumn, ...]
+    rate: float | None
+    """Hz; None if it follows from the column of times."""
+    time_unit: float
+    """What the value 1 in the column of times stands for, s."""
+    trigger: float
+    """Time of the trigger on the file's own time axis, s."""
+    start: float
+    """Time of the first sample on that axis, s, if there is no column of times."""
+    t0_ns: int
+    """Date of the trigger, ns since 1970."""
+    started: str
+    simulated: bool
+
+
+def resolve_options(
+    source: ImportSource, rig: Rig, options: ImportOptions, modified: float
+) -> ImportSettings:
+    """Combine what the file holds with the options.
+
+    Args:
+        source: The file.
+        rig: The rig with its channels.
+        options: What the file does not hold.
+        modified: Date of the file's last change, s since 1970.
+
+    Raises:
+        RecordingError: Lists everything that is missing, unknown or contradictory.
+    """
+    faults = _unknown_channels(rig, options)
+    found = [_column(source, c, options, faults) for c in rig.daq.channels]
+    columns = tuple(column for column in found if column is not None)
+    if not faults and not columns:
+        faults.append("--without names every channel; nothing would be imported")
+    if options.time is not None and options.time not in source.names:
+        faults.append(f"--time {options.time!r} is not a column of the file; {_columns(source)}")
+    rate = _rate(source, columns, options, faults)
+    unit = options.time_unit or source.units.get(options.time or "", "s")
+    time_unit = _value_in(f"1 {unit}", "s") if is_unit(unit) else None
+    if options.time_unit is not None and options.time is None:
+        faults.append("--time-unit is given without --time; give both or neither")
+    if time_unit is None:
+        faults.append(f"--time-unit: {unit!r} is not a unit of time; give s, ms or us")
+    if source.cut and not options.complete:
+        faults.append(f"{source.cut}; look at it, and give --complete if it is not")
+    if options.trigger is None:
+        trigger = None
+        faults.append(
+            'when did the trigger occur on the file\'s own time axis? give --trigger "12 ms"'
+        )
+    else:
+        trigger = _quantity("trigger", options.trigger, "s", "12 ms", faults)
+    started = _started(source, options, modified, faults)
+    if options.simulated is None:
+        faults.append("measured or simulated? give --measured or --simulated")
+    elif SIMULATED in source.names and not options.simulated:
+        faults.append(f"its column {SIMULATED!r} says that a stand-in made it; give --simulated")
+    starts = {source.starts.get(column.name, 0.0) for column in columns}
+    if len(starts) > 1:
+        faults.append(
+            f"its columns start at different times, {min(starts):.9g} and {max(starts):.9g} s;"
+            " give columns of one acquisition"
+        )
+    if (
+        faults
+        or trigger is None
+        or started is None
+        or time_unit is None
+        or options.simulated is None
+    ):
+        raise RecordingError(fault_list("missing or wrong options", faults))
+    since = started - datetime(1970, 1, 1, tzinfo=UTC)
+    started_ns = (since.days * 86_400 + since.seconds) * 10**9 + since.microseconds * 1000
+    return ImportSettings(
+        columns=columns,
+        rate=rate,
+        time_unit=time_unit,
+        trigger=trigger,
+        start=starts.pop(),
+        t0_ns=started_ns + round(trigger * 1e9),
+        started=started.isoformat(),
+        simulated=options.simulated,
+    )
+
+
+def _unknown_channels(rig: Rig, options: ImportOptions) -> list[str]:
+    names = [channel.name for channel in rig.daq.channels]
+    given = {
+        "column": options.column,
+        "unit": options.unit,
+        "full-scale": options.full_scale,
+        "without": options.without,
+        "invert": options.invert,
+    }
+    return [
+        f"--{option}: the rig has no channel {name!r}; it has {', '.join(names)}"
+        for option, channels in given.items()
+        for name in channels
+        if name not in names
+    ]
+
+
+def _column(
+    source: ImportSource, channel: Channel, options: ImportOptions, faults: list[str]
+) -> ChannelColumn | None:
+    """Return a channel's column; None if the channel is not imported or something is wrong."""
+    name = channel.name
+    if name in options.without:
+        if name in options.column:
+            faults.append(f"{name}: both --column and --without are given; give one of them")
+        return None
+    column = options.column.get(name, name if name in source.names else None)
+    if column is None:
+        faults.append(
+            f"{name}: which column? give --column.{name} NAME or --without {name};"
+            f" {_columns(source)}"
+        )
+    elif column not in source.names:
+        faults.append(
+            f"{name}: --column.{name} {column!r} is not a column of the file; {_columns(source)}"
+        )
+        column = None
+    if source.full_scale:
+        option, example = f"--full-scale.{name}", '"4 V"'
+        text = options.full_scale.get(name)
+        if name in options.unit:
+            faults.append(f"{name}: a {source.kind} file has no unit; give {option} {example}")
+    else:
+        option, example = f"--unit.{name}", "V"
+        in_file = source.units.get(column or "", "")
+        unit = options.unit.get(name) or (in_file if is_unit(in_file) else "")
+        text = unit and f"1 {unit}"
+        if name in options.full_scale:
+            faults.append(
+                f"{name}: a {source.kind} file has no full scale; give {option} {example}"
+            )
+    if not text:
+        what = "full scale" if source.full_scale else "unit"
+        faults.append(f"{name}: which {what}? give {option} {example}")
+        return None
+    integral = {"m/s": "m"}.get(channel.unit)
+    for possible in filter(None, ("V", channel.unit, integral)):
+        value = _value_in(text, possible)
+        if value is not None and column is not None:
+            sign = -1 if name in options.invert else 1
+            return ChannelColumn(channel, column, sign * value, possible)
+        if value is not None:
+            return None
+    also = f" nor, as a displacement, in {integral}" if integral else ""
+    faults.append(
+        f"{name}: {text!r} is neither in volts nor in {channel.unit}{also}; give {option}"
+        f" {example}, or in {channel.unit}"
+    )
+    return None
+
+
+def _value_in(text: str, unit: str) -> float | None:
+    """Return a quantity in a unit [SI]; NI capitalises its units: Volts."""
+    for spelling in (text, text.lower()):
+        try:
+            return parse_quantity(spelling, unit)
+        except ValueError:
+            continue
+    return None
+
+
+def _rate(
+    source: ImportSource,
+    columns: tuple[ChannelColumn, ...],
+    options: ImportOptions,
+    faults: list[str],
+) -> float | None:
+    names = [column.name for column in columns] or source.names
+    in_file = {source.rates[name] for name in names if name in source.rates}
+    if len(in_file) > 1:
+        faults.append(
+            f"its columns have the rates {', '.join(f'{rate:.9g} Hz' for rate in sorted(in_file))};"
+            " give columns of one rate"
+        )
+        return None
+    if options.rate is None:
+        if not in_file and options.time is None:
+            faults.append('which sampling rate? give --rate "51.2 kHz", or --time COLUMN')
+        return next(iter(in_file), None)
+    rate = _quantity("rate", options.rate, "Hz", "51.2 kHz", faults)
+    if rate is not None and rate <= 0:
+        faults.append(f"--rate: {options.rate!r} is not above 0 Hz; give a positive rate")
+    elif rate is not None and in_file and rate not in in_file:
+        faults.append(
+            f"--rate {options.rate!r} differs from the file's {in_file.pop():.9g} Hz; remove --rate"
+        )
+    return rate
+
+
+def _quantity(option: str, text: str, unit: str, example: str, faults: list[str]) -> float | None:
+    try:
+        return parse_quantity(text, unit)
+    except ValueError as error:
+        faults.append(f'--{option}: {error}; write it as "{example}"')
+        return None
+
+
+def _started(
+    source: ImportSource, options: ImportOptions, modified: float, faults: list[str]
+) -> datetime | None:
+    text = options.started or source.started
+    if text == MODIFIED:
+        return datetime.fromtimestamp(modified, UTC)
+    example = "--started 2026-02-03T04:05:06+01:00"
+    if text is None:
+        faults.append(f"which date is the file's time 0? give {example}")
+        return None
+    try:
+        started = datetime.fromisoformat(text)
+        if started.tzinfo is None:
+            raise ValueError("it has no time zone")
+    except ValueError as error:
+        faults.append(f"--started {text!r}: {error}; write it as {example}")
+        return None
+    return started
+
+
+def _columns(source: ImportSource) -> str:
+    return f"it has {', '.join(map(repr, source.names))}"

@@ -1,0 +1,146 @@
+"""One connection to a Galil controller: identity, settings and program; everything off."""
+
+from sautereau.rig.schema import Rig
+from sautereau.robot.drivers.driver import Clock, Sleep
+from sautereau.robot.drivers.galil.line import Line
+from sautereau.robot.drivers.galil.program import (
+    BOTH,
+    PRESS,
+    TORQUES,
+    controller_program,
+    signature,
+)
+from sautereau.robot.drivers.galil.settings import ControllerSettings
+from sautereau.robot.drivers.limits import Limits
+from sautereau.robot.drivers.polling import Polling
+from sautereau.robot.drivers.serial_port import TCP, Port
+from sautereau.robot.errors import (
+    CommandRefused,
+    GarbledAnswer,
+    MotionFault,
+    RobotError,
+    SettingNotTaken,
+)
+
+_STATE = ("_MOA", "_MOB", "_BGA", "_BGB", "_OFA", "_OFB")
+_SAFE = [1, 1, 0, 0, 0, 0]
+_CHARACTERS = 16  # of an array's element in an upload
+_BITS = 10  # of a character on a serial line
+
+
+class Connection:
+    """A controller with axes A and B; arguments as for `Driver`."""
+
+    def __init__(self, rig: Rig, port: Port, clock: Clock, sleep: Sleep):
+        settings = rig.controller
+        self.rig, self._settings = rig, settings
+        self.limits = Limits(rig.arm)
+        self.line = Line(port, settings.port, settings.timeout)
+        self._serial = not settings.port.startswith(TCP)
+        if self._serial:  # a renewal of the watchdog must not wait long behind an upload
+            characters = settings.baud_rate / _BITS * settings.watchdog_period / 4
+            self.line.piece = max(2, int(characters / _CHARACTERS))
+        self._polling = Polling(clock, sleep, "amplifiers")
+        self.settings = ControllerSettings(self.line, rig)
+        self._sign = signature(settings.trigger_output)
+        trigger_off = f"CB {settings.trigger_output}"
+        # Ends everything that the program does except its watchdog.
+        self._quiet = (f"HX {PRESS}", f"HX {TORQUES}", f"HX {BOTH}", "OF 0,0", "RC 0", trigger_off)
+        self._abort_commands = ("AB", "MO AB", ";".join(self._quiet))
+        self._watched = False
+        """Whether the watchdog was started, and nothing was sent since that ends it."""
+        self.identity = ""
+        """Model and firmware, as the controller reports them."""
+
+    def close(self) -> None:
+        self.line.close()
+
+    def set_up(self) -> str:
+        self.identity = self.introduce()
+        self.abort()
+        self.settings.read_memory()
+        self.settings.set()
+        self.download()
+        return self.identity
+
+    def download(self) -> None:
+        """Replace the program in the controller by the driver's own."""
+        self.line.download(controller_program(self._settings.trigger_output))
+
+    def introduce(self) -> str:
+        """Identify the controller, switch its echo on where it has one, and mark its messages.
+
+        Returns:
+            Model and firmware, as the controller reports them.
+
+        Raises:
+            RobotError: It is no Galil controller with PVT mode, or a serial port has no echo.
+        """
+        line = self.line
+        line.resynchronise()
+        first = "EO 0" if self._serial else "CW 1"
+        try:
+            line.ask(first)
+        except CommandRefused:  # the rest of a line that another host broke off
+            line.ask(first)
+        identity = " ".join(line.ask("\x12\x16").split())
+        if "DMC" not in identity:
+            raise GarbledAnswer(
+                f"port {line.name}: a Galil controller gives its revision as DMC..., this one"
+                f" answers {identity[:40]!r}; correct controller.port in the rig file"
+            )
+        try:
+            line.read("_PVA")
+            if "-FAST" in identity:  # it has the operand, and refuses the command
+                raise CommandRefused(line.name, "PV", 1, "Unrecognized command")
+        except CommandRefused as error:
+            raise RobotError(
+                f"controller on {line.name}: {identity} has no PVT mode ({error.code}"
+                f" {error.text}); update its firmware, or use a DMC-40x0 or later"
+            ) from error
+        if self._serial:
+            self._switch_echo_on(identity)
+        line.ask("CF I", "CW 1")
+        return identity
+
+    def _switch_echo_on(self, identity: str) -> None:
+        line = self.line
+        line.ask("EO 1")
+        line.echo = True
+        try:
+            line.verify({"_EO": 1})
+        except GarbledAnswer as error:
+            raise SettingNotTaken(
+                f"controller on {line.name}: {identity} does not echo what it receives, so that a"
+                f" command corrupted on the line would be executed ({error}); connect it by another"
+                ' serial port, or by Ethernet: controller.port = "tcp://host:23"'
+            ) from error
+
+    @property
+    def record(self) -> str:
+        """The controller as a rig file names it: model, firmware and serial number."""
+        return f"{self.identity}, serial number {self.settings.serial_number}"
+
+    def abort(self) -> None:
+        """Stop at once, switch motors and trigger off, and verify by reading back.
+
+        Raises:
+            RobotError: The controller did not confirm that the motors are off.
+        """
+        self._watched = False
+        state: list[float] = []
+        for _ in range(2):  # what was sent before may have spoilt the first
+            try:
+                state = self.line.send_unchecked(self._abort_commands, *_STATE)
+            except GarbledAnswer:
+                state = self.line.send_unchecked((), *_STATE)
+            if state == _SAFE:
+                return
+        raise MotionFault(
+            f"the controller reads {','.join(_STATE)} = {state}, not motors off and at rest"
+        )
+
+    def send_abort(self) -> None:
+        """Send what `abort` sends, unacknowledged."""
+        self._watched = False
+        self.line.send_unacknowledged(*self._abort_commands)

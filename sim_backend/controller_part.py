@@ -1,0 +1,93 @@
+"""The table `[controller]` of a scene: the bench's motor controller, as it was bought and wired.
+
+That includes what was burned into it before the first connection.
+"""
+
+import re
+from typing import Annotated, Literal
+
+from pydantic import AfterValidator, Field
+
+from sautereau.rig.section import Angle, Section, Time
+
+_FAMILIES = {
+    "40": "4000",
+    "41": "4103",
+    "42": "4200",
+    "21": "2103",
+    "18": "1806",
+    "30": "30010",
+    "50": "50000",
+    "52": "52000",
+}
+
+
+def _known_model(text: str) -> str:
+    if not re.fullmatch(r"DMC[0-9]{4,5}", text) or text[3:5] not in _FAMILIES:
+        families = ", ".join(f"DMC{start}.." for start in _FAMILIES)
+        raise ValueError(f"model: {text!r} is not a known controller; give one of {families}")
+    return text
+
+
+class ControllerUnit(Section):
+    """A Galil controller; what its manufacturer leaves open can be set to either answer."""
+
+    model: Annotated[str, AfterValidator(_known_model)] = "DMC4020"
+    """As in the answer to ^R^V."""
+    firmware: str = Field(default="1.3a", pattern=r"^[0-9]\.[0-9][a-z][0-9]*(-[A-Z]+)?$")
+    """Revision; `-FAST` has no PVT mode."""
+    serial_number: int = Field(default=12_345, ge=1)
+    """Of the processor board."""
+    interface: Literal["rs232", "usb", "ethernet"] = "rs232"
+    """Port to the host; `ethernet` is TCP, and never echoes."""
+    baud_rate: int = Field(default=0, ge=0, le=921_600)
+    """Bits per second at which a serial line carries its characters, 10 bits each, in simulated
+    time; 0 for a line that takes no time."""
+    input_buffer: int = Field(default=512, ge=16)
+    """Characters that wait while a command is carried out; later ones are lost, with error 5."""
+    line_length: int = Field(default=80, ge=40, le=80)
+    """Characters in a line of a program or of a command."""
+    burned: tuple[str, ...] = ("MO",)
+    """Commands that were given and burned by `BN` before; without `MO` motors start powered."""
+    burned_program: str = ""
+    """Program burned by `BP`, with its lines; `#AUTO` runs at power-up."""
+    amplifier: Literal["none", "D3040", "D3240", "D3540", "D3547", "D3640"] = "none"
+    """Internal amplifier, which limits `TL` at its largest gain."""
+    output_inverted: bool = False
+    """Whether the output module makes `SB` a falling edge at the card."""
+    output_delay: Time = Field(default=0.0, ge=0, le=0.1)
+    """s, of the output's optocoupler."""
+    index_angles: tuple[Angle, Angle] = (0.1, 0.1)
+    """rad, of each joint from its home switch to the encoder's index, which recurs every
+    revolution of the motor."""
+    limit_switches: bool = False
+    """Whether there are limit switches, at the limits of the arm's joints."""
+    odd_pvt: Literal["truncate", "refuse"] = "truncate"
+    """What happens to odd velocities and times of `PV`."""
+    pvt_error_limit: bool = True
+    """Whether `ER` with `OE` ends a PVT motion."""
+    pvt_soft_limits: bool = True
+    """Whether `FL` and `BL` end a PVT motion."""
+    underrun: Literal["decelerate", "stop"] = "decelerate"
+    """How a PVT motion ends at speed when its buffer is empty."""
+    at_jitter: int = Field(default=0, ge=0, le=16)
+    """Samples by which `AT` may be late."""
+    control_z: Literal["line", "attached"] = "line"
+    """Place of the control-Z after an upload: on its own line, or after the last number."""
+    usb_echo: bool = True
+    """Whether a USB port echoes after power-up, as RS-232 does."""
+
+    @property
+    def family(self) -> str:
+        """Family of the model, as in the reference's lists."""
+        return _FAMILIES[self.model[3:5]]
+
+    @property
+    def revision(self) -> str:
+        """Answer to ^R^V."""
+        return f"{self.model} Rev {self.firmware}-SIM sautereau stand-in"
+
+    @property
+    def large_memory(self) -> bool:
+        """Whether the firmware is 1.2a or later: 4,000 lines and 24,000 array elements."""
+        return self.firmware.split("-")[0] >= "1.2a"

@@ -1,0 +1,164 @@
+"""Commands about arrays and the capture that fills them."""
+
+import re
+from collections.abc import Callable
+
+from sautereau.sim_backend.devices.galil.commands.call import Call
+from sautereau.sim_backend.devices.galil.commands.report import CONTROL_Z
+from sautereau.sim_backend.devices.galil.faults import CommandError
+from sautereau.sim_backend.devices.galil.formats import write_number
+from sautereau.sim_backend.devices.galil.grammar import QUERY, evaluate, parse_axes, split_arguments
+from sautereau.sim_backend.devices.galil.machine import Machine
+from sautereau.sim_backend.devices.galil.operands import AXIS_OPERANDS, variable, whole
+
+TRANSFER_NAME = 7
+"""Longest name of an array that is recorded or uploaded."""
+SOURCES = 8
+"""Arrays that are recorded at once."""
+FULL_TORQUE = 32_767
+"""Recorded number of a torque command of 10 V."""
+
+_AXIS_SOURCES: dict[str, Callable[[Machine, int], float]] = {
+    **{code: AXIS_OPERANDS[code] for code in ("TP", "RP", "TE", "TD", "DE", "SC", "RL")},
+    "SH": AXIS_OPERANDS["RP"],
+    "AF": lambda machine, axis: 0,
+    "TS": lambda machine, axis: int(AXIS_OPERANDS["TS"](machine, axis)) & 0b11111,
+    "TT": lambda machine, axis: round(machine.plant.torque_volts()[axis] / 10 * FULL_TORQUE),
+    "TV": lambda machine, axis: int(machine.axes[axis].filtered_speed * 64),
+}
+_SOURCES: dict[str, Callable[[Machine], float]] = {
+    "TIME": lambda machine: variable(machine, "TIME"),
+    "_OP": lambda machine: machine.outputs.value,
+    "_TI": lambda machine: machine.input_bits,
+}
+
+
+def define(machine: Machine, call: Call) -> str | None:
+    """DM: define arrays of zeros, ``X[100],Y[100]``."""
+    if call.text == QUERY:
+        return write_number(machine.arrays.free, 0)
+    sizes = {name: _size(machine, size) for name, size in _array_names(call.text).items()}
+    if machine.capture.running:
+        raise CommandError(80)
+    machine.arrays.define(sizes)
+    return None
+
+
+def remove(machine: Machine, call: Call) -> str | None:
+    """DA: free arrays, ``X[]`` or ``*[]``, and variables, ``x`` or ``*``."""
+    if call.text == QUERY:
+        return write_number(machine.arrays.unused, 0)
+    names = split_arguments(call.text)
+    variables = [name for name in names if "[" not in name]
+    arrays = (
+        _array_names(",".join(name for name in names if "[" in name))
+        if (len(variables) < len(names))
+        else {}
+    )
+    if machine.capture.running and arrays:
+        raise CommandError(80)
+    for name in variables:
+        if name != "*":
+            variable(machine, name)
+    for name in arrays:
+        if name != "*":
+            machine.arrays.values(name)
+    for name in arrays:
+        machine.arrays.remove(name)
+    for name in variables:
+        if name == "*":
+            machine.variables.clear()
+        else:
+            machine.variables.pop(name, None)
+    if arrays:
+        machine.capture.arrays = []
+    return None
+
+
+def record_into(machine: Machine, call: Call) -> None:
+    """RA: choose the arrays into which to record."""
+    arrays = [_transferred(machine, name) for name in _array_names(call.text)]
+    if machine.capture.running:
+        raise CommandError(80)
+    if len(arrays) > SOURCES:
+        raise CommandError(4)
+    machine.capture.arrays = arrays
+
+
+def record_data(machine: Machine, call: Call) -> None:
+    """RD: choose the quantities to record into them."""
+    sources = [_source(machine, part) for part in split_arguments(call.text)]
+    if machine.capture.running:
+        raise CommandError(80)
+    if len(sources) > SOURCES:
+        raise CommandError(4)
+    machine.capture.sources = sources
+
+
+def _source(machine: Machine, text: str) -> Callable[[], float]:
+    if text in _SOURCES:
+        of_machine = _SOURCES[text]
+        return lambda: of_machine(machine)
+    code, axis = text[1:3], text[3:]
+    if not text.startswith("_") or code not in _AXIS_SOURCES:
+        raise CommandError(81)
+    if len(axis) != 1:
+        raise CommandError(58)
+    (index,) = parse_axes(axis)
+    value = _AXIS_SOURCES[code]
+    return lambda: value(machine, index)
+
+
+def record(machine: Machine, call: Call) -> str | None:
+    """RC n,m: record m times every 2^n samples, from the next sample on; RC 0 stops."""
+    if call.query:
+        return write_number(machine.capture.running, 0)
+    exponent = int(call.number(0))
+    if exponent == 0:
+        machine.capture.stop()
+    else:
+        machine.capture.start(exponent, int(call.number(1)))
+    return None
+
+
+def upload(machine: Machine, call: Call) -> str:
+    """QU name[],first,last,comma: an array, its elements separated by returns or commas."""
+    array, *rest = split_arguments(call.text)
+    (name,) = _array_names(array)
+    values = _transferred(machine, name)
+    if len(rest) > 3:
+        raise CommandError(4)
+    first, last, comma = [
+        whole(evaluate(part, machine), 0, 2**31) if part else default
+        for part, default in zip([*rest, "", "", ""], (0, len(values) - 1, 0), strict=False)
+    ]
+    if comma > 1:
+        raise CommandError(6)
+    if not first < last < len(values):
+        raise CommandError(56)
+    text = ("," if comma else "\r").join(map(write_number, values[first : last + 1]))
+    return text + (CONTROL_Z if machine.unit.control_z == "attached" else "\r\n" + CONTROL_Z)
+
+
+def _transferred(machine: Machine, name: str) -> list[float]:
+    values = machine.arrays.values(name)
+    if len(name) > TRANSFER_NAME:
+        raise CommandError(57)
+    return values
+
+
+def _size(machine: Machine, text: str) -> int:
+    return whole(evaluate(text, machine), -(2**31), 2**31)
+
+
+def _array_names(args: str) -> dict[str, str]:
+    """Return the text between the brackets of each ``NAME[...]``."""
+    found = {}
+    for part in split_arguments(args):
+        array = re.fullmatch(r"([A-Za-z0-9]+|\*) *\[(.*)\]", part)
+        if not array:
+            raise CommandError(55 if part else 50)
+        if array[1] in found:
+            raise CommandError(57)
+        found[array[1]] = array[2]
+    return found

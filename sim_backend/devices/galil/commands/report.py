@@ -1,0 +1,154 @@
+"""Commands that report: positions, codes, lists, messages."""
+
+import re
+
+from sautereau.sim_backend.devices.galil.commands.call import Call
+from sautereau.sim_backend.devices.galil.faults import TEXTS, CommandError
+from sautereau.sim_backend.devices.galil.formats import write_as, write_in, write_number
+from sautereau.sim_backend.devices.galil.grammar import evaluate, split_arguments
+from sautereau.sim_backend.devices.galil.machine import Machine
+from sautereau.sim_backend.devices.galil.operands import AXIS_OPERANDS
+from sautereau.sim_backend.devices.galil.ports import SERIAL
+
+CONTROL_Z = "\x1a"
+"""Ends what QU and UL upload."""
+
+_POSITIONS = ("TP", "RP", "TE", "TD", "RL")
+_FORMATS = re.compile(r"(?P<before>(?:\{[^}]*\} *)*)(?P<value>.*?)(?P<after>(?: *\{[^}]*\})*)")
+
+
+def tell(machine: Machine, call: Call) -> str:
+    """Report one number of each axis, positions in the format of PF."""
+    value = AXIS_OPERANDS[call.code]
+    numbers = [value(machine, index) for index in call.axes]
+    if call.code not in _POSITIONS:
+        return ",".join(write_number(number, 4 if call.code == "TT" else 0) for number in numbers)
+    digits, decimals = map(int, machine.config["PF"])
+    zeros = machine.config["LZ"][0] == 0
+    return ",".join(write_in(number, digits, decimals, zeros=zeros) for number in numbers)
+
+
+def write_variable(machine: Machine, value: float) -> str:
+    """Return a variable or element as ``name=?`` reports it, in the format of VF."""
+    digits, decimals = map(int, machine.config["VF"])
+    return write_in(value, digits, decimals, zeros=machine.config["LZ"][0] == 0)
+
+
+def tell_code(machine: Machine, call: Call) -> str:
+    """TC: the code of the last refused command, which is then forgotten; with 1 also its text."""
+    code, machine.error_code = machine.error_code, 0
+    return f"{code} {TEXTS[code]}".rstrip() if call.number() else str(code)
+
+
+def tell_inputs(machine: Machine, call: Call) -> str:
+    """TI: a bank of inputs."""
+    return write_number(machine.input_bits if call.number() == 0 else 0, 0)
+
+
+def tell_amplifier(machine: Machine, call: Call) -> str:
+    """TA: a byte of the amplifiers' errors."""
+    return write_number(machine.amplifier_bits(int(call.number())), 0)
+
+
+def tell_status(machine: Machine, call: Call) -> str:
+    """TB: the status byte."""
+    return write_number(machine.status_byte, 0)
+
+
+def identify(machine: Machine, call: Call) -> str:
+    """ID: firmware and hardware."""
+    unit = machine.unit
+    lines = [f"FW, {unit.revision}", f"DMC, {unit.family}, Rev 11"]
+    if unit.amplifier != "none":
+        lines.append(f"AMP1, 4{unit.amplifier[1:]}, Rev 6")
+    return "\r\n".join(lines)
+
+
+def list_program(machine: Machine, call: Call) -> str | None:
+    """LS: lines with their numbers and a trailing blank."""
+    lines = machine.program.lines
+    parts = split_arguments(call.text)
+    if len(parts) > 2:
+        raise CommandError(4)
+    first, last = [
+        int(evaluate(part, machine)) if part else default
+        for part, default in zip([*parts, "", ""], (0, len(lines) - 1), strict=False)
+    ]
+    if not 0 <= first <= max(last, 0):
+        raise CommandError(11)
+    shown = [f"{n} {lines[n]} " for n in range(first, min(last, len(lines) - 1) + 1)]
+    return "\r\n".join(shown) if shown else None
+
+
+def upload_program(machine: Machine, call: Call) -> str:
+    """UL: the program without line numbers."""
+    return "\r\n".join((*machine.program.lines, CONTROL_Z))
+
+
+def list_labels(machine: Machine, call: Call) -> str | None:
+    """LL: labels and their lines."""
+    labels = sorted(machine.program.labels.items())
+    return "\r\n".join(f"{label}={line} " for label, line in labels) or None
+
+
+def list_variables(machine: Machine, call: Call) -> str | None:
+    """LV: variables and their values."""
+    named = sorted(machine.variables.items())
+    return (
+        "\r\n".join(f"{name} ={write_variable(machine, value)} " for name, value in named) or None
+    )
+
+
+def list_arrays(machine: Machine, call: Call) -> str | None:
+    """LA: arrays and their lengths."""
+    return "\r\n".join(f"{name}[{len(v)}]" for name, v in machine.arrays.items()) or None
+
+
+def message(machine: Machine, call: Call) -> str | None:
+    """MG: strings and numbers, each with its format, to a port if one is given."""
+    if not call.text:
+        raise CommandError(50)
+    answer, port, ending, common = "", "", "\r\n", ""
+    for part in split_arguments(call.text):
+        found = _FORMATS.fullmatch(part)
+        if found is None:
+            raise CommandError(53)
+        form = ""
+        for word in re.findall(r"\{([^}]*)\}", found["before"] + found["after"]):
+            if word == "N":
+                ending = ""
+            elif re.fullmatch(r"\^[0-9]{1,3}", word) and int(word[1:]) < 256:
+                answer += chr(int(word[1:]))
+            elif re.fullmatch(r"P[12]|E[A-H]", word):
+                port = word
+            else:
+                form = word
+        value = found["value"].strip(" ")
+        if form and (not value or value.startswith('"')):  # it is that of all numbers
+            common = form
+        answer += _written(machine, value, form or common, bool(answer))
+    if port and not (port == "P1" and machine.port == SERIAL and call.thread is None):
+        if port != "P2":
+            machine.tell(answer + ending, port[1] if port[0] == "E" else SERIAL)
+        return None
+    if ending:
+        return answer
+    if call.thread is not None:
+        machine.tell(answer)
+        return None
+    return answer
+
+
+def _written(machine: Machine, value: str, form: str, follows: bool) -> str:
+    if not value:
+        return ""
+    if "{" in value and '"' not in value:
+        raise CommandError(53)
+    if len(value) > 1 and value[0] == value[-1] == '"' and value.count('"') == 2:
+        return value[1:-1]
+    if '"' in value:  # a string and an expression without a comma between them
+        text, _, rest = value[1:].partition('"')
+        return text + _written(machine, rest, form, True)
+    number = evaluate(value, machine)
+    written = write_as(number, form) if form else write_number(number)
+    return " " + written if follows and written.startswith("-") else written

@@ -1,0 +1,55 @@
+"""How the controller writes numbers."""
+
+import re
+
+from sautereau.sim_backend.devices.galil.faults import CommandError
+
+_FORMAT = re.compile(r"([FZ$])(-?[0-9]+)(?:\.([0-9]+))?")
+
+
+def write_number(value: float, decimals: int = 4) -> str:
+    """Write a number with a blank for the plus sign and without leading zeros."""
+    text = f"{value: .{decimals}f}"
+    return text if float(text) or not text.startswith("-") else " " + text[1:]
+
+
+def write_list(values: list[float], decimals: int = 0) -> str:
+    """Write the answer of a command that reports one number per axis."""
+    return ",".join(write_number(value, decimals) for value in values)
+
+
+def write_in(value: float, places: int, decimals: int, *, zeros: bool) -> str:
+    """Write a number with limited digits, as VF, PF, and MG's formats give them.
+
+    Args:
+        value: Any number; beyond the digits the largest number that they hold is written.
+        places: Digits before the point; negative for a hexadecimal number.
+        decimals: Digits after the point.
+        zeros: Whether leading zeros are written.
+    """
+    if places < 0:
+        digits = int(value * 65536) & 0xFFFFFFFFFFFF
+        text = f"{digits >> 16:0{-places}X}"[places:]
+        return f"${text}" + (f".{digits & 0xFFFF:04X}"[: 1 + decimals] if decimals else "")
+    largest = 10**places - 10**-decimals
+    value = min(largest, max(-largest, value))
+    text = f"{abs(value):.{decimals}f}"
+    width = places + (decimals + 1 if decimals else 0)
+    sign = "-" if value < 0 and float(text) else " "
+    return sign + (text.rjust(width, "0") if zeros else text)
+
+
+def write_as(value: float, form: str) -> str:
+    """Write a number in one of MG's formats: F5.2, Z5.2, $8.0 or S4.
+
+    Raises:
+        CommandError: There is no such format.
+    """
+    if found := re.fullmatch(r"S([1-6])?(?:\.0)?", form):
+        octets = int(value * 65536) & 0xFFFFFFFFFFFF
+        return octets.to_bytes(6, "big").decode("latin-1")[: int(found[1] or 6)].rstrip("\0")
+    found = _FORMAT.fullmatch(form)
+    if found is None:
+        raise CommandError(53)
+    places, decimals = int(found[2]), int(found[3] or 0)
+    return write_in(value, -places if found[1] == "$" else places, decimals, zeros=found[1] == "F")

@@ -1,0 +1,121 @@
+"""Searches for the home switch and the encoder's index: FE, FI and HM.
+
+A search is a sequence of legs. Each leg is a `Ramp` that ends by itself, or as soon as a sensor
+that is read at the start of every sample has found what it looks for.
+"""
+
+from collections.abc import Callable, Iterator
+from typing import NamedTuple, Protocol
+
+from sautereau.sim_backend.devices.galil.motion import (
+    Ramp,
+    StopCode,
+    brake,
+    jog,
+    trapezoid,
+)
+
+
+class Searcher(Protocol):
+    """The axis that searches, in the raw encoder's frame, in counts and samples."""
+
+    position: float
+    velocity: float
+    latched: int | None
+    """Counts of the index since the latch was armed."""
+
+    def rate(self, name: str) -> float:
+        """Return the acceleration AC or DC."""
+        ...
+
+    def speed(self, name: str) -> float:
+        """Return the speed SP, HV or JG, the last with its sign."""
+        ...
+
+    def arm_latch(self) -> None:
+        """Forget the index that was latched."""
+        ...
+
+
+class Leg(NamedTuple):
+    """A piece of a search."""
+
+    pieces: list[tuple[float, float]]
+    """Of a `Ramp`."""
+    found: Callable[[], bool] | None = None
+    """What ends it before its end."""
+    target: float | None = None
+    """Counts, of its end."""
+
+
+class Search:
+    """The execution of a search's legs; ends at rest.
+
+    Args:
+        axis: That searches.
+        legs: Computed one after the other, from the axis's state then.
+        code: Stop code of its end.
+        homes: Whether its end becomes position 0.
+    """
+
+    def __init__(self, axis: Searcher, legs: Iterator[Leg], code: StopCode, *, homes: bool) -> None:
+        self.code = StopCode.RUNNING
+        self.done = False
+        self.homes = homes
+        self._axis, self._legs, self._end = axis, legs, code
+        self._next()
+
+    def step(self) -> tuple[float, float]:
+        """Advance by one sample; return position [counts] and velocity [counts per sample]."""
+        axis = self._axis
+        while not self.done and (self._ramp.done or (self._found is not None and self._found())):
+            self._next()
+        if self.done:
+            return axis.position, 0.0
+        return self._ramp.step()
+
+    def _next(self) -> None:
+        leg = next(self._legs, None)
+        if leg is None:
+            self.done, self.code = True, self._end
+            return
+        axis = self._axis
+        self._found = leg.found
+        self._ramp = Ramp(axis.position, axis.velocity, leg.pieces, StopCode.RUNNING, leg.target)
+
+
+def _jog(axis: Searcher, speed: float, found: Callable[[], bool]) -> Leg:
+    return Leg(jog(axis.velocity, speed, axis.rate("AC"), axis.rate("DC")), found)
+
+
+def _stop(axis: Searcher) -> Leg:
+    return Leg(brake(axis.velocity, axis.rate("DC")))
+
+
+def find_edge(axis: Searcher, home: Callable[[], bool]) -> Iterator[Leg]:
+    """FE: move at SP until the home input changes; backward if it is 1."""
+    start = home()
+    yield _jog(axis, axis.speed("SP") * (-1 if start else 1), lambda: home() != start)
+    yield _stop(axis)
+
+
+def find_index(axis: Searcher, speed: float) -> Iterator[Leg]:
+    """FI: move until the index passes, then back to it at HV."""
+    axis.arm_latch()
+    yield _jog(axis, speed, lambda: axis.latched is not None)
+    yield _stop(axis)
+    if axis.latched is None:
+        return
+    way = axis.latched - axis.position
+    pieces = trapezoid(way, axis.speed("HV"), axis.rate("AC"), axis.rate("DC"))
+    yield Leg(pieces, target=float(axis.latched))
+
+
+def go_home(axis: Searcher, home: Callable[[], bool]) -> Iterator[Leg]:
+    """HM: find the edge, approach it again at HV and stop there at once, then find the index."""
+    start = home()
+    yield from find_edge(axis, home)
+    back = axis.speed("HV") * (1 if start else -1)
+    yield _jog(axis, back, lambda: home() == start)
+    axis.velocity = 0.0
+    yield from find_index(axis, axis.speed("HV"))
