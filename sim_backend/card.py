@@ -1,17 +1,37 @@
 """The bench's DAQ card: it arms acquisitions, and feeds them with the motion of the bench."""
 
+import re
 from collections.abc import Callable
 from typing import TypeVar
 
 from sautereau.rig.schema import Rig
 from sautereau.sim_backend.clock import FairLock
-from sautereau.sim_backend.devices.daqmx.card import DaqmxError, TaskSetup
-from sautereau.sim_backend.devices.daqmx.runs import PreTriggerRun, SampledRun
+from sautereau.sim_backend.device_types import DEVICE_TYPES
+from sautereau.sim_backend.devices.daqmx.card import TaskSetup
+from sautereau.sim_backend.devices.daqmx.driver_errors import DaqmxError
+from sautereau.sim_backend.devices.daqmx.pre_trigger import PreTriggerRun
+from sautereau.sim_backend.devices.daqmx.runs import SampledRun
 from sautereau.sim_backend.fault_injection import FaultInjection
 from sautereau.sim_backend.physics.events import Motions
 from sautereau.sim_backend.scene import Scene
 
 AnyRun = TypeVar("AnyRun", bound=SampledRun)
+
+
+def input_terminals(rig: Rig, scene: Scene) -> tuple[str, ...]:
+    """Return the analog inputs of a scene's card; an ideal one has those of the rig."""
+    number = DEVICE_TYPES[scene.card].inputs
+    if number is None:
+        return tuple(channel.terminal for channel in rig.daq.channels)
+    return tuple(f"ai{n}" for n in range(number))
+
+
+def _chassis_name(rig: Rig) -> str:
+    """Return the chassis that the rig's trigger source or the name of its module names."""
+    if rig.daq.trigger_source.startswith("/"):
+        return rig.daq.trigger_source.split("/")[1]
+    name = re.fullmatch(r"(.+)Mod\d+", rig.daq.device)
+    return name[1] if name else "cDAQ1"
 
 
 class BenchCard:
@@ -38,6 +58,8 @@ class BenchCard:
         now: Callable[[], float],
     ):
         self.name = rig.daq.device
+        self.device = DEVICE_TYPES[scene.card]
+        self.chassis = _chassis_name(rig) if self.device.in_chassis else ""
         self.paced = paced
         self.runs: list[SampledRun] = []
         """Acquisitions that are not over, and those that ended since the last start."""
@@ -57,7 +79,7 @@ class BenchCard:
             DaqmxError: The card is disconnected.
         """
         self._injection.check_plugged()
-        return tuple(channel.terminal for channel in self._rig.daq.channels)
+        return input_terminals(self._rig, self._scene)
 
     def start(self, setup: TaskSetup) -> SampledRun:
         """Arm an acquisition.
@@ -80,7 +102,7 @@ class BenchCard:
         """
         with self._lock:
             run = self._new_run(PreTriggerRun, setup)
-            run.begin(self._now(), before)
+            run.begin(None if setup.start_trigger else self._now(), before)
             return run
 
     def _new_run(self, kind: type[AnyRun], setup: TaskSetup) -> AnyRun:
@@ -95,12 +117,14 @@ class BenchCard:
             self._armed,
             self._last,
             self._lock,
+            self.paced,
         )
         self._armed += 1
         self.runs = [*(other for other in self.runs if not other.over), run]
         self._lock.notify_all()  # in effect once the lock is released
-        trigger = setup.trigger or self._rig.daq.trigger_source
-        run.unwired = trigger.rpartition("/")[2] != self._rig.daq.trigger_source
+        wired = self._rig.daq.trigger_source.rpartition("/")[2]
+        used = [terminal for terminal in (setup.trigger, setup.start_trigger) if terminal]
+        run.unwired = any(terminal.rpartition("/")[2] != wired for terminal in used)
         return run
 
     # Called by the bench, under the lock.

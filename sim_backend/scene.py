@@ -12,6 +12,7 @@ from sautereau.rig.packaged import named_text, packaged_names
 from sautereau.rig.schema import Rig
 from sautereau.rig.section import Angle, Section, Time
 from sautereau.sim_backend.controller_part import ControllerUnit
+from sautereau.sim_backend.device_types import DEVICE_TYPES, IDEAL
 from sautereau.sim_backend.errors import SceneError
 from sautereau.sim_backend.fault_tables import Faults
 from sautereau.sim_backend.parts import Accuracy, Push, Sensors, Servo
@@ -19,6 +20,13 @@ from sautereau.sim_backend.parts import Accuracy, Push, Sensors, Servo
 
 def _accuracy(text: str) -> str:
     Accuracy.parse(text)
+    return text
+
+
+def _device_type(text: str) -> str:
+    if text not in DEVICE_TYPES:
+        known = ", ".join(f'"{name}"' for name in DEVICE_TYPES)
+        raise ValueError(f'"{text}" is not a known DAQ device; give one of {known}')
     return text
 
 
@@ -56,6 +64,8 @@ class Scene(Section):
     """The arm's servo; only with `finger = "servo"`, which needs it."""
     sensors: Sensors | None = None
     """The sensor chain; without it all sensors are exact and without delay."""
+    card: Annotated[str, AfterValidator(_device_type)] = IDEAL.product
+    """Product type of the DAQ device; by default an ideal one with the rig's inputs."""
     faults: Faults | None = None
     """Faults to inject."""
     controller: ControllerUnit | None = None
@@ -125,6 +135,14 @@ class Scene(Section):
                         f"rig {rig.name}: the scene has {part} = true, and the rig has no table"
                         f" [{at}.{part}]; add it, or set {part} = false in the scene"
                     )
+        number = DEVICE_TYPES[self.card].inputs
+        for channel in rig.daq.channels if number else ():
+            if channel.terminal not in {f"ai{n}" for n in range(number or 0)}:
+                faults.append(
+                    f"rig {rig.name}: daq.channels.{channel.name}.terminal is"
+                    f" {channel.terminal}, and a {self.card} has {number} inputs from ai0 on;"
+                    " change the terminal, or the scene's card"
+                )
         if faults:
             raise SceneError("\n".join(faults))
         return rig

@@ -8,12 +8,12 @@ from scipy import signal
 
 from sautereau.rig.acquisition import Channel
 from sautereau.sim_backend.parts import Sensors
+from sautereau.sim_backend.sensors.converter import Converter
 from sautereau.sim_backend.sensors.simulated import SIMULATED, Disturbance
 from sautereau.trajectory.motion import Floats
 
-ADC_RANGE = 10.0
-"""V, the converter's full scale either way."""
-ADC_BITS = 24
+IDEAL_CONVERTER = Converter(range=10.0, bits=24)
+"""Of a card that is not described, with sensors."""
 
 
 class Signal:
@@ -48,6 +48,8 @@ class SensorChain:
         rest: Value [SI] of the quantity before the trigger.
         random: Source of the noise.
         disturbances: Faults of the sensor, in the order in which they act.
+        lag: s, by which the card's samples lag its terminal; negative where they are later.
+        converter: Of the card; None for an ideal card.
     """
 
     def __init__(
@@ -58,6 +60,8 @@ class SensorChain:
         rest: float,
         random: Generator,
         disturbances: Sequence[Disturbance] = (),
+        lag: float = 0.0,
+        converter: Converter | None = None,
     ):
         self.channel = channel
         self._sensors = sensors
@@ -65,6 +69,7 @@ class SensorChain:
         self.input = Signal(rest)
         self._random = random
         self._disturbances = disturbances
+        self._lag, self._converter = lag, converter
         self._phase = random.uniform(0, 2 * np.pi)
         self._filters = []
         if 0 < channel.low_pass < rate / 2:
@@ -80,7 +85,7 @@ class SensorChain:
         """Return n samples [V] from sample ``first`` on; call it in order."""
         if n == 0:  # for no samples, lfilter returns a state that it has not set
             return np.zeros(0)
-        times = np.arange(first, first + n) / self.rate
+        times = np.arange(first, first + n) / self.rate - self._lag
         value = self.input.at(times - self.channel.delay)
         for disturbance in self._disturbances:
             value = disturbance.disturb(times, value)
@@ -89,11 +94,19 @@ class SensorChain:
             value, state[2] = signal.lfilter(b, a, value, zi=zi)
         sensors = self._sensors
         if sensors is None:
-            return value / self.channel.scale
+            volts = value / self.channel.scale
+            return volts if self._converter is None else self._converter.convert(volts)
         simulated = SIMULATED.get(self.channel.quantity)
         value = value + simulated.noise(sensors) * self._random.standard_normal(n)
         if hum := simulated.hum(sensors):
             value += hum * np.sin(2 * np.pi * sensors.hum_frequency * times + self._phase)
         volts = np.clip(value / self.channel.scale, -self.channel.range, self.channel.range)
-        step = 2 * ADC_RANGE / 2**ADC_BITS
-        return np.clip(np.rint(volts / step) * step, -ADC_RANGE, ADC_RANGE - step)
+        return (self._converter or IDEAL_CONVERTER).convert(volts)
+
+
+class OpenInput:
+    """An input to which no sensor is connected; it reads 0 V."""
+
+    def volts(self, first: int, n: int) -> Floats:
+        """Return n samples [V] from sample ``first`` on."""
+        return np.zeros(n)

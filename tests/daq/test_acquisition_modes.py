@@ -152,7 +152,7 @@ def test_samples_that_the_driver_passes_over(paper, card):
             blocks = acquisition.blocks()
             next(blocks)
             (task,) = server._servicer._tasks.values()
-            task.position += 7
+            task.progress.position += 7
             with pytest.raises(DaqError, match="7 samples were lost before sample 1031"):
                 next(blocks)
 

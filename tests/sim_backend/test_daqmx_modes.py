@@ -86,7 +86,7 @@ def test_a_card_that_waits_for_its_reader_overwrites_nothing(task_on):
 
 def test_a_finite_buffer_holds_it_all(task_on):
     task = task_on(Card(1, ready=0), 100, AcquisitionType.FINITE)
-    with pytest.raises(DaqError, match="less than the 100"):
+    with pytest.raises(DaqError, match="100 or more"):
         task.in_stream.input_buf_size = 99
     task.in_stream.input_buf_size = 200
     assert task.in_stream.input_buf_size == 200

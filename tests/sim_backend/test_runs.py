@@ -9,6 +9,7 @@ import pytest
 from sautereau.rig.load import load_rig
 from sautereau.sim_backend.clock import FairLock
 from sautereau.sim_backend.devices.daqmx.card import ENDLESS, TaskSetup
+from sautereau.sim_backend.devices.daqmx.pre_trigger import PreTriggerRun
 from sautereau.sim_backend.devices.daqmx.runs import RunFault, SampledRun
 from sautereau.sim_backend.fault_tables import Drift, Faults, Speckle
 from sautereau.sim_backend.physics.events import Motions
@@ -252,3 +253,61 @@ def test_a_waiting_thread_is_noticed(rig):
         run._lock.notify_all()
     waiter.join()
     assert not run.due
+
+
+def paced(rig, **settings):
+    """A run of a card in real time that has been started."""
+    scene = load_scene("ideal")
+    setup = TaskSetup(
+        ("ai0", "ai7"), 51_200.0, **{"n_samples": ENDLESS, "trigger": None, **settings}
+    )
+    return SampledRun(scene.as_wired(rig), setup, scene, 0, 0, None, FairLock(), paced=True)
+
+
+def test_nobody_reads_and_the_card_stops_when_its_buffer_is_full(rig):
+    run = paced(rig, buffer=120)
+    run.trigger(0.0)
+    play(run, 2)
+    assert run.waiting_for_time
+    run.read(0, 60)
+    play(run, 1, first=2)
+    assert run.waiting_for_time  # 151 acquired, 91 of them unread
+    play(run, 5, first=3)
+    assert not run.waiting_for_time
+    assert run.wait_for(1000, 0) - 60 > 120
+
+
+def test_an_input_without_a_sensor_reads_nothing(rig):
+    run = paced(rig)
+    run.trigger(0.0)
+    play(run, 2)
+    wired, bare = run.read(0, 50)
+    assert wired.any()
+    assert not bare.any()
+
+
+def test_a_later_sample_of_a_multiplexer_waits_for_its_conversion(rig):
+    run = paced(rig, lags=(0.0, -15e-6))
+    run.trigger(0.0)
+    play(run, 1)
+    assert run.wait_for(0, 0) == int((PERIOD - 15e-6) * 51_200) + 1
+
+
+def test_one_edge_starts_the_samples_and_a_later_one_is_the_reference(rig):
+    scene = load_scene("ideal")
+    setup = TaskSetup(("ai0",), 51_200.0, 60, "/Dev1/PFI0", start_trigger="/Dev1/PFI0")
+    run = PreTriggerRun(scene.as_wired(rig), setup, scene, 0, 0, None, FairLock())
+    run.begin(None, before=20)
+    play(run, 2)
+    assert run.acquired == 0
+    run.trigger(2 * PERIOD)
+    play(run, 2, first=2)
+    run.trigger(4 * PERIOD)
+    play(run, 2, first=4)
+    assert run.wait_for(60, 0) == 60
+    around = run.read(0, 60)
+    whole = paced(rig, n_samples=200)
+    whole.trigger(2 * PERIOD)
+    play(whole, 8, first=2)
+    first = 100 - 20  # of the samples since the first edge, the one 20 before the second
+    np.testing.assert_array_equal(around[0], whole.read(0, 160)[0, first : first + 60])

@@ -8,7 +8,7 @@ import pytest
 from sautereau.daq.signals.calibration import correct
 from sautereau.rig.load import load_rig
 from sautereau.sim_backend.scene import load_scene
-from sautereau.sim_backend.sensors.chain import ADC_RANGE, SensorChain, Signal
+from sautereau.sim_backend.sensors.chain import IDEAL_CONVERTER, SensorChain, Signal
 
 RATE = 51_200.0
 SILENT = load_scene("paper").sensors.model_copy(
@@ -141,6 +141,7 @@ def test_the_range_clips():
     assert np.mean(np.abs(volts) > 3.999) > 0.5
 
 
+ADC_RANGE = IDEAL_CONVERTER.range
 STEP = 2 * ADC_RANGE / 2**24
 """V, of a converter with 24 bits over +-10 V."""
 

@@ -1,29 +1,21 @@
 """The interface between the DAQmx stand-in and a card: its runs, and the driver's errors."""
 
-import re
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
 
-
-class DaqmxError(Exception):
-    """An error as the driver answers it: its code and text."""
-
-    def __init__(self, code: int, message: str):
-        super().__init__(message)
-        self.code = code
-        self.samples_read: int | None = None
-        """Samples of each channel that a failed read returned; None where nothing was read."""
+from sautereau.sim_backend.device_types import IDEAL, DeviceType
+from sautereau.sim_backend.devices.daqmx.driver_errors import DaqmxError
+from sautereau.sim_backend.devices.daqmx.names import split_names
+from sautereau.sim_backend.sensors.converter import Converter
 
 
 class ServerGone(Exception):  # noqa: N818 - the name says what happened
     """Raised by a card whose server stops: no later call is answered."""
 
 
-MOST_CHANNELS = 1024
-"""Channels that one range may name."""
 ENDLESS = 2**62
 """More samples than any acquisition reaches."""
 
@@ -40,7 +32,18 @@ class TaskSetup:
     """Samples of each channel, after which the acquisition ends by itself; `ENDLESS` for a
     continuous one."""
     trigger: str | None
-    """Terminal whose rising edge starts the samples, ``"/Dev1/PFI0"``; None starts at once."""
+    """Terminal whose rising edge starts the samples, ``"/Dev1/PFI0"``; None starts at once. Of a
+    pre-trigger acquisition: of the edge around which samples are kept."""
+    start_trigger: str | None = None
+    """Terminal of an edge that starts a pre-trigger acquisition; None starts it at once."""
+    lags: tuple[float, ...] | None = None
+    """s, by which the samples of each channel lag its terminal; None for no lags."""
+    converters: tuple[Converter, ...] | None = None
+    """Of each channel; None for an ideal card."""
+    limits: tuple[tuple[float, float], ...] | None = None
+    """V, lowest and highest requested of each channel, for a card that makes a signal of them."""
+    buffer: int = ENDLESS
+    """Samples of each channel that may be unread before a paced acquisition ends."""
 
 
 class Run(Protocol):
@@ -107,30 +110,46 @@ class PreTriggerCard(Card, Protocol):
         ...
 
 
+@runtime_checkable
+class DescribedCard(Card, Protocol):
+    """A DAQ device of a certain type; others are ideal."""
+
+    @property
+    def device(self) -> DeviceType:
+        """Its type."""
+        ...
+
+    @property
+    def chassis(self) -> str:
+        """Name of the chassis that holds it; empty where there is none."""
+        ...
+
+
+def device_of(card: Card) -> DeviceType:
+    """Return the type of a card."""
+    return card.device if isinstance(card, DescribedCard) else IDEAL
+
+
+def owner_of(card: Card) -> str:
+    """Return the name of the device that has a card's trigger terminals."""
+    return (card.chassis if isinstance(card, DescribedCard) else "") or card.name
+
+
 def physical_channels(text: str, card: Card) -> list[str]:
     """Return the terminals that ``"Dev1/ai0:1, Dev1/ai3"`` names, without the device."""
     known = {terminal.lower(): terminal for terminal in card.terminals}
     found = []
-    for part in (part.strip() for part in text.split(",")):
+    for part in split_names(text):
         device, _, terminal = part.rpartition("/")
         if not part:
             raise DaqmxError(-200099, "Physical channel not specified.")
         if device.lstrip("/").lower() != card.name.lower():
             raise DaqmxError(-200220, f"Device identifier is invalid. Device: {device or part}")
-        if span := re.fullmatch(r"([A-Za-z]+)(\d+):(?:[A-Za-z]+)?(\d+)", terminal):
-            first, last = int(span[2]), int(span[3])
-            if abs(last - first) > MOST_CHANNELS:
-                raise DaqmxError(-200170, f"More than {MOST_CHANNELS} channels: {part}")
-            step = 1 if last >= first else -1
-            names = [f"{span[1]}{n}" for n in range(first, last + step, step)]
-        else:
-            names = [terminal]
-        for name in names:
-            if name.lower() not in known:
-                raise DaqmxError(
-                    -200170,
-                    "Physical channel specified does not exist on this device.\n"
-                    f"Physical Channel Name: {card.name}/{name}",
-                )
-            found.append(known[name.lower()])
+        if terminal.lower() not in known:
+            raise DaqmxError(
+                -200170,
+                "Physical channel specified does not exist on this device.\n"
+                f"Physical Channel Name: {card.name}/{terminal}",
+            )
+        found.append(known[terminal.lower()])
     return found

@@ -12,8 +12,8 @@ from sautereau.sim_backend.devices.daqmx.card import ENDLESS, TaskSetup
 from sautereau.sim_backend.fault_tables import Faults
 from sautereau.sim_backend.physics.events import Motions
 from sautereau.sim_backend.scene import Scene
-from sautereau.sim_backend.sensors.chain import SensorChain
-from sautereau.sim_backend.sensors.simulated import SIMULATED
+from sautereau.sim_backend.sensors.chain import OpenInput, SensorChain
+from sautereau.sim_backend.sensors.simulated import SIMULATED, Source
 from sautereau.trajectory.motion import Floats
 
 AHEAD = 10_000
@@ -41,6 +41,7 @@ class SampledRun:
         number: Of the run, so that each has different noise.
         rest: Motion of the bench just before; None where it has been at rest without a force.
         lock: Guards the bench; notified whenever requested samples are complete.
+        paced: Whether samples are acquired even if nobody reads them.
     """
 
     def __init__(
@@ -52,6 +53,7 @@ class SampledRun:
         number: int,
         rest: Motions | None,
         lock: FairLock,
+        paced: bool = False,
     ):
         self.n_samples = n_samples = setup.n_samples
         self.rate = setup.rate
@@ -63,33 +65,45 @@ class SampledRun:
         self._fault: RunFault | None = None
         self._end = n_samples
         self._lock = lock
-        by_terminal = {channel.terminal: channel for channel in rig.daq.channels}
-        self._chains: list[SensorChain] = []
-        simulated = [SIMULATED.get(by_terminal[name].quantity) for name in setup.terminals]
-        self._sources = [quantity.source(rig) for quantity in simulated]
-        for i, (name, quantity) in enumerate(zip(setup.terminals, simulated, strict=True)):
+        self._paced, self._buffer = paced, setup.buffer
+        wired = {channel.terminal: channel for channel in rig.daq.channels}
+        lags = setup.lags or (0.0,) * len(setup.terminals)
+        self._skew = max(0.0, *(-lag for lag in lags))
+        self._chains: list[SensorChain | OpenInput] = []
+        self._parts: list[tuple[SensorChain, Source]] = []
+        """Of each input with a sensor: its chain and its source."""
+        for i, name in enumerate(setup.terminals):
+            if name not in wired:
+                self._chains.append(OpenInput())
+                continue
+            simulated = SIMULATED.get(wired[name].quantity)
             value = 0.0
-            if quantity.static and rest is not None:
-                value = float(quantity.source(rig)(rest)[-1])
+            if simulated.static and rest is not None:
+                value = float(simulated.source(rig)(rest)[-1])
             key = np.random.SeedSequence(seed, spawn_key=(2, number, i))
             faults = scene.faults or Faults.model_construct()
-            disturbances = quantity.faults(faults, np.random.default_rng(key))
-            random = np.random.default_rng([seed, number, i])
-            self._chains.append(
-                SensorChain(
-                    by_terminal[name], scene.sensors, setup.rate, value, random, disturbances
-                )
+            chain = SensorChain(
+                wired[name],
+                scene.sensors,
+                setup.rate,
+                value,
+                np.random.default_rng([seed, number, i]),
+                simulated.faults(faults, np.random.default_rng(key)),
+                lags[i],
+                setup.converters[i] if setup.converters else None,
             )
+            self._chains.append(chain)
+            self._parts.append((chain, simulated.source(rig)))
         self._fed: list[Motions] = []
         self._volts = np.empty((len(setup.terminals), 0))
-        self._computed = self._done = self._dropped = 0
+        self._computed = self._done = self._dropped = self._read_to = 0
         self._requested: list[int] = []
         self._goal = n_samples if n_samples < ENDLESS else 0
 
     @property
     def waiting_for_time(self) -> bool:
         """Whether samples will be acquired as soon as simulated time advances."""
-        end = min(self._end, self._goal + AHEAD)
+        end = self._end if self._paced else min(self._end, self._goal + AHEAD)
         return self.trigger_time is not None and self._done < end and not self.stopped
 
     @property
@@ -137,7 +151,10 @@ class SampledRun:
         if elapsed < 0:
             return
         self._fed.append(motions)
-        self._done = min(self._last, int(elapsed * self.rate * (1 + 1e-12)) + 1)
+        converted = (elapsed - self._skew) * self.rate * (1 + 1e-12)
+        self._done = min(self._last, math.floor(converted) + 1)
+        if self._paced and self._done - self._read_to > self._buffer:
+            self._end = self._done  # as the driver: unread samples are not overwritten
 
     def wait_for(self, n: int, timeout: float | None) -> int:
         """Return the number of readable samples, after waiting for n of them or timeout [s]."""
@@ -161,6 +178,7 @@ class SampledRun:
         """
         with self._lock:
             stop = min(first + n, self._done)
+            self._read_to = max(self._read_to, stop)
             if stop > self._computed:
                 self._compute(stop)
             volts = self._volts[:, first - self._dropped : stop - self._dropped].copy()
@@ -200,56 +218,5 @@ class SampledRun:
         joined = (np.concatenate([getattr(m, f.name) for m in fed]) for f in fields(Motions))
         motions = Motions(*joined)
         times = motions.time - self.trigger_time
-        for chain, source in zip(self._chains, self._sources, strict=True):
+        for chain, source in self._parts:
             chain.input.extend(times, source(motions))
-
-
-class PreTriggerRun(SampledRun):
-    """A pre-trigger acquisition: samples of the bench from its start on, kept around the edge.
-
-    Construct it as a `SampledRun`, then call `begin`.
-    """
-
-    def begin(self, time: float, before: int) -> None:
-        """Sample from a simulated time [s] on; keep ``before`` samples before the edge."""
-        self._before = before
-        self._first: int | None = None
-        super().trigger(time)
-        self._end = before
-
-    @property
-    def waiting_for_trigger(self) -> bool:
-        """Whether an edge on the trigger's terminal would be accepted."""
-        return self._first is None and not self.stopped and not self.unwired
-
-    @property
-    def over(self) -> bool:
-        """Whether no further sample will be acquired."""
-        return self.stopped or (self._first is not None and self._done >= self._end)
-
-    def trigger(self, time: float, fault: RunFault | None = None) -> None:
-        """Accept an edge at a simulated time [s], if enough samples lie before it."""
-        if self._first is not None or self.stopped or self.trigger_time is None:
-            return
-        edge = math.ceil((time - self.trigger_time) * self.rate * (1 - 1e-12))
-        if edge < self._before:
-            return
-        self._first = edge - self._before
-        self._fault = fault
-        kept = self.n_samples if fault is None else min(fault.sample, self.n_samples)
-        self._end = self._first + kept
-
-    @property
-    def _readable(self) -> int:
-        """All samples once they are complete, none before."""
-        complete = self._first is not None and self._done >= self._end
-        return self._end - (self._first or 0) if complete else 0
-
-    @property
-    def _last(self) -> int:
-        """Samples after which no more are taken."""
-        return ENDLESS if self._first is None else self._end
-
-    def read(self, first: int, n: int) -> Floats:
-        """Return samples [V], counted from the first one kept, shape (n_channels, n)."""
-        return super().read(first + (self._first or 0), n)

@@ -5,41 +5,95 @@ unmodified. Calls that are not implemented answer UNIMPLEMENTED by the base clas
 answers as the real server: a status, with the driver's code in the trailing metadata ``ni-error``.
 """
 
+import threading
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+from typing import Any
 
 import grpc
-import numpy as np
 from nidaqmx._stubs import nidaqmx_pb2 as pb
 from nidaqmx._stubs import nidaqmx_pb2_grpc
-from numpy.typing import NDArray
 from session_pb2 import Session
 
-from sautereau.sim_backend.devices.daqmx.card import Card, DaqmxError
-from sautereau.sim_backend.devices.daqmx.properties import Properties, call, look_up
+from sautereau.sim_backend.devices.daqmx.attributes import Table, call, calls
+from sautereau.sim_backend.devices.daqmx.card import Card, owner_of, physical_channels
+from sautereau.sim_backend.devices.daqmx.configuring import Configuring
+from sautereau.sim_backend.devices.daqmx.creation import CREATORS
+from sautereau.sim_backend.devices.daqmx.driver_errors import DaqmxError
+from sautereau.sim_backend.devices.daqmx.input_properties import CHANNEL, Seat
+from sautereau.sim_backend.devices.daqmx.properties import (
+    DEVICE,
+    PHYSICAL_CHANNEL,
+    SYSTEM,
+    TASK,
+    Chassis,
+)
+from sautereau.sim_backend.devices.daqmx.reading import Reading
+from sautereau.sim_backend.devices.daqmx.reading_properties import BUFFER, READ
 from sautereau.sim_backend.devices.daqmx.task import CardTask
+from sautereau.sim_backend.devices.daqmx.task_events import Events
+from sautereau.sim_backend.devices.daqmx.timing_properties import TIMING, TRIGGER
+from sautereau.sim_backend.devices.daqmx.utilities import Utilities
 
 _INITIALIZE, _ATTACH = 1, 2
-_BY_CHANNEL, _BY_SCAN = 0, 1
-_NOT_YET_AVAILABLE = -200284
+_START, _STOP, _VERIFY, _COMMIT, _RESERVE, _UNRESERVE, _ABORT = range(7)
 _OPTIONS = (("grpc.so_reuseport", 0), ("grpc.max_send_message_length", -1))
 _WORKERS = 32
 """Calls that are answered at the same time; further ones are refused at once."""
-_MOST_SAMPLES = 8_000_000
-"""Samples of all channels that one read may return: what a message may hold."""
 
 
-class Servicer(Properties):
-    """The complete stand-in; each method is the call of nidaqmx.proto of that name."""
+class Servicer(Configuring, Reading, Events, Utilities, nidaqmx_pb2_grpc.NiDAQmxServicer):
+    """The complete stand-in; each method is the call of nidaqmx.proto of that name.
+
+    Calls about properties are added from the tables of properties.
+    """
 
     def __init__(self, card: Card):
-        super().__init__(card)
+        self._card = card
+        self._tasks: dict[str, CardTask] = {}
+        self._lock = threading.Lock()
+        self._gone = False
+        self._closing = threading.Event()
         self._count = 0
 
     def stop_all(self) -> None:
         """End every run, so that no call waits any longer."""
+        self._closing.set()
         with self._lock:
             for task in self._tasks.values():
-                task.stop()
+                task.progress.stop()
+
+    # What a request is about
+
+    def _device(self, request: Any) -> Card | Chassis:
+        """Return the card, or its chassis, if the request names it and it is connected."""
+        names = {self._card.name.lower(), owner_of(self._card).lower()}
+        if request.device_name.lower() not in names:
+            raise DaqmxError(
+                -200220, f"Device identifier is invalid. Device: {request.device_name}"
+            )
+        _ = self._card.terminals
+        its_own = request.device_name.lower() == self._card.name.lower()
+        return self._card if its_own else Chassis(self._card)
+
+    def _physical(self, request: Any) -> Card:
+        physical_channels(request.physical_channel, self._card)
+        return self._card
+
+    def _task(self, request: Any) -> CardTask:
+        task = self._tasks.get(request.task.name)
+        if task is None:
+            raise DaqmxError(-200088, "Task specified is invalid or does not exist.")
+        return task
+
+    def _seats(self, request: Any) -> list[Seat]:
+        """Return the channels that a request names; all where it names none."""
+        task = self._task(request)
+        seats = [Seat(task, name) for name in task.named(request.channel)]
+        if not seats:
+            raise DaqmxError(-200478, "There are no channels in the task.")
+        return seats
 
     # Building a task
 
@@ -57,73 +111,27 @@ class Servicer(Properties):
                 self._tasks[name] = CardTask(self._card, name)
         return pb.CreateTaskResponse(task=Session(name=name), new_session_initialized=not exists)
 
-    @call
-    def CreateAIVoltageChan(self, request, context):  # noqa: N802
-        self._task(request).add_voltage(
-            request.physical_channel,
-            request.name_to_assign_to_channel,
-            request.terminal_config_raw or request.terminal_config,
-            request.min_val,
-            request.max_val,
-            request.units_raw or request.units,
-        )
-        return pb.CreateAIVoltageChanResponse()
-
-    @call
-    def CfgSampClkTiming(self, request, context):  # noqa: N802
-        mode = request.sample_mode_raw or request.sample_mode
-        self._task(request).set_clock(request.source, request.rate, mode, request.samps_per_chan)
-        return pb.CfgSampClkTimingResponse()
-
-    @call
-    def CfgDigEdgeStartTrig(self, request, context):  # noqa: N802
-        edge = request.trigger_edge_raw or request.trigger_edge
-        self._task(request).set_trigger(request.trigger_source, edge)
-        return pb.CfgDigEdgeStartTrigResponse()
-
-    @call
-    def CfgDigEdgeRefTrig(self, request, context):  # noqa: N802
-        edge = request.trigger_edge_raw or request.trigger_edge
-        before = request.pretrigger_samples
-        self._task(request).set_trigger(request.trigger_source, edge, before)
-        return pb.CfgDigEdgeRefTrigResponse()
-
-    @call
-    def DisableStartTrig(self, request, context):  # noqa: N802
-        self._task(request).remove_trigger(reference=False)
-        return pb.DisableStartTrigResponse()
-
-    @call
-    def DisableRefTrig(self, request, context):  # noqa: N802
-        self._task(request).remove_trigger(reference=True)
-        return pb.DisableRefTrigResponse()
-
-    @call
-    def SetBufferAttributeUInt32(self, request, context):  # noqa: N802
-        task = self._task(request)
-        look_up({0x186C: task}, request).set_buffer(request.value)
-        return pb.SetBufferAttributeUInt32Response()
-
     # Running it
 
-    def _reserve(self, task: CardTask) -> None:
-        for other in self._tasks.values():
-            if other is not task and (other.reserved or other.run is not None):
-                raise DaqmxError(-50103, f"The resource is reserved by task {other.name}.")
-
-    def _start(self, task: CardTask) -> None:
+    @contextmanager
+    def _holding(self, task: CardTask) -> Iterator[None]:
+        """Hold the card for a task, which no other may have reserved."""
         with self._lock:
-            self._reserve(task)
-            task.start()
+            for other in self._tasks.values():
+                if other is not task and (other.reserved or other.progress.run is not None):
+                    raise DaqmxError(-50103, f"The resource is reserved by task {other.name}.")
+            yield
 
     @call
     def StartTask(self, request, context):  # noqa: N802
-        self._start(self._task(request))
+        task = self._task(request)
+        with self._holding(task):
+            task.progress.start()
         return pb.StartTaskResponse()
 
     @call
     def StopTask(self, request, context):  # noqa: N802
-        self._task(request).stop()
+        self._task(request).progress.stop()
         return pb.StopTaskResponse()
 
     @call
@@ -131,24 +139,24 @@ class Servicer(Properties):
         task = self._task(request)
         with self._lock:
             self._tasks.pop(task.name, None)
-        task.stop()
+        task.progress.stop()
         return pb.ClearTaskResponse()
 
     @call
     def TaskControl(self, request, context):  # noqa: N802
         task = self._task(request)
         action = request.action_raw or request.action
-        if action == 0:
-            self._start(task)
-        elif action in (1, 5, 6):
-            task.stop()
-            task.reserved = False
-        elif action == 2:
-            task.check()
-        elif action in (3, 4):
-            with self._lock:
-                task.check()
-                self._reserve(task)
+        if action == _START:
+            with self._holding(task):
+                task.progress.start()
+        elif action in (_STOP, _UNRESERVE, _ABORT):
+            task.progress.stop()
+            task.reserved = task.reserved and action == _STOP
+        elif action == _VERIFY:
+            task.verify()
+        elif action in (_COMMIT, _RESERVE):
+            task.verify()
+            with self._holding(task):
                 task.reserved = True
         else:
             raise DaqmxError(-200077, f"Task action {action} does not exist.")
@@ -156,72 +164,45 @@ class Servicer(Properties):
 
     @call
     def IsTaskDone(self, request, context):  # noqa: N802
-        task = self._task(request)
-        done = task.run is None or task.run.wait_for(0, 0.0) >= task.length
-        return pb.IsTaskDoneResponse(is_task_done=done)
+        return pb.IsTaskDoneResponse(is_task_done=self._task(request).progress.done)
 
     @call
     def WaitUntilTaskDone(self, request, context):  # noqa: N802
         task = self._task(request)
-        if task.run is not None:
-            there = task.wait(task.length, request.time_to_wait, context.is_active)
+        if task.progress.run is not None:
+            there = task.progress.wait(task.length, request.time_to_wait, context.is_active)
             if there < task.length:
                 raise DaqmxError(
                     -200560, "Wait Until Done did not indicate that the task was done in time."
                 )
         return pb.WaitUntilTaskDoneResponse()
 
-    # Reading
 
-    def _read(
-        self, task: CardTask, n: int, timeout: float, context: grpc.ServicerContext
-    ) -> tuple[NDArray[np.float64], bool]:
-        if task.run is None:
-            with self._lock:
-                self._reserve(task)
-        try:
-            return task.read(n, timeout, context.is_active)
-        except DaqmxError as error:
-            error.samples_read = 0
-            raise
+def _no_device_context(self: Servicer, request: Any, context: Any) -> Any:
+    raise DaqmxError(-201118, "This operation does not support a device context.")
 
-    @call
-    def ReadAnalogF64(self, request, context):  # noqa: N802
-        task = self._task(request)
-        fill = request.fill_mode_raw or request.fill_mode
-        if fill not in (_BY_CHANNEL, _BY_SCAN):
-            raise DaqmxError(-200077, f"Fill mode {fill} does not exist.")
-        n = request.num_samps_per_chan
-        n = task.remaining() if n < 0 else n
-        if n * len(task.channels) > _MOST_SAMPLES:
-            raise DaqmxError(
-                -50352, f"Memory for {n} samples of {len(task.channels)} channels was refused."
-            )
-        if request.array_size_in_samps < n * len(task.channels):
-            raise DaqmxError(
-                -200229,
-                f"Buffer of {request.array_size_in_samps} samples is too small to hold"
-                f" {n} of {len(task.channels)} channels.",
-            )
-        volts, complete = self._read(task, n, request.timeout, context)
-        # As with the driver, a partial read keeps the layout of a complete one.
-        padded = np.zeros((len(task.channels), n))
-        padded[:, : volts.shape[1]] = volts
-        return pb.ReadAnalogF64Response(
-            status=0 if complete else _NOT_YET_AVAILABLE,
-            read_array=(padded if fill == _BY_CHANNEL else padded.T).ravel().tolist(),
-            samps_per_chan_read=volts.shape[1],
-        )
 
-    @call
-    def ReadAnalogScalarF64(self, request, context):  # noqa: N802
-        task = self._task(request)
-        if len(task.channels) != 1:
-            raise DaqmxError(-200428, "A scalar read needs a task of one channel.")
-        volts, complete = self._read(task, 1, request.timeout, context)
-        if not complete:
-            raise DaqmxError(_NOT_YET_AVAILABLE, "The sample has not yet been acquired.")
-        return pb.ReadAnalogScalarF64Response(value=volts[0, 0])
+PROPERTIES: dict[str, tuple[Callable[[Any, Any], Any], Table]] = {
+    "SystemInfo": (lambda self, request: self._card, SYSTEM),
+    "Device": (Servicer._device, DEVICE),
+    "PhysicalChan": (Servicer._physical, PHYSICAL_CHANNEL),
+    "Task": (Servicer._task, TASK),
+    "Chan": (Servicer._seats, CHANNEL),
+    "Timing": (Servicer._task, TIMING),
+    "Trig": (Servicer._task, TRIGGER),
+    "Read": (Servicer._task, READ),
+    "Buffer": (Servicer._task, BUFFER),
+}
+"""By the subject in the names of the calls: what a request is about, and its properties."""
+
+for _subject, (_find, _table) in PROPERTIES.items():
+    for _name, _method in calls(_subject, _find, _table).items():
+        setattr(Servicer, _name, _method)
+for _name, _method in CREATORS.items():
+    setattr(Servicer, _name, _method)
+for _name in dir(nidaqmx_pb2_grpc.NiDAQmxServicer):
+    if "TimingAttributeEx" in _name:
+        setattr(Servicer, _name, call(_no_device_context))
 
 
 class DaqmxServer:

@@ -1,0 +1,239 @@
+"""Run NI's own analog-input tests and examples against the stand-in's server, and count.
+
+``python -m benchmarks.ni_tests CHECKOUT`` with a checkout of github.com/ni/nidaqmx-python. None of
+its files is kept. The card behind the server is like NI-DAQmx's simulated devices: every input
+shows a sine between the limits of its channel. Tests that need other devices, or outputs, are
+skipped by NI's own fixtures.
+"""
+
+import argparse
+import math
+import os
+import re
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from collections import Counter
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+
+from sautereau.sim_backend.device_types import DEVICE_TYPES
+from sautereau.sim_backend.devices.daqmx.card import TaskSetup
+from sautereau.sim_backend.devices.daqmx.server import DaqmxServer
+
+TESTS = (
+    "component/stream_readers/test_analog_multi_channel_reader.py",
+    "component/stream_readers/test_analog_single_channel_reader.py",
+    "component/stream_readers/test_analog_unscaled_reader.py",
+    "component/task/channels/test_ai_channel.py",
+    "component/task/channels/test_channel_properties.py",
+    "component/task/test_in_stream.py",
+    "component/task/test_in_stream_buffer_properties.py",
+    "component/task/test_in_stream_read_properties.py",
+    "component/task/test_task_read_ai.py",
+    "component/task/test_task_read_waveform_ai.py",
+    "component/task/test_timing.py",
+    "component/task/test_timing_properties.py",
+    "component/task/test_triggers.py",
+    "component/task/test_triggers_properties.py",
+    "component/test_interpreter.py",
+    "component/test_task.py",
+    "component/test_task_events.py",
+    "component/test_task_properties.py",
+    "component/test_task_resource_warnings.py",
+    "component/system/_collections/test_device_collection.py",
+    "component/system/_collections/test_physical_channel_collection.py",
+    "component/system/test_device.py",
+    "component/system/test_physical_channel.py",
+    "legacy/test_channels.py",
+    "legacy/test_container_operations.py",
+    "legacy/test_events.py",
+    "legacy/test_invalid_reads.py",
+    "legacy/test_properties.py",
+    "legacy/test_read_exceptions.py",
+    "legacy/test_read_write.py",
+    "legacy/test_resource_warnings.py",
+    "legacy/test_stream_analog_readers_writers.py",
+    "legacy/test_system_collections.py",
+    "legacy/test_triggers.py",
+)
+PERIOD = 0.1
+"""s, of the sine."""
+PLUGIN = """
+import os
+import grpc
+import nidaqmx
+import nidaqmx.system
+import pytest
+
+channel = grpc.insecure_channel("127.0.0.1:" + os.environ["STAND_IN_PORT"])
+options = nidaqmx.GrpcSessionOptions(channel, "")
+nidaqmx.system.System.local = staticmethod(lambda: nidaqmx.system.System.remote(options))
+
+class Server:
+    server_port = int(os.environ["STAND_IN_PORT"])
+    def __enter__(self): return self
+    def __exit__(self, *exception): pass
+
+@pytest.hookimpl(trylast=True)
+def pytest_collection_modifyitems(config, items):
+    from tests import conftest
+    conftest.GrpcServerProcess = Server
+    def found(kind, system, *arguments, **named):
+        return system.devices["Dev1"]
+    conftest._x_series_device = found
+    kept = [item for item in items if "library_init_kwargs" not in item.name]
+    dropped = [item for item in items if "library_init_kwargs" in item.name]
+    config.hook.pytest_deselected(items=dropped)
+    items[:] = kept
+"""
+EXAMPLE = """
+import _thread, builtins, functools, pathlib, re, sys, threading
+import grpc, nidaqmx
+path, port = sys.argv[1:]
+options = nidaqmx.GrpcSessionOptions(grpc.insecure_channel("127.0.0.1:" + port), "")
+nidaqmx.Task = functools.partial(nidaqmx.Task, grpc_options=options)
+nidaqmx.system.System.local = staticmethod(lambda: nidaqmx.system.System.remote(options))
+builtins.input = lambda *prompt: threading.Event().wait(3) or ""
+timer = threading.Timer(5, _thread.interrupt_main)
+timer.daemon = True
+timer.start()
+source = pathlib.Path(path).read_text(encoding="utf-8-sig")
+source = re.sub(r"\\b(cDAQ\\d+Mod\\d+|PXI\\d+Slot\\d+|TS\\d+Mod\\d+)\\b", "Dev1", source)
+exec(compile(source, path, "exec"), {"__name__": "__main__"})
+timer.cancel()
+"""
+NO_SUCH_CHANNELS = re.compile(
+    r"IndexError: (list index|Cannot choose)|Sample larger than population|empty range for rand"
+)
+"""Of tests that take any output, line or counter of the device."""
+UNIMPLEMENTED = re.compile(r"not supported by the NI gRPC Device Server|UNIMPLEMENTED")
+
+
+class SineRun:
+    """An acquisition in real time."""
+
+    def __init__(self, setup: TaskSetup):
+        self._setup, self._start = setup, time.monotonic()
+        self._stopped = threading.Event()
+
+    @property
+    def acquired(self) -> int:
+        """Samples of each channel."""
+        elapsed = time.monotonic() - self._start
+        return min(self._setup.n_samples, int(elapsed * self._setup.rate))
+
+    def wait_for(self, n: int, timeout: float) -> int:
+        """Return the samples there are, after waiting for ``n`` or ``timeout`` [s]."""
+        missing = (min(n, self._setup.n_samples) - self.acquired) / self._setup.rate
+        if missing > 0:
+            self._stopped.wait(min(missing + 1e-3, timeout))
+        return self.acquired
+
+    def read(self, first: int, n: int) -> np.ndarray:
+        """Return samples [V], shape (n_channels, n)."""
+        times = np.arange(first, first + n) / self._setup.rate
+        sine = np.sin(2 * math.pi * times / PERIOD)
+        limits = self._setup.limits or ((-1.0, 1.0),) * len(self._setup.terminals)
+        return np.stack([(low + high) / 2 + 0.49 * (high - low) * sine for low, high in limits])
+
+    def stop(self) -> None:
+        """End it."""
+        self._stopped.set()
+
+
+class SineCard:
+    """A simulated device."""
+
+    name, chassis, paced = "Dev1", "", True
+
+    def __init__(self, product: str):
+        self.device = DEVICE_TYPES[product]
+        self.terminals = tuple(f"ai{n}" for n in range(self.device.inputs or 2))
+
+    def start(self, setup: TaskSetup) -> SineRun:
+        """Start at once, also where a trigger is set, as a simulated device."""
+        return SineRun(setup)
+
+    def start_pretrigger(self, setup: TaskSetup, before: int) -> SineRun:
+        """Start at once."""
+        return SineRun(setup)
+
+
+def run_tests(checkout: Path, port: str, options: list[str]) -> Counter:
+    """Run NI's tests; return how many of each outcome."""
+    with tempfile.TemporaryDirectory() as folder:
+        Path(folder, "stand_in_plugin.py").write_text(PLUGIN)
+        report = Path(folder, "report.xml")
+        command = [sys.executable, "-m", "pytest", "-q", "-p", "stand_in_plugin", "-rfE"]
+        command += ["--continue-on-collection-errors"]
+        command += [f"--junitxml={report}", "-p", "no:cacheprovider", "--override-ini=addopts="]
+        files = [
+            str(Path("tests", name)) for name in TESTS if Path(checkout, "tests", name).exists()
+        ]
+        environment = {**os.environ, "STAND_IN_PORT": port, "PYTHONPATH": f"{folder}:{checkout}"}
+        subprocess.run([*command, *options, *files], cwd=checkout, env=environment, check=False)
+        return outcomes(report)
+
+
+def outcomes(report: Path) -> Counter:
+    """Count the outcomes of a JUnit report."""
+    found: Counter = Counter()
+    for case in ElementTree.parse(report).iter("testcase"):
+        children = {child.tag: child for child in case}
+        if "skipped" in children:
+            found["skipped"] += 1
+        elif failed := [children[tag] for tag in ("failure", "error") if tag in children]:
+            text = f"{failed[0].get('message')} {failed[0].text}"
+            if NO_SUCH_CHANNELS.search(text):
+                found["skipped"] += 1
+            else:
+                found["unimplemented" if UNIMPLEMENTED.search(text) else "fail"] += 1
+        else:
+            found["pass"] += 1
+    return found
+
+
+def run_examples(checkout: Path, port: str) -> Counter:
+    """Run NI's analog-input examples, those that run until they are stopped for a few seconds."""
+    found: Counter = Counter()
+    with tempfile.TemporaryDirectory() as folder:
+        for path in sorted(Path(checkout, "examples", "analog_in").glob("*.py")):
+            done = subprocess.run(
+                [sys.executable, "-c", EXAMPLE, str(path), port],
+                cwd=folder,
+                env={**os.environ, "MPLBACKEND": "Agg"},
+                capture_output=True,
+                text=True,
+                timeout=60,
+                check=False,
+            )
+            missing = UNIMPLEMENTED.search(done.stderr)
+            outcome = "unimplemented" if missing else "fail" if done.returncode else "pass"
+            found[outcome] += 1
+            if outcome != "pass":
+                print(path.name, outcome, done.stderr.strip().splitlines()[-1:], sep="\t")
+    return found
+
+
+def main() -> None:
+    """Print the counts."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("checkout", type=Path)
+    parser.add_argument("--card", default="PCIe-6363", choices=sorted(DEVICE_TYPES))
+    parser.add_argument("options", nargs="*", help="further options of pytest")
+    given = parser.parse_args()
+    with DaqmxServer(SineCard(given.card)) as server:
+        port = server.address.rpartition(":")[2]
+        tests = run_tests(given.checkout, port, given.options)
+        examples = run_examples(given.checkout, port)
+    for name, found in (("tests", tests), ("examples", examples)):
+        print(name, *(f"{outcome} {n}" for outcome, n in sorted(found.items())), sep="\t")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,165 @@
+"""The calls that add channels to a task: what each measures, and the sensitivity of its sensor."""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from nidaqmx._stubs import nidaqmx_pb2 as pb
+
+from sautereau.sim_backend.device_types import DeviceType
+from sautereau.sim_backend.devices.daqmx.attributes import call, number
+from sautereau.sim_backend.devices.daqmx.driver_errors import DaqmxError
+from sautereau.sim_backend.devices.daqmx.inputs import INTERNAL, invalid
+
+G = 9.80665
+"""m/s^2, standard gravity."""
+POUND_FORCE = 0.45359237 * G
+"""N."""
+INCH = 0.0254
+"""m."""
+CUSTOM_SCALE = 10065
+
+_UNITS = {
+    15875: 1.0,  # N
+    15876: POUND_FORCE,
+    15877: G,  # kgf
+    10186: G,
+    12470: 1.0,  # m/s^2
+    12471: INCH,
+    15959: 1.0,  # m/s
+    15960: INCH,
+    10081: 1.0,  # Pa
+    10348: 1.0,  # V
+}
+"""SI units, or V, per unit of a channel."""
+_SENSITIVITIES = {
+    15891: 1e-3,  # mV/N
+    15892: 1e-3 / POUND_FORCE,
+    12509: 1e-3 / G,
+    12510: 1 / G,
+    15963: 1.0,  # mV per mm/s
+    15964: 1e-3 / INCH,
+}
+"""V per SI unit, per unit of a sensitivity."""
+_MICROPHONE = 1e-3
+"""V/Pa, per mV/Pa."""
+_REFERENCE_PRESSURE = 20e-6
+"""Pa, of a sound pressure level."""
+_VOLTAGE_WITH_EXCITATION = 10323
+_USE_VOLTAGE, _USE_CURRENT = 10322, 10134
+
+
+@dataclass(frozen=True)
+class Sensor:
+    """What one kind of channel measures with a sensor, and the names of its properties."""
+
+    measurement: int
+    units: str
+    sensitivity: str = ""
+    sensitivity_units: str = ""
+
+
+SENSORS = {
+    "CreateAIVoltageChan": Sensor(10322, "AI_VOLTAGE_UNITS"),
+    "CreateAIVoltageChanWithExcit": Sensor(_VOLTAGE_WITH_EXCITATION, "AI_VOLTAGE_UNITS"),
+    "CreateAIForceIEPEChan": Sensor(
+        15895,
+        "AI_FORCE_UNITS",
+        "AI_FORCE_IEPE_SENSOR_SENSITIVITY",
+        "AI_FORCE_IEPE_SENSOR_SENSITIVITY_UNITS",
+    ),
+    "CreateAIAccelChan": Sensor(
+        10356, "AI_ACCEL_UNITS", "AI_ACCEL_SENSITIVITY", "AI_ACCEL_SENSITIVITY_UNITS"
+    ),
+    "CreateAIVelocityIEPEChan": Sensor(
+        15966,
+        "AI_VELOCITY_UNITS",
+        "AI_VELOCITY_IEPE_SENSOR_SENSITIVITY",
+        "AI_VELOCITY_IEPE_SENSOR_SENSITIVITY_UNITS",
+    ),
+    "CreateAIMicrophoneChan": Sensor(10354, "AI_SOUND_PRESSURE_UNITS", "AI_MICROPHONE_SENSITIVITY"),
+}
+"""By the call of nidaqmx.proto."""
+
+
+def _of(request: Any, name: str, default: Any = None) -> Any:
+    return getattr(request, f"{name}_raw", 0) or getattr(request, name, default)
+
+
+def _sensitivity(request: Any, unit: float) -> float:
+    """Return volts per unit of the channel."""
+    if hasattr(request, "mic_sensitivity"):
+        return request.mic_sensitivity * _MICROPHONE * unit
+    if not hasattr(request, "sensitivity"):
+        return 1.0
+    kind = _of(request, "sensitivity_units")
+    if kind not in _SENSITIVITIES:
+        raise invalid("the sensitivity's units", kind, f"one of {list(_SENSITIVITIES)}")
+    return request.sensitivity * _SENSITIVITIES[kind] * unit
+
+
+def _limits(request: Any) -> tuple[float, float]:
+    if hasattr(request, "max_snd_press_level"):
+        # Amplitude of a sine of that level, dB of its RMS.
+        high = math.sqrt(2) * _REFERENCE_PRESSURE * 10 ** (request.max_snd_press_level / 20)
+        return -high, high
+    return request.min_val, request.max_val
+
+
+def _excitation(request: Any, device: DeviceType) -> dict[str, Any]:
+    """Return the properties of an excitation, if the device can supply it."""
+    for kind in ("current", "voltage"):
+        source = _of(request, f"{kind}_excit_source")
+        if source is None:
+            continue
+        value = getattr(request, f"{kind}_excit_val")
+        if source == INTERNAL and value not in (0.0, *device.excitations):
+            raise invalid("AI.Excit.Val", value, f"one of {list(device.excitations)}")
+        used = _USE_VOLTAGE if kind == "voltage" else _USE_CURRENT
+        return {
+            "AI_EXCIT_SRC": source,
+            "AI_EXCIT_VAL": value,
+            "AI_EXCIT_VOLTAGE_OR_CURRENT": used,
+        }
+    return {}
+
+
+def _creator(name: str, sensor: Sensor) -> Callable[..., Any]:
+    response = getattr(pb, f"{name}Response")
+
+    def create(self: Any, request: Any, context: Any) -> Any:
+        units = _of(request, "units")
+        if units == CUSTOM_SCALE or units not in _UNITS:
+            raise DaqmxError(-200077, "The stand-in has no custom scales, and no other units.")
+        volts_per_unit = _sensitivity(request, _UNITS[units])
+        if volts_per_unit <= 0:
+            raise invalid("the sensitivity", volts_per_unit, "above 0")
+        task = self._task(request)
+        kept = {sensor.units: units, **_excitation(request, task.device)}
+        if sensor.sensitivity:
+            given = getattr(request, "mic_sensitivity", None) or request.sensitivity
+            kept[sensor.sensitivity] = given
+        if sensor.sensitivity_units:
+            kept[sensor.sensitivity_units] = _of(request, "sensitivity_units")
+        if sensor.measurement == _VOLTAGE_WITH_EXCITATION:
+            kept["AI_BRIDGE_CFG"] = _of(request, "bridge_config")
+            kept["AI_EXCIT_USE_FOR_SCALING"] = request.use_excit_for_scaling
+        low, high = _limits(request)
+        added = task.add(
+            request.physical_channel,
+            request.name_to_assign_to_channel,
+            low=low,
+            high=high,
+            configuration=_of(request, "terminal_config"),
+            measurement=sensor.measurement,
+            volts_per_unit=volts_per_unit,
+        )
+        for channel in added:
+            channel.stored.update((number("CHANNEL", name), kept[name]) for name in kept)
+        return response()
+
+    return call(create)
+
+
+CREATORS = {name: _creator(name, sensor) for name, sensor in SENSORS.items()}

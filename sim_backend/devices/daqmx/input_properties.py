@@ -1,0 +1,214 @@
+"""The properties of a channel."""
+
+from dataclasses import dataclass
+
+from sautereau.sim_backend.device_types import AC, DC
+from sautereau.sim_backend.devices.daqmx.attributes import Attribute, kept, number, table
+from sautereau.sim_backend.devices.daqmx.driver_errors import DaqmxError
+from sautereau.sim_backend.devices.daqmx.inputs import INTERNAL, NO_EXCITATION, Input, invalid
+from sautereau.sim_backend.devices.daqmx.task import CardTask
+
+_ANALOG_INPUT = 10100
+_SECONDS, _PERIODS = 10364, 10286
+_RIGHT, _DMA, _NO_COMPRESSION, _USE_CURRENT, _USE_DC = 10279, 10054, 10230, 10134, 10050
+_IEPE = (10356, 15966, 15895, 10354)
+
+
+@dataclass(frozen=True)
+class Seat:
+    """A channel in its task."""
+
+    task: CardTask
+    name: str
+
+    @property
+    def input(self) -> Input:
+        """The channel itself."""
+        return self.task.channels[self.name]
+
+    @property
+    def stored(self) -> dict[int, object]:
+        """Properties that are kept as they were set."""
+        return self.input.stored
+
+
+def _has_filter(seat: Seat) -> None:
+    if not any(seat.task.device.filter_delay):
+        raise DaqmxError(-200452, "The device has no digital filter with a delay.")
+
+
+def _has_excitation(seat: Seat) -> None:
+    if not seat.task.device.excitations and _EXCITATION not in seat.stored:
+        raise DaqmxError(-200452, "The device supplies no excitation.")
+
+
+def _filter_delay(seat: Seat) -> float:
+    _has_filter(seat)
+    rate = seat.task.rate or 1000.0
+    samples, seconds = seat.task.device.filter_delay
+    delay = samples / rate + seconds
+    return delay * rate if seat.stored.get(_UNITS) == _PERIODS else delay
+
+
+def _checked(prefix_name: str, default, possible, check=None) -> Attribute:
+    """Return a kept property whose values are limited.
+
+    Args:
+        prefix_name: Name of the property.
+        default: Of a channel.
+        possible: Returns the values that a channel can have.
+        check: Refuses the property itself.
+    """
+    key = number("CHANNEL", prefix_name)
+
+    def read(seat: Seat):
+        if check:
+            check(seat)
+        return seat.stored[key] if key in seat.stored else default(seat)
+
+    def write(seat: Seat, value) -> None:
+        seat.task.must_be_idle()
+        if check:
+            check(seat)
+        if value not in possible(seat):
+            raise invalid(prefix_name, value, f"one of {list(possible(seat))}", seat.input)
+        seat.stored[key] = value
+
+    return Attribute(read, write, lambda seat: seat.stored.pop(key, None))
+
+
+def _set_configuration(seat: Seat, value: int) -> None:
+    seat.task.must_be_idle()
+    seat.input.configuration = value
+
+
+def _configuration(seat: Seat) -> int:
+    seat.input.verify()
+    given = seat.input.configuration
+    return seat.task.device.configurations[0] if given == -1 else given
+
+
+def _set_range(seat: Seat, value: float) -> None:
+    seat.task.must_be_idle()
+    seat.input.requested_range = abs(value)
+
+
+def _free_range(seat: Seat) -> None:
+    seat.task.must_be_idle()
+    seat.input.requested_range = None
+
+
+def _limit(name: str, sign: int) -> Attribute:
+    def read(seat: Seat) -> float:
+        return sign * seat.input.range / seat.input.volts_per_unit
+
+    def write(seat: Seat, value: float) -> None:
+        seat.task.must_be_idle()
+        setattr(seat.input, name, value)
+
+    return Attribute(read, write, lambda seat: write(seat, sign * 5.0))
+
+
+def _scaling(seat: Seat) -> list[float]:
+    return [0.0, seat.input.step, 0.0, 0.0]
+
+
+def _coupling(seat: Seat) -> int:
+    couplings = seat.task.device.couplings
+    return AC if AC in couplings and seat.input.measurement in _IEPE else DC
+
+
+_UNITS = number("CHANNEL", "AI_FILTER_DELAY_UNITS")
+_EXCITATION = number("CHANNEL", "AI_EXCIT_VAL")
+
+CHANNEL = {
+    **kept(
+        "CHANNEL",
+        {
+            "CHAN_DESCR": "",
+            "CHAN_IS_GLOBAL": False,
+            "AI_CUSTOM_SCALE_NAME": "",
+            "AI_VOLTAGE_UNITS": 10348,
+            "AI_FORCE_UNITS": 15875,
+            "AI_FORCE_IEPE_SENSOR_SENSITIVITY": 2.25,
+            "AI_FORCE_IEPE_SENSOR_SENSITIVITY_UNITS": 15891,
+            "AI_ACCEL_UNITS": 10186,
+            "AI_ACCEL_SENSITIVITY": 1000.0,
+            "AI_ACCEL_SENSITIVITY_UNITS": 12509,
+            "AI_VELOCITY_UNITS": 15959,
+            "AI_VELOCITY_IEPE_SENSOR_SENSITIVITY": 100.0,
+            "AI_VELOCITY_IEPE_SENSOR_SENSITIVITY_UNITS": 15963,
+            "AI_SOUND_PRESSURE_UNITS": 10081,
+            "AI_MICROPHONE_SENSITIVITY": 10.0,
+            "AI_SOUND_PRESSURE_MAX_SOUND_PRESSURE_LVL": 100.0,
+            "AI_EXCIT_VOLTAGE_OR_CURRENT": _USE_CURRENT,
+            "AI_EXCIT_D_COR_AC": _USE_DC,
+            "AI_EXCIT_USE_FOR_SCALING": False,
+            "AI_EXCIT_USE_MULTIPLEXED": False,
+            "AI_BRIDGE_CFG": 10228,
+            "AI_DITHER_ENABLE": True,
+            "AI_MEM_MAP_ENABLE": False,
+            "AI_DATA_XFER_MECH": _DMA,
+            "AI_RAW_DATA_COMPRESSION_TYPE": _NO_COMPRESSION,
+            "AI_LOSSY_LSB_REMOVAL_COMPRESSED_SAMP_SIZE": lambda seat: seat.task.device.raw_bits,
+            "AI_ENHANCED_ALIAS_REJECTION_ENABLE": False,
+            "AI_ATTEN": 0.0,
+            "AI_GAIN": 1.0,
+        },
+    ),
+    **table(
+        "CHANNEL",
+        {
+            "CHAN_TYPE": _ANALOG_INPUT,
+            "PHYSICAL_CHAN_NAME": lambda seat: f"{seat.task.card.name}/{seat.input.terminal}",
+            "AI_MEAS_TYPE": lambda seat: seat.input.measurement,
+            "AI_IS_TEDS": False,
+            "AI_MAX": _limit("high", 1),
+            "AI_MIN": _limit("low", -1),
+            "AI_RNG_HIGH": Attribute(lambda seat: seat.input.range, _set_range, _free_range),
+            "AI_RNG_LOW": Attribute(lambda seat: -seat.input.range, _set_range, _free_range),
+            "AI_TERM_CFG": Attribute(
+                _configuration, _set_configuration, lambda seat: _set_configuration(seat, -1)
+            ),
+            "AI_COUPLING": _checked(
+                "AI_COUPLING", _coupling, lambda seat: seat.task.device.couplings
+            ),
+            "AI_EXCIT_SRC": _checked(
+                "AI_EXCIT_SRC",
+                lambda seat: NO_EXCITATION,
+                lambda seat: (
+                    (INTERNAL, 10167, NO_EXCITATION)
+                    if seat.task.device.excitations
+                    else (10167, NO_EXCITATION)
+                ),
+            ),
+            "AI_EXCIT_VAL": _checked(
+                "AI_EXCIT_VAL",
+                lambda seat: 0.0,
+                lambda seat: (0.0, *seat.task.device.excitations),
+                _has_excitation,
+            ),
+            "AI_EXCIT_ACTUAL_VAL": Attribute(
+                lambda seat: seat.stored.get(_EXCITATION, 0.0),
+            ),
+            "AI_FILTER_DELAY": _filter_delay,
+            "AI_FILTER_DELAY_UNITS": _checked(
+                "AI_FILTER_DELAY_UNITS",
+                lambda seat: _SECONDS,
+                lambda seat: (_SECONDS, _PERIODS),
+                _has_filter,
+            ),
+            "AI_REMOVE_FILTER_DELAY": _checked(
+                "AI_REMOVE_FILTER_DELAY",
+                lambda seat: False,
+                lambda seat: (False, True),
+                _has_filter,
+            ),
+            "AI_RESOLUTION": lambda seat: float(seat.input.bits),
+            "AI_RESOLUTION_UNITS": 10109,
+            "AI_RAW_SAMP_SIZE": lambda seat: seat.task.device.raw_bits,
+            "AI_RAW_SAMP_JUSTIFICATION": _RIGHT,
+            "AI_DEV_SCALING_COEFF": _scaling,
+        },
+    ),
+}

@@ -1,0 +1,161 @@
+"""The calls that read samples: scaled, as the converter's counts, or with their times."""
+
+from collections.abc import Callable
+from contextlib import AbstractContextManager
+from typing import Any
+
+import grpc
+import numpy as np
+from nidaqmx._stubs import nidaqmx_pb2 as pb
+from numpy.typing import NDArray
+
+from sautereau.sim_backend.devices.daqmx.attributes import call
+from sautereau.sim_backend.devices.daqmx.driver_errors import DaqmxError
+from sautereau.sim_backend.devices.daqmx.inputs import invalid
+from sautereau.sim_backend.devices.daqmx.task import CardTask
+
+MOST_SAMPLES = 8_000_000
+"""Samples of all channels that one read may return: what a message may hold."""
+NOT_YET_AVAILABLE = -200284
+_BY_CHANNEL, _BY_SCAN = 0, 1
+_WITH_TIMING, _WITH_NAMES = 1, 2
+_SINCE_1904 = 2_082_844_800
+"""s, from 1904 to 1970."""
+
+
+def _requested(task: CardTask, request: Any) -> int:
+    """Return how many samples of each channel are read."""
+    n = request.num_samps_per_chan
+    n = task.progress.remaining() if n < 0 else n
+    if n * len(task.channels) > MOST_SAMPLES:
+        raise DaqmxError(
+            -50352, f"Memory for {n} samples of {len(task.channels)} channels was refused."
+        )
+    return n
+
+
+def _fits(n: int, room: int, task: CardTask) -> None:
+    if room < n * len(task.channels):
+        raise DaqmxError(
+            -200229,
+            f"Buffer of {room} samples is too small to hold {n} of {len(task.channels)} channels.",
+        )
+
+
+class Reading:
+    """The part of the servicer that reads."""
+
+    _task: Callable[[Any], CardTask]
+    _holding: Callable[[CardTask], AbstractContextManager[None]]
+
+    def _read(
+        self, task: CardTask, n: int, timeout: float, context: grpc.ServicerContext
+    ) -> tuple[NDArray[np.float64], bool]:
+        try:
+            return task.progress.read(n, timeout, context.is_active, self._holding(task))
+        except DaqmxError as error:
+            error.samples_read = 0
+            raise
+
+    def _samples(self, request: Any, context: Any, convert: Callable[..., Any]) -> dict[str, Any]:
+        """Return the fields of an answer; ``convert`` is given a channel and its volts."""
+        task = self._task(request)
+        fill = request.fill_mode_raw or request.fill_mode
+        if fill not in (_BY_CHANNEL, _BY_SCAN):
+            raise invalid("fill mode", fill, f"{_BY_CHANNEL}, {_BY_SCAN}")
+        n = _requested(task, request)
+        _fits(n, request.array_size_in_samps, task)
+        volts, complete = self._read(task, n, request.timeout, context)
+        converted = [
+            convert(channel, row)
+            for channel, row in zip(task.channels.values(), volts, strict=True)
+        ]
+        # As with the driver, a partial read keeps the layout of a complete one.
+        padded = np.zeros((len(converted), n), converted[0].dtype)
+        padded[:, : volts.shape[1]] = converted
+        return {
+            "status": 0 if complete else NOT_YET_AVAILABLE,
+            "read_array": (padded if fill == _BY_CHANNEL else padded.T).ravel().tolist(),
+            "samps_per_chan_read": volts.shape[1],
+        }
+
+    @call
+    def ReadAnalogF64(self, request, context):  # noqa: N802
+        fields = self._samples(request, context, lambda channel, volts: channel.scaled(volts))
+        return pb.ReadAnalogF64Response(**fields)
+
+    @call
+    def ReadAnalogScalarF64(self, request, context):  # noqa: N802
+        task = self._task(request)
+        if len(task.channels) != 1:
+            raise DaqmxError(-200428, "A scalar read needs a task of one channel.")
+        volts, complete = self._read(task, 1, request.timeout, context)
+        if not complete:
+            raise DaqmxError(NOT_YET_AVAILABLE, "The sample has not yet been acquired.")
+        (channel,) = task.channels.values()
+        return pb.ReadAnalogScalarF64Response(value=channel.scaled(volts[0])[0])
+
+    @call
+    def ReadRaw(self, request, context):  # noqa: N802
+        task = self._task(request)
+        size = task.device.raw_bits // 8
+        n = _requested(task, request)
+        _fits(n, request.array_size_in_bytes // size, task)
+        volts, complete = self._read(task, n, request.timeout, context)
+        counts = np.stack(
+            [
+                channel.counts(row)
+                for channel, row in zip(task.channels.values(), volts, strict=True)
+            ]
+        )
+        # Raw samples are in the order of acquisition: scan by scan.
+        return pb.ReadRawResponse(
+            status=0 if complete else NOT_YET_AVAILABLE,
+            read_array=counts.T.astype(f"<i{size}").tobytes(),
+            samps_read=volts.shape[1],
+            num_bytes_per_samp=size,
+        )
+
+    @call
+    def ReadAnalogWaveforms(self, request, context):  # noqa: N802
+        task = self._task(request)
+        n = _requested(task, request)
+        volts, complete = self._read(task, n, request.timeout, context)
+        mode = request.waveform_attribute_mode_raw or request.waveform_attribute_mode
+        interval = 0.0 if task.rate is None or not mode & _WITH_TIMING else 1 / task.rate
+        first = task.progress.started + (task.progress.position - volts.shape[1]) * interval
+        response = pb.ReadAnalogWaveformsResponse(
+            status=0 if complete else NOT_YET_AVAILABLE, samps_per_chan_read=volts.shape[1]
+        )
+        for (name, channel), row in zip(task.channels.items(), volts, strict=True):
+            waveform = response.waveforms.add(dt=interval, y_data=channel.scaled(row))
+            if mode & _WITH_TIMING:
+                waveform.t0.seconds = int(first) + _SINCE_1904
+                waveform.t0.fractional_seconds = int(first % 1 * 2**64)
+            if mode & _WITH_NAMES:
+                waveform.attributes["NI_ChannelName"].string_value = name
+                waveform.attributes["NI_UnitDescription"].string_value = "Volts"
+        return response
+
+
+def _binary(bits: int, signed: bool) -> Callable[..., Any]:
+    name = f"ReadBinary{'I' if signed else 'U'}{bits}"
+    response = getattr(pb, f"{name}Response")
+
+    def convert(channel: Any, volts: NDArray[np.float64]) -> NDArray[np.int64]:
+        counts = channel.counts(volts)
+        return counts if signed else counts % 2**bits
+
+    def read(self: Reading, request: Any, context: Any) -> Any:
+        task = self._task(request)
+        if task.device.raw_bits > bits:
+            raise DaqmxError(-200452, f"Its counts have {task.device.raw_bits} bits, not {bits}.")
+        return response(**self._samples(request, context, convert))
+
+    return call(read)
+
+
+for _bits in (16, 32):
+    for _signed in (True, False):
+        _name = f"ReadBinary{'I' if _signed else 'U'}{_bits}"
+        setattr(Reading, _name, _binary(_bits, _signed))

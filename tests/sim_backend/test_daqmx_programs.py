@@ -1,0 +1,261 @@
+"""What programs of NI-DAQmx users ask of the stand-in: sensors, counts, events, properties."""
+
+import threading
+
+import grpc
+import numpy as np
+import pytest
+from nidaqmx import DaqError, GrpcSessionOptions, Task
+from nidaqmx.constants import (
+    AcquisitionType,
+    Coupling,
+    ExcitationSource,
+    ForceIEPESensorSensitivityUnits,
+    ForceUnits,
+    ReadRelativeTo,
+    SoundPressureUnits,
+    TaskMode,
+    TerminalConfiguration,
+)
+from nidaqmx.system import Device
+
+from sautereau.sim_backend.device_types import DEVICE_TYPES
+from sautereau.sim_backend.devices.daqmx.server import DaqmxServer
+from tests.cards import code_of
+
+G = 9.80665
+
+
+class RampRun:
+    """Counts in steps of 1 mV, all there at once."""
+
+    def __init__(self, setup):
+        self.n, self.rows = setup.n_samples, len(setup.terminals)
+        self.acquired = self.n
+
+    def wait_for(self, n, timeout):
+        return min(n, self.n) if self.n > 10**9 else self.n
+
+    def read(self, first, n):
+        return np.tile(np.arange(first, first + n) / 1000, (self.rows, 1))
+
+    def stop(self):
+        pass
+
+
+class RampCard:
+    paced = False
+    terminals = tuple(f"ai{n}" for n in range(4))
+
+    def __init__(self, product="NI 9234"):
+        self.device = DEVICE_TYPES[product]
+        self.chassis = "cDAQ1" if self.device.in_chassis else ""
+        self.name = "cDAQ1Mod1" if self.chassis else "Dev1"
+
+    def start(self, setup):
+        self.setup = setup
+        return RampRun(setup)
+
+
+@pytest.fixture
+def serve():
+    """Serve a card, and return the options of a client."""
+    closing = []
+
+    def start(card):
+        server = DaqmxServer(card)
+        server.__enter__()
+        channel = grpc.insecure_channel(server.address)
+        closing.append((channel, server))
+        return GrpcSessionOptions(channel, "")
+
+    yield start
+    for channel, server in closing:
+        channel.close()
+        server.__exit__(None, None, None)
+
+
+@pytest.fixture
+def task(serve):
+    with Task(grpc_options=serve(RampCard())) as task:
+        yield task
+
+
+def finite(task, rate=51_200):
+    task.timing.cfg_samp_clk_timing(rate, sample_mode=AcquisitionType.FINITE, samps_per_chan=100)
+
+
+IEPE = {"current_excit_val": 0.002, "current_excit_source": ExcitationSource.INTERNAL}
+
+
+@pytest.mark.parametrize(
+    ("add", "settings", "volts_per_unit"),
+    [
+        ("add_ai_force_iepe_chan", {"sensitivity": 2.25}, 2.25e-3),
+        (
+            "add_ai_force_iepe_chan",
+            {
+                "sensitivity": 10.0,
+                "min_val": -100.0,
+                "max_val": 100.0,
+                "sensitivity_units": ForceIEPESensorSensitivityUnits.MILLIVOLTS_PER_POUND,
+                "units": ForceUnits.POUNDS,
+            },
+            10e-3,
+        ),
+        ("add_ai_accel_chan", {"sensitivity": 100.0}, 0.1),
+        ("add_ai_velocity_iepe_chan", {"min_val": -40.0, "max_val": 40.0}, 0.1),
+        (
+            "add_ai_microphone_chan",
+            {"mic_sensitivity": 10.0, "units": SoundPressureUnits.PA},
+            0.01,
+        ),
+    ],
+)
+def test_a_sensor_is_read_in_its_unit(task, add, settings, volts_per_unit):
+    channel = getattr(task.ai_channels, add)("cDAQ1Mod1/ai0", **settings, **IEPE)
+    task.timing.cfg_samp_clk_timing(51_200, samps_per_chan=100)
+    np.testing.assert_allclose(task.read(10), np.arange(10) / 1000 / volts_per_unit, rtol=1e-12)
+    assert channel.ai_excit_val == 0.002
+    assert channel.ai_coupling == Coupling.AC
+    assert channel.ai_term_cfg == TerminalConfiguration.PSEUDO_DIFF
+    assert (channel.ai_rng_low, channel.ai_rng_high) == (-5.0, 5.0)
+
+
+def test_what_the_device_cannot_supply_is_refused(task):
+    add = task.ai_channels.add_ai_accel_chan
+    assert code_of(add, "cDAQ1Mod1/ai0", current_excit_val=0.004) == -200077
+    channel = task.ai_channels.add_ai_voltage_chan("cDAQ1Mod1/ai0")
+    channel.ai_term_cfg = TerminalConfiguration.RSE
+    assert code_of(task.control, TaskMode.TASK_VERIFY) == -200077
+
+
+def test_counts_and_their_polynomial_are_the_volts(serve):
+    with Task(grpc_options=serve(RampCard("PCI-6251"))) as task:
+        channel = task.ai_channels.add_ai_voltage_chan("Dev1/ai0", min_val=-2, max_val=1.5)
+        task.timing.cfg_samp_clk_timing(1000, sample_mode=AcquisitionType.FINITE, samps_per_chan=50)
+        task.ai_channels.add_ai_voltage_chan("Dev1/ai1", min_val=-2, max_val=2)
+        counts = task.in_stream.read(50).reshape(50, 2).T
+        assert counts.dtype == np.int16
+        assert channel.ai_rng_high == 2.0
+        volts = np.polynomial.polynomial.polyval(counts[0], channel.ai_dev_scaling_coeff)
+        np.testing.assert_allclose(volts, np.arange(50) / 1000, atol=0.5 * 4 / 2**16 + 1e-12)
+        task.ai_channels["Dev1/ai1"].ai_max = 10
+        assert code_of(lambda: task.ai_channels.all.ai_rng_high) == -200428
+
+
+def test_single_ended_inputs_have_one_range_and_fewer_bits(serve):
+    with Task(grpc_options=serve(RampCard("USB-6009"))) as task:
+        channel = task.ai_channels.add_ai_voltage_chan("Dev1/ai0", min_val=-1, max_val=1)
+        assert (channel.ai_rng_high, channel.ai_resolution) == (1.0, 14)
+        channel.ai_term_cfg = TerminalConfiguration.RSE
+        assert (channel.ai_rng_high, channel.ai_resolution) == (10.0, 13)
+
+
+def test_ranges_of_channels_in_properties(task):
+    task.ai_channels.add_ai_voltage_chan("cDAQ1Mod1/ai0:3")
+    channels = task.ai_channels["cDAQ1Mod1/ai0:3"]
+    channels.ai_coupling = Coupling.AC
+    assert channels.ai_coupling == task.ai_channels["cDAQ1Mod1/ai2"].ai_coupling == Coupling.AC
+    del channels.ai_coupling
+    assert channels.ai_coupling == Coupling.DC
+
+
+def test_the_filter_delay_can_be_removed(serve):
+    card = RampCard("NI 9239")
+    with Task(grpc_options=serve(card)) as task:
+        channel = task.ai_channels.add_ai_voltage_chan("cDAQ1Mod1/ai0")
+        finite(task, 20_000)
+        assert task.timing.samp_clk_rate == 25_000
+        assert channel.ai_filter_delay == pytest.approx((40 + 5 / 512) / 25e3 + 3.3e-6)
+        assert code_of(getattr, task.timing, "ai_conv_rate") == -200452
+        task.start()
+        assert card.setup.lags == (channel.ai_filter_delay,)
+        task.stop()
+        channel.ai_remove_filter_delay = True
+        task.start()
+        assert card.setup.lags == pytest.approx((0.0,), abs=1e-12)
+
+
+def test_the_chassis_has_the_terminals(serve):
+    options = serve(RampCard())
+    module, chassis = (Device(name, grpc_options=options) for name in ("cDAQ1Mod1", "cDAQ1"))
+    assert module.compact_daq_chassis_device.name == "cDAQ1"
+    assert chassis.chassis_module_devices[0].name == "cDAQ1Mod1"
+    assert chassis.terminals == ["/cDAQ1/PFI0", "/cDAQ1/PFI1"]
+    with Task(grpc_options=options) as task:
+        task.ai_channels.add_ai_voltage_chan("cDAQ1Mod1/ai0")
+        task.timing.cfg_samp_clk_timing(51_200)
+        task.triggers.start_trigger.cfg_dig_edge_start_trig("/cDAQ1Mod1/PFI0")
+        assert code_of(task.control, TaskMode.TASK_VERIFY) == -89120
+        task.triggers.start_trigger.dig_edge_src = "PFI0"
+        assert task.triggers.start_trigger.dig_edge_src == "/cDAQ1/PFI0"
+        task.control(TaskMode.TASK_VERIFY)
+
+
+def test_the_highest_rate_is_shared_by_multiplexed_channels(serve):
+    with Task(grpc_options=serve(RampCard("USB-6009"))) as task:
+        task.ai_channels.add_ai_voltage_chan("Dev1/ai0:1")
+        task.timing.cfg_samp_clk_timing(24_001)
+        assert code_of(getattr, task.timing, "samp_clk_rate") == -200077
+        task.timing.samp_clk_rate = 24_000
+        assert (task.timing.samp_clk_rate, task.timing.ai_conv_rate) == (24_000, 48_000)
+
+
+def test_events_of_every_n_samples_and_of_the_end(task):
+    task.ai_channels.add_ai_voltage_chan("cDAQ1Mod1/ai0")
+    finite(task)
+    seen, done = [], threading.Event()
+    task.register_every_n_samples_acquired_into_buffer_event(
+        25, lambda handle, kind, n, data: seen.append(n) or 0
+    )
+    task.register_done_event(lambda handle, status, data: (seen.append(status), done.set())[0] or 0)
+    task.start()
+    assert done.wait(5)
+    task.register_done_event(None)
+    task.register_every_n_samples_acquired_into_buffer_event(25, None)
+    assert sorted(seen) == [0, 25, 25, 25, 25]
+
+
+def test_reading_relative_to_the_first_and_the_latest_sample(task):
+    task.ai_channels.add_ai_voltage_chan("cDAQ1Mod1/ai0")
+    finite(task)
+    task.start()
+    task.in_stream.relative_to, task.in_stream.offset = ReadRelativeTo.MOST_RECENT_SAMPLE, -10
+    assert task.read(10) == list(np.arange(90, 100) / 1000)
+    task.in_stream.relative_to, task.in_stream.offset = ReadRelativeTo.FIRST_SAMPLE, 3
+    assert task.read(2) == task.read(2) == [0.003, 0.004]
+
+
+def test_what_would_not_be_followed_is_refused(task):
+    task.ai_channels.add_ai_voltage_chan("cDAQ1Mod1/ai0")
+    task.timing.cfg_samp_clk_timing(51_200)
+    task.triggers.start_trigger.retriggerable = True
+    with pytest.raises(DaqError, match="START_TRIG_RETRIGGERABLE"):
+        task.start()
+
+
+def test_one_task_reserves_the_card_until_it_releases_it(serve):
+    options = serve(RampCard())
+    with Task(grpc_options=options) as first, Task(grpc_options=options) as second:
+        for task in (first, second):
+            task.ai_channels.add_ai_voltage_chan("cDAQ1Mod1/ai0")
+            finite(task)
+        first.control(TaskMode.TASK_RESERVE)
+        first.start()
+        first.stop()  # back to reserved, where it was before
+        assert code_of(second.control, TaskMode.TASK_RESERVE) == -50103
+        assert code_of(second.read, 10) == -50103
+        first.control(TaskMode.TASK_UNRESERVE)
+        assert len(second.read(10)) == 10
+        Device("cDAQ1Mod1", grpc_options=options).reset_device()
+        first.start()
+
+
+def test_a_waveform_has_interval_and_name(task):
+    task.ai_channels.add_ai_voltage_chan("cDAQ1Mod1/ai0", "key")
+    finite(task)
+    waveform = task.read_waveform(10)
+    assert waveform.channel_name == "key"
+    assert waveform.timing.sample_interval.total_seconds() == pytest.approx(1 / 51_200)
+    np.testing.assert_array_equal(waveform.scaled_data, np.arange(10) / 1000)

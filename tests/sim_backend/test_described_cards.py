@@ -1,0 +1,144 @@
+"""The cards that the stand-in may be: their delays are in the data, and the client undoes them."""
+
+from datetime import UTC, datetime
+
+import numpy as np
+import pytest
+
+from sautereau.analysis.loading.press import load_press
+from sautereau.daq.file.recorded import SessionInfo
+from sautereau.daq.file.recording import Recording
+from sautereau.daq.source.acquisition import Acquisition
+from sautereau.rig.load import load_rig, with_values
+from sautereau.robot.drivers.galil.driver import GalilController
+from sautereau.robot.experiment.session import run_session
+from sautereau.sim_backend.bench import StandIn
+from sautereau.sim_backend.card import BenchCard
+from sautereau.sim_backend.clock import FairLock
+from sautereau.sim_backend.device_types import DEVICE_TYPES
+from sautereau.sim_backend.devices.daqmx.server import DaqmxServer
+from sautereau.sim_backend.errors import SceneError
+from sautereau.sim_backend.fault_injection import FaultInjection
+from sautereau.sim_backend.physics.events import Motions
+from sautereau.sim_backend.scene import load_scene, parse_scene
+from sautereau.trajectory.press import plan_press
+
+FREQUENCY, DURATION = 200.0, 0.12
+"""Hz and s, of a motion whose force and velocity are in phase."""
+CASES = [
+    ("NI 9234", "51.2 kHz", "cDAQ1Mod1", "/cDAQ1/PFI0", 38.4 / 51_200 + 3.2e-6, 0.0),
+    ("NI 9239", "50 kHz", "cDAQ1Mod1", "/cDAQ1/PFI0", (40 + 5 / 512) / 50e3 + 3.3e-6, 0.0),
+    ("USB-6009", "24 kHz", "Dev1", "/Dev1/PFI0", 0.0, 1 / 48e3),
+    ("PCI-6251", "20 kHz", "Dev1", "/Dev1/PFI0", 0.0, 11e-6),
+    ("PCI-6251", "51.2 kHz", "Dev1", "/Dev1/PFI0", 0.0, 1 / (2 * 20e6 / 390)),
+]
+"""Card, rate, device, terminal of the trigger, filter delay and skew [s]."""
+
+
+class Unmoved:
+    """A plant without an arm."""
+
+    joints = ()
+
+
+def described(product, rate="20 kHz", device="Dev1"):
+    rig = with_values(
+        load_rig(),
+        {
+            "daq.sample_rate": rate,
+            "daq.device": device,
+            "daq.channels.0.range": "5 V",
+            "daq.channels.1.range": "5 V",
+        },
+    )
+    scene = load_scene("ideal").model_copy(update={"card": product})
+    rig = scene.as_wired(rig)
+    injection = FaultInjection(None, Unmoved(), lambda: 0.0)
+    card = BenchCard(rig, scene, 0, False, FairLock(), injection, lambda: 0.0)
+    return rig, card
+
+
+def vibrating():
+    """A motion from 0 s on, in steps of 5 us; linear interpolation errs by 1e-5 of it."""
+    time = np.arange(0, DURATION + 0.01, 5e-6)
+    sine = np.sin(2 * np.pi * FREQUENCY * time)
+    still = np.zeros_like(time)
+    return Motions(time, still, sine, still, sine, still)
+
+
+def phase(time, values):
+    """Return the phase of a sine at 0 s, rad, by least squares."""
+    angle = 2 * np.pi * FREQUENCY * time
+    columns = np.stack([np.sin(angle), np.cos(angle), np.ones_like(time)], axis=1)
+    (sine, cosine, _), *_ = np.linalg.lstsq(columns, values, rcond=None)
+    return np.arctan2(cosine, sine)
+
+
+@pytest.mark.parametrize(("product", "rate", "device", "terminal", "delay", "skew"), CASES)
+def test_both_sensors_are_aligned(tmp_path, product, rate, device, terminal, delay, skew):
+    rig, card = described(product, rate, device)
+    with DaqmxServer(card) as server:
+        rig = with_values(rig, {"daq.address": server.address})
+        with Acquisition(rig.daq, DURATION) as acquisition:
+            settings = acquisition.settings()
+            assert settings.device.startswith(product)
+            assert settings.trigger == terminal
+            assert [one.delay for one in settings.channels] == pytest.approx([delay, delay - skew])
+            acquisition.start()
+            card.edge()
+            card.feed(vibrating(), ())
+            session = SessionInfo(1, datetime.now(UTC).isoformat(), True, "none", "none", seed=0)
+            path = tmp_path / "press-0001.mcap"
+            with Recording(
+                path, acquisition.of_device(rig), session=session, rate=acquisition.rate
+            ) as recording:
+                for block in acquisition.blocks():
+                    recording.write_block(block)
+    data = load_press(path).data
+    time = data.index.to_numpy()
+    inner = (time > 0.005) & (time < DURATION - 0.005)
+    for name in ("force", "velocity"):
+        late = -phase(time[inner], data[name].to_numpy()[inner]) / (2 * np.pi * FREQUENCY)
+        assert late == pytest.approx(0.0, abs=1e-6)
+
+
+def release(path):
+    """Return the time of the largest fall of the force, s after the trigger."""
+    force = load_press(path).data["force"]
+    return force.index[np.argmin(np.diff(force.to_numpy()))]
+
+
+@pytest.mark.parametrize("product", ["NI 9239", "PCI-6251"])
+def test_a_press_on_a_described_card_has_its_release_at_the_true_time(tmp_path, product):
+    rig = with_values(load_rig(), {"daq.sample_rate": "50 kHz", "controller.timeout": "20 s"})
+    scene = load_scene("ideal").model_copy(update={"card": product})
+    with StandIn(rig, scene) as stand_in:
+        wired = stand_in.rig
+        (path,) = run_session(wired, plan_press(wired), GalilController(wired), tmp_path, 1)
+        (truth,) = stand_in.truth()
+    assert release(path) == pytest.approx(truth.releases[0], abs=1 / 50e3)
+
+
+@pytest.mark.parametrize(
+    ("product", "asked", "answered"),
+    [
+        ("NI 9234", 40_000.0, 51_200.0),
+        ("NI 9234", 25_600.0, 25_600.0),
+        ("NI 9234", 10.0, 51_200 / 31),
+        ("NI 9239", 17_000.0, 25_000.0),
+        ("PCI-6251", 51_200.0, 20e6 / 390),
+        ("PCI-6251", 1e6, 1e6),
+        ("sautereau stand-in", 12_345.6, 12_345.6),
+    ],
+)
+def test_a_rate_is_coerced_to_the_next_one_above(product, asked, answered):
+    assert DEVICE_TYPES[product].coerced(asked) == pytest.approx(answered, rel=1e-12)
+
+
+def test_a_scene_names_a_card_that_has_the_inputs_of_the_rig():
+    rig = with_values(load_rig(), {"daq.channels.0.terminal": "ai9"})
+    scene = load_scene("ideal").model_copy(update={"card": "NI 9234"})
+    with pytest.raises(SceneError, match="4 inputs from ai0 on"):
+        scene.true_rig(rig)
+    with pytest.raises(SceneError, match='one of "sautereau stand-in", "NI 9234"'):
+        parse_scene('card = "NI 1234"')
