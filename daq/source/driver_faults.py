@@ -13,6 +13,8 @@ NOT_YET_AVAILABLE = -200284
 NOT_DONE = -200560
 OVERRUN = (-200279, -200361, -200222)
 RESERVED = -50103
+_NAMED = ("Property:", "Requested Value:", "Possible", "Maximum Value:", "Minimum Value:")
+"""Lines of the driver's text on a value that is not supported."""
 
 
 @contextmanager
@@ -73,7 +75,7 @@ def _driver_fault(daq: Daq, doing: str, error: Any, options: Any) -> str:
             " and press again"
         )
     return (
-        f"DAQ device {daq.device}: the driver refused {doing} with {code}: {_first_line(error)};"
+        f"DAQ device {daq.device}: the driver refused {doing} with {code}: {_named(error)};"
         " correct the setting it names in the rig's daq section"
     )
 
@@ -99,6 +101,12 @@ def _devices(options: Any) -> str:
     except errors.Error as error:
         return f"the driver's devices could not be read ({_first_line(error)})"
     return f"the driver knows {', '.join(names) or 'no device'}"
+
+
+def _named(error: Exception) -> str:
+    """Return the first line, and those that name the property and its possible values."""
+    named = [line.strip() for line in str(error).splitlines() if line.strip().startswith(_NAMED)]
+    return ", ".join([_first_line(error), *named])
 
 
 def _first_line(error: Exception) -> str:
