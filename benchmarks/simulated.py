@@ -69,8 +69,7 @@ def acquired(rig: Rig, scene: Scene, seen: Observation, seed: int = 0) -> tuple[
     n = int((motions.time[-1] - edge) * rate)
     run = SampledRun(wired, TaskSetup(terminals, rate, n, None), scene, seed, 0, rest, FairLock())
     run.trigger(edge)
-    sudden = (*seen.events.releases, *seen.events.returns)
-    run.feed(motions, sorted(event.time for event in sudden if event.time > edge))
+    run.feed(motions)
     recorded = Recorded(
         t0_ns=0,
         rate=rate,

@@ -132,7 +132,8 @@ def _mujoco(rig: Rig, scene: Scene) -> list[Figure]:
 
 
 def _measured(rig: Rig, scene: Scene) -> tuple[float, float]:
-    """Return the largest error of an event [s], and simulated time over real time."""
+    """Return the largest error of an event [s], and simulated time over the time to run it."""
     drive = drive_of(rig, scene)
-    found, factor = timed(rig, scene, drive)
-    return errors(found, reference(rig, scene, drive)).time, factor
+    found, _, spent = timed(rig, scene, drive)
+    simulated = drive.samples * rig.controller.sample_period
+    return errors(found, reference(rig, scene, drive)).time, simulated / spent

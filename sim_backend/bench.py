@@ -197,8 +197,6 @@ class Bench:
         """Do one controller sample."""
         self.injection.inject()
         self.firmware.tick()
-        events = self.world.events
-        released, returned = len(events.releases), len(events.returns)
         reference = self.plant.wired(self.firmware.reference)
         for port, message in self.firmware.outgoing().items():
             sent = self._line.towards_host(message)
@@ -211,8 +209,7 @@ class Bench:
         self.plant.sample()
         if self.firmware.moving:
             self._last_motion = self.world.time
-        sudden = (*events.releases[released:], *events.returns[returned:])
-        self.card.feed(motions, sorted(event.time for event in sudden))
+        self.card.feed(motions)
 
     def _fail(self, error: Exception) -> None:
         self.failure = error

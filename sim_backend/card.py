@@ -1,7 +1,7 @@
 """The bench's DAQ card: it arms acquisitions, and feeds them with the motion of the bench."""
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import TypeVar
 
 from sautereau.rig.schema import Rig
@@ -142,11 +142,11 @@ class BenchCard:
             for run in waiting:
                 run.trigger(time, self._injection.of_run())
 
-    def feed(self, motions: Motions, jumps: Sequence[float]) -> None:
-        """Receive the motion of one controller sample, and the times [s] at which forces jumped."""
+    def feed(self, motions: Motions) -> None:
+        """Receive the motion of one controller sample."""
         self._last = motions
         for run in self.runs:
-            run.feed(motions, jumps)
+            run.feed(motions)
 
     @property
     def busy(self) -> bool:

@@ -29,7 +29,11 @@ class PluckEvents:
 
 @dataclass(frozen=True)
 class Motions:
-    """Motion over some steps, which need not be equal; arrays of shape (n,)."""
+    """Motion over some steps, which need not be equal; arrays of shape (n,).
+
+    Every event ends a step. Where a quantity jumps there are two equal times: the first has the
+    values before the jump, the last those after it.
+    """
 
     time: Floats
     """s of simulated time, end of each step."""

@@ -22,35 +22,20 @@ class Signal:
     def __init__(self, value: float):
         self._times, self._values = np.zeros(1), np.array([value])
 
-    def extend(self, times: Floats, values: Floats, jumps: Sequence[float]) -> None:
-        """Append instants [s from the trigger]; at a jump both sides are extrapolated."""
-        for jump in jumps:
-            k = int(np.searchsorted(times, jump))
-            t, v = self._two_before(times, values, k)
-            slope = (v[1] - v[0]) / (t[1] - t[0]) if len(t) == 2 and t[1] > t[0] else 0.0
-            left = v[-1] + slope * (jump - t[-1])
-            after = values[k] if k < len(values) else v[-1]
-            times = np.insert(times, k, [jump, np.nextafter(jump, np.inf)])
-            values = np.insert(values, k, [left, after])
+    def extend(self, times: Floats, values: Floats) -> None:
+        """Append instants [s from the trigger]; two equal ones are both sides of a jump."""
         self._times = np.concatenate([self._times, times])
         self._values = np.concatenate([self._values, values])
 
     def at(self, times: Floats) -> Floats:
         """Return the value at times [s] that only grow; before the first instant, that at rest.
 
-        Earlier instants are dropped, except two for a slope.
+        At a jump it is the value after it. Earlier instants are dropped.
         """
         if len(times):
-            past = max(0, int(np.searchsorted(self._times, times[0])) - 2)
+            past = max(0, int(np.searchsorted(self._times, times[0])) - 1)
             self._times, self._values = self._times[past:], self._values[past:]
         return np.interp(times, self._times, self._values)
-
-    def _two_before(self, times: Floats, values: Floats, k: int) -> tuple[Floats, Floats]:
-        """Return times and values of the last two instants before number k of the appended ones."""
-        if k >= 2:
-            return times[k - 2 : k], values[k - 2 : k]
-        t = np.concatenate([self._times[-2:], times[:k]])[-2:]
-        return t, np.concatenate([self._values[-2:], values[:k]])[-2:]
 
 
 class SensorChain:

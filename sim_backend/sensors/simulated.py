@@ -17,7 +17,9 @@ from sautereau.sim_backend.physics.events import Motions
 from sautereau.trajectory.motion import Floats
 
 Source = Callable[[Motions], Floats]
-"""Returns the quantity [SI] at the instants of a motion, shape (n,); called in order of time."""
+"""Returns the quantity [SI] at the instants of a motion, shape (n,); called in order of time.
+
+Two equal instants are both sides of a jump; see `Motions`."""
 
 
 class Disturbance(Protocol):
@@ -40,8 +42,6 @@ class SimulatedQuantity:
     """Returns the amplitude of the mains hum, in the quantity's unit."""
     faults: Callable[[Faults, Generator], Sequence[Disturbance]] = lambda faults, random: ()
     """Returns the faults of the scene that apply, in the order in which they act."""
-    jumps: bool = False
-    """Whether the quantity jumps at a release and at a return, as a force does."""
     static: bool = False
     """Whether it may be nonzero before the trigger, as a force; else the sensor starts from 0."""
 
@@ -132,7 +132,6 @@ FORCE = SimulatedQuantity(
     noise=lambda sensors: sensors.force_noise,
     hum=lambda sensors: sensors.hum,
     faults=_faults_of_force,
-    jumps=True,
     static=True,
 )
 """Force of the finger on the key [N], as a piezoelectric transducer measures it."""

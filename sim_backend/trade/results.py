@@ -7,7 +7,13 @@ from typing import Any
 
 from matplotlib.figure import Figure
 
-HEADER = "  engine   plectrum  string  iterations        step       error  force error  x real time"
+HEADER = (
+    "  engine   plectrum  string  iterations        step       error  force error"
+    "      build        run  x real time"
+)
+SIMPLER = 2.0
+"""Dimensionless speed over that of the scene's own models, from which simpler ones are
+recommended: they save no computing in the engine, but may in a modal string."""
 LEAST = 1e-10
 """s, error at which a point without one is drawn, for the axis is logarithmic."""
 
@@ -31,9 +37,13 @@ class Point:
     force_error: float | None
     """Dimensionless, of the largest force; None where the point failed."""
     real_time_factor: float | None
-    """Dimensionless, simulated over real time, the median of repeats; None where it failed."""
+    """Dimensionless, simulated over real time, to build and to run; None where it failed."""
     failed: str = ""
     """Reason of the failure: events missing or additional, or the engine's error."""
+    build_time: float | None = None
+    """s, to build the world, the median of repeats; None where it failed."""
+    run_time: float | None = None
+    """s, to run the drive, the median of repeats; None where it failed."""
 
 
 @dataclass(frozen=True)
@@ -50,7 +60,7 @@ class Trade:
     pareto: tuple[int, ...]
     """Indices of the Pareto-optimal points, the most accurate first."""
     recommended: int | None
-    """Index of the fastest point that is accurate enough; None if there is none."""
+    """Index of the point to use, see `recommended`; None if none is accurate enough."""
     cached: bool = False
     """Whether it was measured before."""
 
@@ -73,10 +83,38 @@ def pareto_front(errors: Sequence[float], speeds: Sequence[float], margin: float
     return kept
 
 
-def recommended(points: Sequence[Point], requested: float) -> int | None:
-    """Return the index of the fastest point whose error is at most the requested one [s]."""
-    fit = [i for i, p in enumerate(points) if p.error is not None and p.error <= requested]
-    return max(fit, key=lambda i: points[i].real_time_factor or 0.0, default=None)
+def recommended(points: Sequence[Point], requested: float, margin: float = 0) -> int | None:
+    """Return the index of the point to use for an error of at most the requested one [s].
+
+    The most accurate one is, unless a less accurate one is faster by more than the margin. Simpler
+    models than those of the scene must be `SIMPLER` times as fast.
+
+    Args:
+        points: The first one has the models of the scene.
+        requested: s.
+        margin: Fraction of a speed below which measured speeds count as equal.
+    """
+    own: list[int] = []
+    simpler: list[int] = []
+    for i, point in enumerate(points):
+        if point.error is not None and point.error <= requested:
+            same = (point.level, point.string) == (points[0].level, points[0].string)
+            (own if same else simpler).append(i)
+    best, other = (_fastest(points, some, margin) for some in (own, simpler))
+    if best is None or other is None:
+        return other if best is None else best
+    return other if _speed(points[other]) > SIMPLER * _speed(points[best]) else best
+
+
+def _fastest(points: Sequence[Point], of: Sequence[int], margin: float) -> int | None:
+    front = pareto_front(
+        [points[i].error or 0.0 for i in of], [_speed(points[i]) for i in of], margin
+    )
+    return of[front[-1]] if front else None
+
+
+def _speed(point: Point) -> float:
+    return point.real_time_factor or 0.0
 
 
 def trade_document(trade: Trade) -> dict[str, Any]:
@@ -106,7 +144,9 @@ def trade_text(trade: Trade) -> list[str]:
     if trade.recommended is None:
         lines.append(f"none is accurate to {requested}: use the first of the table")
     else:
-        lines.append(f"> recommended: the fastest one that is accurate to {requested}")
+        lines.append(
+            f"> recommended for {requested}: the most accurate, unless another is clearly faster"
+        )
     again = "; measured before, --fresh measures again" if trade.cached else ""
     lines.append(f"on {trade.machine}{again}")
     return lines
@@ -123,9 +163,10 @@ def _row(point: Point) -> str:
     )
     if point.error is None or point.force_error is None or point.real_time_factor is None:
         return f"{what}  failed: {point.failed}"
+    build, run = 1e3 * (point.build_time or 0.0), 1e3 * (point.run_time or 0.0)
     return (
         f"{what} {point.error * 1e6:8.3g} us {100 * point.force_error:10.2g} %"
-        f" {point.real_time_factor:12.3g}"
+        f" {build:7.3g} ms {run:7.3g} ms {point.real_time_factor:12.3g}"
     )
 
 

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from importlib.util import find_spec
 
 from sautereau.rig.schema import Rig
 from sautereau.sim_backend.errors import SceneError
@@ -16,6 +17,8 @@ STRING_STEP = 50e-6
 """s, at which a spring string is compared with a modal one."""
 STEP = {"rigid": 10e-6, "reduced": 1e-6}
 """s, cost of one step of an engine with one choir; measured on one machine, once."""
+INTERPRETED = 100e-6
+"""s, cost of one step of the reduced engine without numba."""
 SAMPLE = {"rigid": 50e-6, "reduced": 25e-6}
 """s, additional cost of every controller sample."""
 FINGER = {"push": 0.0, "ideal": 100e-6, "servo": 100e-6}
@@ -59,8 +62,8 @@ def select_solver(
 
     Candidates are run through the scene's own drive and compared with its exact solution;
     where there is none, as for modal strings, and for a scene that gives a step, the error is
-    estimated by shorter steps. The choice depends on the arguments alone, never on the speed of
-    the machine.
+    estimated by shorter steps. The choice depends on the arguments and on whether numba is
+    installed, never on the speed of the machine.
 
     Args:
         rig: The nominal bench.
@@ -114,6 +117,8 @@ def cost(rig: Rig, scene: Scene, steps: int) -> float:
         steps: Per controller sample.
     """
     step = STEP[scene.engine]
+    if scene.engine == "reduced" and find_spec("numba") is None:
+        step = INTERPRETED
     if scene.string == "modal":
         step += MODAL * (1 + len(rig.more_choirs))
     sample = steps * step + SAMPLE[scene.engine] + FINGER[scene.finger]
@@ -191,12 +196,13 @@ def _candidates(true: Rig, scene: Scene) -> list[Scene]:
     base = best_models(true, scene)
     strings = ("spring", "modal") if scene.string == "auto" else (base.string,)
     engines = ("reduced", "rigid") if scene.engine == "auto" else (scene.engine,)
-    return [
+    candidates = [
         base.model_copy(update={"engine": engine, "string": string})
         for string in strings
         for engine in engines
         if engine == "rigid" or not (scene.finger == "servo" or string == "modal")
     ]
+    return sorted(candidates, key=lambda way: cost(true, way, refinement.fewest(true)))
 
 
 def _spring_error(trial: refinement.Trial, scene: Scene) -> Errors:

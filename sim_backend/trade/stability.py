@@ -114,7 +114,7 @@ def _fault(found: Observation) -> str:
     for name in ("time", "angle", "angular_velocity", "rise", "finger_force", "string_force"):
         if not np.isfinite(getattr(motions, name)).all():
             return f"{name} is not finite"
-    if not (np.diff(motions.time) > 0).all():
+    if not (np.diff(motions.time) >= 0).all():
         return "time decreases"
     return ""
 

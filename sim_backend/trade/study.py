@@ -25,7 +25,7 @@ from sautereau.sim_backend.physics.reference.observe import reference
 from sautereau.sim_backend.physics.world import new_world
 from sautereau.sim_backend.scene import Scene
 from sautereau.sim_backend.trade.refinement import stepped
-from sautereau.sim_backend.trade.results import Point, Trade, pareto_front, recommended
+from sautereau.sim_backend.trade.results import HEADER, Point, Trade, pareto_front, recommended
 from sautereau.sim_backend.trade.select import best_models
 
 STEPS = {"rigid": (1, 2, 4, 8, 16, 32, 64), "reduced": (1, 2, 4, 8, 16)}
@@ -93,10 +93,10 @@ def store_trade(rig: Rig, scene: Scene, trade: Trade) -> None:
         Path(name).replace(path)
 
 
-def timed(rig: Rig, scene: Scene, drive: Drive) -> tuple[Observation, float]:
-    """Return what is observed in a drive, and the median of simulated over real time.
+def timed(rig: Rig, scene: Scene, drive: Drive) -> tuple[Observation, float, float]:
+    """Return what is observed in a drive, and the times [s] to build its world and to run it.
 
-    The time to build the world does not count.
+    Both are medians of repeats, after one that loads what is cached or compiled.
 
     Args:
         rig: The nominal bench.
@@ -106,16 +106,19 @@ def timed(rig: Rig, scene: Scene, drive: Drive) -> tuple[Observation, float]:
     Raises:
         SceneError: The scene cannot be simulated.
     """
-    simulated = drive.samples * rig.controller.sample_period
     least, most = RUNS
-    times: list[float] = []
+    builds: list[float] = []
+    runs: list[float] = []
+    play(new_world(rig, scene, start=drive.start), drive)
     while True:
-        world = new_world(rig, scene, start=drive.start)
         started = time.perf_counter()
+        world = new_world(rig, scene, start=drive.start)
+        built = time.perf_counter()
         found = play(world, drive)
-        times.append(time.perf_counter() - started)
-        if len(times) == most or (len(times) >= least and sum(times) > ENOUGH):
-            return found, simulated / max(statistics.median(times), 1e-9)
+        runs.append(time.perf_counter() - built)
+        builds.append(built - started)
+        if len(runs) == most or (len(runs) >= least and sum(runs) > ENOUGH):
+            return found, statistics.median(builds), statistics.median(runs)
 
 
 def machine() -> str:
@@ -127,7 +130,7 @@ def machine() -> str:
 def _path(rig: Rig, scene: Scene) -> Path:
     import platformdirs
 
-    parts = [version("sautereau"), platform.node(), machine(), rig_json(rig), repr(scene)]
+    parts = [version("sautereau"), platform.node(), machine(), rig_json(rig), repr(scene), HEADER]
     name = hashlib.sha256("\n".join(parts).encode()).hexdigest()
     return platformdirs.user_cache_path("sautereau", appauthor=False) / "trade" / f"{name}.json"
 
@@ -156,7 +159,7 @@ def _measured(rig: Rig, scene: Scene, progress: Callable[[float], None]) -> Trad
         requested=requested,
         points=tuple(points),
         pareto=tuple(good[i] for i in front),
-        recommended=recommended(points, requested),
+        recommended=recommended(points, requested, MARGIN),
     )
 
 
@@ -201,10 +204,18 @@ def _point(rig: Rig, way: Scene, drive: Drive, truth: Observation) -> Point:
         real_time_factor=None,
     )
     try:
-        found, factor = timed(rig, way, drive)
+        found, built, ran = timed(rig, way, drive)
     except (SceneError, ModelError) as error:
         return replace(blank, failed=str(error))
     error = errors(found, truth)
     if not math.isfinite(error.time + error.force):
         return replace(blank, failed="contacts or releases are missing, or there are too many")
-    return replace(blank, error=error.time, force_error=error.force, real_time_factor=factor)
+    simulated = drive.samples * rig.controller.sample_period
+    return replace(
+        blank,
+        error=error.time,
+        force_error=error.force,
+        real_time_factor=simulated / (built + ran),
+        build_time=built,
+        run_time=ran,
+    )

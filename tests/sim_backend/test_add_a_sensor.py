@@ -74,8 +74,9 @@ def test_a_third_channel_is_recorded(install, monkeypatch, capsys):
     assert (channel.unit, channel.scale) == ("m/s**2", 98.1)
     found = to_si(recorded.volts["key_acceleration"], channel)
     true = observe(recorded.rig, load_scene("ideal")).motions
-    time = true.time - LEAD * recorded.rig.controller.sample_period
-    acceleration = np.gradient(true.angular_velocity, time)
+    time, once = np.unique(true.time, return_index=True)
+    time -= LEAD * recorded.rig.controller.sample_period
+    acceleration = np.gradient(true.angular_velocity[once], time)
     expected = np.interp(recorded.time, time, 0.15 * acceleration, right=0.0)
     wrong = np.abs(found - expected) > 0.05 * np.sqrt(np.mean(expected**2))
     assert np.mean(wrong) < 0.05  # at jumps of the acceleration, which are a sample apart

@@ -296,7 +296,7 @@ def test_ac_coupling_turns_a_drift_into_an_offset():
     channel = channel.model_copy(update={"low_pass": 0.0, "high_pass": 0.5, "delay": 0.0})
     drift = Drifting(Drift.model_validate({"rate": "0.2 N/s"}))
     chain = SensorChain(channel, None, RATE, 0.0, np.random.default_rng(0), [drift])
-    chain.input.extend(TIMES[1:], 0 * TIMES[1:], [])
+    chain.input.extend(TIMES[1:], 0 * TIMES[1:])
     w = 2 * np.pi * 0.5
     expected = 0.2 / w * (1 - np.exp(-w * TIMES))
     np.testing.assert_allclose(chain.volts(0, len(TIMES)), expected, atol=1e-6)

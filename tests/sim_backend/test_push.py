@@ -8,7 +8,7 @@ from sautereau.rig.load import with_values
 from sautereau.sim_backend.physics.observation import observe
 from sautereau.sim_backend.physics.world import new_world
 from tests import key_oracle
-from tests.key_oracle import solved
+from tests.key_oracle import energy, solved
 from tests.sim_backend.scenes import RIG, at_rest, push_of, scene_of
 
 KEY, JACK = RIG.key, RIG.jack
@@ -80,6 +80,33 @@ def test_viscous_friction_is_that_of_the_equation():
         error.append(moved.angle[at_end] - angle)
     assert abs(error[0]) < 3e-8
     assert abs(error[1]) < abs(error[0]) / 2.5
+
+
+@pytest.mark.parametrize(
+    ("engine", "step", "error"), [("rigid", 2e-5, 1e-5), ("reduced", 1e-4, 1e-9)]
+)
+def test_energy_is_that_of_the_push(engine, step, error):
+    """Without friction: the work of the push minus the work on the string is the energy."""
+    scene = scene_of("pluck", engine=engine, step=step)
+    found = observe(RIG, scene)
+    moved, (contact,), (release,) = found.motions, found.events.contacts, found.events.releases
+    stored = energy(RIG, moved.angle, moved.angular_velocity)
+    pushed = np.minimum(moved.angle, np.interp(scene.push.duration, moved.time, moved.angle))
+    work = 1.2 * KEY.press_arm * pushed
+    work[moved.time > release.time] -= rig_pluck(RIG).work
+    free = (moved.time < contact.time) | (moved.time > release.time)
+    assert np.sum(moved.time > release.time) > 5
+    np.testing.assert_allclose(stored[free], work[free], rtol=error, atol=1e-9)
+
+
+@pytest.mark.parametrize("engine", ["rigid", "reduced"])
+def test_dry_friction_holds_the_key_up_to_its_limit(engine):
+    """Static balance: gravity 8.65 mN m, friction of pivot and register 0.5 and 4.3 mN m."""
+    needed = key_oracle.static_moment(RIG, friction=1) / KEY.press_arm
+    for factor, moves in ((0.999, False), (1.001, True)):
+        push = push_of(needed * factor, 0.020)
+        moved = observe(RIG, scene_of("free-key", friction=True, push=push, engine=engine)).motions
+        assert (moved.angle[-1] > 1e-7) == moves
 
 
 def test_no_power_is_no_push():

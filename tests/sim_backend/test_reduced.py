@@ -115,7 +115,8 @@ def test_events_are_those_of_the_reference(name):
         happened = run(rig, scene.model_copy(update={"step": step}), drive)
         assert errors(happened, true).time < time
         fit = np.interp(happened.motions.time, true.motions.time, true.motions.angle)
-        np.testing.assert_allclose(happened.motions.angle, fit, atol=angle)
+        known = np.isin(happened.motions.time.round(9), true.motions.time.round(9))
+        np.testing.assert_allclose(happened.motions.angle[known], fit[known], atol=angle)
 
 
 def test_an_ideal_finger_prescribes_the_motion_and_takes_the_force_of_inverse_dynamics():
@@ -125,6 +126,7 @@ def test_an_ideal_finger_prescribes_the_motion_and_takes_the_force_of_inverse_dy
     motion = drive.joints(happened.time)
     planned = key_under_fingertip(KEY, RIG.arm.fingertip_radius, fingertip_motion(RIG.arm, motion))
     breaks = np.min(np.abs(happened.time[:, None] - drive.breaks), axis=1)
+    breaks[:-1] *= np.diff(happened.time) > 0  # before a jump
     moving = (planned.position > 0) & (planned.velocity > 1e-3) & (breaks > 1e-5)
     assert moving.sum() > 300
     np.testing.assert_allclose(happened.angle[moving], planned.position[moving], atol=1e-13)

@@ -2,7 +2,6 @@
 
 import threading
 import time
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -47,7 +46,7 @@ def armed(rig, *, n=2000, terminals=("ai0", "ai1"), rate=51_200.0, **others):
     )
     setup = TaskSetup(terminals, rate, n, None)
     seed = others.get("seed", 5)
-    rest = Motions(*np.zeros((4, 1)), np.array([0.3]), np.zeros(1))
+    rest = Motions(*np.array([[0.0], [0.0], [0.0], [0.0], [0.3], [0.0]]))
     return SampledRun(scene.as_wired(rig), setup, scene, seed, 0, rest, FairLock())
 
 
@@ -58,9 +57,9 @@ def triggered(rig, samples=0, **others):
     return run
 
 
-def play(run, samples, first=0, releases=()):
+def play(run, samples, first=0):
     for sample in range(first, first + samples):
-        run.feed(motions(sample), [r for r in releases if sample <= r / PERIOD < sample + 1])
+        run.feed(motions(sample))
 
 
 def test_nothing_comes_before_the_trigger(rig):
@@ -130,11 +129,13 @@ def test_a_release_is_sharp(rig):
     release = 10.437 * PERIOD
     for sample in range(25):
         there = motions(sample)
-        fallen = np.where(there.time > release, 0.1, there.finger_force)
-        run.feed(
-            replace(there, finger_force=fallen),
-            [release] if sample == 10 else [],
-        )
+        k = np.searchsorted(there.time, release) if sample == 10 else 0
+        pair = [release] * (2 if sample == 10 else 0)
+        time = np.insert(there.time, k, pair)
+        fallen = np.where(time > release, 0.1, force(time))
+        fallen[k + 1 : k + len(pair)] = 0.1
+        still = np.zeros(len(time))
+        run.feed(Motions(time, still, spin(time), still, fallen, still))
     time = np.arange(1000) / 51_200
     newtons = run.read(0, 1000)[1]
     np.testing.assert_allclose(

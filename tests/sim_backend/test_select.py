@@ -1,3 +1,5 @@
+import sys
+
 import numpy as np
 import pytest
 
@@ -122,6 +124,15 @@ def test_the_longest_step_of_the_cheapest_engine_is_selected(want, exact):
     assert toy.error(taken) <= selected.errors.time <= asked
     longer = taken.model_copy(update={"step": 2 * taken.step})
     assert taken.step == PERIOD or (1 if exact else 2) * toy.error(longer) > asked - 1e-8
+
+
+@pytest.mark.parametrize(("name", "engine"), [("numba", "rigid"), ("no_such", "reduced")])
+def test_without_numba_the_rigid_bodies_are_cheaper(monkeypatch, name, engine):
+    """In steps of both engines that are equally accurate."""
+    monkeypatch.setitem(sys.modules, name, None)
+    toy = Toy()
+    toy.rigid = toy.reduced
+    assert toy_selected(toy, scene(want='accuracy = "10 us"')).scene.engine == engine
 
 
 def test_a_coincidence_is_no_accuracy():

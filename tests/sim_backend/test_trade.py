@@ -57,6 +57,19 @@ def test_the_fastest_point_within_the_requested_error_is_recommended():
     assert recommended(points, 1e-7) is None
 
 
+def test_a_simpler_model_is_not_recommended_for_the_noise_of_a_clock():
+    """Nor a less accurate step whose speed is within the margin."""
+    points = [
+        replace(POINT, error=2e-8, real_time_factor=100.0),
+        replace(POINT, error=8.8e-6, level="rods", real_time_factor=125.0),
+        replace(POINT, error=5e-6, real_time_factor=109.0),
+    ]
+    assert recommended(points, 1e-5, 0.1) == 0
+    points[1] = replace(points[1], real_time_factor=250.0)
+    assert recommended(points, 1e-5, 0.1) == 1
+    assert recommended(points[2:], 1e-5, 0.1) == 0
+
+
 @pytest.fixture(scope="module")
 def trade(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patched:
@@ -79,7 +92,12 @@ def test_every_way_is_compared_with_the_reference(trade):
     assert by["reduced", "elastica", 977, 4].error < 1e-6
     assert by["rigid", "beam", 122, 4].error > 1e-4
     assert by["rigid", "rods", 122, 4].force_error < 1e-3 < by["rigid", "beam", 122, 4].force_error
-    assert all(p.real_time_factor > 0 for p in trade.points)
+    simulated = trade.points[0].real_time_factor * _spent(trade.points[0])
+    assert all(p.real_time_factor * _spent(p) == pytest.approx(simulated) for p in trade.points)
+
+
+def _spent(point):
+    return point.build_time + point.run_time
 
 
 def test_the_recommended_point_is_accurate_and_the_front_starts_with_the_best(trade):
@@ -104,9 +122,9 @@ def test_an_engine_that_fails_is_not_fast(monkeypatch):
 
 def test_missing_events_are_a_failure(monkeypatch):
     def clear(rig, scene, drive):
-        found, factor = real(rig, scene, drive)
+        found, *times = real(rig, scene, drive)
         found.events.releases.clear()
-        return found, factor
+        return found, *times
 
     real = study.timed
     monkeypatch.setattr(study, "timed", clear)

@@ -1,7 +1,7 @@
 """Acquisitions on the simulated card: armed, triggered, and computed when they are read."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, fields
 
 import numpy as np
@@ -70,8 +70,8 @@ class SampledRun:
         lags = setup.lags or (0.0,) * len(setup.terminals)
         self._skew = max(0.0, *(-lag for lag in lags))
         self._chains: list[SensorChain | OpenInput] = []
-        self._parts: list[tuple[SensorChain, Source, bool]] = []
-        """Of each input with a sensor: its chain, its source, and whether that jumps."""
+        self._parts: list[tuple[SensorChain, Source]] = []
+        """Of each input with a sensor: its chain and its source."""
         for i, name in enumerate(setup.terminals):
             if name not in wired:
                 self._chains.append(OpenInput())
@@ -93,8 +93,8 @@ class SampledRun:
                 setup.converters[i] if setup.converters else None,
             )
             self._chains.append(chain)
-            self._parts.append((chain, simulated.source(rig), simulated.jumps))
-        self._fed: list[tuple[Motions, Sequence[float]]] = []
+            self._parts.append((chain, simulated.source(rig)))
+        self._fed: list[Motions] = []
         self._volts = np.empty((len(setup.terminals), 0))
         self._computed = self._done = self._dropped = self._read_to = 0
         self._requested: list[int] = []
@@ -143,19 +143,14 @@ class SampledRun:
             self._fault = fault
             self._end = self.n_samples if fault is None else min(fault.sample, self.n_samples)
 
-    def feed(self, motions: Motions, jumps: Sequence[float] = ()) -> None:
-        """Store the motion of one controller sample.
-
-        Args:
-            motions: Of the bench.
-            jumps: s, simulated times at which forces jumped meanwhile.
-        """
+    def feed(self, motions: Motions) -> None:
+        """Store the motion of one controller sample."""
         if self.trigger_time is None or self.over:
             return
         elapsed = float(motions.time[-1]) - self.trigger_time
         if elapsed < 0:
             return
-        self._fed.append((motions, jumps))
+        self._fed.append(motions)
         converted = (elapsed - self._skew) * self.rate * (1 + 1e-12)
         self._done = min(self._last, math.floor(converted) + 1)
         if self._paced and self._done - self._read_to > self._buffer:
@@ -220,9 +215,8 @@ class SampledRun:
         fed, self._fed = self._fed, []
         if not fed or self.trigger_time is None:
             return
-        joined = (np.concatenate([getattr(m, f.name) for m, _ in fed]) for f in fields(Motions))
+        joined = (np.concatenate([getattr(m, f.name) for m in fed]) for f in fields(Motions))
         motions = Motions(*joined)
         times = motions.time - self.trigger_time
-        jumps = [jump - self.trigger_time for _, jumps in fed for jump in jumps]
-        for chain, source, jumps_too in self._parts:
-            chain.input.extend(times, source(motions), jumps if jumps_too else ())
+        for chain, source in self._parts:
+            chain.input.extend(times, source(motions))

@@ -12,6 +12,7 @@ from sautereau.sim_backend.physics.reduced.locate import (
     evaluate_guards,
     locate,
 )
+from sautereau.sim_backend.physics.reduced.rows import write_change
 from sautereau.sim_backend.physics.reduced.step import (
     accept_step,
     try_step,
@@ -29,7 +30,7 @@ MOST_CHANGES = 1000
 
 
 @compiled
-def advance(bench, cells, state, modes, guards, events, segment, time, end, new_segment):
+def advance(bench, cells, state, modes, guards, events, changes, segment, time, end, new_segment):
     """Advance a state within a drive segment from a time to another [s]; return a status.
 
     Args:
@@ -39,6 +40,7 @@ def advance(bench, cells, state, modes, guards, events, segment, time, end, new_
         modes: Discrete modes.
         guards: Work space for the guards.
         events: Work space for the strings' events.
+        changes: Rows before and after each change of mode; see `rows.write_row`.
         segment: Drive segment; a push is removed at its end.
         time: s.
         end: s.
@@ -52,18 +54,22 @@ def advance(bench, cells, state, modes, guards, events, segment, time, end, new_
             status = select_mode(bench, cells, state, modes, segment, time)
             if status != ix.FINE:
                 return status
-        status = advance_segment(bench, cells, state, modes, guards, events, segment, time, end)
+            write_change(bench, cells, state, modes, segment, time, changes)
+        status = advance_segment(
+            bench, cells, state, modes, guards, events, changes, segment, time, end
+        )
         if status != ix.FINE or end == last:
             return status
+        write_change(bench, cells, state, modes, segment, end, changes)
         segment[ix.PUSH] = 0.0
         time, end, new_segment = end, last, 1
 
 
 @compiled
-def advance_segment(bench, cells, state, modes, guards, events, segment, time, end):
+def advance_segment(bench, cells, state, modes, guards, events, changes, segment, time, end):
     """Advance from a time to another [s] without a change of the drive; return a status."""
     allowed = max(RESOLVED * ((end - time) / RATED_STEP) ** 4, LEAST_ERROR)
-    size, changes = end - time, 0
+    size, count = end - time, 0
     while time < end:
         if at_rest(modes, segment):
             return ix.FINE
@@ -81,12 +87,14 @@ def advance_segment(bench, cells, state, modes, guards, events, segment, time, e
             continue
         time += locate(bench, cells, state, modes, guards, segment, time, step)
         accept_step(state)
+        write_change(bench, cells, state, modes, segment, time, changes)
         status = change_mode(bench, cells, state, modes, guards, events, segment, time)
         if status != ix.FINE:
             return status
+        write_change(bench, cells, state, modes, segment, time, changes)
         size = end - time
-        changes += 1
-        if changes > MOST_CHANGES:
+        count += 1
+        if count > MOST_CHANGES:
             return ix.CHATTERS
     return ix.FINE
 

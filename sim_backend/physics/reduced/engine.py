@@ -91,10 +91,10 @@ class ReducedWorld:
         """
         time, end = self.time, (self.samples + 1) * self._period
         new_segment = self._set_segment(reference, powered, time)
-        rows = np.empty((self.steps, 6))
+        rows, changes = np.empty((self.steps, 6)), np.empty((ix.CHANGE_ROWS, 6))
         status = play_sample(
             self._bench, self._cells, self._state, self._modes, self._guards, self._string_events,
-            self._segment, time, end, rows, new_segment,
+            changes, self._segment, time, end, rows, new_segment,
         )  # fmt: skip
         count = int(self._modes[0, ix.COUNT])
         if status == ix.FINE and count > ix.EVENTS:
@@ -106,9 +106,10 @@ class ReducedWorld:
         if count:
             self._append_events(count)
         self.samples += 1
+        rows = np.concatenate([changes[: self._modes[0, ix.CHANGES]], rows])
         if not self._ideal:
             rows[:, 4] /= self.rig.key.press_arm
-        return Motions(*rows.T.copy())
+        return Motions(*rows[np.argsort(rows[:, 0], kind="stable")].T)
 
     def _set_segment(self, reference: Reference, powered: bool, time: float) -> int:
         """Set the drive segment of a sample; return 2 for the first, 1 for a new one, else 0."""

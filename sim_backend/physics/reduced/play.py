@@ -5,7 +5,8 @@ import math
 from sautereau.sim_backend.physics.reduced import state as ix
 from sautereau.sim_backend.physics.reduced.advance import advance
 from sautereau.sim_backend.physics.reduced.compile import compiled, entry
-from sautereau.sim_backend.physics.reduced.forces import fingertip, jack_kinematics, string_force
+from sautereau.sim_backend.physics.reduced.forces import fingertip, jack_kinematics
+from sautereau.sim_backend.physics.reduced.rows import write_row
 
 
 @compiled
@@ -31,7 +32,9 @@ def rest(bench, state, modes, segment):
 
 
 @entry
-def play_sample(bench, cells, state, modes, guards, events, segment, time, end, rows, new_segment):
+def play_sample(
+    bench, cells, state, modes, guards, events, changes, segment, time, end, rows, new_segment
+):
     """Advance by a controller sample, in as many steps as there are rows.
 
     Args:
@@ -41,6 +44,7 @@ def play_sample(bench, cells, state, modes, guards, events, segment, time, end, 
         modes: Discrete modes.
         guards: Work space for the guards.
         events: Work space for the strings' events.
+        changes: Rows before and after each change of mode, as those below.
         segment: Drive segment; a push is removed at its end.
         time: s, start of the sample.
         end: s, end of the sample.
@@ -49,42 +53,21 @@ def play_sample(bench, cells, state, modes, guards, events, segment, time, end, 
         new_segment: 2 at the start of the press, from rest; 1 at the start of any other drive
             segment; else 0.
     """
-    modes[0, ix.COUNT] = 0
+    modes[0, ix.COUNT] = modes[0, ix.CHANGES] = 0
     if new_segment == 2:
         rest(bench, state, modes, segment)
     steps = len(rows)
     step = (end - time) / steps
     for j in range(steps):
-        before = segment[ix.PUSH]
         step_start, step_end = time + j * step, end if j == steps - 1 else time + (j + 1) * step
         new = 1 if j == 0 and new_segment > 0 else 0
         status = advance(
-            bench, cells, state, modes, guards, events, segment, step_start, step_end, new
+            bench, cells, state, modes, guards, events, changes, segment, step_start, step_end, new
         )
         if status != ix.FINE:
             return status
-        rows[j, 0], rows[j, 1], rows[j, 2] = (
-            step_end,
-            state[0, ix.ANGLE],
-            state[0, ix.ANGULAR_VELOCITY],
-        )
-        rows[j, 3] = state[1, ix.RISE]
-        rows[j, 4] = finger_force(state, segment, step_end)
-        if segment[ix.IDEAL] == 0.0:
-            rows[j, 4] = before
-        rows[j, 5] = 0.0
-        for k in range(1, len(bench)):
-            rows[j, 5] += string_force(bench, cells, modes, k, state[k, ix.RISE])
+        write_row(bench, cells, state, modes, segment, step_end, rows[j])
     return ix.FINE
-
-
-@compiled
-def finger_force(state, segment, time):
-    """Return the force [N] of an ideal finger on the key, normal to it."""
-    if segment[ix.IDEAL] == 0.0 or state[0, ix.FINGER] == 0.0:
-        return 0.0
-    _, _, _, arm = fingertip(segment, time)
-    return state[0, ix.FINGER] / arm
 
 
 @entry
@@ -149,8 +132,9 @@ def play_presses(
                     end = (sample + 1) * period
                 new = 1 if j == 0 and (ideal or sample == 0) else 0
                 result = advance(
-                    bench, cells, state, modes, guards, events, segment, step_start, end, new
-                )
+                    bench, cells, state, modes, guards, events, found[0, :0], segment,
+                    step_start, end, new,
+                )  # fmt: skip
                 keep_first_events(modes, events, found[i])
         status[i] = result
 

@@ -45,9 +45,10 @@ change their mode."""
 RISE_END, SPEED_END, ACCELERATION_END, LOAD, SLOPE = range(5, 10)
 """Of a state's jack, at the end of the trial step: as above, N on the key, and m/rad of the key
 under it."""
-SLIP, TOUCH, FELT, FINGER_RELEASES, LEAVING_JACK, COUNT = range(6)
+SLIP, TOUCH, FELT, FINGER_RELEASES, LEAVING_JACK, COUNT, CHANGES = range(7)
 """Modes of the key: sign of its velocity, whether an ideal finger is in contact, the felt; whether
-the finger has just left it, the jack that has just left it, or -1, and the number of events."""
+the finger has just left it, the jack that has just left it, or -1, the number of events, and the
+number of rows at changes of mode."""
 JACK, STRING, STRETCH, DAMPED, CELL = range(5)
 """Modes of a jack: its own, its string's, the piece of the string's law, whether the damper is on
 the string, and the law's cell of the last evaluation."""
@@ -65,6 +66,8 @@ FINE, TURNED_OVER, CHATTERS, LOST, JUMPED, AT_PIN = 0, 1, 2, 3, 4, 5
 """Status after an interval of time."""
 EVENTS = 512
 """Most events of strings in one interval of time."""
+CHANGE_ROWS = 64
+"""Most rows at changes of mode in one interval of time; further ones are not kept."""
 
 
 def new_state(choirs: int) -> tuple[Floats, Ints, Floats, Floats]:
@@ -72,7 +75,7 @@ def new_state(choirs: int) -> tuple[Floats, Ints, Floats, Floats]:
     rows = 1 + choirs
     return (
         np.zeros((rows, 10)),
-        np.zeros((rows, 6), np.int64),
+        np.zeros((rows, 7), np.int64),
         np.zeros((4, 2 + 4 * rows)),
         np.zeros((EVENTS, 5)),
     )

@@ -35,6 +35,10 @@ TICK = 1e-9
 """ms, below which a remaining time counts as zero."""
 SHORTEST = 1e-4
 """ms, of a step, below which a scene is refused."""
+ITERATIONS = {"push": 20, "ideal": 20, "servo": 70}
+"""Solver iterations at an event, times 1 + rho; see `Assembly.kick`."""
+LARGEST_RATIO = 2e4
+"""Largest rho, with which an event takes about 0.1 s of computing."""
 
 
 class Division:
@@ -131,24 +135,37 @@ class Assembly:
     division: Division
     dry: list[tuple[Constraint, float]]
     """Joints with dry friction, each with its limit [N mm or N]."""
+    iterations: tuple[int, int]
+    """Solver iterations at an event: the least number, and that to be multiplied by 1 + rho."""
 
-    def kick(self, step: float, fraction: float, iterations: int) -> None:
-        """Step the engine with a fraction of its own weight and friction.
+    def kick(self, step: float, fraction: float) -> None:
+        """Step the engine with a fraction of its own weight and friction, at an event.
+
+        No impulse is warm-started, so the solver iterates until it has converged. Each of its
+        Gauss-Seidel iterations leaves the fraction rho / (1 + rho) of the error between jacks, key
+        and rail or finger, where rho is the sum of m r'^2 over the jacks, divided by I; so
+        20 (1 + rho) of them leave exp(-20). Fewer would let a heavy jack rebound.
 
         Args:
             step: ms, always the present step of the engine.
             fraction: Dimensionless, of weight and dry friction.
-            iterations: Of its solver.
         """
         across, down = WEIGHT
         self.space.gravity = across, down * fraction
-        self.space.iterations = iterations
+        rho = mass_ratio(self.key, self.jacks, self.key.angle)
+        least, factor = self.iterations
+        self.space.iterations = max(least, math.ceil(factor * (1 + rho)))
         for joint, force in self.dry:
             joint.max_force = force * fraction
         self.space.step(step)
         for joint, force in self.dry:
             joint.max_force = force
         self.space.gravity = WEIGHT
+
+
+def mass_ratio(key: pymunk.Body, jacks: Iterable[CarriedJack], angle: float) -> float:
+    """Return the inertia of the jacks about the pin over that of the key, at an angle [rad]."""
+    return sum(jack.mass * jack.slope(angle) ** 2 for jack in jacks) / key.moment
 
 
 def assemble(rig: Rig, scene: Scene, start: tuple[float, float], events: PluckEvents) -> Assembly:
@@ -161,7 +178,8 @@ def assemble(rig: Rig, scene: Scene, start: tuple[float, float], events: PluckEv
         events: List to which the strings append their events.
 
     Raises:
-        SceneError: A part is too stiff, a choir has no pluck, or the finger starts inside the key.
+        SceneError: A part is too stiff, the jacks are too heavy for the key, a choir has no
+            pluck, or the finger starts inside the key.
     """
     space = pymunk.Space()
     space.gravity, space.iterations = WEIGHT, scene.iterations
@@ -183,6 +201,12 @@ def assemble(rig: Rig, scene: Scene, start: tuple[float, float], events: PluckEv
         CarriedJack(space, key, rig, choir, scene, _string(scene, choir, number, events))
         for number, choir in enumerate(choirs(rig))
     ]
+    if (rho := mass_ratio(key, jacks, 0.0)) > LARGEST_RATIO:
+        raise SceneError(
+            f"rig {rig.name}: jack.mass: the jacks' inertia about the pin is {rho:.3g} times that"
+            f" of the key, and impacts are solved up to {LARGEST_RATIO:g} times; lower the masses"
+            " of the jacks, or raise key.inertia"
+        )
     dry += [(jack.dry, jack.dry_force) for jack in jacks if jack.dry]
     division = Division(rig, loads, jacks, period * MM / steps)
     if scene.push is not None:
@@ -191,7 +215,8 @@ def assemble(rig: Rig, scene: Scene, start: tuple[float, float], events: PluckEv
         finger = ServoFinger(space, key, rig, start, scene.servo)
     else:
         finger = IdealFinger(space, key, rig, start, steps, steps * division.most)
-    return Assembly(space, key, loads, jacks, finger, division, dry)
+    iterations = scene.iterations, ITERATIONS[scene.finger]
+    return Assembly(space, key, loads, jacks, finger, division, dry, iterations)
 
 
 def _string(scene: Scene, choir: Choir, number: int, events: PluckEvents) -> StringForce | None:

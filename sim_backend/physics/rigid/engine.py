@@ -24,8 +24,6 @@ from sautereau.sim_backend.physics.rigid.key_loads import LARGEST_ANGLE
 from sautereau.sim_backend.physics.rigid.step_event import Event, earliest
 from sautereau.sim_backend.scene import Scene
 
-ITERATIONS = {"push": 30, "ideal": 30, "servo": 100}
-"""Least solver iterations at an event and in the step after it: no impulse is warm-started."""
 MOST_EVENTS = 1000
 """Events in one controller sample above which the simulation counts as diverged."""
 
@@ -56,7 +54,6 @@ class RigidWorld:
         """What presses the key."""
         self._loaded = [jack for jack in self._jacks if jack.loaded]
         self._iterations = scene.iterations
-        self._most_iterations = max(scene.iterations, ITERATIONS[scene.finger])
         self._period = rig.controller.sample_period * MM
         self._step = self._ahead = self._engine_step = self._division.step()
         self._angle, self._omega, self._acceleration = self._key.angle, 0.0, 0.0
@@ -65,6 +62,7 @@ class RigidWorld:
         self._still = False
         self._elapsed = 0.0
         self._rows: list[tuple[float, float, float, float, float, float]] = []
+        self._before = [(-2 * self._period, *[0.0] * 5), (-self._period, *[0.0] * 5)]
         self.worst_gap = 0.0
         """m, largest error of a joint or a contact at the end of a controller sample so far."""
 
@@ -76,6 +74,8 @@ class RigidWorld:
     def advance(self, reference: Reference, powered: bool) -> Motions:
         """Advance by one controller sample; see `sautereau.sim_backend.physics.world.World`."""
         finger, loads, time = self.finger, self._loads, self.time
+        kept = [*self._before, *self._rows][-2:]
+        self._before = [(row[0] - self._period, *row[1:]) for row in kept]
         self._rows = []
         self._elapsed = 0.0
         if finger.begin_sample(reference, powered, time) or not self.samples:
@@ -186,6 +186,7 @@ class RigidWorld:
             2 * jack.forces(start, drift / MM) - jack.forces(now, 0.0) if drift else 0.0
             for jack in jacks
         ]
+        pulled = sum(jack.pull for jack in self._loaded)
         if event is not None:
             event.change(now)
             self._step = self._division.step()
@@ -206,7 +207,7 @@ class RigidWorld:
             for jack, force in zip(jacks, means, strict=True):
                 jack.set_bodies(self._step, force * weight / self._step)
             finger.apply_forces(self._elapsed, angle, ahead, self._step, weight / self._step)
-            self._parts.kick(self._step, weight / self._step, self._most_iterations)
+            self._parts.kick(self._step, weight / self._step)
         self._engine_step, self._fresh = self._step, True
         self._angle, self._ahead = angle, ahead
         self._omega = key.angular_velocity
@@ -216,11 +217,36 @@ class RigidWorld:
         self._acceleration = 0.0 if impact else grown / ahead
         for jack in jacks:
             jack.update(weight)
-        push = finger.contact_force(weight)
+        self._append_rows(node, pulled, finger.contact_force(weight), drift, ahead, impact)
+
+    def _append_rows(
+        self, omega: float, pulled: float, mean: float, drift: float, ahead: float, impact: bool
+    ) -> None:
+        """Append the left and the right limit at the end of a drift, or one row if they agree.
+
+        Args:
+            omega: rad/ms, of the key, before an impact.
+            pulled: N, of the strings, before the event.
+            mean: N, of the finger: half of both forces, weighted by the times before and after.
+            drift: ms, before the event; with 0 there is no left limit.
+            ahead: ms, of the next step.
+            impact: Whether velocities jump; then the mean force contains the impulse.
+        """
+        pull = sum(jack.pull for jack in self._loaded)
+        rise, before, after = self._jacks[0].rise / MM, mean, mean
+        if drift and pull != pulled and not impact:
+            before = self._force_before()
+            after = (mean * (drift + ahead) - before * drift) / ahead
         if drift:
-            pull = sum(jack.pull for jack in self._loaded)
-            speed = (self._omega if impact else node) * MM
-            self._rows.append((self._elapsed, angle, speed, jacks[0].rise / MM, push, pull))
+            self._rows.append((self._elapsed, self._angle, omega * MM, rise, before, pulled))
+        if not drift or impact or pull != pulled:
+            speed = (self._omega if impact else omega) * MM
+            self._rows.append((self._elapsed, self._angle, speed, rise, after, pull))
+
+    def _force_before(self) -> float:
+        """Return the finger's force [N] now, extrapolated from the last two rows."""
+        (t0, *_, f0, _), (t1, *_, f1, _) = [*self._before, *self._rows][-2:]
+        return f1 + (f1 - f0) / (t1 - t0) * (self._elapsed - t1) if t1 > t0 else f1
 
     def _possible_events(self, drift: float) -> list[Event]:
         """Return the events that may occur within a drift [ms]."""
