@@ -64,5 +64,5 @@ def test_the_toy_is_as_safe_as_the_others(installed):
 
 
 def test_an_unknown_kind_is_refused_by_name():
-    with pytest.raises(RigError, match=r"controller\.kind: 'toy' is unknown; known: galil, odrive"):
+    with pytest.raises(RigError, match=r"controller 'toy' is unknown; known: galil, odrive"):
         with_values(load_rig(), {"controller.kind": "toy"})
