@@ -4,6 +4,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, Field, ValidationError, model_validator
+from pydantic_core import to_jsonable_python
 
 from sautereau.rig.faults import fault_list, validation_faults
 from sautereau.rig.instrument import Choir
@@ -175,6 +176,20 @@ def load_scene(name: str | Path = "paper") -> Scene:
     """
     text, origin, _ = named_text(name, "sautereau.sim_backend.scenes", "scene", SceneError)
     return parse_scene(text, origin)
+
+
+def current_scene(document: dict[str, Any]) -> dict[str, Any]:
+    """Return the JSON document of a scene, with the keys that its version did not have.
+
+    Args:
+        document: As `Scene.model_dump_json` wrote it, also by an earlier version.
+    """
+    optional = {
+        name: field.get_default(call_default_factory=True)
+        for name, field in Scene.model_fields.items()
+        if not field.is_required()
+    }
+    return to_jsonable_python(optional) | document
 
 
 def packaged_scenes() -> list[str]:

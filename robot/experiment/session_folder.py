@@ -5,7 +5,7 @@ The manifest is written before the first press.
 
 import json
 import uuid
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -50,7 +50,14 @@ class SessionFolder:
     The presses that are made are found from the recordings: one with its final name is complete.
     """
 
-    def __init__(self, path: Path, plan: Plan, seed: int | None, fresh_seed: int | None):
+    def __init__(
+        self,
+        path: Path,
+        plan: Plan,
+        seed: int | None,
+        fresh_seed: int | None,
+        current_scene: Callable[[dict[str, Any]], dict[str, Any]] = dict,
+    ):
         """Read the folder; nothing is written.
 
         Args:
@@ -58,6 +65,7 @@ class SessionFolder:
             plan: Of the session.
             seed: Of the stand-in's random numbers, as requested; None for that of the session.
             fresh_seed: Of a new session without a requested seed; None on the hardware.
+            current_scene: Adds to the document of a scene what its version did not have.
 
         Raises:
             RobotError: It contains another session.
@@ -71,7 +79,10 @@ class SessionFolder:
         """Whether the session was started before."""
         if started is not None:
             requested = started.seed if seed is None else seed
-            check_same(path, {**started.plan, "seed": started.seed}, {**asked, "seed": requested})
+            before = {**started.plan, "seed": started.seed}
+            if isinstance(before["scene"], dict):
+                before["scene"] = current_scene(before["scene"])
+            check_same(path, before, {**asked, "seed": requested})
         self._manifest = started or Manifest(
             session=uuid.uuid4().hex,
             started=datetime.now(UTC).isoformat(timespec="milliseconds"),

@@ -80,6 +80,7 @@ def press(
     from sautereau.robot.experiment.plan import Plan, digest, plan_rows
     from sautereau.robot.experiment.plan_table import Row, read_plan_table
     from sautereau.robot.experiment.session_folder import SessionFolder
+    from sautereau.sim_backend.scene import current_scene
 
     nominal = common.rig_to_move(rig, simulation)
     rows = read_plan_table(table, nominal, n, notes) if table else (Row(nominal, n, notes=notes),)
@@ -101,9 +102,8 @@ def press(
     tables = _torques(rows, trajectories, feed_forward)
     waiting: dict[str, Any] = {}
     with common.signals_stop(), only_session(out):
-        folder = SessionFolder(
-            out, plan, simulation.seed, common.fresh_seed() if simulation.requested else None
-        )
+        fresh = common.fresh_seed() if simulation.requested else None
+        folder = SessionFolder(out, plan, simulation.seed, fresh, current_scene)
         report = SessionReport(folder, warnings, json)
         report.begin()
         for places in plan.set_ups:

@@ -190,6 +190,10 @@ def _again(manifest: "Manifest", presses: "tuple[PressRecord, ...]") -> "Again":
 
 def _packaged(scene: str) -> str:
     """Return the name of the packaged scene with this text; empty for none."""
-    from sautereau.sim_backend.scene import load_scene, packaged_scenes
+    from pydantic_core import from_json
 
-    return next((n for n in packaged_scenes() if load_scene(n).model_dump_json() == scene), "")
+    from sautereau.sim_backend.scene import current_scene, load_scene, packaged_scenes
+
+    document = current_scene(from_json(scene))
+    dumped = {name: load_scene(name).model_dump(mode="json") for name in packaged_scenes()}
+    return next((name for name, packaged in dumped.items() if packaged == document), "")

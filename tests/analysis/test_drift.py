@@ -29,7 +29,7 @@ def sampled(seed=0, offset=0.0, back=True, until=0.53, channel=VELOCITY):
     """Volts of the simulated sensor on that motion; ``offset`` in V comes after the coupling."""
     chain = SensorChain(channel, SENSORS, RATE, 0.0, np.random.default_rng(seed))
     fine = np.arange(1, int(until * 4 * RATE)) / (4 * RATE)
-    chain.input.extend(fine, motion(fine, back), [])
+    chain.input.extend(fine, motion(fine, back))
     return chain.volts(0, int(until * RATE)) + offset
 
 

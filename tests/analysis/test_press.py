@@ -147,7 +147,7 @@ def sensed(rig, signals, seed=0, until=0.5, silent=False):
     for i, (channel, function) in enumerate(zip(rig.daq.channels, signals, strict=True)):
         random = np.random.default_rng([seed, i])
         chain = SensorChain(channel, sensors, RATE, float(function(np.zeros(1))[0]), random)
-        chain.input.extend(fine, function(fine), [])
+        chain.input.extend(fine, function(fine))
         rows.append(chain.volts(0, round(until * RATE)))
     return np.stack(rows)
 

@@ -86,7 +86,7 @@ def test_both_sensors_are_aligned(tmp_path, product, rate, device, terminal, del
             assert [one.delay for one in settings.channels] == pytest.approx([delay, delay - skew])
             acquisition.start()
             card.edge()
-            card.feed(vibrating(), ())
+            card.feed(vibrating())
             session = SessionInfo(1, datetime.now(UTC).isoformat(), True, "none", "none", seed=0)
             path = tmp_path / "press-0001.mcap"
             with Recording(
