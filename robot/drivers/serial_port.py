@@ -8,6 +8,9 @@ from typing import Protocol
 from sautereau.robot.drivers.ethernet import TCP, EthernetPort
 from sautereau.robot.errors import LineLost, PortUnavailable, SilentController
 
+SCHEMES = ("socket", "rfc2217", "loop")
+"""Of pyserial's URLs: ports behind a network, and one that only echoes."""
+
 
 class Port(Protocol):
     """The part of a serial port that a request/answer line uses."""
@@ -33,10 +36,11 @@ class Port(Protocol):
 
 
 def open_port(name: str, baud_rate: int, timeout: float) -> Port:
-    """Open a serial device, or any URL that pyserial takes, for exclusive use.
+    """Open a serial device, or a port on the network, for exclusive use.
 
     Args:
-        name: Device, `tcp://host:port`, or URL.
+        name: Device, `tcp://host:port`, or a pyserial URL of `SCHEMES`; others of its URLs
+            write files or imitate a port.
         baud_rate: Bits per second.
         timeout: s, of reading and of writing.
 
@@ -48,6 +52,9 @@ def open_port(name: str, baud_rate: int, timeout: float) -> Port:
     try:
         if name.startswith(TCP):
             return EthernetPort(name, timeout)
+        scheme, separator, _ = name.partition("://")
+        if separator and scheme not in SCHEMES:
+            raise ValueError(f"{scheme}:// is not one of tcp, {', '.join(SCHEMES)}")
         return serial.serial_for_url(
             name, baudrate=baud_rate, timeout=timeout, write_timeout=timeout, exclusive=True
         )

@@ -57,3 +57,12 @@ def test_hung_up_while_connecting(terminal, lines):
     controller, _ = terminal(lines.connect[:3], [("EO 1", None)])
     with pytest.raises(LineLost, match="EO 1"):
         controller.connect()
+
+
+@pytest.mark.parametrize("url", ["spy:///dev/null?file=seen.txt", "hwgrep://.*", "alt:///dev/null"])
+def test_urls_that_are_no_port_of_a_controller_are_refused(url, tmp_path, monkeypatch):
+    """One of pyserial's would write a file that the rig names."""
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(PortUnavailable, match="is not one of tcp, socket"):
+        open_port(url, 115_200, 0.1)
+    assert list(tmp_path.iterdir()) == []
