@@ -19,6 +19,8 @@ from sautereau.daq.file.recording import Recording
 from sautereau.daq.signals.calibration import to_volts
 from sautereau.rig.schema import Rig
 
+ENDING = ".importing.part"
+"""Appended to the name of a recording until its import is complete."""
 SMOOTHED = 5
 """Samples of the polynomial of degree 4 whose derivative is a displacement's velocity."""
 
@@ -196,7 +198,13 @@ def _recording(
     last = first + min(rig.daq.block, volts.shape[1]) - 1
     arrived = t0_ns + round(last * 1e9 / rate)
     recording = Recording(
-        out, rig, session=session, rate=rate, clock=lambda: arrived, monotonic=lambda: 0.0
+        out,
+        rig,
+        session=session,
+        rate=rate,
+        clock=lambda: arrived,
+        monotonic=lambda: 0.0,
+        ending=ENDING,
     )
     opened = False
     try:

@@ -38,6 +38,7 @@ class Recording:
         compress: bool = True,
         clock: Callable[[], int] = time.time_ns,
         monotonic: Callable[[], float] = time.monotonic,
+        ending: str = PART,
     ):
         """Prepare; the file is opened on entering the context.
 
@@ -50,12 +51,15 @@ class Recording:
             clock: ns since 1970; read once, here. Every date in the file follows from it and
                 from `monotonic`, so that setting the clock meanwhile changes nothing.
             monotonic: Time in s of a clock that is never set; also determines when to flush.
+            ending: Appended to the name of the unfinished file. With another one than `PART` it
+                is made from other files, and what a killed program left of it is replaced.
         """
         self._path = Path(path)
         self._rig = rig
         self._session = session
         self._rate = rig.daq.sample_rate if rate is None else rate
         self._compress = compress
+        self._ending = ending
         self._clock = SteadyClock(clock, monotonic)
         self._opened: RecordingFile | None = None
         self._topics: dict[str, int] = {}
@@ -70,7 +74,7 @@ class Recording:
     @property
     def part_path(self) -> Path:
         """File that holds the samples until the recording has been closed without a fault."""
-        return self._path.with_name(self._path.name + PART)
+        return self._path.with_name(self._path.name + self._ending)
 
     @property
     def t0_ns(self) -> int | None:
@@ -84,7 +88,11 @@ class Recording:
 
     def __enter__(self) -> "Recording":
         file = self._opened = RecordingFile(
-            self._path, compress=self._compress, rate=self._rate, seconds=self._clock.seconds
+            self._path,
+            compress=self._compress,
+            rate=self._rate,
+            seconds=self._clock.seconds,
+            ending=self._ending,
         )
         try:
             with file.writing() as writer:

@@ -13,7 +13,7 @@ from hypothesis.extra import numpy as hnp
 from nptdms import ChannelObject, RootObject, TdmsWriter
 
 from sautereau.daq.convert.export import export
-from sautereau.daq.convert.importing import import_file
+from sautereau.daq.convert.importing import ENDING, import_file
 from sautereau.daq.convert.options import ImportOptions
 from sautereau.daq.errors import RecordingError
 from sautereau.daq.file.reading import read_recording
@@ -56,12 +56,14 @@ def back(tmp_path):
 def test_an_export_comes_back_with_everything(tmp_path, back, complete_recording, to, raw):
     table = tmp_path / f"table.{to}"
     export(complete_recording, to, table, raw=raw)
+    back.with_name(f"back.mcap{ENDING}").write_text("what a killed import left")
     done = import_file(table, back, rig=None, options=NO_OPTIONS, notes="back")
     first, second = read_recording(complete_recording), read_recording(back)
     assert done.simulated is second.simulated is True
     assert second.rig == first.rig
     assert second.rig.sources == first.rig.sources
     assert (second.rate, second.t0_ns) == (first.rate, first.t0_ns)
+    assert not list(tmp_path.glob(f"*{ENDING}"))
     for name, signal in first.volts.items():
         assert np.array_equal(bits(second.volts[name]), bits(signal))
     for series in ("plan", "joints"):

@@ -138,16 +138,25 @@ class SteadyClock:
 class RecordingFile:
     """An MCAP file that gets its name when it is finished; after a fault it accepts no more."""
 
-    def __init__(self, path: Path, *, compress: bool, rate: float, seconds: Callable[[], float]):
-        """Open the unfinished file, ``path.part``.
+    def __init__(
+        self,
+        path: Path,
+        *,
+        compress: bool,
+        rate: float,
+        seconds: Callable[[], float],
+        ending: str = PART,
+    ):
+        """Open the unfinished file.
 
         Args:
             path: Path of the finished file.
+            ending: Appended to its name until then; see `DurableFile`.
             compress: Whether to compress chunks with zstd.
             rate: Sampling rate, Hz.
             seconds: Time in s of a clock that is never set.
         """
-        self._file = DurableFile(path)
+        self._file = DurableFile(path, ending=ending)
         self._writer = McapWriter(self._file.stream, path.parent, compress=compress)
         self._seconds = seconds
         self._flushed = self._synced = seconds()
