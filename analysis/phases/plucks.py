@@ -78,7 +78,9 @@ def find_plucks(rig: Rig, signals: Signals, begin: int, end: int) -> Found:
         found = _contacts(rig, signals, rows.step, begin, large, rest, before)
     noise = max((max(c.noise, RELEASE_WEIGHT * r.noise) for c, r in found), default=1.0)
     rigid = Found(found, Fit("rigid", noise))
-    if found and noise < RIGID_NOISE:
+    # A string held together with the next one spoils the fit of its contact on any key.
+    ringing = max((RELEASE_WEIGHT * r.noise for _, r in found), default=1.0)
+    if found and max(ringing, min(c.noise for c, _ in found)) < RIGID_NOISE:
         return rigid
     plucks, searched = compliant_plucks(rig, signals, rest, (begin, end), before)
     further = () if searched.further is None else (searched.further,)
