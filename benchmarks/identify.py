@@ -9,24 +9,20 @@ The simulation has steps of 20 us: with the 100 us of the scene its force is 20 
 not an error of a bench.
 """
 
-import importlib
-import importlib.util
-import tempfile
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from benchmarks.figures import Figure, timed
-from benchmarks.simulated import DAY, acquired
+from benchmarks.independent import Pressed, press, random_conditions
+from benchmarks.judged import judged_press
+from benchmarks.simulated import acquired
 from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.identify.identified import Identified, identify
 from sautereau.analysis.identify.parameters import value_of
 from sautereau.analysis.loading.press import Press, press_of
 from sautereau.analysis.phases import Phases, find_phases
-from sautereau.daq.file.recorded import Recorded, SessionInfo
 from sautereau.rig.load import load_rig, with_values
 from sautereau.rig.schema import Rig
 from sautereau.sim_backend.physics.observation import observe
@@ -40,8 +36,8 @@ ROUNDS = 3
 """Fits of a bench, each with the first suggestion of the last one freed."""
 STEP = 20e-6
 """s, step of the simulation."""
-INDEPENDENT, JUDGED_PRESSES = "benchmarks.independent", 3
-"""The independent simulator, which draws every factor, and the presses of each of its benches."""
+JUDGED_PRESSES = 3
+"""Presses of each bench of the independent simulator, which draws every factor."""
 LIMIT, COVERED = 0.05, 0.88
 """Dimensionless: largest error of a result that is reported as identifiable, by a model that fits;
 and the least fraction of them that are within it and in their 95 % interval."""
@@ -148,48 +144,28 @@ def independent_cases(benches: range) -> Iterator[Case]:
 
     Its inertia of the key is that seen by the transducer, with the mass in front of it.
     """
-    judge: Any = importlib.import_module(INDEPENDENT)
     for number in benches:
-        c = judge.random_conditions(np.random.default_rng([15, number]))
+        c = random_conditions(np.random.default_rng([15, number]))
         try:
-            made = [judge.press(c, seed) for seed in range(1, JUDGED_PRESSES + 1)]
+            made = [press(c, seed) for seed in range(1, JUDGED_PRESSES + 1)]
         except (ValueError, ArithmeticError):
             continue
         if not made[0].truth.plucks:
             continue
-        pressed = [press_of(_recorded(judge, each)) for each in made]
+        pressed = [judged_press(each, _stated(each)) for each in made]
         first = c.choirs[0]
         inertia = c.inertia + c.tip_mass * c.press_arm**2
         truth = (first.bending_stiffness, first.overlap, inertia)
         yield pressed, [find_phases(p) for p in pressed], dict(zip(RESULTS, truth, strict=True))
 
 
-def _recorded(judge: Any, made: Any) -> Recorded:
-    """Return a press of the independent simulator as recorded, with its experimenter's rig."""
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "rig.toml"
-        judge.write_rig(made, path)
-        stated = {
-            key.replace(".delay", ".delay_std").replace(".scale", ".gain_std"): value
-            for key, value in made.rig_uncertainties.items()
-        }
-        rig = with_values(load_rig(path), {"plectrum.contact": "surface", **stated})
-    volts = (made.velocity_volts, made.force_volts)
-    return Recorded(
-        t0_ns=0,
-        rate=made.rate,
-        first_sample=-round(made.t0 * made.rate),
-        volts=dict(zip(("velocity", "force"), volts, strict=True)),
-        path=Path(f"independent-{made.seed}.mcap"),
-        rig=rig,
-        session=SessionInfo(1, DAY, True, "none", "none", seed=made.seed),
-        plan=None,
-        joints=None,
-        events=(),
-        software={},
-        channels={},
-        gaps=(),
-    )
+def _stated(pressed: Pressed) -> dict[str, str]:
+    """Return what the experimenter states of the string and the sensors, by the rig's keys."""
+    stated = {
+        key.replace(".delay", ".delay_std").replace(".scale", ".gain_std"): value
+        for key, value in pressed.rig_uncertainties.items()
+    }
+    return {"plectrum.contact": "surface", **stated}
 
 
 def outcomes(cases: Iterator[Case]) -> Outcomes:
@@ -228,8 +204,7 @@ def run() -> list[Figure]:
     """Return how many results are claimed, and how many of the claimed ones are right."""
     found = outcomes(simulated_cases(range(BENCHES)))
     figures = _figures("stand-in", found)
-    if importlib.util.find_spec(INDEPENDENT):
-        figures += _figures("independent", outcomes(independent_cases(range(BENCHES))))
+    figures += _figures("independent", outcomes(independent_cases(range(BENCHES))))
     spent = Figure(f"a fit of {len(FREE)} to {PRESSES} presses", found.seconds, "s", "limit", 10.0)
     return [*figures, spent]
 

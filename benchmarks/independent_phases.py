@@ -4,8 +4,6 @@ import statistics
 import sys
 import time
 from dataclasses import dataclass
-from pathlib import Path
-from tempfile import TemporaryDirectory
 
 import numpy as np
 
@@ -13,17 +11,13 @@ from benchmarks.figures import Figure
 from benchmarks.independent import (
     ONE_FACTOR,
     Conditions,
-    Pressed,
     press,
     random_conditions,
-    write_rig,
 )
-from benchmarks.simulated import DAY
-from sautereau.analysis.loading.press import Press, press_of
+from benchmarks.judged import judged_press
+from sautereau.analysis.loading.press import Press
 from sautereau.analysis.phases import Phases, find_phases
-from sautereau.daq.file.recorded import Recorded, SessionInfo
 from sautereau.rig.errors import RigError
-from sautereau.rig.load import load_rig
 from sautereau.trajectory.motion import Floats
 
 RANDOM, EACH = 100, 1
@@ -61,41 +55,15 @@ class Judged:
         return np.concatenate([self.found[:, :2] - self.truth, self.found[:, 2:]], 1)
 
 
-def judged_press(conditions: Conditions, seed: int) -> tuple[Press, Pressed]:
-    """Simulate a press and return it as the analysis gets it, with the truth.
+def judge(conditions: Conditions, seed: int) -> Judged:
+    """Return what the analysis finds in a press, beside the truth.
 
     Raises:
         ValueError: The conditions cannot be simulated.
         ArithmeticError: The integration diverged.
     """
     pressed = press(conditions, seed)
-    with TemporaryDirectory() as folder:
-        path = Path(folder) / "rig.toml"
-        write_rig(pressed, path)
-        rig = load_rig(path)
-    names = {channel.quantity: channel.name for channel in rig.daq.channels}
-    volts = {"velocity": pressed.velocity_volts, "force": pressed.force_volts}
-    recorded = Recorded(
-        t0_ns=0,
-        rate=pressed.rate,
-        first_sample=-round(pressed.t0 * pressed.rate),
-        volts={names[quantity]: signal for quantity, signal in volts.items()},
-        path=Path(f"judged-{seed}.mcap"),
-        rig=rig,
-        session=SessionInfo(1, DAY, True, "none", "none", seed=seed),
-        plan=None,
-        joints=None,
-        events=(),
-        software={},
-        channels={},
-        gaps=(),
-    )
-    return press_of(recorded), pressed
-
-
-def judge(conditions: Conditions, seed: int) -> Judged:
-    """Return what the analysis finds in a press, beside the truth."""
-    recorded, pressed = judged_press(conditions, seed)
+    recorded = judged_press(pressed)
     start = time.process_time()
     found = find_phases(recorded)
     seconds = time.process_time() - start

@@ -24,6 +24,7 @@ from sautereau.sim_backend.physics.observation import Observation, observe
 from sautereau.sim_backend.physics.world import new_world
 from sautereau.sim_backend.scene import Scene, load_scene
 from sautereau.sim_backend.truth import Truth, truths
+from sautereau.trajectory.motion import Floats
 
 SCENES = ("ideal", "paper", "return", "two-choirs", "pluck", "free-key")
 """Packaged scenes that `random_case` draws from."""
@@ -70,13 +71,31 @@ def acquired(rig: Rig, scene: Scene, seen: Observation, seed: int = 0) -> tuple[
     run = SampledRun(wired, TaskSetup(terminals, rate, n, None), scene, seed, 0, rest, FairLock())
     run.trigger(edge)
     run.feed(motions)
-    recorded = Recorded(
+    volts = dict(zip((c.name for c in wired.daq.channels), run.read(0, n), strict=True))
+    recorded = as_recorded(wired, volts, rate, 0, f"simulated-{seed}.mcap", seed)
+    return recorded, truths(seen.events, [edge])[0]
+
+
+def as_recorded(
+    rig: Rig, volts: dict[str, Floats], rate: float, first_sample: int, name: str, seed: int
+) -> Recorded:
+    """Return simulated volts as a recording holds them, without a plan or events.
+
+    Args:
+        rig: With the calibrations of the channels.
+        volts: V, by the name of the channel, each of shape (n_samples,).
+        rate: Hz.
+        first_sample: Index of the first sample, counted from the trigger.
+        name: Of the file that there is not.
+        seed: Of the simulation.
+    """
+    return Recorded(
         t0_ns=0,
         rate=rate,
-        first_sample=0,
-        volts=dict(zip((c.name for c in wired.daq.channels), run.read(0, n), strict=True)),
-        path=Path(f"simulated-{seed}.mcap"),
-        rig=wired,
+        first_sample=first_sample,
+        volts=volts,
+        path=Path(name),
+        rig=rig,
         session=SessionInfo(1, DAY, True, "none", "none", seed=seed),
         plan=None,
         joints=None,
@@ -85,7 +104,6 @@ def acquired(rig: Rig, scene: Scene, seen: Observation, seed: int = 0) -> tuple[
         channels={},
         gaps=(),
     )
-    return recorded, truths(seen.events, [edge])[0]
 
 
 def random_case(seed: int) -> tuple[Rig, Scene]:

@@ -6,16 +6,15 @@ mode of the coupled linear bench nearest to it, by where that mode has most of i
 
 from collections import Counter
 from dataclasses import dataclass, replace
-from pathlib import Path
-from tempfile import TemporaryDirectory
 
 import numpy as np
 from scipy.linalg import eigh
 
 from benchmarks.figures import Figure
-from benchmarks.independent import Choir, Conditions, Pressed, press, random_conditions, write_rig
+from benchmarks.independent import Choir, Conditions, Pressed, press, random_conditions
 from benchmarks.independent.assembly import body_of, build_key, string_modes
-from sautereau.analysis.loading.press import Press, press_of
+from benchmarks.judged import judged_press
+from sautereau.analysis.loading.press import Press
 from sautereau.analysis.phases import HeldString, Phases
 from sautereau.analysis.transient import (
     Attributed,
@@ -25,8 +24,6 @@ from sautereau.analysis.transient import (
     combine,
     examine,
 )
-from sautereau.daq.file.recorded import Recorded, SessionInfo
-from sautereau.rig.load import load_rig
 
 CASES = 24
 NEAR = 0.08
@@ -35,35 +32,6 @@ ALIKE = 0.02
 """Relative distance within which modes of two sources are not distinguished."""
 INSTANT_STD = 20e-6
 """s, uncertainty given to the true instants."""
-
-
-def as_press(pressed: Pressed) -> Press:
-    """Return a press of the independent simulator as loaded from a recording."""
-    with TemporaryDirectory() as folder:
-        path = Path(folder) / "rig.toml"
-        write_rig(pressed, path)
-        rig = load_rig(str(path))
-    names = {channel.quantity: channel.name for channel in rig.daq.channels}
-    return press_of(
-        Recorded(
-            t0_ns=0,
-            rate=pressed.rate,
-            first_sample=-round(pressed.t0 * pressed.rate),
-            volts={
-                names["velocity"]: pressed.velocity_volts,
-                names["force"]: pressed.force_volts,
-            },
-            path=Path(f"independent-{pressed.seed}.mcap"),
-            rig=rig,
-            session=SessionInfo(1, "2026-01-01T00:00:00+00:00", True, "none", "none"),
-            plan=None,
-            joints=None,
-            events=(),
-            software={},
-            channels={},
-            gaps=(),
-        )
-    )
 
 
 def true_phases(pressed: Pressed, loaded: Press) -> Phases:
@@ -184,7 +152,7 @@ class Study:
 
 def attributed(*presses: Pressed) -> list[Attributed]:
     """Return the attributed oscillations of presses of one bench of the independent simulator."""
-    loaded = [as_press(each) for each in presses]
+    loaded = [judged_press(each) for each in presses]
     examined = [
         examine(press, true_phases(each, press), number)
         for number, (press, each) in enumerate(zip(loaded, presses, strict=True))

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from benchmarks.independent import ONE_FACTOR, press
+from benchmarks.judged import judged_press
 from benchmarks.simulated import simulated_press
-from benchmarks.transient import as_press, true_phases, truth_of
+from benchmarks.transient import true_phases, truth_of
 from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.figures.transient import transient_figure
 from sautereau.analysis.phases import Phases, find_phases
@@ -27,7 +28,7 @@ def pressed():
     """Presses of the independent simulator by their factor: recording, truth and phases."""
     names = ("all stiff", "quasi-static string", "key bends at 350 Hz")
     made = {name: press(ONE_FACTOR[name], seed=1) for name in names}
-    loaded = {name: as_press(each) for name, each in made.items()}
+    loaded = {name: judged_press(each) for name, each in made.items()}
     return {n: (loaded[n], made[n], true_phases(made[n], loaded[n])) for n in names}
 
 
