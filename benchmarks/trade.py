@@ -10,8 +10,8 @@ from sautereau.rig.load import load_rig
 from sautereau.rig.schema import Rig
 from sautereau.sim_backend.physics.drive import drive_of
 from sautereau.sim_backend.physics.observation import errors, observe
-from sautereau.sim_backend.physics.reduced.sweep import Ending, sweep
-from sautereau.sim_backend.physics.reference.observe import reference
+from sautereau.sim_backend.physics.exact.sweep import Ending, sweep
+from sautereau.sim_backend.physics.exact.engine import reference
 from sautereau.sim_backend.scene import Scene, load_scene
 from sautereau.sim_backend.trade.refinement import stepped
 from sautereau.sim_backend.trade.select import select_solver
@@ -54,7 +54,7 @@ def _rigid(rig: Rig, scene: Scene) -> list[Figure]:
 
 
 def _reduced(rig: Rig, scene: Scene) -> list[Figure]:
-    error, factor = _measured(rig, stepped(rig, scene, 1, engine="reduced"))
+    error, factor = _measured(rig, stepped(rig, scene, 1, engine="exact"))
     name = "pluck, reduced, 977 us"
     return [
         Figure(f"{name}: error of an event", error * 1e6, "us", "limit", 1.0),
@@ -63,7 +63,7 @@ def _reduced(rig: Rig, scene: Scene) -> list[Figure]:
 
 
 def _sweep(rig: Rig, scene: Scene) -> list[Figure]:
-    way = stepped(rig, scene, 1, engine="reduced")
+    way = stepped(rig, scene, 1, engine="exact")
     values = {"push.force": np.linspace(1.0, 2.0, PRESSES)}
     swept = sweep(rig, way, values)
     assert (swept.status == Ending.PLAYED).all()

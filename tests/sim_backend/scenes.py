@@ -37,7 +37,7 @@ def scene_of(name, **changes):
 def pushed(force=1.2, duration=0.02, rest=0.0, **changes):
     """Return a push of a plucking key with friction and felt, in steps of 1 ms; changes in SI."""
     parts = {"finger": "push", "plectrum": "elastica", "string": "spring"}
-    parts |= {"friction": True, "felt": True, "engine": "reduced", "step": "1 ms"}
+    parts |= {"friction": True, "felt": True, "engine": "exact", "step": "1 ms"}
     parts["push"] = {"force": f"{force} N", "duration": f"{duration} s", "rest": f"{rest} s"}
     return Scene.model_validate(parts).model_copy(update=changes)
 

@@ -7,7 +7,7 @@ import pytest
 
 from sautereau.sim_backend.physics.drive import drive_of
 from sautereau.sim_backend.physics.observation import errors, observe
-from sautereau.sim_backend.physics.reference.observe import reference
+from sautereau.sim_backend.physics.exact.engine import reference
 from sautereau.sim_backend.physics.rigid.assembly import RESOLVED
 from sautereau.sim_backend.physics.world import new_world
 from sautereau.sim_backend.scene import packaged_scenes

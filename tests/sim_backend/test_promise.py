@@ -11,7 +11,7 @@ from sautereau.rig.schema import Rig
 from sautereau.sim_backend.errors import SceneError
 from sautereau.sim_backend.physics.drive import drive_of
 from sautereau.sim_backend.physics.observation import errors, observe
-from sautereau.sim_backend.physics.reference.observe import reference
+from sautereau.sim_backend.physics.exact.engine import reference
 from sautereau.sim_backend.scene import Scene
 from sautereau.sim_backend.trade.select import select_solver
 

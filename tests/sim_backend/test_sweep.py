@@ -7,9 +7,9 @@ from sautereau.analysis.model.choirs import choir_pluck, choirs
 from sautereau.rig.load import with_values
 from sautereau.sim_backend.errors import SceneError
 from sautereau.sim_backend.physics.drive import drive_of
-from sautereau.sim_backend.physics.reduced.engine import ReducedWorld
-from sautereau.sim_backend.physics.reduced.laws import elastica_laws, laws_of
-from sautereau.sim_backend.physics.reduced.sweep import Ending, sweep
+from sautereau.sim_backend.physics.exact.engine import ExactWorld
+from sautereau.sim_backend.physics.exact.laws import choir_law, elastica_laws
+from sautereau.sim_backend.physics.exact.sweep import Ending, sweep
 from tests.sim_backend.scenes import RETURNING, RIG, choir, pressed, pushed
 
 UNITS = {
@@ -41,7 +41,7 @@ def one(scene, values, rig=RIG):
         scene = scene.model_copy(update={"push": scene.push.model_copy(update=changed)})
     rig = with_values(rig, {n: text for n, text in texts.items() if not n.startswith("push.")})
     drive = drive_of(RIG, scene)
-    world = ReducedWorld(rig, scene, drive.start)
+    world = ExactWorld(rig, scene, drive.start)
     for i in range(drive.samples):
         world.advance(drive.reference(i), True)
     found = []
