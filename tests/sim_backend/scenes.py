@@ -9,7 +9,7 @@ from sautereau.rig.instrument import Choir
 from sautereau.rig.load import load_rig
 from sautereau.sim_backend.parts import Push
 from sautereau.sim_backend.physics.drive import drive_of
-from sautereau.sim_backend.physics.reference.observe import solve
+from sautereau.sim_backend.physics.exact.engine import reference
 from sautereau.sim_backend.scene import Scene, load_scene
 
 RIG = load_rig("paper")
@@ -64,6 +64,6 @@ def at_rest(fractions):
 
 @cache
 def press_solved(name):
-    """Return the reference's solution of a packaged scene's press, and its drive."""
+    """Return the reference solution of a packaged scene's press, and its drive."""
     scene = scene_of(name, sensors=None)
-    return solve(RIG, scene), drive_of(RIG, scene)
+    return reference(RIG, scene), drive_of(RIG, scene)

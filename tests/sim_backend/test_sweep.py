@@ -163,9 +163,10 @@ def test_laws_solved_together_are_those_of_the_model(friction, overlap, contact)
     )
     assert good.all()
     height = np.linspace(0, pluck.release_height, 3001)[:-1]
-    for law, error in ((laws, 1e-7), (laws_of([pluck]), 1e-14)):
-        assert law.places[0, 0] == len(pluck.stretches)
-        end = law.places[0, 5 + int(law.places[0, 0])]
+    for law, error in ((laws, 1e-7), (choir_law(choir.model_copy(update={"plectrum": plectrum}), "elastica"), 1e-14)):
+        count = law.jacks["pieces"][0]
+        assert count == len(pluck.stretches)
+        end = law.jacks["border"][0, count]
         assert end == pytest.approx(pluck.release_height, rel=1e-12)
         force, model = force_of(law, height), pluck.force_on_jack(height)
         largest = model.max()
@@ -177,8 +178,7 @@ def test_laws_solved_together_are_those_of_the_model(friction, overlap, contact)
 def force_of(law, height):
     """Evaluate a law in its cells."""
     cells = law.cells
-    count = int(law.places[0, 0])
-    first, last = int(law.places[0, 1]), int(law.places[0, 1 + count])
+    first, last = law.jacks["first"][0, [0, law.jacks["pieces"][0]]]
     cell = first + np.searchsorted(cells[first:last, 0], height, side="right") - 1
     u = height - cells[cell, 0]
     c = cells[cell].T

@@ -37,7 +37,7 @@ from sautereau.trajectory.motion import Floats
 FINGERS = ("push", "ideal", "servo")
 ORDER = 4
 """Of the steps of a scene."""
-RATED, RATED_STEP, LEAST = 3e-6, 1e-3, 1e-13
+RATED, RATED_STEP, LEAST = 1e-9, 1e-3, 1e-16
 """A step of length `RATED_STEP` [s] may have the relative error `RATED`; the limit scales with the
 order's power of the step, and is at least `LEAST`. A step with a larger error is divided."""
 GRID, GRID_ORDER = 50e-6, 6
@@ -95,12 +95,13 @@ class ExactWorld:
         self._timing = timing_of(rig, scene, order, tolerance)
         laws = rig_laws(rig, scene)
         keys, jacks = benches(Numbers(rig, scene, {}), laws.jacks[None])
-        self._press = new_press(
+        self.press = new_press(
             records(keys)[0], records(jacks)[0], laws.cells, arm_of(rig, scene, self.start),
             FINGERS.index(scene.finger), 0,
         )  # fmt: skip
+        """Parameters and state."""
         self._powered = False
-        self.finger = ServoFinger(self._press) if scene.servo else StandingFinger(self.start)
+        self.finger = ServoFinger(self.press) if scene.servo else StandingFinger(self.start)
 
     @property
     def time(self) -> float:
@@ -125,7 +126,7 @@ class ExactWorld:
 
     def _play(self, counts: Floats, speeds: Floats, powered: bool) -> Motions:
         """Advance through controller samples with a reference at their ends."""
-        press, kind = self._press, self._press.finger.kind
+        press, kind = self.press, self.press.finger.kind
         if kind == SERVO and powered != self._powered:
             self.finger.switch(powered)
         self._powered = powered
@@ -136,7 +137,7 @@ class ExactWorld:
         steps, order, tolerance = self._timing
         room = len(cubics) * (steps + 2) + SPARE_ROWS
         if len(press.rows) < room:
-            self._press = press = press._replace(rows=np.empty((room, 6)))
+            self.press = press = press._replace(rows=np.empty((room, 6)))
         status = play(
             press, self.samples, cubics, powered, self._period, steps, order, tolerance
         )
@@ -156,7 +157,7 @@ class ExactWorld:
     def _append_events(self) -> None:
         events = self.events
         lists = {CONTACT: events.contacts, RELEASE: events.releases, RETURN: events.returns}
-        for time, kind, choir, force, _ in self._press.events[: self._press.mode.events].tolist():
+        for time, kind, choir, force, _ in self.press.events[: self.press.mode.events].tolist():
             lists[int(kind)].append(StringEvent(time, int(choir), force))
 
 

@@ -88,7 +88,7 @@ def advance(press, time, end, size, order, tolerance):
         tolerance: Dimensionless, relative error of a step.
     """
     mode, finger, start = press.mode, press.finger, press.work[0:3]
-    step, crowd, steps = end - time, 0, 0
+    step, crowd, steps, repeated, before = end - time, 0, 0, False, 0.0
     allowed = tolerance ** (1.0 - 2.0 / order)
     while time < end:
         if mode.slip == 0 and (finger.kind == PUSH or (finger.kind == IDEAL and mode.touch)):
@@ -101,10 +101,12 @@ def advance(press, time, end, size, order, tolerance):
         if steps > MOST_STEPS:
             return LOST
         step = min(step, end - time)
-        before = guard(press)
-        start[0, :], start[1, :], start[2, :] = press.x, press.v, press.a
+        if not repeated:
+            before = guard(press)
+            start[0, :], start[1, :], start[2, :] = press.x, press.v, press.a
         error = try_step(press, start, time, step, order) / allowed
-        if not error <= 1.0 and step > SHORTEST:
+        repeated = not error <= 1.0 and step > SHORTEST
+        if repeated:
             step = max(step * max(0.1, 0.8 * error ** (-1.0 / (order - 1))), SHORTEST)
             continue
         if guard(press) >= 0.0:
