@@ -182,7 +182,7 @@ def load_scene(name: str | Path = "paper") -> Scene:
 
 
 def current_scene(document: dict[str, Any]) -> dict[str, Any]:
-    """Return the JSON document of a scene, with the keys that its version did not have.
+    """Return the JSON document of a scene with its present keys, and its engine's present name.
 
     Args:
         document: As `Scene.model_dump_json` wrote it, also by an earlier version.
@@ -192,7 +192,8 @@ def current_scene(document: dict[str, Any]) -> dict[str, Any]:
         for name, field in Scene.model_fields.items()
         if not field.is_required()
     }
-    return to_jsonable_python(optional) | document
+    found = to_jsonable_python(optional) | document
+    return found | {"engine": _engine(found["engine"])}
 
 
 def packaged_scenes() -> list[str]:

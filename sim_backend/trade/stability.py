@@ -76,7 +76,7 @@ def judge(rig: Rig, case: Case) -> Cell:
     try:
         error = errors(found, reference(bench, case.scene, drive))
     except SautereauError as refusal:
-        reason = f"simulated, but refused by the reference solver: {refusal}"
+        reason = f"simulated, but refused by the finest steps: {refusal}"
         return Cell(case, "failed", claim, reason=reason)
     if error.time <= claim.time and error.force <= claim.force:
         return Cell(case, "converged", claim, error)

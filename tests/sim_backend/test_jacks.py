@@ -68,7 +68,7 @@ def test_packaged_scenes_agree_with_the_reference(name):
 
 @pytest.mark.parametrize("scene", [FLIES, LANDS], ids=["flies", "lands"])
 def test_a_jack_in_flight_agrees_with_the_reference(scene):
-    """Whose flight is ballistic, and whose landing conserves momentum (test_reference.py)."""
+    """Whose flight is ballistic, and whose landing conserves momentum (test_exact.py)."""
     moved = agree(scene, 2e-6)
     assert np.max(moved.rise - rise(KEY, moved.angle)) > 1e-4
 

@@ -7,7 +7,6 @@ from sautereau.rig.load import load_rig, parse_rig
 from sautereau.rig.text import rig_text
 from sautereau.sim_backend.errors import SceneError
 from sautereau.sim_backend.scene import (
-    Scene,
     current_scene,
     load_scene,
     packaged_scenes,
@@ -142,7 +141,7 @@ def test_engines_of_earlier_versions_are_the_exact_one(name):
     scene = parse_scene(MUTE.replace("iterations = 10", f'engine = "{name}"'))
     assert scene.engine == "exact"
     stored = scene.model_dump(mode="json") | {"engine": name}
-    assert Scene.model_validate(current_scene(stored)).engine == "exact"
+    assert current_scene(stored) == scene.model_dump(mode="json")
 
 
 @pytest.mark.parametrize("part", ["tongue", "damper"])
