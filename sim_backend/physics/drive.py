@@ -70,7 +70,7 @@ class PressDrive:
         Returns:
             Counts from the start, and counts per sample, each of shape (samples + 1, 2).
         """
-        return self._counts(np.arange(self.samples + 1))
+        return self._counts(np.arange(self.samples + 1.0))
 
     def _counts(self, samples: Floats) -> tuple[Floats, Floats]:
         motion = self.joints(samples * self.period)

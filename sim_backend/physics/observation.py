@@ -11,6 +11,9 @@ from sautereau.sim_backend.physics.events import Motions, PluckEvents, StringEve
 from sautereau.sim_backend.physics.world import World, new_world
 from sautereau.sim_backend.scene import Scene
 
+GRID, GRID_ORDER = 50e-6, 6
+"""s, step of the reference solution, and its order."""
+
 
 @dataclass(frozen=True)
 class Observation:
@@ -44,6 +47,35 @@ def observe(rig: Rig, scene: Scene, drive: Drive | None = None) -> Observation:
     """
     drive = drive or drive_of(rig, scene)
     return play(new_world(rig, scene, start=drive.start), drive)
+
+
+def reference(
+    rig: Rig,
+    scene: Scene,
+    drive: Drive | None = None,
+    *,
+    step: float = GRID,
+    order: int = GRID_ORDER,
+    tolerance: float = 1e-12,
+) -> Observation:
+    """Solve a scene's equations as finely as rounding lets it, and return the observation.
+
+    Args:
+        rig: The nominal bench.
+        scene: Its engine, step and accuracy are ignored.
+        drive: Reference to follow; None for `drive_of` the scene.
+        step: s, longest one.
+        order: Of the steps.
+        tolerance: Dimensionless, relative error of a step.
+
+    Raises:
+        SceneError: The scene has a modal string or no chosen level, or its motion diverges.
+    """
+    from sautereau.sim_backend.physics.exact.engine import ExactWorld
+
+    drive = drive or drive_of(rig, scene)
+    fine = scene.model_copy(update={"step": step, "accuracy": None})
+    return play(ExactWorld(rig, fine, drive.start, order=order, tolerance=tolerance), drive)
 
 
 def play(world: World, drive: Drive) -> Observation:

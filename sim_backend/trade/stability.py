@@ -11,8 +11,13 @@ from sautereau.rig.errors import SautereauError
 from sautereau.rig.load import with_values
 from sautereau.rig.schema import Rig
 from sautereau.sim_backend.physics.drive import drive_of
-from sautereau.sim_backend.physics.exact.engine import reference
-from sautereau.sim_backend.physics.observation import Errors, Observation, errors, observe
+from sautereau.sim_backend.physics.observation import (
+    Errors,
+    Observation,
+    errors,
+    observe,
+    reference,
+)
 from sautereau.sim_backend.trade.cases import Case, grid, random_cases
 from sautereau.sim_backend.trade.select import reached, select_solver
 

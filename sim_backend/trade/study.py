@@ -20,8 +20,7 @@ from sautereau.rig.schema import Rig
 from sautereau.sim_backend.errors import SceneError
 from sautereau.sim_backend.parts import Accuracy
 from sautereau.sim_backend.physics.drive import Drive
-from sautereau.sim_backend.physics.exact.engine import reference
-from sautereau.sim_backend.physics.observation import Observation, drive_of, errors, play
+from sautereau.sim_backend.physics.observation import Observation, drive_of, errors, play, reference
 from sautereau.sim_backend.physics.world import new_world
 from sautereau.sim_backend.scene import Scene
 from sautereau.sim_backend.trade.refinement import stepped

@@ -9,7 +9,7 @@ from sautereau.rig.instrument import Choir
 from sautereau.rig.load import load_rig
 from sautereau.sim_backend.parts import Push
 from sautereau.sim_backend.physics.drive import drive_of
-from sautereau.sim_backend.physics.exact.engine import reference
+from sautereau.sim_backend.physics.observation import reference
 from sautereau.sim_backend.scene import Scene, load_scene
 
 RIG = load_rig("paper")

@@ -17,12 +17,12 @@ from sautereau.rig.section import GRAVITY
 from sautereau.sim_backend.errors import SceneError
 from sautereau.sim_backend.physics.drive import LEAD, PressDrive, PushDrive, drive_of
 from sautereau.sim_backend.physics.exact.compile import records
-from sautereau.sim_backend.physics.exact.engine import ExactWorld, reference
+from sautereau.sim_backend.physics.exact.engine import ExactWorld
 from sautereau.sim_backend.physics.exact.fingertip import locate_tip
 from sautereau.sim_backend.physics.exact.inclusion import resolve, select
 from sautereau.sim_backend.physics.exact.parameters import arm_of
 from sautereau.sim_backend.physics.exact.structures import JACK, KEY, PUSH, SERVO, new_press
-from sautereau.sim_backend.physics.observation import errors, observe
+from sautereau.sim_backend.physics.observation import errors, observe, reference
 from sautereau.sim_backend.physics.servo import PositionLoops
 from sautereau.trajectory.arm import fingertip_motion
 from sautereau.trajectory.dynamics import joint_torques, mass_matrix
@@ -165,9 +165,7 @@ def test_a_push_with_friction_and_felt_is_that_of_an_independent_solver():
         RIG, 1.2, release, end, friction=True, stop=lambda _, state: state[0] - bottom
     )
     # The felt stops the key, and the jack flies on.
-    _, (angle, omega) = key_oracle.solved(
-        RIG, 1.2, felt, end, friction=True, felt=True, jack=False
-    )
+    _, (angle, omega) = key_oracle.solved(RIG, 1.2, felt, end, friction=True, felt=True, jack=False)
     assert felt[0] < end
     found = run(RIG, pushed(duration=end))
     np.testing.assert_allclose(times(found.events), [contact[0], release[0]], atol=2e-8)
@@ -249,9 +247,7 @@ def test_an_ideal_finger_prescribes_the_motion_and_takes_the_force_of_inverse_dy
     moving = (planned.position > 0) & (planned.velocity > 1e-3) & (breaks > 1e-5)
     assert moving.sum() > 300
     np.testing.assert_allclose(found.angle[moving], planned.position[moving], atol=1e-13)
-    np.testing.assert_allclose(
-        found.angular_velocity[moving], planned.velocity[moving], atol=1e-10
-    )
+    np.testing.assert_allclose(found.angular_velocity[moving], planned.velocity[moving], atol=1e-10)
     rise = key_oracle.rise(RIG.key, found.angle[moving])
     np.testing.assert_allclose(found.rise[moving], rise)
     tangent, _ = surface_axes(planned.position)
@@ -347,7 +343,7 @@ def test_the_arms_equation_is_the_trajectorys():
 
 
 def played(world, drive, samples):
-    """Yield before each sample: its number, and the joints' angles [rad] and the motors' torques."""
+    """Yield before each sample: number and joints [rad], and then the motors' torques [N m]."""
     for i in range(samples):
         before = world.finger.joints()
         world.advance(drive.reference(i), True)
@@ -447,10 +443,12 @@ def bench(*jacks, dry=0.0, friction=0.0, arm=None):
     key["inertia"], key["gravity_moment"], key["viscous"], key["dry"] = 7e-4, 4e-3, 1e-4, dry
     key["dip"], key["height"], key["press_arm"] = math.inf, 0.01, 0.171
     found["friction"], found["clearance"] = friction, 1.0
-    for name, values in zip(("mass", "arm", "lift", "damper"), zip(*jacks, strict=True)):
+    for name, values in zip(
+        ("mass", "arm", "lift", "damper"), zip(*jacks, strict=True), strict=True
+    ):
         found[name] = values
     arm, kind = (arm_of(RIG, pushed(), (0.0, 0.0)), PUSH) if arm is None else (arm, SERVO)
-    return new_press(records(key)[0], records(found), np.zeros((1, 5)), arm, kind, 0)
+    return new_press(records(key)[0], records(found), np.zeros((1, 5)), arm, kind)
 
 
 def surfaces(press, angle):

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from sautereau.sim_backend.physics.drive import drive_of
-from sautereau.sim_backend.physics.observation import errors, observe
-from sautereau.sim_backend.physics.exact.engine import reference
+from sautereau.sim_backend.physics.observation import errors, observe, reference
 from sautereau.sim_backend.physics.rigid.assembly import RESOLVED
 from sautereau.sim_backend.physics.world import new_world
 from sautereau.sim_backend.scene import packaged_scenes

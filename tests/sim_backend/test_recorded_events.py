@@ -11,8 +11,7 @@ import pytest
 
 from benchmarks.simulated import acquired
 from sautereau.rig.load import with_values
-from sautereau.sim_backend.physics.observation import observe
-from sautereau.sim_backend.physics.exact.engine import reference
+from sautereau.sim_backend.physics.observation import observe, reference
 from sautereau.sim_backend.scene import load_scene
 from sautereau.sim_backend.trade.select import select_solver
 from tests.sim_backend.scenes import RIG, pushed

@@ -163,7 +163,10 @@ def test_laws_solved_together_are_those_of_the_model(friction, overlap, contact)
     )
     assert good.all()
     height = np.linspace(0, pluck.release_height, 3001)[:-1]
-    for law, error in ((laws, 1e-7), (choir_law(choir.model_copy(update={"plectrum": plectrum}), "elastica"), 1e-14)):
+    for law, error in (
+        (laws, 1e-7),
+        (choir_law(choir.model_copy(update={"plectrum": plectrum}), "elastica"), 1e-14),
+    ):
         count = law.jacks["pieces"][0]
         assert count == len(pluck.stretches)
         end = law.jacks["border"][0, count]

@@ -1,36 +1,20 @@
-"""The exact engine as a world, and its finest solution as the reference of all engines."""
+"""The exact engine as a world."""
 
 import math
 
 import numpy as np
 
-from sautereau.analysis.errors import ModelError
-from sautereau.analysis.model.choirs import choirs
 from sautereau.rig.schema import Rig
 from sautereau.sim_backend.errors import SceneError
-from sautereau.sim_backend.physics.drive import Drive, drive_of
+from sautereau.sim_backend.physics.drive import Drive
 from sautereau.sim_backend.physics.events import Motions, PluckEvents, StringEvent
+from sautereau.sim_backend.physics.exact import structures as ix
 from sautereau.sim_backend.physics.exact.compile import records
 from sautereau.sim_backend.physics.exact.fingertip import engage
-from sautereau.sim_backend.physics.exact.laws import Laws, choir_law, joined, mute_law
+from sautereau.sim_backend.physics.exact.laws import set_laws
 from sautereau.sim_backend.physics.exact.parameters import Numbers, arm_of, benches, joint_cubics
 from sautereau.sim_backend.physics.exact.play import play
-from sautereau.sim_backend.physics.exact.structures import (
-    AT_PIN,
-    CONTACT,
-    FINE,
-    IDEAL,
-    JUMPED,
-    LOST,
-    PUSH,
-    RELEASE,
-    RETURN,
-    SERVO,
-    TURNED_OVER,
-    new_press,
-)
 from sautereau.sim_backend.physics.finger import Reference, StandingFinger
-from sautereau.sim_backend.physics.observation import Observation
 from sautereau.sim_backend.scene import Scene
 from sautereau.trajectory.motion import Floats
 
@@ -40,8 +24,6 @@ ORDER = 4
 RATED, RATED_STEP, LEAST = 1e-9, 1e-3, 1e-16
 """A step of length `RATED_STEP` [s] may have the relative error `RATED`; the limit scales with the
 order's power of the step, and is at least `LEAST`. A step with a larger error is divided."""
-GRID, GRID_ORDER = 50e-6, 6
-"""s, step of the reference solution, and its order."""
 SPARE_ROWS = 64
 """Rows for changes of mode, in a call and in every sample; further ones are not kept."""
 SETTLED = 10
@@ -49,12 +31,12 @@ SETTLED = 10
 
 _ENDS = np.array([0.0, 1.0])
 _FAULTS = {
-    TURNED_OVER: "the key has turned by 1.2 rad, the limit of the model; lower the push, or"
+    ix.TURNED_OVER: "the key has turned by 1.2 rad, the limit of the model; lower the push, or"
     " enable the felt in the scene",
-    LOST: "the simulation diverged or is too stiff; the scene's forces are out of its range: lower"
-    " masses, stiffness or damping",
-    JUMPED: "the fingertip is suddenly within the key; use a continuous reference",
-    AT_PIN: "the fingertip is so close to the balance pin that no angle of the key gives a"
+    ix.LOST: "the simulation diverged or is too stiff; the scene's forces are out of its range:"
+    " lower masses, stiffness or damping",
+    ix.JUMPED: "the fingertip is suddenly within the key; use a continuous reference",
+    ix.AT_PIN: "the fingertip is so close to the balance pin that no angle of the key gives a"
     " contact; keep the arm in front of it",
 }
 
@@ -72,6 +54,8 @@ class ExactWorld:
     Raises:
         SceneError: This engine does not support the scene, or its plectrum has no pluck.
     """
+
+    _compiled = False
 
     def __init__(
         self,
@@ -93,14 +77,18 @@ class ExactWorld:
         self.events = PluckEvents()
         self._period = rig.controller.sample_period
         self._timing = timing_of(rig, scene, order, tolerance)
-        laws = rig_laws(rig, scene)
-        keys, jacks = benches(Numbers(rig, scene, {}), laws.jacks[None])
-        self.press = new_press(
-            records(keys)[0], records(jacks)[0], laws.cells, arm_of(rig, scene, self.start),
-            FINGERS.index(scene.finger), 0,
+        numbers = Numbers(rig, scene, {})
+        keys, jacks = benches(numbers, 1)
+        cells, _ = set_laws(numbers, jacks, np.ones(1, bool))
+        self.press = ix.new_press(
+            records(keys)[0], records(jacks)[0], cells, arm_of(rig, scene, self.start),
+            FINGERS.index(scene.finger),
         )  # fmt: skip
         """Parameters and state."""
         self._powered = False
+        if not ExactWorld._compiled:  # now, and not while a host waits for an answer
+            play(self.press, 0, np.zeros((0, 2, 4)), False, self._period, *self._timing)
+            ExactWorld._compiled = True
         self.finger = ServoFinger(self.press) if scene.servo else StandingFinger(self.start)
 
     @property
@@ -127,10 +115,10 @@ class ExactWorld:
     def _play(self, counts: Floats, speeds: Floats, powered: bool) -> Motions:
         """Advance through controller samples with a reference at their ends."""
         press, kind = self.press, self.press.finger.kind
-        if kind == SERVO and powered != self._powered:
+        if isinstance(self.finger, ServoFinger) and powered != self._powered:
             self.finger.switch(powered)
         self._powered = powered
-        if kind == PUSH:
+        if kind == ix.PUSH:
             cubics = np.zeros((len(counts) - 1, 2, 4))
         else:
             cubics = joint_cubics(self.start, counts, speeds, self.radians_per_count)
@@ -138,25 +126,27 @@ class ExactWorld:
         room = len(cubics) * (steps + 2) + SPARE_ROWS
         if len(press.rows) < room:
             self.press = press = press._replace(rows=np.empty((room, 6)))
-        status = play(
-            press, self.samples, cubics, powered, self._period, steps, order, tolerance
-        )
+        status = play(press, self.samples, cubics, powered, self._period, steps, order, tolerance)
         self.samples += len(cubics)
         rows = press.rows[: press.mode.rows]
-        if status == FINE and not np.isfinite(rows).all():
-            status = LOST
-        if status != FINE:
+        if status == ix.FINE and not np.isfinite(rows).all():
+            status = ix.LOST
+        if status != ix.FINE:
             reached = rows[-1, 0] if len(rows) else 0.0
             raise SceneError(f"rig {self.rig.name}: after {reached:.6g} s {_FAULTS[status]}")
         self._append_events()
-        if kind == IDEAL:
+        if kind == ix.IDEAL:
             first, second = (np.asarray(self.start) + counts[-1] * self.radians_per_count).tolist()
             self.finger = StandingFinger((first, second))
         return Motions(*rows.T.copy())
 
     def _append_events(self) -> None:
         events = self.events
-        lists = {CONTACT: events.contacts, RELEASE: events.releases, RETURN: events.returns}
+        lists = {
+            ix.CONTACT: events.contacts,
+            ix.RELEASE: events.releases,
+            ix.RETURN: events.returns,
+        }
         for time, kind, choir, force, _ in self.press.events[: self.press.mode.events].tolist():
             lists[int(kind)].append(StringEvent(time, int(choir), force))
 
@@ -237,45 +227,3 @@ def timing_of(
     steps = math.ceil(period / (scene.step or math.inf) - 1e-9)
     rated = max(RATED * (period / steps / RATED_STEP) ** order, LEAST)
     return steps, order, rated if tolerance is None else tolerance
-
-
-def rig_laws(rig: Rig, scene: Scene) -> Laws:
-    """Return the force laws of a rig's strings, one per choir.
-
-    Raises:
-        SceneError: A choir has no pluck.
-    """
-    if scene.plectrum == "none":
-        return joined([mute_law()] * (1 + len(rig.more_choirs)))
-    try:
-        return joined([choir_law(choir, scene.plectrum) for choir in choirs(rig)])
-    except ModelError as error:
-        raise SceneError(f"rig {rig.name}: {error}") from error
-
-
-def reference(
-    rig: Rig,
-    scene: Scene,
-    drive: Drive | None = None,
-    *,
-    step: float = GRID,
-    order: int = GRID_ORDER,
-    tolerance: float = 1e-12,
-) -> Observation:
-    """Solve a scene's equations as finely as rounding lets it, and return the observation.
-
-    Args:
-        rig: The nominal bench.
-        scene: Its engine, step and accuracy are ignored.
-        drive: Reference to follow; None for `drive_of` the scene.
-        step: s, longest one.
-        order: Of the steps.
-        tolerance: Dimensionless, relative error of a step.
-
-    Raises:
-        SceneError: The scene has a modal string or no chosen level, or its motion diverges.
-    """
-    drive = drive or drive_of(rig, scene)
-    fine = scene.model_copy(update={"step": step, "accuracy": None})
-    world = ExactWorld(rig, fine, drive.start, order=order, tolerance=tolerance)
-    return Observation(world.play(drive), world.events)

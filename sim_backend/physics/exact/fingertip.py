@@ -2,8 +2,8 @@
 
 import math
 
+from sautereau.sim_backend.physics.exact import structures as ix
 from sautereau.sim_backend.physics.exact.compile import compiled
-from sautereau.sim_backend.physics.exact.structures import PUSH, SERVO
 
 AHEAD = 1e-6
 """Dimensionless, fraction of a controller sample after which an ideal finger's direction counts."""
@@ -18,12 +18,13 @@ def locate_tip(press, time):
     NaN if the fingertip is so close to the pin that no angle gives a contact.
     """
     arm, finger = press.arm, press.finger
-    if finger.kind == PUSH:
+    if finger.kind == ix.PUSH:
         finger.angle = -math.inf
         return
-    if finger.kind == SERVO:
+    if finger.kind == ix.SERVO:
         n = len(press.jacks)
         q1, q2, d1, d2 = press.x[n + 1], press.x[n + 2], press.v[n + 1], press.v[n + 2]
+        s1 = s2 = 0.0
     else:
         q1, d1, s1 = joint(finger, 0, time)
         q2, d2, s2 = joint(finger, 1, time)
@@ -47,7 +48,7 @@ def locate_tip(press, time):
     inward = inward * sine - (uz * d1 * d1 + lz * d12 * d12) * cosine
     bias = (inward - 2 * omega * along - omega * omega * arm.height) / reach
     finger.angle, finger.speed, finger.lever = angle, omega, -reach
-    if finger.kind == SERVO:
+    if finger.kind == ix.SERVO:
         move_arm(press, q1, q2, d1, d2, slope1, slope2)
         s1, s2 = finger.free[0], finger.free[1]
         finger.compliance = slope1 * finger.by[0] + slope2 * finger.by[1]
@@ -98,7 +99,7 @@ def joint(finger, j, time):
 def heading(press, time):
     """Return the sign of an ideal finger's velocity just after a time [s]; 0 at rest."""
     finger = press.finger
-    if finger.kind == SERVO or finger.still:
+    if finger.kind == ix.SERVO or finger.still:
         return 0
     locate_tip(press, time + AHEAD * finger.period)
     sign = 1 if finger.speed >= 0.0 else -1

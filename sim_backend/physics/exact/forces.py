@@ -3,9 +3,9 @@
 import math
 
 from sautereau.rig.section import GRAVITY
+from sautereau.sim_backend.physics.exact import structures as ix
 from sautereau.sim_backend.physics.exact.compile import inlined
 from sautereau.sim_backend.physics.exact.fingertip import locate_tip
-from sautereau.sim_backend.physics.exact.structures import HELD, PASSING, PRESSED, PUSH
 
 
 @inlined
@@ -24,9 +24,9 @@ def surface(arm, height, angle):
 def string_force(press, k, rise):
     """Return the force [N] of a string on its jack, downwards."""
     jack, choir = press.jacks[k], press.choirs[k]
-    if choir.string == HELD:
+    if choir.string == ix.HELD:
         return pluck_force(press.cells, jack, choir, rise - jack.clearance)
-    if choir.string == PASSING:
+    if choir.string == ix.PASSING:
         return -(jack.tongue_force + jack.tongue_stiffness * (jack.clearance - rise))
     return 0.0
 
@@ -71,7 +71,7 @@ def key_moment(press, angle, omega):
     """Return the moment on the key without dry friction, jacks and fingertip [N m]."""
     key = press.key
     moment = press.finger.moment + key.gravity_moment - key.viscous * omega
-    if press.mode.felt == PRESSED:
+    if press.mode.felt == ix.PRESSED:
         moment -= felt_push(key, angle, omega)
     return moment
 
@@ -84,7 +84,7 @@ def accelerate(press, time):
     jacks that stand on the key.
     """
     key, finger, mode, x, v, a = press.key, press.finger, press.mode, press.x, press.v, press.a
-    if finger.kind != PUSH:
+    if finger.kind != ix.PUSH:
         locate_tip(press, time)
     if mode.slip == 0:
         v[0] = 0.0

@@ -13,6 +13,7 @@ takes c F from it: x = x_f - c F, with c = 0 if it is ideal. The rail holds x >=
 
 import math
 
+from sautereau.sim_backend.physics.exact import structures as ix
 from sautereau.sim_backend.physics.exact.compile import compiled
 from sautereau.sim_backend.physics.exact.fingertip import heading, locate_tip
 from sautereau.sim_backend.physics.exact.forces import (
@@ -23,16 +24,6 @@ from sautereau.sim_backend.physics.exact.forces import (
     surface,
 )
 from sautereau.sim_backend.physics.exact.strings import string_range
-from sautereau.sim_backend.physics.exact.structures import (
-    AT_PIN,
-    FINE,
-    JUMPED,
-    LOST,
-    OFF,
-    PRESSED,
-    PUSH,
-    SLACK,
-)
 
 CLOSE = 1e-13
 """rad and m, gap below which surfaces are in contact."""
@@ -158,11 +149,11 @@ def resolve(press, time, h):
     key, finger, mode, x, v = press.key, press.finger, press.mode, press.x, press.v
     locate_tip(press, time)
     if not math.isfinite(x[0] + v[0]):
-        return LOST
+        return ix.LOST
     if math.isnan(finger.angle):
-        return AT_PIN
+        return ix.AT_PIN
     if max(0.0, finger.angle) - x[0] > DEEP:
-        return JUMPED
+        return ix.JUMPED
     x[0] = max(x[0], finger.angle, 0.0)
     for k in range(len(press.jacks)):
         rise, _, _ = surface(press.jacks[k].arm, key.height, x[0])
@@ -170,7 +161,7 @@ def resolve(press, time, h):
     set_forces(press)
     q, t = pose(press, 1, h)
     near, target = False, 0.0
-    if finger.kind != PUSH:
+    if finger.kind != ix.PUSH:
         target = finger.speed + h * finger.acceleration
         near = x[0] - finger.angle + h * (v[0] - finger.speed) <= CLOSE
     solve(press, q, t, target, near, 0, x[0] + h * v[0] <= CLOSE)
@@ -189,16 +180,16 @@ def resolve(press, time, h):
     v[0] = omega
     for i in range(len(x)):
         x[i] += h * v[i]
-    return FINE
+    return ix.FINE
 
 
 @compiled
 def set_forces(press):
     """Set the modes of felt and dampers, and the rises between which no string changes."""
     key, mode = press.key, press.mode
-    mode.felt = OFF
+    mode.felt = ix.OFF
     if press.x[0] > key.dip:
-        mode.felt = PRESSED if felt_push(key, press.x[0], press.v[0]) >= 0.0 else SLACK
+        mode.felt = ix.PRESSED if felt_push(key, press.x[0], press.v[0]) >= 0.0 else ix.SLACK
     for k in range(len(press.jacks)):
         jack, choir = press.jacks[k], press.choirs[k]
         choir.low, choir.high = string_range(jack, choir)
@@ -212,12 +203,12 @@ def set_forces(press):
 @compiled
 def select(press, time):
     """Select the mode that follows after all impacts, by the accelerations."""
-    key, finger, mode, x, v = press.key, press.finger, press.mode, press.x, press.v
+    finger, mode, x, v = press.finger, press.mode, press.x, press.v
     set_forces(press)
     for i in range(1 + len(press.jacks)):
         if abs(v[i]) <= SLOW:
             v[i] = 0.0
-    direction = heading(press, time) if finger.kind != PUSH and v[0] == 0.0 else 0
+    direction = heading(press, time) if finger.kind != ix.PUSH and v[0] == 0.0 else 0
     locate_tip(press, time)
     q, t = pose(press, 0, 1.0)
     near = x[0] - finger.angle <= CLOSE and abs(v[0] - finger.speed) <= SLOW

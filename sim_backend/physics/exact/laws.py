@@ -1,4 +1,4 @@
-"""Force laws S(h) of plucks for the exact engine: piecewise cubics, smooth in pieces."""
+"""Force laws S(h) of plucks: piecewise cubics, smooth in pieces; many are solved together."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -9,16 +9,29 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline, PchipInterpolator
 
-from sautereau.analysis.model.choirs import choir_pluck
+from sautereau.analysis.errors import ModelError
+from sautereau.analysis.model.choirs import choir_pluck, choirs
 from sautereau.analysis.model.pluck.equilibria import Equilibria
 from sautereau.analysis.model.pluck.loaded import UniformPlectra
 from sautereau.analysis.model.pluck.paths import Status, solve_paths
+from sautereau.analysis.model.pluck.pluck import OVERLAP_MAX, STIFFNESS_RANGE
 from sautereau.rig.instrument import Choir, Plectrum, String
+from sautereau.sim_backend.errors import SceneError
+from sautereau.sim_backend.physics.exact.parameters import Numbers
 from sautereau.sim_backend.physics.exact.structures import JACK, PIECES
 from sautereau.trajectory.motion import Floats
 
 POINTS = 97
 """Points per piece where many plucks are solved together."""
+CHUNK = 192
+"""Plucks that are solved together; limited by the processor's cache."""
+PLECTRUM = tuple(
+    f"plectrum.{n}"
+    for n in ("friction", "overlap", "length", "thickness", "width", "youngs_modulus")
+)
+STRING = tuple(f"string.{n}" for n in ("tension", "length", "plucking_point", "diameter"))
+DERIVED = ("plectrum.bending_stiffness", "string.static_stiffness")
+"""Values of a pluck by dotted key; with the elastica the derived ones may be given too."""
 
 
 @dataclass(frozen=True)
@@ -31,29 +44,125 @@ class Laws:
     """`JACK`s of which `pieces`, `first` and `border` are set; shape (laws,)."""
 
 
-def mute_law() -> Laws:
-    """Return the law of a string without a plectrum."""
-    return Laws(np.zeros((1, 5)), np.zeros(1, JACK))
-
-
 def choir_law(choir: Choir, level: str) -> Laws:
     """Return the law of a choir's pluck, with the same cubics as its `force_on_jack`.
 
     Raises:
         ModelError: The choir has no pluck.
     """
-    return _law(choir.plectrum, choir.string, level)
+    return _law(choir.plectrum, choir.string, level)  # pyright: ignore[reportArgumentType]
 
 
-def joined(laws: Sequence[Laws]) -> Laws:
-    """Return laws concatenated."""
-    if len(laws) == 1:
-        return laws[0]
-    starts = np.cumsum([0, *(len(law.cells) for law in laws)])
-    jacks = [law.jacks.copy() for law in laws]
-    for jack, start in zip(jacks, starts, strict=False):
-        jack["first"] += start
-    return Laws(np.concatenate([law.cells for law in laws]), np.concatenate(jacks))
+def set_laws(
+    numbers: Numbers, jacks: NDArray[Any], played: NDArray[np.bool_]
+) -> tuple[Floats, NDArray[np.bool_]]:
+    """Set the force laws of all strings; return their cells, and the presses that have a pluck.
+
+    Args:
+        numbers: Values of the keys.
+        jacks: Of the presses, shape (presses, choirs).
+        played: Presses with values within their limits; shape (presses,).
+
+    Raises:
+        SceneError: A plectrum and string that do not vary have no pluck.
+    """
+    plucks, level = np.ones(len(jacks), bool), numbers.scene.plectrum
+    cells = [np.zeros((1, 5))]  # of no law
+    for k, (at, choir) in enumerate(zip(numbers.prefixes, choirs(numbers.rig), strict=True)):
+        if level == "none":
+            continue
+        if not any(f"{at}{name}" in numbers.given for name in (*PLECTRUM, *STRING, *DERIVED)):
+            try:
+                laws, which = [choir_law(choir, level)], 0
+            except ModelError as error:
+                raise SceneError(f"rig {numbers.rig.name}: {at}{error}") from error
+        else:
+            values = [numbers(f"{at}{name}") for name in (*PLECTRUM, *STRING)]
+            if level == "elastica":
+                given = [numbers.given.get(f"{at}{name}") for name in DERIVED]
+                different, which = _different(_of_elastica(choir, values, given), played)
+                laws, good = _elastica(different)
+            else:
+                different, which = _different(values, played)
+                laws, good = _one_by_one(choir, level, different)
+            plucks &= good[which]
+        first = []
+        for law in laws:
+            first.append(law.jacks["first"] + sum(map(len, cells)))
+            cells.append(law.cells)
+        jacks["first"][:, k] = np.concatenate(first)[which]
+        for name in ("pieces", "border"):
+            jacks[name][:, k] = np.concatenate([law.jacks[name] for law in laws])[which]
+    return np.concatenate(cells), plucks
+
+
+def _of_elastica(
+    choir: Choir, values: Sequence[Floats], given: Sequence[Floats | None]
+) -> tuple[Floats, ...]:
+    """Return friction, overlap, length, bending stiffness, static stiffness, and string's offset.
+
+    Args:
+        choir: Whose plectrum says where the string lies on it.
+        values: Of `PLECTRUM` and `STRING`.
+        given: `DERIVED`, None where they follow from the values.
+    """
+    friction, overlap, length, thick, wide, modulus, tension, span, place, diameter = values
+    bending, stiffness = given
+    with np.errstate(all="ignore"):  # of presses that are not simulated
+        if bending is None:
+            bending = modulus * wide * thick**3 / 12
+        if stiffness is None:
+            stiffness = tension / (place * (1 - place / span))
+    surface = choir.plectrum.contact == "surface"
+    return friction, overlap, length, bending, stiffness, (thick + diameter) / 2 * surface
+
+
+def _elastica(columns: Floats) -> tuple[list[Laws], NDArray[np.bool_]]:
+    """Return laws of the elastica, and which of them are valid."""
+    friction, overlap, length, bending, stiffness, offset = columns
+    low, high = STIFFNESS_RANGE
+    good = (stiffness >= low) & (stiffness <= high) & (overlap <= OVERLAP_MAX * length)
+    stiffness, overlap = np.where(good, (stiffness, overlap), ([[1.0], [0.1]] * length))
+    laws, ends = [], np.flatnonzero(np.diff(friction)) + 1
+    for start, end in zip([0, *ends], [*ends, len(friction)], strict=True):
+        for first in range(start, end, CHUNK):
+            part = slice(first, min(first + CHUNK, end))
+            parts = [a[part] for a in (stiffness, overlap, bending, length, offset)]
+            solved, sure = elastica_laws(*parts, friction=float(friction[start]))
+            good[part] &= sure
+            laws.append(solved)
+    return laws, good
+
+
+def _one_by_one(choir: Choir, level: str, columns: Floats) -> tuple[list[Laws], NDArray[np.bool_]]:
+    """Return laws of any level, and which of them are valid."""
+    good, laws = np.ones(columns.shape[1], bool), []
+    for row, values in enumerate(columns.T.tolist()):
+        changed: dict[str, dict[str, float]] = {"plectrum": {}, "string": {}}
+        for key, value in zip((*PLECTRUM, *STRING), values, strict=True):
+            part, name = key.split(".")
+            changed[part][name] = value
+        parts = {p: getattr(choir, p).model_copy(update=new) for p, new in changed.items()}
+        try:
+            laws.append(choir_law(choir.model_copy(update=parts), level))
+        except ModelError:
+            good[row] = False
+            laws.append(Laws(np.zeros((1, 5)), np.zeros(1, JACK)))
+    return laws, good
+
+
+def _different(
+    values: Sequence[Floats], played: NDArray[np.bool_]
+) -> tuple[Floats, NDArray[np.int64]]:
+    """Return the distinct columns among the valid presses, and the column of each press.
+
+    Columns are in order of their first row. An invalid press has the first one.
+    """
+    table = np.stack([np.broadcast_to(value, played.shape) for value in values])
+    different, inverse = np.unique(table[:, played], axis=1, return_inverse=True)
+    which = np.zeros(len(played), np.int64)
+    which[played] = inverse
+    return different, which
 
 
 @lru_cache(maxsize=256)

@@ -14,6 +14,8 @@ from sautereau.sim_backend.scene import Scene
 from sautereau.trajectory.dynamics import armature
 from sautereau.trajectory.motion import Floats
 
+_LIMITS = {"gt": np.greater, "ge": np.greater_equal, "lt": np.less, "le": np.less_equal}
+
 
 class Numbers:
     """Values of a rig and of a scene's push by dotted key, SI; some may vary between presses.
@@ -26,55 +28,60 @@ class Numbers:
 
     def __init__(self, rig: Rig, scene: Scene, given: Mapping[str, Floats]):
         self.rig, self.scene, self.given = rig, scene, given
+        self.prefixes = ["", *(f"more_choirs.{k}." for k in range(len(rig.more_choirs)))]
+        """Of each choir's dotted keys."""
+        self.used: dict[str, tuple[Any, str]] = {}
+        """Model and name of every value asked for so far."""
 
-    def __call__(self, name: str) -> Any:
+    def __call__(self, key: str) -> Any:
         """Return the value of a dotted key, a number or of shape (presses,)."""
-        if name in self.given:
-            return self.given[name]
-        node: Any = self.scene if name.startswith("push.") else self.rig
-        for part in name.split("."):
+        node: Any = self.scene if key.startswith("push.") else self.rig
+        *path, name = key.split(".")
+        for part in path:
             node = node[int(part)] if part.isdecimal() else getattr(node, part)
-        return node
+        self.used[key] = type(node), name
+        return self.given[key] if key in self.given else getattr(node, name)
 
-    def varies(self, names: Sequence[str]) -> bool:
-        """Return whether any of the values is replaced."""
-        return any(name in self.given for name in names)
+    def within_limits(self, presses: int) -> NDArray[np.bool_]:
+        """Return the presses with all given values within their limits; shape (presses,)."""
+        good = np.ones(presses, bool)
+        for key, value in self.given.items():
+            model, name = self.used[key]
+            field = model.model_fields.get(name)
+            good &= np.isfinite(value) & (field is not None or value > 0)  # or a derived quantity
+            for limit in field.metadata if field else ():
+                for bound, holds in _LIMITS.items():
+                    if hasattr(limit, bound):
+                        good &= holds(value, getattr(limit, bound))
+        for at in self.prefixes:
+            good &= self(f"{at}string.plucking_point") < self(f"{at}string.length")
+            good &= self(f"{at}plectrum.overlap") < self(f"{at}plectrum.length")
+        back = self("jack.mass") * GRAVITY * self("key.jack_arm")
+        return good & (self("key.gravity_moment") < back)
 
 
-def choir_prefixes(rig: Rig) -> list[str]:
-    """Return the prefix of each choir's dotted keys."""
-    return ["", *(f"more_choirs.{k}." for k in range(len(rig.more_choirs)))]
+def benches(numbers: Numbers, presses: int) -> tuple[NDArray[Any], NDArray[Any]]:
+    """Return the parameters of presses without their force laws.
 
-
-def benches(numbers: Numbers, laws: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
-    """Return the parameters of presses: `KEY`s, shape (presses,), and `JACK`s, (presses, choirs).
-
-    Args:
-        numbers: Values of the keys.
-        laws: `JACK`s with the strings' force laws, of the second shape.
+    Returns:
+        `KEY`s, shape (presses,), and `JACK`s, shape (presses, choirs).
     """
-    keys, jacks = np.zeros(len(laws), KEY), np.zeros(laws.shape, JACK)
-    for name in ("pieces", "first", "border"):
-        jacks[name] = laws[name]
-    _set_key(numbers, keys)
-    for k, at in enumerate(choir_prefixes(numbers.rig)):
+    scene, arm = numbers.scene, numbers("key.press_arm")
+    keys, jacks = np.zeros(presses, KEY), np.zeros((presses, len(numbers.prefixes)), JACK)
+    keys["inertia"], keys["gravity_moment"] = numbers("key.inertia"), numbers("key.gravity_moment")
+    keys["height"], keys["press_arm"] = numbers("key.jack_surface_height"), arm
+    if scene.friction:
+        keys["viscous"] = numbers("key.pivot_viscous_friction")
+        keys["dry"] = numbers("key.pivot_coulomb_friction")
+    keys["dip"] = numbers("key.dip") / arm if scene.felt else math.inf
+    if scene.felt:
+        keys["felt_stiffness"] = numbers("key.felt_stiffness") * arm * arm
+        keys["felt_damping"] = numbers("key.felt_damping") * arm * arm
+    if scene.push:
+        keys["force"], keys["push_end"] = numbers("push.force"), numbers("push.duration")
+    for k, at in enumerate(numbers.prefixes):
         _set_jack(numbers, at, jacks[:, k])
     return keys, jacks
-
-
-def _set_key(numbers: Numbers, key: NDArray[Any]) -> None:
-    scene, arm = numbers.scene, numbers("key.press_arm")
-    key["inertia"] = numbers("key.inertia")
-    key["gravity_moment"] = numbers("key.gravity_moment")
-    if scene.friction:
-        key["viscous"] = numbers("key.pivot_viscous_friction")
-        key["dry"] = numbers("key.pivot_coulomb_friction")
-    key["dip"] = numbers("key.dip") / arm if scene.felt else math.inf
-    key["felt_stiffness"] = numbers("key.felt_stiffness") * arm * arm
-    key["felt_damping"] = numbers("key.felt_damping") * arm * arm
-    key["height"], key["press_arm"] = numbers("key.jack_surface_height"), arm
-    if scene.push:
-        key["force"], key["push_end"] = numbers("push.force"), numbers("push.duration")
 
 
 def _set_jack(numbers: Numbers, at: str, jack: NDArray[Any]) -> None:
@@ -97,29 +104,23 @@ def _set_jack(numbers: Numbers, at: str, jack: NDArray[Any]) -> None:
 
 
 def arm_of(rig: Rig, scene: Scene, start: tuple[float, float]) -> NDArray[Any]:
-    """Return one `ARM`, of a push all zero, with its brakes on: equations as in `sautereau.trajectory.dynamics`."""
+    """Return one `ARM` with its brakes on, all zero for a push.
+
+    The equations are those of `sautereau.trajectory.dynamics`.
+    """
     arm, found = rig.arm, np.zeros(1, ARM)
     if scene.push:
         return found
     first, second = armature(arm)
     l1, l2, mass1, mass2 = arm.upper_length, arm.lower_length, arm.upper_mass, arm.lower_mass
     values: dict[str, Any] = {
-        "base_x": arm.base_x,
-        "base_z": arm.base_z,
-        "upper": l1,
-        "lower": l2,
+        "base_x": arm.base_x, "base_z": arm.base_z, "upper": l1, "lower": l2,
         "height": rig.key.surface_height + arm.fingertip_radius,
-        "inertia1": (mass1 / 3 + mass2) * l1**2 + first,
-        "inertia2": mass2 * l2**2 / 3,
-        "rotor2": second,
-        "coupling": mass2 * l1 * l2 / 2,
-        "weight1": GRAVITY * (mass1 / 2 + mass2) * l1,
-        "weight2": GRAVITY * mass2 * l2 / 2,
-        "radians": arm.radians_per_count,
-        "start": start,
-        "limit": arm.torque_limit,
-        "locked": 1,
-    }
+        "inertia1": (mass1 / 3 + mass2) * l1**2 + first, "inertia2": mass2 * l2**2 / 3,
+        "rotor2": second, "coupling": mass2 * l1 * l2 / 2,
+        "weight1": GRAVITY * (mass1 / 2 + mass2) * l1, "weight2": GRAVITY * mass2 * l2 / 2,
+        "radians": arm.radians_per_count, "start": start, "limit": arm.torque_limit, "locked": 1,
+    }  # fmt: skip
     if scene.servo:
         names = ("stiffness", "damping", "feedforward", "integral_time")
         values |= {name: getattr(scene.servo, name) for name in names}

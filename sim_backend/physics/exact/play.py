@@ -7,6 +7,7 @@ landings alternate between two jacks, a nonsmooth step of first order passes the
 
 import math
 
+from sautereau.sim_backend.physics.exact import structures as ix
 from sautereau.sim_backend.physics.exact.compile import compiled
 from sautereau.sim_backend.physics.exact.fingertip import close_loops, locate_tip
 from sautereau.sim_backend.physics.exact.forces import surface
@@ -19,18 +20,6 @@ from sautereau.sim_backend.physics.exact.step import (
     try_step,
 )
 from sautereau.sim_backend.physics.exact.strings import update_strings, write_row
-from sautereau.sim_backend.physics.exact.structures import (
-    AT_PIN,
-    CONTACT,
-    FINE,
-    IDEAL,
-    LOST,
-    PUSH,
-    RELEASE,
-    SERVO,
-    TURNED_OVER,
-    Press,
-)
 
 SHORTEST = 1e-8
 """s, shortest divided step."""
@@ -49,28 +38,28 @@ def rest(press, time):
     press.v[:] = 0.0
     press.a[:] = 0.0
     finger, mode, n = press.finger, press.mode, len(press.jacks)
-    if finger.kind == SERVO:
+    if finger.kind == ix.SERVO:
         press.x[n + 1], press.x[n + 2] = press.arm.start[0], press.arm.start[1]
     locate_tip(press, time)
     if math.isnan(finger.angle):
-        return AT_PIN
+        return ix.AT_PIN
     press.x[0] = max(0.0, finger.angle)
     for k in range(n):
         press.x[k + 1], _, _ = surface(press.jacks[k].arm, press.key.height, press.x[0])
         choir = press.choirs[k]
         choir.string = choir.piece = choir.cell = 0
     mode.slip = mode.touch = 0
-    return FINE
+    return ix.FINE
 
 
 @compiled
 def change(press, time):
     """Let the strings, the impacts and the mode follow the state; return a status."""
     if press.x[0] >= LARGEST_ANGLE:
-        return TURNED_OVER
+        return ix.TURNED_OVER
     update_strings(press, time)
     status = resolve(press, time, 0.0)
-    if status == FINE:
+    if status == ix.FINE:
         select(press, time)
     return status
 
@@ -91,15 +80,15 @@ def advance(press, time, end, size, order, tolerance):
     step, crowd, steps, repeated, before = end - time, 0, 0, False, 0.0
     allowed = tolerance ** (1.0 - 2.0 / order)
     while time < end:
-        if mode.slip == 0 and (finger.kind == PUSH or (finger.kind == IDEAL and mode.touch)):
+        if mode.slip == 0 and (finger.kind == ix.PUSH or (finger.kind == ix.IDEAL and mode.touch)):
             moving = False
             for k in range(len(press.choirs)):
                 moving = moving or (press.choirs[k].stands == 0 and press.choirs[k].sign != 0)
             if not moving:
-                return FINE
+                return ix.FINE
         steps += 1
         if steps > MOST_STEPS:
-            return LOST
+            return ix.LOST
         step = min(step, end - time)
         if not repeated:
             before = guard(press)
@@ -113,7 +102,7 @@ def advance(press, time, end, size, order, tolerance):
             time = end if step == end - time else time + step
             hold_tip(press, time)
             if not math.isfinite(press.x.sum() + press.v.sum()):
-                return LOST
+                return ix.LOST
             step *= min(2.0, 0.8 * max(error, 1e-3) ** (-1.0 / (order - 1)))
             crowd = 0
             continue
@@ -122,17 +111,17 @@ def advance(press, time, end, size, order, tolerance):
         write_row(press, time, True)
         status = change(press, time)
         crowd += 1
-        if status == FINE and crowd > CROWDED:
+        if status == ix.FINE and crowd > CROWDED:
             h = min(NONSMOOTH * size, end - time)
             status = resolve(press, time, h)
             time, crowd = time + h, 0
-            if status == FINE:
+            if status == ix.FINE:
                 status = change(press, time)
-        if status != FINE:
+        if status != ix.FINE:
             return status
         write_row(press, time, True)
         step = end - time
-    return FINE
+    return ix.FINE
 
 
 @compiled
@@ -159,13 +148,13 @@ def play(press, sample, cubics, powered, period, steps, order, tolerance):
         finger.still = not cubics[i, :, 1:].any()
         if sample + i == 0:
             status = rest(press, start)
-            if status != FINE:
+            if status != ix.FINE:
                 return status
-        if finger.kind == SERVO and powered:
+        if finger.kind == ix.SERVO and powered:
             close_loops(press)
-        pushes = finger.kind == PUSH and powered and start < key.push_end
+        pushes = finger.kind == ix.PUSH and powered and start < key.push_end
         force = key.force * key.press_arm if pushes else 0.0
-        changed = sample + i == 0 or finger.kind != PUSH or force != finger.moment
+        changed = sample + i == 0 or finger.kind != ix.PUSH or force != finger.moment
         finger.moment = force
         for j in range(steps):
             time, end = start + j * size, start + (j + 1) * size
@@ -177,11 +166,11 @@ def play(press, sample, cubics, powered, period, steps, order, tolerance):
                     until = max(key.push_end, time)
                 if changed:
                     status = change(press, time)
-                    if status != FINE:
+                    if status != ix.FINE:
                         return status
                     write_row(press, time, True)
                 status = advance(press, time, until, size, order, tolerance)
-                if status != FINE:
+                if status != ix.FINE:
                     return status
                 if until < end:
                     write_row(press, until, True)
@@ -189,7 +178,7 @@ def play(press, sample, cubics, powered, period, steps, order, tolerance):
                 changed = until < end
                 time = until
             write_row(press, end, False)
-    return FINE
+    return ix.FINE
 
 
 @compiled
@@ -211,20 +200,18 @@ def play_presses(keys, jacks, template, first, last, cubics, samples, timing, fo
     """
     period, steps, order, tolerance = timing
     for i in range(first, last):
-        if status[i] != FINE:
+        if status[i] != ix.FINE:
             continue
-        press = Press(
+        press = ix.Press(
             keys[i], jacks[i], template.cells, template.arm, template.finger, template.mode,
             template.choirs, template.x, template.v, template.a, template.work, template.events,
             template.rows,
         )  # fmt: skip
-        status[i] = play(
-            press, 0, cubics[: samples[i]], True, period, steps, order, tolerance
-        )
+        status[i] = play(press, 0, cubics[: samples[i]], True, period, steps, order, tolerance)
         for e in range(press.mode.events - 1, -1, -1):
             event = press.events[e]
             row = found[i, int(event[2])]
-            if event[1] == CONTACT:
+            if event[1] == ix.CONTACT:
                 row[0] = event[0]
-            elif event[1] == RELEASE:
+            elif event[1] == ix.RELEASE:
                 row[1], row[2], row[3] = event[0], event[3], event[4]

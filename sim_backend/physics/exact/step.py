@@ -7,9 +7,9 @@ removes one of them per row.
 
 import math
 
+from sautereau.sim_backend.physics.exact import structures as ix
 from sautereau.sim_backend.physics.exact.compile import compiled, inlined
 from sautereau.sim_backend.physics.exact.forces import accelerate, felt_push, surface
-from sautereau.sim_backend.physics.exact.structures import OFF, PRESSED, PUSH
 
 LARGEST_ANGLE = 1.2
 """rad, of the key, above which the simulation is stopped; the closed form ends at pi / 2."""
@@ -110,11 +110,11 @@ def guard(press):
     if mode.touch:
         if mode.slip != 0 or finger.compliance > 0.0:
             least = min(least, mode.moment / weights + FORCE)
-    elif finger.kind != PUSH:
+    elif finger.kind != ix.PUSH:
         least = min(least, (angle - finger.angle + ANGLE) * 1e2)
-    if mode.felt == OFF:
+    if mode.felt == ix.OFF:
         return min(least, (key.dip - angle + ANGLE) * 1e2)
-    push = felt_push(key, angle, omega) * (1.0 if mode.felt == PRESSED else -1.0)
+    push = felt_push(key, angle, omega) * (1.0 if mode.felt == ix.PRESSED else -1.0)
     return min(least, (angle - key.dip + ANGLE) * 1e2, push / weights + FORCE)
 
 
@@ -149,7 +149,9 @@ def locate(press, start, time, step, order, at_low):
         part = 0.5
         if at_other < math.inf:
             # The end that was found last comes first in the formula.
-            a, fa, b, fb = (high, at_high, low, at_low) if found < 0 else (low, at_low, high, at_high)
+            a, fa, b, fb = (
+                (high, at_high, low, at_low) if found < 0 else (low, at_low, high, at_high)
+            )
             xi, phi = (a - b) / (other - b), (fa - fb) / (at_other - fb)
             if phi * phi < xi and (1 - phi) * (1 - phi) < 1 - xi:
                 t = fa / (fb - fa) * at_other / (fb - at_other)

@@ -2,29 +2,20 @@
 
 import math
 
+from sautereau.sim_backend.physics.exact import structures as ix
 from sautereau.sim_backend.physics.exact.compile import compiled
 from sautereau.sim_backend.physics.exact.forces import string_force
-from sautereau.sim_backend.physics.exact.structures import (
-    ABOVE,
-    BELOW,
-    CONTACT,
-    EVENTS,
-    HELD,
-    PASSING,
-    RELEASE,
-    RETURN,
-)
 
 
 @compiled
 def string_range(jack, choir):
     """Return the rises [m] between which a string keeps its state and its piece of the law."""
-    if choir.string == BELOW:
+    if choir.string == ix.BELOW:
         return -math.inf, jack.clearance
-    if choir.string == HELD:
+    if choir.string == ix.HELD:
         low, high = jack.border[choir.piece], jack.border[choir.piece + 1]
         return jack.clearance + low, jack.clearance + high
-    if choir.string == ABOVE:
+    if choir.string == ix.ABOVE:
         return jack.clearance, math.inf
     return jack.clearance - jack.travel, jack.clearance
 
@@ -40,23 +31,23 @@ def update_strings(press, time):
             if low <= rise <= high:
                 break
             up = rise > high
-            if state == BELOW:
-                state, piece, event = HELD, 0, CONTACT
-            elif state == HELD and up and piece + 1 < jack.pieces:
+            if state == ix.BELOW:
+                state, piece, event = ix.HELD, 0, ix.CONTACT
+            elif state == ix.HELD and up and piece + 1 < jack.pieces:
                 piece += 1
-            elif state == HELD and up:
-                state, event = ABOVE, RELEASE
-            elif state == HELD and piece > 0:
+            elif state == ix.HELD and up:
+                state, event = ix.ABOVE, ix.RELEASE
+            elif state == ix.HELD and piece > 0:
                 piece -= 1
-            elif state == HELD:
-                state = BELOW
-            elif state == ABOVE:
-                state = PASSING
+            elif state == ix.HELD:
+                state = ix.BELOW
+            elif state == ix.ABOVE:
+                state = ix.PASSING
             elif up:
-                state = ABOVE
+                state = ix.ABOVE
             else:
-                state, event = BELOW, RETURN
-            if event >= 0 and press.mode.events < EVENTS:
+                state, event = ix.BELOW, ix.RETURN
+            if event >= 0 and press.mode.events < ix.EVENTS:
                 found = press.events[press.mode.events]
                 found[0], found[1], found[2] = time, event, k
                 found[3], found[4] = string_force(press, k, rise), press.v[k + 1]

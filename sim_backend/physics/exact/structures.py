@@ -1,4 +1,4 @@
-"""The named structures that the compiled functions share, and their constants."""
+"""The named structures that the compiled functions share, and their constants; imported as `ix`."""
 
 from typing import Any, NamedTuple
 
@@ -24,110 +24,62 @@ EVENTS = 512
 """Most events of strings that one call records."""
 
 
-def _record(fields: list[Any]) -> np.dtype:
-    """Return a type of which a single record has attributes."""
-    return np.dtype((np.record, fields))
+def _record(floats: str, ints: str = "", pairs: str = "", **arrays: Any) -> np.dtype:
+    """Return a type of which a single record has attributes: names, and type and shape by name."""
+    fields: list[Any] = [(name, "f8") for name in floats.split()]
+    fields += [(name, "i8") for name in ints.split()]
+    fields += [(name, "f8", 2) for name in pairs.split()]
+    return np.dtype((np.record, [*fields, *((name, *array) for name, array in arrays.items())]))
 
 
 KEY = _record(
-    [
-        ("inertia", "f8"),  # kg m^2
-        ("gravity_moment", "f8"),  # N m
-        ("viscous", "f8"),  # N m s/rad
-        ("dry", "f8"),  # N m
-        ("dip", "f8"),  # rad at first contact with the felt, infinite without it
-        ("felt_stiffness", "f8"),  # N m/rad
-        ("felt_damping", "f8"),  # N m s/rad
-        ("height", "f8"),  # m, of the surface under the jacks above the pin
-        ("press_arm", "f8"),  # m
-        ("force", "f8"),  # N, of a push
-        ("push_end", "f8"),  # s
-    ]
+    "inertia gravity_moment viscous dry dip felt_stiffness felt_damping height press_arm"
+    " force push_end"
 )
+"""kg m^2, N m, N m s/rad, N m; rad at first contact with the felt, infinite without it, N m/rad,
+N m s/rad; m, of the surface under the jacks above the pin; m; a push in N, and its end in s."""
 JACK = _record(
-    [
-        ("mass", "f8"),  # kg
-        ("friction", "f8"),  # N
-        ("arm", "f8"),  # m from the pin
-        ("clearance", "f8"),  # m, infinite for a mute jack
-        ("tongue_force", "f8"),  # N, as the tongue starts to turn
-        ("tongue_stiffness", "f8"),  # N/m
-        ("travel", "f8"),  # m of drop at which the plectrum has passed its string
-        ("lift", "f8"),  # m of rise at which the damper leaves, minus infinity without it
-        ("damper", "f8"),  # N/m
-        ("pieces", "i8"),  # of the string's force law
-        ("first", "i8", PIECES + 1),  # cell of each piece, and the end of the last
-        ("border", "f8", PIECES + 1),  # m, heights of their ends
-    ]
+    "mass friction arm clearance tongue_force tongue_stiffness travel lift damper",
+    "pieces",
+    first=("i8", PIECES + 1),
+    border=("f8", PIECES + 1),
 )
+"""kg, N, m from the pin, m, infinite for a mute jack; N as the tongue starts to turn, N/m, m of
+drop at which the plectrum has passed its string; m of rise at which the damper leaves, minus
+infinity without it, and N/m. Pieces of the string's force law, the first cell of each and the end
+of the last, and the heights [m] of their ends."""
 ARM = _record(
-    [
-        *((name, "f8") for name in ("base_x", "base_z", "upper", "lower", "height")),  # m
-        *((name, "f8") for name in ("inertia1", "inertia2", "rotor2", "coupling")),  # kg m^2
-        *((name, "f8") for name in ("weight1", "weight2")),  # N m
-        *((name, "f8", 2) for name in ("stiffness", "damping", "feedforward")),  # of the loops
-        ("integral_time", "f8"),  # s
-        ("radians", "f8"),  # rad per encoder count
-        ("start", "f8", 2),  # rad, where the encoders are 0
-        ("limit", "f8", 2),  # N m
-        ("offset", "f8", 2),  # N m, added to the loops' torques
-        ("locked", "i8", 2),  # whether a joint is held by its brake
-        ("integral", "f8", 2),  # N m
-        ("lag", "f8", 2),  # rad, following errors of the last sample
-        ("torque", "f8", 2),  # N m
-    ]
+    "base_x base_z upper lower height inertia1 inertia2 rotor2 coupling weight1 weight2"
+    " integral_time radians",
+    pairs="stiffness damping feedforward start limit offset integral lag torque",
+    locked=("i8", 2),
 )
+"""Lengths in m, inertias in kg m^2, weights in N m; of the position loops s, and rad per encoder
+count. Of both joints: N m/rad, N m s/rad, kg m^2; rad where the encoders are 0; limits, offsets and
+integrals [N m], following errors [rad] of the last sample, torques [N m]; whether it is braked."""
 FINGER = _record(
-    [
-        ("kind", "i8"),
-        ("still", "i8"),  # whether an ideal finger is at rest
-        ("start", "f8"),  # s, of the controller sample
-        ("period", "f8"),  # s
-        ("cubics", "f8", (2, 4)),  # rad, of the joints' reference over it
-        ("moment", "f8"),  # N m, of a push
-        ("angle", "f8"),  # rad, of a key that touches the fingertip, as the next two
-        ("speed", "f8"),  # rad/s
-        ("acceleration", "f8"),  # rad/s^2, if no force acts on the fingertip
-        ("compliance", "f8"),  # rad/s^2 that a moment of 1 N m takes from it; 0 if ideal
-        ("lever", "f8"),  # m, moment per force
-        ("free", "f8", 2),  # rad/s^2, of the joints without a force
-        ("by", "f8", 2),  # 1/(kg m^2), of the joints per moment
-    ]
+    "start period moment angle speed acceleration compliance lever",
+    "kind still",
+    "free by",
+    cubics=("f8", (2, 4)),
 )
-MODE = _record(
-    [
-        ("slip", "i8"),  # sign of the key's velocity; 0 at rest
-        ("touch", "i8"),  # whether the finger touches the key
-        ("felt", "i8"),
-        ("moment", "f8"),  # N m, of the finger on the key
-        ("up", "f8"),  # N m, by which friction holds a key at rest against a rise
-        ("down", "f8"),  # N m, against a fall
-        ("x", "f8"),  # the unknown of the last inclusion
-        ("events", "i8"),  # number of recorded ones
-        ("rows", "i8"),
-        ("spare", "i8"),  # rows left for changes of mode
-    ]
-)
-CHOIR = _record(
-    [
-        ("stands", "i8"),  # whether the jack stands on the key
-        ("sign", "i8"),  # of the speed of a jack off the key; 0 where friction holds it
-        ("string", "i8"),
-        ("piece", "i8"),  # of the string's force law
-        ("cell", "i8"),  # of its last evaluation
-        ("damped", "i8"),
-        ("low", "f8"),  # m, rises between which string and damper do not change
-        ("high", "f8"),
-        ("load", "f8"),  # N, on the key
-        ("closed", "i8"),  # whether it may act on the key, in an inclusion
-        ("slope", "f8"),  # m/rad, of the key under it
-        ("push", "f8"),  # constant of its force in an inclusion
-        ("dry", "f8"),  # its friction there
-    ]
-)
+"""s, of the controller sample; N m, of a push. Of a key that touches the fingertip rad, rad/s, and
+rad/s^2 if no force acts on it; what a moment of 1 N m takes from that, 0 if ideal; m, moment per
+force. The kind, and whether an ideal one is at rest. The joints' accelerations without a force
+[rad/s^2], what a moment of 1 N m takes from those, and their reference over the sample [rad]."""
+MODE = _record("moment up down x", "slip touch felt events rows spare")
+"""N m, of the finger on the key, and by which friction holds a key at rest against a rise and
+against a fall; the unknown of the last inclusion. Sign of the key's velocity; whether the finger
+touches it; the felt. Numbers of recorded events and rows, and rows left for changes of mode."""
+CHOIR = _record("low high load slope push dry", "stands sign string piece cell damped closed")
+"""m, rises between which string and damper do not change; N, of the jack on the key; m/rad, slope
+of the key under it; constant and friction of its force in an inclusion. Whether it stands on the
+key, sign of its speed off the key, 0 where friction holds it; the string, piece and cell of its
+law; whether the damper is on it, and whether the jack may act on the key in an inclusion."""
+
 
 class Press(NamedTuple):
-    """A bench and its state; the records are changed in place."""
+    """A bench and its state; all arrays and records are changed in place."""
 
     key: Any
     """Record of `KEY`."""
@@ -150,15 +102,15 @@ class Press(NamedTuple):
     a: Floats
     """Their accelerations; shape (n,)."""
     work: Floats
-    """Space for the steps; shape (16, n)."""
+    """Space for the steps; shape (13, n)."""
     events: Floats
     """Time [s], kind, choir, force [N] and jack's speed [m/s] of each; shape (EVENTS, 5)."""
     rows: Floats
     """Times and the other quantities of `Motions`; shape (rows, 6)."""
 
 
-def new_press(key: Any, jacks: Any, cells: Floats, arm: NDArray, kind: int, rows: int) -> Press:
-    """Return a press at time 0 before its first sample.
+def new_press(key: Any, jacks: Any, cells: Floats, arm: NDArray, kind: int) -> Press:
+    """Return a press at time 0 before its first sample, which records no rows.
 
     Args:
         key: Record of `KEY`.
@@ -166,7 +118,6 @@ def new_press(key: Any, jacks: Any, cells: Floats, arm: NDArray, kind: int, rows
         cells: Of the force laws.
         arm: Array of one `ARM`.
         kind: Of the finger.
-        rows: Most rows of motion that one call records.
     """
     finger, mode = np.zeros(1, FINGER), np.zeros(1, MODE)
     finger["kind"] = kind
@@ -174,5 +125,5 @@ def new_press(key: Any, jacks: Any, cells: Floats, arm: NDArray, kind: int, rows
     return Press(
         key, jacks, cells, records(arm)[0], records(finger)[0], records(mode)[0],
         records(np.zeros(len(jacks), CHOIR)), np.zeros(n), np.zeros(n), np.zeros(n),
-        np.zeros((16, n)), np.zeros((EVENTS, 5)), np.zeros((rows, 6)),
+        np.zeros((13, n)), np.zeros((EVENTS, 5)), np.zeros((0, 6)),
     )  # fmt: skip

@@ -12,12 +12,12 @@ from numpy.typing import ArrayLike, NDArray
 from sautereau.rig.schema import Rig
 from sautereau.sim_backend.errors import SceneError
 from sautereau.sim_backend.physics.drive import drive_of
-from sautereau.sim_backend.physics.exact import structures
+from sautereau.sim_backend.physics.exact import structures as ix
 from sautereau.sim_backend.physics.exact.compile import records
 from sautereau.sim_backend.physics.exact.engine import FINGERS, check_scene, timing_of
+from sautereau.sim_backend.physics.exact.laws import DERIVED, PLECTRUM, STRING, set_laws
 from sautereau.sim_backend.physics.exact.parameters import Numbers, arm_of, benches, joint_cubics
 from sautereau.sim_backend.physics.exact.play import play_presses
-from sautereau.sim_backend.physics.exact.values import variables, varied_laws, within_limits
 from sautereau.sim_backend.scene import Scene
 from sautereau.trajectory.motion import Floats
 
@@ -28,15 +28,15 @@ CHUNK = 64
 class Ending(IntEnum):
     """How a press ended; times of events after its end are infinite."""
 
-    PLAYED = structures.FINE
+    PLAYED = ix.FINE
     """Complete, with or without a pluck."""
-    TURNED_OVER = structures.TURNED_OVER
+    TURNED_OVER = ix.TURNED_OVER
     """The key has turned by 1.2 rad, the limit of the model."""
-    LOST = structures.LOST
+    LOST = ix.LOST
     """The simulation diverged, or is too stiff."""
-    JUMPED = structures.JUMPED
+    JUMPED = ix.JUMPED
     """An ideal fingertip was suddenly within the key."""
-    AT_PIN = structures.AT_PIN
+    AT_PIN = ix.AT_PIN
     """An ideal fingertip came so close to the pin that no angle gives a contact."""
     NO_PLUCK = 5
     """Plectrum and string have no quasi-static pluck; `predict_many` reports why. Not simulated."""
@@ -81,8 +81,9 @@ def sweep(
         rig: The nominal bench; the scene's `truth` applies, then the values replace it.
         scene: With a push, or with an ideal finger that makes the rig's planned press, and with a
             chosen step and level.
-        values: SI, by their dotted names as in `sautereau.rig.load.with_values`, of those that
-            `values.variables` lists; broadcast together.
+        values: SI, by their dotted names as in `sautereau.rig.load.with_values`, of the parts that
+            the scene simulates; broadcast together. Those of the push, and the derived
+            `plectrum.bending_stiffness` and `string.static_stiffness` of the elastica, too.
         threads: Number of threads; None for one per processor. Without numba they gain
             nothing.
 
@@ -94,21 +95,39 @@ def sweep(
     check_scene(scene)
     if scene.finger == "servo":
         raise SceneError('finger: a servo cannot be swept; use finger = "push" or "ideal"')
-    given, shape = _given(rig, scene, values)
+    arrays = {name: np.asarray(value, float) for name, value in values.items()}
+    try:
+        shape = np.broadcast_shapes(*(v.shape for v in arrays.values()))
+    except ValueError:
+        shapes = ", ".join(f"{name} {v.shape}" for name, v in arrays.items())
+        raise SceneError(
+            f"values: shapes do not fit together: {shapes}; give shapes that broadcast"
+        ) from None
+    flat = {n: np.broadcast_to(v, shape).ravel() if v.ndim else v for n, v in arrays.items()}
     presses, choirs = int(np.prod(shape)), 1 + len(rig.more_choirs)
-    numbers = Numbers(rig, scene, given)
-    good = within_limits(numbers, presses)
-    cells, laws, plucks = varied_laws(numbers, good)
-    status = np.where(good, np.where(plucks, Ending.PLAYED, Ending.NO_PLUCK), Ending.OUT_OF_RANGE)
+    numbers = Numbers(rig, scene, flat)
     with np.errstate(all="ignore"):  # of presses that are not simulated
-        keys, jacks = (records(array) for array in benches(numbers, laws))
+        key_array, jack_array = benches(numbers, presses)
+    plucked = (*PLECTRUM, *STRING, *(DERIVED if scene.plectrum == "elastica" else ()))
+    for at in numbers.prefixes if scene.plectrum != "none" else ():
+        for name in plucked:
+            numbers(f"{at}{name}")
+    if unknown := sorted(set(values) - set(numbers.used)):
+        raise SceneError(
+            f"values: {', '.join(unknown)} cannot be varied in this scene; choose from"
+            f" {', '.join(numbers.used)}"
+        )
+    good = numbers.within_limits(presses)
+    cells, plucks = set_laws(numbers, jack_array, good)
+    status = np.where(good, np.where(plucks, Ending.PLAYED, Ending.NO_PLUCK), Ending.OUT_OF_RANGE)
+    keys, jacks = records(key_array), records(jack_array)
     found = np.full((presses, choirs, 4), np.inf)
     samples, cubics, start = _drive(numbers, presses)
     timing = rig.controller.sample_period, *timing_of(rig, scene)
 
     def play(first: int) -> None:
         arm, kind = arm_of(rig, scene, start), FINGERS.index(scene.finger)
-        template = structures.new_press(keys[0], jacks[0], cells, arm, kind, 0)
+        template = ix.new_press(keys[0], jacks[0], cells, arm, kind)
         last = min(first + CHUNK, presses)
         play_presses(keys, jacks, template, first, last, cubics, samples, timing, found, status)
 
@@ -120,32 +139,7 @@ def sweep(
     return Sweep(contact, release, force, speed, status.astype(np.int8).reshape(shape))
 
 
-def _given(
-    rig: Rig, scene: Scene, values: Mapping[str, ArrayLike]
-) -> tuple[dict[str, Floats], tuple[int, ...]]:
-    """Return the values flattened to shape (presses,), and their common shape."""
-    known = variables(rig, scene)
-    unknown = sorted(set(values) - set(known))
-    if unknown:
-        raise SceneError(
-            f"values: {', '.join(unknown)} cannot be varied in this scene; choose from"
-            f" {', '.join(known)}"
-        )
-    arrays = {name: np.asarray(value, float) for name, value in values.items()}
-    try:
-        shape = np.broadcast_shapes(*(v.shape for v in arrays.values()))
-    except ValueError:
-        shapes = ", ".join(f"{name} {v.shape}" for name, v in arrays.items())
-        raise SceneError(
-            f"values: shapes do not fit together: {shapes}; give shapes that broadcast"
-        ) from None
-    flat = {n: np.broadcast_to(v, shape).ravel() if v.ndim else v for n, v in arrays.items()}
-    return flat, shape
-
-
-def _drive(
-    numbers: Numbers, presses: int
-) -> tuple[NDArray[np.int64], Floats, tuple[float, float]]:
+def _drive(numbers: Numbers, presses: int) -> tuple[NDArray[np.int64], Floats, tuple[float, float]]:
     """Return the samples of each press, and the joints' cubics and start of an ideal finger."""
     rig, push = numbers.rig, numbers.scene.push
     if push:
