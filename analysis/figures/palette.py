@@ -1,4 +1,4 @@
-"""Colours of all plots by role, told apart by readers of any colour vision.
+"""Colours of all plots by role, distinct for readers of any colour vision.
 
 The hues are those of Okabe and Ito (Color Universal Design, 2008). Every pair of a group of
 `GROUPS` differs by at least `LEAST_DIFFERENCE`, also as seen with deuteranopia, protanopia or
@@ -32,7 +32,7 @@ LEVELS = (SKY, VERMILLION, GREEN, "#000000", PURPLE, YELLOW)
 
 ARM, PRESSED, WOOD, GRAIN, METAL = "#0b4f8a", VERMILLION, "#efe4cc", "#8a7a5c", "#555555"
 FELT, LASER = "#7d9b76", "#b00020"
-"""Parts of the bench, which their shapes tell apart."""
+"""Parts of the bench, which have different shapes."""
 GRID = "#e6e6e6"
 
 GROUPS = {

@@ -191,7 +191,7 @@ def brightness(page):
 def test_no_text_overlaps_another_and_nothing_is_cut(page, width, scheme):
     page.emulate_media(color_scheme=scheme)
     page.set_viewport_size({"width": width, "height": 900})
-    page.wait_for_timeout(300)  # plotly draws anew after the page was resized
+    page.wait_for_timeout(300)  # plotly draws again after the page was resized
     found = page.evaluate(OVERLAPS)
     page.set_viewport_size({"width": 1200, "height": 900})
     assert found["texts"] > 100
