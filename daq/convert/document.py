@@ -161,11 +161,15 @@ def _faults(document: Document) -> list[str]:
     if not all(
         isinstance(event.time, int | float)
         and math.isfinite(event.time)
+        and isinstance(event.std, int | float)
+        and 0 <= event.std < math.inf
         and isinstance(event.kind, str)
         and isinstance(event.text, str)
         for event in document.events
     ):
-        faults.append("events: one has no finite time, or a kind or text that is none")
+        faults.append(
+            "events: one has no finite time or uncertainty, or a kind or text that is none"
+        )
     for name, series in (("plan", document.plan), ("joints", document.joints)):
         arrays = [] if series is None else [getattr(series, f.name) for f in fields(series)]
         if any(a.ndim != 1 or not np.isfinite(a).all() for a in arrays) or (

@@ -169,7 +169,7 @@ class Contents:
                     f"it has more events than the limit of {MOST_EVENTS}; {FOREIGN}"
                 )
             event = decode("Event", bytes(data))
-            self.events.append(Event(event.time, event.kind, event.text))
+            self.events.append(Event(event.time, event.kind, event.text, event.std))
         elif topic == "/plan":
             plan = decode("Plan", bytes(data))
             self.plan = Plan(*map(doubles, (plan.t, plan.q1, plan.q2, plan.jack_rise)))

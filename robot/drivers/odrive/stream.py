@@ -7,7 +7,7 @@ import numpy as np
 
 from sautereau.robot.controller import Capture
 from sautereau.robot.drivers.odrive.axes import Axes
-from sautereau.robot.drivers.odrive.setpoints import Setpoints
+from sautereau.robot.drivers.odrive.setpoints import INTERVAL, LEAD, Setpoints
 from sautereau.robot.errors import MotionFault
 from sautereau.trajectory.motion import Floats
 from sautereau.trajectory.segments import Counts
@@ -68,15 +68,17 @@ class Stream:
             self._thread.join()
 
     def capture(self, sample_period: float) -> Capture:
-        """Return what was recorded so far, at the host's times from the first setpoint on."""
+        """Return what was recorded so far, at the host's times."""
         counts = np.array(self._counts)
         planned = np.rint(self._setpoints.planned[self._sent]).astype(np.int64)
         return Capture(
-            samples=np.rint(np.array(self._times) / sample_period).astype(np.int64),
+            samples=np.rint(np.array(self._times) / sample_period).astype(np.int64)
+            - LEAD * INTERVAL,
             counts=counts,
             following_errors=planned - counts,
             torques=np.array(self._torques),
             sample_period=sample_period,
+            start_std=self.punctuality.jitter,
         )
 
     @property
@@ -112,10 +114,9 @@ class Stream:
         axes, interval, last = self._axes, self._setpoints.interval, len(self._setpoints) - 1
         start, index = axes.polling.clock(), 0
         while index <= last and not self.cancelled.is_set():
-            edge = () if self._sent else (axes.edge(True),)
             now = axes.polling.clock() - start
             index = max(index, min(int(now / interval), last))  # what is due, if it is late
-            counts, torques = axes.observe(*edge, *self._commands[index])
+            counts, torques = axes.observe(*self._commands[index])
             self._sent.append(index)
             self._times.append(now)
             self._counts.append(counts)
@@ -124,7 +125,8 @@ class Stream:
             index += 1
             if (ahead := start + index * interval - axes.polling.clock()) > 0:
                 axes.polling.sleep(ahead)
-        axes.line.confirmed(axes.edge(False))
+        if not self.cancelled.is_set():
+            axes.hold()
 
     def _check_followed(self, index: int) -> None:
         away = np.abs(self._counts[-1] - self._setpoints.planned[index])

@@ -112,7 +112,7 @@ class Machine:
             axis.settings |= dict.fromkeys((name for name in AXIS if name.endswith("error")), 0.0)
 
     def value_of(self, name: str) -> str | None:
-        """Return the value of a property such as `axis0.error` as text, or None if there is none."""
+        """Return the value of a property such as `axis0.error` as text; None for none."""
         index, axis, declared, rest = self._named(name)
         if declared is None:
             return None
