@@ -85,28 +85,26 @@ class Axes(Power):
         line.refuse(faults)
         line.set(settings)
 
-    def setpoints(self, setpoints: Setpoints) -> list[tuple[str, str]]:
-        """Return the commands of setpoints, for both axes."""
-        turns = self._turns(setpoints.positions)
-        speeds = setpoints.velocities / self.per_turn
-        return [
-            (f"p 0 {first:.7f} {v:.6f}", f"p 1 {second:.7f} {w:.6f}")
-            for (first, second), (v, w) in zip(turns, speeds, strict=True)
-        ]
+    def _commands(self, setpoints: Setpoints, row: int) -> tuple[str, str]:
+        """Return the commands of a row of setpoints, for both axes."""
+        first, second = self._turns(setpoints.positions[row])
+        v, w = setpoints.velocities[row] / self.per_turn
+        return f"p 0 {first:.7f} {v:.6f}", f"p 1 {second:.7f} {w:.6f}"
 
     def needed_baud_rate(self, setpoints: Setpoints) -> float:
         """Return the bits per second at which setpoints reach the controller in time."""
-        rows = ((*row, *_POSITIONS, *_CURRENTS) for row in self.setpoints(setpoints))
-        longest = max(sum(len(framed(command)) for command in row) for row in rows)
+        asked = sum(len(framed(command)) for command in (*_POSITIONS, *_CURRENTS))
+        rows = (self._commands(setpoints, row) for row in range(len(setpoints)))
+        longest = asked + max(sum(len(framed(command)) for command in row) for row in rows)
         return 10 * longest / setpoints.interval
 
-    def observe(self, *commands: str) -> tuple[Counts, Floats]:
-        """Send commands, and ask in the same write for positions and torques.
+    def send(self, rows: Setpoints, index: int, /) -> tuple[Counts, Floats | None]:
+        """Send a row of setpoints, and ask in the same write for positions and torques.
 
         Returns:
             Joint positions (counts) and commanded torques at the joints (N m); shape (2,) each.
         """
-        answers = self.line.exchange((*commands, *_POSITIONS, *_CURRENTS), 4)
+        answers = self.line.exchange((*self._commands(rows, index), *_POSITIONS, *_CURRENTS), 4)
         currents = [
             self.line.parsed(asked, text, 1)[0]
             for asked, text in zip(_CURRENTS, answers[2:], strict=True)

@@ -17,18 +17,15 @@ The command `q` is never used: its torque limit replaces the configured one.
 from functools import partial
 
 from sautereau.rig.capabilities import Capabilities, HomingKind
-from sautereau.rig.schema import Rig
-from sautereau.robot.controller import Capture, TorqueTable
-from sautereau.robot.drivers.driver import Clock, Sleep
+from sautereau.robot.controller import TorqueTable
 from sautereau.robot.drivers.odrive.axes import Axes
 from sautereau.robot.drivers.odrive.homing import find_switches, switches_closed
 from sautereau.robot.drivers.odrive.line import OdriveLine
 from sautereau.robot.drivers.odrive.setpoints import INTERVAL, LEAD, Setpoints
-from sautereau.robot.drivers.odrive.stream import Punctuality, Stream
 from sautereau.robot.drivers.polling import STOPPING
 from sautereau.robot.drivers.powered_arm import PoweredArm
-from sautereau.robot.drivers.serial_port import Port
-from sautereau.robot.errors import GarbledAnswer, NotReady, RobotError, UnsafeRequest
+from sautereau.robot.drivers.streamed import HostTime, StreamedDriver
+from sautereau.robot.errors import GarbledAnswer, RobotError, UnsafeRequest
 from sautereau.trajectory.segments import Counts, Segments
 
 FIRMWARE = "0.5.6"
@@ -42,7 +39,7 @@ _FLAWS = {
 """Why earlier versions cannot be used, by `CHANGELOG.md` of odriverobotics/ODrive."""
 
 
-class OdriveDriver(Axes):
+class OdriveDriver(StreamedDriver[Setpoints], Axes):
     """A `Driver` over a serial line; while `home_levels` reads the switches, the motors are off."""
 
     WITHOUT_HOST = (
@@ -59,30 +56,18 @@ class OdriveDriver(Axes):
         lead_intervals=LEAD,
     )
 
-    def __init__(self, rig: Rig, port: Port, clock: Clock, sleep: Sleep):
-        super().__init__(rig, port, clock, sleep)
-        self._planned: tuple[Segments, Setpoints] | None = None
-        self._loaded: tuple[Segments, Setpoints] | None = None
-        self.stream: Stream | None = None
-        """The last motion that was started."""
-
-    @property
-    def punctuality(self) -> Punctuality:
-        """Timing of the setpoints of the last motion."""
-        return self._streamed("punctuality").punctuality
-
     def set_up(self) -> str:
         identity = _introduced(self.line)
         if "SIM" in identity and "stepped" in identity:  # it waits for the host
-            host = HostTime(self.line)
+            wait = self.line.ask
+            host = HostTime(lambda seconds: wait(f"w stand_in.wait {seconds:.9f}"))
             self.polling.clock, self.polling.sleep = host.clock, host.sleep
         self.set_up_axes()
         return identity
 
     def halt(self) -> None:
         """Send no more setpoints, and decelerate to a standstill."""
-        if self.stream is not None:
-            self.stream.cancel()
+        self.cancel()
         self.line.resynchronise()
         if self.running:
             self.start_halt()
@@ -90,8 +75,7 @@ class OdriveDriver(Axes):
 
     def abort(self) -> None:
         try:
-            if self.stream is not None:
-                self.stream.cancel()
+            self.cancel()
         finally:
             super().abort()
 
@@ -126,73 +110,6 @@ class OdriveDriver(Axes):
             for joint in (0, 1)
             if low[joint] < least[joint] or high[joint] > most[joint]
         ]
-
-    def load(self) -> Segments:
-        """Keep the planned motion for `start`; nothing is sent."""
-        self._loaded = self._planned
-        return self._motion("load")[0]
-
-    @property
-    def loaded_torque(self) -> TorqueTable | None:
-        return None
-
-    def arm(self) -> None:
-        """Let the axes follow setpoints."""
-        motion, _ = self._motion("arm")
-        self.check_running("arming")
-        self.follow(motion.start)
-
-    def start(self) -> None:
-        _, setpoints = self._motion("start")
-        self.stream = Stream(self, setpoints, self._settings.position_error_limit)
-        self.stream.start()
-
-    def wait(self) -> None:
-        """Wait until the motion has ended, and verify that it ended as it should.
-
-        Raises:
-            MotionFault: A gap between setpoints was too large, a joint did not follow, or an
-                axis switched itself off.
-        """
-        stream, (motion, _) = self._streamed("wait"), self._motion("wait")
-        stream.wait()
-        self.check_running("the press")
-        stream.check_punctuality()
-        self.polling.settle(self.positions, motion.end, self.limits.tolerance)
-
-    def capture(self) -> Capture:
-        """Return what the host recorded of the last motion, at the host's times."""
-        return self._streamed("capture").capture(self._settings.sample_period)
-
-    def _motion(self, call: str) -> tuple[Segments, Setpoints]:
-        if self._loaded is None:
-            raise NotReady(f"{call}: no motion is loaded; call load() first")
-        return self._loaded
-
-    def _streamed(self, call: str) -> Stream:
-        if self.stream is None:
-            raise NotReady(f"{call}: no motion was streamed; start() one first")
-        return self.stream
-
-
-class HostTime:
-    """Simulated time of a stand-in that waits for the host, see docs/decisions/0006.
-
-    Args:
-        line: To the stand-in.
-    """
-
-    def __init__(self, line: OdriveLine):
-        self._line, self._now = line, 0.0
-
-    def clock(self) -> float:
-        """Return the seconds waited so far."""
-        return self._now
-
-    def sleep(self, seconds: float) -> None:
-        """Advance the stand-in's time by seconds."""
-        self._line.ask(f"w stand_in.wait {seconds:.9f}")
-        self._now += seconds
 
 
 def _introduced(line: OdriveLine) -> str:
