@@ -551,6 +551,15 @@ def test_extremes_converge(values, force):
     assert fine.motions.angle.min() >= -1e-14
 
 
+def test_a_servo_that_cannot_lift_its_key_rests_without_events():
+    rig = with_values(RIG, {"jack.mass": "20 kg"})
+    moved = run(rig, scene_of("paper", engine="exact", step=1e-3)).motions
+    assert moved.angle.max() < 1e-11  # by the blow of the finger
+    assert moved.finger_force.max() > 1
+    per_sample = len(moved.time) / (moved.time[-1] / PERIOD)
+    assert per_sample < 2.1
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("speed", [0.005, 1.0])
 @pytest.mark.parametrize("finger", ["ideal", "paper"])

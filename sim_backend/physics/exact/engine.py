@@ -85,7 +85,7 @@ class ExactWorld:
             FINGERS.index(scene.finger),
         )  # fmt: skip
         """Parameters and state."""
-        self._powered = False
+        self._kind, self._powered = FINGERS.index(scene.finger), False
         if not ExactWorld._compiled:  # now, and not while a host waits for an answer
             play(self.press, 0, np.zeros((0, 2, 4)), False, self._period, *self._timing)
             ExactWorld._compiled = True
@@ -114,7 +114,7 @@ class ExactWorld:
 
     def _play(self, counts: Floats, speeds: Floats, powered: bool) -> Motions:
         """Advance through controller samples with a reference at their ends."""
-        press, kind = self.press, self.press.finger.kind
+        press, kind = self.press, self._kind
         if isinstance(self.finger, ServoFinger) and powered != self._powered:
             self.finger.switch(powered)
         self._powered = powered

@@ -25,10 +25,6 @@ from sautereau.sim_backend.physics.exact.forces import (
 )
 from sautereau.sim_backend.physics.exact.strings import string_range
 
-CLOSE = 1e-13
-"""rad and m, gap below which surfaces are in contact."""
-SLOW = 1e-11
-"""rad/s and m/s, speed below which it counts as zero."""
 DEEP = 1e-6
 """rad, largest overlap of fingertip and key."""
 
@@ -50,9 +46,9 @@ def pose(press, kept, h):
         gap, apart = x[k + 1] - rise, speed - slope * omega
         choir.slope, choir.dry = slope, h * jack.friction
         choir.push = h * static_load(press, k, x[k + 1]) - kept * jack.mass * speed
-        choir.closed = gap + (h * apart if kept else 0.0) <= CLOSE
+        choir.closed = gap + (h * apart if kept else 0.0) <= ix.CLOSE
         if not kept:
-            choir.closed = choir.closed and abs(apart) <= SLOW
+            choir.closed = choir.closed and abs(apart) <= ix.SLOW
             choir.push += jack.mass * curvature * omega * omega
             if speed != 0.0:
                 choir.push, choir.dry = choir.push + math.copysign(jack.friction, speed), 0.0
@@ -163,8 +159,8 @@ def resolve(press, time, h):
     near, target = False, 0.0
     if finger.kind != ix.PUSH:
         target = finger.speed + h * finger.acceleration
-        near = x[0] - finger.angle + h * (v[0] - finger.speed) <= CLOSE
-    solve(press, q, t, target, near, 0, x[0] + h * v[0] <= CLOSE)
+        near = x[0] - finger.angle + h * (v[0] - finger.speed) <= ix.CLOSE
+    solve(press, q, t, target, near, 0, x[0] + h * v[0] <= ix.CLOSE)
     omega, side = mode.x, sign(mode.x)
     for k in range(len(press.jacks)):
         jack, choir, at = press.jacks[k], press.choirs[k], k + 1
@@ -206,13 +202,13 @@ def select(press, time):
     finger, mode, x, v = press.finger, press.mode, press.x, press.v
     set_forces(press)
     for i in range(1 + len(press.jacks)):
-        if abs(v[i]) <= SLOW:
+        if abs(v[i]) <= ix.SLOW:
             v[i] = 0.0
     direction = heading(press, time) if finger.kind != ix.PUSH and v[0] == 0.0 else 0
     locate_tip(press, time)
     q, t = pose(press, 0, 1.0)
-    near = x[0] - finger.angle <= CLOSE and abs(v[0] - finger.speed) <= SLOW
-    solve(press, q, t, finger.acceleration, near, direction, x[0] <= CLOSE and v[0] == 0.0)
+    near = x[0] - finger.angle <= ix.CLOSE and abs(v[0] - finger.speed) <= ix.SLOW
+    solve(press, q, t, finger.acceleration, near, direction, x[0] <= ix.CLOSE and v[0] == 0.0)
     mode.slip = sign(v[0]) if v[0] != 0.0 else sign(mode.x)
     if v[0] == 0.0 and mode.touch and direction != 0:
         mode.slip = direction

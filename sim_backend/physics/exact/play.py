@@ -27,8 +27,8 @@ CROWDED = 24
 """Events without a complete step between them, after which a nonsmooth step is taken."""
 NONSMOOTH = 1e-3
 """Dimensionless, fraction of a step: length of a nonsmooth step."""
-MOST_STEPS = 400_000
-"""Divided steps of one step, above which a scene is too stiff."""
+MOST_STEPS, MORE_STEPS = 200_000, 1000
+"""Divided steps of one call, and more of them per sample, above which a scene is too stiff."""
 
 
 @compiled
@@ -77,7 +77,7 @@ def advance(press, time, end, size, order, tolerance):
         tolerance: Dimensionless, relative error of a step.
     """
     mode, finger, start = press.mode, press.finger, press.work[0:3]
-    step, crowd, steps, repeated, before = end - time, 0, 0, False, 0.0
+    step, crowd, repeated, before = end - time, 0, False, 0.0
     allowed = tolerance ** (1.0 - 2.0 / order)
     while time < end:
         if mode.slip == 0 and (finger.kind == ix.PUSH or (finger.kind == ix.IDEAL and mode.touch)):
@@ -86,8 +86,8 @@ def advance(press, time, end, size, order, tolerance):
                 moving = moving or (press.choirs[k].stands == 0 and press.choirs[k].sign != 0)
             if not moving:
                 return ix.FINE
-        steps += 1
-        if steps > MOST_STEPS:
+        mode.steps -= 1
+        if mode.steps < 0:
             return ix.LOST
         step = min(step, end - time)
         if not repeated:
@@ -140,6 +140,7 @@ def play(press, sample, cubics, powered, period, steps, order, tolerance):
     """
     key, finger, mode, size = press.key, press.finger, press.mode, period / steps
     mode.events = mode.rows = 0
+    mode.steps = MOST_STEPS + (MORE_STEPS + 2 * steps) * len(cubics)
     mode.spare = max(len(press.rows) - len(cubics) * steps, 0)
     for i in range(len(cubics)):
         start = (sample + i) * period

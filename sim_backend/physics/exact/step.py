@@ -105,7 +105,7 @@ def guard(press):
             least = min(least, (angle + ANGLE) * 1e2)
     elif finger.compliance > 0.0:
         least = min(least, mode.up / weights + FORCE)
-        if angle > 0.0:
+        if angle > ix.CLOSE:  # not on the rail
             least = min(least, mode.down / weights + FORCE)
     if mode.touch:
         if mode.slip != 0 or finger.compliance > 0.0:
@@ -147,17 +147,16 @@ def locate(press, start, time, step, order, at_low):
         else:
             other, at_other, low, at_low = low, at_low, middle, found
         part = 0.5
-        if at_other < math.inf:
-            # The end that was found last comes first in the formula.
-            a, fa, b, fb = (
-                (high, at_high, low, at_low) if found < 0 else (low, at_low, high, at_high)
-            )
+        # The end that was found last comes first in the formula.
+        a, fa, b, fb = high, at_high, low, at_low
+        if found >= 0.0:
+            a, fa, b, fb = low, at_low, high, at_high
+        if at_other < math.inf and at_other != fb and other != b:
             xi, phi = (a - b) / (other - b), (fa - fb) / (at_other - fb)
             if phi * phi < xi and (1 - phi) * (1 - phi) < 1 - xi:
                 t = fa / (fb - fa) * at_other / (fb - at_other)
                 t += (other - a) / (b - a) * fa / (at_other - fa) * fb / (at_other - fb)
-                part = t if found >= 0.0 else 1 - t
-                part = min(max(part, 1e-9), 1 - 1e-9)
+                part = min(max(t if found >= 0.0 else 1 - t, 1e-9), 1 - 1e-9)
     if middle != high:
         try_step(press, start, time, high, order)
     return high

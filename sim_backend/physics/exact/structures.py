@@ -20,6 +20,8 @@ FINE, TURNED_OVER, LOST, JUMPED, AT_PIN = 0, 1, 2, 3, 4
 """Status after an interval of time."""
 PIECES = 3
 """Most pieces of a string's force law: the string sticks, slides and rolls."""
+CLOSE, SLOW = 1e-13, 1e-11
+"""Gap [rad, m] below which surfaces are in contact, and speed that counts as zero."""
 EVENTS = 512
 """Most events of strings that one call records."""
 
@@ -67,10 +69,11 @@ FINGER = _record(
 rad/s^2 if no force acts on it; what a moment of 1 N m takes from that, 0 if ideal; m, moment per
 force. The kind, and whether an ideal one is at rest. The joints' accelerations without a force
 [rad/s^2], what a moment of 1 N m takes from those, and their reference over the sample [rad]."""
-MODE = _record("moment up down x", "slip touch felt events rows spare")
+MODE = _record("moment up down x", "slip touch felt events rows spare steps")
 """N m, of the finger on the key, and by which friction holds a key at rest against a rise and
 against a fall; the unknown of the last inclusion. Sign of the key's velocity; whether the finger
-touches it; the felt. Numbers of recorded events and rows, and rows left for changes of mode."""
+touches it; the felt. Numbers of recorded events and rows, rows left for changes of mode, and steps
+left before a scene counts as too stiff."""
 CHOIR = _record("low high load slope push dry", "stands sign string piece cell damped closed")
 """m, rises between which string and damper do not change; N, of the jack on the key; m/rad, slope
 of the key under it; constant and friction of its force in an inclusion. Whether it stands on the
