@@ -261,10 +261,12 @@ def test_the_command_line_presses_and_marks_the_resolution(tmp_path, monkeypatch
     (path,) = (tmp_path / "out").glob("*.mcap")
     press = load_press(path)
     assert any("its encoders resolve 0.34 mm at the fingertip" in text for text in press.warnings)
+    recorded = read_recording(path)
     assert 1e-4 < press.motion.std < 5e-3
-    assert abs(press.motion.time) < 3 * press.motion.std
+    assert abs(recorded.motion.time) < 3 * press.motion.std
+    np.testing.assert_allclose(recorded.arm.t, recorded.joints.t - recorded.motion.time)
     assert find_phases(press).free_speed == pytest.approx(0.02, rel=0.1)
-    assert "Dynamixel" in read_recording(path).session.controller
+    assert "Dynamixel" in recorded.session.controller
 
 
 def test_the_plan_of_a_streamed_press_knows_no_limit_of_segments(rig):
