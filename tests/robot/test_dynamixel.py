@@ -31,6 +31,8 @@ from sautereau.sim_backend.devices.dynamixel.firmware import Servos
 from sautereau.trajectory.press import plan_press
 from sautereau.trajectory.segments import Segments
 
+pytest.importorskip("dynamixel_sdk")
+
 SLOW = {
     "controller.kind": "dynamixel",
     "controller.baud_rate": 1_000_000,
