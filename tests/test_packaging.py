@@ -114,7 +114,7 @@ def test_what_is_imported_is_required():
     brought_by = {
         "google": "protobuf", "PIL": "pillow", "serial": "pyserial", "skfem": "scikit-fem",
         "foxglove": "foxglove-sdk", "grpc": "nidaqmx", "session_pb2": "nidaqmx",
-        "pydantic_core": "pydantic", "markupsafe": "jinja2",
+        "pydantic_core": "pydantic", "markupsafe": "jinja2", "dynamixel_sdk": "dynamixel-sdk",
     }  # fmt: skip
     extras = PROJECT["optional-dependencies"].values()
     texts = [*PROJECT["dependencies"], *(text for extra in extras for text in extra)]
