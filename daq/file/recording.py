@@ -214,6 +214,11 @@ class Recording:
                 f"recording {self._path}: /{message.lower()} has arrays of the shapes {listed};"
                 " give all of them the same shape (n,)"
             )
+        if not all(np.isfinite(column).all() for column in columns.values()):
+            raise RecordingError(
+                f"recording {self._path}: /{message.lower()} has numbers that are not finite; look"
+                " at what the controller answered, and press again"
+            )
         log_time = self._clock.now_ns() if self._first is None else self._t0
         with self._file().writing() as writer:
             self._log(writer, f"/{message.lower()}", log_time, encode(message, **columns))
