@@ -583,7 +583,7 @@ def host_frozen(desk):
     child_pressing(desk, lambda child: child.send_signal(signal.SIGSTOP))
 
 
-@fault("the host stopped for 1.5 s 30 ms after the trigger", ALONE, f"watchdog.*{OFF}")
+@fault("the host stopped for 1.5 s 30 ms after the trigger", ALONE, f"no sign of life.*{OFF}")
 def host_frozen_for_a_while(desk):
     def freeze(child):
         child.send_signal(signal.SIGSTOP)
