@@ -32,6 +32,7 @@ from sautereau.commands import (
     setup,
     simulate,
     transient,
+    watch,
 )
 
 app = App(
@@ -48,6 +49,7 @@ for command in (
     plan.plan,
     plan.mount,
     press.press,
+    press.replay,
     acquire.acquire,
     learn.learn,
     fit.phases,
@@ -59,6 +61,7 @@ for command in (
     animate.listen,
     campaign.campaign,
     campaign.touch,
+    watch.watch,
     report.report,
     recordings.info,
     recordings.recover,

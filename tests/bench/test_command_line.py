@@ -183,6 +183,7 @@ ERRORS = (
     "campaign none --out a.parquet", "touch none.parquet", "info none.mcap", "recover none.mcap",
     "export none.mcap --to csv", "import none.csv --rig paper --out a.mcap", "stand-in none",
     "trade none", "doctor none", "transient none.mcap",
+    "replay none.mcap --sim --out out", "watch none",
 )  # fmt: skip
 
 

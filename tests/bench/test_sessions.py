@@ -137,7 +137,7 @@ def test_a_table_of_presses_with_warm_up_on_the_stand_in(sautereau, rig_file, tm
     sessions = [read_session(path) for path in sorted((tmp_path / "out").glob("*.mcap"))]
     assert [s.notes for s in sessions] == ["monday; slow"] * 4 + ["monday"] * 2
     assert sessions[0].seed != sessions[4].seed
-    slow, fast = result["rows"]
+    slow, fast = result["conditions"]
     assert slow["repeatability"]["presses"] == 3
     assert "repeatability" not in fast
     assert abs(slow["duration_error"]["value"]) < 0.01
