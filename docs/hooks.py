@@ -1,6 +1,7 @@
 """Pages and pictures that the site generates from the program, and equations without a script."""
 
 import ast
+import json
 import re
 import tempfile
 from collections.abc import Iterator
@@ -39,7 +40,12 @@ def on_config(config: MkDocsConfig) -> MkDocsConfig:
 
 def on_files(files: Files, config: MkDocsConfig) -> Files:
     """Add the generated pages."""
-    pages = {"rig-file.md": rig_page(), "commands.md": commands_page()}
+    notebook = Path(config.docs_dir) / "tutorial.ipynb"
+    pages = {
+        "rig-file.md": rig_page(),
+        "commands.md": commands_page(),
+        "tutorial.md": notebook_page(notebook),
+    }
     for room in ROOMS:
         pages[_page(room)] = room_page(room)
         pages |= {_page(name): f"# {name}\n\n::: {name}\n" for name in modules(room)}
@@ -48,6 +54,16 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
     for name, picture in pictures(Path(config.docs_dir)):
         files.append(File.generated(config, name, content=picture))
     return files
+
+
+def notebook_page(path: Path) -> str:
+    """Return a notebook as a page: its text, and its code without outputs."""
+    parts = [f"This page is the notebook [{path.name}]({path.name}), without outputs."]
+    for cell in json.loads(path.read_text(encoding="utf-8"))["cells"]:
+        text = "".join(cell["source"])
+        parts.append(text if cell["cell_type"] == "markdown" else f"```python\n{text}\n```")
+    heading = parts.pop(1)
+    return "\n\n".join([heading, *parts]) + "\n"
 
 
 def pictures(docs: Path) -> Iterator[tuple[str, bytes]]:

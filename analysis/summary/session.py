@@ -20,6 +20,8 @@ SIGNS = {
     "duration_error": ("shorter", "longer"),
 }
 """Of the model where its error is negative, and where it is positive."""
+DRIFTING = ("pluck_duration", "release_force")
+"""Features whose drift the text reports: of more, some would be significant by chance."""
 _OF_SEVERAL = ("presses", "changed", "warnings")
 """Keys of a condition that mean something else of a session."""
 
@@ -158,12 +160,12 @@ def _comparison_lines(found: Condition, level: str, features: bool) -> list[str]
 
 
 def _drift_lines(found: Condition) -> list[str]:
-    """Return the features of the comparison whose drift is significant."""
+    """Return the features of `DRIFTING` whose drift is significant."""
     return [
         f"  drift of the {title_of(one.name)}: {one.drift.value * scale:+.3g} per press (95 %:"
         f" {one.drift.low * scale:+.3g} to {one.drift.high * scale:+.3g})"
         for one in found.features
-        if one.predicted is not None and one.drift and one.drift.significant
+        if one.name in DRIFTING and one.drift and one.drift.significant
         for scale in [QUANTITIES[split_column(one.name)[0]].displayed[0]]
     ]
 

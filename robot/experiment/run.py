@@ -81,6 +81,7 @@ class PlanRun:
         self._places: deque[Place] = deque()
         self._made: list[Any] = []
         self._answer: Any = None
+        self._question: Ask | None = None
         self._set_up: Rig | None = None
         self.to_set: dict[str, Any] = {}
         """What the operator must set before the session continues; empty for nothing."""
@@ -108,7 +109,7 @@ class PlanRun:
 
     def _next(self) -> Place | Ask | None:
         """Return the next press that is not yet made, or question; None at the end of the plan."""
-        while True:
+        while self._question is None:
             while self._places:
                 recording = self._folder.done.get(self._places[0].number)
                 if recording is None:
@@ -123,10 +124,12 @@ class PlanRun:
             if isinstance(request, Ask):
                 noted = self._folder.row(self._index)
                 if noted is None or "answer" not in noted:
-                    return request
-                self._answered(request, noted["answer"])
+                    self._question = request
+                else:
+                    self._answered(request, noted["answer"])
             else:
                 self._take(request)
+        return self._question
 
     def _take(self, request: Step | Row) -> None:
         """Number the presses of a request, with warm-up presses if the instrument changes."""
@@ -154,7 +157,7 @@ class PlanRun:
     def _answered(self, question: Ask, answer: str) -> None:
         row = {"values": {}, "repeats": 0, "notes": question.text, "answer": answer}
         self._folder.note_row(self._index, row)
-        self._answer = answer
+        self._answer, self._question = answer, None
 
     def _instrument_set(self, row: Row) -> bool:
         """Return whether the instrument is set for a row; the operator is asked if it is not."""

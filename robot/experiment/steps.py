@@ -53,23 +53,30 @@ def press(
     return (yield Step(n, {**(values or {}), **named}, notes))
 
 
-def scan(name: str, over: Iterable[Any], n: int = 1, /, **named: Any) -> Plan:
+def scan(name: str, over: Iterable[Any], n: int = 1, /, *, notes: str = "", **named: Any) -> Plan:
     """Press n times at each value of one quantity; return the recordings of each value.
 
     Args:
         name: Key of the rig's value, dotted or its last part.
         over: Texts with units, or numbers in SI units.
         n: Number of presses at each.
+        notes: The operator's.
         named: Further values, the same at all.
     """
     made = []
     for value in over:
-        made.append((yield Step(n, {**named, name: value})))
+        made.append((yield Step(n, {**named, name: value}, notes)))
     return made
 
 
 def repeat_until(
-    enough: Callable[[Sequence[Any]], bool], most: int, /, *, least: int = 1, **named: Any
+    enough: Callable[[Sequence[Any]], bool],
+    /,
+    most: int,
+    *,
+    least: int = 1,
+    notes: str = "",
+    **named: Any,
 ) -> Plan:
     """Press until a criterion holds; return the recordings.
 
@@ -77,11 +84,12 @@ def repeat_until(
         enough: Gets all recordings so far, and returns whether they suffice.
         most: Number of presses after which it ends in any case.
         least: Number of presses before the criterion is asked.
+        notes: The operator's.
         named: Values that differ from the session's rig.
     """
     made: list[Any] = []
     while len(made) < most and (len(made) < least or not enough(made)):
-        made += yield Step(1, named)
+        made += yield Step(1, named, notes)
     return made
 
 

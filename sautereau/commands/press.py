@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import Parameter
 
 from sautereau.commands import common
-from sautereau.commands.live.watching import watching
 
 if TYPE_CHECKING:
     from sautereau.entrance.bench import Bench
@@ -136,15 +135,10 @@ def press_and_report(
 
     pressing = Pressing(bench, what, out, **vars(run))
     common.warn(not as_json, *pressing.planner.warnings)
-    total = 0 if view else pressing.plan.total or 0
+    report = SessionReport(pressing, bench.where, as_json, view=view, live=live)
     with common.signals_stop():
-        with (
-            common.bar(total) as step,
-            watching(bench.where, in_terminal=view, to_foxglove=live) as watch,
-            pausing(bench.control),
-        ):
-            report = SessionReport(pressing, as_json, step)
-            pressing.run(report, watch)
+        with pausing(bench.control):
+            pressing.run(report)
         report.end()
     return 0
 

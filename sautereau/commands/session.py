@@ -1,16 +1,19 @@
 """Output of a session: while it runs, and its summary."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 from sautereau.analysis.figures.comparison import PICTURED
 from sautereau.analysis.summary.press import HEADER, press_line
 from sautereau.commands import common
+from sautereau.commands.live.watching import watching
 from sautereau.entrance.comparison import Comparison
 from sautereau.entrance.devices import Connected
 from sautereau.entrance.pressing import Observer, Pressing
 from sautereau.entrance.session import PressFile, Session
+from sautereau.robot.experiment.monitor import Watch
 from sautereau.robot.experiment.run import Place
 from sautereau.robot.experiment.session_folder import SessionFolder
 
@@ -18,8 +21,10 @@ from sautereau.robot.experiment.session_folder import SessionFolder
 class SessionReport(Observer):
     """Prints every press of a session when it is recorded, and a summary at the end."""
 
-    def __init__(self, pressing: Pressing, as_json: bool, step: Callable[[], None]):
-        self._pressing, self._json, self._step = pressing, as_json, step
+    def __init__(self, pressing: Pressing, where: str, as_json: bool, *, view: bool, live: bool):
+        self._pressing, self._where, self._json = pressing, where, as_json
+        self._view, self._live = view, live
+        self._show: Callable[[float], None] = lambda fraction: None
         self._warnings = pressing.planner.warnings
         self._presses: dict[int, PressFile] = {}
         self._reached = ""
@@ -57,7 +62,18 @@ class SessionReport(Observer):
         press = self._presses[place.number] = PressFile(path)
         analysed = press.analysed
         self._say(press_line(analysed.press, analysed.phases) + "  warm-up" * place.warm_up)
-        self._step()
+        if total := self._pressing.plan.total:
+            self._show(len(self._pressing.folder.done) / total)
+
+    @contextmanager
+    def watching(self) -> Iterator[Watch]:
+        """Show progress, or live views, while the presses of one set-up are made."""
+        bar = not self._view and (self._pressing.plan.total or 0) > 1
+        with (
+            common.fraction_bar(bar) as self._show,
+            watching(self._where, in_terminal=self._view, to_foxglove=self._live) as watch,
+        ):
+            yield watch
 
     def end(self) -> None:
         """Print the summary of all presses of the session, including earlier runs."""

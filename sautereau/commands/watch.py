@@ -2,6 +2,9 @@
 
 from contextlib import suppress
 from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
 
 from sautereau.commands import common
 
@@ -10,7 +13,7 @@ def watch(
     folder: Path,
     /,
     *,
-    n: int | None = None,
+    n: Annotated[int | None, Parameter(name=["-n", "--number"])] = None,
     level: common.Level = "elastica",
     json: common.Json = False,
 ) -> int:

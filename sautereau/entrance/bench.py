@@ -1,5 +1,6 @@
 """The bench that presses keys: the hardware, or the stand-in in its place."""
 
+from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,14 @@ from sautereau.rig import schema
 from sautereau.rig.errors import RigError
 from sautereau.robot.experiment.monitor import Watch
 from sautereau.sim_backend.scene import Scene, load_scene
+
+
+class _Watched(Observer):
+    def __init__(self, watch: Watch):
+        self._watch = watch
+
+    def watching(self) -> AbstractContextManager[Watch]:
+        return nullcontext(self._watch)
 
 
 class Bench(Devices):
@@ -80,7 +89,7 @@ class Bench(Devices):
             learned=learned,
             feed_forward=feed_forward,
         )
-        pressing.run(Observer(), watch)
+        pressing.run(_Watched(watch))
         pressing.check_ended()
         return pressing.session
 

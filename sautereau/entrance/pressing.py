@@ -1,7 +1,7 @@
 """A session of presses: from what was requested to the recordings."""
 
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -12,7 +12,7 @@ from sautereau.rig import schema
 from sautereau.rig.units import parse_quantity
 from sautereau.robot.errors import RobotError
 from sautereau.robot.experiment.folder_lock import only_session
-from sautereau.robot.experiment.monitor import Watch
+from sautereau.robot.experiment.monitor import Seen, Watch
 from sautereau.robot.experiment.plan import Plan
 from sautereau.robot.experiment.plan_table import Row, read_plan_table
 from sautereau.robot.experiment.planner import Planner
@@ -52,6 +52,10 @@ class Observer:
     def pressed(self, place: Place, path: Path) -> None:
         """Take a press and its recording."""
 
+    def watching(self) -> AbstractContextManager[Watch]:
+        """Return what gets the events of the presses on one bench."""
+        return nullcontext(lambda seen: None)
+
 
 class Pressing:
     """One session, new or continued; see `sautereau.entrance.bench.Bench.press`."""
@@ -85,7 +89,7 @@ class Pressing:
         self.folder: SessionFolder
         self.result: PlanRun
 
-    def run(self, observer: Observer, watch: Watch = lambda seen: None) -> None:
+    def run(self, observer: Observer) -> None:
         """Make the presses that are not yet in the folder."""
         bench, fresh = self._bench, None
         if bench.scene is not None:
@@ -93,18 +97,22 @@ class Pressing:
         with only_session(self._out):
             self.folder = SessionFolder(self._out, self.plan, bench.seed, fresh, current_scene)
             observer.begin(self.folder)
-            connected: list[Connected] = []
+            connected: list[tuple[Connected, Watch]] = []
 
             @contextmanager
             def on(rig: schema.Rig, seed: int | None) -> Iterator[Connected]:
                 with bench.connected(rig, seed) as found:
-                    connected[:] = [found]
                     observer.on(found)
-                    yield found
+                    with observer.watching() as watch:
+                        connected[:] = [(found, watch)]
+                        yield found
 
             def pressed(place: Place, path: Path) -> None:
-                connected[0].keep_truth(path)
+                connected[0][0].keep_truth(path)
                 observer.pressed(place, path)
+
+            def watch(seen: Seen) -> None:
+                connected[0][1](seen)
 
             crew = Crew(self.planner, on, bench.ask, pressed, PressFile, watch)
             self.result = PlanRun(self.folder, self._steps, crew, bench.control)
