@@ -57,7 +57,7 @@ class Bench(Protocol):
 
 @dataclass(frozen=True)
 class Crew:
-    """Who makes the presses of a plan, and who is told of them."""
+    """What a plan needs to make its presses, and who observes them."""
 
     planned: Callable[[Row], Planned]
     """Returns trajectory and feed-forward torques of a row's presses."""

@@ -82,7 +82,7 @@ def repeat_until(
 
     Args:
         enough: Gets all recordings so far, and returns whether they suffice.
-        most: Number of presses after which it ends in any case.
+        most: Number of presses after which it always ends.
         least: Number of presses before the criterion is asked.
         notes: The operator's.
         named: Values that differ from the session's rig.

@@ -106,18 +106,18 @@ def bench(rig: str, simulation: Simulation, *, moves: bool = True) -> "Bench":
     return benches.bench(rig) if moves else benches.Bench(Rig(rig))
 
 
-def opened(what: "list[Path]", *, whole: bool = False) -> "Session":
+def opened(what: "list[Path]", *, samples: bool = False) -> "Session":
     """Open recordings, and read all of them.
 
     Args:
         what: Recordings, folders of sessions, or patterns.
-        whole: Whether to keep all samples.
+        samples: Whether to keep all samples.
     """
     from sautereau.entrance.session import open
 
     session = open(what)
     with bar(len(session)) as step:
-        return session.read(step, whole=whole)
+        return session.read(step, samples=samples)
 
 
 @contextmanager

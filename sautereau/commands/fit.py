@@ -108,7 +108,7 @@ def identify(
     from sautereau.analysis.summary.fit import fit_lines, fit_summary
 
     names = [name.strip() for name in free.split(",") if name.strip()]
-    session = common.opened(files, whole=True)
+    session = common.opened(files, samples=True)
     fit = session.identify(names, prior or (), level=level, starts=starts, robust=robust)
     profiles = [fit.profile(e.name) for e in fit.found.estimates] if profile else []
     result = fit_summary(fit.found, profiles) | {"simulated": fit.simulated}

@@ -32,7 +32,7 @@ def transient(
     from sautereau.analysis.transient import attribute, combine, examine
 
     measured = _known(known or [])
-    session = common.opened(files, whole=True)
+    session = common.opened(files, samples=True)
     rigs = {press.rig.name for press in session}
     if len(rigs) > 1:
         raise AnalysisError(

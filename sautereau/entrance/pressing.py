@@ -41,7 +41,7 @@ class Replay:
 
 
 class Observer:
-    """Is told of a session while it runs; each method may be replaced."""
+    """Observes a session while it runs; each method may be replaced."""
 
     def begin(self, folder: SessionFolder) -> None:
         """Take the folder before the first press."""

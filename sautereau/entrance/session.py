@@ -122,19 +122,21 @@ class Session(Shown, Sequence[PressFile]):
             return Session(self._presses[index], self.warnings)
         return self._presses[index]
 
-    def read(self, on_read: Callable[[], Any] = lambda: None, *, whole: bool = False) -> "Session":
+    def read(
+        self, on_read: Callable[[], Any] = lambda: None, *, samples: bool = False
+    ) -> "Session":
         """Read and analyse every recording now, and return the session.
 
         Args:
             on_read: Called after each.
-            whole: Whether to keep all samples.
+            samples: Whether to keep all samples.
 
         Raises:
             RecordingError: A file is not a complete recording.
             AnalysisError: A recording holds no press.
         """
         for press in self:
-            _ = press.press if whole else press.analysed
+            _ = press.press if samples else press.analysed
             on_read()
         return self
 
@@ -255,7 +257,7 @@ def open(what: "str | Path | Iterable[str | Path]", *, folder: str | Path | None
 def watch(folder: str | Path, wait: Callable[[float], Any] = time.sleep) -> Iterator[Session]:
     """Yield the session of a folder whenever recordings have arrived, without end.
 
-    A recording that cannot be analysed is left out, with a warning.
+    A recording that cannot be analysed is omitted, with a warning.
 
     Args:
         folder: Of the recordings.
@@ -281,7 +283,7 @@ def watch(folder: str | Path, wait: Callable[[float], Any] = time.sleep) -> Iter
                         _ = press.analysed
                         presses[path] = press
                     except SautereauError as error:
-                        faults.append(f"left out: {path}: {error}")
+                        faults.append(f"omitted: {path}: {error}")
             known = names
             yield Session(presses.values(), faults)
         wait(PERIOD)
