@@ -87,11 +87,11 @@ def load_rig(name: str) -> "Rig":
     return load_rig(name)
 
 
-def bench(rig: str, simulation: Simulation, *, moves: bool = True) -> "Bench":
+def bench(rig: "str | Rig", simulation: Simulation, *, moves: bool = True) -> "Bench":
     """Return the bench that a command runs on.
 
     Args:
-        rig: Path of a rig file, or name of a packaged one.
+        rig: A rig, the path of its file, or the name of a packaged one.
         simulation: What was requested of the stand-in.
         moves: Whether the arm moves: then the hardware needs a rig file of the user's own.
 
@@ -99,11 +99,11 @@ def bench(rig: str, simulation: Simulation, *, moves: bool = True) -> "Bench":
         RigError: The hardware would move by a packaged rig; its limits are of another arm.
     """
     from sautereau.entrance import bench as benches
-    from sautereau.entrance.rig import Rig
+    from sautereau.entrance.rig import Rig as Own
 
     if simulation.requested:
         return benches.stand_in(rig, simulation.load(), simulation.seed)
-    return benches.bench(rig) if moves else benches.Bench(Rig(rig))
+    return benches.bench(rig) if moves else benches.Bench(Own(rig))
 
 
 def opened(what: "list[Path]", *, samples: bool = False) -> "Session":

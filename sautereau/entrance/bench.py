@@ -121,7 +121,7 @@ def stand_in(
     return Bench(Rig(rig), scene if isinstance(scene, Scene) else load_scene(str(scene)), seed)
 
 
-def bench(rig: Rig | str | Path) -> Bench:
+def bench(rig: Rig | schema.Rig | str | Path) -> Bench:
     """Return the hardware of a rig.
 
     Raises:

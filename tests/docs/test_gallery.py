@@ -31,7 +31,7 @@ def drawn(path: Path) -> bool:
 
 def test_a_session_agrees_with_the_model(tmp_path):
     studied = session.study(n=2, picture=tmp_path / "a.png")
-    assert abs(studied["duration_error"]["value"]) < 5e-3
+    assert abs(studied.compare().document["duration_error"]["value"]) < 5e-3
     assert drawn(tmp_path / "a.png")
 
 
