@@ -87,10 +87,8 @@ def analyse(
     """
     if not presses:
         raise AnalysisError("there is no press to analyse; give at least one recording")
-    days: dict[str, str] = {}
     together: dict[str, tuple[dict[str, Any], list[PressT]]] = {}
-    for press in presses:
-        values = _values(press, days)
+    for press, values in zip(presses, what_is_alike(presses), strict=True):
         together.setdefault(repr(values), (values, []))[1].append(press)
     base = next(iter(together.values()))[0]
     conditions = tuple(
@@ -99,18 +97,25 @@ def analyse(
     return SessionAnalysis(tuple(presses), conditions, level)
 
 
-def _values(press: AnalysedPress, days: dict[str, str]) -> dict[str, Any]:
-    """Return what presses must have in common to be pooled; a session belongs to its first day."""
-    info = press.session
-    day = info.started[:10]
-    scene: Any = "stand-in" if press.press.simulated else "the hardware"
-    if info.scene:
-        try:
-            scene = json.loads(info.scene)
-        except ValueError:
-            scene = info.scene
-    day = days.setdefault(info.session, day) if info.session else day
-    return values_of(press.press.rig) | flat({"scene": scene, "day": day})
+def what_is_alike(presses: Sequence[AnalysedPress]) -> list[dict[str, Any]]:
+    """Return of each press what others must have in common with it to be pooled.
+
+    By dotted key: the rig's values, `scene`, and `day`, which is the first one of its session.
+    """
+    days: dict[str, str] = {}
+    found = []
+    for press in presses:
+        info = press.session
+        day = info.started[:10]
+        scene: Any = "the stand-in" if press.press.simulated else "the hardware"
+        if info.scene:
+            try:
+                scene = json.loads(info.scene)
+            except ValueError:
+                scene = info.scene
+        day = days.setdefault(info.session, day) if info.session else day
+        found.append(values_of(press.press.rig) | flat({"scene": scene, "day": day}))
+    return found
 
 
 def _condition(

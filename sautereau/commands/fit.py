@@ -105,14 +105,11 @@ def identify(
         Rig file for the identifiable values of a model that fits. Other values of an existing
         file stay; a new file is written from the recordings' rig.
     """
-    from sautereau.analysis.summary.fit import fit_lines, fit_summary
-
     names = [name.strip() for name in free.split(",") if name.strip()]
     session = common.opened(files, samples=True)
     fit = session.identify(names, prior or (), level=level, starts=starts, robust=robust)
     profiles = [fit.profile(e.name) for e in fit.found.estimates] if profile else []
-    result = fit_summary(fit.found, profiles) | {"simulated": fit.simulated}
-    lines = [*([SOME_SIMULATED] * fit.simulated), *fit_lines(fit.found, profiles, every=verbose)]
+    result, lines = fit.document(profiles), fit.lines(profiles, every=verbose)
     if plot:
         fit.plot().savefig(plot, dpi=120)
         result["picture"] = str(plot)

@@ -3,16 +3,15 @@
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
 from sautereau.commands import common
 
 if TYPE_CHECKING:
-    from sautereau.entrance.bench import Bench
+    from sautereau.entrance.pressing import Pressing
     from sautereau.robot.experiment.control import Control
 
 
@@ -69,11 +68,19 @@ def press(
     live
         Serve them to Foxglove on this machine.
     """
-    from sautereau.entrance.pressing import Table
+    from sautereau.entrance.pressing import Pressing, Table
 
-    run = _Options(warm_up, rest, notes, learned, feed_forward)
-    what = Table(table, n) if table else n
-    return press_and_report(common.bench(rig, simulation), what, out, run, view, live, json)
+    pressing = Pressing(
+        common.bench(rig, simulation),
+        Table(table, n) if table else n,
+        out,
+        warm_up=warm_up,
+        rest=rest,
+        notes=notes,
+        learned=learned,
+        feed_forward=feed_forward,
+    )
+    return _run(pressing, json, view=view, live=live)
 
 
 def replay(
@@ -109,42 +116,28 @@ def replay(
     live
         Serve them to Foxglove on this machine.
     """
-    from sautereau.entrance.pressing import Replay
+    from sautereau.entrance.pressing import Pressing, Replay
 
-    bench, what = common.bench(rig, simulation), Replay(recording, n)
-    return press_and_report(bench, what, out, _Options(notes=notes), view, live, json)
-
-
-@dataclass(frozen=True)
-class _Options:
-    """Options of `Bench.press`."""
-
-    warm_up: int = 0
-    rest: str = "0 s"
-    notes: str = ""
-    learned: Path | None = None
-    feed_forward: Path | None = None
+    bench = common.bench(rig, simulation)
+    pressing = Pressing(bench, Replay(recording, n), out, notes=notes)
+    return _run(pressing, json, view=view, live=live)
 
 
-def press_and_report(
-    bench: "Bench", what: Any, out: Path, run: _Options, view: bool, live: bool, as_json: bool
-) -> int:
+def _run(pressing: "Pressing", as_json: bool, *, view: bool, live: bool) -> int:
     """Run a session, and print every press of it and its analysis."""
     from sautereau.commands.session import SessionReport
-    from sautereau.entrance.pressing import Pressing
 
-    pressing = Pressing(bench, what, out, **vars(run))
     common.warn(not as_json, *pressing.planner.warnings)
-    report = SessionReport(pressing, bench.where, as_json, view=view, live=live)
+    report = SessionReport(pressing, as_json, view=view, live=live)
     with common.signals_stop():
-        with pausing(bench.control):
+        with _pausing(pressing.bench.control):
             pressing.run(report)
         report.end()
     return 0
 
 
 @contextmanager
-def pausing(control: "Control") -> Iterator[None]:
+def _pausing(control: "Control") -> Iterator[None]:
     r"""Pause after the present press on Ctrl-\, on Windows on Ctrl-Break; continue on the next."""
 
     def toggle(_number: int, _frame: object) -> None:

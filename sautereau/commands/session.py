@@ -21,8 +21,8 @@ from sautereau.robot.experiment.session_folder import SessionFolder
 class SessionReport(Observer):
     """Prints every press of a session when it is recorded, and a summary at the end."""
 
-    def __init__(self, pressing: Pressing, where: str, as_json: bool, *, view: bool, live: bool):
-        self._pressing, self._where, self._json = pressing, where, as_json
+    def __init__(self, pressing: Pressing, as_json: bool, *, view: bool, live: bool):
+        self._pressing, self._json = pressing, as_json
         self._view, self._live = view, live
         self._show: Callable[[float], None] = lambda fraction: None
         self._warnings = pressing.planner.warnings
@@ -68,10 +68,11 @@ class SessionReport(Observer):
     @contextmanager
     def watching(self) -> Iterator[Watch]:
         """Show progress, or live views, while the presses of one set-up are made."""
+        where = self._pressing.bench.where
         bar = not self._view and (self._pressing.plan.total or 0) > 1
         with (
             common.fraction_bar(bar) as self._show,
-            watching(self._where, in_terminal=self._view, to_foxglove=self._live) as watch,
+            watching(where, in_terminal=self._view, to_foxglove=self._live) as watch,
         ):
             yield watch
 

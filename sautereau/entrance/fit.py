@@ -1,7 +1,7 @@
 """Values of a rig that were fitted to recordings."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import date
 from functools import cached_property
 from pathlib import Path
@@ -13,7 +13,7 @@ from sautereau.analysis.identify.parameters import FORCE, read_prior, rig_values
 from sautereau.analysis.loading.press import Press
 from sautereau.analysis.phases import Phases
 from sautereau.analysis.summary.fit import fit_lines, fit_summary
-from sautereau.analysis.summary.text import counted
+from sautereau.analysis.summary.text import SOME_SIMULATED, counted
 from sautereau.entrance.rig import Rig
 from sautereau.entrance.shown import Shown, shown
 from sautereau.rig import schema
@@ -36,6 +36,8 @@ class Fit(Shown):
     """Rig of the recordings."""
     simulated: bool
     """Whether the stand-in made any of the presses."""
+    mixed: tuple[str, ...]
+    """Keys in which the presses differ although they were fitted together: the day, the scene."""
     made: fitting.Fit
     found: Identified
 
@@ -45,7 +47,7 @@ class Fit(Shown):
         return f"<Fit to {counted(len(self.found.presses), 'press')}: {values}; {fits}>"
 
     def __str__(self) -> str:
-        return "\n".join(fit_lines(self.found))
+        return "\n".join(self.lines())
 
     @property
     def params(self) -> "pd.DataFrame":
@@ -63,9 +65,20 @@ class Fit(Shown):
         return {e.name: e.identifiable for e in self.found.estimates}
 
     @property
-    def document(self) -> dict[str, Any]:
-        """The fit as JSON; SI units."""
-        return fit_summary(self.found) | {"simulated": self.simulated}
+    def warnings(self) -> tuple[str, ...]:
+        """What is doubtful about the fit."""
+        mixed = f"fitted together, although the presses differ in {', '.join(self.mixed)}"
+        return (*self.found.warnings, *([mixed] * bool(self.mixed)))
+
+    def document(self, profiles: "Sequence[Profile]" = ()) -> dict[str, Any]:
+        """Return the fit as JSON; SI units."""
+        more = {"simulated": self.simulated, "warnings": list(self.warnings)}
+        return fit_summary(self.found, profiles) | more
+
+    def lines(self, profiles: "Sequence[Profile]" = (), *, every: bool = False) -> list[str]:
+        """Return the fit as text, with the effects of every fixed number if requested."""
+        found = replace(self.found, warnings=self.warnings)
+        return [*([SOME_SIMULATED] * self.simulated), *fit_lines(found, profiles, every=every)]
 
     @property
     def values(self) -> dict[str, Any]:
@@ -117,6 +130,7 @@ def fitted(
     phases: Sequence[Phases],
     names: Sequence[str],
     priors: Sequence[str],
+    mixed: Sequence[str],
     *,
     level: str,
     starts: int,
@@ -127,4 +141,4 @@ def fitted(
     dynamics = fitting.inverse_dynamics(presses, phases, names, known, level)
     made = fitting.fit(dynamics, starts, robust, levelled=FORCE in names)
     simulated = any(press.simulated for press in presses)
-    return Fit(presses[0].rig, simulated, made, evaluate(made))
+    return Fit(presses[0].rig, simulated, tuple(mixed), made, evaluate(made))

@@ -72,7 +72,7 @@ class Pressing:
         learned: str | Path | None = None,
         feed_forward: str | Path | None = None,
     ):
-        self._bench, self._out = bench, Path(out)
+        self.bench, self._out = bench, Path(out)
         nominal = bench.rig.values
         rows = rows_of(what, nominal, notes)
         self.planner = Planner(*(Path(path) if path else None for path in (learned, feed_forward)))
@@ -91,7 +91,7 @@ class Pressing:
 
     def run(self, observer: Observer) -> None:
         """Make the presses that are not yet in the folder."""
-        bench, fresh = self._bench, None
+        bench, fresh = self.bench, None
         if bench.scene is not None:
             fresh = fresh_seed()
         with only_session(self._out):

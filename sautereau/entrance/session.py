@@ -12,7 +12,7 @@ from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.loading.press import Press
 from sautereau.analysis.phases import Phases
 from sautereau.analysis.session.analysed import AnalysedPress, analyse_file
-from sautereau.analysis.session.conditions import analyse
+from sautereau.analysis.session.conditions import analyse, differing, what_is_alike
 from sautereau.analysis.session.difference import side_by_side
 from sautereau.analysis.summary.press import HEADER, press_line, press_summary
 from sautereau.analysis.summary.text import counted
@@ -194,7 +194,7 @@ class Session(Shown, Sequence[PressFile]):
         starts: int = 3,
         robust: bool = False,
     ) -> Fit:
-        """Fit unknown values of the rig to the presses.
+        """Fit unknown values of the rig to the presses, without those for warm-up.
 
         Args:
             names: Parameters to fit: `["plectrum.overlap", "key.inertia"]`.
@@ -208,8 +208,14 @@ class Session(Shown, Sequence[PressFile]):
             AnalysisError: There is no press, no parameter, or the presses are of different rigs.
             ModelError: The model has no solution for the rig's values.
         """
-        presses, phases = [p.press for p in self], [p.phases for p in self]
-        return fitted(presses, phases, names, priors, level=level, starts=starts, robust=robust)
+        own = [p for p in self if p.press and not p.info.warm_up]
+        presses, phases = [p.press for p in own], [p.phases for p in own]
+        values = what_is_alike([p.analysed for p in own])
+        keys = {key.partition(".")[0] for other in values for key in differing(values[0], other)}
+        mixed = sorted(keys & {"day", "scene"})
+        return fitted(
+            presses, phases, names, priors, mixed, level=level, starts=starts, robust=robust
+        )
 
     def plot(self) -> "Figure":
         """Return a figure with a row for each press, at most eight: force, speed, phases."""

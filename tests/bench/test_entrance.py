@@ -72,8 +72,10 @@ def test_a_packaged_rig_does_not_move_the_hardware():
         st.bench("paper")
 
 
-def test_a_plan_as_a_program_continues_after_a_kill(quick, tmp_path):
-    """Each press is made once, with the answers that were given before the kill."""
+def test_a_plan_as_a_program_continues_after_a_kill(bare, quick_rig, tmp_path):
+    """Each press is made once, over TCP, with the answers that were given before the kill."""
+    bare.write_text(bare.read_text() + '\n[controller]\ninterface = "ethernet"\n')
+    quick = st.stand_in(quick_rig, bare, seed=1)
     asked, runs = [], []
 
     def plan():
