@@ -73,3 +73,5 @@ class Controller(Section):
     """Settings that the controller kept in its memory when it was verified."""
     verified_on: str = ""
     """Date of that verification."""
+    verified_results: tuple[str, ...] = ()
+    """What each of its steps has found, and what it could not measure."""
