@@ -96,7 +96,7 @@ def setup(
     served = common.bench(rig, simulation)
     if yes and not simulation.requested and step in ("all", "verify"):
         return common.fail(json, "setup verify needs an operator: give it without --yes", 2)
-    values: dict[str, str | int] = {}
+    values: dict[str, str | int | list[str]] = {}
     steps: dict[str, Any] = {}
     nominal = served.rig.values
     if simulation.requested:
@@ -191,7 +191,7 @@ def _save(edit: "Edit", save: bool, agreed: bool, *, as_text: bool) -> bool:
     return True
 
 
-def _closing(rig: str, values: dict[str, str | int], saved: bool) -> list[str]:
+def _closing(rig: str, values: dict[str, str | int | list[str]], saved: bool) -> list[str]:
     if not values:
         return ["the rig file already holds these values"]
     if saved:

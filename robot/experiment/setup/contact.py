@@ -22,6 +22,10 @@ FINER = 4
 """Factor by which the steps of the second approach are smaller."""
 
 
+class NoContact(MotionFault):
+    """The finger has met no key."""
+
+
 @dataclass(frozen=True)
 class Creep:
     """How the finger approaches the key."""
@@ -67,7 +71,8 @@ class Touch:
     force: float
     """N, at the end of the last step."""
     uncertainty: float
-    """m, standard uncertainty of the height: the contact is somewhere in the last step."""
+    """m, standard uncertainty of the height: the contact is somewhere in the last step, and the
+    fingertip somewhere within a count of the encoders."""
     by: str
     """What measured it: the force channel, or the motors' torques."""
 
@@ -109,14 +114,15 @@ def touch_at(rig: Rig, controller: MotionController, along: float, creep: Creep)
         creep: How.
 
     Raises:
-        RobotError: There is no contact within the approach, or the force exceeds its limit.
+        NoContact: There is no contact within the approach.
+        RobotError: The force exceeds its limit.
     """
     hover = over_key(rig, along, np.array([rig.press.hover]))[0]
     controller.move_to(hover, approach_speed(rig))
     touch = _creep_down(rig, controller, along, creep.above, -creep.below, creep)
     if touch is None:
         controller.move_to(hover, approach_speed(rig))
-        raise MotionFault(
+        raise NoContact(
             f"setup contact: no contact down to {creep.below * 1e3:g} mm below the surface given by"
             f" the rig, {along * 1e3:.4g} mm in front of the pin; look where the finger is, and"
             " correct arm.base_x and arm.base_z by hand"
@@ -155,7 +161,7 @@ def _creep_down(
                 float(heights[i : i + 2].mean()),
                 (float(joint1), float(joint2)),
                 float(force),
-                creep.step / math.sqrt(12),
+                math.hypot(creep.step, rig.arm.resolution) / math.sqrt(12),
                 "the motors' torques" if by_sensor is None else "the force channel",
             )
     return None
