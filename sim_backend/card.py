@@ -91,7 +91,8 @@ class BenchCard:
             run = self._new_run(SampledRun, setup)
             if setup.trigger is None:
                 self.starts.append(self._now())
-                run.trigger(self._now())
+                self._injection.begin_press()
+                run.trigger(self._now(), self._injection.of_run())
             return run
 
     def start_pretrigger(self, setup: TaskSetup, before: int) -> PreTriggerRun:

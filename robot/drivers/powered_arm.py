@@ -12,6 +12,7 @@ from typing import Generic, Self, TypeVar
 
 import numpy as np
 
+from sautereau.rig.capabilities import Capabilities, HomingKind
 from sautereau.rig.schema import Rig
 from sautereau.robot.controller import Capture, MotionController, TorqueTable
 from sautereau.robot.drivers.driver import Clock, Driver, Sleep
@@ -20,7 +21,7 @@ from sautereau.robot.drivers.keep_alive import KeepAlive
 from sautereau.robot.drivers.limits import Limits
 from sautereau.robot.drivers.serial_port import Port, open_port
 from sautereau.robot.drivers.states import State, States
-from sautereau.robot.errors import MotionFault, NotReady, RobotError
+from sautereau.robot.errors import MotionFault, NotReady, RobotError, UnsafeRequest
 from sautereau.trajectory.segments import Counts, Segments, to_counts
 
 _SAFE = "The arm was stopped and its motors are off: the controller confirms it."
@@ -46,7 +47,7 @@ class PoweredArm(MotionController, Generic[DriverT]):
 
     def __init__(
         self,
-        driver: Callable[[Rig, Port, Clock, Sleep], DriverT],
+        driver: type[DriverT],
         rig: Rig,
         *,
         open_port: Callable[[str, int, float], Port] = open_port,
@@ -58,12 +59,17 @@ class PoweredArm(MotionController, Generic[DriverT]):
         self._limits = Limits(rig.arm)
         self._home = to_counts(rig.arm.home_angles, rig.arm.counts_per_revolution)
         self._make_driver, self._open_port = driver, open_port
+        self._capabilities = driver.CAPABILITIES
         self._clock, self._sleep, self._keep_alive = clock, sleep, keep_alive
         self._driver: DriverT | None = None
         self._identity = ""
         self._states = States()
         self._motion: Segments | None = None
         self._played = False
+
+    @property
+    def capabilities(self) -> Capabilities:
+        return self._capabilities
 
     # Connection.
 
@@ -167,7 +173,7 @@ class PoweredArm(MotionController, Generic[DriverT]):
     def abort(self) -> None:
         self._confirm(self._connected("abort").abort)
 
-    # Homing and moves.
+    # HomingKind and moves.
 
     def home(self) -> Counts:
         driver = self._ready("home")
@@ -177,6 +183,8 @@ class PoweredArm(MotionController, Generic[DriverT]):
 
     def check_home(self) -> None:
         driver = self._ready("check_home")
+        if self._capabilities.homing is not HomingKind.SWITCHES:
+            return
         tolerance = self._settings.home_tolerance
         speed = self._limits.in_counts(self._rig.arm.approach_speed)
         levels = []
@@ -211,8 +219,10 @@ class PoweredArm(MotionController, Generic[DriverT]):
 
     def load(self, segments: Segments, torque: TorqueTable | None = None) -> Segments:
         driver = self._ready("load")
-        settings = self._settings
-        self._limits.check_motion(segments, settings.segment_limit, settings.sample_period)
+        limit = self._settings.segment_limit if self._capabilities.preloaded else None
+        self._limits.check_motion(segments, limit, self._settings.sample_period)
+        if torque is not None and not self._capabilities.torque_feed_forward:
+            raise UnsafeRequest("load: this controller adds no torques; press without feed-forward")
         driver.plan(segments, torque)
         self._states.enter(State.HOMED)
         self._motion, self._played = None, False

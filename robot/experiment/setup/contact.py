@@ -8,6 +8,7 @@ import numpy as np
 from sautereau.rig.schema import Rig
 from sautereau.robot.controller import Capture, MotionController
 from sautereau.robot.errors import MotionFault, RobotError
+from sautereau.robot.experiment.motion_source import open_motion
 from sautereau.robot.experiment.setup.step import Ask, Found, approach_speed, ask_first, homed
 from sautereau.trajectory.arm import joints_holding_point, link_vectors
 from sautereau.trajectory.dynamics import gravity_torque
@@ -188,8 +189,6 @@ def play_measured(
     The force [N] is from the motion's start to its end, shape (n,); None where the rig has no
     force channel.
     """
-    from sautereau.daq.source.source import open_source
-
     controller.load(segments)
     controller.arm()
     channel = rig.daq.channel("force")
@@ -199,10 +198,10 @@ def play_measured(
         return controller.capture(), None
     duration = segments.total_samples * rig.controller.sample_period
     row = rig.daq.channels.index(channel)
-    with open_source(rig.daq, duration) as acquisition:
-        acquisition.start()
+    with open_motion(rig, controller, duration) as motion:
+        motion.start()
         controller.start()
-        blocks = [block.volts[row, max(0, -block.first_sample) :] for block in acquisition.blocks()]
+        blocks = [block.volts[row, max(0, -block.first_sample) :] for block in motion.blocks()]
         controller.wait()
     return controller.capture(), np.concatenate(blocks) * channel.scale
 

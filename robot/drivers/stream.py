@@ -1,13 +1,14 @@
 """Setpoints sent one by one from a thread of their own, and the timing that was achieved."""
 
 import threading
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
 from sautereau.robot.controller import Capture
-from sautereau.robot.drivers.odrive.axes import Axes
-from sautereau.robot.drivers.odrive.setpoints import Setpoints
+from sautereau.robot.drivers.polling import Polling
 from sautereau.robot.errors import MotionFault
 from sautereau.trajectory.motion import Floats
 from sautereau.trajectory.segments import Counts
@@ -28,6 +29,35 @@ class Punctuality:
     """Setpoints that were not sent because the next one was due."""
 
 
+class Rows(Protocol):
+    """The setpoints of a motion, one row for each interval; those of the rest before it too."""
+
+    @property
+    def planned(self) -> Floats:
+        """Counts, planned joint positions at the start of the interval; shape (n, 2)."""
+        ...
+
+    @property
+    def interval(self) -> float:
+        """s, between two setpoints."""
+        ...
+
+
+class Streamer(Protocol):
+    """The axes of a controller to which the host streams a motion."""
+
+    @property
+    def polling(self) -> Polling:
+        """Its clock."""
+        ...
+
+    def hold(self) -> None:
+        """Let both axes end what they follow, and stay there."""
+
+    def send_abort(self) -> None:
+        """Send what switches off, and never fail."""
+
+
 class Stream:
     """The setpoints of one motion.
 
@@ -36,20 +66,30 @@ class Stream:
     Args:
         axes: Follow setpoints already.
         setpoints: Of the motion.
+        send: Sends a row; returns joint positions (counts) and torques (N m), shape (2,) each.
+        lead: Rows of the rest before the motion.
         error_limit: Counts between a joint and its plan at which the motors go off.
     """
 
-    def __init__(self, axes: Axes, setpoints: Setpoints, error_limit: int):
+    def __init__(
+        self,
+        axes: Streamer,
+        setpoints: Rows,
+        send: Callable[[int], tuple[Counts, Floats | None]],
+        lead: int,
+        error_limit: int,
+    ):
+        self._send_row = send
         self._axes, self._setpoints, self._error_limit = axes, setpoints, error_limit
-        self._commands = axes.setpoints(setpoints)
+        self._lead = lead * setpoints.interval
         self._sent: list[int] = []
         self._times: list[float] = []
         self._counts: list[Counts] = []
-        self._torques: list[Floats] = []
+        self._torques: list[Floats | None] = []
         self.cancelled = threading.Event()
         """Set by `cancel`."""
         self._fault: BaseException | None = None
-        self._thread = threading.Thread(target=self._run, name="ODrive setpoints", daemon=True)
+        self._thread = threading.Thread(target=self._run, name="setpoints", daemon=True)
 
     def start(self) -> None:
         """Start, and return at once."""
@@ -68,15 +108,16 @@ class Stream:
             self._thread.join()
 
     def capture(self, sample_period: float) -> Capture:
-        """Return what was recorded so far, at the host's times from the first setpoint on."""
-        counts = np.array(self._counts)
+        """Return what was recorded so far, at the host's times."""
+        counts, known = np.array(self._counts), self._torques
         planned = np.rint(self._setpoints.planned[self._sent]).astype(np.int64)
         return Capture(
-            samples=np.rint(np.array(self._times) / sample_period).astype(np.int64),
+            samples=np.rint((np.array(self._times) - self._lead) / sample_period).astype(np.int64),
             counts=counts,
             following_errors=planned - counts,
-            torques=np.array(self._torques),
+            torques=None if any(each is None for each in known) else np.array(known),
             sample_period=sample_period,
+            start_std=self.punctuality.jitter,
         )
 
     @property
@@ -87,7 +128,7 @@ class Stream:
         return Punctuality(
             float(np.diff(times).max(initial=0.0)),
             float(np.sqrt(np.mean(late**2))) if len(late) else 0.0,
-            len(self._setpoints) - len(self._sent),
+            len(self._setpoints.planned) - len(self._sent),
         )
 
     def check_punctuality(self) -> None:
@@ -109,13 +150,13 @@ class Stream:
             self._axes.send_abort()  # `wait` leads to an abort, which reads back
 
     def _send(self) -> None:
-        axes, interval, last = self._axes, self._setpoints.interval, len(self._setpoints) - 1
+        axes, setpoints = self._axes, self._setpoints
+        interval, last = setpoints.interval, len(setpoints.planned) - 1
         start, index = axes.polling.clock(), 0
         while index <= last and not self.cancelled.is_set():
-            edge = () if self._sent else (axes.edge(True),)
             now = axes.polling.clock() - start
             index = max(index, min(int(now / interval), last))  # what is due, if it is late
-            counts, torques = axes.observe(*edge, *self._commands[index])
+            counts, torques = self._send_row(index)
             self._sent.append(index)
             self._times.append(now)
             self._counts.append(counts)
@@ -124,7 +165,8 @@ class Stream:
             index += 1
             if (ahead := start + index * interval - axes.polling.clock()) > 0:
                 axes.polling.sleep(ahead)
-        axes.line.confirmed(axes.edge(False))
+        if not self.cancelled.is_set():
+            axes.hold()
 
     def _check_followed(self, index: int) -> None:
         away = np.abs(self._counts[-1] - self._setpoints.planned[index])
