@@ -1,6 +1,6 @@
 """What a recording holds: the session, samples, plan, joints, events, gaps."""
 
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -266,6 +266,19 @@ class Recorded(Stretch):
             return None
         controller = self.rig.controller
         return Event(controller.trigger_delay, MOTION, BY_EDGE, controller.trigger_delay_std)
+
+    @property
+    def origin(self) -> float:
+        """Time that the analysis counts from, s after the trigger: 0, or the start of a motion
+        that no edge has started, since the host's delay is of no interest."""
+        motion = self.motion
+        return 0.0 if motion is None or motion.text == BY_EDGE else motion.time
+
+    @property
+    def arm(self) -> Joints | Plan | None:
+        """What moved the arm, by the encoders or else as planned; its times count from `origin`."""
+        arm = self.joints or self.plan
+        return None if arm is None else replace(arm, t=arm.t - self.origin)
 
     @property
     def complete(self) -> bool:

@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 
 from sautereau.analysis.loading.press import load_press
+from sautereau.rig.compared import comparable
 from sautereau.rig.disk import read_limited, write_durably
 from sautereau.rig.load import current_document, rig_document
 from sautereau.rig.schema import Rig
 from sautereau.robot.errors import RobotError
 from sautereau.robot.experiment.feedforward import torque_table
-from sautereau.robot.experiment.plan import comparable
 from sautereau.robot.experiment.session import Item
 from sautereau.robot.experiment.session_folder import differences
 from sautereau.trajectory.errors import TrajectoryError

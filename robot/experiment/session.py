@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from sautereau.daq.file.recorded import Joints, Plan
+from sautereau.daq.file.recorded import Joints
 from sautereau.daq.file.recording import Recording, SessionInfo
 from sautereau.rig.schema import Rig
 from sautereau.robot.controller import Capture, MotionController, TorqueTable
@@ -227,10 +227,10 @@ def _press(
                 recording.event("feed-forward", largest, 0.0)
             capture = controller.capture()
             joints = trajectory.joints.position
-            plan = Plan(trajectory.time, joints[:, 0], joints[:, 1], trajectory.rise.position)
-            start = motion.motion(capture, plan)
+            start = motion.motion(capture)
+            planned = trajectory.time + start.time
             recording.event(start.kind, start.text, start.time, start.std)
-            recording.write_plan(trajectory.time + start.time, plan.q1, plan.q2, plan.jack_rise)
+            recording.write_plan(planned, joints[:, 0], joints[:, 1], trajectory.rise.position)
             recording.write_joints(_joints(capture, start.time, rig))
 
 

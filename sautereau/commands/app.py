@@ -33,6 +33,7 @@ from sautereau.commands import (
     setup,
     simulate,
     transient,
+    watch,
 )
 
 app = App(
@@ -49,6 +50,7 @@ for command in (
     plan.plan,
     plan.mount,
     press.press,
+    press.replay,
     acquire.acquire,
     learn.learn,
     fit.phases,
@@ -60,6 +62,7 @@ for command in (
     animate.listen,
     campaign.campaign,
     campaign.touch,
+    watch.watch,
     report.report,
     recordings.info,
     recordings.recover,

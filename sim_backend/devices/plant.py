@@ -5,10 +5,7 @@ import math
 import numpy as np
 
 from sautereau.sim_backend.devices.emulators import AMPLIFIER_VOLTS
-from sautereau.sim_backend.errors import SceneError
 from sautereau.sim_backend.physics.finger import Reference
-from sautereau.sim_backend.physics.rigid.arm import ServoFinger
-from sautereau.sim_backend.physics.rigid.bodies import brakes
 from sautereau.sim_backend.physics.world import World
 from sautereau.trajectory.motion import Floats
 
@@ -96,11 +93,8 @@ class ArmPlant:
     def drive(self, offsets: Pair, limits: Pair) -> None:
         """Add offsets [V] to the loops' commands from now on, and limit [V] the sums."""
         volt = self._world.rig.arm.torque_limit / AMPLIFIER_VOLTS
-        finger = self._world.finger
-        if isinstance(finger, ServoFinger):
-            finger.drive(
-                (offsets[0] * volt, offsets[1] * volt), (limits[0] * volt, limits[1] * volt)
-            )
+        offsets, limits = ((first * volt, second * volt) for first, second in (offsets, limits))
+        self._world.finger.drive(offsets, limits)
 
     def sample(self) -> None:
         """Read the encoders now."""
@@ -204,10 +198,7 @@ class ArmPlant:
 
     def stall(self, joint: int) -> None:
         """Block the motor of a joint from now on."""
-        finger = self._world.finger
-        if not isinstance(finger, ServoFinger) or (space := finger.upper.space) is None:
-            raise SceneError("faults.stall: the arm has no motors; remove the table")
-        space.add(brakes(space, finger.upper, finger.lower)[joint - 1])
+        self._world.finger.block(joint - 1)
 
     def _physical(self, joints: Pair, by_hand: bool = True) -> Pair:
         """Return the counts of perfect encoders, as fractions."""

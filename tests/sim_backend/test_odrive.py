@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 from sautereau.sim_backend.devices.odrive.firmware import OdriveFirmware
-from sautereau.sim_backend.devices.odrive.setpoint import Setpoint, Trapezoid, filtered
+from sautereau.sim_backend.devices.odrive.setpoint import Trapezoid
+from sautereau.sim_backend.devices.setpoint import Setpoint, filtered
 
 PERIOD = 1e-3
 TURN = 10_000.0

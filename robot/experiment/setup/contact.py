@@ -71,7 +71,8 @@ class Touch:
     force: float
     """N, at the end of the last step."""
     uncertainty: float
-    """m, standard uncertainty of the height: the contact is somewhere in the last step."""
+    """m, standard uncertainty of the height: the contact is somewhere in the last step, and the
+    fingertip somewhere within a count of the encoders."""
     by: str
     """What measured it: the force channel, or the motors' torques."""
 
@@ -160,7 +161,7 @@ def _creep_down(
                 float(heights[i : i + 2].mean()),
                 (float(joint1), float(joint2)),
                 float(force),
-                creep.step / math.sqrt(12),
+                math.hypot(creep.step, rig.arm.resolution) / math.sqrt(12),
                 "the motors' torques" if by_sensor is None else "the force channel",
             )
     return None
