@@ -17,6 +17,8 @@ from sautereau.robot.errors import RobotError
 EXAMPLE = "press.jack_speed,plectrum.overlap,repeats,notes"
 MOST_PRESSES = 100_000
 """Of one row."""
+MOST_ROWS = 1000
+"""Limit of a table's lines."""
 
 
 @dataclass(frozen=True)
@@ -66,6 +68,11 @@ def read_plan_table(path: Path, rig: Rig, repeats: int, notes: str = "") -> tupl
         raise RobotError(
             f"{origin}: cannot be read: {error}; give the path of a CSV file in UTF-8"
         ) from error
+    if len(lines) > MOST_ROWS:
+        raise RobotError(
+            f"{origin}: {len(lines)} lines, more than the limit MOST_ROWS = {MOST_ROWS}; divide it"
+            " into sessions, or give equal presses as repeats of one row"
+        )
     columns = [current_key(cell.strip()) for cell in lines[0]] if lines else []
     faults = list(_column_faults(columns))
     rows = []
