@@ -181,9 +181,8 @@ def read_learned(path: Path, rig: Rig, feed_forward: str = "") -> Correction:
     try:
         found = _Learned.model_validate_json(read_limited(path))
     except ValidationError as error:
-        faults = fault_list(
-            f"learned correction {path}: cannot be read", validation_faults(error, _Learned, "")
-        )
+        origin = f"learned correction {path}: cannot be read"
+        faults = fault_list(origin, validation_faults(error, _Learned, ""))
         raise RobotError(f"{faults}\ngive the file that `sautereau learn` wrote") from error
     except OSError as error:
         raise RobotError(

@@ -192,9 +192,8 @@ def read_manifest(folder: Path) -> Manifest | None:
     except FileNotFoundError:
         return None
     except ValidationError as error:
-        faults = fault_list(
-            f"session {path}: cannot be read", validation_faults(error, _Manifest, "")
-        )
+        origin = f"session {path}: cannot be read"
+        faults = fault_list(origin, validation_faults(error, _Manifest, ""))
         raise RobotError(f"{faults}\nrestore it from a copy, or give another folder") from error
     except OSError as error:
         raise RobotError(

@@ -10,7 +10,7 @@ import select
 import socket
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from types import TracebackType
 from typing import Self
 
@@ -28,22 +28,23 @@ class PortGone(Exception):  # noqa: N818 - the name says what happened
     """Raised by a handler whose line is gone for good: the port closes without an answer."""
 
 
-Ends = list[socket.socket | int]
+End = socket.socket | int
 
 
-def ready(readers: Ends, writers: Ends) -> tuple[Ends, Ends]:
+def ready(readers: Sequence[End], writers: Sequence[End]) -> tuple[list[End], list[End]]:
     """Wait, and return what can be read and what can be written.
 
     `select` takes no descriptor above 1023, which a thousand connections to the card use up.
     """
     if not hasattr(select, "epoll"):  # not Linux
-        return select.select(readers, writers, [])[:2]
+        readable, writable, _ = select.select(readers, writers, [])
+        return readable, writable
     poll = select.poll()
     for end in {*readers, *writers}:
         poll.register(end, select.POLLIN * (end in readers) | select.POLLOUT * (end in writers))
-    found = {number: event for number, event in poll.poll()}
+    found = dict(poll.poll())
 
-    def event(end: socket.socket | int) -> int:
+    def event(end: End) -> int:
         return found.get(end if isinstance(end, int) else end.fileno(), 0)
 
     gone = select.POLLHUP | select.POLLERR | select.POLLNVAL

@@ -6,6 +6,7 @@ import resource
 import socket
 import threading
 import time
+from pathlib import Path
 
 import grpc
 import numpy as np
@@ -124,7 +125,7 @@ def test_a_host_that_never_reads():
 @pytest.mark.skipif(not hasattr(os, "openpty"), reason="no pseudo-terminals")
 def test_the_pseudo_terminal_is_the_users_alone():
     with PtyPort(bytes.upper) as port:
-        about = os.stat(port.url)
+        about = Path(port.url).stat()
         assert about.st_uid == os.getuid()
         assert not about.st_mode & 0o007
         assert not about.st_mode & 0o040
