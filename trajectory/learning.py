@@ -37,7 +37,7 @@ DIVERGENCE = 1.5
 
 LEAST_INTERVAL = 0.999e-6
 """s, between the knots of a correction."""
-LARGEST_RISE = 15e-3
+LARGEST_RISE = 1.0
 """m, that a correction may add."""
 
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy.linalg import get_lapack_funcs
 
 from sautereau.analysis.errors import AnalysisError
-from sautereau.analysis.loading.press import Press, columns_of
+from sautereau.analysis.loading.press import UNITS, Press, columns_of
 from sautereau.analysis.model.choirs import choirs
 from sautereau.daq.signals.calibration import white_noise
 from sautereau.rig.schema import Rig
@@ -102,7 +102,7 @@ def signals_of(press: Press) -> Signals:
         if bad:
             raise AnalysisError(
                 f"press {press.path}: {bad} samples of its {name} are not finite numbers up to"
-                f" {LARGEST[name]:g} {press.data.attrs['units'][name]}; check the recording and the"
+                f" {LARGEST[name]:g} {UNITS[name]}; check the recording and the"
                 " calibration, and press again"
             )
     longest = max(1, int(LEAST_STEP * rate))

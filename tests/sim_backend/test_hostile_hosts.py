@@ -16,8 +16,10 @@ from nidaqmx._stubs import nidaqmx_pb2 as pb
 from sautereau.daq.source.acquisition import Acquisition
 from sautereau.rig.load import with_values
 from sautereau.sim_backend.devices.daqmx.server import DaqmxServer
+from sautereau.sim_backend.devices.galil.firmware import GalilFirmware
 from sautereau.sim_backend.devices.serial_port import MOST_UNREAD, PtyPort, SocketPort
 from tests.cards import Card
+from tests.fuzz.protocols import Still
 
 CONNECTIONS = 1000
 
@@ -25,6 +27,7 @@ CONNECTIONS = 1000
 @pytest.fixture
 def card(paper):
     """A served card, and what acquires from it."""
+    before = threading.active_count()
     with DaqmxServer(Card()) as server:
         values = {"daq.address": server.address, "daq.trigger_timeout": "5 s"}
         daq = with_values(paper, values).daq
@@ -35,6 +38,9 @@ def card(paper):
                 return sum(block.volts.shape[1] for block in acquisition.blocks())
 
         yield server, acquire
+    until = time.monotonic() + 5
+    while threading.active_count() > before and time.monotonic() < until:
+        time.sleep(0.01)  # gRPC ends its own threads later
 
 
 def connected(address, n):
@@ -159,3 +165,9 @@ def test_twelve_endless_reads_leave_a_worker_for_the_others(card):
         assert acquire() == 2560
         for thread in threads:
             thread.join()
+
+
+@pytest.mark.parametrize("form", ["F999999999.4", "Z1.99999999", "$-999999999"])
+def test_a_format_of_very_many_digits_is_refused_at_once(form):
+    firmware = GalilFirmware(Still(), on_output=lambda number, level: None)
+    assert firmware.receive(f"EO 0\rMG 1{{{form}}}\r".encode()).endswith(b"?")
