@@ -195,7 +195,7 @@ class Contents:
                     f"it has more events than the limit of {MOST_EVENTS}; {FOREIGN}"
                 )
             event = decode("Event", bytes(data))
-            self.events.append(Event(event.time, event.kind, event.text))
+            self.events.append(Event(event.time, event.kind, event.text, event.std))
             self._refuse(event_faults(self.events[-1:]))
         elif topic == "/plan":
             plan = decode("Plan", bytes(data))

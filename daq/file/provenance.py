@@ -118,4 +118,8 @@ def _topics(rig: Rig, rate: float) -> Iterator[tuple[str, str, dict[str, str]]]:
     captured = {**angles, "e1": "rad", "e2": "rad", "m1": "N m", "m2": "N m"}
     yield "/plan", "Plan", {**angles, "jack_rise": "m", "what": "planned motion"}
     yield "/joints", "Joints", {**captured, "what": "on the controller's clock"}
-    yield "/events", "Event", {"time": "s", "what": "what happened, time after the trigger"}
+    yield (
+        "/events",
+        "Event",
+        {"time": "s", "std": "s", "what": "what happened, time after the trigger"},
+    )
