@@ -5,19 +5,21 @@ singular vectors: the combinations of parameters that the data determine.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sautereau.analysis.identify.fit import Fit, fit, inverse_dynamics, rms
 from sautereau.analysis.identify.fixed import (
+    CONTACT,
+    SUGGESTED,
     Sensitivity,
     Suggestion,
     sensitivities,
     suggestions,
 )
-from sautereau.analysis.identify.parameters import FORCE, Parameter, Prior, with_parameters
+from sautereau.analysis.identify.parameters import FORCE, FRICTION, Parameter, Prior, with_parameters
 from sautereau.analysis.identify.problem import AT_BOUND, Problem
 from sautereau.analysis.identify.quality import Quality, quality
 from sautereau.analysis.identify.residuals import InverseDynamics
@@ -140,6 +142,8 @@ def identify(
 def evaluate(made: Fit) -> Identified:
     """Return the result of a fit with its uncertainties."""
     found, values, good = made.problem, made.values, quality(made)
+    suggested = suggestions(made, good.scale)
+    good = replace(good, reasons=(*good.reasons, *_hidden_by_fit(suggested)))
     dynamics, point = found.dynamics, values / found.scales
     excess = made.excess * good.repetition
     shown = [k for k, p in enumerate(found.free) if not p.hidden]
@@ -181,9 +185,19 @@ def evaluate(made: Fit) -> Identified:
         force_offsets=tuple(offsets),
         quality=good,
         sensitivity=sensitivities(made, data, excess),
-        suggested=() if good.fits else suggestions(made, good.scale),
+        suggested=() if good.fits else suggested,
         warnings=_warnings(estimates, dynamics),
     )
+
+
+def _hidden_by_fit(suggested: Sequence[Suggestion]) -> list[str]:
+    """Return what the plectrum lacks by the score test, although the residuals may be small."""
+    return [
+        f"{s.name}: freeing it would reduce the weighted sum of squares by {s.reduction:.0f}, and"
+        f" {SUGGESTED:.0f} are allowed: the other parameters imitate it"
+        for s in suggested
+        if s.name in (FRICTION, CONTACT)
+    ]
 
 
 def _estimate(

@@ -38,6 +38,8 @@ a key that had lost contact with it: such an impact is shorter than the smoothin
 BESIDE_STRING = 0.3e-3
 """m, height of the jack above the string below which its way down is excluded, as tongue and damper
 act there."""
+ARM_LAG = 6e-3
+"""s, lag of the deflection of a servo-driven arm behind the force."""
 RISE_STD = 1e-6
 """m, uncertainty of the rise of a jack, without that of the instant of release."""
 LEAST_REST, AFTER_RETURN = 10e-3, 10e-3
@@ -74,6 +76,8 @@ class Observed:
     """s after the trigger, of `every_force`; shape (m,)."""
     every_force: Floats
     """N, smoothed finger force at the rate of the recording; shape (m,)."""
+    late_force: Floats
+    """N, `every_force` behind a lag of `ARM_LAG`, at the instants; shape (n,)."""
     part_time: Floats
     """s, `PARTS` times as dense as `time`, extended at both ends by half the smoothing window."""
     part_angle: Floats
@@ -159,6 +163,7 @@ def observed(press: Press, phases: Phases, shift: float = 0.0) -> Observed:
         release_speeds=speeds,
         every_time=time,
         every_force=smooth(force),
+        late_force=_late(smooth(force), press.rate)[at],
         part_time=data.index.to_numpy()[rows],
         part_angle=angle[rows],
         part=_part(phases, time[at], motion),
@@ -166,6 +171,14 @@ def observed(press: Press, phases: Phases, shift: float = 0.0) -> Observed:
             press, time, smooth(force), Motion(smooth(angle), smooth(velocity) / arm, slope / arm)
         ),
     )
+
+
+def _late(force: Floats, rate: float) -> Floats:
+    """Return a force behind a lag of first order."""
+    from scipy.signal import lfilter
+
+    kept = np.exp(-1 / (rate * ARM_LAG))
+    return force[0] + np.asarray(lfilter([1 - kept], [1, -kept], force - force[0]), float)
 
 
 def _part(phases: Phases, time: Floats, motion: Motion) -> NDArray[np.int8]:

@@ -8,7 +8,9 @@ from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.identify.observed import Observed
 from sautereau.analysis.identify.parameters import (
     FORCE_GAIN,
+    LATE_SLIDING,
     RELEASE,
+    SLIDING,
     TIME,
     VELOCITY_GAIN,
     Parameter,
@@ -73,6 +75,7 @@ class InverseDynamics:
         values = dict(zip((p.name for p in self.free), point.tolist(), strict=True))
         rig, lag = with_parameters(self.rig, values), values.get(TIME, 0.0)
         gains = values.get(FORCE_GAIN, 1.0), values.get(VELOCITY_GAIN, 1.0)
+        sliding = values.get(SLIDING, 0.0), values.get(LATE_SLIDING, 0.0)
         plucks = [self._pluck(choir) for choir in choirs(rig)]
         late = 1 + values.get(RELEASE, 0.0)
         released = [
@@ -84,7 +87,7 @@ class InverseDynamics:
         modelled = rise_of_angle(rig.key, angles[order])
         forces, rises = [], []
         for press in self.presses:
-            forces.append(self._force(rig, plucks, order, press, lag, gains))
+            forces.append(self._force(rig, plucks, order, press, lag, gains, sliding))
             count = min(len(order), len(press.releases))
             measured = rise_of_angle(rig.key, gains[1] * press.release_angles[:count])
             measured = measured - press.release_speeds[:count] * lag
@@ -99,6 +102,7 @@ class InverseDynamics:
         press: Observed,
         lag: float,
         gains: tuple[float, float],
+        sliding: tuple[float, float],
     ) -> Floats:
         force_gain, velocity_gain = gains
         strings = np.zeros((len(plucks), len(press.time)))
@@ -114,7 +118,9 @@ class InverseDynamics:
             strings[number] = press.smoothed(force)
         motion = Motion(*(velocity_gain * part for part in press.motion))
         # In units of the measured force, whose noise is the same for every gain.
-        residual = press.force(lag) - finger_force(rig, motion, strings) / force_gain
+        force = finger_force(rig, motion, strings)
+        slid = 1 - sliding[0] * press.force(lag) - sliding[1] * press.late_force
+        residual = press.force(lag) - force * slid / force_gain
         return residual[press.used]
 
     def _pluck(self, choir: Choir) -> Pluck:
