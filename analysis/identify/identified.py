@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from sautereau.analysis.identify.compliant import fit_compliant
 from sautereau.analysis.identify.fit import Fit, fit, inverse_dynamics, rms
 from sautereau.analysis.identify.fixed import (
     CONTACT,
@@ -136,7 +137,8 @@ def identify(
         ModelError: The model has no solution for the rig's values.
     """
     dynamics = inverse_dynamics(presses, phases, names, priors, level)
-    return evaluate(fit(dynamics, starts, robust, levelled=FORCE in names))
+    rigid = fit(dynamics, starts, robust, levelled=FORCE in names)
+    return evaluate(fit_compliant(rigid, robust))
 
 
 def evaluate(made: Fit) -> Identified:

@@ -17,6 +17,8 @@ FORCE_GAIN, VELOCITY_GAIN = "offset.force_gain", "offset.velocity_gain"
 SLIDING, LATE_SLIDING = "offset.sliding", "offset.late_sliding"
 """1/N, relative error of the force's moment on the key over the force: the finger of a compliant
 arm slides along the key as the force bends the arm; hidden."""
+FOOT, MODE = "offset.foot", "offset.mode"
+"""m/N, compliance of the cloth under the jack; and beginning of the names of elastic modes."""
 RELEASE = "offset.release"
 """Relative error of the static string's height of release; hidden."""
 FRICTION, FINGERTIP = "plectrum.friction", "arm.fingertip_friction"
