@@ -1,7 +1,7 @@
 """Write new values into a rig file without changing anything else, its comments included."""
 
 import difflib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -14,6 +14,9 @@ from sautereau.rig.faults import fault_list, model_keys, near_miss
 from sautereau.rig.load import parse_rig
 from sautereau.rig.renamed import current_key, rename_keys
 from sautereau.rig.schema import Rig
+
+TomlValue = str | float | Sequence[Mapping[str, str | float]]
+"""A value of a rig file: a quantity, a number, or tables of such, which replace all before."""
 
 
 @dataclass(frozen=True)
@@ -54,7 +57,7 @@ class Edit:
             ) from error
 
 
-def edit_rig(path: str | Path, values: Mapping[str, str | float], source: str = "") -> Edit:
+def edit_rig(path: str | Path, values: Mapping[str, TomlValue], source: str = "") -> Edit:
     """Put values into the text of a rig file.
 
     A value written as a table keeps its table without the assumed range, since it is now known.
@@ -78,7 +81,7 @@ def edited_text(
     text: str,
     origin: str,
     folder: Path,
-    values: Mapping[str, str | float],
+    values: Mapping[str, TomlValue],
     source: str = "",
 ) -> str:
     """Return the text of a rig file with new values; see `edit_rig`.
@@ -109,7 +112,7 @@ def edited_text(
     return after
 
 
-def _put(node: Any, keys: list[str], value: str | float, source: str) -> None:
+def _put(node: Any, keys: list[str], value: TomlValue, source: str) -> None:
     """Set the value at a key of the document; only the last part of the key may be new."""
     *parents, last = keys
     for key in parents:

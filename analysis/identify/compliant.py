@@ -19,6 +19,7 @@ from sautereau.analysis.identify.parameters import FOOT
 from sautereau.analysis.identify.problem import Problem, whitening
 from sautereau.analysis.identify.quality import quality
 from sautereau.analysis.identify.residuals import InverseDynamics
+from sautereau.rig.schema import Rig
 from sautereau.trajectory.motion import Floats
 
 FREQUENCIES, DAMPINGS = np.geomspace(90.0, 1500.0, 20), (0.02, 0.15)
@@ -27,8 +28,11 @@ WEIGHT = 0.02
 """Dimensionless, weight of a mode for its derivative."""
 LARGEST = 3.0
 """Dimensionless, largest weight at which the search for a mode starts."""
+AT_REST = 0.2
+"""Dimensionless, by which a mode of the pressed key differs from the one found by tapping, as a
+fraction of its frequency; and of its damping ratio."""
 LEAST_GAIN = 0.9
-"""Dimensionless, largest residual over that without the mode which makes it worth its parameters."""
+"""Dimensionless, largest residual over that without a mode which makes the mode worthwhile."""
 
 
 def fit_compliant(rigid: Fit, robust: bool = False) -> Fit:
@@ -69,8 +73,22 @@ def _with_mode(made: Fit) -> InverseDynamics | None:
     found = _strongest(made, InverseDynamics(dynamics.rig, free, presses, dynamics.level))
     if found is None:
         return None
-    free += mode_parameters(number, found)
+    free += mode_parameters(number, found, _known(dynamics.rig, number))
     return InverseDynamics(dynamics.rig, free, presses, dynamics.level)
+
+
+def _known(rig: Rig, number: int) -> tuple[float, float] | None:
+    """Return the standard uncertainties of a mode's frequency [Hz] and damping in a press.
+
+    A key that rests on its rail, untouched or under a resting finger, has other modes.
+    """
+    if number >= len(rig.key.modes):
+        return None
+    mode = rig.key.modes[number]
+    return (
+        float(np.hypot(mode.frequency_std, AT_REST * mode.frequency)),
+        float(np.hypot(mode.damping_std, AT_REST)),
+    )
 
 
 def _before_release(press: Observed) -> Observed:
@@ -99,8 +117,9 @@ def _strongest(made: Fit, dynamics: InverseDynamics) -> Mode | None:
     before = np.concatenate([problem.data(point), problem.prior(point)])
     best: tuple[float, Mode | None] = (0.0, None)
     number = len(modes_of(dict.fromkeys(p.name for p in dynamics.free)))  # pyright: ignore
-    for frequency in FREQUENCIES.tolist():
-        for damping in DAMPINGS:
+    stated = dynamics.rig.key.modes[number : number + 1]
+    for frequency in [m.frequency for m in stated] or FREQUENCIES.tolist():
+        for damping in [m.damping for m in stated] or DAMPINGS:
             for u, v in SHAPES.values():
                 mode = Mode(frequency, damping, WEIGHT, u, v)
                 try:
@@ -116,9 +135,7 @@ def _strongest(made: Fit, dynamics: InverseDynamics) -> Mode | None:
     return best[1]
 
 
-def _column(
-    problem: Problem, before: Floats, number: int, mode: Mode, values: Floats
-) -> Floats:
+def _column(problem: Problem, before: Floats, number: int, mode: Mode, values: Floats) -> Floats:
     """Return the derivative of the whitened residuals by the weight of a mode."""
     dynamics = problem.dynamics
     free = [*dynamics.free, *mode_parameters(number, mode)]

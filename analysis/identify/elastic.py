@@ -11,8 +11,8 @@ laser shows, and r v b q to the rise of the jack. With the mode's displacements 
 and jack over those of a rotation, P, L and B, scaled to the mass I: r = L P, u = B / P, v = B / L.
 
 Until the key leaves its back rail, the rail's force is unknown, and so is how it rings from there
-on: each mode has an initial state then. All is computed from the measured force, so that no equation of motion is integrated, and damped
-modes cannot diverge.
+on: each mode has an initial state then. All is computed from the measured force, so that no
+equation of motion is integrated, and damped modes cannot diverge.
 """
 
 from collections.abc import Mapping, Sequence
@@ -59,9 +59,8 @@ class Mode:
 def modes_of(values: Mapping[str, float]) -> list[Mode]:
     """Return the modes among the values of parameters, by name."""
     found: list[Mode] = []
-    while _name(len(found), "frequency") in values:
-        number = len(found)
-        found.append(Mode(*(values[_name(number, field)] for field in FIELDS)))
+    while (names := mode_names(len(found)))[0] in values:
+        found.append(Mode(*(values[name] for name in names)))
     return found
 
 
@@ -88,10 +87,11 @@ def mode_parameters(
         "sine": (-5.0, 5.0, 0.0, RINGING_STD),
     }
     found = []
-    for field, (low, high, mean, std) in bounds.items():
+    for name, (field, (low, high, mean, std)) in zip(
+        mode_names(number), bounds.items(), strict=True
+    ):
         value = getattr(start, field)
         unit = {"frequency": "Hz", "cosine": "N", "sine": "N"}.get(field, "")
-        name = _name(number, field)
         found.append(Parameter(name, unit, value, low, high, mean, std, hidden=True))
     return found
 
@@ -140,10 +140,13 @@ def _moved(push: Floats, turn: float, damping: float, step: float) -> Floats:
     from scipy.signal import lfilter
 
     c = turn / np.tan(min(turn * step / 2, LARGEST_STEP))
-    by_order = [np.array(row) for row in ([1.0, 2.0, 1.0], [c, 0.0, -c], [c * c, -2 * c * c, c * c])]
+    by_order = [
+        np.array(row) for row in ([1.0, 2.0, 1.0], [c, 0.0, -c], [c * c, -2 * c * c, c * c])
+    ]
     poles = by_order[2] + 2 * damping * turn * by_order[1] + turn**2 * by_order[0]
     return np.stack([lfilter(turn**2 * row, poles, push) for row in by_order])
 
 
-def _name(number: int, field: str) -> str:
-    return f"{MODE}{number}.{field}"
+def mode_names(number: int) -> list[str]:
+    """Return the names of the parameters of a mode, in the order of `FIELDS`."""
+    return [f"{MODE}{number}.{field}" for field in FIELDS]

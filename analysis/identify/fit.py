@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sautereau.analysis.alike import check_alike
 from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.identify.observed import (
     BACK,
@@ -34,7 +35,7 @@ from sautereau.analysis.identify.problem import (
     descend,
     whitening,
 )
-from sautereau.analysis.identify.residuals import InverseDynamics, check_alike
+from sautereau.analysis.identify.residuals import InverseDynamics
 from sautereau.analysis.loading.press import Press
 from sautereau.analysis.phases import Phases
 from sautereau.rig.schema import Rig
@@ -127,7 +128,13 @@ def fit(
 def _errors(rig: Rig) -> list[Parameter]:
     """Return the hidden parameters for errors of the measurement, and the clearance."""
     units = {CLEARANCE: "m", TIME: "s", SLIDING: "1/N", LATE_SLIDING: "1/N"}
-    values = {CLEARANCE: rig.jack.string_clearance, TIME: 0.0, SLIDING: 0.0, LATE_SLIDING: 0.0, RELEASE: 0.0}
+    values = {
+        CLEARANCE: rig.jack.string_clearance,
+        TIME: 0.0,
+        SLIDING: 0.0,
+        LATE_SLIDING: 0.0,
+        RELEASE: 0.0,
+    }
     found = []
     for name, std in _stds(rig).items():
         value = values.get(name, 1.0)

@@ -19,7 +19,8 @@ NOISE_MAX = 1.2
 """Dimensionless, largest averaged residual over the noise at rest, which is not averaged."""
 HELD_MAX, HELD_STDS = 1.1, 2.0
 """Dimensionless, largest residual of held strings over that elsewhere, and the standard deviations
-of that ratio which are allowed besides."""
+of that ratio which are allowed besides; at least the noise at rest is allowed, as the held string
+vibrates: a friction that this hides is found by its own test."""
 REPEATED_MAX, REPEATED_STDS = 0.5, 3.0
 """Dimensionless, largest repeated part of the residual over the rest of it, and the standard
 deviations of it which are allowed besides."""
@@ -96,7 +97,7 @@ def quality(made: Fit) -> Quality:
     if held_residual is not None:
         spread = 1 / np.sqrt(2 * max(1.0, instants * _independent(dynamics.presses, period)))
         allowed = max(free, dynamics.floor) * (HELD_MAX + HELD_STDS * spread)
-        if held_residual > allowed:
+        if held_residual > max(allowed, noise or 0.0):
             reasons.append(
                 f"the residual while a string is held is {held_residual * 1e3:.3g} mN, and"
                 f" {free * 1e3:.3g} mN without a string: look at plectrum and string"

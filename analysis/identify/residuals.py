@@ -1,10 +1,9 @@
 """Inverse-dynamics residuals of presses: force at every instant, rise at every release."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
-from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.identify.elastic import Mode, modes_of, responses
 from sautereau.analysis.identify.observed import Observed
 from sautereau.analysis.identify.parameters import (
@@ -107,9 +106,9 @@ class InverseDynamics:
                 smooth = [press.smoothed(row) for row in bent]
                 motion = Motion(*(whole - part for whole, part in zip(motion, smooth, strict=True)))
             # In units of the measured force, whose noise is the same for every gain.
-            force = finger_force(rig, motion, strings)
-            slid = 1 - sliding[0] * press.force(lag) - sliding[1] * press.late_force
-            forces.append((press.force(lag) - force * slid / gains[0])[press.used])
+            force, seen = finger_force(rig, motion, strings), press.force(lag)
+            slid = seen * (sliding[0] * seen + sliding[1] * press.late_force)
+            forces.append((seen + slid - force / gains[0])[press.used])
             rises.append((measured - modelled[:count]) / press.release_stds[:count])
         return forces, np.concatenate(rises)
 
@@ -184,31 +183,3 @@ class _Held:
             found[number, held] = pluck.force_on_jack(lifted)
         self.before = found
         return found
-
-
-def check_alike(rigs: Mapping[str, Rig]) -> Rig:
-    """Return the rig of several recordings of one instrument.
-
-    Args:
-        rigs: By the recordings' names.
-
-    Raises:
-        AnalysisError: Key, jack, plectrum or string differ from those of the first recording.
-    """
-    (first_name, first), *others = rigs.items()
-    faults = []
-    for name, rig in others:
-        differ = [
-            part
-            for part in ("key", "jack", "plectrum", "string", "more_choirs")
-            if getattr(rig, part) != getattr(first, part)
-        ]
-        if differ:
-            faults.append(f"{name}: its {', '.join(differ)} differ from those of {first_name}")
-    if faults:
-        raise AnalysisError(
-            "\n".join(
-                [*faults, "these are different instruments: give recordings of one instrument"]
-            )
-        )
-    return first
