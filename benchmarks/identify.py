@@ -185,7 +185,7 @@ def _independent(c: Conditions) -> Case | None:
     return pressed, [find_phases(p) for p in pressed], dict(zip(RESULTS, truth, strict=True))
 
 
-def _stated(pressed: Pressed) -> dict[str, str]:
+def _stated(pressed: Pressed) -> dict[str, str | float]:
     """Return what the experimenter states of the string and the sensors, by the rig's keys."""
     stated = {
         key.replace(".delay", ".delay_std").replace(".scale", ".gain_std"): value

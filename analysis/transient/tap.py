@@ -94,7 +94,7 @@ def tap_response(recordings: Sequence[tuple[Floats, Floats]], rate: float) -> Ta
     frequency, cross = csd(force, velocity, **options)
     power = welch(force, **options)[1]
     _, coherent = coherence(force, velocity, **options)
-    mobility = cross / np.maximum(power, 1e-300)
+    mobility = np.asarray(cross, complex) / np.maximum(power, 1e-300)
     part = (frequency >= BAND[0]) & (frequency <= min(BAND[1], 0.4 * rate))
     frequency, mobility, coherent = frequency[part], mobility[part], np.asarray(coherent)[part]
     modes = _modes(frequency, mobility, coherent, len(records))
@@ -142,7 +142,7 @@ def _modes(
     jacobian, cost = np.zeros((2 * len(f), 0)), before
     for _ in range(MOST):
         table = [
-            np.vstack([found, [at, damping]])
+            np.vstack([found, np.array([[at, damping]])])
             for at in np.geomspace(f[0], f[-1], TABLE)
             for damping in DAMPINGS
         ]

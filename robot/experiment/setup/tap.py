@@ -1,7 +1,7 @@
 """Tap the resting key, and find the modes in which it bends and heaves."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -58,9 +58,7 @@ def modes_of_recordings(paths: Sequence[Path]) -> Found:
     records, rates = [], set()
     for path in paths:
         recorded = read_recording(path)
-        names = [channel.name for channel in recorded.rig.daq.channels]
-        volts = {name: recorded.volts[row] for row, name in enumerate(names)}
-        records.append(_signals(recorded.rig.daq, volts, str(path)))
+        records.append(_signals(recorded.rig.daq, recorded.volts, str(path)))
         rates.add(recorded.rate)
     if len(rates) > 1:
         listed = ", ".join(f"{rate:g} Hz" for rate in sorted(rates))
@@ -87,7 +85,7 @@ def _taps(rig: Rig) -> Segments:
     )
 
 
-def _signals(daq: Daq, volts: dict[str, Floats], of: str) -> tuple[Floats, Floats]:
+def _signals(daq: Daq, volts: Mapping[str, Floats], of: str) -> tuple[Floats, Floats]:
     """Return force [N] and velocity [m/s] without the sensors' delays; shape (n,) each."""
     found = []
     for quantity in ("force", "velocity"):
