@@ -1,7 +1,7 @@
 """Write new values into a rig file without changing anything else, its comments included."""
 
 import difflib
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,8 +15,8 @@ from sautereau.rig.load import parse_rig
 from sautereau.rig.renamed import current_key, rename_keys
 from sautereau.rig.schema import Rig
 
-TomlValue = str | float | Sequence[Mapping[str, str | float]]
-"""A value of a rig file: a quantity, a number, or tables of such, which replace all before."""
+TomlValue = str | float | list[str] | list[dict[str, str | float]]
+"""A value of a rig file; a list replaces the one before."""
 
 
 @dataclass(frozen=True)
@@ -127,7 +127,7 @@ def _put(node: Any, keys: list[str], value: TomlValue, source: str) -> None:
         known.update({"value": value} | ({"source": source} if source else {}))
         node[index] = known
     else:
-        node[index] = value
+        node[index] = tomlkit.item(value).multiline(True) if isinstance(value, list) else value
 
 
 def _read(path: Path) -> str:

@@ -155,6 +155,11 @@ class Arm(Section):
         """Angle of a joint per encoder count, rad."""
         return 2 * math.pi / self.counts_per_revolution
 
+    @property
+    def resolution(self) -> float:
+        """Distance that the fingertip moves, at most, when joint 1 turns by a count, m."""
+        return self.radians_per_count * (self.upper_length + self.lower_length)
+
     @model_validator(mode="after")
     def _limits_in_order(self):
         for joint, (low, high) in enumerate(zip(self.lower_limits, self.upper_limits, strict=True)):
@@ -192,6 +197,8 @@ class Rig(Section):
     """Plausible range (SI) of every value without a source, by its dotted key."""
     sources: dict[str, str] = Field(default_factory=dict, repr=False, exclude=True)
     """Source of a value, by its dotted key."""
+    daq_only: bool = Field(default=False, repr=False, exclude=True)
+    """Whether the rig file had `[daq]` alone, so that every other value is the packaged rig's."""
 
     @model_validator(mode="after")
     def _parts_fit(self):

@@ -99,14 +99,15 @@ def setup(
         return common.fail(json, f"--save: {rig} is not a file; write one with `sautereau init`", 2)
     if recording:
         return _tapped(step, rig, recording, save, yes, json)
-    nominal = common.rig_to_move(rig, simulation)
+    served = common.bench(rig, simulation)
     if yes and not simulation.requested and step in ("all", "verify"):
         return common.fail(json, "setup verify needs an operator: give it without --yes", 2)
     values: dict[str, TomlValue] = {}
     steps: dict[str, Any] = {}
+    nominal = served.rig.values
     if simulation.requested:
         nominal = with_values(nominal, {"controller.timeout": _TIMEOUT})
-    with common.signals_stop(), common.hardware(nominal, simulation) as bench:
+    with common.signals_stop(), served.connected(nominal) as bench:
         simulated = bool(bench.scene)
         for name, found in make_steps(bench.rig, _Operator(yes), None if step == "all" else step):
             of_bench = dict(found.values)

@@ -32,9 +32,9 @@ def transient(
     from sautereau.analysis.transient import attribute, combine, examine
 
     measured = _known(known or [])
-    pressed, phases = common.load(files)
-    rig = check_alike({str(press.path): press.rig for press in pressed})
-    examined = [examine(p, f, n) for n, (p, f) in enumerate(zip(pressed, phases, strict=True))]
+    session = common.opened(files, samples=True)
+    rig = check_alike({str(each.press.path): each.press.rig for each in session})
+    examined = [examine(p.press, p.phases, n) for n, p in enumerate(session)]
     found = attribute(combine(examined), rig, measured)
     if plot:
         from sautereau.analysis.figures.transient import transient_figure

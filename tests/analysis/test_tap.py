@@ -8,7 +8,6 @@ from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.transient.tap import tap_response
 from tests.taps import RATE, TAPS, tapped
 
-
 SLOW = pytest.param("key heaves at 120 Hz", marks=pytest.mark.slow)
 
 
