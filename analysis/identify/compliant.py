@@ -31,7 +31,7 @@ LARGEST = 3.0
 AT_REST = 0.2
 """Dimensionless, by which a mode of the pressed key differs from the one found by tapping, as a
 fraction of its frequency; and of its damping ratio."""
-LEAST_GAIN = 0.9
+LEAST_GAIN = 0.7
 """Dimensionless, largest residual over that without a mode which makes the mode worthwhile."""
 
 

@@ -13,6 +13,7 @@ added one by one; the linear A, A', B and C are eliminated (variable projection)
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -94,7 +95,7 @@ def tap_response(recordings: Sequence[tuple[Floats, Floats]], rate: float) -> Ta
     frequency, cross = csd(force, velocity, **options)
     power = welch(force, **options)[1]
     _, coherent = coherence(force, velocity, **options)
-    mobility = np.asarray(cross, complex) / np.maximum(power, 1e-300)
+    mobility = cast("NDArray[np.complex128]", cross / np.maximum(power, 1e-300))
     part = (frequency >= BAND[0]) & (frequency <= min(BAND[1], 0.4 * rate))
     frequency, mobility, coherent = frequency[part], mobility[part], np.asarray(coherent)[part]
     modes = _modes(frequency, mobility, coherent, len(records))
