@@ -2,13 +2,13 @@
 
 import os
 import struct
-import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import BinaryIO, NamedTuple
 
 from sautereau.daq.errors import RecordingError
+from sautereau.daq.file.container.checksum import crc32
 from sautereau.daq.file.container.records import (
     LARGEST_CHUNK,
     MAGIC,
@@ -21,7 +21,8 @@ from sautereau.daq.file.provenance import PROFILE
 
 _FOOTER = struct.Struct("<BQQQI")  # prefix, summary start, summary offset start, CRC
 _DATA_END = struct.Struct("<BQI")  # prefix, CRC of all before
-_CHUNK_INDEX = struct.Struct("<QQQQ")  # start, end, offset, length
+_CHUNK_INDEX = struct.Struct("<QQQQI")  # start, end, offset, length, size of the offsets
+_OFFSET = struct.Struct("<HQ")  # channel, offset of its MessageIndex
 _CRC_SIZE = 4
 _PIECE = 1024**2
 _SKIPPED = (Opcode.MESSAGE_INDEX, Opcode.ATTACHMENT)
@@ -36,6 +37,8 @@ class IndexedChunk(NamedTuple):
     """Byte after the last."""
     last: int
     """Latest log time in it, ns since 1970."""
+    channels: frozenset[int]
+    """Numbers of the MCAP channels that have messages in it."""
 
 
 @contextmanager
@@ -118,9 +121,14 @@ def chunk_index(file: BinaryIO) -> list[IndexedChunk]:
     """Return the positions of all chunks in order, after verifying the summary's checksum."""
     data_end, summary = check_summary(file)
     footer = size_of(file) - len(MAGIC) - _FOOTER.size
-    bodies = (r.body for r in records(file, summary, footer) if r.opcode == Opcode.CHUNK_INDEX)
-    found = (_CHUNK_INDEX.unpack_from(body) for body in bodies)
-    return [IndexedChunk(at, min(data_end, at + length), end) for _, end, at, length in found]
+    found = []
+    for opcode, body in records(file, summary, footer):
+        if opcode == Opcode.CHUNK_INDEX:
+            _, end, at, length, size = _CHUNK_INDEX.unpack_from(body)
+            offsets = _OFFSET.iter_unpack(body[_CHUNK_INDEX.size : _CHUNK_INDEX.size + size])
+            channels = frozenset(channel for channel, _ in offsets)
+            found.append(IndexedChunk(at, min(data_end, at + length), end, channels))
+    return found
 
 
 def records(file: BinaryIO, start: int, end: int) -> Iterator[Record]:
@@ -181,7 +189,7 @@ def _checksum(file: BinaryIO, start: int, stop: int) -> int:
     file.seek(start)
     crc = 0
     while start < stop and (piece := file.read(min(_PIECE, stop - start))):
-        crc = zlib.crc32(piece, crc)
+        crc = crc32(piece, crc)
         start += len(piece)
     return crc
 

@@ -1,10 +1,15 @@
 """Previews: signals decimated without aliasing, for viewers that plot scalars."""
 
 import math
+from collections import deque
+from collections.abc import Callable
+from concurrent.futures import Future, ThreadPoolExecutor
 
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
+from numpy.lib.stride_tricks import as_strided
 from numpy.typing import NDArray
+
+from sautereau.daq.file.counts import Samples
 
 PREVIEW_RATE = 1000.0
 """Largest rate of a preview, Hz."""
@@ -12,10 +17,11 @@ ATTENUATION = 60.0
 """Stop-band attenuation, from half the preview's rate up, dB."""
 PASS_BAND = 0.2
 """Dimensionless, fraction of the preview's rate up to which it is accurate to 0.2 %."""
-BATCH = 200
-"""Values of a preview computed at a time."""
 
 Signals = NDArray[np.float64]
+Rows = tuple[NDArray[np.int64], Signals]
+"""Places of the values of a preview, in samples from the very first, shape (n,); and the values,
+shape (n_channels, n)."""
 
 
 def low_pass(factor: int) -> NDArray[np.float64]:
@@ -47,47 +53,88 @@ class Decimator:
         """Start with ``n_channels`` signals sampled at ``rate`` Hz."""
         self.factor = math.ceil(rate / PREVIEW_RATE)
         """Samples per sample of the preview."""
-        self._weights = low_pass(self.factor)
-        self._blocks = [np.empty((n_channels, 0))]
-        self._n_held = 0
+        weights = low_pass(self.factor)
+        self.margin = len(weights) // 2
+        """Samples at either end without a preview: half the filter's length."""
+        # One column for each stretch of `factor` weights; the last one ends with zeros.
+        self._columns = np.zeros((-(-len(weights) // self.factor), self.factor))
+        self._columns.reshape(-1)[: len(weights)] = weights
+        self._columns = self._columns.T.copy()
+        self._length = len(weights)
+        self._held = np.empty((n_channels, 0))
         self._first = 0
 
-    @property
-    def margin(self) -> int:
-        """Samples at either end without a preview: half the filter's length."""
-        return len(self._weights) // 2
-
-    def feed(self, values: Signals) -> tuple[Signals, Signals]:
-        """Add samples and return the new values of the preview, in batches of `BATCH` or more.
+    def feed(self, values: Signals) -> Rows:
+        """Add samples and return the new values of the preview.
 
         Args:
             values: Shape (n_channels, n_samples), in any unit.
 
         Returns:
-            Position of each value of the preview, in samples from the very first, shape (n,);
-            and the values in the unit of ``values``, shape (n_channels, n). The filter has no
-            delay. Both are empty until a batch is complete.
+            Places and values, in the unit of ``values``. The filter has no delay.
         """
-        self._blocks.append(values)
-        self._n_held += values.shape[1]
-        if self._n_complete() < BATCH:
-            return np.empty(0), np.empty((len(values), 0))
-        return self.rest()
-
-    def rest(self) -> tuple[Signals, Signals]:
-        """Return the values that are complete, as `feed`, whatever their number."""
-        held = np.concatenate(self._blocks, axis=1)
-        n = self._n_complete()
-        positions = self._first + self.margin + self.factor * np.arange(n, dtype=np.float64)
+        held = np.concatenate([self._held, values], axis=1)
+        n = max(0, (held.shape[1] - self._length) // self.factor + 1)
+        places = self._first + self.margin + self.factor * np.arange(n)
         self._first += n * self.factor
-        self._blocks = [held[:, n * self.factor :].copy()]
-        self._n_held = self._blocks[0].shape[1]
-        if not n:
-            return positions, np.empty((len(held), 0))
-        windows = sliding_window_view(held, len(self._weights), axis=1)[:, :: self.factor]
+        self._held = held[:, n * self.factor :].copy()
+        return places, self._filtered(held, n)
+
+    def _filtered(self, held: Signals, n: int) -> Signals:
+        """Return n values, each the sum of the products of as many rows as there are columns."""
+        columns = self._columns.shape[1]
+        rows = n + columns - 1 if n else 0
+        missing = rows * self.factor - held.shape[1]
+        if missing > 0:
+            held = np.pad(held, ((0, 0), (0, missing)))
+        grouped = held[:, : rows * self.factor].reshape(len(held), rows, self.factor)
         # Samples may be inf or NaN, which makes the preview NaN without a warning.
         with np.errstate(invalid="ignore", over="ignore"):
-            return positions, windows @ self._weights
+            products = np.ascontiguousarray(grouped @ self._columns)
+            signal, row, column = products.strides
+            diagonal = as_strided(products, (len(held), n, columns), (signal, row, row + column))
+            return diagonal.sum(2)
 
-    def _n_complete(self) -> int:
-        return max(0, (self._n_held - len(self._weights)) // self.factor + 1)
+
+class Previewer:
+    """Makes the previews of a recording on a thread of its own."""
+
+    def __init__(self, decimator: Decimator, to_si: Callable[[Samples], Signals]):
+        """Start the thread.
+
+        Args:
+            decimator: New.
+            to_si: Converts samples, shape (n_channels, n), to SI.
+        """
+        self._decimator, self._to_si = decimator, to_si
+        self._thread = ThreadPoolExecutor(1, "preview")
+        self._waiting: deque[tuple[int, Future[Rows]]] = deque()
+        self._fed = self._made = 0
+        self._rows: list[Rows] = []
+
+    def feed(self, samples: Samples) -> None:
+        """Add samples, shape (n_channels, n), which must not change any more."""
+        self._fed += samples.shape[1]
+        future = self._thread.submit(lambda: self._decimator.feed(self._to_si(samples)))
+        self._waiting.append((self._fed - self._decimator.margin, future))
+
+    def take(self, stop: int | None = None) -> Rows:
+        """Return the next values up to a place, as far as the samples allow.
+
+        Args:
+            stop: Place after the last value; None for all.
+        """
+        while self._waiting and (stop is None or self._made < stop):
+            self._made, future = self._waiting.popleft()
+            self._rows.append(future.result())
+        if not self._rows:
+            return np.empty(0, np.int64), np.empty((0, 0))
+        places = np.concatenate([places for places, _ in self._rows])
+        values = np.concatenate([values for _, values in self._rows], axis=1)
+        n = len(places) if stop is None else int(np.searchsorted(places, stop))
+        self._rows = [(places[n:], values[:, n:])]
+        return places[:n], values[:, :n]
+
+    def close(self) -> None:
+        """End the thread."""
+        self._thread.shutdown(cancel_futures=True)

@@ -1,32 +1,62 @@
 """The messages of a recording, as protobuf descriptors built without a compiler.
 
-Every message exists twice. The declared one, whose descriptor is in the file for viewers, has
-``repeated double`` arrays. Its twin has ``bytes`` instead: packed little-endian doubles are the
+Arrays exist twice. The declared message, whose descriptor is in the file for viewers, has
+``repeated double`` fields. Its twin has ``bytes`` instead: packed little-endian doubles are the
 same bytes on the wire, and numpy reads them without parsing.
 """
 
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import cache
 from typing import Any
 
 import numpy as np
-from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
+from google.protobuf import descriptor_pb2, descriptor_pool, message_factory, timestamp_pb2
 from google.protobuf.message import Message
 from numpy.typing import NDArray
 
 PACKAGE = "sautereau"
+FORMAT_1 = ("Samples", "Scalar", "Plan", "Joints", "Event")
+"""Messages of recordings of format 1, in the order of the numbers of their schemas."""
+FORMAT_1_ONLY = ("Samples", "Event")
+"""Those of them that are only read."""
+LOG = "foxglove.Log"
+"""The message that Foxglove shows as a log, with the event's time as an additional field."""
+INFO, ERROR = 2, 4
+"""Levels of a `LOG`."""
 
 _Field = descriptor_pb2.FieldDescriptorProto
-_SCALARS = {
+_Fields = Mapping[str, "str | tuple[int, str]"]
+"""Type of each field, with its number if that is not its place."""
+_TYPES = {
     "int64": _Field.TYPE_INT64,
+    "sfixed64": _Field.TYPE_SFIXED64,
+    "float": _Field.TYPE_FLOAT,
     "double": _Field.TYPE_DOUBLE,
     "string": _Field.TYPE_STRING,
+    "bytes": _Field.TYPE_BYTES,
+    "enum": _Field.TYPE_ENUM,
 }
 _ARRAY = "doubles"
+_TIMESTAMP = "google.protobuf.Timestamp"
 
 FIELDS: dict[str, dict[str, str]] = {
     # t0: date of the trigger, ns since 1970; first_sample, begin: index of the first sample of
-    # this block and of the recording, counted from the trigger; rate: Hz; volts: V.
-    # first_sample used to be uint64, which has the same bytes from 0 up.
+    # this block and of the recording, counted from the trigger; rate: Hz; data: the samples of one
+    # channel after the other, of the type in the topic's metadata.
+    "Block": {
+        "t0": "sfixed64",
+        "first_sample": "sfixed64",
+        "rate": "double",
+        "begin": "sfixed64",
+        "data": "bytes",
+    },
+    # t: s after the trigger; q1, q2: rad; jack_rise: m.
+    "Plan": {"t": _ARRAY, "q1": _ARRAY, "q2": _ARRAY, "jack_rise": _ARRAY},
+    # t: s after the trigger on the controller's clock; q1, q2: rad.
+    # e1, e2: following errors in rad; m1, m2: motor torques in N m; empty if not recorded.
+    "Joints": dict.fromkeys(("t", "q1", "q2", "e1", "e2", "m1", "m2"), _ARRAY),
+    # Format 1: as Block, of one channel, in V; first_sample used to be uint64, which has the same
+    # bytes from 0 up.
     "Samples": {
         "t0": "int64",
         "first_sample": "int64",
@@ -34,82 +64,150 @@ FIELDS: dict[str, dict[str, str]] = {
         "volts": _ARRAY,
         "begin": "int64",
     },
-    "Scalar": {"value": "double"},
-    # t: s after the trigger; q1, q2: rad; jack_rise: m.
-    "Plan": {"t": _ARRAY, "q1": _ARRAY, "q2": _ARRAY, "jack_rise": _ARRAY},
-    # t: s after the trigger on the controller's clock; q1, q2: rad.
-    # e1, e2: following errors in rad; m1, m2: motor torques in N m; empty if not recorded.
-    "Joints": dict.fromkeys(("t", "q1", "q2", "e1", "e2", "m1", "m2"), _ARRAY),
-    # time: s after the trigger.
+    # Format 1. time: s after the trigger.
     "Event": {"time": "double", "kind": "string", "text": "string"},
 }
 """Fields of each message, in the order of their numbers."""
+_LOG: _Fields = {
+    "timestamp": _TIMESTAMP,
+    "level": "enum",
+    "message": "string",
+    "name": "string",
+    "time": (15, "double"),  # s after the trigger; not a field of Foxglove's
+}
+MOTION = tuple(name for name in FIELDS["Joints"] if name != "t")
+"""Numbers in each row of the message Motion."""
 _ARRAYS = {
     name: [field for field, kind in fields.items() if kind == _ARRAY]
     for name, fields in FIELDS.items()
 }
 
 
-def _file(package: str, *, twin: bool) -> descriptor_pb2.FileDescriptorProto:
+def _add(file: descriptor_pb2.FileDescriptorProto, name: str, fields: _Fields) -> None:
+    message = file.message_type.add(name=name)
+    for place, (field, kind) in enumerate(fields.items(), 1):
+        number, kind = kind if isinstance(kind, tuple) else (place, kind)
+        added = message.field.add(name=field, number=number, label=_Field.LABEL_OPTIONAL)
+        if kind == _ARRAY:
+            added.type = _Field.TYPE_DOUBLE
+            added.label = _Field.LABEL_REPEATED
+            added.options.packed = True
+            continue
+        added.type = _TYPES.get(kind, _Field.TYPE_MESSAGE)
+        if kind == "enum":
+            added.type_name = f".{file.package}.{name}.Level"
+            levels = message.enum_type.add(name="Level")
+            for level, text in enumerate(("UNKNOWN", "DEBUG", "INFO", "WARNING", "ERROR", "FATAL")):
+                levels.value.add(name=text, number=level)
+        elif kind not in _TYPES:
+            added.type_name = f".{kind}"
+
+
+def _files(
+    package: str, messages: Mapping[str, _Fields]
+) -> Iterator[descriptor_pb2.FileDescriptorProto]:
+    """Yield the descriptors of our messages and of those that they and `LOG` need."""
+    stamp = descriptor_pb2.FileDescriptorProto()
+    timestamp_pb2.DESCRIPTOR.CopyToProto(stamp)
+    yield stamp
+    log = descriptor_pb2.FileDescriptorProto(
+        name="foxglove/Log.proto", package="foxglove", syntax="proto3", dependency=[stamp.name]
+    )
+    _add(log, "Log", _LOG)
+    yield log
     file = descriptor_pb2.FileDescriptorProto(
         name=f"{package}.proto", package=package, syntax="proto3"
     )
-    for name, fields in FIELDS.items():
-        message = file.message_type.add(name=name)
-        for number, (field, kind) in enumerate(fields.items(), 1):
-            added = message.field.add(name=field, number=number, label=_Field.LABEL_OPTIONAL)
-            if kind != _ARRAY:
-                added.type = _SCALARS[kind]
-            elif twin:
-                added.type = _Field.TYPE_BYTES
-            else:
-                added.type = _Field.TYPE_DOUBLE
-                added.label = _Field.LABEL_REPEATED
-                added.options.packed = True
-    return file
+    for name, fields in messages.items():
+        _add(file, name, fields)
+    yield file
 
 
-@cache
-def schema_data() -> bytes:
-    """Return the FileDescriptorSet that MCAP schema records carry."""
-    declared = descriptor_pb2.FileDescriptorSet(file=[_file(PACKAGE, twin=False)])
+def schema_data(rows: Mapping[str, Iterable[str]]) -> bytes:
+    """Return the FileDescriptorSet that MCAP schema records carry.
+
+    Args:
+        rows: Names of the numbers in each message with one row of a table; see `encode_rows`.
+    """
+    messages: dict[str, _Fields] = {
+        **{name: fields for name, fields in FIELDS.items() if name not in FORMAT_1_ONLY},
+        **{message: dict.fromkeys(names, "float") for message, names in rows.items()},
+    }
+    declared = descriptor_pb2.FileDescriptorSet(file=list(_files(PACKAGE, messages)))
     return declared.SerializeToString(deterministic=True)
 
 
 @cache
-def _classes(twin: bool) -> dict[str, type[Message]]:
-    package = f"{PACKAGE}.wire" if twin else PACKAGE
+def _twins() -> dict[str, type[Message]]:
+    package = f"{PACKAGE}.wire"
     pool = descriptor_pool.DescriptorPool()
-    pool.Add(_file(package, twin=twin))  # type: ignore[attr-defined]
-    return {
-        name: message_factory.GetMessageClass(pool.FindMessageTypeByName(f"{package}.{name}"))
-        for name in FIELDS
+    twins: dict[str, _Fields] = {
+        name: {field: "bytes" if kind == _ARRAY else kind for field, kind in fields.items()}
+        for name, fields in FIELDS.items()
     }
-
-
-def declared_class(name: str) -> type[Message]:
-    """Return the class of a message as viewers see it, with repeated doubles."""
-    return _classes(False)[name]
+    for file in _files(package, twins):
+        pool.Add(file)  # type: ignore[attr-defined]
+    names = {name: f"{package}.{name}" for name in FIELDS} | {LOG: LOG}
+    return {
+        name: message_factory.GetMessageClass(pool.FindMessageTypeByName(full))
+        for name, full in names.items()
+    }
 
 
 def encode(name: str, **values: Any) -> bytes:
     """Return the wire bytes of a message; arrays are 1-D float arrays, and optional."""
     for field in values.keys() & set(_ARRAYS[name]):
         values[field] = np.ascontiguousarray(values[field], dtype="<f8").tobytes()
-    return _classes(True)[name](**values).SerializeToString()
+    return _twins()[name](**values).SerializeToString()
 
 
-def encode_scalars(values: NDArray[np.float64]) -> NDArray[np.uint8]:
-    """Return the wire bytes of Scalar messages, shape (n, 9), of values of shape (n,)."""
-    data = np.empty((len(values), 9), np.uint8)
-    data[:, 0] = 1 << 3 | 1  # field 1, of 64 bits
-    data[:, 1:] = np.ascontiguousarray(values, "<f8").view(np.uint8).reshape(-1, 8)
+def encode_log(date: int, time: float, kind: str, text: str) -> bytes:
+    """Return the wire bytes of an event as a `LOG`.
+
+    Args:
+        date: ns since 1970.
+        time: s after the trigger.
+        kind: One word.
+        text: What happened.
+    """
+    level = ERROR if kind in ("aborted", "fault") else INFO
+    log: Any = _twins()[LOG](time=time, level=level, name=kind, message=text)
+    log.timestamp.FromNanoseconds(date)
+    return log.SerializeToString()
+
+
+def encode_rows(columns: Sequence[NDArray[Any]]) -> NDArray[np.uint8]:
+    """Return the wire bytes of messages with one row of a table each.
+
+    Args:
+        columns: Values of each field, in the order of their numbers; each of shape (n,).
+
+    Returns:
+        Shape (n, length of a message).
+    """
+    tags = [_varint(number << 3 | 5) for number in range(1, len(columns) + 1)]  # 5: 32 bits
+    data = np.empty((len(columns[0]), sum(len(tag) + 4 for tag in tags)), np.uint8)
+    at = 0
+    for tag, column in zip(tags, columns, strict=True):
+        data[:, at : at + len(tag)] = np.frombuffer(tag, np.uint8)
+        at += len(tag)
+        with np.errstate(over="ignore"):  # samples may be any double
+            data[:, at : at + 4] = column.astype("<f4").view(np.uint8).reshape(-1, 4)
+        at += 4
     return data
+
+
+def _varint(value: int) -> bytes:
+    found = bytearray()
+    while value > 127:
+        found.append(value & 127 | 128)
+        value >>= 7
+    return bytes([*found, value])
 
 
 def decode(name: str, data: bytes) -> Any:
     """Return a message as its twin; convert its array fields with `doubles`."""
-    message = _classes(True)[name]()
+    message = _twins()[name]()
     message.ParseFromString(data)
     return message
 

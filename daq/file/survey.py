@@ -90,9 +90,9 @@ def survey(file: BinaryIO) -> Survey:
 
 
 def _survey(file: BinaryIO, records: Iterator[Record], damage: str | None) -> Survey:
-    contents, runs = Contents(size_of(file)), Runs(keep=False)
-    for topic, block in contents.messages(records):
-        runs.add(topic, block)
+    contents, runs = Contents(size_of(file)), Runs(size=None)
+    for layout, block in contents.blocks(records):
+        runs.add(layout, block)
     try:
         return Survey(damage, contents, runs, contents.rig(), contents.session())
     except RecordingError as error:

@@ -206,27 +206,35 @@ def _press(
             warm_up=item.warm_up,
         )
         of_device = acquisition.of_device(rig)
-        with Recording(path, of_device, session=session, rate=acquisition.rate) as recording:
+        with Recording(
+            path, of_device, session=session, rate=acquisition.rate, scaling=acquisition.scaling
+        ) as recording:
             acquisition.start()
             watch(Stage("armed", "armed", number))
             controller.start()
             watch(Stage("moving", "reading", number))
-            for block in acquisition.blocks():
+            for number_of_block, block in enumerate(acquisition.blocks()):
+                if not number_of_block:
+                    _note_start(recording, item)
                 recording.write_block(block)
                 watch(Samples(number, rig.daq.channels, acquisition.rate, block))
             watch(Stage("moving", "complete", number))
-            # An event flushes the file, and the rest may take a while.
-            recording.event("trigger", f"edge on {rig.daq.trigger_source}", 0.0)
+            recording.flush()  # the rest may take a while
             controller.wait()
             watch(Stage("standing", "complete", number))
-            if item.torques is not None:
-                first, second = np.abs(item.torques.torques).max(axis=0)
-                largest = f"up to {first:.4g} N m at joint 1 and {second:.4g} N m at joint 2"
-                recording.event("feed-forward", largest, 0.0)
             capture = controller.capture()
             planned, joints = trajectory.time + capture.trigger_delay, trajectory.joints.position
             recording.write_plan(planned, joints[:, 0], joints[:, 1], trajectory.rise.position)
             recording.write_joints(_joints(capture, rig))
+
+
+def _note_start(recording: Recording, item: Item) -> None:
+    """Write the events at the trigger's edge."""
+    recording.event("trigger", f"edge on {item.rig.daq.trigger_source}", 0.0)
+    if item.torques is not None:
+        first, second = np.abs(item.torques.torques).max(axis=0)
+        largest = f"up to {first:.4g} N m at joint 1 and {second:.4g} N m at joint 2"
+        recording.event("feed-forward", largest, 0.0)
 
 
 def _duration(item: Item) -> float:

@@ -114,7 +114,7 @@ def forge(path, rig, session, blocks, *, metadata=None):
     for name, values in (heads | (metadata or {})).items():
         if values is not None:
             writer.add_metadata(name, values)
-    schema = writer.register_schema("sautereau.Samples", "protobuf", schema_data())
+    schema = writer.register_schema("sautereau.Samples", "protobuf", schema_data({}))
     numbers = {
         channel.name: writer.register_channel(f"/daq/{channel.name}", "protobuf", schema)
         for channel in rig.daq.channels

@@ -1,7 +1,6 @@
 """The records of an MCAP file: parsed within limits, with the checksums of their own."""
 
 import struct
-import zlib
 from collections.abc import Container, Iterator
 from functools import lru_cache
 from io import BytesIO
@@ -14,6 +13,7 @@ from mcap.records import McapRecord, Metadata
 from mcap.writer import MCAP0_MAGIC as MAGIC
 
 from sautereau.daq.errors import RecordingError
+from sautereau.daq.file.container.checksum import crc32
 
 __all__ = ["MAGIC", "Opcode"]
 
@@ -50,7 +50,7 @@ class Record(NamedTuple):
 
 
 def records_within(
-    chunk: bytes, counted: Container[int] = ()
+    chunk: bytes | memoryview, counted: Container[int] = ()
 ) -> Iterator[tuple[int, memoryview, int]]:
     """Yield opcode, body and number of the records of an unpacked chunk.
 
@@ -74,7 +74,7 @@ def records_within(
         at += n * size
 
 
-def _run_length(chunk: bytes, at: int, size: int) -> int:
+def _run_length(chunk: bytes | memoryview, at: int, size: int) -> int:
     """Return how many consecutive records share opcode, length and channel, or fewer."""
     n = min(_LONGEST_RUN, (len(chunk) - at) // size)
     heads = np.frombuffer(chunk, _head_of(size), n, at)
@@ -170,7 +170,7 @@ def _checksum(name: str, data: dict[str, str]) -> int:
     packed = [_packed(text) for pair in data.items() for text in pair]
     content = b"".join(packed)
     body = _packed(name) + _LENGTH.pack(len(content)) + content
-    return zlib.crc32(PREFIX.pack(Opcode.METADATA, len(body)) + body)
+    return crc32(PREFIX.pack(Opcode.METADATA, len(body)) + body)
 
 
 def _packed(text: str) -> bytes:

@@ -5,7 +5,6 @@ memory, 2.5 kB per chunk: 230 MB for an hour of 16 channels at 51.2 kHz. Here it
 """
 
 import struct
-import zlib
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
@@ -32,7 +31,8 @@ from mcap.writer import LIBRARY_IDENTIFIER
 from numpy.typing import NDArray
 
 from sautereau.daq.errors import RecordingError
-from sautereau.daq.file.container.chunks import INDEX_ENTRY, OpenChunk, indexed
+from sautereau.daq.file.container.checksum import crc32
+from sautereau.daq.file.container.chunks import INDEX_ENTRY, ZSTD, OpenChunk, indexed
 from sautereau.daq.file.container.records import (
     CHUNK_SIZE,
     LARGEST_CHUNK,
@@ -49,7 +49,21 @@ _INDEX_HEAD = struct.Struct("<HI")
 LEVEL = 1
 """Compression level of zstd: 1.6 times as fast as its default of 3 on a converter's samples,
 with files of the same size."""
+_OVERHEAD = 64 * 1024  # bytes of a chunk besides its only message: prefixes and definitions
 _SPOOLED = 1024**2  # bytes of the chunk index kept in memory
+
+
+def refuse_oversized(size: int) -> None:
+    """Refuse a message of ``size`` bytes if it is larger than readers accept.
+
+    Raises:
+        RecordingError: It is.
+    """
+    if size + _OVERHEAD > LARGEST_CHUNK:
+        raise RecordingError(
+            f"a message of {size} bytes exceeds the limit of {LARGEST_CHUNK} bytes that readers"
+            " accept; split it"
+        )
 
 
 class McapWriter:
@@ -82,7 +96,7 @@ class McapWriter:
         """Write the header; the definitions go into the first chunk and the summary."""
         self._definitions = list(definitions)
         self._put(MAGIC + record_bytes(Header(profile, LIBRARY_IDENTIFIER)))
-        self._open.data += b"".join(map(record_bytes, self._definitions))
+        self._open.put(*map(record_bytes, self._definitions))
 
     def add_metadata(self, name: str, data: dict[str, str]) -> None:
         """Write a Metadata record with its own checksum immediately."""
@@ -90,56 +104,55 @@ class McapWriter:
         self._metadata.append(MetadataIndex(offset=self._at, length=len(record), name=name))
         self._put(record)
 
-    def add_message(self, channel: int, log_time: int, data: bytes) -> None:
-        """Add a message to the open chunk; its log time is also its publish time, ns since 1970.
+    def add_message(self, channel: int, log_time: int, *data: bytes | memoryview) -> None:
+        """Add a message in parts to the open chunk; its log time is also its publish time.
+
+        The parts are copied when the chunk is closed: they must not change until then.
 
         Raises:
             RecordingError: It is larger than readers accept.
         """
-        size = MESSAGE.size + len(data)
-        if self._open.size + size > LARGEST_CHUNK:
+        size = sum(map(len, data))
+        refuse_oversized(size)
+        if self._open.size + size + MESSAGE.size > LARGEST_CHUNK:
             self.close_chunk(least=0)
-        if self._open.size + size > LARGEST_CHUNK:
-            raise RecordingError(
-                f"a message of {size} bytes exceeds the limit of {LARGEST_CHUNK} bytes that readers"
-                " accept; split it"
-            )
-        self._open.add(channel, log_time, data)
+        self._open.add(channel, log_time, *data)
 
     def add_run(self, channel: int, log_times: NDArray[np.int64], data: NDArray[np.uint8]) -> None:
-        """Add messages of equal length at once.
-
-        Args:
-            channel: Channel of all of them.
-            log_times: ns since 1970, shape (n,).
-            data: Shape (n, length).
-        """
-        self._open.add_run(channel, log_times, data)
+        """Add messages of equal length at once; see `OpenChunk.add_run`."""
+        if len(data):
+            self._open.add_run(channel, log_times, data)
 
     def close_chunk(self, least: int = CHUNK_SIZE) -> None:
         """Write the open chunk, if it has at least ``least`` bytes and one message."""
         open_chunk = self._open
         if not open_chunk.times or open_chunk.size < least:
             return
-        self._open, data = OpenChunk(), open_chunk.data
+        self._open, parts = OpenChunk(), open_chunk.parts
+        crc = 0
+        for part in parts:
+            crc = crc32(part, crc)
+        if self._compressor:
+            packer = self._compressor.compressobj(size=open_chunk.size)
+            parts = [*map(packer.compress, parts), packer.flush()]
         chunk = Chunk(
-            compression="zstd" if self._compressor else "",
-            data=self._compressor.compress(data) if self._compressor else bytes(data),
+            compression=ZSTD.decode() if self._compressor else "",
+            data=b"",
             message_start_time=min(open_chunk.times),
             message_end_time=max(open_chunk.times),
-            uncompressed_crc=zlib.crc32(data),
-            uncompressed_size=len(data),
+            uncompressed_crc=crc,
+            uncompressed_size=open_chunk.size,
         )
-        self._write_chunk(chunk, open_chunk)
+        self._write_chunk(chunk, parts, open_chunk)
 
-    def copy_chunk(self, chunk: Chunk, records: bytes) -> None:
+    def copy_chunk(self, chunk: Chunk, records: bytes | memoryview) -> None:
         """Copy a chunk of another file unchanged; ``records`` are its content unpacked.
 
         The definitions are written before the first one, which may have none.
         """
-        self._put(bytes(self._open.data))
+        self._put(*self._open.parts)
         self._open = OpenChunk()
-        self._write_chunk(chunk, indexed(records))
+        self._write_chunk(replace(chunk, data=b""), [chunk.data], indexed(records))
 
     def finish(self) -> None:
         """Write the open chunk, the summary and the footer."""
@@ -169,27 +182,30 @@ class McapWriter:
         footer = record_bytes(
             Footer(summary_start=start, summary_offset_start=offsets_start, summary_crc=0)
         )
-        crc = zlib.crc32(footer[:-4], self._crc)
+        crc = crc32(footer[:-4], self._crc)
         self._put(footer[:-4] + struct.pack("<I", crc) + MAGIC)
 
     def close(self) -> None:
         """Discard the index, whether the file was finished or not."""
         self._spool.close()
 
-    def _put(self, data: bytes | bytearray) -> None:
-        self._stream.write(data)
-        self._crc = zlib.crc32(data, self._crc)
-        self._at += len(data)
+    def _put(self, *parts: bytes | memoryview) -> None:
+        for part in parts:
+            self._stream.write(part)
+            self._crc = crc32(part, self._crc)
+            self._at += len(part)
 
-    def _write_chunk(self, chunk: Chunk, content: OpenChunk) -> None:
-        """Write a chunk and the index of its messages."""
+    def _write_chunk(
+        self, chunk: Chunk, parts: Sequence[bytes | memoryview], content: OpenChunk
+    ) -> None:
+        """Write a chunk, whose data are in ``parts``, and the index of its messages."""
         start = self._at
         # Its content is written directly: the library copies it three times.
-        head = record_bytes(replace(chunk, data=b""))
-        size = len(chunk.data)
+        head = record_bytes(chunk)
+        size = sum(map(len, parts))
         length = len(head) - PREFIX.size + size
         self._put(PREFIX.pack(Opcode.CHUNK, length) + head[PREFIX.size : -8] + _SIZE.pack(size))
-        self._put(chunk.data)
+        self._put(*parts)
         index_start, places = self._at, {}
         for channel, entries in content.index.items():
             places[channel] = self._at
@@ -208,7 +224,7 @@ class McapWriter:
                     message_index_offsets=places,
                     message_index_length=self._at - index_start,
                     compression=chunk.compression,
-                    compressed_size=len(chunk.data),
+                    compressed_size=size,
                     uncompressed_size=chunk.uncompressed_size,
                 )
             )
