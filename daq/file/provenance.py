@@ -4,6 +4,7 @@ import base64
 import json
 import platform
 from collections.abc import Iterator
+from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 
 from mcap.records import Channel, Schema
@@ -79,6 +80,7 @@ def start_head(writer: McapWriter, head: dict[str, dict[str, str]]) -> None:
             writer.add_metadata(name, values)
 
 
+@cache
 def software() -> dict[str, str]:
     """Return the versions of Python and of the libraries in use."""
     versions = {"python": platform.python_version()}

@@ -150,7 +150,8 @@ class Recording:
         self._refuse(block)
         if self._first is None:
             self._first = self._next = first
-        self._date(block)
+        if self._order.t0 is None:
+            self._date(block)
         at = 0
         while at < samples.shape[1]:
             n = min(samples.shape[1] - at, self._held.shape[1] - self._fill)

@@ -82,15 +82,10 @@ def read_scaling(task: Any, inputs: Sequence[InputSettings]) -> Scaling | None:
 
     sizes, rows = set(), []
     for settings in inputs:
-        actual = task.ai_channels[settings.name]
-        size, bits = (
-            _optional(lambda: int(actual.ai_raw_samp_size)),
-            _optional(lambda: int(actual.ai_resolution)),
-        )
-        coefficients = _optional(lambda: list(actual.ai_dev_scaling_coeff))
+        size, bits, justification, coefficients = _counts(task.ai_channels[settings.name])
         if size not in COUNTS or not bits or not coefficients:
             return None
-        left = _optional(lambda: actual.ai_raw_samp_justification) == DataJustification.LEFT
+        left = justification == DataJustification.LEFT
         ends = np.array([-1.0, 1.0]) * 2.0 ** ((size if left else bits) - 1)
         reached = np.polynomial.polynomial.polyval(ends, coefficients)
         ratios = reached / [settings.device_low, settings.device_high]
@@ -103,6 +98,16 @@ def read_scaling(task: Any, inputs: Sequence[InputSettings]) -> Scaling | None:
     length = max(map(len, rows))
     padded = np.array([[*row, *[0.0] * (length - len(row))] for row in rows])
     return Scaling(COUNTS[sizes.pop()], padded)
+
+
+def _counts(channel: Any) -> tuple[Any, Any, Any, Any]:
+    """Return bits of a count as it is read, and of the converter; justification; coefficients."""
+    return (
+        _optional(lambda: channel.ai_raw_samp_size),
+        _optional(lambda: channel.ai_resolution),
+        _optional(lambda: channel.ai_raw_samp_justification),
+        _optional(lambda: list(channel.ai_dev_scaling_coeff)),
+    )
 
 
 def _read_input(task: Any, channel: Channel, number: int) -> InputSettings:

@@ -105,7 +105,6 @@ def test_times_do_not_drift(tmp_path, paper, session):
 
 def test_the_trigger_is_dated_by_the_earliest_of_the_first_blocks(tmp_path, paper, session):
     """No sample is taken after it was read: a block that was read late gives no earlier date."""
-    now = iter([0.0, 0.0, 0.05, 0.0601, 0.09, 0.5])
     seconds = [0.0]
     path = tmp_path / "press.mcap"
     with Recording(

@@ -37,7 +37,8 @@ Unpacked = tuple[int, bytes | memoryview]
 """Opcode and body of a record."""
 ZSTD = b"zstd"
 """Name of the compression."""
-_CHUNK = struct.Struct("<QQQII")  # start, end, size, CRC, length of the compression's name
+CHUNK = struct.Struct("<QQQII")
+"""Start, end, size, CRC, length of the compression's name, which follows."""
 _SIZE = struct.Struct("<Q")
 NAMES = ("channels", "rig", "software", "session", "schemas", "end", "recovered")
 """Names of a recording's Metadata records."""
@@ -142,7 +143,7 @@ def unpacked(records: Iterable[Record]) -> Iterator[Unpacked]:
     chunks = 0
     with ThreadPoolExecutor(AHEAD - 1, "recording") as threads:
         for opcode, body in records:
-            packed = opcode == Opcode.CHUNK and body.startswith(ZSTD, _CHUNK.size)
+            packed = opcode == Opcode.CHUNK and body.startswith(ZSTD, CHUNK.size)
             chunks += packed
             ahead = packed and chunks > FEW
             if not ahead and not waiting:
@@ -168,13 +169,13 @@ def unpack_chunk(body: bytes) -> bytes | memoryview:
         DamageError: The checksum does not match, or a length is invalid or exceeds
             `LARGEST_CHUNK`.
     """
-    if len(body) < _CHUNK.size:
+    if len(body) < CHUNK.size:
         raise DamageError(f"a chunk of {len(body)} bytes is too short")
-    _, _, size, crc, name_length = _CHUNK.unpack_from(body)
-    at = _CHUNK.size + name_length
+    _, _, size, crc, name_length = CHUNK.unpack_from(body)
+    at = CHUNK.size + name_length
     if size > LARGEST_CHUNK:
         raise DamageError(f"a chunk of {size} bytes exceeds the limit of {LARGEST_CHUNK} bytes")
-    compression = body[_CHUNK.size : at]
+    compression = body[CHUNK.size : at]
     packed = memoryview(body)[at + _SIZE.size :]
     if len(body) < at + _SIZE.size or _SIZE.unpack_from(body, at)[0] != len(packed):
         raise DamageError("a chunk's length is not that of its content")

@@ -3,11 +3,10 @@
 import struct
 from collections.abc import Container, Iterator
 from functools import lru_cache
-from io import BytesIO
 from typing import NamedTuple
 
 import numpy as np
-from mcap.data_stream import ReadDataStream, RecordBuilder
+from mcap.data_stream import RecordBuilder
 from mcap.opcode import Opcode
 from mcap.records import McapRecord, Metadata
 from mcap.writer import MCAP0_MAGIC as MAGIC
@@ -130,11 +129,6 @@ def texts_within(body: bytes, at: int) -> dict[str, str]:
         name, at = text_within(body, at)
         texts[name], at = text_within(body, at)
     return texts
-
-
-def stream_of(body: bytes | memoryview) -> ReadDataStream:
-    """Return a record's body for the library's own readers."""
-    return ReadDataStream(BytesIO(body))
 
 
 def with_checksum(name: str, data: dict[str, str]) -> dict[str, str]:

@@ -7,7 +7,6 @@ memory, 2.5 kB per chunk: 230 MB for an hour of 16 channels at 51.2 kHz. Here it
 import struct
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import replace
 from pathlib import Path
 from tempfile import SpooledTemporaryFile
 from typing import BinaryIO
@@ -16,8 +15,6 @@ import numpy as np
 import zstandard
 from mcap.records import (
     Channel,
-    Chunk,
-    ChunkIndex,
     DataEnd,
     Footer,
     Header,
@@ -32,7 +29,7 @@ from numpy.typing import NDArray
 
 from sautereau.daq.errors import RecordingError
 from sautereau.daq.file.container.checksum import crc32
-from sautereau.daq.file.container.chunks import INDEX_ENTRY, ZSTD, OpenChunk, indexed
+from sautereau.daq.file.container.chunks import CHUNK, INDEX_ENTRY, ZSTD, OpenChunk, indexed
 from sautereau.daq.file.container.records import (
     CHUNK_SIZE,
     LARGEST_CHUNK,
@@ -45,7 +42,12 @@ from sautereau.daq.file.container.records import (
 )
 
 _SIZE = struct.Struct("<Q")
-_INDEX_HEAD = struct.Struct("<HI")
+_INDEX_HEAD = struct.Struct("<HI")  # channel, size of the entries
+# Of a ChunkIndex: start, end, offset, length, size of the offsets; these; size of the MessageIndex
+# records, length of the compression's name.
+_CHUNK_INDEX = struct.Struct("<QQQQI")
+_INDEX_OFFSET = struct.Struct("<HQ")
+_INDEX_SIZE = struct.Struct("<QI")
 LEVEL = 1
 """Compression level of zstd: 1.6 times as fast as its default of 3 on a converter's samples,
 with files of the same size."""
@@ -79,6 +81,7 @@ class McapWriter:
         """
         self._stream = stream
         self._compressor = zstandard.ZstdCompressor(LEVEL) if compress else None
+        self._compression = ZSTD if compress else b""
         self._crc = 0
         self._at = 0
         self._definitions: list[Schema | Channel] = []
@@ -135,24 +138,20 @@ class McapWriter:
         if self._compressor:
             packer = self._compressor.compressobj(size=open_chunk.size)
             parts = [*map(packer.compress, parts), packer.flush()]
-        chunk = Chunk(
-            compression=ZSTD.decode() if self._compressor else "",
-            data=b"",
-            message_start_time=min(open_chunk.times),
-            message_end_time=max(open_chunk.times),
-            uncompressed_crc=crc,
-            uncompressed_size=open_chunk.size,
-        )
-        self._write_chunk(chunk, parts, open_chunk)
+        times = min(open_chunk.times), max(open_chunk.times)
+        head = CHUNK.pack(*times, open_chunk.size, crc, len(self._compression)) + self._compression
+        self._write_chunk(head, parts, open_chunk)
 
-    def copy_chunk(self, chunk: Chunk, records: bytes | memoryview) -> None:
+    def copy_chunk(self, body: bytes, records: bytes | memoryview) -> None:
         """Copy a chunk of another file unchanged; ``records`` are its content unpacked.
 
         The definitions are written before the first one, which may have none.
         """
         self._put(*self._open.parts)
         self._open = OpenChunk()
-        self._write_chunk(replace(chunk, data=b""), [chunk.data], indexed(records))
+        *_, length = CHUNK.unpack_from(body)
+        stop = CHUNK.size + length
+        self._write_chunk(body[:stop], [body[stop + _SIZE.size :]], indexed(records))
 
     def finish(self) -> None:
         """Write the open chunk, the summary and the footer."""
@@ -196,44 +195,34 @@ class McapWriter:
             self._at += len(part)
 
     def _write_chunk(
-        self, chunk: Chunk, parts: Sequence[bytes | memoryview], content: OpenChunk
+        self, head: bytes, parts: Sequence[bytes | memoryview], content: OpenChunk
     ) -> None:
-        """Write a chunk, whose data are in ``parts``, and the index of its messages."""
-        start = self._at
-        # Its content is written directly: the library copies it three times.
-        head = record_bytes(chunk)
-        size = sum(map(len, parts))
-        length = len(head) - PREFIX.size + size
-        self._put(PREFIX.pack(Opcode.CHUNK, length) + head[PREFIX.size : -8] + _SIZE.pack(size))
-        self._put(*parts)
-        index_start, places = self._at, {}
+        """Write a chunk and the index of its messages.
+
+        Args:
+            head: Its fields before the data.
+            parts: The data, packed if they are.
+            content: What it holds.
+        """
+        start, size = self._at, sum(map(len, parts))
+        prefix = PREFIX.pack(Opcode.CHUNK, len(head) + _SIZE.size + size)
+        self._put(prefix + head + _SIZE.pack(size), *parts)
+        index_start, offsets = self._at, b""
         for channel, entries in content.index.items():
-            places[channel] = self._at
+            offsets += _INDEX_OFFSET.pack(channel, self._at)
             self._counts[channel] += len(entries) // INDEX_ENTRY.size
-            length = _INDEX_HEAD.size + len(entries)
-            head = PREFIX.pack(Opcode.MESSAGE_INDEX, length)
-            self._put(head + _INDEX_HEAD.pack(channel, len(entries)) + entries)
+            index = PREFIX.pack(Opcode.MESSAGE_INDEX, _INDEX_HEAD.size + len(entries))
+            self._put(index + _INDEX_HEAD.pack(channel, len(entries)) + entries)
         self._stream.flush()
-        self._spool.write(
-            record_bytes(
-                ChunkIndex(
-                    message_start_time=chunk.message_start_time,
-                    message_end_time=chunk.message_end_time,
-                    chunk_start_offset=start,
-                    chunk_length=index_start - start,
-                    message_index_offsets=places,
-                    message_index_length=self._at - index_start,
-                    compression=chunk.compression,
-                    compressed_size=size,
-                    uncompressed_size=chunk.uncompressed_size,
-                )
-            )
-        )
+        first, last, unpacked, _, length = CHUNK.unpack_from(head)
+        body = _CHUNK_INDEX.pack(first, last, start, index_start - start, len(offsets)) + offsets
+        body += _INDEX_SIZE.pack(self._at - index_start, length) + head[CHUNK.size :]
+        body += _SIZE.pack(size) + _SIZE.pack(unpacked)
+        self._spool.write(PREFIX.pack(Opcode.CHUNK_INDEX, len(body)) + body)
         self._n_chunks += 1
         if content.times:
-            first = min(content.times)
             self._first = first if self._first is None else min(self._first, first)
-            self._last = max(self._last, *content.times)
+            self._last = max(self._last, last)
 
     def _statistics(self) -> Statistics:
         return Statistics(
