@@ -3,6 +3,7 @@
 import os
 import struct
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from pathlib import Path
 from typing import BinaryIO, NamedTuple
@@ -104,10 +105,15 @@ def check_summary(file: BinaryIO) -> tuple[int, int]:
 
 def check_data(file: BinaryIO, end: int) -> None:
     """Refuse a file whose data section, which ends at ``end``, has changed."""
+    if _checksum(file, 0, end) != _data_crc(file, end):
+        raise DamageError(_corrupted("its data"))
+
+
+def _data_crc(file: BinaryIO, end: int) -> int | None:
+    """Return the checksum that the record at ``end`` gives; None if it is another record."""
     file.seek(end)
     opcode, length, crc = _DATA_END.unpack(file.read(_DATA_END.size))
-    if opcode != Opcode.DATA_END or length != _CRC_SIZE or _checksum(file, 0, end) != crc:
-        raise DamageError(_corrupted("its data"))
+    return crc if opcode == Opcode.DATA_END and length == _CRC_SIZE else None
 
 
 def verified(file: BinaryIO) -> Iterator[Record]:
@@ -115,6 +121,69 @@ def verified(file: BinaryIO) -> Iterator[Record]:
     end, _ = check_summary(file)
     check_data(file, end)
     yield from records(file, len(MAGIC), end)
+
+
+@contextmanager
+def verifying(file: BinaryIO) -> Iterator[Iterator[Record]]:
+    """Yield the records of the data section, and verify all checksums by the end of the context.
+
+    The file is read once. What is made of the records may be used only after the context.
+
+    Raises:
+        DamageError: A checksum does not match, also where that led to another error.
+    """
+    end, _ = check_summary(file)
+    summed = _Summed(file, end)
+    try:
+        yield summed.records()
+        summed.check()
+    except RecordingError:
+        check_data(file, end)
+        raise
+
+
+class _Summed:
+    """The data section of a file, whose checksum is summed while its records are read."""
+
+    def __init__(self, file: BinaryIO, end: int):
+        self._file, self._end = file, end
+        self._crc = 0
+
+    def records(self) -> Iterator[Record]:
+        """Yield the records; a thread reads and sums ahead of what the reader does with them."""
+        batches = self._batches()
+        if self._end < _PIECE:
+            for batch in batches:
+                yield from batch
+            return
+        with ThreadPoolExecutor(1, "read ahead") as thread:
+            future = thread.submit(next, batches, None)
+            while batch := future.result():
+                future = thread.submit(next, batches, None)
+                yield from batch
+
+    def _batches(self) -> Iterator[list[Record]]:
+        """Yield the records in lists of about `_PIECE` bytes."""
+        file, at = self._file, len(MAGIC)
+        file.seek(0)
+        self._crc = crc32(file.read(at))
+        batch, begin = list[Record](), at
+        while at < self._end:
+            prefix = file.read(PREFIX.size)
+            opcode, length = PREFIX.unpack(prefix)
+            at += PREFIX.size + length
+            _refuse_length(length, at > self._end)
+            body = file.read(length)
+            self._crc = crc32(body, crc32(prefix, self._crc))
+            if opcode not in _SKIPPED:
+                batch.append(Record(opcode, body))
+            if batch and (at - begin > _PIECE or at == self._end):
+                yield batch
+                batch, begin = [], at
+
+    def check(self) -> None:
+        if self._crc != _data_crc(self._file, self._end):
+            raise DamageError(_corrupted("its data"))
 
 
 def chunk_index(file: BinaryIO) -> list[IndexedChunk]:
@@ -141,20 +210,24 @@ def records(file: BinaryIO, start: int, end: int) -> Iterator[Record]:
     while start < end:
         opcode, length = PREFIX.unpack(file.read(PREFIX.size))
         start += PREFIX.size + length
-        if start > end:
-            raise RecordingError(
-                f"a record of {length} bytes reaches beyond its section; another program has"
-                " changed it: use the file as sautereau wrote it"
-            )
-        if opcode in _SKIPPED:
+        if opcode in _SKIPPED and start <= end:
             file.seek(start)
             continue
-        if length > LARGEST_CHUNK:
-            raise RecordingError(
-                f"a record of {length} bytes exceeds the limit of {LARGEST_CHUNK} bytes; another"
-                " program has changed it: use the file as sautereau wrote it"
-            )
+        _refuse_length(length, start > end)
         yield Record(opcode, file.read(length))
+
+
+def _refuse_length(length: int, beyond: bool) -> None:
+    if beyond:
+        raise RecordingError(
+            f"a record of {length} bytes reaches beyond its section; another program has"
+            " changed it: use the file as sautereau wrote it"
+        )
+    if length > LARGEST_CHUNK:
+        raise RecordingError(
+            f"a record of {length} bytes exceeds the limit of {LARGEST_CHUNK} bytes; another"
+            " program has changed it: use the file as sautereau wrote it"
+        )
 
 
 def check_header(file: BinaryIO) -> None:

@@ -6,7 +6,7 @@ after the samples of its time, as the motion of the joints, follows at the end.
 """
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,7 +49,7 @@ class LogOrder:
         decimator = Decimator(rate, len(layout.names))
         self.margin = decimator.margin
         """Samples of a block of which the previews must be made before it is written."""
-        self._previewer = Previewer(decimator, self._to_si)
+        self._previewer = Previewer(decimator, layout.write_volts, self._encode)
         self._pending: list[_Pending] = []
 
     def start(self, t0: int, begin: int) -> None:
@@ -77,9 +77,16 @@ class LogOrder:
                 for time, row in zip(times, rows, strict=True)
             ]
 
-    def preview(self, samples: Samples) -> None:
-        """Make the previews of the next samples, which must not change any more."""
-        self._previewer.feed(samples)
+    def preview(self, samples: Samples, *, start: bool) -> None:
+        """Add the next samples to the preview, which must not change any more.
+
+        Args:
+            samples: Shape (n_channels, n).
+            start: Whether to have the preview made of all that were added so far.
+        """
+        self._previewer.add(samples)
+        if start:
+            self._previewer.start()
 
     def write_block(self, writer: McapWriter, first: int, samples: Samples) -> None:
         """Write a block, after the previews and events up to its first sample."""
@@ -90,6 +97,7 @@ class LogOrder:
 
     def write_rest(self, writer: McapWriter) -> None:
         """Write all previews that are left, and all that waits for its time."""
+        self._previewer.start()
         self._write_views(writer, None)
 
     def close(self) -> None:
@@ -98,10 +106,9 @@ class LogOrder:
 
     def _write_views(self, writer: McapWriter, stop: int | None) -> None:
         """Write the previews and what waits up to a sample, or all of it."""
-        places, values = self._previewer.take(None if stop is None else stop - self._begin)
+        places, rows = self._previewer.take(None if stop is None else stop - self._begin)
         since_trigger = (places + self._begin) * (1e9 / self._rate)
         times = np.maximum(0, (self.t0 or 0) + np.rint(since_trigger).astype(np.int64))
-        rows = encode_rows(list(values)) if len(places) else np.empty((0, 1), np.uint8)
         preview, at = self.topics["/preview"], 0
         for date, topic, data in self._due(None if stop is None else stop / self._rate):
             n = int(np.searchsorted(times, date))
@@ -129,9 +136,6 @@ class LogOrder:
         date = now if self.t0 is None else self.t0 + round(time_s * 1e9)
         return min(max(0, date), LAST_DATE)
 
-    def _to_si(self, samples: Samples) -> NDArray[Any]:
-        values = np.empty(samples.shape)
-        self._layout.write_volts(samples, values)
+    def _encode(self, volts: Signal) -> NDArray[np.uint8]:
         with np.errstate(over="ignore", invalid="ignore"):  # samples may be any double
-            values *= self._scales
-        return values
+            return encode_rows(volts * self._scales)

@@ -1,7 +1,6 @@
 """Previews: signals decimated without aliasing, for viewers that plot scalars."""
 
 import math
-from collections import deque
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 
@@ -19,9 +18,9 @@ PASS_BAND = 0.2
 """Dimensionless, fraction of the preview's rate up to which it is accurate to 0.2 %."""
 
 Signals = NDArray[np.float64]
-Rows = tuple[NDArray[np.int64], Signals]
-"""Places of the values of a preview, in samples from the very first, shape (n,); and the values,
-shape (n_channels, n)."""
+Rows = tuple[NDArray[np.int64], NDArray[np.uint8]]
+"""Places of the values of a preview, in samples from the very first, shape (n,); and the bytes of
+their messages, shape (n, length)."""
 
 
 def low_pass(factor: int) -> NDArray[np.float64]:
@@ -62,79 +61,117 @@ class Decimator:
         self._columns = self._columns.T.copy()
         self._length = len(weights)
         self._held = np.empty((n_channels, 0))
+        self._fill = 0
         self._first = 0
 
-    def feed(self, values: Signals) -> Rows:
-        """Add samples and return the new values of the preview.
+    def room(self, n: int) -> Signals:
+        """Return the place of the next ``n`` samples, shape (n_channels, n), to be filled."""
+        start, self._fill = self._fill, self._fill + n
+        if self._fill > self._held.shape[1]:
+            held = self._held[:, :start]
+            self._held = np.empty((len(held), self._fill + self._length))
+            self._held[:, :start] = held
+        return self._held[:, start : self._fill]
 
-        Args:
-            values: Shape (n_channels, n_samples), in any unit.
+    def feed(self, values: Signals) -> tuple[NDArray[np.int64], Signals]:
+        """Add samples, shape (n_channels, n), in any unit; return as `rest`."""
+        self.room(values.shape[1])[:] = values
+        return self.rest()
+
+    def rest(self) -> tuple[NDArray[np.int64], Signals]:
+        """Return the new values of the preview.
 
         Returns:
-            Places and values, in the unit of ``values``. The filter has no delay.
+            Places in samples from the very first, shape (n,), and values, shape (n_channels, n), in
+            the unit of the samples. The filter has no delay.
         """
-        held = np.concatenate([self._held, values], axis=1)
-        n = max(0, (held.shape[1] - self._length) // self.factor + 1)
+        n, fill = max(0, (self._fill - self._length) // self.factor + 1), self._fill
         places = self._first + self.margin + self.factor * np.arange(n)
-        self._first += n * self.factor
-        self._held = held[:, n * self.factor :].copy()
-        return places, self._filtered(held, n)
+        values = self._filtered(n)
+        left = fill - n * self.factor
+        self._held[:, :left] = self._held[:, n * self.factor : fill].copy()
+        self._first, self._fill = self._first + n * self.factor, left
+        return places, values
 
-    def _filtered(self, held: Signals, n: int) -> Signals:
+    def _filtered(self, n: int) -> Signals:
         """Return n values, each the sum of the products of as many rows as there are columns."""
         columns = self._columns.shape[1]
         rows = n + columns - 1 if n else 0
-        missing = rows * self.factor - held.shape[1]
-        if missing > 0:
-            held = np.pad(held, ((0, 0), (0, missing)))
-        grouped = held[:, : rows * self.factor].reshape(len(held), rows, self.factor)
+        # The weights that the last row has beyond the samples are zero.
+        self.room(max(0, rows * self.factor - self._fill))[:] = 0
+        grouped = self._held[:, : rows * self.factor].reshape(len(self._held), rows, self.factor)
         # Samples may be inf or NaN, which makes the preview NaN without a warning.
         with np.errstate(invalid="ignore", over="ignore"):
             products = np.ascontiguousarray(grouped @ self._columns)
             signal, row, column = products.strides
-            diagonal = as_strided(products, (len(held), n, columns), (signal, row, row + column))
-            return diagonal.sum(2)
+            shape = (len(products), n, columns)
+            return as_strided(products, shape, (signal, row, row + column)).sum(2)
 
 
 class Previewer:
     """Makes the previews of a recording on a thread of its own."""
 
-    def __init__(self, decimator: Decimator, to_si: Callable[[Samples], Signals]):
-        """Start the thread.
+    def __init__(
+        self,
+        decimator: Decimator,
+        write_volts: Callable[[Samples, Signals], None],
+        encode: Callable[[Signals], NDArray[np.uint8]],
+    ):
+        """Prepare; the thread starts with the first samples.
 
         Args:
             decimator: New.
-            to_si: Converts samples, shape (n_channels, n), to SI.
+            write_volts: Given samples and a place of the same shape, (n_channels, n), writes their
+                volts into it.
+            encode: Makes the bytes of messages, shape (n, length), of values of shape
+                (n_channels, n), V.
         """
-        self._decimator, self._to_si = decimator, to_si
+        self._decimator, self._write_volts, self._encode = decimator, write_volts, encode
         self._thread = ThreadPoolExecutor(1, "preview")
-        self._waiting: deque[tuple[int, Future[Rows]]] = deque()
-        self._fed = self._made = 0
-        self._rows: list[Rows] = []
+        self._given: list[Samples] = []
+        self._running: tuple[Future[Rows], Callable[[], Rows]] | None = None
+        self._made: list[Rows] = []
 
-    def feed(self, samples: Samples) -> None:
+    def add(self, samples: Samples) -> None:
         """Add samples, shape (n_channels, n), which must not change any more."""
-        self._fed += samples.shape[1]
-        future = self._thread.submit(lambda: self._decimator.feed(self._to_si(samples)))
-        self._waiting.append((self._fed - self._decimator.margin, future))
+        self._given.append(samples)
+
+    def start(self) -> None:
+        """Have the previews made of the samples added so far."""
+        self._finish()
+        given, self._given = self._given, []
+
+        def work() -> Rows:
+            for samples in given:
+                self._write_volts(samples, self._decimator.room(samples.shape[1]))
+            places, volts = self._decimator.rest()
+            return places, self._encode(volts)
+
+        if given:
+            self._running = self._thread.submit(work), work
 
     def take(self, stop: int | None = None) -> Rows:
-        """Return the next values up to a place, as far as the samples allow.
+        """Return the next messages up to a place, as far as `start` has been given the samples.
 
         Args:
             stop: Place after the last value; None for all.
         """
-        while self._waiting and (stop is None or self._made < stop):
-            self._made, future = self._waiting.popleft()
-            self._rows.append(future.result())
-        if not self._rows:
-            return np.empty(0, np.int64), np.empty((0, 0))
-        places = np.concatenate([places for places, _ in self._rows])
-        values = np.concatenate([values for _, values in self._rows], axis=1)
+        self._finish()
+        if not self._made:
+            return np.empty(0, np.int64), np.empty((0, 1), np.uint8)
+        places = np.concatenate([places for places, _ in self._made])
+        messages = np.concatenate([messages for _, messages in self._made])
         n = len(places) if stop is None else int(np.searchsorted(places, stop))
-        self._rows = [(places[n:], values[:, n:])]
-        return places[:n], values[:, :n]
+        self._made = [(places[n:], messages[n:])]
+        return places[:n], messages[:n]
 
     def close(self) -> None:
         """End the thread."""
         self._thread.shutdown(cancel_futures=True)
+
+    def _finish(self) -> None:
+        """Wait for what the thread makes; if it has not begun, make it here instead."""
+        if self._running is not None:
+            future, work = self._running
+            self._running = None
+            self._made.append(work() if future.cancel() else future.result())

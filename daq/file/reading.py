@@ -7,7 +7,7 @@ from pathlib import Path
 from sautereau.daq.errors import RecordingError
 from sautereau.daq.file.container.records import MAGIC, Opcode, read_metadata
 from sautereau.daq.file.contents import Contents
-from sautereau.daq.file.integrity import chunk_index, opened, records, size_of, verified
+from sautereau.daq.file.integrity import chunk_index, opened, records, size_of, verified, verifying
 from sautereau.daq.file.recorded import Recorded, SessionInfo, Stretch, session_from_metadata
 from sautereau.daq.file.runs import Runs
 
@@ -49,8 +49,9 @@ def read_parts(path: str | Path) -> tuple[Recorded, ...]:
     path = Path(path)
     with opened(path) as file:
         contents, runs = Contents(size_of(file)), Runs(size=size_of(file))
-        for layout, block in contents.blocks(verified(file)):
-            runs.add(layout, block)
+        with verifying(file) as all_records:
+            for layout, block in contents.blocks(all_records):
+                runs.add(layout, block)
         rig, session = contents.rig(), contents.session()
         names = [channel.name for channel in rig.daq.channels]
         clock, common = runs.clock, runs.common(names)

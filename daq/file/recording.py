@@ -75,7 +75,7 @@ class Recording:
         self._latest_t0 = 2**63 - 1
         self._first: int | None = None
         self._next = 0
-        self._held = self._layout.empty(0)
+        self._held = self._spare = self._layout.empty(0)
         self._fill = self._led = 0
 
     @property
@@ -112,7 +112,7 @@ class Recording:
             self.__exit__(type(error), error, None)
             raise
         size = min(round(FLUSH_PERIOD * self._rate), LARGEST_BLOCK // self._layout.size)
-        self._held = self._layout.empty(max(1, size))
+        self._held, self._spare = (self._layout.empty(max(1, size)) for _ in range(2))
         return self
 
     def __exit__(self, _type: object, error: BaseException | None, _trace: object) -> None:
@@ -158,7 +158,7 @@ class Recording:
             self._held[:, self._fill : self._fill + n] = samples[:, at : at + n]
             at, self._fill, self._next = at + n, self._fill + n, self._next + n
             if self._fill >= self._order.margin > self._led:
-                self._lead(self._order.margin)
+                self._preview(self._order.margin, start=True)
             if self._fill == self._held.shape[1]:
                 self._write_held(file)
         if self._fill > self._order.margin and file.flush_due:
@@ -219,9 +219,9 @@ class Recording:
         since_trigger = (acquired - 1) / self._rate + block.age
         self._latest_t0 = min(self._latest_t0, self._clock.now_ns() - round(since_trigger * 1e9))
 
-    def _lead(self, stop: int) -> None:
-        """Have the previews made of the held samples up to ``stop``."""
-        self._order.preview(self._held[:, self._led : stop])
+    def _preview(self, stop: int, *, start: bool) -> None:
+        """Add the held samples up to ``stop`` to the preview; see `LogOrder.preview`."""
+        self._order.preview(self._held[:, self._led : stop], start=start)
         self._led = stop
 
     def _write_held(self, file: RecordingFile) -> None:
@@ -230,8 +230,9 @@ class Recording:
         if self._order.t0 is None:
             given = self._given_t0
             self._order.start(self._latest_t0 if given is None else given, first)
-        self._lead(self._fill)
-        self._held, self._fill, self._led = self._layout.empty(self._held.shape[1]), 0, 0
+        self._preview(self._fill, start=not self._led)
+        # The preview of the block before was made for this one: its place is free again.
+        self._held, self._spare, self._fill, self._led = self._spare, self._held, 0, 0
         with file.writing() as writer:
             self._order.write_block(writer, first, samples)
         file.flush()

@@ -5,6 +5,7 @@ import math
 import struct
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property, lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -18,7 +19,7 @@ TOPIC = "/daq"
 # Fields 1 to 4 of a Block, each a tag and 64 bits; the tag of field 5, its length follows.
 _HEAD = struct.Struct("<BqBqBdBqB")
 _TAGS = (0x09, 0x11, 0x19, 0x21, 0x2A)
-_LONGEST_LENGTH = 5
+_LENGTH = 5
 
 
 class WireBlock(NamedTuple):
@@ -40,9 +41,13 @@ def block_head(t0: int, first_sample: int, rate: float, begin: int, size: int) -
     """Return the bytes of a Block that precede ``size`` bytes of samples."""
     values = (t0, first_sample, rate, begin)
     fields = [part for pair in zip(_TAGS, values, strict=False) for part in pair]
-    # A varint of five bytes, whatever the length.
-    length = bytes(size >> 7 * i & 127 | (128 if i < 4 else 0) for i in range(_LONGEST_LENGTH))
-    return _HEAD.pack(*fields, _TAGS[-1]) + length
+    return _HEAD.pack(*fields, _TAGS[-1]) + _length(size)
+
+
+@lru_cache(16)
+def _length(size: int) -> bytes:
+    """Return a length as a varint of five bytes, however small it is."""
+    return bytes(size >> 7 * i & 127 | (128 if i < 4 else 0) for i in range(_LENGTH))
 
 
 def read_block(data: memoryview) -> WireBlock:
@@ -51,12 +56,11 @@ def read_block(data: memoryview) -> WireBlock:
     Raises:
         ValueError: It is not one that `block_head` starts.
     """
-    start = _HEAD.size + _LONGEST_LENGTH
+    start = _HEAD.size + _LENGTH
     if len(data) < start or (found := _HEAD.unpack_from(data))[::2] != _TAGS:
         raise ValueError("a block has other fields than those of its message")
-    length = sum((byte & 127) << 7 * i for i, byte in enumerate(data[_HEAD.size : start]))
-    if start + length != len(data):
-        raise ValueError(f"a block has {len(data) - start} bytes of samples instead of {length}")
+    if data[_HEAD.size : start] != _length(len(data) - start):
+        raise ValueError(f"a block has {len(data) - start} bytes of samples, and says otherwise")
     return WireBlock(*found[1::2], data=data[start:])
 
 
@@ -71,7 +75,7 @@ class SampleLayout:
     scaling: tuple[tuple[float, ...], ...]
     """Coefficients of each channel, V per count to the power of 0, 1, 2 ...; empty for volts."""
 
-    @property
+    @cached_property
     def size(self) -> int:
         """Bytes of one sample of all channels."""
         return len(self.names) * np.dtype(TYPES[self.kind]).itemsize

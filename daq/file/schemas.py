@@ -5,14 +5,14 @@ Arrays exist twice. The declared message, whose descriptor is in the file for vi
 same bytes on the wire, and numpy reads them without parsing.
 """
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from functools import cache
 from typing import Any
 
 import numpy as np
 from google.protobuf import descriptor_pb2, descriptor_pool, message_factory, timestamp_pb2
 from google.protobuf.message import Message
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 PACKAGE = "sautereau"
 FORMAT_1 = ("Samples", "Scalar", "Plan", "Joints", "Event")
@@ -176,25 +176,31 @@ def encode_log(date: int, time: float, kind: str, text: str) -> bytes:
     return log.SerializeToString()
 
 
-def encode_rows(columns: Sequence[NDArray[Any]]) -> NDArray[np.uint8]:
+def encode_rows(columns: ArrayLike) -> NDArray[np.uint8]:
     """Return the wire bytes of messages with one row of a table each.
 
     Args:
-        columns: Values of each field, in the order of their numbers; each of shape (n,).
+        columns: Values of each field, in the order of their numbers, shape (n_fields, n).
 
     Returns:
         Shape (n, length of a message).
     """
-    tags = [_varint(number << 3 | 5) for number in range(1, len(columns) + 1)]  # 5: 32 bits
-    data = np.empty((len(columns[0]), sum(len(tag) + 4 for tag in tags)), np.uint8)
-    at = 0
-    for tag, column in zip(tags, columns, strict=True):
-        data[:, at : at + len(tag)] = np.frombuffer(tag, np.uint8)
-        at += len(tag)
-        with np.errstate(over="ignore"):  # samples may be any double
-            data[:, at : at + 4] = column.astype("<f4").view(np.uint8).reshape(-1, 4)
-        at += 4
-    return data
+    with np.errstate(over="ignore"):  # samples may be any double
+        values = np.asarray(columns, "<f4")
+    data = np.empty(values.shape[1], _row_of(len(values)))
+    for number, column in enumerate(values, 1):
+        data[f"tag {number}"] = _varint(number << 3 | 5)  # 5: 32 bits
+        data[f"value {number}"] = column
+    return data.view(np.uint8).reshape(len(data), data.itemsize)
+
+
+@cache
+def _row_of(n_fields: int) -> np.dtype:
+    """Return the type of a message of so many numbers of 32 bits."""
+    fields = []
+    for number in range(1, n_fields + 1):
+        fields += [(f"tag {number}", f"V{len(_varint(number << 3))}"), (f"value {number}", "<f4")]
+    return np.dtype(fields)
 
 
 def _varint(value: int) -> bytes:

@@ -9,7 +9,7 @@ from sautereau.daq.errors import RecordingError
 from sautereau.daq.file.container.chunks import find_intact
 from sautereau.daq.file.container.records import DamageError, Record
 from sautereau.daq.file.contents import Contents
-from sautereau.daq.file.integrity import check_header, opened, size_of, verified
+from sautereau.daq.file.integrity import check_header, opened, size_of, verifying
 from sautereau.daq.file.recorded import Gap, SessionInfo
 from sautereau.daq.file.runs import Runs
 from sautereau.rig.schema import Rig
@@ -84,7 +84,8 @@ def survey(file: BinaryIO) -> Survey:
     except RecordingError as error:
         return _survey(file, find_intact(file), str(error))
     try:
-        return _survey(file, verified(file), None)
+        with verifying(file) as records:
+            return _survey(file, records, None)
     except DamageError as error:
         return _survey(file, find_intact(file), str(error))
 

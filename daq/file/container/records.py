@@ -76,24 +76,15 @@ def records_within(
 def _run_length(chunk: bytes | memoryview, at: int, size: int) -> int:
     """Return how many consecutive records share opcode, length and channel, or fewer."""
     n = min(_LONGEST_RUN, (len(chunk) - at) // size)
-    heads = np.frombuffer(chunk, _head_of(size), n, at)
-    other = np.zeros(n, bool)
-    for name in ("opcode", "length", "channel"):
-        other |= heads[name] != heads[name][0]
-    return int(other.argmax()) or n
+    heads = np.frombuffer(chunk, _head_of(size), n, at)["head"]
+    return int((heads != heads[0]).argmax()) or n
 
 
 @lru_cache(16)
 def _head_of(size: int) -> np.dtype:
-    """Return the type of a message record of ``size`` bytes, up to its channel."""
-    return np.dtype(
-        {
-            "names": ["opcode", "length", "channel"],
-            "formats": ["u1", "<u8", "<u2"],
-            "offsets": [0, 1, PREFIX.size],
-            "itemsize": size,
-        }
-    )
+    """Return the type of a message record of ``size`` bytes: its opcode, length and channel."""
+    head = f"V{PREFIX.size + _NUMBER.size}"
+    return np.dtype({"names": ["head"], "formats": [head], "offsets": [0], "itemsize": size})
 
 
 def record_bytes(record: McapRecord) -> bytes:
