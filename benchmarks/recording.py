@@ -147,7 +147,7 @@ def _blocks(path: Path, samples: Array, *, compress: bool) -> None:
         for at, pieces in _pieces(samples, HELD):
             for start, piece in _pieces(pieces):
                 held[:, start : start + piece.shape[1]] = piece
-            data = memoryview(np.ascontiguousarray(held[:, : pieces.shape[1]])).cast("B")
+            data = np.ascontiguousarray(held[:, : pieces.shape[1]]).data.cast("B")
             writer.add_message(1, at, block_head(0, at, 51_200.0, 0, len(data)), data)
             writer.close_chunk(least=0)
         writer.finish()

@@ -91,7 +91,7 @@ class LogOrder:
     def write_block(self, writer: McapWriter, first: int, samples: Samples) -> None:
         """Write a block, after the previews and events up to its first sample."""
         self._write_views(writer, first)
-        data = memoryview(np.ascontiguousarray(samples)).cast("B")
+        data = np.ascontiguousarray(samples).data.cast("B")
         head = block_head(self.t0 or 0, first, self._rate, self._begin, len(data))
         writer.add_message(self.topics[TOPIC], self._date(first / self._rate), head, data)
 
