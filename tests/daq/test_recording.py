@@ -172,7 +172,8 @@ def test_counts_and_their_polynomials_come_back(tmp_path, paper, session):
                 recording.write_block(block)
         read = np.stack(list(read_recording(path).volts.values()))
         polynomials = [
-            np.polynomial.polynomial.polyval(*pair) for pair in zip(counts, coefficients)
+            np.polynomial.polynomial.polyval(*pair)
+            for pair in zip(counts, coefficients, strict=True)
         ]
         assert np.array_equal(read, polynomials)
         assert np.array_equal(block.volts, read[:, block.first_sample :])
