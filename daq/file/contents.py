@@ -41,7 +41,7 @@ MOST_EVENTS = 100_000
 """Limit for a recording."""
 MOST_UNPACKED = 500
 """Limit of the unpacked size, in multiples of the file's size; a file of zeros reaches 300."""
-VIEWED = ("/preview", "/motion")
+VIEWED = ("/preview", "/motion", "/scene")
 """Starts of topics for viewers, whose messages are counted and not read."""
 FOREIGN = "another program has changed it: use the file as sautereau wrote it"
 

@@ -5,7 +5,7 @@ so that only the first samples of a block must be filtered before it is written.
 after the samples of its time, as the motion of the joints, follows at the end.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -16,7 +16,7 @@ from sautereau.daq.file.counts import Samples
 from sautereau.daq.file.preview import Decimator, Previewer
 from sautereau.daq.file.recorded import Signal
 from sautereau.daq.file.samples import TOPIC, SampleLayout, block_head
-from sautereau.daq.file.schemas import MOTION, encode, encode_log, encode_rows
+from sautereau.daq.file.schemas import MOTION, encode, encode_log, encode_rows, encode_scene
 from sautereau.rig.schema import Rig
 
 LAST_DATE = 2**63 - 1
@@ -76,6 +76,14 @@ class LogOrder:
                 _Pending(now, time, "/motion", lambda _, row=row: row.tobytes())
                 for time, row in zip(times, rows, strict=True)
             ]
+
+    def add_scenes(self, now: int, times: Signal, lines: Mapping[str, Signal]) -> None:
+        """Add a drawing for each time; ``lines`` have the shape (n, n_points, 3)."""
+        for i, time in enumerate(times.tolist()):
+            drawn = {name: points[i] for name, points in lines.items()}
+            self._pending.append(
+                _Pending(now, time, "/scene", lambda date, drawn=drawn: encode_scene(date, drawn))
+            )
 
     def preview(self, samples: Samples, *, start: bool) -> None:
         """Add the next samples to the preview, which must not change any more.

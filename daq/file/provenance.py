@@ -13,7 +13,7 @@ from sautereau.daq.file.container.writer import McapWriter
 from sautereau.daq.file.preview import ATTENUATION, PASS_BAND, Decimator
 from sautereau.daq.file.recorded import SessionInfo
 from sautereau.daq.file.samples import TOPIC, SampleLayout
-from sautereau.daq.file.schemas import FORMAT_1, LOG, MOTION, PACKAGE, schema_data
+from sautereau.daq.file.schemas import FORMAT_1, LOG, MOTION, PACKAGE, SCENE, schema_data
 from sautereau.rig.load import rig_document, rig_json
 from sautereau.rig.schema import Rig
 
@@ -122,3 +122,4 @@ def _topics(
     yield "/plan", f"{PACKAGE}.Plan", {**angles, "jack_rise": "m", "what": "planned motion"}
     yield "/joints", f"{PACKAGE}.Joints", {**captured, "what": "on the controller's clock"}
     yield "/motion", f"{PACKAGE}.Motion", {**captured, "what": "the joints, for viewers"}
+    yield "/scene", SCENE, {"what": "arm, key and jack, for viewers"}

@@ -1,7 +1,7 @@
 """Write one press into one MCAP file, durable from the first chunk on."""
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +12,7 @@ from sautereau.daq.file.container.durable import FLUSH_PERIOD, PART, RecordingFi
 from sautereau.daq.file.counts import Scaling
 from sautereau.daq.file.log_order import LogOrder
 from sautereau.daq.file.provenance import write_head
-from sautereau.daq.file.recorded import Block, Joints, SessionInfo
+from sautereau.daq.file.recorded import Block, Joints, SessionInfo, Signal
 from sautereau.daq.file.samples import sample_layout
 from sautereau.rig.schema import Rig
 
@@ -174,6 +174,17 @@ class Recording:
         self._series(
             "Joints", **{name: column for name, column in vars(joints).items() if len(column)}
         )
+
+    def write_scenes(self, times: Signal, lines: Mapping[str, Signal]) -> None:
+        """Write drawings for a viewer: lines in space, as they are at some times.
+
+        Args:
+            times: s after the trigger, shape (n,).
+            lines: Points of each line by name, m, shape (n, n_points, 3); the balance pin is the
+                origin, x points to the jack, z up.
+        """
+        self._file()
+        self._order.add_scenes(self._clock.now_ns(), times, lines)
 
     def event(self, kind: str, text: str, time_s: float) -> None:
         """Write an event at ``time_s`` (s after the trigger, negative before it).

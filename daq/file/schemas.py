@@ -21,6 +21,10 @@ FORMAT_1_ONLY = ("Samples", "Event")
 """Those of them that are only read."""
 LOG = "foxglove.Log"
 """The message that Foxglove shows as a log, with the event's time as an additional field."""
+SCENE = "foxglove.SceneUpdate"
+"""The message that Foxglove draws in space."""
+FRAME = "rig"
+"""Name of the frame of what is drawn: the pin is its origin, x points to the jack, z up."""
 INFO, ERROR = 2, 4
 """Levels of a `LOG`."""
 
@@ -34,8 +38,10 @@ _TYPES = {
     "double": _Field.TYPE_DOUBLE,
     "string": _Field.TYPE_STRING,
     "bytes": _Field.TYPE_BYTES,
+    "bool": _Field.TYPE_BOOL,
     "enum": _Field.TYPE_ENUM,
 }
+_THICKNESS = 3.0  # pixels
 _ARRAY = "doubles"
 _TIMESTAMP = "google.protobuf.Timestamp"
 
@@ -68,13 +74,35 @@ FIELDS: dict[str, dict[str, str]] = {
     "Event": {"time": "double", "kind": "string", "text": "string"},
 }
 """Fields of each message, in the order of their numbers."""
-_LOG: _Fields = {
-    "timestamp": _TIMESTAMP,
-    "level": "enum",
-    "message": "string",
-    "name": "string",
-    "time": (15, "double"),  # s after the trigger; not a field of Foxglove's
+_FOXGLOVE: dict[str, _Fields] = {
+    "Log": {
+        "timestamp": _TIMESTAMP,
+        "level": "enum",
+        "message": "string",
+        "name": "string",
+        "time": (15, "double"),  # s after the trigger; not a field of Foxglove's
+    },
+    "SceneUpdate": {"entities": (2, "repeated foxglove.SceneEntity")},
+    "SceneEntity": {
+        "timestamp": _TIMESTAMP,
+        "frame_id": "string",
+        "id": "string",
+        "lines": (11, "repeated foxglove.LinePrimitive"),
+    },
+    "LinePrimitive": {  # type 0, a strip of lines, is the default
+        "pose": (2, "foxglove.Pose"),
+        "thickness": (3, "double"),
+        "scale_invariant": (4, "bool"),
+        "points": (5, "repeated foxglove.Point3"),
+        "color": (6, "foxglove.Color"),
+    },
+    "Pose": {"position": "foxglove.Vector3", "orientation": "foxglove.Quaternion"},
+    "Vector3": dict.fromkeys("xyz", "double"),
+    "Quaternion": dict.fromkeys("xyzw", "double"),
+    "Point3": dict.fromkeys("xyz", "double"),
+    "Color": dict.fromkeys("rgba", "double"),
 }
+"""The fields of Foxglove's messages that are used."""
 MOTION = tuple(name for name in FIELDS["Joints"] if name != "t")
 """Numbers in each row of the message Motion."""
 _ARRAYS = {
@@ -93,6 +121,8 @@ def _add(file: descriptor_pb2.FileDescriptorProto, name: str, fields: _Fields) -
             added.label = _Field.LABEL_REPEATED
             added.options.packed = True
             continue
+        if kind.startswith("repeated "):
+            kind, added.label = kind.removeprefix("repeated "), _Field.LABEL_REPEATED
         added.type = _TYPES.get(kind, _Field.TYPE_MESSAGE)
         if kind == "enum":
             added.type_name = f".{file.package}.{name}.Level"
@@ -106,15 +136,16 @@ def _add(file: descriptor_pb2.FileDescriptorProto, name: str, fields: _Fields) -
 def _files(
     package: str, messages: Mapping[str, _Fields]
 ) -> Iterator[descriptor_pb2.FileDescriptorProto]:
-    """Yield the descriptors of our messages and of those that they and `LOG` need."""
+    """Yield the descriptors of our messages and of Foxglove's."""
     stamp = descriptor_pb2.FileDescriptorProto()
     timestamp_pb2.DESCRIPTOR.CopyToProto(stamp)
     yield stamp
-    log = descriptor_pb2.FileDescriptorProto(
-        name="foxglove/Log.proto", package="foxglove", syntax="proto3", dependency=[stamp.name]
+    theirs = descriptor_pb2.FileDescriptorProto(
+        name="foxglove.proto", package="foxglove", syntax="proto3", dependency=[stamp.name]
     )
-    _add(log, "Log", _LOG)
-    yield log
+    for name, fields in _FOXGLOVE.items():
+        _add(theirs, name, fields)
+    yield theirs
     file = descriptor_pb2.FileDescriptorProto(
         name=f"{package}.proto", package=package, syntax="proto3"
     )
@@ -147,7 +178,7 @@ def _twins() -> dict[str, type[Message]]:
     }
     for file in _files(package, twins):
         pool.Add(file)  # type: ignore[attr-defined]
-    names = {name: f"{package}.{name}" for name in FIELDS} | {LOG: LOG}
+    names = {name: f"{package}.{name}" for name in FIELDS} | {LOG: LOG, SCENE: SCENE}
     return {
         name: message_factory.GetMessageClass(pool.FindMessageTypeByName(full))
         for name, full in names.items()
@@ -174,6 +205,25 @@ def encode_log(date: int, time: float, kind: str, text: str) -> bytes:
     log: Any = _twins()[LOG](time=time, level=level, name=kind, message=text)
     log.timestamp.FromNanoseconds(date)
     return log.SerializeToString()
+
+
+def encode_scene(date: int, lines: Mapping[str, NDArray[np.float64]]) -> bytes:
+    """Return the wire bytes of a `SCENE` of lines.
+
+    Args:
+        date: ns since 1970.
+        lines: Points in `FRAME`, m, of each line by name, shape (n, 3).
+    """
+    scene: Any = _twins()[SCENE]()
+    for name, points in lines.items():
+        entity = scene.entities.add(frame_id=FRAME, id=name)
+        entity.timestamp.FromNanoseconds(date)
+        line = entity.lines.add(thickness=_THICKNESS, scale_invariant=True)
+        line.pose.orientation.w = 1.0
+        line.color.r = line.color.g = line.color.b = line.color.a = 1.0
+        for x, y, z in points.tolist():
+            line.points.add(x=x, y=y, z=z)
+    return scene.SerializeToString()
 
 
 def encode_rows(columns: ArrayLike) -> NDArray[np.uint8]:

@@ -17,6 +17,7 @@ from sautereau.daq.source.source import open_source
 from sautereau.rig.schema import Rig
 from sautereau.robot.controller import Capture, MotionController, TorqueTable
 from sautereau.robot.errors import RobotError
+from sautereau.robot.experiment.drawing import draw
 from sautereau.robot.experiment.monitor import Fault, Made, Samples, Stage, Watch
 from sautereau.trajectory.motion import Floats
 from sautereau.trajectory.press import Trajectory
@@ -225,7 +226,9 @@ def _press(
             capture = controller.capture()
             planned, joints = trajectory.time + capture.trigger_delay, trajectory.joints.position
             recording.write_plan(planned, joints[:, 0], joints[:, 1], trajectory.rise.position)
-            recording.write_joints(_joints(capture, rig))
+            captured = _joints(capture, rig)
+            recording.write_joints(captured)
+            recording.write_scenes(*draw(rig, captured))
 
 
 def _note_start(recording: Recording, item: Item) -> None:

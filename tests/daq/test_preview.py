@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from mcap.reader import make_reader
 
 from sautereau.daq.file.preview import ATTENUATION, PASS_BAND, Decimator, low_pass
+from sautereau.daq.file.schemas import FRAME
 from sautereau.daq.file.survey import LAYOUT, describe
 from tests.daq.declared import declared_class
 
@@ -78,6 +79,10 @@ def test_the_layout_shows_what_there_is(tmp_path, record, volts):
         message = declared_class(schemas[topic].data, schemas[topic].name)
         assert field in message.DESCRIPTOR.fields_by_name
     assert schemas[panels["RosOut!events"]["topicToRender"]].name == "foxglove.Log"
+    assert [schemas[topic].name for topic in panels["3D!scene"]["topics"]] == [
+        "foxglove.SceneUpdate"
+    ]
+    assert panels["3D!scene"]["followTf"] == FRAME
     assert set(_leaves(layout["layout"])) == set(panels)
 
 

@@ -92,5 +92,5 @@ def test_the_schema_holds_every_message():
     assert [message.name for message in file.message_type] == ["Block", "Plan", "Joints", "Preview"]
     assert [other.name for other in others] == [
         "google/protobuf/timestamp.proto",
-        "foxglove/Log.proto",
+        "foxglove.proto",
     ]
