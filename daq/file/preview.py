@@ -170,7 +170,7 @@ class Previewer:
         self._thread.shutdown(cancel_futures=True)
 
     def _finish(self) -> None:
-        """Wait for what the thread makes; if it has not begun, make it here instead."""
+        """Wait for what the thread makes; if it has not started, make it here instead."""
         if self._running is not None:
             future, work = self._running
             self._running = None

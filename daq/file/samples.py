@@ -108,7 +108,7 @@ class SampleLayout:
 
 
 def sample_layout(names: Iterable[str], scaling: Scaling | None) -> SampleLayout:
-    """Return a layout; coefficients of zero at the end of each polynomial are left out.
+    """Return a layout; without coefficients of zero at the end of each polynomial.
 
     Args:
         names: Names of the channels, in their order.
