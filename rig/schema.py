@@ -192,6 +192,8 @@ class Rig(Section):
     """Plausible range (SI) of every value without a source, by its dotted key."""
     sources: dict[str, str] = Field(default_factory=dict, repr=False, exclude=True)
     """Source of a value, by its dotted key."""
+    daq_only: bool = Field(default=False, repr=False, exclude=True)
+    """Whether the rig file had `[daq]` alone, so that every other value is the packaged rig's."""
 
     @model_validator(mode="after")
     def _parts_fit(self):

@@ -100,7 +100,8 @@ def load_press(path: str | Path) -> Press:
 
     Raises:
         daq.errors.RecordingError: The file is not a complete recording.
-        AnalysisError: It has no velocity or no force channel, or is too short.
+        AnalysisError: Its rig has `[daq]` alone, it has no velocity or no force channel, or it is
+            too short.
     """
     from sautereau.daq.file.reading import read_recording
 
@@ -111,11 +112,18 @@ def press_of(recorded: "Recorded") -> Press:
     """Return the press of a recording that was already read or imported; see `load_press`.
 
     Raises:
-        AnalysisError: It has no velocity or no force channel, or is too short.
+        AnalysisError: Its rig has `[daq]` alone, it has no velocity or no force channel, or it is
+            too short.
     """
     import pandas as pd
 
     path = recorded.path
+    if recorded.rig.daq_only:
+        raise AnalysisError(
+            f"recording {path}: its rig file had [daq] alone, so that its key and string are"
+            " unknown; `sautereau export` it, and `sautereau import --rig` it with a rig file that"
+            " describes them"
+        )
     rig, rate = recorded.rig, recorded.rate
     velocity_channel, force_channel = (_channel(recorded, q) for q in ("velocity", "force"))
     lags = velocity_channel.lag, force_channel.lag

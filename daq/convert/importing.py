@@ -7,13 +7,14 @@ from pathlib import Path
 
 import numpy as np
 
-from sautereau.daq.convert.document import HIGHEST_RATE, Document, digest, sha256
+from sautereau.daq.convert.document import Document, digest, sha256
 from sautereau.daq.convert.formats import ImportSource, open_source, refuse_missing
 from sautereau.daq.convert.options import ImportOptions, refuse_options
 from sautereau.daq.convert.plausible import doubts
 from sautereau.daq.convert.settings import ChannelColumn, ImportSettings, resolve_options
 from sautereau.daq.convert.times import start_and_rate
 from sautereau.daq.errors import RecordingError
+from sautereau.daq.file.limits import time_faults
 from sautereau.daq.file.recorded import Block, SessionInfo, Signal
 from sautereau.daq.file.recording import Recording
 from sautereau.daq.signals.calibration import to_volts
@@ -189,8 +190,8 @@ def _recording(
     out: Path, rig: Rig, session: SessionInfo, volts: Signal, first: int, rate: float, t0_ns: int
 ) -> Iterator[Recording]:
     """Open a recording whose trigger has the date ``t0_ns``, with its volts; no fault leaves it."""
-    ends = [t0_ns + index * 1e9 / rate for index in (first, first + volts.shape[1])]
-    if not (0 < rate <= HIGHEST_RATE and all(0 <= end < 2**63 for end in ends)):
+    ends = (first, first + volts.shape[1])
+    if time_faults(t0_ns, rate, *ends) or any(t0_ns + n * 1e9 / rate < 0 for n in ends):
         raise RecordingError(
             f"at {rate:.6g} Hz, its {volts.shape[1]} samples from sample {first} on reach beyond"
             " the dates from 1970 to 2262; correct the rate, --trigger or --started"

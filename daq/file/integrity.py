@@ -193,8 +193,14 @@ def chunk_index(file: BinaryIO) -> list[IndexedChunk]:
     found = []
     for opcode, body in records(file, summary, footer):
         if opcode == Opcode.CHUNK_INDEX:
-            _, end, at, length, size = _CHUNK_INDEX.unpack_from(body)
-            offsets = _OFFSET.iter_unpack(body[_CHUNK_INDEX.size : _CHUNK_INDEX.size + size])
+            try:
+                _, end, at, length, size = _CHUNK_INDEX.unpack_from(body)
+                offsets = _OFFSET.iter_unpack(body[_CHUNK_INDEX.size : _CHUNK_INDEX.size + size])
+            except struct.error as error:
+                raise RecordingError(
+                    "a record of its index is too short; another program has changed it: use the"
+                    " file as sautereau wrote it"
+                ) from error
             channels = frozenset(channel for channel, _ in offsets)
             found.append(IndexedChunk(at, min(data_end, at + length), end, channels))
     return found
@@ -208,7 +214,8 @@ def records(file: BinaryIO, start: int, end: int) -> Iterator[Record]:
     """
     file.seek(start)
     while start < end:
-        opcode, length = PREFIX.unpack(file.read(PREFIX.size))
+        head = file.read(PREFIX.size)
+        opcode, length = PREFIX.unpack(head) if len(head) == PREFIX.size else (0, end)
         start += PREFIX.size + length
         if opcode in _SKIPPED and start <= end:
             file.seek(start)

@@ -16,6 +16,7 @@ from sautereau.daq.file.samples import TOPIC, SampleLayout
 from sautereau.daq.file.schemas import FORMAT_1, LOG, MOTION, PACKAGE, SCENE, schema_data
 from sautereau.rig.load import rig_document, rig_json
 from sautereau.rig.schema import Rig
+from sautereau.rig.units import shown
 
 PROFILE = "sautereau"
 """Profile in the header of sautereau's MCAP files."""
@@ -67,10 +68,9 @@ def start_head(writer: McapWriter, head: dict[str, dict[str, str]]) -> None:
     schemas = {name: number for number, name in enumerate(names.split(), 1)}
     channels = []
     for topic, text in head["channels"].items():
-        values = json.loads(text)
-        channels.append(
-            Channel(values["id"], topic, "protobuf", values["metadata"], schemas[values["schema"]])
-        )
+        number, _, metadata = channel_from_json(topic, text)
+        schema = schemas[json.loads(text)["schema"]]
+        channels.append(Channel(number, topic, "protobuf", metadata, schema))
     writer.start(
         PROFILE,
         [*(Schema(n, data, "protobuf", name) for name, n in schemas.items()), *channels],
@@ -78,6 +78,23 @@ def start_head(writer: McapWriter, head: dict[str, dict[str, str]]) -> None:
     for _ in range(COPIES):
         for name, values in head.items():
             writer.add_metadata(name, values)
+
+
+def channel_from_json(topic: str, text: str) -> tuple[int, str, dict[str, str]]:
+    """Return number, topic and metadata of a channel from its entry in the record `channels`.
+
+    Raises:
+        ValueError: It is not such an entry.
+    """
+    try:
+        values = json.loads(text)
+        number, metadata = values["id"], values["metadata"]
+        texts = all(isinstance(value, str) for value in metadata.values())
+        if texts and type(number) is int and 0 <= number < 2**16:
+            return number, topic, metadata
+    except (KeyError, TypeError, AttributeError, RecursionError):
+        pass
+    raise ValueError(f"{shown(text)} does not describe the channel {shown(topic)}")
 
 
 @cache

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from sautereau.daq.errors import RecordingError
 from sautereau.daq.file.counts import Samples, Scaling, write_volts
 from sautereau.rig.schema import Rig
+from sautereau.rig.units import shown
 
 Signal = NDArray[np.float64]
 
@@ -70,9 +71,9 @@ def session_from_metadata(metadata: dict[str, str]) -> SessionInfo:
     texts = ("started", "controller", "daq", "scene", "notes", "session")
     try:
         return SessionInfo(
-            press=int(known["press"]),
-            seed=int(known["seed"]) if known["seed"] else None,
-            item=int(known["item"]) if known["item"] else None,
+            press=whole_number(known["press"]),
+            seed=whole_number(known["seed"]) if known["seed"] else None,
+            item=whole_number(known["item"]) if known["item"] else None,
             simulated=known["simulated"] == "true",
             warm_up=known["warm_up"] == "true",
             **{name: known[name] for name in texts},
@@ -81,6 +82,19 @@ def session_from_metadata(metadata: dict[str, str]) -> SessionInfo:
         raise RecordingError(
             f"press, seed or item of its session is not a number: {error}"
         ) from error
+
+
+def whole_number(text: str, most: int = 2**64) -> int:
+    """Return an integer that is written in digits, from ``-most`` to ``most``.
+
+    Raises:
+        ValueError: It is none.
+    """
+    if len(text) > 20 or not text.isascii() or not text.removeprefix("-").isdigit():
+        raise ValueError(f"{shown(text)} is not an integer")
+    if abs(int(text)) > most:
+        raise ValueError(f"{text} is beyond the limit of {most}")
+    return int(text)
 
 
 @dataclass(frozen=True)

@@ -257,6 +257,11 @@ class Recording:
                 f"recording {self._path}: /{message.lower()} has arrays of the shapes {listed};"
                 " give all of them the same shape (n,)"
             )
+        if not all(np.isfinite(column).all() for column in columns.values()):
+            raise RecordingError(
+                f"recording {self._path}: /{message.lower()} has numbers that are not finite; look"
+                " at what the controller answered, and press again"
+            )
         self._file()
         self._order.add_series(self._clock.now_ns(), message, columns)
 

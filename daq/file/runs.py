@@ -7,8 +7,10 @@ import numpy as np
 
 from sautereau.daq.errors import RecordingError
 from sautereau.daq.file.contents import FOREIGN
+from sautereau.daq.file.limits import time_faults
 from sautereau.daq.file.recorded import Gap, Signal, Stretch
 from sautereau.daq.file.samples import SampleLayout, WireBlock
+from sautereau.rig.faults import fault_list
 
 MOST_RUNS = 10_000
 """Limit for one channel."""
@@ -77,8 +79,8 @@ class Runs:
         clock = Clock(block.t0, block.rate, block.begin)
         n, rest = divmod(len(block.data), layout.size)
         first, names = block.first_sample, ", ".join(layout.names)
-        if self.clock is None and not 0 < clock.rate < float("inf"):
-            raise RecordingError(f"one of its blocks has a rate of {clock.rate} Hz; {FOREIGN}")
+        if faults := time_faults(clock.t0, clock.rate, clock.begin, first + n):
+            raise RecordingError(f"{fault_list(f'a block of {names}', faults)}; {FOREIGN}")
         if self.clock not in (None, clock):
             raise RecordingError(f"its blocks have different triggers or rates; {FOREIGN}")
         if rest or not n or first < clock.begin:

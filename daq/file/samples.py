@@ -130,14 +130,19 @@ def layout_from_metadata(metadata: Mapping[str, str]) -> SampleLayout:
     """Read back what `SampleLayout.metadata` wrote.
 
     Raises:
-        ValueError, KeyError, TypeError: It is invalid.
+        ValueError: It is invalid.
     """
-    kind, names = metadata["type"], json.loads(metadata["channels"])
-    rows = json.loads(metadata["scaling"]) if "scaling" in metadata else {}
-    scaling = tuple(tuple(float(c) for c in rows[name]) for name in names) if rows else ()
+    try:
+        kind, names = metadata["type"], json.loads(metadata["channels"])
+        rows = json.loads(metadata["scaling"]) if "scaling" in metadata else {}
+        scaling = tuple(tuple(float(c) for c in rows[name]) for name in names) if rows else ()
+    except (KeyError, TypeError, OverflowError, RecursionError) as error:
+        raise ValueError(f"the metadata of {TOPIC}: {type(error).__name__}: {error}") from error
     if (
         kind not in TYPES
+        or not isinstance(names, list)
         or not names
+        or not all(isinstance(name, str) for name in names)
         or len(set(names)) != len(names)
         or bool(scaling) == (kind == "float64")
         or not all(row and all(map(math.isfinite, row)) for row in scaling)

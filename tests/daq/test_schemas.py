@@ -7,7 +7,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from sautereau.daq.file.samples import block_head, read_block
+from sautereau.daq.file.counts import Scaling
+from sautereau.daq.file.samples import (
+    block_head,
+    layout_from_metadata,
+    read_block,
+    sample_layout,
+)
 from sautereau.daq.file.schemas import (
     FIELDS,
     decode,
@@ -55,6 +61,35 @@ def test_another_block_is_refused(place):
         data[place] ^= 0x11
     with pytest.raises(ValueError, match="a block has"):
         read_block(memoryview(data))
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"type": "int8"},
+        {"type": "float64"},
+        {"type": None},
+        {"channels": "[]"},
+        {"channels": "3"},
+        {"channels": "[["},
+        {"channels": '["a", "a"]'},
+        {"channels": '["a", ["b"]]'},
+        {"channels": '["a", "c"]'},
+        {"scaling": None},
+        {"scaling": "7"},
+        {"scaling": '{"a": [0, 1], "b": []}'},
+        {"scaling": '{"a": [0, 1], "b": [NaN]}'},
+        {"scaling": f'{{"a": [0, 1], "b": [1{"0" * 400}]}}'},
+    ],
+)
+def test_metadata_that_are_no_layout_are_refused(changes):
+    layout = sample_layout("ab", Scaling("int16", np.array([[0.0, 1.0, 0.0], [0.1, 2.0, 0.0]])))
+    metadata = layout.metadata([{}, {}])
+    assert layout_from_metadata(metadata) == layout
+    assert layout.scaling == ((0.0, 1.0), (0.1, 2.0))
+    changed = {key: value for key, value in {**metadata, **changes}.items() if value is not None}
+    with pytest.raises(ValueError, match=r"metadata of /daq|samples of the type|Expecting"):
+        layout_from_metadata(changed)
 
 
 def test_a_viewer_reads_the_declared_message():
