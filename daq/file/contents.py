@@ -22,6 +22,7 @@ from sautereau.daq.file.container.records import (
     text_within,
     texts_within,
 )
+from sautereau.daq.file.descriptors import FIELDS, LOG
 from sautereau.daq.file.integrity import IndexedChunk
 from sautereau.daq.file.limits import (
     FARTHEST_SAMPLE,
@@ -45,7 +46,7 @@ from sautereau.daq.file.samples import (
     layout_from_metadata,
     read_block,
 )
-from sautereau.daq.file.schemas import FIELDS, LOG, decode, doubles
+from sautereau.daq.file.schemas import decode, doubles
 from sautereau.rig.errors import RigError
 from sautereau.rig.faults import fault_list
 from sautereau.rig.load import rig_from_json

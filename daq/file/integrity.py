@@ -3,7 +3,6 @@
 import os
 import struct
 from collections.abc import Iterator
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from pathlib import Path
 from typing import BinaryIO, NamedTuple
@@ -25,8 +24,10 @@ _DATA_END = struct.Struct("<BQI")  # prefix, CRC of all before
 _CHUNK_INDEX = struct.Struct("<QQQQI")  # start, end, offset, length, size of the offsets
 _OFFSET = struct.Struct("<HQ")  # channel, offset of its MessageIndex
 _CRC_SIZE = 4
-_PIECE = 1024**2
-_SKIPPED = (Opcode.MESSAGE_INDEX, Opcode.ATTACHMENT)
+PIECE = 1024**2
+"""Bytes read at a time."""
+SKIPPED = (Opcode.MESSAGE_INDEX, Opcode.ATTACHMENT)
+"""Records that no reader uses."""
 
 
 class IndexedChunk(NamedTuple):
@@ -97,93 +98,23 @@ def check_summary(file: BinaryIO) -> tuple[int, int]:
     if opcode != Opcode.FOOTER or length != _FOOTER.size - PREFIX.size:
         raise DamageError(_truncated(size))
     if not len(MAGIC) + _DATA_END.size <= summary <= at:
-        raise DamageError(_corrupted("its footer"))
+        raise DamageError(corrupted("its footer"))
     if _checksum(file, summary, size - len(MAGIC) - _CRC_SIZE) != crc:
-        raise DamageError(_corrupted("its summary"))
+        raise DamageError(corrupted("its summary"))
     return summary - _DATA_END.size, summary
 
 
 def check_data(file: BinaryIO, end: int) -> None:
     """Refuse a file whose data section, which ends at ``end``, has changed."""
-    if _checksum(file, 0, end) != _data_crc(file, end):
-        raise DamageError(_corrupted("its data"))
+    if _checksum(file, 0, end) != data_crc(file, end):
+        raise DamageError(corrupted("its data"))
 
 
-def _data_crc(file: BinaryIO, end: int) -> int | None:
+def data_crc(file: BinaryIO, end: int) -> int | None:
     """Return the checksum that the record at ``end`` gives; None if it is another record."""
     file.seek(end)
     opcode, length, crc = _DATA_END.unpack(file.read(_DATA_END.size))
     return crc if opcode == Opcode.DATA_END and length == _CRC_SIZE else None
-
-
-def verified(file: BinaryIO) -> Iterator[Record]:
-    """Yield the records of the data section, after verifying all checksums of the file."""
-    end, _ = check_summary(file)
-    check_data(file, end)
-    yield from records(file, len(MAGIC), end)
-
-
-@contextmanager
-def verifying(file: BinaryIO) -> Iterator[Iterator[Record]]:
-    """Yield the records of the data section, and verify all checksums by the end of the context.
-
-    The file is read once. What is made of the records may be used only after the context.
-
-    Raises:
-        DamageError: A checksum does not match, also where that led to another error.
-    """
-    end, _ = check_summary(file)
-    summed = _Summed(file, end)
-    try:
-        yield summed.records()
-        summed.check()
-    except RecordingError:
-        check_data(file, end)
-        raise
-
-
-class _Summed:
-    """The data section of a file, whose checksum is summed while its records are read."""
-
-    def __init__(self, file: BinaryIO, end: int):
-        self._file, self._end = file, end
-        self._crc = 0
-
-    def records(self) -> Iterator[Record]:
-        """Yield the records; a thread reads and sums ahead of what the reader does with them."""
-        batches = self._batches()
-        if self._end < _PIECE:
-            for batch in batches:
-                yield from batch
-            return
-        with ThreadPoolExecutor(1, "read ahead") as thread:
-            future = thread.submit(next, batches, None)
-            while batch := future.result():
-                future = thread.submit(next, batches, None)
-                yield from batch
-
-    def _batches(self) -> Iterator[list[Record]]:
-        """Yield the records in lists of about `_PIECE` bytes."""
-        file, at = self._file, len(MAGIC)
-        file.seek(0)
-        self._crc = crc32(file.read(at))
-        batch, begin = list[Record](), at
-        while at < self._end:
-            prefix = file.read(PREFIX.size)
-            opcode, length = PREFIX.unpack(prefix)
-            at += PREFIX.size + length
-            _refuse_length(length, at > self._end)
-            body = file.read(length)
-            self._crc = crc32(body, crc32(prefix, self._crc))
-            if opcode not in _SKIPPED:
-                batch.append(Record(opcode, body))
-            if batch and (at - begin > _PIECE or at == self._end):
-                yield batch
-                batch, begin = [], at
-
-    def check(self) -> None:
-        if self._crc != _data_crc(self._file, self._end):
-            raise DamageError(_corrupted("its data"))
 
 
 def chunk_index(file: BinaryIO) -> list[IndexedChunk]:
@@ -217,14 +148,15 @@ def records(file: BinaryIO, start: int, end: int) -> Iterator[Record]:
         head = file.read(PREFIX.size)
         opcode, length = PREFIX.unpack(head) if len(head) == PREFIX.size else (0, end)
         start += PREFIX.size + length
-        if opcode in _SKIPPED and start <= end:
+        if opcode in SKIPPED and start <= end:
             file.seek(start)
             continue
-        _refuse_length(length, start > end)
+        refuse_length(length, start > end)
         yield Record(opcode, file.read(length))
 
 
-def _refuse_length(length: int, beyond: bool) -> None:
+def refuse_length(length: int, beyond: bool) -> None:
+    """Refuse a record that is too long, or reaches ``beyond`` its section."""
     if beyond:
         raise RecordingError(
             f"a record of {length} bytes reaches beyond its section; another program has"
@@ -268,7 +200,7 @@ def _checksum(file: BinaryIO, start: int, stop: int) -> int:
     """Return the CRC of the bytes between two offsets, read piece by piece."""
     file.seek(start)
     crc = 0
-    while start < stop and (piece := file.read(min(_PIECE, stop - start))):
+    while start < stop and (piece := file.read(min(PIECE, stop - start))):
         crc = crc32(piece, crc)
         start += len(piece)
     return crc
@@ -278,5 +210,6 @@ def _truncated(size: int) -> str:
     return f"it is truncated: {size} bytes without an end, as after a crash or on a full disk"
 
 
-def _corrupted(where: str) -> str:
+def corrupted(where: str) -> str:
+    """Return the text of a wrong checksum."""
     return f"it is corrupted: the checksum of {where} does not match"

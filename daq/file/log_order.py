@@ -13,10 +13,11 @@ from numpy.typing import NDArray
 
 from sautereau.daq.file.container.writer import McapWriter, refuse_oversized
 from sautereau.daq.file.counts import Samples
+from sautereau.daq.file.descriptors import MOTION
 from sautereau.daq.file.preview import Decimator, Previewer
 from sautereau.daq.file.recorded import Signal
 from sautereau.daq.file.samples import TOPIC, SampleLayout, block_head
-from sautereau.daq.file.schemas import MOTION, encode, encode_log, encode_rows, encode_scene
+from sautereau.daq.file.schemas import encode, encode_log, encode_rows, encode_scene
 from sautereau.rig.schema import Rig
 
 LAST_DATE = 2**63 - 1

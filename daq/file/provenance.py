@@ -10,10 +10,17 @@ from importlib.metadata import PackageNotFoundError, version
 from mcap.records import Channel, Schema
 
 from sautereau.daq.file.container.writer import McapWriter
+from sautereau.daq.file.descriptors import (
+    FORMAT_1,
+    LOG,
+    MOTION,
+    PACKAGE,
+    SCENE,
+    schema_data,
+)
 from sautereau.daq.file.preview import ATTENUATION, PASS_BAND, Decimator
 from sautereau.daq.file.recorded import SessionInfo
 from sautereau.daq.file.samples import TOPIC, SampleLayout
-from sautereau.daq.file.schemas import FORMAT_1, LOG, MOTION, PACKAGE, SCENE, schema_data
 from sautereau.rig.load import rig_document, rig_json
 from sautereau.rig.schema import Rig
 from sautereau.rig.units import shown

@@ -7,9 +7,10 @@ from pathlib import Path
 from sautereau.daq.errors import RecordingError
 from sautereau.daq.file.container.records import MAGIC, Opcode, read_metadata
 from sautereau.daq.file.contents import Contents
-from sautereau.daq.file.integrity import chunk_index, opened, records, size_of, verified, verifying
+from sautereau.daq.file.integrity import chunk_index, opened, records, size_of
 from sautereau.daq.file.recorded import Recorded, SessionInfo, Stretch, session_from_metadata
 from sautereau.daq.file.runs import Runs
+from sautereau.daq.file.verified import verified, verifying
 
 MOST_LISTED = 8
 """Gaps listed in one message."""

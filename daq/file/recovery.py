@@ -11,10 +11,11 @@ from sautereau.daq.file.container.chunks import find_intact, unpack_chunk
 from sautereau.daq.file.container.durable import PART, DurableFile
 from sautereau.daq.file.container.records import Opcode
 from sautereau.daq.file.container.writer import McapWriter
-from sautereau.daq.file.integrity import opened, verified
+from sautereau.daq.file.integrity import opened
 from sautereau.daq.file.provenance import start_head
 from sautereau.daq.file.recorded import Gap
 from sautereau.daq.file.survey import Survey, survey
+from sautereau.daq.file.verified import verified
 from sautereau.rig.disk import hold
 
 ENDING = ".recovering.part"

@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from sautereau.daq.file.counts import Scaling
+from sautereau.daq.file.descriptors import FIELDS, schema_data
 from sautereau.daq.file.samples import (
     block_head,
     layout_from_metadata,
@@ -15,13 +16,11 @@ from sautereau.daq.file.samples import (
     sample_layout,
 )
 from sautereau.daq.file.schemas import (
-    FIELDS,
     decode,
     doubles,
     encode,
     encode_log,
     encode_rows,
-    schema_data,
 )
 from tests.daq.declared import declared_class
 

@@ -6,8 +6,9 @@ from types import MappingProxyType
 from typing import Any
 
 from sautereau.commands.live import LiveError
+from sautereau.daq.file.descriptors import LOG, PACKAGE, schema_data
 from sautereau.daq.file.preview import Decimator
-from sautereau.daq.file.schemas import LOG, PACKAGE, encode_log, encode_rows, schema_data
+from sautereau.daq.file.schemas import encode_log, encode_rows
 from sautereau.daq.file.survey import LAYOUT
 from sautereau.robot.experiment.monitor import Made, Samples, Seen, Stage
 
