@@ -155,6 +155,11 @@ class Arm(Section):
         """Angle of a joint per encoder count, rad."""
         return 2 * math.pi / self.counts_per_revolution
 
+    @property
+    def resolution(self) -> float:
+        """Distance that the fingertip moves, at most, when joint 1 turns by a count, m."""
+        return self.radians_per_count * (self.upper_length + self.lower_length)
+
     @model_validator(mode="after")
     def _limits_in_order(self):
         for joint, (low, high) in enumerate(zip(self.lower_limits, self.upper_limits, strict=True)):

@@ -8,11 +8,9 @@ from pathlib import Path
 
 from sautereau.analysis.campaign.labels import TOUCH, touch_in
 from sautereau.analysis.errors import AnalysisError
-from sautereau.analysis.loading.press import press_of
-from sautereau.analysis.phases import find_phases
 from sautereau.analysis.press.features import UNITS as FEATURE_UNITS
-from sautereau.analysis.press.features import Row, features, split_column
-from sautereau.daq.file.reading import read_recording
+from sautereau.analysis.press.features import Row, split_column
+from sautereau.analysis.session.analysed import AnalysedPress, analyse_file
 from sautereau.rig.errors import SautereauError
 from sautereau.rig.schema import Rig
 
@@ -104,20 +102,34 @@ def read_row(folder: Path, source: Source) -> Row:
         sautereau.daq.errors.RecordingError: It is not a complete recording.
         AnalysisError: It holds no press, or a feature is not a finite number.
     """
-    recorded = read_recording(folder / source.path)
-    press = press_of(recorded)
-    found = features(press, find_phases(press))
-    session, rig = recorded.session, recorded.rig
+    found = analyse_file(folder / source.path)
+    of_file: Row = {"path": source.path, "size": source.size, "mtime": source.mtime}
+    row = of_file | row_of(found, Path(source.path))
+    bad = [n for n, v in row.items() if isinstance(v, float) and not math.isfinite(v)]
+    if bad:
+        raise AnalysisError(
+            f"press {folder / source.path}: {', '.join(bad)} is not a finite number; look at the"
+            " recording, and repeat the press"
+        )
+    return row
+
+
+def row_of(found: AnalysedPress, path: Path) -> Row:
+    """Return a press as a row: its session, numbers of its rig, its features; SI units.
+
+    Args:
+        found: The press.
+        path: What the row has as its `path`.
+    """
+    session, rig = found.session, found.press.rig
     row: Row = {
-        "path": source.path,
-        "size": source.size,
-        "mtime": source.mtime,
-        "session": session.session or Path(source.path).parent.as_posix(),
+        "path": path.as_posix(),
+        "session": session.session or path.parent.as_posix(),
         "item": session.item,
         "press": session.press,
         "started": session.started,
         "warm_up": session.warm_up,
-        "simulated": recorded.simulated,
+        "simulated": found.press.simulated,
         "notes": session.notes,
         TOUCH: touch_in(session.notes),
         "rig": rig.name,
@@ -127,14 +139,7 @@ def read_row(folder: Path, source: Source) -> Row:
         "string_clearance": rig.jack.string_clearance,
         "jack_speed": rig.press.jack_speed,
     }
-    row |= {name: value for name, value in found.items() if name not in row}
-    bad = [n for n, v in row.items() if isinstance(v, float) and not math.isfinite(v)]
-    if bad:
-        raise AnalysisError(
-            f"press {folder / source.path}: {', '.join(bad)} is not a finite number; look at the"
-            " recording, and repeat the press"
-        )
-    return row
+    return row | {name: value for name, value in found.features.items() if name not in row}
 
 
 def plectrum_id(rig: Rig) -> str:

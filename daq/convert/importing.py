@@ -124,7 +124,7 @@ def _restore(
         if document.joints is not None:
             recording.write_joints(document.joints)
         for event in document.events:
-            recording.event(event.kind, event.text, event.time)
+            recording.event(event.kind, event.text, event.time, event.std)
         recording.event("imported", origin, 0.0)
     return Imported(out, session.simulated, document.rate, volts.shape[1], first, 0.0)
 

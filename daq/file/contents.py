@@ -238,9 +238,9 @@ class Contents:
     def _event(self, data: bytes) -> Event:
         if "format" in self.metadata.get("schemas", {}):
             log = decode(LOG, data)
-            return Event(log.time, log.name, log.message)
+            return Event(log.time, log.name, log.message, log.std)
         event = decode("Event", data)
-        return Event(event.time, event.kind, event.text)
+        return Event(event.time, event.kind, event.text, event.std)
 
     def _refuse(self, faults: list[str]) -> None:
         if faults:

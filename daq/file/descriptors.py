@@ -66,8 +66,8 @@ FIELDS: dict[str, dict[str, str]] = {
         "volts": _ARRAY,
         "begin": "int64",
     },
-    # Format 1. time: s after the trigger.
-    "Event": {"time": "double", "kind": "string", "text": "string"},
+    # Format 1. time: s after the trigger; std: s, standard uncertainty of it.
+    "Event": {"time": "double", "kind": "string", "text": "string", "std": "double"},
 }
 """Fields of each message, in the order of their numbers."""
 _FOXGLOVE: dict[str, _Fields] = {
@@ -76,7 +76,8 @@ _FOXGLOVE: dict[str, _Fields] = {
         "level": "enum",
         "message": "string",
         "name": "string",
-        "time": (15, "double"),  # s after the trigger; not a field of Foxglove's
+        "time": (15, "double"),  # s after the trigger; this and the next are not Foxglove's
+        "std": (16, "double"),  # s, standard uncertainty of it
     },
     "SceneUpdate": {"entities": (2, "repeated foxglove.SceneEntity")},
     "SceneEntity": {

@@ -54,9 +54,11 @@ def event_faults(events: "tuple[Event, ...] | list[Event]") -> list[str]:
     if all(
         isinstance(event.time, int | float)
         and math.isfinite(event.time)
+        and isinstance(event.std, int | float)
+        and 0 <= event.std < math.inf
         and isinstance(event.kind, str)
         and isinstance(event.text, str)
         for event in events
     ):
         return []
-    return ["events: one has no finite time, or a kind or text that is none"]
+    return ["events: one has no finite time or uncertainty, or a kind or text that is none"]

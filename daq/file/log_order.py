@@ -15,7 +15,7 @@ from sautereau.daq.file.container.writer import McapWriter, refuse_oversized
 from sautereau.daq.file.counts import Samples
 from sautereau.daq.file.descriptors import MOTION
 from sautereau.daq.file.preview import Decimator, Previewer
-from sautereau.daq.file.recorded import Signal
+from sautereau.daq.file.recorded import Event, Signal
 from sautereau.daq.file.samples import TOPIC, SampleLayout, block_head
 from sautereau.daq.file.schemas import encode, encode_log, encode_rows, encode_scene
 from sautereau.rig.schema import Rig
@@ -57,10 +57,10 @@ class LogOrder:
         """Set the date of the trigger, ns since 1970, and the index of the first sample."""
         self.t0, self._begin = t0, begin
 
-    def add_event(self, now: int, time_s: float, kind: str, text: str) -> None:
-        """Add an event at ``time_s`` after the trigger; without one its date is ``now``."""
+    def add_event(self, now: int, event: Event) -> None:
+        """Add an event; without a trigger its date is ``now``."""
         self._pending.append(
-            _Pending(now, time_s, "/events", lambda date: encode_log(date, time_s, kind, text))
+            _Pending(now, event.time, "/events", lambda date: encode_log(date, event))
         )
 
     def add_series(self, now: int, message: str, columns: dict[str, Signal]) -> None:

@@ -140,7 +140,7 @@ def _topics(
     )
     units = {channel.name: channel.unit for channel in rig.daq.channels}
     yield "/preview", f"{PACKAGE}.Preview", {"what": what, **units}
-    yield "/events", LOG, {"time": "s after the trigger", "what": "what happened"}
+    yield "/events", LOG, {"time": "s after the trigger", "std": "s", "what": "what happened"}
     angles = {"t": "s", "q1": "rad", "q2": "rad"}
     captured = {**angles, "e1": "rad", "e2": "rad", "m1": "N m", "m2": "N m"}
     yield "/plan", f"{PACKAGE}.Plan", {**angles, "jack_rise": "m", "what": "planned motion"}

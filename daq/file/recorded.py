@@ -1,6 +1,6 @@
 """What a recording holds: the session, samples, plan, joints, events, gaps."""
 
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +14,10 @@ from sautereau.rig.units import shown
 
 Signal = NDArray[np.float64]
 
+MOTION = "motion"
+"""Kind of the event that is the start of the arm's motion."""
+BY_EDGE = "started, by the trigger's edge"
+"""Its text where an output of the controller has started the acquisition."""
 _BEFORE_SESSIONS = {"session": "", "item": "", "warm_up": "false"}
 """Metadata of a recording that was made before sessions had plans."""
 
@@ -173,9 +177,11 @@ class Event:
     time: float
     """Time after the trigger, s; negative before it."""
     kind: str
-    """One word: `trigger`, `fault`, `aborted`."""
+    """One word: `trigger`, `motion`, `fault`, `aborted`."""
     text: str
     """What happened."""
+    std: float = 0.0
+    """Standard uncertainty of the time, s; 0 where it is exact."""
 
 
 @dataclass(frozen=True)
@@ -257,7 +263,7 @@ class Recorded(Stretch):
     joints: Joints | None
     """Captured motion; None if none was recorded."""
     events: tuple[Event, ...]
-    """In the order of writing."""
+    """In the order of their times, except for what was known only after the samples."""
     software: dict[str, str]
     """Versions by name."""
     channels: dict[str, dict[str, str]]
@@ -269,6 +275,33 @@ class Recorded(Stretch):
     def simulated(self) -> bool:
         """Whether the stand-in made the samples."""
         return self.session.simulated
+
+    @property
+    def motion(self) -> Event | None:
+        """Start of the arm's motion, to which its plan and its joints are aligned.
+
+        Recordings without such an event were started by the trigger's edge.
+        """
+        for event in self.events:
+            if event.kind == MOTION:
+                return event
+        if self.joints is None:
+            return None
+        controller = self.rig.controller
+        return Event(controller.trigger_delay, MOTION, BY_EDGE, controller.trigger_delay_std)
+
+    @property
+    def origin(self) -> float:
+        """Time that the analysis counts from, s after the trigger: 0, or the start of a motion
+        that no edge has started, since the host's delay is of no interest."""
+        motion = self.motion
+        return 0.0 if motion is None or motion.text == BY_EDGE else motion.time
+
+    @property
+    def arm(self) -> Joints | Plan | None:
+        """What moved the arm, by the encoders or else as planned; its times count from `origin`."""
+        arm = self.joints or self.plan
+        return None if arm is None else replace(arm, t=arm.t - self.origin)
 
     @property
     def complete(self) -> bool:

@@ -12,7 +12,7 @@ from sautereau.daq.file.container.durable import FLUSH_PERIOD, PART, RecordingFi
 from sautereau.daq.file.counts import Scaling
 from sautereau.daq.file.log_order import LogOrder
 from sautereau.daq.file.provenance import write_head
-from sautereau.daq.file.recorded import Block, Joints, SessionInfo, Signal
+from sautereau.daq.file.recorded import Block, Event, Joints, SessionInfo, Signal
 from sautereau.daq.file.samples import sample_layout
 from sautereau.rig.schema import Rig
 
@@ -186,13 +186,13 @@ class Recording:
         self._file()
         self._order.add_scenes(self._clock.now_ns(), times, lines)
 
-    def event(self, kind: str, text: str, time_s: float) -> None:
-        """Write an event at ``time_s`` (s after the trigger, negative before it).
+    def event(self, kind: str, text: str, time_s: float, std: float = 0.0) -> None:
+        """Write an event at ``time_s`` (s after the trigger, negative before it), +-``std``.
 
         It is written with the samples of that time, or at the next `flush`.
         """
         self._file()
-        self._order.add_event(self._clock.now_ns(), time_s, kind, text)
+        self._order.add_event(self._clock.now_ns(), Event(time_s, kind, text, std))
 
     def flush(self) -> None:
         """Write everything so far, as at the end of the samples."""

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from sautereau.daq.file.descriptors import ARRAYS, ERROR, FRAME, INFO, LOG, SCENE, twins
+from sautereau.daq.file.recorded import Event
 
 THICKNESS = 3.0
 """Pixels, of lines in space."""
@@ -20,17 +21,12 @@ def encode(name: str, **values: Any) -> bytes:
     return twins()[name](**values).SerializeToString()
 
 
-def encode_log(date: int, time: float, kind: str, text: str) -> bytes:
-    """Return the wire bytes of an event as a `LOG`.
-
-    Args:
-        date: ns since 1970.
-        time: s after the trigger.
-        kind: One word.
-        text: What happened.
-    """
-    level = ERROR if kind in ("aborted", "fault") else INFO
-    log: Any = twins()[LOG](time=time, level=level, name=kind, message=text)
+def encode_log(date: int, event: Event) -> bytes:
+    """Return the wire bytes of an event as a `LOG`, with its date in ns since 1970."""
+    level = ERROR if event.kind in ("aborted", "fault") else INFO
+    log: Any = twins()[LOG](
+        level=level, name=event.kind, message=event.text, time=event.time, std=event.std
+    )
     log.timestamp.FromNanoseconds(date)
     return log.SerializeToString()
 

@@ -8,20 +8,23 @@ from typing import Any
 import numpy as np
 
 from sautereau.analysis.loading.press import load_press
+from sautereau.rig.compared import comparable
 from sautereau.rig.disk import read_limited, write_durably
 from sautereau.rig.load import current_document, rig_document
 from sautereau.rig.schema import Rig
 from sautereau.robot.errors import RobotError
 from sautereau.robot.experiment.feedforward import torque_table
-from sautereau.robot.experiment.plan import comparable
 from sautereau.robot.experiment.session import Item
 from sautereau.robot.experiment.session_folder import differences
 from sautereau.trajectory.errors import TrajectoryError
 from sautereau.trajectory.expected import Expectation
-from sautereau.trajectory.learning import Correction, Learner
+from sautereau.trajectory.learning import CUTOFF, Correction, Learner
 from sautereau.trajectory.press import Trajectory, plan_press
 from sautereau.trajectory.timing import press_law
 
+LARGEST_DOUBT = 1 / (12 * CUTOFF)
+"""s, standard uncertainty of a motion's start: twice this is a phase of 60 degrees at the cut-off
+frequency, beyond which a correction increases the error."""
 HALVINGS = 4
 """Times that the change of a correction is halved where the press cannot be planned."""
 _SECTIONS = ("press", "arm", "controller")
@@ -95,10 +98,20 @@ class IterativeLearning:
         """Compute the next correction from the recording of a press, and plan with it.
 
         Raises:
-            SautereauError: The recording has no speed over the complete press.
+            SautereauError: The recording has no speed over the complete press, or the start of
+                its motion is not known well enough.
         """
         press = load_press(path)
-        time = press.data.index.to_numpy(dtype=float) - self._rig.controller.trigger_delay
+        start = press.motion
+        if start is None or start.std > LARGEST_DOUBT:
+            std = "unknown" if start is None else f"known to +-{start.std * 1e3:.3g} ms only"
+            raise RobotError(
+                f"learning from {path}: the start of the motion is {std}, and learning up to"
+                f" {CUTOFF:g} Hz needs +-{LARGEST_DOUBT * 1e3:.2g} ms; free the computer that"
+                " streams the motion, check the vibrometer, or use a controller with a trigger"
+                " output"
+            )
+        time = press.data.index.to_numpy(dtype=float) - start.time
         speed = press.data["jack_speed"].to_numpy(dtype=float)
         correction = self._learner.learn(self._used, time, speed)
         self._trajectory = None

@@ -39,9 +39,13 @@ class Row:
         """Those of `values` that the operator must set on the instrument."""
         return {key: value for key, value in self.values.items() if not _is_press(key)}
 
+    def document(self) -> dict[str, Any]:
+        """Return the row as a JSON document."""
+        return {"values": dict(self.values), "repeats": self.repeats, "notes": self.notes}
+
     def on(self, rig: Rig) -> Rig:
         """Return another bench, such as a stand-in's, with the `press` values of this row."""
-        return with_values(rig, {k: v for k, v in self.values.items() if _is_press(k)})
+        return rig.model_copy(update={"press": self.rig.press})
 
 
 def read_plan_table(path: Path, rig: Rig, repeats: int, notes: str = "") -> tuple[Row, ...]:

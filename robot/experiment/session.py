@@ -13,12 +13,12 @@ import numpy as np
 
 from sautereau.daq.file.recorded import Joints
 from sautereau.daq.file.recording import Recording, SessionInfo
-from sautereau.daq.source.source import open_source
 from sautereau.rig.schema import Rig
 from sautereau.robot.controller import Capture, MotionController, TorqueTable
 from sautereau.robot.errors import RobotError
 from sautereau.robot.experiment.drawing import draw
 from sautereau.robot.experiment.monitor import Fault, Made, Samples, Stage, Watch
+from sautereau.robot.experiment.motion_source import open_motion
 from sautereau.trajectory.motion import Floats
 from sautereau.trajectory.press import Trajectory
 from sautereau.trajectory.segments import Segments, to_angles
@@ -123,7 +123,7 @@ def make_presses(
         pending = iter(items)
         first = next(pending, None)
         if first is not None:  # a card that is missing or in use, before any motion
-            with open_source(first.rig.daq, _duration(first)):
+            with open_motion(first.rig, controller, _duration(first)):
                 pass
         with controller.powered():
             last: Trajectory | None = None
@@ -192,7 +192,8 @@ def _press(
     watch(Stage("loading", "idle", number))
     controller.load(trajectory.segments, item.torques)
     controller.arm()
-    with open_source(rig.daq, _duration(item)) as acquisition:
+    with open_motion(rig, controller, _duration(item)) as motion:
+        acquisition = motion.source
         session = SessionInfo(
             press=number,
             started=datetime.now(UTC).isoformat(timespec="milliseconds"),
@@ -210,13 +211,13 @@ def _press(
         with Recording(
             path, of_device, session=session, rate=acquisition.rate, scaling=acquisition.scaling
         ) as recording:
-            acquisition.start()
+            motion.start()
             watch(Stage("armed", "armed", number))
             controller.start()
             watch(Stage("moving", "reading", number))
-            for number_of_block, block in enumerate(acquisition.blocks()):
+            for number_of_block, block in enumerate(motion.blocks()):
                 if not number_of_block:
-                    _note_start(recording, item)
+                    _note_start(recording, item, triggered=motion.triggered)
                 recording.write_block(block)
                 watch(Samples(number, rig.daq.channels, acquisition.rate, block))
             watch(Stage("moving", "complete", number))
@@ -224,16 +225,20 @@ def _press(
             controller.wait()
             watch(Stage("standing", "complete", number))
             capture = controller.capture()
-            planned, joints = trajectory.time + capture.trigger_delay, trajectory.joints.position
+            joints = trajectory.joints.position
+            start = motion.motion(capture)
+            planned = trajectory.time + start.time
+            recording.event(start.kind, start.text, start.time, start.std)
             recording.write_plan(planned, joints[:, 0], joints[:, 1], trajectory.rise.position)
-            captured = _joints(capture, rig)
+            captured = _joints(capture, start.time, rig)
             recording.write_joints(captured)
             recording.write_scenes(*draw(rig, captured))
 
 
-def _note_start(recording: Recording, item: Item) -> None:
-    """Write the events at the trigger's edge."""
-    recording.event("trigger", f"edge on {item.rig.daq.trigger_source}", 0.0)
+def _note_start(recording: Recording, item: Item, *, triggered: bool) -> None:
+    """Write the events at time 0."""
+    if triggered:
+        recording.event("trigger", f"edge on {item.rig.daq.trigger_source}", 0.0)
     if item.torques is not None:
         first, second = np.abs(item.torques.torques).max(axis=0)
         largest = f"up to {first:.4g} N m at joint 1 and {second:.4g} N m at joint 2"
@@ -246,7 +251,7 @@ def _duration(item: Item) -> float:
     return samples * item.rig.controller.sample_period + item.rig.daq.tail
 
 
-def _joints(capture: Capture, rig: Rig) -> Joints:
+def _joints(capture: Capture, start: float, rig: Rig) -> Joints:
     turn = rig.arm.counts_per_revolution
     columns: dict[str, Floats] = {"q": to_angles(capture.counts, turn)}
     if capture.following_errors is not None:
@@ -254,7 +259,7 @@ def _joints(capture: Capture, rig: Rig) -> Joints:
     if capture.torques is not None:
         columns["m"] = capture.torques
     named = {f"{name}{j + 1}": c[:, j] for name, c in columns.items() for j in (0, 1)}
-    return Joints(t=capture.times_after_trigger, **named)
+    return Joints(t=capture.times + start, **named)
 
 
 def _free_number(out: Path) -> int:

@@ -13,11 +13,12 @@ from typing import Any
 
 from sautereau.daq.file.container.durable import PART
 from sautereau.daq.file.reading import read_recording, read_session
+from sautereau.rig.compared import comparable
 from sautereau.rig.disk import read_limited, write_durably
 from sautereau.rig.load import current_document
 from sautereau.rig.renamed import current_key
 from sautereau.robot.errors import RobotError
-from sautereau.robot.experiment.plan import Plan, comparable
+from sautereau.robot.experiment.plan import Plan
 
 MANIFEST = "session.json"
 """Name of the file in the session's folder."""
@@ -80,6 +81,8 @@ class SessionFolder:
         if started is not None:
             requested = started.seed if seed is None else seed
             before = {**started.plan, "seed": started.seed}
+            if plan.rows is None:  # each is compared when the plan requests it
+                asked["presses"] = before["presses"]
             if isinstance(before["scene"], dict):
                 before["scene"] = current_scene(before["scene"])
             check_same(path, before, {**asked, "seed": requested})
@@ -119,6 +122,26 @@ class SessionFolder:
             self.path.mkdir(parents=True, exist_ok=True)
             write_manifest(self.path, self._manifest)
             self.resumed = True
+
+    def row(self, number: int) -> Mapping[str, Any] | None:
+        """Return the noted row of a plan, counted from 0; None for one that was not requested."""
+        rows = self._manifest.plan["presses"]
+        return rows[number] if number < len(rows) else None
+
+    def note_row(self, number: int, row: Mapping[str, Any]) -> None:
+        """Note a row of the plan before its presses are made, or compare it with the noted one.
+
+        Raises:
+            RobotError: The plan has requested another row at this place before.
+        """
+        noted, row = self.row(number), json.loads(json.dumps(row))
+        if noted is not None:
+            check_same(self.path, {f"presses.{number + 1}": noted}, {f"presses.{number + 1}": row})
+            return
+        plan = {**self._manifest.plan, "presses": [*self._manifest.plan["presses"], row]}
+        self._manifest = replace(self._manifest, plan=plan)
+        if self.resumed:
+            write_manifest(self.path, self._manifest)
 
     def note_set_up(self, set_up: Mapping[str, Any]) -> None:
         """Note what the operator was asked to set on the instrument."""

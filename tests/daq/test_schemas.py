@@ -9,6 +9,7 @@ from hypothesis.extra import numpy as hnp
 
 from sautereau.daq.file.counts import Scaling
 from sautereau.daq.file.descriptors import FIELDS, schema_data
+from sautereau.daq.file.recorded import Event
 from sautereau.daq.file.samples import (
     block_head,
     layout_from_metadata,
@@ -114,10 +115,10 @@ def test_rows_at_once_are_messages():
 
 
 def test_an_event_is_a_log_of_foxglove():
-    data = encode_log(1_700_000_000_123_456_789, -0.25, "aborted", "no edge")
+    data = encode_log(1_700_000_000_123_456_789, Event(-0.25, "aborted", "no edge", 1e-3))
     log = declared_class(DATA, "foxglove.Log").FromString(data)
     assert log.timestamp.ToNanoseconds() == 1_700_000_000_123_456_789
-    assert (log.time, log.name, log.message) == (-0.25, "aborted", "no edge")
+    assert (log.time, log.std, log.name, log.message) == (-0.25, 1e-3, "aborted", "no edge")
     assert log.Level.Name(log.level) == "ERROR"
 
 

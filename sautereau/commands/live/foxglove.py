@@ -8,6 +8,7 @@ from typing import Any
 from sautereau.commands.live import LiveError
 from sautereau.daq.file.descriptors import LOG, PACKAGE, schema_data
 from sautereau.daq.file.preview import Decimator
+from sautereau.daq.file.recorded import Event
 from sautereau.daq.file.schemas import encode_log, encode_rows
 from sautereau.daq.file.survey import LAYOUT
 from sautereau.robot.experiment.monitor import Made, Samples, Seen, Stage
@@ -110,7 +111,7 @@ class FoxgloveView:
     def _event(self, kind: str, text: str) -> None:
         now = time.time_ns()
         since_start = (now - self._t0) / 1e9 if self._t0 else 0.0
-        event = encode_log(now, since_start, kind, text)
+        event = encode_log(now, Event(since_start, kind, text))
         self._topic("/events", LOG).log(event, log_time=now)
 
     def _topic(
