@@ -107,7 +107,7 @@ class PoweredArm(MotionController, Generic[DriverT]):
             self._identity = driver.set_up()
         except BaseException as error:
             driver.close()
-            _say_off(error)
+            _say(error, "The motors were not switched on.")
             raise
         self._states.enter(State.OFF)
         self._driver, self._motion, self._played = driver, None, False
@@ -126,7 +126,7 @@ class PoweredArm(MotionController, Generic[DriverT]):
                 else:
                     self._make_safe(earlier, lambda: self._switch_off(driver))
             elif earlier is not None:
-                _say_off(earlier)
+                _say(earlier, "The motors are off.")
         finally:
             self._driver = None
             self._states.enter(State.OFF)
@@ -336,7 +336,7 @@ class PoweredArm(MotionController, Generic[DriverT]):
         return f"The motors are NOT confirmed off ({reason}): press the emergency stop. {meanwhile}"
 
 
-def _say_off(error: BaseException) -> None:
-    """Say of an interrupt that came while the motors were off that they are."""
+def _say(error: BaseException, state: str) -> None:
+    """Add the motors' state to an interrupt that does not say it yet."""
     if isinstance(error, KeyboardInterrupt) and not hasattr(error, "__notes__"):
-        error.add_note("The motors were not switched on.")
+        error.add_note(state)

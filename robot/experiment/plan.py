@@ -8,6 +8,8 @@ from itertools import groupby
 from pathlib import Path
 from typing import Any
 
+from pydantic import BaseModel, JsonValue
+
 from sautereau.rig.compared import comparable
 from sautereau.rig.faults import fault_list
 from sautereau.rig.load import rig_document
@@ -68,6 +70,13 @@ class Plan:
             "scene": json.loads(self.scene) if self.scene else "the hardware",
             "files": dict(self.files or {}),
         }
+
+
+class RigDocument(BaseModel, extra="allow"):
+    """A rig or a part of it as JSON of a file holds it, for `comparable`."""
+
+    controller: dict[str, JsonValue] = {}
+    daq: dict[str, JsonValue] = {}
 
 
 def instrument_of(rig: Rig) -> Rig:

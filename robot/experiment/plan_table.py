@@ -17,6 +17,8 @@ from sautereau.robot.errors import RobotError
 EXAMPLE = "press.jack_speed,plectrum.overlap,repeats,notes"
 MOST_PRESSES = 100_000
 """Of one row."""
+MOST_ROWS = 1000
+"""Limit of a table's lines."""
 
 
 @dataclass(frozen=True)
@@ -70,9 +72,15 @@ def read_plan_table(path: Path, rig: Rig, repeats: int, notes: str = "") -> tupl
         raise RobotError(
             f"{origin}: cannot be read: {error}; give the path of a CSV file in UTF-8"
         ) from error
+    if len(lines) > MOST_ROWS:
+        raise RobotError(
+            f"{origin}: {len(lines)} lines, more than the limit MOST_ROWS = {MOST_ROWS}; divide it"
+            " into sessions, or give equal presses as repeats of one row"
+        )
     columns = [current_key(cell.strip()) for cell in lines[0]] if lines else []
     faults = list(_column_faults(columns))
     rows = []
+    benches: dict[tuple[tuple[str, Any], ...], Rig | list[str]] = {}
     for line, cells in enumerate(lines[1:], 2):
         texts = [cell.strip() for cell in cells]
         if not any(texts):
@@ -93,10 +101,15 @@ def read_plan_table(path: Path, rig: Rig, repeats: int, notes: str = "") -> tupl
         joined = "; ".join(filter(None, (notes, given.pop("notes", ""))))
         values = {key: _value(key, text) for key, text in given.items()}
         known = {key: value for key, value in values.items() if key in set(model_keys(Rig))}
-        try:
-            changed = with_values(rig, known)
-        except RigError as error:
-            faults += [f"line {line}: {fault}" for fault in _single(str(error), rig)]
+        key = tuple(known.items())
+        if key not in benches:
+            try:
+                benches[key] = with_values(rig, known)
+            except RigError as error:
+                benches[key] = _single(str(error), rig)
+        changed = benches[key]
+        if isinstance(changed, list):
+            faults += [f"line {line}: {fault}" for fault in changed]
             continue
         if not faults:
             rows.append(Row(changed, int(count), values, joined, line))

@@ -1,6 +1,7 @@
 """The Python entrance: the README's snippet, plans as programs, and how sessions end."""
 
 import threading
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -34,6 +35,13 @@ def test_the_snippet_of_the_readme_runs(rig_file, tmp_path, monkeypatch):
     assert session.features.attrs["units"]["release_force"] == "N"
     assert fit.identifiable == {"plectrum.overlap": True}
     assert st.Rig("fit.toml").values.plectrum.overlap == pytest.approx(0.3e-3, rel=0.02)
+    assert fit.mixed == ()
+    other = replace(session[1].info, started="2020-01-01", session="another")
+    session[1].__dict__["analysed"] = replace(session[1].analysed, session=other)
+    mixed = session.identify(["plectrum.overlap"], starts=1)
+    assert "although the presses differ in day" in str(mixed)
+    assert [len(c.presses) for c in session.compare().found.conditions] == [1, 1]
+    assert session.plot()._repr_png_().startswith(b"\x89PNG")
     shown = [names["rig"], plan, session, session[0], session.compare(), fit]
     shown += [names["rig"].predict(), names["rig"].sweep(overlap=...)]
     for one in shown:

@@ -71,7 +71,7 @@ class Operator:
         self.undo = lambda: self.move(change)
 
 
-def run(unit=None, faults=None, finger="ideal", values=None, step=1e-3, **operator):
+def run(unit=None, faults=None, finger="ideal", values=None, step=1e-3, paced=False, **operator):
     """Verify a stand-in; return what was found."""
     scene = load_scene("paper" if finger == "servo" else "ideal").model_copy(
         update=MUTE
@@ -82,7 +82,7 @@ def run(unit=None, faults=None, finger="ideal", values=None, step=1e-3, **operat
         }
     )
     rig = with_values(load_rig(), {"controller.timeout": "60 s"})
-    with StandIn(rig, scene) as served:
+    with StandIn(rig, scene, paced=paced) as served:
         bench = with_values(served.rig, values or {})
         person = Operator(served, **operator)
         try:
@@ -105,6 +105,13 @@ def test_a_controller_that_is_as_assumed_is_verified(unit):
     assert "MTA=1" in found.values["controller.verified_settings"]
     odd = "refused" if unit.get("odd_pvt") else "taken"
     assert any(f"odd velocity and time is {odd}" in line for line in found.lines)
+
+
+@pytest.mark.slow
+def test_in_real_time_the_watchdog_is_measured_on_the_controllers_clock():
+    found = run(present=False, paced=True, values={"controller.watchdog_period": "0.5 s"})
+    assert 0.4 <= found.figures["watchdog_time"] <= 0.55
+    assert any("B2 watchdog: without" in r for r in found.values["controller.verified_results"])
 
 
 @pytest.mark.slow

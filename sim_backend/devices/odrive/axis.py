@@ -137,6 +137,12 @@ class OdriveAxis:
             self.settings |= {"is_homed": 0.0, "controller.input_vel": 0.0}
             self.error &= ~ENDSTOP_PRESSED
 
+    def take_position(self) -> None:
+        """Replace setpoint and input by the position, as writing the control mode does."""
+        if self.settings["controller.config.control_mode"] >= 3:
+            self.setpoint = Setpoint(self.position, self.setpoint.velocity)
+            self._target = self.position
+
     def feed(self) -> None:
         """Renew the watchdog."""
         self._watch = self.settings["config.watchdog_timeout"]

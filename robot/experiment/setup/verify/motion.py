@@ -141,13 +141,12 @@ def following_error(bench: Workbench) -> None:
         bench.controller.home()
         _load(bench, end=",,0", record="_TEA", exponent=_FAST)
         line.ask(f"XQ #PRESS,{PRESS}")
-        driver.await_standstill("the motion", _LONGEST)
+        _await_program(bench)
         errors = np.abs(line.upload("vrec", _ROWS))
         limit = round(errors.max() / 2)
         if limit <= max(abs(error) for error in line.read("_TEA", "_TEB")):
             bench.warn("not measured: the motion had no following error")
             return
-        driver.await_record()
         line.ask(f"ER {limit},{limit}")
         _load(bench, end=",,0", exponent=_FAST)
         off = _off_after(bench, f"XQ #PRESS,{PRESS}")
@@ -160,6 +159,17 @@ def following_error(bench: Workbench) -> None:
         "do not use PVT with this firmware",
     )
     bench.say(f"a following error above {limit} counts inside a motion switches both motors off")
+
+
+def _await_program(bench: Workbench) -> None:
+    """Wait until the motion and the program that plays it have ended."""
+    deadline = time.monotonic() + _LONGEST
+    while bench.line.read(f"_XQ{PRESS}")[0] >= 0:
+        bench.expect(
+            time.monotonic() < deadline,
+            f"a motion of a quarter of a second has not ended after {_LONGEST} s",
+            "check that the arm moves freely",
+        )
 
 
 def _reset(bench: Workbench) -> None:
