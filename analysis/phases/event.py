@@ -37,6 +37,7 @@ def refine_event(
     Args:
         signals: Of the press.
         near: s after the trigger, approximate instant.
+        force: N at the finger, by which the load falls.
         after: s after the trigger, before which nothing is used.
         until: s after the trigger, after which nothing is used.
     """
@@ -81,9 +82,8 @@ def refine_event(
     times = np.array([f.instant for f in fits])
     best = fits[int(np.argmin(score))]
     mean = float(times @ chance)
-    variance = float(
-        chance @ ((times - mean) ** 2 + noise * np.array([min(f.variance, 1e-6) for f in fits]))
-    )
+    spread = np.minimum([f.variance for f in fits], LARGEST_VARIANCE)
+    variance = float(chance @ ((times - mean) ** 2 + noise * spread))
     return Release(
         time=near + mean,
         std=math.hypot(math.sqrt(variance), signals.instant_std, DISAGREEMENT * mean),

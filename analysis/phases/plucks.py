@@ -1,15 +1,17 @@
 """The plucks of a press: of a rigid key where that explains the load, else of a compliant one."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from sautereau.analysis.phases.compliant import compliant_plucks
 from sautereau.analysis.phases.contact import Contact, find_contact
+from sautereau.analysis.phases.expected import expected
 from sautereau.analysis.phases.found import Fit
 from sautereau.analysis.phases.release import LEAST_FALL, Release, find_falls, refine
 from sautereau.analysis.phases.search import Growth
 from sautereau.analysis.phases.signals import Rows, Signals, rows_of
+from sautereau.analysis.phases.unexplained import unexplained
 from sautereau.rig.schema import Rig
 
 STILL = 3e-4
@@ -34,8 +36,14 @@ RIGID_NOISE = 10.0
 """Variance of the residuals over the noise below which a rigid key explains the load."""
 RELEASE_WEIGHT = 1.25
 """Weight of the residuals at a release, where a key rings most."""
-LEAST_SIGNIFICANCE, LEAST_GROWTH = 40.0, 30e-3
-"""Least significance of a pluck on a compliant key, and its least force in N."""
+SIGNIFICANT, DOUBTFUL = 40.0, 12.0
+"""Least significance of the plucks on a compliant key; and of a warning about another growth, or
+of a pluck that is `CLEAR`."""
+LEAST_GROWTH, CLEAR = 0.2, 20.0
+"""Force over the rms of the load that is not explained: the least one, and that of a clear pluck."""
+DISPLACED, CERTAIN = 1.5e-3, 3.0
+"""m, from the contacts of the rig, beyond which a rigid key must explain the load better than by
+`RIGID_NOISE`: by this variance."""
 
 
 @dataclass(frozen=True)
@@ -77,23 +85,30 @@ def find_plucks(rig: Rig, signals: Signals, begin: int, end: int) -> Found:
     if len(large) < len(found):  # between two plucks the key is free
         found = _contacts(rig, signals, rows.step, begin, large, rest, before)
     noise = max((max(c.noise, RELEASE_WEIGHT * r.noise) for c, r in found), default=1.0)
-    rigid = Found(found, Fit("rigid", noise))
     # A string held together with the next one spoils the fit of its contact on any key.
     ringing = max((RELEASE_WEIGHT * r.noise for _, r in found), default=1.0)
-    if found and max(ringing, min(c.noise for c, _ in found)) < RIGID_NOISE:
-        return rigid
-    plucks, searched = compliant_plucks(rig, signals, rest, (begin, end), before)
-    further = () if searched.further is None else (searched.further,)
-    if not plucks or not any(_plausible(growth) for growth in searched.growths):
-        missed = () if found else tuple(filter(_plausible, (*searched.growths, *further)))
-        return replace(rigid, further=missed)
-    noise = max(contact.noise for contact, _ in plucks)
-    fit = Fit("compliant", noise, searched.compliance, searched.residual)
-    return Found(plucks, fit, tuple(filter(_plausible, further)))
-
-
-def _plausible(growth: Growth) -> bool:
-    return growth.significance > LEAST_SIGNIFICANCE and growth.force > LEAST_GROWTH
+    rises = np.interp([c.time for c, _ in found], signals.time, signals.rise)
+    far = np.abs(rises[:, None] - expected(rig).contacts).min(1).max(initial=0.0) > DISPLACED
+    most = CERTAIN if far else RIGID_NOISE
+    if found and max(ringing, min(c.noise for c, _ in found)) < most:
+        return Found(found, Fit("rigid", noise))
+    left, rms, missed = unexplained(rig, rest, rows, before)
+    if not found and left < RIGID_NOISE:
+        return Found([], Fit("rigid", left))
+    plucks, searched = compliant_plucks(rig, signals, (begin, end))
+    least = LEAST_GROWTH * searched.residual
+    growths = (*searched.growths, *([searched.further] if searched.further else []))
+    doubtful = tuple(g for g in growths if g.significance > DOUBTFUL and g.force > least)
+    clear = CLEAR * searched.residual
+    if plucks and any(
+        g.significance > SIGNIFICANT or g.force > clear for g in searched.growths if g in doubtful
+    ):
+        noise = max(contact.noise for contact, _ in plucks)
+        fit = Fit("compliant", noise, searched.compliance, searched.residual)
+        return Found(plucks, fit, tuple(g for g in doubtful if g not in searched.growths))
+    if found:
+        return Found(found, Fit("rigid", noise), ())
+    return Found([], Fit("rigid", left, 0.0, rms), doubtful or (missed,))
 
 
 def _contacts(

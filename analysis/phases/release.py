@@ -50,6 +50,10 @@ class Release:
     """Dimensionless, variance of the residuals over the assumed noise, at least 1."""
 
 
+NO_RELEASE = Release(math.inf, 1.0, 0.0, 1.0, 0.0, 0.0, 1.0)
+"""A string that is not there."""
+
+
 def find_falls(rows: Rows) -> list[int]:
     """Return the rows at which the load may have fallen suddenly, in order of time.
 
