@@ -14,6 +14,8 @@ from sautereau.rig.schema import Rig
 
 SHORTEST = 0.5e-3
 """s, shortest pluck."""
+NEAR, LEAST_NEAR, MOST_NEAR = 2.0, 0.25e-3, 1.0e-3
+"""Uncertainty of a release before its refinement over that of the search, and its bounds in s."""
 CONTACT_STD, RELEASE_STD = (1.9, 0.28e-3, 0.7), (1.2, 0.07e-3, 0.3)
 """Standard uncertainty of an instant over that of its fit; s, what is added to it; and the part of
 the pluck's duration, over the fraction of the force that the key's model does not explain. From
@@ -34,7 +36,8 @@ def compliant_plucks(
     searched = search(Slow(signals, *way), expected(rig))
     found: list[tuple[Contact, Release]] = []
     for growth in searched.growths:
-        release = refine_event(signals, growth.release, growth.force, start, last)
+        near = min(max(NEAR * growth.release_std, LEAST_NEAR), MOST_NEAR)
+        release = refine_event(signals, growth.release, near, growth.force, start, last)
         if release.time - growth.contact < SHORTEST:
             continue
         wrong = searched.residual / growth.force * (release.time - growth.contact)

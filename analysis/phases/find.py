@@ -4,6 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sautereau.analysis.loading.press import Press
+from sautereau.analysis.model.choirs import choirs
 from sautereau.analysis.phases.found import (
     HeldString,
     Phases,
@@ -77,7 +78,7 @@ def find_phases(press: Press) -> Phases:
         warnings=(
             *ending(signals, begin),
             *pluck_warnings(signals, press.quality_flags, plucks, steady),
-            *fit_warnings(found.fit, found.further),
+            *fit_warnings(found.fit, found.further, plucks, len(choirs(press.rig))),
         ),
         bottomed=_bottomed(signals, begin, plucks),
         returned=_returned(signals, end),

@@ -140,14 +140,28 @@ def measured(signals: Signals, contact: Contact, release: Release) -> HeldString
     )
 
 
-def fit_warnings(fit: Fit, further: Sequence[Growth]) -> list[str]:
-    """Return warnings about a poor fit, and about growths of the load without a pluck."""
+def fit_warnings(
+    fit: Fit, further: Sequence[Growth], plucks: Sequence[HeldString], strings: int
+) -> list[str]:
+    """Return warnings about a poor fit, growths of the load without a pluck, and missing plucks.
+
+    Args:
+        fit: How well the load was explained.
+        further: Growths without a pluck.
+        plucks: That were found.
+        strings: Number of strings of the rig.
+    """
     found = [
         f"from {growth.contact * 1e3:.5g} to {growth.release * 1e3:.5g} ms the load climbs by"
         f" {growth.force:.3g} N and collapses, and no pluck was found there; plot the phases, and"
         " check the number of strings in the rig"
         for growth in further
     ]
+    if 0 < len(plucks) < strings:
+        found.append(
+            f"plucks of {len(plucks)} of the rig's {strings} strings were found: two may be released"
+            " together, or the press is too short for the others; check the rise of the jack"
+        )
     if fit.verdict == "poor":
         left = (
             f"{fit.residual * 1e3:.2g} mN rms of the load are not explained"

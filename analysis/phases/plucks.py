@@ -6,6 +6,7 @@ import numpy as np
 
 from sautereau.analysis.phases.compliant import compliant_plucks
 from sautereau.analysis.phases.contact import Contact, find_contact
+from sautereau.analysis.phases.event import refine_event
 from sautereau.analysis.phases.expected import expected
 from sautereau.analysis.phases.found import Fit
 from sautereau.analysis.phases.release import LEAST_FALL, Release, find_falls, refine
@@ -34,8 +35,9 @@ SETTLED = 3
 """Rows from a release to the earliest contact with the next string."""
 RIGID_NOISE = 10.0
 """Variance of the residuals over the noise below which a rigid key explains the load."""
-RELEASE_WEIGHT = 1.25
-"""Weight of the residuals at a release, where a key rings most."""
+RINGING, NEAR = 8.0, 0.7e-3
+"""The same at a release, where a key rings most, and beyond which its modes are fitted; and s,
+standard uncertainty of a release before that."""
 SIGNIFICANT, DOUBTFUL = 40.0, 12.0
 """Least significance of the plucks on a compliant key; and of a warning about another growth, or
 of a pluck that is `CLEAR`."""
@@ -84,13 +86,18 @@ def find_plucks(rig: Rig, signals: Signals, begin: int, end: int) -> Found:
     large = [release for _, release in found if release.fall > LEAST_FRACTION * largest]
     if len(large) < len(found):  # between two plucks the key is free
         found = _contacts(rig, signals, rows.step, begin, large, rest, before)
-    noise = max((max(c.noise, RELEASE_WEIGHT * r.noise) for c, r in found), default=1.0)
-    # A string held together with the next one spoils the fit of its contact on any key.
-    ringing = max((RELEASE_WEIGHT * r.noise for _, r in found), default=1.0)
+    noise = max((max(c.noise, r.noise) for c, r in found), default=1.0)
     rises = np.interp([c.time for c, _ in found], signals.time, signals.rise)
     far = np.abs(rises[:, None] - expected(rig).contacts).min(1).max(initial=0.0) > DISPLACED
     most = CERTAIN if far else RIGID_NOISE
-    if found and max(ringing, min(c.noise for c, _ in found)) < most:
+    # A string held together with the next one spoils the fit of its contact on any key.
+    if found and min(c.noise for c, _ in found) < most:
+        ends = float(signals.time[begin]), float(signals.time[end])
+        found = [
+            (c, r if r.noise < RINGING else refine_event(signals, r.time, NEAR, r.fall, *ends))
+            for c, r in found
+        ]
+        noise = max(max(c.noise, r.noise) for c, r in found)
         return Found(found, Fit("rigid", noise))
     left, rms, missed = unexplained(rig, rest, rows, before)
     if not found and left < RIGID_NOISE:

@@ -72,6 +72,8 @@ class Growth:
     rig."""
     contact_std: float = 0.0
     """s, standard uncertainty; not evaluated for a further growth."""
+    release_std: float = 0.0
+    """s, the same."""
     noise: float = 0.0
     """Variance of the residuals around it, of sums over a third of it, over that of `NOISE`."""
 
@@ -155,7 +157,7 @@ class _Fit:
         k = self._compliance - float(left[1][1]) * TERMS["F2"]
         stds, noises = self._stds(found, left)
         each = zip(found.tolist(), values.tolist(), gains, stds, noises, strict=True)
-        growths = [Growth(*pair, *more) for pair, *more in each]
+        growths = [Growth(*pair, force, gain, *s, noise) for pair, force, gain, s, noise in each]
         if further and len(growths) > strings:
             growths.remove(min(growths, key=lambda g: g.significance))
         return Searched(
@@ -275,15 +277,17 @@ class _Fit:
 
     def _stds(
         self, plucks: Floats, solved: tuple[Floats, Floats, Floats]
-    ) -> tuple[list[float], list[float]]:
-        """Return the standard uncertainties of contacts [s], and the noise around the plucks."""
+    ) -> tuple[list[list[float]], list[float]]:
+        """Return the standard uncertainties of plucks [s], and the noise around them."""
         if not len(plucks):
             return [], []
         slopes, rig = self._slopes(plucks, solved)
         rows = np.searchsorted(self._slow.time, plucks)
         noises = [_noise(solved[0][: len(self._load)], *pair) for pair in rows.tolist()]
         inverse = np.linalg.pinv(slopes.T @ slopes / max(noises) + rig.T @ rig)
-        return np.sqrt(np.diag(inverse)[::2]).tolist(), [n / self._noise**2 for n in noises]
+        return np.sqrt(np.diag(inverse)).reshape(-1, 2).tolist(), [
+            n / self._noise**2 for n in noises
+        ]
 
     def _refined(self, plucks: Floats) -> tuple[Floats, tuple[Floats, Floats, Floats], float]:
         """Return better instants near those of plucks, shape (plucks, 2), their fit, its chi2."""
