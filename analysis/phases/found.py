@@ -159,8 +159,8 @@ def fit_warnings(
     ]
     if 0 < len(plucks) < strings:
         found.append(
-            f"plucks of {len(plucks)} of the rig's {strings} strings were found: two may be released"
-            " together, or the press is too short for the others; check the rise of the jack"
+            f"plucks of {len(plucks)} of the rig's {strings} strings were found: two may be"
+            " released together, or the press is too short; check the rise of the jack"
         )
     if fit.verdict == "poor":
         left = (

@@ -42,7 +42,7 @@ SIGNIFICANT, DOUBTFUL = 40.0, 12.0
 """Least significance of the plucks on a compliant key; and of a warning about another growth, or
 of a pluck that is `CLEAR`."""
 LEAST_GROWTH, CLEAR = 0.2, 20.0
-"""Force over the rms of the load that is not explained: the least one, and that of a clear pluck."""
+"""Force over the rms of the load that is not explained: the least, and that of a clear pluck."""
 DISPLACED, CERTAIN = 1.5e-3, 3.0
 """m, from the contacts of the rig, beyond which a rigid key must explain the load better than by
 `RIGID_NOISE`: by this variance."""
