@@ -58,8 +58,8 @@ class HeldString:
 class Fit:
     """How well the load was explained."""
 
-    model: Literal["rigid", "compliant"]
-    """Of the key: rigid, or one that bends, heaves and rings."""
+    model: Literal["rigid", "compliant", "by hand"]
+    """Of the key: rigid, or one that bends, heaves and rings; or the instants were set by hand."""
     noise: float
     """Dimensionless, largest variance of the residuals over that of the noise."""
     compliance: float = 0.0
@@ -69,8 +69,10 @@ class Fit:
     rigid one without a pluck; else 0."""
 
     @property
-    def verdict(self) -> Literal["good", "fair", "poor"]:
+    def verdict(self) -> Literal["good", "fair", "poor", "by hand"]:
         """Whether instants and uncertainties can be relied on."""
+        if self.model == "by hand":
+            return "by hand"
         if self.model == "rigid":
             return "good" if self.noise < GOOD else "fair" if self.noise < RIGID else "poor"
         return "fair" if self.residual < FAIR else "poor"

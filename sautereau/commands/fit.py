@@ -13,16 +13,35 @@ if TYPE_CHECKING:
     from sautereau.rig.schema import Rig
 
 
-def phases(files: list[Path], /, *, plot: common.Picture = None, json: common.Json = False) -> int:
+def phases(
+    files: list[Path],
+    /,
+    *,
+    at: list[str] | None = None,
+    plot: common.Picture = None,
+    json: common.Json = False,
+) -> int:
     """Find contact and release of every string in recorded presses, with uncertainties.
 
     Parameters
     ----------
     files
         Recordings.
+    at
+        Contact and release of a pluck set by hand, "52.1 ms +- 0.3 ms to 72.05 ms +- 0.05 ms";
+        repeat it for several; "none" for a press without a pluck. They are stored beside the one
+        recording, in FILE.phases.toml, and used by all commands until that file is deleted.
     """
+    from sautereau.analysis.errors import AnalysisError
+    from sautereau.analysis.phases.by_hand import write_by_hand
     from sautereau.analysis.summary.press import HEADER, press_line, press_summary
 
+    if at:
+        if len(files) != 1:
+            raise AnalysisError(
+                f"--at: it sets the phases of one recording, and {len(files)} were given; give one"
+            )
+        write_by_hand(files[0], [] if at == ["none"] else at)
     pressed, found = common.load(files)
     both = list(zip(pressed, found, strict=True))
     warnings = [f"{p.path}: {warning}" for p, f in both for warning in (*p.warnings, *f.warnings)]
