@@ -18,7 +18,7 @@ from sautereau.analysis.press.features import features
 from sautereau.sim_backend.truth import Truth
 from sautereau.trajectory.motion import Floats
 
-CASES = 1000
+CASES = 300
 FRACTIONS = (0.60, 0.76), (0.90, 0.99)
 """Limits of the fractions of errors within their intervals of 68 % and of 95 %."""
 PEER_CASES, PEER_ROWS = 40, 250

@@ -43,9 +43,12 @@ SIGNIFICANT, DOUBTFUL = 40.0, 12.0
 of a pluck that is `CLEAR`."""
 LEAST_GROWTH, CLEAR = 0.2, 20.0
 """Force over the rms of the load that is not explained: the least, and that of a clear pluck."""
+SLIGHT = 0.01
+"""Least force of a pluck on a compliant key over the range of the finger force, or of the inertia
+if that is larger, on the way down."""
 DISPLACED, CERTAIN = 1.5e-3, 3.0
-"""m, from the contacts of the rig, beyond which a rigid key must explain the load better than by
-`RIGID_NOISE`: by this variance."""
+"""m, of all contacts from those of the rig, beyond which a rigid key must explain the load with
+this variance instead of `RIGID_NOISE`."""
 
 
 @dataclass(frozen=True)
@@ -72,6 +75,8 @@ def find_plucks(rig: Rig, signals: Signals, begin: int, end: int) -> Found:
         end: Sample at which it reaches its top.
     """
     rows = rows_of(signals, begin, end)
+    if not len(rows.time):
+        return Found([], Fit("rigid", 1.0))
     falls = [
         release
         for fall in find_falls(rows)
@@ -88,7 +93,7 @@ def find_plucks(rig: Rig, signals: Signals, begin: int, end: int) -> Found:
         found = _contacts(rig, signals, rows.step, begin, large, rest, before)
     noise = max((max(c.noise, r.noise) for c, r in found), default=1.0)
     rises = np.interp([c.time for c, _ in found], signals.time, signals.rise)
-    far = np.abs(rises[:, None] - expected(rig).contacts).min(1).max(initial=0.0) > DISPLACED
+    far = np.abs(rises[:, None] - expected(rig).contacts).min(initial=np.inf) > DISPLACED
     most = CERTAIN if far else RIGID_NOISE
     # A string held together with the next one spoils the fit of its contact on any key.
     if found and min(c.noise for c, _ in found) < most:
@@ -103,7 +108,8 @@ def find_plucks(rig: Rig, signals: Signals, begin: int, end: int) -> Found:
     if not found and left < RIGID_NOISE:
         return Found([], Fit("rigid", left))
     plucks, searched = compliant_plucks(rig, signals, (begin, end))
-    least = LEAST_GROWTH * searched.residual
+    moved = max(float(np.ptp(signals.force[begin:end])), float(np.ptp(rows.inertia)))
+    least = max(LEAST_GROWTH * searched.residual, SLIGHT * moved)
     growths = (*searched.growths, *([searched.further] if searched.further else []))
     doubtful = tuple(g for g in growths if g.significance > DOUBTFUL and g.force > least)
     clear = CLEAR * searched.residual

@@ -14,7 +14,7 @@ GAP = 2
 """Rows on either side of a fall over which it is spread."""
 SIGNIFICANCE = 8.0
 """Least fall in standard deviations."""
-LEAST_FALL = 0.02
+LEAST_FALL = 4e-3
 """N, least fall of a release."""
 REACH, ROOM = 3, 40
 """Rows: largest error of a candidate, and range on either side for fitting its instant."""

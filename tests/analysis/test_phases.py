@@ -276,3 +276,23 @@ def test_pure_noise_is_no_press(make_press):
     phases = find_phases(press)
     assert phases.plucks == ()
     assert phases.warnings
+
+
+@pytest.mark.parametrize("force", [5e-3, 5.0])
+def test_forces_from_5_mn_to_5_n(make_press, force):
+    noise = {"force_noise": force / 100, "velocity_noise": 1e-6}
+    held, _ = only_pluck(make_press(slope=force / 0.02, level=force, **noise))
+    assert held.contact == pytest.approx(CONTACT, abs=0.3e-3)
+    assert held.release == pytest.approx(RELEASE, abs=0.05e-3)
+    assert held.force_drop == pytest.approx(force, rel=0.03)
+
+
+def test_a_gradual_fall_is_no_pluck_but_a_warning_that_says_where(make_press):
+    """As in the force curve of a computer key."""
+    press = make_press(slope=0)
+    time = press.data.index.to_numpy()
+    press.data["force"] += np.interp(time, [0.06, 0.10, 0.13], [0, 0.6, 0.2]) * (time < 0.15)
+    phases = find_phases(press)
+    assert phases.plucks == ()
+    assert phases.fit.verdict == "poor"
+    assert any("climbs by" in warning for warning in phases.warnings)
