@@ -71,7 +71,7 @@ def read_by_hand(recording: Path) -> list[Pluck] | None:
         tables = tomllib.loads(read_limited(path).decode())["plucks"]
     except (UnicodeDecodeError, tomllib.TOMLDecodeError, KeyError) as error:
         raise AnalysisError(
-            f"{path}: it holds no plucks ({error}); mend it, or delete it to find them again"
+            f"{path}: it holds no plucks ({error}); correct it, or delete it to find them again"
         ) from error
     return _plucks(tables, str(path))
 
