@@ -54,7 +54,7 @@ def test_texts_that_are_no_pluck_are_refused(press, texts):
     assert not path_by_hand(press.path).exists()
 
 
-def test_a_damaged_file_says_how_to_go_on(press):
+def test_a_damaged_file_is_an_error_that_says_how_to_continue(press):
     path_by_hand(press.path).write_text("plucks = [{contact = 3}]")
     with pytest.raises(AnalysisError, match="pluck 1"):
         find_phases(press)
