@@ -35,7 +35,7 @@ class Expected:
 def expected(rig: Rig) -> Expected:
     """Return what the rig's model expects; typical shapes where the model has no solution."""
     key, every = rig.key, choirs(rig)
-    terms = np.array([_terms(choir) for choir in every])
+    terms = np.array([_terms(choir) for choir in every])  # pyright: ignore[reportArgumentType]
     contacts, climbs = [], []
     for choir, height in zip(every, terms[:, 2], strict=True):
         lever, clearance = key_of(rig, choir), choir.jack.string_clearance

@@ -157,7 +157,10 @@ class _Fit:
         k = self._compliance - float(left[1][1]) * TERMS["F2"]
         stds, noises = self._stds(found, left)
         each = zip(found.tolist(), values.tolist(), gains, stds, noises, strict=True)
-        growths = [Growth(*pair, force, gain, *s, noise) for pair, force, gain, s, noise in each]
+        growths = [
+            Growth(contact, release, force, gain, std[0], std[1], noise)
+            for (contact, release), force, gain, std, noise in each
+        ]
         if further and len(growths) > strings:
             growths.remove(min(growths, key=lambda g: g.significance))
         return Searched(
