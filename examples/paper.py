@@ -14,8 +14,8 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
+import sautereau as st
 from examples.release_fit import Release, fit_release
-from examples.session import Session
 from examples.session import study as session
 from sautereau.analysis.figures.comparison import comparison_figure
 from sautereau.analysis.figures.palette import OTHER, PREDICTED
@@ -85,12 +85,12 @@ def readings(rig: Rig) -> list[Reading]:
     return found
 
 
-def page(rig: Rig, pressed: Session, day: str) -> str:
+def page(rig: Rig, pressed: st.Session, day: str) -> str:
     """Return the page about the printed numbers."""
     trajectory, model, found = plan_press(rig), predict(rig), readings(rig)
-    phases = pressed.phases[0]
+    phases = pressed[0].phases
     (held,) = phases.plucks
-    speed = pressed.presses[0].data["jack_speed"]
+    speed = pressed[0].data["jack_speed"]
     cruise = speed[phases.start + 10e-3 : held.release + 50e-3]
     ei = rig.plectrum.bending_stiffness
     rows = [
@@ -100,12 +100,12 @@ def page(rig: Rig, pressed: Session, day: str) -> str:
     ]
     return TEXT.format(
         day=day,
-        presses=len(pressed.presses),
+        presses=len(pressed),
         planned_speed=float(np.max(trajectory.rise.velocity)),
         speed=float(cruise.mean()),
         held_speed=float(speed[held.contact : held.release].mean()),
         rise=trajectory.rise.position.max() * 1e3,
-        measured_rise=pressed.presses[0].data["jack_rise"].max() * 1e3,
+        measured_rise=pressed[0].data["jack_rise"].max() * 1e3,
         contact=model.contact * 1e3,
         release=model.release * 1e3,
         measured_contact=(held.contact - phases.start) * 1e3,
@@ -114,7 +114,7 @@ def page(rig: Rig, pressed: Session, day: str) -> str:
         first_v_osc=model.v_osc
         * first_mode_release_speed(rig.string, 1.0)
         / release_speed(rig.string, 1.0),
-        slope_error=pressed.comparison.slope_error.value,
+        slope_error=pressed.compare().document["slope_error"]["value"],
         rows="\n".join(rows),
         finding=_finding(found),
     )
@@ -163,14 +163,17 @@ def _mark(axes, start: float) -> None:
         )  # fmt: skip
 
 
-def figures(rig: Rig, pressed: Session) -> dict[str, Figure]:
+def figures(rig: Rig, pressed: st.Session) -> dict[str, Figure]:
     """Return the figures by the names of their files."""
-    over_time = comparison_figure(pressed.presses, pressed.phases, pressed.prediction)
+    model = predict(rig)
+    over_time = comparison_figure(
+        [press.press for press in pressed], [press.phases for press in pressed], model
+    )
     for axes in over_time.axes[:2]:
-        _mark(axes, pressed.phases[0].start * 1e3)
+        _mark(axes, pressed[0].phases.start * 1e3)
     return {
         "figure-4.png": pluck_figure(rig, LEVELS.names()),
-        "figure-6.png": planned(rig, pressed.prediction),
+        "figure-6.png": planned(rig, model),
         "figures-7-and-8.png": over_time,
     }
 

@@ -1,5 +1,6 @@
 """Read a rig file, report all its faults at once, and write a rig back."""
 
+import copy
 import json
 import logging
 import re
@@ -294,7 +295,7 @@ def current_document(document: dict[str, Any]) -> dict[str, Any]:
     Args:
         document: As `rig_document` returned it, or a part of it; left unchanged.
     """
-    current = json.loads(json.dumps(document))
+    current = copy.deepcopy(document)
     rename_keys(current)
     _complete(current, Rig)
     return current

@@ -31,6 +31,12 @@ RotorInertia = Annotated[float, Unit("kg*m**2", "1e-6 kg m^2"), Field(ge=0)]
 GearRatio = Annotated[float, Field(gt=0)]
 
 
+LEAST_INTERVAL = 0.999e-6
+"""s, between the points of a gesture."""
+LONGEST_GESTURE = 60.0
+"""s."""
+
+
 class Gesture(Section):
     """A recorded gesture: the jack's rise over time."""
 
@@ -46,8 +52,16 @@ class Gesture(Section):
             faults.append(
                 f"gesture: {len(self.time)} times and {len(self.rise)} rises; give equally many"
             )
-        if self.time[0] != 0 or any(b <= a for a, b in pairwise(self.time)):
-            faults.append("gesture: time must start at 0 s and increase; sort or shift the times")
+        if self.time[0] != 0 or any(b - a < LEAST_INTERVAL for a, b in pairwise(self.time)):
+            faults.append(
+                "gesture: time must start at 0 s and increase by 1 us or more; sort, shift or thin"
+                " out the times"
+            )
+        if self.time[-1] > LONGEST_GESTURE:
+            faults.append(
+                f"gesture: it lasts {self.time[-1]:.4g} s, more than {LONGEST_GESTURE:g} s; check"
+                " the unit of the file"
+            )
         if abs(self.rise[0]) > 1e-6:
             faults.append(
                 f"gesture: it starts at a rise of {self.rise[0] * 1e3:.4g} mm, not at 0 mm;"

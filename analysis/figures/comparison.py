@@ -8,13 +8,16 @@ from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.figures.made import how_made, stamp
 from sautereau.analysis.figures.palette import MEASURED, PREDICTED
 from sautereau.analysis.figures.pressed import scale_to_pluck, shade_phases
-from sautereau.analysis.loading.press import Press
+from sautereau.analysis.loading.press import Press, load_press
 from sautereau.analysis.model.predict import Prediction
 from sautereau.analysis.phases import Phases
+from sautereau.analysis.session.conditions import SessionAnalysis
 from sautereau.analysis.summary.text import counted
 
 BESIDE = 5e-3
 """s, before contact and after release, that force on deflection is drawn of."""
+PICTURED = 8
+"""Number of presses of a condition that its plot shows, the first ones."""
 
 
 def comparison_figure(
@@ -47,6 +50,27 @@ def comparison_figure(
     figure.suptitle(f"Rig {presses[0].rig.name}: {number}, {how_made(simulated)}")
     stamp(figure, simulated)
     return figure
+
+
+def session_figure(found: SessionAnalysis, number: int = 1) -> Figure:
+    """Return `comparison_figure` of the first presses of one condition of a session.
+
+    Args:
+        found: The session.
+        number: Of the condition, from 1.
+
+    Raises:
+        AnalysisError: There is no such condition, or nothing to compare in it.
+    """
+    if not 1 <= number <= len(found.conditions):
+        raise AnalysisError(f"condition {number}: the session has 1 to {len(found.conditions)}")
+    condition = found.conditions[number - 1]
+    if condition.prediction is None or not condition.counted:
+        why = "; ".join(condition.warnings) or "only warm-up presses"
+        raise AnalysisError(f"condition {number}: nothing to draw: {why}")
+    first = condition.counted[:PICTURED]
+    presses = [load_press(press.press.path) for press in first]
+    return comparison_figure(presses, [press.phases for press in first], condition.prediction)
 
 
 def _over_time(top, below, press: Press, phases: Phases, prediction: Prediction) -> None:

@@ -1,9 +1,9 @@
 """Find the start of a motion in the samples of an acquisition that no edge has started.
 
 The encoders, on the controller's clock, and the vibrometer, on the acquisition's, show the same
-motion: the finger takes the key along from its first contact until it returns. The planned motion
-gives the rise r of the jack at each reading of the encoders, and the vibrometer gives R(t). The
-start s minimises the sum of squares of
+motion: the finger takes the key along from its first contact until it returns. Each reading of the
+encoders gives a rise r of the jack, by the arm's geometry, and the vibrometer gives R(t). The start
+s minimises the sum of squares of
 
     r_k - (a R(t_k + s) + b + c t_k)
 
@@ -12,7 +12,10 @@ and key, and c the drift of the integrated speed. Force and speed are samples of
 that this aligns the force as well.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import partial
+from itertools import product
 from math import ceil
 from typing import Any
 
@@ -21,13 +24,16 @@ from scipy.optimize import fminbound
 
 from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.loading.press import columns_of
-from sautereau.daq.file.recorded import Plan
 from sautereau.daq.signals.calibration import correct, undelayed
 from sautereau.rig.schema import Rig
-from sautereau.trajectory.motion import Floats
+from sautereau.trajectory.arm import fingertip_motion
+from sautereau.trajectory.key import jack_motion, key_under_fingertip
+from sautereau.trajectory.motion import Floats, Motion
 
 STEP = 1e-3
 """s, between the starts tried first."""
+PHASES = (-0.375, -0.125, 0.125, 0.375)
+"""Counts by which each encoder is turned in turn to estimate the effect of its resolution."""
 BLOCKS = 10
 """Parts of the motion that are omitted in turn to estimate the uncertainty."""
 MOST_UNEXPLAINED = 0.1
@@ -40,23 +46,23 @@ def find_start(
     velocity: Floats,
     first: float,
     rate: float,
-    plan: Plan,
     times: Floats,
     joints: Floats,
     latest: float,
 ) -> tuple[float, float]:
     """Return the start of a motion on the acquisition's clock, and its standard uncertainty.
 
-    The uncertainty is the jackknife's over blocks of readings, which contains the jitter of the
-    readings' times and the resolution of the encoders.
+    The uncertainty has two parts: the jackknife's over blocks of readings, which contains the
+    jitter of their times; and the resolution of the encoders, from fits to the same motion as
+    encoders that are turned by fractions of a count would read it.
 
     Args:
         rig: The bench.
         velocity: V, of the velocity channel; shape (n,).
         first: s, time of the first sample.
         rate: Hz.
-        plan: The motion, on the controller's clock.
-        times: s, of the encoders' readings on that clock; shape (k,).
+        times: s, of the encoders' readings after the motion's start, on the controller's clock;
+            shape (k,).
         joints: rad, the readings; shape (k, 2).
         latest: s, largest magnitude of the start.
 
@@ -74,48 +80,73 @@ def find_start(
     speed = undelayed(correct(velocity, channel, rate), lag + early)
     rise = columns_of(rig.key, speed, np.zeros_like(speed), rate)[4]
     clock = first + early / rate + np.arange(len(rise)) / rate
-    wanted = _rise_of_joints(plan, joints)
     kept = (times - latest >= clock[0]) & (times + latest <= clock[-1])
-
-    def misfit(readings: np.ndarray) -> Callable[[float], float]:
-        t, r = times[readings], wanted[readings]
-
-        def of(start: float) -> float:
-            basis = np.stack([np.interp(t + start, clock, rise), np.ones_like(t), t], -1)
-            found, *_ = np.linalg.lstsq(basis, r, rcond=None)
-            return float(np.mean((r - basis @ found) ** 2))
-
-        return of
-
-    readings = np.flatnonzero(kept)
+    times, joints = times[kept], joints[kept]
+    wanted = _rise_of_joints(rig, joints)
+    if len(times) < 4 * BLOCKS or np.ptp(wanted) == 0:
+        raise AnalysisError(f"alignment: {len(times)} readings of the encoders are too few")
+    seen = _Seen(clock, rise)
     starts = np.arange(-latest, latest + STEP, STEP)
-    if len(readings) < 4 * BLOCKS or np.ptp(wanted) == 0:
-        raise AnalysisError(f"alignment: {len(readings)} readings of the encoders are too few")
-    whole = misfit(readings)
-    near = float(starts[np.argmin([whole(start) for start in starts])])
-
-    def best(of: Callable[[float], float]) -> float:
-        found: Any = fminbound(of, near - 2 * STEP, near + 2 * STEP, xtol=1e-7)
-        return float(found)
-
-    start = best(whole)
-    unexplained = np.sqrt(whole(start)) / np.std(wanted[readings])
+    near = float(starts[np.argmin([seen.misfit(times, wanted, start) for start in starts])])
+    start = seen.start(times, wanted, near)
+    unexplained = np.sqrt(seen.misfit(times, wanted, start)) / np.std(wanted)
     if not unexplained <= MOST_UNEXPLAINED:
         raise AnalysisError(
             "alignment: encoders and vibrometer do not show the same motion (residual"
             f" {unexplained:.0%} of it)"
         )
+    blocks = np.array_split(np.arange(len(times)), BLOCKS)
     without = [
-        best(misfit(np.setdiff1d(readings, block))) for block in np.array_split(readings, BLOCKS)
+        seen.start(np.delete(times, block), np.delete(wanted, block), start) for block in blocks
     ]
-    std = np.sqrt((BLOCKS - 1) / BLOCKS * np.sum((np.array(without) - np.mean(without)) ** 2))
-    return start, max(float(std), 0.5 / rate)
+    turned = [
+        seen.start(times, _rise_of_joints(rig, reading), start)
+        for reading in _turned(seen.rise_at(times + start), joints, rig.arm.radians_per_count)
+    ]
+    jackknife = (BLOCKS - 1) * np.var(without)
+    return start, float(np.sqrt(jackknife + np.var(turned) + (0.5 / rate) ** 2))
 
 
-def _rise_of_joints(plan: Plan, joints: Floats) -> Floats:
-    """Return the jack's rise [m] at joint angles (rad, (k, 2)), by the joint that turns further."""
-    paths = plan.q1, plan.q2
-    joint = int(np.argmax([np.ptp(path) for path in paths]))
-    path = paths[joint]
-    order = np.argsort(path)
-    return np.interp(joints[:, joint], path[order], plan.jack_rise[order])
+@dataclass(frozen=True)
+class _Seen:
+    """What the vibrometer has seen of the motion."""
+
+    clock: Floats
+    """s."""
+    rise: Floats
+    """m, of the jack."""
+
+    def rise_at(self, time: Floats) -> Floats:
+        """Return the jack's rise [m]."""
+        return np.interp(time, self.clock, self.rise)
+
+    def misfit(self, times: Floats, wanted: Floats, start: float) -> float:
+        """Return the mean square [m^2] of what it does not explain of a rise, for a start [s]."""
+        basis = np.stack([self.rise_at(times + start), np.ones_like(times), times], -1)
+        found, *_ = np.linalg.lstsq(basis, wanted, rcond=None)
+        return float(np.mean((wanted - basis @ found) ** 2))
+
+    def start(self, times: Floats, wanted: Floats, near: float) -> float:
+        """Return the best start [s] near one."""
+        misfit: Callable[[float], float] = partial(self.misfit, times, wanted)
+        found: Any = fminbound(misfit, near - 10 * STEP, near + 10 * STEP, xtol=1e-7)
+        return float(found)
+
+
+def _turned(rise: Floats, joints: Floats, count: float) -> Iterator[Floats]:
+    """Yield readings [rad] of encoders that are turned by fractions of a count.
+
+    The smooth motion that they read is that of the joints as cubic functions of the rise.
+    """
+    smooth = np.stack([np.polyval(np.polyfit(rise, q, 3), rise) for q in joints.T], -1)
+    for turn in product(PHASES, PHASES):
+        phase = np.array(turn) * count
+        yield np.rint((smooth - phase) / count) * count + phase
+
+
+def _rise_of_joints(rig: Rig, joints: Floats) -> Floats:
+    """Return the jack's rise [m] with the finger on the key, at joint angles (rad, (k, 2))."""
+    still = np.zeros_like(joints)
+    centre = fingertip_motion(rig.arm, Motion(joints, still, still))
+    key = key_under_fingertip(rig.key, rig.arm.fingertip_radius, centre)
+    return jack_motion(rig.key, key).position

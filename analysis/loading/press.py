@@ -63,7 +63,8 @@ class Press:
     simulated: bool
     """Whether the stand-in made it; everything derived from it states so."""
     data: "pd.DataFrame"
-    """Columns of `UNITS`, index `time` in s after the trigger; `attrs` holds the units.
+    """Columns of `UNITS`, index `time` in s after the trigger, or after the start of a motion
+    that no edge has started; `attrs` holds the units.
 
     `velocity` is that of the key at the laser, positive downwards, and `deflection` its
     integral; `force` is that of the finger; `jack_rise` and `jack_speed` follow from the angle
@@ -135,7 +136,7 @@ def press_of(recorded: "Recorded") -> Press:
     # An input sampled later than the first has a negative lag: its first row lies before its data.
     early = ceil(max(0.0, -min(lags)) * rate - 1e-9)
     rows = _rows(recorded, max(lags), early)
-    start = (recorded.first_sample + early) / rate
+    start = (recorded.first_sample + early) / rate - recorded.origin
 
     def aligned(signal: Floats, channel: Channel) -> Floats:
         return undelayed(signal, channel.lag * rate + early)[:rows]
@@ -173,7 +174,7 @@ def press_of(recorded: "Recorded") -> Press:
     frame = pd.DataFrame(
         columns_of(rig.key, velocity, force, rate).T,
         columns=_names(),
-        index=pd.Index(recorded.time[early : early + rows], name="time"),
+        index=pd.Index(recorded.time[early : early + rows] - recorded.origin, name="time"),
         copy=False,
     )
     frame.attrs = {"units": UNITS, "simulated": recorded.simulated, "path": str(path)}
@@ -185,7 +186,7 @@ def press_of(recorded: "Recorded") -> Press:
         rate,
         tuple(marks),
         drift,
-        recorded.motion,
+        recorded.motion and replace(recorded.motion, time=recorded.motion.time - recorded.origin),
         tuple(warnings),
     )
 

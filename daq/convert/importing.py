@@ -14,10 +14,11 @@ from sautereau.daq.convert.plausible import doubts
 from sautereau.daq.convert.settings import ChannelColumn, ImportSettings, resolve_options
 from sautereau.daq.convert.times import start_and_rate
 from sautereau.daq.errors import RecordingError
-from sautereau.daq.file.limits import time_faults
+from sautereau.daq.file.limits import FARTHEST_SAMPLE, time_faults
 from sautereau.daq.file.recorded import Block, SessionInfo, Signal
 from sautereau.daq.file.recording import Recording
 from sautereau.daq.signals.calibration import to_volts
+from sautereau.rig.faults import fault_list
 from sautereau.rig.schema import Rig
 
 ENDING = ".importing.part"
@@ -154,7 +155,13 @@ def _import(
         start, rate, warnings = start_and_rate(data[time] * settings.time_unit, rate, source)
     if rate is None:
         raise RecordingError("which sampling rate? give --rate")
-    first = round((start - settings.trigger) * rate)
+    place = (start - settings.trigger) * rate
+    if not abs(place) <= FARTHEST_SAMPLE:
+        raise RecordingError(
+            f"its first sample is {place:.3g} samples from the trigger, beyond FARTHEST_SAMPLE ="
+            f" {FARTHEST_SAMPLE}; correct --trigger, the rate or the times"
+        )
+    first = round(place)
     if first > 0:
         raise RecordingError(
             f"it starts {(start - settings.trigger) * 1e3:.6g} ms after the trigger, so the samples"
@@ -191,19 +198,19 @@ def _recording(
 ) -> Iterator[Recording]:
     """Open a recording whose trigger has the date ``t0_ns``, with its volts; no fault leaves it."""
     ends = (first, first + volts.shape[1])
-    if time_faults(t0_ns, rate, *ends) or any(t0_ns + n * 1e9 / rate < 0 for n in ends):
+    if faults := time_faults(t0_ns, rate, *ends):
+        raise RecordingError(f"{fault_list('its samples', faults)}; correct the rate")
+    if any(t0_ns + n * 1e9 / rate < 0 for n in ends):
         raise RecordingError(
             f"at {rate:.6g} Hz, its {volts.shape[1]} samples from sample {first} on reach beyond"
             " the dates from 1970 to 2262; correct the rate, --trigger or --started"
         )
-    last = first + min(rig.daq.block, volts.shape[1]) - 1
-    arrived = t0_ns + round(last * 1e9 / rate)
     recording = Recording(
         out,
         rig,
         session=session,
         rate=rate,
-        clock=lambda: arrived,
+        t0_ns=t0_ns,
         monotonic=lambda: 0.0,
         ending=ENDING,
     )

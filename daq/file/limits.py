@@ -8,8 +8,8 @@ import numpy as np
 from sautereau.daq.file.recorded import Event, Joints, Plan
 from sautereau.rig.units import shown
 
-HIGHEST_RATE = 1e9
-"""Hz."""
+HIGHEST_RATE = 1e8
+"""Hz; the filter of the previews grows with the rate."""
 FARTHEST_SAMPLE = 2**53
 """Limit of the index of a sample, counted from the trigger."""
 MOST_EVENTS = 100_000

@@ -16,6 +16,7 @@ from sautereau.rig.capabilities import Capabilities, HomingKind
 from sautereau.rig.schema import Rig
 from sautereau.robot.controller import Capture, MotionController, TorqueTable
 from sautereau.robot.drivers.driver import Clock, Driver, Sleep
+from sautereau.robot.drivers.interrupts import Interrupts
 from sautereau.robot.drivers.keep_alive import KeepAlive
 from sautereau.robot.drivers.limits import Limits
 from sautereau.robot.drivers.serial_port import Port, open_port
@@ -104,8 +105,9 @@ class PoweredArm(MotionController, Generic[DriverT]):
         driver = self._make_driver(self._rig, port, self._clock, self._sleep)
         try:
             self._identity = driver.set_up()
-        except BaseException:
+        except BaseException as error:
             driver.close()
+            _say(error, "The motors were not switched on.")
             raise
         self._states.enter(State.OFF)
         self._driver, self._motion, self._played = driver, None, False
@@ -123,6 +125,8 @@ class PoweredArm(MotionController, Generic[DriverT]):
                     self._switch_off(driver)
                 else:
                     self._make_safe(earlier, lambda: self._switch_off(driver))
+            elif earlier is not None:
+                _say(earlier, "The motors are off.")
         finally:
             self._driver = None
             self._states.enter(State.OFF)
@@ -140,18 +144,21 @@ class PoweredArm(MotionController, Generic[DriverT]):
     @contextmanager
     def powered(self) -> Iterator[Self]:
         driver = self._ready("powered")
-        self._states.enter(State.STOPPED)
-        try:
-            driver.switch_on()
-            with self._keep_alive(driver.renew, self._settings.watchdog_period):
-                yield self
-        except BaseException as error:
-            if self._states.on and self._states.now is not State.FAULTED:
-                self._make_safe(error, lambda: self._switch_off(driver))
-            raise
-        else:
-            if self._states.on:
-                self._switch_off(driver)
+        with Interrupts() as interrupts:
+            self._states.enter(State.STOPPED)
+            try:
+                driver.switch_on()
+                with self._keep_alive(driver.renew, self._settings.watchdog_period):
+                    yield self
+            except BaseException as error:
+                interrupts.hold()
+                if self._states.on and self._states.now is not State.FAULTED:
+                    self._make_safe(error, lambda: self._switch_off(driver))
+                raise
+            else:
+                interrupts.hold()
+                if self._states.on:
+                    self._switch_off(driver)
 
     def positions(self) -> Counts:
         return self._connected("positions").positions()
@@ -327,3 +334,9 @@ class PoweredArm(MotionController, Generic[DriverT]):
     def _not_safe(self, reason: str) -> str:
         meanwhile = self.driver.WITHOUT_HOST.format(period=self._settings.watchdog_period)
         return f"The motors are NOT confirmed off ({reason}): press the emergency stop. {meanwhile}"
+
+
+def _say(error: BaseException, state: str) -> None:
+    """Add the motors' state to an interrupt that does not say it yet."""
+    if isinstance(error, KeyboardInterrupt) and not hasattr(error, "__notes__"):
+        error.add_note(state)

@@ -6,14 +6,17 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from pydantic import BaseModel, Field, FiniteFloat, ValidationError
 
 from sautereau.analysis.loading.press import load_press
+from sautereau.rig.compared import comparable
 from sautereau.rig.disk import read_limited, write_durably
+from sautereau.rig.faults import fault_list, validation_faults
 from sautereau.rig.load import current_document, rig_document
 from sautereau.rig.schema import Rig
 from sautereau.robot.errors import RobotError
 from sautereau.robot.experiment.feedforward import torque_table
-from sautereau.robot.experiment.plan import comparable
+from sautereau.robot.experiment.plan import RigDocument
 from sautereau.robot.experiment.session import Item
 from sautereau.robot.experiment.session_folder import differences
 from sautereau.trajectory.errors import TrajectoryError
@@ -27,7 +30,17 @@ LARGEST_DOUBT = 1 / (12 * CUTOFF)
 frequency, beyond which a correction increases the error."""
 HALVINGS = 4
 """Times that the change of a correction is halved where the press cannot be planned."""
+MOST_KNOTS = 10_000
+"""Limit of a correction's points; learning makes about one for each millisecond."""
 _SECTIONS = ("press", "arm", "controller")
+
+
+class _Learned(BaseModel, extra="allow"):
+    """What a correction's text must be before anything of it is used."""
+
+    time: list[FiniteFloat] = Field(max_length=MOST_KNOTS)
+    rise: list[FiniteFloat] = Field(max_length=MOST_KNOTS)
+    learned_for: RigDocument
 
 
 class IterativeLearning:
@@ -180,23 +193,26 @@ def read_learned(path: Path, rig: Rig, feed_forward: str = "") -> Correction:
         TrajectoryError: It holds no valid correction.
     """
     try:
-        found = json.loads(read_limited(path))
-        time, rise = (np.array(found[name], dtype=float) for name in ("time", "rise"))
-        asked = _learned_for(rig, feed_forward)
-        learned_for = comparable(current_document(found["learned_for"]))
-        changes = list(differences({name: learned_for.get(name) for name in asked}, asked))
-    except (OSError, ValueError, KeyError, TypeError) as error:
+        found = _Learned.model_validate_json(read_limited(path))
+    except ValidationError as error:
+        origin = f"learned correction {path}: cannot be read"
+        faults = fault_list(origin, validation_faults(error, _Learned, ""))
+        raise RobotError(f"{faults}\ngive the file that `sautereau learn` wrote") from error
+    except OSError as error:
         raise RobotError(
-            f"learned correction {path}: cannot be read: {type(error).__name__}: {error}; give the"
-            " file that `sautereau learn` wrote"
+            f"learned correction {path}: cannot be read: {error}; give the file that `sautereau"
+            " learn` wrote"
         ) from error
+    asked = _learned_for(rig, feed_forward)
+    learned_for = comparable(current_document(found.learned_for.model_dump()))
+    changes = list(differences({name: learned_for.get(name) for name in asked}, asked))
     if changes:
         raise RobotError(
             f"learned correction {path}: it was learned for another press:\n  "
             + "\n  ".join(changes)
             + "\nlearn again, or press as it was learned"
         )
-    return Correction(time, rise)
+    return Correction(np.array(found.time), np.array(found.rise))
 
 
 def _learned_for(rig: Rig, feed_forward: str) -> dict[str, Any]:

@@ -8,7 +8,7 @@ import numpy as np
 
 from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.loading.alignment import find_start
-from sautereau.daq.file.recorded import BY_EDGE, MOTION, Block, Event, Plan
+from sautereau.daq.file.recorded import BY_EDGE, MOTION, Block, Event
 from sautereau.daq.source.source import Source, open_source
 from sautereau.rig.schema import Rig
 from sautereau.robot.controller import Capture, MotionController
@@ -44,13 +44,8 @@ class MotionSource:
                 self._blocks.append(block)
             yield block
 
-    def motion(self, capture: Capture, plan: Plan) -> Event:
-        """Return the start of the motion, after all blocks have been read.
-
-        Args:
-            capture: The controller's record of it.
-            plan: The motion on the controller's clock.
-        """
+    def motion(self, capture: Capture) -> Event:
+        """Return the start of the motion by the controller's record of it, after all blocks."""
         if self.triggered:
             return Event(capture.trigger_delay, MOTION, BY_EDGE, capture.start_std)
         rate = self.source.rate
@@ -64,7 +59,6 @@ class MotionSource:
                 volts[rows.index("velocity")],
                 -self._before / rate,
                 rate,
-                plan,
                 capture.times,
                 to_angles(capture.counts, self._rig.arm.counts_per_revolution),
                 LATEST,

@@ -32,6 +32,8 @@ class ArmPlant:
         self._frozen: list[float | None] = [None, None]
         self._closed: set[tuple[str, int]] = set()
         self._inverted: set[str] = set()
+        self._cut: set[tuple[str, int]] = set()
+        self._crossed: set[str] = set()
         self._no_index: set[int] = set()
         self._broken: set[int] = set()
         self._places = self._encoders = self._physical(world.finger.joints())
@@ -54,10 +56,16 @@ class ArmPlant:
 
         The home switches conduct below the home positions.
         """
-        on = (switch, 0 if switch == "abort" else axis) in self._closed
-        if not on and switch != "abort":
-            on = self._beyond(switch, axis)
         group = "limit" if switch in ("forward", "reverse") else switch
+        if group in self._crossed:
+            if group == "home":
+                axis = 1 - axis
+            else:
+                switch = "reverse" if switch == "forward" else "forward"
+        key = switch, 0 if switch == "abort" else axis
+        if key in self._cut:
+            return False
+        on = key in self._closed or (switch != "abort" and self._beyond(switch, axis))
         return on != (group in self._inverted)
 
     def _beyond(self, switch: str, axis: int) -> bool:
@@ -175,6 +183,14 @@ class ArmPlant:
     def invert(self, switch: str) -> None:
         """Invert the wiring of limit, home or abort inputs."""
         self._inverted.add(switch)
+
+    def cut(self, switch: str, joint: int) -> None:
+        """Cut the wire of a switch: no current flows."""
+        self._cut.add((switch, 0 if switch == "abort" else joint - 1))
+
+    def cross(self, switch: str) -> None:
+        """Exchange the limit switches of each joint, or the home switches of the joints."""
+        self._crossed.add(switch)
 
     def break_amplifier(self, joint: int) -> None:
         """Make a joint's amplifier report overcurrent from now on."""

@@ -7,7 +7,6 @@ import math
 import os
 import platform
 import statistics
-import tempfile
 import time
 from collections.abc import Callable
 from dataclasses import asdict, replace
@@ -15,6 +14,7 @@ from importlib.metadata import version
 from pathlib import Path
 
 from sautereau.analysis.errors import ModelError
+from sautereau.rig.disk import write_durably
 from sautereau.rig.load import rig_json
 from sautereau.rig.schema import Rig
 from sautereau.sim_backend.errors import SceneError
@@ -86,10 +86,7 @@ def store_trade(rig: Rig, scene: Scene, trade: Trade) -> None:
     path = _path(rig, scene)
     with contextlib.suppress(OSError):  # without a cache it is only slower
         path.parent.mkdir(parents=True, exist_ok=True)
-        handle, name = tempfile.mkstemp(dir=path.parent, suffix=".part")
-        with os.fdopen(handle, "w", encoding="utf-8") as file:
-            json.dump(asdict(trade), file)
-        Path(name).replace(path)
+        write_durably(path, json.dumps(asdict(trade)))
 
 
 def timed(rig: Rig, scene: Scene, drive: Drive) -> tuple[Observation, float, float]:

@@ -156,7 +156,7 @@ def json_text(value: Any) -> str:
     """Return a document as JSON; a text that no parser ends where it is too deep to write."""
     try:
         return json.dumps(value)
-    except RecursionError:
+    except (RecursionError, ValueError):  # too deep, or a part of itself
         return '{"a": ' * 3000
 
 

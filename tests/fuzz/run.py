@@ -25,7 +25,9 @@ from typing import Protocol
 from sautereau.rig.errors import SautereauError
 
 LONGEST = 20.0
-"""s, limit of one case."""
+"""s, limit of one case, on a processor of its own."""
+HANGING = 120.0
+"""s of real time after which a case is ended that may wait for something."""
 MOST_MEMORY = 1 << 30
 """Byte, limit of the process, and of those that it starts."""
 HARD_LIMIT = 4 << 30
@@ -107,19 +109,19 @@ def _work(
             if time.monotonic() >= until:
                 break
             lines.write(json.dumps({"start": number}) + "\n")
-            faulthandler.dump_traceback_later(LONGEST, exit=True, file=hung)
-            start, before = time.monotonic(), peak_memory()
+            faulthandler.dump_traceback_later(HANGING, exit=True, file=hung)
+            start, before = time.process_time(), peak_memory()
             try:
                 said = {"outcome": one(target, name, number)}
             except BaseException:  # noqa: BLE001 (that is what is sought)
                 said = {"failure": traceback.format_exc()}
             faulthandler.cancel_dump_traceback_later()
-            memory = peak_memory()
+            took, memory = time.process_time() - start, peak_memory()
+            if took > LONGEST:
+                said = {"failure": f"{took:.1f} s\n{said}"}
             if memory > MOST_MEMORY >= before:
                 said = {"failure": f"memory {memory / 2**20:.0f} MiB\n{said}"}
-            lines.write(
-                json.dumps({"memory": memory, "time": time.monotonic() - start, **said}) + "\n"
-            )
+            lines.write(json.dumps({"memory": memory, "time": took, **said}) + "\n")
             if memory > MOST_MEMORY:
                 break  # the peak of the next ones could not be seen
         lines.write(json.dumps({"end": True}) + "\n")
@@ -176,6 +178,6 @@ def _collect(folder: Path, at: int, tally: Tally) -> int:
     if current is not None and not ended:
         hung = (folder / "hung").read_text(errors="replace")
         tally.failures[current] = hung or "the process has ended"
-        tally.longest = max(tally.longest, LONGEST if hung else 0.0)
+        tally.longest = max(tally.longest, HANGING if hung else 0.0)
         at = current + 1
     return at

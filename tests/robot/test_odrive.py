@@ -235,19 +235,26 @@ ERRORS = [
         for register in ("", "motor.", "encoder.", "controller.")
     ),
 ]
+BEFORE_POWER = [
+    line
+    for axis in (0, 1)
+    for name, value in (("config.control_mode", 3), ("input_vel", 0), ("input_torque", 0))
+    for line in (f"w axis{axis}.controller.{name} {value}", f"r axis{axis}.controller.{name}")
+]
 HOLD = [
     line
     for axis in (0, 1)
-    for name, value in (
-        ("config.control_mode", 3), ("config.input_mode", 5), ("input_vel", 0), ("input_torque", 0)
+    for line in (
+        f"w axis{axis}.controller.config.input_mode 5",
+        f"r axis{axis}.controller.config.input_mode",
     )
-    for line in (f"w axis{axis}.controller.{name} {value}", f"r axis{axis}.controller.{name}")
-]  # fmt: skip
+]
 ON = [
     "r axis0.config.enable_watchdog",
     "r axis1.config.enable_watchdog",
     "r axis0.config.watchdog_timeout",
     "r axis1.config.watchdog_timeout",
+    *BEFORE_POWER,
     *HOLD,
     "sc",
     HEARD,

@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 from sautereau.sim_backend.devices.odrive.firmware import OdriveFirmware
-from sautereau.sim_backend.devices.odrive.setpoint import Setpoint, Trapezoid, filtered
+from sautereau.sim_backend.devices.odrive.setpoint import Trapezoid
+from sautereau.sim_backend.devices.setpoint import Setpoint, filtered
 
 PERIOD = 1e-3
 TURN = 10_000.0
@@ -350,3 +351,14 @@ def test_the_velocity_of_an_earlier_input_moves_an_axis_that_is_switched_on_agai
         bench.say(line)
     bench.run()
     assert bench.counts[0] == pytest.approx(2 / 20 * TURN, rel=1e-3)
+
+
+def test_writing_the_control_mode_replaces_the_target_by_the_position(bench):
+    bench.say("w axis0.requested_state 8")
+    bench.follows = False
+    bench.say("p 0 0.5")
+    bench.tick()
+    bench.say("w axis0.controller.config.control_mode 3")
+    bench.tick()
+    positions, _ = bench.firmware.reference(np.array([1.0]))
+    assert positions[0, 0] == 0

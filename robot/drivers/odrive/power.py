@@ -27,14 +27,10 @@ POSITION_FILTER, TRAPEZOID = 3, 5
 """Input modes."""
 SWITCHING = 0.5
 """s that an axis may take to change its state."""
-_AT_REST = {
-    "config.control_mode": POSITION_CONTROL,
-    "config.input_mode": TRAPEZOID,
-    "input_vel": 0,
-    "input_torque": 0,
-}
+_BEFORE_POWER = {"config.control_mode": POSITION_CONTROL, "input_vel": 0, "input_torque": 0}
 """Properties of an axis's controller with which it holds its position when it is switched on: the
-firmware keeps the velocity of an earlier input."""
+firmware keeps the velocity of an earlier input. Writing the control mode replaces the target by
+the position, so it is never written in motion."""
 _OFF = tuple(f"w {name}.requested_state {IDLE}" for name in AXES)
 
 
@@ -117,6 +113,9 @@ class Power:
                 if not math.isclose(value := line.read(name), due, abs_tol=2e-6)
             ]
         )
+        line.set(
+            {f"{name}.controller.{key}": due for name in AXES for key, due in _BEFORE_POWER.items()}
+        )
         self.hold()
         self.renew()
         line.confirmed("sc")  # a watchdog that ran out with the motors off counts as an error
@@ -133,9 +132,7 @@ class Power:
 
     def hold(self) -> None:
         """Let both axes end what they follow, and stay there."""
-        self.line.set(
-            {f"{name}.controller.{key}": due for name in AXES for key, due in _AT_REST.items()}
-        )
+        self.line.set({f"{name}.controller.config.input_mode": TRAPEZOID for name in AXES})
 
     def abort(self) -> None:
         """Stop at once, switch the motors off, and verify by reading back.

@@ -22,6 +22,10 @@ FINER = 4
 """Factor by which the steps of the second approach are smaller."""
 
 
+class NoContact(MotionFault):
+    """The finger has met no key."""
+
+
 @dataclass(frozen=True)
 class Creep:
     """How the finger approaches the key."""
@@ -67,7 +71,8 @@ class Touch:
     force: float
     """N, at the end of the last step."""
     uncertainty: float
-    """m, standard uncertainty of the height: the contact is somewhere in the last step."""
+    """m, standard uncertainty of the height: the contact is somewhere in the last step, and the
+    fingertip somewhere within a count of the encoders."""
     by: str
     """What measured it: the force channel, or the motors' torques."""
 
@@ -109,14 +114,15 @@ def touch_at(rig: Rig, controller: MotionController, along: float, creep: Creep)
         creep: How.
 
     Raises:
-        RobotError: There is no contact within the approach, or the force exceeds its limit.
+        NoContact: There is no contact within the approach.
+        RobotError: The force exceeds its limit.
     """
     hover = over_key(rig, along, np.array([rig.press.hover]))[0]
     controller.move_to(hover, approach_speed(rig))
     touch = _creep_down(rig, controller, along, creep.above, -creep.below, creep)
     if touch is None:
         controller.move_to(hover, approach_speed(rig))
-        raise MotionFault(
+        raise NoContact(
             f"setup contact: no contact down to {creep.below * 1e3:g} mm below the surface given by"
             f" the rig, {along * 1e3:.4g} mm in front of the pin; look where the finger is, and"
             " correct arm.base_x and arm.base_z by hand"
@@ -155,7 +161,7 @@ def _creep_down(
                 float(heights[i : i + 2].mean()),
                 (float(joint1), float(joint2)),
                 float(force),
-                creep.step / math.sqrt(12),
+                math.hypot(creep.step, rig.arm.resolution) / math.sqrt(12),
                 "the motors' torques" if by_sensor is None else "the force channel",
             )
     return None
@@ -184,21 +190,32 @@ def play_measured(
     The force [N] is from the motion's start to its end, shape (n,); None where the rig has no
     force channel.
     """
-    controller.load(segments)
-    controller.arm()
     channel = rig.daq.channel("force")
     if channel is None:
+        controller.load(segments)
+        controller.arm()
         controller.start()
         controller.wait()
         return controller.capture(), None
+    capture, volts = play_recorded(rig, controller, segments)
+    return capture, volts[channel.name] * channel.scale
+
+
+def play_recorded(
+    rig: Rig, controller: MotionController, segments: Segments
+) -> tuple[Capture, dict[str, Floats]]:
+    """Play a motion; return the controller's record of it, and the volts by channel, shape (n,)."""
+    controller.load(segments)
+    controller.arm()
     duration = segments.total_samples * rig.controller.sample_period
-    row = rig.daq.channels.index(channel)
     with open_motion(rig, controller, duration) as motion:
         motion.start()
         controller.start()
-        blocks = [block.volts[row, max(0, -block.first_sample) :] for block in motion.blocks()]
+        blocks = [block.volts[:, max(0, -block.first_sample) :] for block in motion.blocks()]
         controller.wait()
-    return controller.capture(), np.concatenate(blocks) * channel.scale
+    volts = np.concatenate(blocks, axis=1)
+    names = [channel.name for channel in rig.daq.channels]
+    return controller.capture(), dict(zip(names, volts, strict=True))
 
 
 def _one_step(rig: Rig, start: Counts, end: Counts, creep: Creep) -> Segments:

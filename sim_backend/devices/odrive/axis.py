@@ -7,7 +7,8 @@ odriverobotics/ODrive, tag fw-v0.5.6.
 from enum import IntEnum
 
 from sautereau.sim_backend.devices.odrive.properties import AXIS
-from sautereau.sim_backend.devices.odrive.setpoint import Setpoint, Trapezoid, filtered
+from sautereau.sim_backend.devices.odrive.setpoint import Trapezoid
+from sautereau.sim_backend.devices.setpoint import Setpoint, between, filtered
 
 
 class State(IntEnum):
@@ -136,6 +137,12 @@ class OdriveAxis:
             self.settings |= {"is_homed": 0.0, "controller.input_vel": 0.0}
             self.error &= ~ENDSTOP_PRESSED
 
+    def take_position(self) -> None:
+        """Replace setpoint and input by the position, as writing the control mode does."""
+        if self.settings["controller.config.control_mode"] >= 3:
+            self.setpoint = Setpoint(self.position, self.setpoint.velocity)
+            self._target = self.position
+
     def feed(self) -> None:
         """Renew the watchdog."""
         self._watch = self.settings["config.watchdog_timeout"]
@@ -210,7 +217,7 @@ class OdriveAxis:
             self.setpoint, _ = filtered(self.setpoint, self._input, self._bandwidth, period)
         else:
             self.setpoint = self._input
-        self._set_cubic(before, period)
+        self.cubic = between(before, self.setpoint, self.per_turn, self.zero, period)
 
     @property
     def _mode(self) -> int:
@@ -264,10 +271,3 @@ class OdriveAxis:
         speed = self.setpoint.velocity + change
         mean = speed - change / 2
         self.setpoint = Setpoint(self.setpoint.position + mean * period, speed)
-
-    def _set_cubic(self, before: Setpoint, period: float) -> None:
-        """Set the cubic from the setpoint before a sample to that after it."""
-        start = self.zero + before.position * self.per_turn
-        step = (self.setpoint.position - before.position) * self.per_turn
-        v0, v1 = (s.velocity * self.per_turn * period for s in (before, self.setpoint))
-        self.cubic = (start, v0, 3 * step - 2 * v0 - v1, v0 + v1 - 2 * step)

@@ -144,8 +144,10 @@ class Machine:
             axis.request(int(value))
         else:
             axis.settings[rest] = value
-            if rest.startswith("min_endstop.config."):
+            if rest in ("min_endstop.config.enabled", "min_endstop.config.debounce_ms"):
                 axis.enable_endstop()
+            elif rest == "controller.config.control_mode":
+                axis.take_position()
         return []
 
     def _named(self, name: str) -> tuple[int, OdriveAxis | None, Property | None, str]:
