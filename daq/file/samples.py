@@ -56,11 +56,16 @@ def read_block(data: memoryview) -> WireBlock:
     Raises:
         ValueError: It is not one that `block_head` starts.
     """
-    start = _HEAD.size + _LENGTH
-    if len(data) < start or (found := _HEAD.unpack_from(data))[::2] != _TAGS:
+    if len(data) <= _HEAD.size or (found := _HEAD.unpack_from(data))[::2] != _TAGS:
         raise ValueError("a block has other fields than those of its message")
-    if data[_HEAD.size : start] != _length(len(data) - start):
-        raise ValueError(f"a block has {len(data) - start} bytes of samples, and says otherwise")
+    length, start = 0, _HEAD.size
+    for byte in data[start : start + _LENGTH]:
+        length |= (byte & 127) << 7 * (start - _HEAD.size)
+        start += 1
+        if byte < 128:
+            break
+    if start + length != len(data):
+        raise ValueError(f"a block has {len(data) - start} bytes of samples instead of {length}")
     return WireBlock(*found[1::2], data=data[start:])
 
 

@@ -255,7 +255,9 @@ def _change(parts: list[Record], dice: random.Random) -> None:
     elif kind == 10 and chunks:
         chunk = dice.choice(chunks)
         channel = struct.pack("<HH", dice.choice((1, 2, 3, 900, 65535)), 1)
-        topic = dice.choice((*mutate.TEXTS, "/daq/velocity", "/daq/x", "/preview/force", "/plan"))
+        topic = dice.choice(
+            (*mutate.TEXTS, "/daq", "/daq/velocity", "/daq/x", "/preview/force", "/plan")
+        )
         content = channel + _packed(topic) + _packed("protobuf") + struct.pack("<I", 0)
         chunk.inner.insert(dice.randrange(len(chunk.inner)), Record(CHANNEL, content))
     else:

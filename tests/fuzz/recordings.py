@@ -17,6 +17,7 @@ from sautereau.daq.convert.export import export
 from sautereau.daq.convert.importing import import_file
 from sautereau.daq.convert.options import ImportOptions
 from sautereau.daq.errors import RecordingError
+from sautereau.daq.file.counts import Scaling
 from sautereau.daq.file.reading import (
     read_parts,
     read_recording,
@@ -42,14 +43,16 @@ SESSION = SessionInfo(
 
 
 def small(path: Path) -> Path:
-    """Write a recording of noise with everything in it, in several chunks."""
+    """Write a recording of the counts of noise with everything in it, in several chunks."""
     rig, t = load_rig(), np.linspace(0, 0.14, 30)
-    volts = np.random.default_rng(3).standard_normal((2, 6000))
+    counts = np.random.default_rng(3).integers(-30_000, 30_000, (2, 6000)).astype(np.int16)
+    scaling = Scaling("int16", np.array([[1e-3, 3e-4, 1e-12], [0.0, 2e-4, 0.0]]))
     clock = iter(range(1_700_000_000_000_000_000, 2**63, 20_000_000)).__next__
-    with Recording(path, rig, session=SESSION, clock=clock) as recording:
+    with Recording(path, rig, session=SESSION, scaling=scaling, clock=clock) as recording:
         recording.write_plan(t, t + 1, t + 2, t + 3)
         for first in range(0, 6000, 1000):
-            recording.write_block(Block(first, volts[:, first : first + 1000]))
+            recording.write_block(Block(first, counts[:, first : first + 1000]))
+            recording.flush()
         recording.event("trigger", "PFI0 rose", 0.0)
         recording.write_joints(Joints(t, t + 4, t + 5))
     return path
