@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import tomlkit
+from tomlkit.items import Array
 
 from sautereau.rig.disk import read_limited, write_durably
 from sautereau.rig.errors import RigError
@@ -127,7 +128,8 @@ def _put(node: Any, keys: list[str], value: TomlValue, source: str) -> None:
         known.update({"value": value} | ({"source": source} if source else {}))
         node[index] = known
     else:
-        node[index] = tomlkit.item(value).multiline(True) if isinstance(value, list) else value
+        item = tomlkit.item(value)
+        node[index] = item.multiline(True) if isinstance(item, Array) else item
 
 
 def _read(path: Path) -> str:

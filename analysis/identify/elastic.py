@@ -17,9 +17,11 @@ equation of motion is integrated, and damped modes cannot diverge.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
+from sautereau.analysis.identify.observed import Observed
 from sautereau.analysis.identify.parameters import FOOT, MODE, Parameter
 from sautereau.trajectory.motion import Floats
 
@@ -39,6 +41,8 @@ LOWEST, HIGHEST = 60.0, 3000.0
 """Hz, bounds of the frequencies."""
 LARGEST_STEP = 0.45 * np.pi
 """Half the angle of a mode in one step, above which its frequency is not exact."""
+LEAST_PERIODS, CLOSE = 4.0, 1.15
+"""Fewest periods of a mode in a press, and least ratio of two frequencies."""
 MOST = 3
 """Largest number of modes."""
 
@@ -94,6 +98,29 @@ def mode_parameters(
         unit = {"frequency": "Hz", "cosine": "N", "sine": "N"}.get(field, "")
         found.append(Parameter(name, unit, value, low, high, mean, std, hidden=True))
     return found
+
+
+def doubtful_modes(
+    free: Sequence[Parameter], values: Floats, presses: Sequence[Observed]
+) -> list[str]:
+    """Return why modes may imitate what else the model lacks; empty where nothing says so."""
+    named = dict(zip((p.name for p in free), values.tolist(), strict=True))
+    frequencies = sorted(mode.frequency for mode in modes_of(named))
+    if not frequencies:
+        return []
+    shortest = min(float(np.ptp(press.time[press.used])) for press in presses)
+    reasons = []
+    if shortest * frequencies[0] < LEAST_PERIODS:
+        reasons.append(
+            f"the key's mode at {frequencies[0]:.3g} Hz has {shortest * frequencies[0]:.2g} periods"
+            f" before the release, and {LEAST_PERIODS:g} are needed: press more slowly"
+        )
+    reasons += [
+        f"the key's modes at {low:.3g} and {high:.3g} Hz are too close to be separated"
+        for low, high in pairwise(frequencies)
+        if high < CLOSE * low
+    ]
+    return reasons
 
 
 def foot_parameter() -> Parameter:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sautereau.analysis.identify.compliant import fit_compliant
-from sautereau.analysis.identify.elastic import mode_names
+from sautereau.analysis.identify.elastic import doubtful_modes, mode_names
 from sautereau.analysis.identify.fit import Fit, fit, inverse_dynamics, rms
 from sautereau.analysis.identify.fixed import (
     CONTACT,
@@ -168,7 +168,11 @@ def evaluate(made: Fit) -> Identified:
     """Return the result of a fit with its uncertainties."""
     found, values, good = made.problem, made.values, quality(made)
     suggested = suggestions(made, good.scale)
-    good = replace(good, reasons=(*good.reasons, *_hidden_by_fit(suggested)))
+    doubts = (
+        *_hidden_by_fit(suggested),
+        *doubtful_modes(found.free, values, found.dynamics.presses),
+    )
+    good = replace(good, reasons=(*good.reasons, *doubts))
     dynamics, point = found.dynamics, values / found.scales
     excess = made.excess * good.repetition
     shown = [k for k, p in enumerate(found.free) if not p.hidden]
