@@ -144,7 +144,7 @@ class Contents:
             return chunks
         numbers = {number for number, topic in self._topics.items() if topic in self._layouts}
         found = [chunk for chunk in chunks if numbers & chunk.channels]
-        dates = [chunk.last for chunk in found[1:]] + [2**64]
+        dates = [*(chunk.last for chunk in found[1:]), 2**64][: len(found)]
         return [chunk._replace(last=date) for chunk, date in zip(found, dates, strict=True)]
 
     def end(self) -> int | None:
