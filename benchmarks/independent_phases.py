@@ -15,15 +15,18 @@ from benchmarks.independent import (
     random_conditions,
 )
 from benchmarks.judged import judged_press
+from benchmarks.phases import coverage
 from sautereau.analysis.loading.press import Press
 from sautereau.analysis.phases import Phases, find_phases
 from sautereau.rig.errors import RigError
 from sautereau.trajectory.motion import Floats
 
-RANDOM, EACH = 100, 1
+RANDOM, EACH = 200, 1
 """Random presses, and presses of each condition of `ONE_FACTOR`."""
 FAR = 5e-3
 """s, error from which on a press without a warning counts as silent."""
+FRACTIONS = (0.55, 0.85), (0.88, 1.0)
+"""Limits of the fractions of errors within their intervals of 68 % and of 95 %."""
 STEEP = 0.8e-3, 4.0
 """s, of the smoothed derivative of the force in the plain threshold beside; and the threshold in
 standard deviations of its calm part."""
@@ -141,16 +144,7 @@ def _figures(name: str, presses: list[Judged]) -> list[Figure]:
             ("95th percentile", np.quantile(error, 0.95), most),
         ):
             figures.append(Figure(f"{name}: {what}, {label}", value * 1e3, "ms", "limit", limit))
-        figures += [
-            Figure(f"{name}: {what}, in its 68 %", float(np.mean(error < std)), "", "meant", 0.68),
-            Figure(
-                f"{name}: {what}, in its 95 %",
-                float(np.mean(error < 1.96 * std)),
-                "",
-                "meant",
-                0.95,
-            ),
-        ]
+        figures += coverage(f"{name}: {what}", error, std, FRACTIONS)
     seconds = statistics.median(each.seconds for each in presses)
     return [*figures, Figure(f"{name}: phases of a press", seconds * 1e3, "ms", "limit", 3.3)]
 

@@ -6,7 +6,6 @@ of the best fit, including their correlation.
 """
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,7 +13,6 @@ import numpy as np
 from sautereau.analysis.phases.fit import ContactFits, KeyAndString
 from sautereau.analysis.phases.release import Release
 from sautereau.analysis.phases.signals import Rows
-from sautereau.analysis.phases.slow import Slow
 from sautereau.rig.schema import Rig
 from sautereau.trajectory.motion import Floats
 
@@ -26,10 +24,6 @@ FINE = 3.0
 """Spacing of a grid, in standard deviations, below which it needs no further refinement."""
 WIDE, EDGE = 4.5, 0.03
 """Half-width of the last grid in standard deviations, and largest probability ratio at its ends."""
-NEAR, NEAR_FRACTION = 1e-3, 0.07
-"""Standard deviation of the approximate contact: in s, and as a fraction of the pluck."""
-DISAGREEMENT = 0.3
-"""Standard uncertainty over the distance from the approximate contact."""
 FIRST_GRID, GRID = 31, 11
 """Instants of the first grid, which is fine enough to show the bend, and of all others."""
 
@@ -57,9 +51,6 @@ def find_contact(
     release: Release,
     common_std: float,
     before: tuple[float, float],
-    near: float | None = None,
-    others: Sequence[tuple[float, Release]] = (),
-    slow: Slow | None = None,
 ) -> Contact | None:
     """Find the contact before a release.
 
@@ -71,30 +62,21 @@ def find_contact(
         release: At which the load falls by the force of the string.
         common_std: s, uncertainty that the rows do not contain: sampling and delay of the sensors.
         before: Time [s] and rise [m] of the jack before which contact is impossible.
-        near: s after the trigger, approximate contact; None for anywhere.
-        others: Contact [s] and release of other strings.
-        slow: Of a compliant key, whose terms the load may contain; None for a rigid one.
 
     Returns:
         The contact; None where there are too few rows.
     """
     if not len(held.time):
         return None
-    fit = KeyAndString(rig, rest, held, release, before, others, slow)
+    fit = KeyAndString(rig, rest, held, release, before)
     low, high = before[0], float(held.time[-2])
-    about = math.inf
-    if near is not None:
-        about = max(NEAR, NEAR_FRACTION * (release.time - near))
-        low, high = max(low, near - 3 * about), min(high, near + 3 * about)
-        if high <= low:
-            return None
     found, middle, std, noise = _sharpest(fit, low, high)
     reach = WIDE * std
     for _ in range(ZOOMS):
         times = np.linspace(max(low, middle - reach), min(high, middle + reach), GRID)
         found = fit.at(times, noise)
         noise = max(1.0, found.noise)
-        score = found.chi2 / noise + ((times - (near or 0.0)) / about) ** 2
+        score = found.chi2 / noise
         chance = np.exp((score.min() - score) / 2)
         middle = float(times @ chance / chance.sum())
         std = math.sqrt(float((times - middle) ** 2 @ chance / chance.sum()))
@@ -106,8 +88,6 @@ def find_contact(
     gain = (fit.free(noise) - float(found.chi2[best])) / noise
     # A common delay of both channels shifts the contact as well.
     std = math.hypot(std, common_std)
-    if near is not None:
-        std = math.hypot(std, DISAGREEMENT * (middle - near))
     return Contact(middle, std, gain, float(found.at_release[best]), noise)
 
 

@@ -13,8 +13,6 @@ BEFORE, AFTER = 4e-3, 2.5e-3
 """s, before and after a fall, of the samples to which its instant is fitted."""
 ROW = 40e-6
 """s, shortest row of this fit."""
-NEAR = 0.7e-3
-"""s, standard deviation of the approximate instant."""
 MOST_MODES, FALL_STD = 3, 0.1
 """Modes of a fit, and relative uncertainty of the fall."""
 LEAST_ROWS = 24
@@ -30,13 +28,15 @@ REACH, TRIED = 2e-3, 33
 
 
 def refine_event(
-    signals: Signals, near: float, force: float, after: float, until: float
+    signals: Signals, near: float, std: float, force: float, after: float, until: float
 ) -> Release:
     """Return the instant of a fall, fitted to the samples around it.
 
     Args:
         signals: Of the press.
         near: s after the trigger, approximate instant.
+        std: s, its standard uncertainty.
+        force: N at the finger, by which the load falls.
         after: s after the trigger, before which nothing is used.
         until: s after the trigger, after which nothing is used.
     """
@@ -45,10 +45,10 @@ def refine_event(
     first, last = max(0, first), min(len(signals.time), last)
     rows = rows_of(signals, first, last, samples)
     if len(rows.time) < LEAST_ROWS:
-        return Release(near, NEAR, force, FALL_STD * force, 0.0, 0.0, 1.0)
+        return Release(near, std, force, FALL_STD * force, 0.0, 0.0, 1.0)
     fit = EventFit(rows, near, samples)
     instants, none = np.linspace(-REACH, REACH, TRIED), np.zeros(0, complex)
-    prior = (instants / NEAR) ** 2
+    prior = (instants / std) ** 2
 
     def sharpest(poles: Poles, noise: float) -> float:
         chi2, _ = fit.scan(instants, np.zeros(0), poles)
@@ -63,7 +63,7 @@ def refine_event(
         starts = {best.instant, sharpest(poles, noise)}
         trials = [fit.refine(np.array([start]), poles) for start in starts]
         gained = best.chi2
-        best = min(trials, key=lambda f: f.chi2 / noise + (f.instant / NEAR) ** 2)
+        best = min(trials, key=lambda f: f.chi2 / noise + (f.instant / std) ** 2)
         gained -= best.chi2
         fits.append(best)
         if gained < LEAST_GAIN * max(1.0, best.chi2 / n):
@@ -74,16 +74,15 @@ def refine_event(
     sums = left[: n // BLOCK * BLOCK].reshape(-1, BLOCK).sum(1)
     noise = max(1.0, float(left @ left) / n, float(sums @ sums) / BLOCK / len(sums))
     score = np.array(
-        [f.chi2 / noise + f.parameters * math.log(n) + (f.instant / NEAR) ** 2 for f in fits]
+        [f.chi2 / noise + f.parameters * math.log(n) + (f.instant / std) ** 2 for f in fits]
     )
     chance = np.exp((score.min() - score) / 2)
     chance /= chance.sum()
     times = np.array([f.instant for f in fits])
     best = fits[int(np.argmin(score))]
     mean = float(times @ chance)
-    variance = float(
-        chance @ ((times - mean) ** 2 + noise * np.array([min(f.variance, 1e-6) for f in fits]))
-    )
+    spread = np.minimum([f.variance for f in fits], LARGEST_VARIANCE)
+    variance = float(chance @ ((times - mean) ** 2 + noise * spread))
     return Release(
         time=near + mean,
         std=math.hypot(math.sqrt(variance), signals.instant_std, DISAGREEMENT * mean),

@@ -4,7 +4,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sautereau.analysis.loading.press import Press
+from sautereau.analysis.model.choirs import choirs
+from sautereau.analysis.phases.by_hand import plucks_by_hand, read_by_hand
 from sautereau.analysis.phases.found import (
+    Fit,
     HeldString,
     Phases,
     ending,
@@ -13,7 +16,7 @@ from sautereau.analysis.phases.found import (
     measured,
     pluck_warnings,
 )
-from sautereau.analysis.phases.plucks import SETTLED, find_plucks
+from sautereau.analysis.phases.plucks import SETTLED, Found, find_plucks
 from sautereau.analysis.phases.release import robust_std
 from sautereau.analysis.phases.signals import LEFT, Signals, rows_of, signals_of, way_down
 from sautereau.trajectory.motion import Floats
@@ -29,11 +32,14 @@ FELT, FELT_SIGNIFICANCE = 0.1, 6.0
 def find_phases(press: Press) -> Phases:
     """Find every contact and release in a press; a press without a pluck has none.
 
+    Instants that were set by hand, in a file beside the recording, are taken as they are.
+
     Returns:
         The phases, with warnings; a key without string or a short recording is no error.
 
     Raises:
-        AnalysisError: Samples of force or velocity are not numbers.
+        AnalysisError: Samples of force or velocity are not numbers, or the file of instants set
+            by hand cannot be read.
     """
     signals = signals_of(press)
     down, peak = way_down(signals), float(signals.force.max(initial=0.0))
@@ -55,7 +61,11 @@ def find_phases(press: Press) -> Phases:
         return Phases(
             float(time[begin]), float(time[end]), (), mean, None, None, (warning,), peak_force=peak
         )
-    found = find_plucks(press.rig, signals, begin, end)
+    by_hand = read_by_hand(press.path)
+    if by_hand is None:
+        found = find_plucks(press.rig, signals, begin, end)
+    else:
+        found = Found(plucks_by_hand(signals, by_hand), Fit("by hand", 1.0))
     plucks = [measured(signals, contact, release) for contact, release in found.plucks]
     contact = plucks[0].contact if plucks else float(time[end])
     contact = max(contact, float(time[begin + LEAST_SAMPLES // 2]))
@@ -77,7 +87,7 @@ def find_phases(press: Press) -> Phases:
         warnings=(
             *ending(signals, begin),
             *pluck_warnings(signals, press.quality_flags, plucks, steady),
-            *fit_warnings(found.fit, found.further),
+            *fit_warnings(found.fit, found.further, plucks, len(choirs(press.rig))),
         ),
         bottomed=_bottomed(signals, begin, plucks),
         returned=_returned(signals, end),

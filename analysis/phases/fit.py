@@ -7,14 +7,13 @@ which ends with the fall at release. The model is linear except for the instant 
 """
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from sautereau.analysis.phases.expected import expected
 from sautereau.analysis.phases.release import Release
 from sautereau.analysis.phases.signals import Rows
-from sautereau.analysis.phases.slow import TERMS, Slow
 from sautereau.rig.schema import Rig
 from sautereau.trajectory.motion import Floats
 
@@ -36,8 +35,9 @@ LEVEL_STD = 10.0
 """N, standard deviation of the constant load."""
 BENDS = 3
 """Columns of the string: linear, quadratic and cubic in the rise."""
-BEND_STD = 0.3, 0.15
-"""Standard deviations of the quadratic and cubic terms over the force at release."""
+BEND_STD = 0.12, 0.1
+"""Standard deviations of the quadratic and cubic terms over the force at release, about those that
+the rig's model expects."""
 DAMPER_STD = 2.0
 """Standard deviation of the stiffness of the damper over that of the rig."""
 BLOCKS = 30
@@ -46,10 +46,8 @@ FALL_STD = 0.03
 """Relative standard deviation of the fall at release about the force of the string."""
 RIDGE = 1e-9
 """Regularisation of the equations for a string without force."""
-STRING_STD = 2.0
-"""Prior standard deviation of the force of an earlier string over the fall at its release."""
-TERMS_STD = 0.1
-"""Standard deviation of the terms of a compliant key about those of the search."""
+LEAST_RISE = 1e-6
+"""m, least rise from contact to release."""
 INERTIA = 4
 """Index of the column of the inertia."""
 
@@ -77,8 +75,6 @@ class KeyAndString:
         held: Of the way to a release.
         release: The release.
         before: Time [s] and rise [m] of the jack before which contact is impossible.
-        others: Contact [s] and release of other strings.
-        slow: Of a compliant key; None for a rigid one.
     """
 
     def __init__(
@@ -88,25 +84,14 @@ class KeyAndString:
         held: Rows,
         release: Release,
         before: tuple[float, float],
-        others: Sequence[tuple[float, Release]] = (),
-        slow: Slow | None = None,
     ):
+        self._expected = expected(rig).bends
         self._path = np.append(before[0], held.time), np.append(before[1], held.rise)
         self._held, n = held, len(rest.time)
         base, self._prior = _base(rig, rest, held)
-        more: list[Floats] = []
-        prior: list[float] = []
-        if slow is not None:
-            more += [*slow.at(held.time)[:, 1:].T]
-            prior += [TERMS_STD] * (len(TERMS) - 1)
-        for contact, other in others:
-            columns, stds = self._other(contact, other)
-            more, prior = [*more, *columns], [*prior, *stds]
-        if more:
-            further = np.concatenate([np.zeros((n, len(more))), np.stack(more, 1)])
-            base, self._prior = np.concatenate([base, further], 1), np.append(self._prior, prior)
         self._white = held.whitener()
-        self._key, load = self._white(base[n:]), self._white(held.load)
+        self._bare_key = base[n:]
+        self._key, load = self._white(self._bare_key), self._white(held.load)
         self._load = load
         self._gram, self._right = self._key.T @ self._key, self._key.T @ load
         self._square = float(load @ load)
@@ -120,12 +105,6 @@ class KeyAndString:
         self._fall, self._slowed = release.fall / self._fall_std, release.slowed / self._fall_std
         self._bend_std = np.array(BEND_STD) * max(1e-3, float(np.ptp(held.load)))
 
-    def _other(self, contact: float, other: Release) -> tuple[list[Floats], list[float]]:
-        """Return the columns of another string of known contact and release, and their priors."""
-        columns = list(self._bare(np.array([contact]), other)[0])
-        stds = [STRING_STD * other.fall, *(np.array(BEND_STD) * other.fall)]
-        return columns, stds
-
     def free(self, noise: float) -> float:
         """Return chi2 of a key without a string; the noise as in `at`."""
         gram, right, square = self._known(noise, None, False)
@@ -133,6 +112,13 @@ class KeyAndString:
         if bound is not None:
             gram, right, square = self._known(noise, bound, False)
         return square - float(right @ np.linalg.solve(gram, right))
+
+    def without_string(self) -> tuple[float, Floats]:
+        """Return a free key's variance of residuals over the noise, and the residuals [N]."""
+        gram, right, _ = self._known(1.0, None, False)
+        factors = np.linalg.solve(gram, right)
+        left = self._load - self._key @ factors
+        return float(left @ left) / len(left), self._held.load - self._bare_key @ factors
 
     def at(self, times: Floats, noise: float) -> ContactFits:
         """Return the fits for instants of contact [s].
@@ -171,11 +157,11 @@ class KeyAndString:
 
     def _string(self, times: Floats) -> Floats:
         """Return the string's columns in units of the noise, shape (instants, BENDS, rows)."""
-        columns = self._bare(times, None)
+        columns = self._bare(times)
         return self._white(columns.reshape(-1, columns.shape[-1]).T).T.reshape(columns.shape)
 
-    def _bare(self, times: Floats, ended: Release | None) -> Floats:
-        """Return the string's columns for a release after the rows, or for this one."""
+    def _bare(self, times: Floats) -> Floats:
+        """Return the string's columns, shape (instants, BENDS, rows)."""
         held, n = self._held, len(times)
         at = np.interp(times, *self._path)
         columns = np.empty((n, BENDS, len(held.time)))
@@ -188,12 +174,11 @@ class KeyAndString:
         row = np.clip(np.floor(place).astype(int), 0, len(held.time) - 2)
         for beside in (row, row + 1):
             line[np.arange(n), beside] += above * np.maximum(1 - np.abs(place - beside), 0.0) ** 3
-        top = held.rise[-1] if ended is None else np.interp(ended.time, *self._path)
-        line /= np.maximum(top - at, 1e-9)[:, None]
+        line /= np.maximum(held.rise[-1] - at, np.maximum(speed * held.step, LEAST_RISE))[:, None]
         np.multiply(line, line - 1, out=square)
         np.multiply(square, line - 0.5, out=cube)
-        if ended is not None:
-            columns *= np.clip((ended.time - held.time) / held.step + 0.5, 0.0, 1.0)
+        quadratic, cubic = self._expected
+        line += quadratic * square + cubic * cube
         return columns
 
     def _fits(

@@ -1,5 +1,6 @@
 """The result of segmenting a press: its phases, its plucks with their forces, and warnings."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
@@ -21,8 +22,9 @@ WEAK = 0.5e-3
 """s, uncertainty above which a contact or a release gives a warning."""
 NEAR = 1e-3
 """s, distance from a contact or release within which a quality flag gives a warning."""
-GOOD, FAIR = 4.0, 15e-3
-"""Variance of residuals over the noise of a good fit, and their rms in N of a fair one."""
+GOOD, RIGID, FAIR = 4.0, 10.0, 15e-3
+"""Variance of residuals over the noise of a good and of a fair fit of a rigid key, and their rms in
+N of a fair fit of a compliant one."""
 DEVIATIONS = 3.0
 """Standard uncertainties within which the true contact may lie."""
 
@@ -56,20 +58,23 @@ class HeldString:
 class Fit:
     """How well the load was explained."""
 
-    model: Literal["rigid", "compliant"]
-    """Of the key: rigid, or one that bends, heaves and rings."""
+    model: Literal["rigid", "compliant", "by hand"]
+    """Of the key: rigid, or one that bends, heaves and rings; or the instants were set by hand."""
     noise: float
     """Dimensionless, largest variance of the residuals over that of the noise."""
     compliance: float = 0.0
     """s^2, over whose square root in s the key deflects under the finger as fast as it turns."""
     residual: float = 0.0
-    """N, rms of the smoothed load that a compliant key does not explain."""
+    """N, rms of the load that is not explained: of the smoothed one on a compliant key, and of a
+    rigid one without a pluck; else 0."""
 
     @property
-    def verdict(self) -> Literal["good", "fair", "poor"]:
+    def verdict(self) -> Literal["good", "fair", "poor", "by hand"]:
         """Whether instants and uncertainties can be relied on."""
+        if self.model == "by hand":
+            return "by hand"
         if self.model == "rigid":
-            return "good" if self.noise < GOOD else "fair"
+            return "good" if self.noise < GOOD else "fair" if self.noise < RIGID else "poor"
         return "fair" if self.residual < FAIR else "poor"
 
 
@@ -137,19 +142,38 @@ def measured(signals: Signals, contact: Contact, release: Release) -> HeldString
     )
 
 
-def fit_warnings(fit: Fit, further: Sequence[Growth]) -> list[str]:
-    """Return warnings about a poor fit, and about growths of the load without a pluck."""
+def fit_warnings(
+    fit: Fit, further: Sequence[Growth], plucks: Sequence[HeldString], strings: int
+) -> list[str]:
+    """Return warnings about a poor fit, growths of the load without a pluck, and missing plucks.
+
+    Args:
+        fit: How well the load was explained.
+        further: Growths without a pluck.
+        plucks: That were found.
+        strings: Number of strings of the rig.
+    """
     found = [
         f"from {growth.contact * 1e3:.5g} to {growth.release * 1e3:.5g} ms the load climbs by"
         f" {growth.force:.3g} N and collapses, and no pluck was found there; plot the phases, and"
         " check the number of strings in the rig"
         for growth in further
     ]
-    if fit.verdict == "poor":
+    if 0 < len(plucks) < strings:
         found.append(
-            f"the key rings and bends: {fit.residual * 1e3:.2g} mN rms of the load are not"
-            " explained, so contact and release may be wrong by more than their uncertainties;"
-            " press more slowly, or check them in a plot"
+            f"plucks of {len(plucks)} of the rig's {strings} strings were found: two may be"
+            " released together, or the press is too short; check the rise of the jack"
+        )
+    if fit.verdict == "poor":
+        left = (
+            f"{fit.residual * 1e3:.2g} mN rms of the load are not explained"
+            if fit.residual
+            else f"the load that is not explained is {math.sqrt(fit.noise):.2g} times its noise"
+        )
+        found.append(
+            f"the key rings and bends, or the rig is of another instrument: {left}, so contact and"
+            " release may be wrong by more than their uncertainties; press more slowly, or check"
+            " them in a plot"
         )
     return found
 

@@ -1,15 +1,18 @@
 """The plucks of a press: of a rigid key where that explains the load, else of a compliant one."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from sautereau.analysis.phases.compliant import compliant_plucks
 from sautereau.analysis.phases.contact import Contact, find_contact
+from sautereau.analysis.phases.event import refine_event
+from sautereau.analysis.phases.expected import expected
 from sautereau.analysis.phases.found import Fit
 from sautereau.analysis.phases.release import LEAST_FALL, Release, find_falls, refine
 from sautereau.analysis.phases.search import Growth
 from sautereau.analysis.phases.signals import Rows, Signals, rows_of
+from sautereau.analysis.phases.unexplained import unexplained
 from sautereau.rig.schema import Rig
 
 STILL = 3e-4
@@ -32,10 +35,20 @@ SETTLED = 3
 """Rows from a release to the earliest contact with the next string."""
 RIGID_NOISE = 10.0
 """Variance of the residuals over the noise below which a rigid key explains the load."""
-RELEASE_WEIGHT = 1.25
-"""Weight of the residuals at a release, where a key rings most."""
-LEAST_SIGNIFICANCE, LEAST_GROWTH = 40.0, 30e-3
-"""Least significance of a pluck on a compliant key, and its least force in N."""
+RINGING, NEAR = 8.0, 0.7e-3
+"""The same at a release, where a key rings most, and beyond which its modes are fitted; and s,
+standard uncertainty of a release before that."""
+SIGNIFICANT, DOUBTFUL = 40.0, 12.0
+"""Least significance of the plucks on a compliant key; and of a warning about another growth, or
+of a pluck that is `CLEAR`."""
+LEAST_GROWTH, CLEAR = 0.2, 20.0
+"""Force over the rms of the load that is not explained: the least, and that of a clear pluck."""
+SLIGHT = 0.01
+"""Least force of a pluck on a compliant key over the range of the finger force, or of the inertia
+if that is larger, on the way down."""
+DISPLACED, CERTAIN = 1.5e-3, 3.0
+"""m, of all contacts from those of the rig, beyond which a rigid key must explain the load with
+this variance instead of `RIGID_NOISE`."""
 
 
 @dataclass(frozen=True)
@@ -62,6 +75,8 @@ def find_plucks(rig: Rig, signals: Signals, begin: int, end: int) -> Found:
         end: Sample at which it reaches its top.
     """
     rows = rows_of(signals, begin, end)
+    if not len(rows.time):
+        return Found([], Fit("rigid", 1.0))
     falls = [
         release
         for fall in find_falls(rows)
@@ -76,24 +91,37 @@ def find_plucks(rig: Rig, signals: Signals, begin: int, end: int) -> Found:
     large = [release for _, release in found if release.fall > LEAST_FRACTION * largest]
     if len(large) < len(found):  # between two plucks the key is free
         found = _contacts(rig, signals, rows.step, begin, large, rest, before)
-    noise = max((max(c.noise, RELEASE_WEIGHT * r.noise) for c, r in found), default=1.0)
-    rigid = Found(found, Fit("rigid", noise))
+    noise = max((max(c.noise, r.noise) for c, r in found), default=1.0)
+    rises = np.interp([c.time for c, _ in found], signals.time, signals.rise)
+    far = np.abs(rises[:, None] - expected(rig).contacts).min(initial=np.inf) > DISPLACED
+    most = CERTAIN if far else RIGID_NOISE
     # A string held together with the next one spoils the fit of its contact on any key.
-    ringing = max((RELEASE_WEIGHT * r.noise for _, r in found), default=1.0)
-    if found and max(ringing, min(c.noise for c, _ in found)) < RIGID_NOISE:
-        return rigid
-    plucks, searched = compliant_plucks(rig, signals, rest, (begin, end), before)
-    further = () if searched.further is None else (searched.further,)
-    if not plucks or not any(_plausible(growth) for growth in searched.growths):
-        missed = () if found else tuple(filter(_plausible, (*searched.growths, *further)))
-        return replace(rigid, further=missed)
-    noise = max(contact.noise for contact, _ in plucks)
-    fit = Fit("compliant", noise, searched.compliance, searched.residual)
-    return Found(plucks, fit, tuple(filter(_plausible, further)))
-
-
-def _plausible(growth: Growth) -> bool:
-    return growth.significance > LEAST_SIGNIFICANCE and growth.force > LEAST_GROWTH
+    if found and min(c.noise for c, _ in found) < most:
+        ends = float(signals.time[begin]), float(signals.time[end])
+        found = [
+            (c, r if r.noise < RINGING else refine_event(signals, r.time, NEAR, r.fall, *ends))
+            for c, r in found
+        ]
+        noise = max(max(c.noise, r.noise) for c, r in found)
+        return Found(found, Fit("rigid", noise))
+    left, rms, missed = unexplained(rig, rest, rows, before)
+    if not found and left < RIGID_NOISE:
+        return Found([], Fit("rigid", left))
+    plucks, searched = compliant_plucks(rig, signals, (begin, end))
+    moved = max(float(np.ptp(signals.force[begin:end])), float(np.ptp(rows.inertia)))
+    least = max(LEAST_GROWTH * searched.residual, SLIGHT * moved)
+    growths = (*searched.growths, *([searched.further] if searched.further else []))
+    doubtful = tuple(g for g in growths if g.significance > DOUBTFUL and g.force > least)
+    clear = CLEAR * searched.residual
+    if plucks and any(
+        g.significance > SIGNIFICANT or g.force > clear for g in searched.growths if g in doubtful
+    ):
+        noise = max(contact.noise for contact, _ in plucks)
+        fit = Fit("compliant", noise, searched.compliance, searched.residual)
+        return Found(plucks, fit, tuple(g for g in doubtful if g not in searched.growths))
+    if found:
+        return Found(found, Fit("rigid", noise), ())
+    return Found([], Fit("rigid", left, 0.0, rms), doubtful or (missed,))
 
 
 def _contacts(

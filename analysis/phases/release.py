@@ -14,7 +14,7 @@ GAP = 2
 """Rows on either side of a fall over which it is spread."""
 SIGNIFICANCE = 8.0
 """Least fall in standard deviations."""
-LEAST_FALL = 0.02
+LEAST_FALL = 4e-3
 """N, least fall of a release."""
 REACH, ROOM = 3, 40
 """Rows: largest error of a candidate, and range on either side for fitting its instant."""
@@ -48,6 +48,10 @@ class Release:
     """Dimensionless, reduction of chi2 compared with a load that only bends."""
     noise: float
     """Dimensionless, variance of the residuals over the assumed noise, at least 1."""
+
+
+NO_RELEASE = Release(math.inf, 1.0, 0.0, 1.0, 0.0, 0.0, 1.0)
+"""A string that is not there."""
 
 
 def find_falls(rows: Rows) -> list[int]:

@@ -14,16 +14,24 @@ All signals are smoothed by one B-spline, so that each derivative is a differenc
 lower order, and relations between the signals hold for the smoothed ones too.
 """
 
+from functools import lru_cache
+
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+from scipy.ndimage import uniform_filter1d
 
 from sautereau.analysis.phases.signals import Signals
 from sautereau.trajectory.motion import Floats
 
-WIDTH, HOPS, ORDER = 1e-3, 6, 6
-"""s, width of the spline's boxcars; blocks of samples in one; number of boxcars."""
+WIDTH, WIDTHS, HOPS, ORDER = 0.9e-3, 110, 6, 8
+"""s, least width of the spline's boxcars; largest number of widths in a way down; blocks of samples
+in one; number of boxcars."""
 MARGIN = 4
 """Widths of signal before and after, as far as there is any."""
-TERMS = {"inertia": 0.4, "F''": 1.5e-5, "F'": 3e-4, "v''": 3e-5, "v'''": 3e-7, "F''''": 3e-12}
+TERMS = {
+    "v1": 0.4, "F2": 1.5e-5, "F1": 3e-4, "v2": 3e-5, "v3": 3e-7, "F4": 3e-12,
+    "F3": 1e-9, "v4": 1e-10, "v5": 3e-13, "F6": 3e-18,
+}  # fmt: skip
 """Prior standard deviations of the terms: dimensionless; s^2, s; kg s, kg s^2; s^4."""
 SUDDEN, CALM = 0.3, 0.2
 """Error of the load over the rms of what is too fast for this relation: impacts and ringing, above
@@ -42,7 +50,8 @@ class Slow:
     """
 
     def __init__(self, signals: Signals, begin: int, end: int):
-        n = max(1, round(WIDTH / HOPS * signals.rate))
+        width = max(WIDTH, (end - begin) / signals.rate / WIDTHS)
+        n = max(1, round(width / HOPS * signals.rate))
         self.hop = n / signals.rate
         self.width = HOPS * self.hop
         first = max(0, begin - MARGIN * HOPS * n)
@@ -59,21 +68,14 @@ class Slow:
         self.time, self.step = self.hops[self._rows], self.hop * (HOPS // 2)
         force, velocity = means(signals.force), means(signals.velocity)
         self._rise, self._speed = means(signals.rise), means(signals.speed)
-        self._slow_force = _convolved(force - force[0], _spline(3, HOPS))
+        self._slow_force = uniform_filter1d(force - force[0], 2 * HOPS + 1, mode="nearest")
         self._lever = float(signals.rise[end] / max(1e-9, signals.deflection[end]))
         self.force, self.force_2 = self.smooth(force), self.smooth(force, 2)
         acceleration = self.smooth(velocity, 1)
-        self.terms = np.stack(
-            [
-                self.inertial * acceleration * TERMS["inertia"],
-                self.force_2 * TERMS["F''"],
-                self.smooth(force, 1) * TERMS["F'"],
-                self.smooth(velocity, 2) * TERMS["v''"],
-                self.smooth(velocity, 3) * TERMS["v'''"],
-                self.smooth(force, 4) * TERMS["F''''"],
-            ],
-            1,
-        )
+        signal = {"v": velocity, "F": force}
+        terms = [std * self.smooth(signal[name[0]], int(name[1])) for name, std in TERMS.items()]
+        terms[0] *= self.inertial
+        self.terms = np.stack(terms, 1)
         """N, the terms times their prior standard deviations; shape (n, 6)."""
         self._rigid = self.force - self.inertial * acceleration
         sudden = force - self.inertial * np.gradient(velocity, self.hop)
@@ -81,12 +83,29 @@ class Slow:
         rms = np.sqrt(np.maximum(self.smooth(sudden**2), 0.0))
         self._error = SUDDEN * np.maximum(rms - float(np.quantile(rms, CALM)), 0.0)
 
-    def smooth(self, signal: Floats, derivative: int = 0) -> Floats:
-        """Return a signal of the blocks, or a derivative of it, smoothed, at the rows."""
-        kernel = _spline(ORDER - derivative, HOPS)
-        for _ in range(derivative):
-            kernel = np.convolve(kernel, np.concatenate([[1.0], np.zeros(HOPS - 1), [-1.0]]))
-        return _convolved(signal, kernel)[self._rows] / self.width**derivative
+    def smooth(self, signal: Floats, *derivatives: int) -> Floats:
+        """Return signals of the blocks, smoothed, or derivatives of that, at the rows.
+
+        Args:
+            signal: Shape (..., blocks).
+            derivatives: Orders; none for the signal itself, shape (..., rows), also for one.
+
+        Returns:
+            Shape (..., rows, orders) for several orders.
+        """
+        orders = derivatives or (0,)
+        kernels = np.stack([_kernel(order) / self.width**order for order in orders], 1)
+        half = len(kernels) // 2
+        padded = np.concatenate(
+            [
+                np.repeat(signal[..., :1], half, -1),
+                signal,
+                np.repeat(signal[..., -1:], half, -1),
+            ],
+            -1,
+        )
+        found = sliding_window_view(padded, len(kernels), -1)[..., self._rows, :] @ kernels
+        return found[..., 0] if len(orders) == 1 else found
 
     def load(self, compliance: float) -> Floats:
         """Return the load [N] for a compliance k [s^2]."""
@@ -97,10 +116,6 @@ class Slow:
         lag = compliance / self.inertial * self._lever * self._slow_force
         return np.maximum.accumulate(self._rise - lag)
 
-    def at(self, time: Floats) -> Floats:
-        """Return the terms at other times [s], shape (times, 6)."""
-        return np.stack([np.interp(time, self.time, term) for term in self.terms.T], 1)
-
     def error(self, time: Floats) -> Floats:
         """Return the standard uncertainty [N] of the load at times [s] by what is too fast."""
         return np.interp(time, self.time, self._error)
@@ -110,18 +125,20 @@ class Slow:
         return self.smooth(self._speed)
 
 
-def _spline(order: int, width: int) -> Floats:
+@lru_cache
+def _kernel(derivative: int) -> Floats:
+    """Return the weights of a smoothed signal's derivative, centred, times the width's power."""
+    kernel = _spline(ORDER - derivative)
+    for _ in range(derivative):
+        kernel = np.convolve(kernel, np.concatenate([[1.0], np.zeros(HOPS - 1), [-1.0]]))
+    if len(kernel) % 2 == 0:  # the mean of both neighbours is centred
+        kernel = np.convolve(kernel, [0.5, 0.5])
+    return np.pad(kernel, (ORDER * HOPS + 1 - len(kernel)) // 2)[::-1]
+
+
+def _spline(order: int) -> Floats:
     """Return the B-spline of a number of boxcars."""
     kernel = np.ones(1)
     for _ in range(order):
-        kernel = np.convolve(kernel, np.full(width, 1 / width))
+        kernel = np.convolve(kernel, np.full(HOPS, 1 / HOPS))
     return kernel
-
-
-def _convolved(signal: Floats, kernel: Floats) -> Floats:
-    """Return a convolution centred on each sample; the ends are continued."""
-    n = len(kernel)
-    every = np.convolve(np.pad(signal, n, mode="edge"), kernel)
-    first = n + n // 2
-    later = every[first : first + len(signal)]
-    return later if n % 2 else (later + every[first - 1 : first - 1 + len(signal)]) / 2

@@ -58,4 +58,5 @@ def press_line(press: Press, phases: Phases) -> str:
             f" {held.contact * 1e3:>8.3f} {held.release * 1e3:>8.3f}"
             f" {held.pluck_duration * 1e3:>8.3f} {held.release_force:>17.4f}"
         )
-    return row + "  simulated" * press.simulated
+    set_by_hand = phases.fit is not None and phases.fit.model == "by hand"
+    return row + "  by hand" * set_by_hand + "  simulated" * press.simulated

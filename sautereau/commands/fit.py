@@ -9,16 +9,36 @@ from sautereau.analysis.summary.text import SOME_SIMULATED
 from sautereau.commands import common
 
 
-def phases(files: list[Path], /, *, plot: common.Picture = None, json: common.Json = False) -> int:
+def phases(
+    files: list[Path],
+    /,
+    *,
+    at: list[str] | None = None,
+    plot: common.Picture = None,
+    json: common.Json = False,
+) -> int:
     """Find contact and release of every string in recorded presses, with uncertainties.
 
     Parameters
     ----------
     files
         Recordings, folders of sessions, or patterns.
+    at
+        Contact and release of a pluck set by hand, "52.1 ms +- 0.3 ms to 72.05 ms +- 0.05 ms";
+        repeat it for several; "none" for a press without a pluck. They are stored beside the one
+        recording, in FILE.phases.toml, and used by all commands until that file is deleted.
     """
     from sautereau.analysis.summary.press import HEADER, press_line
 
+    if at:
+        from sautereau.analysis.errors import AnalysisError
+        from sautereau.analysis.phases.by_hand import write_by_hand
+
+        if len(files) != 1:
+            raise AnalysisError(
+                f"--at: it sets the phases of one recording, and {len(files)} were given; give one"
+            )
+        write_by_hand(files[0], [] if at == ["none"] else at)
     session = common.opened(files)
     warnings = [f"{p.path}: {warning}" for p in session for warning in p.analysed.warnings]
     lines = [HEADER, *(press_line(p.analysed.press, p.phases) for p in session), *warnings]

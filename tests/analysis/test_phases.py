@@ -36,7 +36,8 @@ def cut(press, rows):
 @pytest.mark.parametrize("rate", RATES)
 def test_a_clean_press_is_known_to_a_sample(make_press, rate):
     held, phases = only_pluck(make_press(rate=rate))
-    assert held.contact == pytest.approx(CONTACT, abs=1e-6)
+    # The string's force is straight, and that of the rig's plectrum is not.
+    assert held.contact == pytest.approx(CONTACT, abs=0.3 / rate)
     assert held.release == pytest.approx(RELEASE, abs=0.7 / rate)
     # Sampling, a delay of the low-pass that the calibration may omit, and the two delays' own.
     known = np.hypot(np.hypot(1 / rate, 2 * LAG) / np.sqrt(12), 20e-6 * np.sqrt(2))
@@ -112,7 +113,7 @@ def test_speeds(make_press, speed, contact, release, slope):
 @pytest.mark.parametrize(
     "change",
     [
-        {"slope": 10, "curvature": 1000},
+        {"slope": 30, "curvature": -400},
         *(
             pytest.param(change, marks=pytest.mark.slow)
             for change in ({}, {"slope": 10}, {"rate": 10e3}, {"rate": 100e3})
@@ -124,9 +125,10 @@ def test_the_uncertainty_agrees_with_repeated_presses(make_press, change):
     presses = (make_press(seed=seed, **{**NOISY, "hum": 0.0, **change}) for seed in range(30))
     held = [only_pluck(press)[0] for press in presses]
     scores = [(h.contact - CONTACT) / h.contact_std for h in held]
-    assert 0.6 < np.sqrt(np.mean(np.square(scores))) < 1.4
+    assert 0.5 < np.sqrt(np.mean(np.square(scores))) < 1.4
     errors = [h.contact - CONTACT for h in held]
-    assert abs(np.mean(errors)) < 3 * np.std(errors) / np.sqrt(30) + 1e-5
+    bias = 0.5 * held[0].contact_std  # by the curvature that the rig's model expects
+    assert abs(np.mean(errors)) < 3 * np.std(errors) / np.sqrt(30) + bias
 
 
 @pytest.mark.parametrize("noise", [{}, NOISY, {"force_noise": 0.05}, {"hum": 0.02}])
@@ -274,3 +276,23 @@ def test_pure_noise_is_no_press(make_press):
     phases = find_phases(press)
     assert phases.plucks == ()
     assert phases.warnings
+
+
+@pytest.mark.parametrize("force", [5e-3, 5.0])
+def test_forces_from_5_mn_to_5_n(make_press, force):
+    noise = {"force_noise": force / 100, "velocity_noise": 1e-6}
+    held, _ = only_pluck(make_press(slope=force / 0.02, level=force, **noise))
+    assert held.contact == pytest.approx(CONTACT, abs=0.3e-3)
+    assert held.release == pytest.approx(RELEASE, abs=0.05e-3)
+    assert held.force_drop == pytest.approx(force, rel=0.03)
+
+
+def test_a_gradual_fall_is_no_pluck_but_a_warning_that_says_where(make_press):
+    """As in the force curve of a computer key."""
+    press = make_press(slope=0)
+    time = press.data.index.to_numpy()
+    press.data["force"] += np.interp(time, [0.06, 0.10, 0.13], [0, 0.6, 0.2]) * (time < 0.15)
+    phases = find_phases(press)
+    assert phases.plucks == ()
+    assert phases.fit.verdict == "poor"
+    assert any("climbs by" in warning for warning in phases.warnings)
