@@ -139,6 +139,11 @@ def _varint(value: int) -> bytes:
     return bytes(found) + bytes([value])
 
 
+def wide(value: int) -> bytes:
+    """Return a varint of five bytes."""
+    return bytes(value >> 7 * i & 127 | (128 if i < 4 else 0) for i in range(5))
+
+
 def fields(data: bytes) -> list[tuple[int, int, bytes]]:
     """Return number, wire type and content of the fields of a protobuf message."""
     found, at = [], 0
@@ -195,7 +200,10 @@ def packed(found: list[tuple[int, int, bytes]]) -> bytes:
     data = bytearray()
     for number, kind, content in found:
         data += _varint(number << 3 | kind)
-        data += _varint(len(content)) if kind == 2 else b""
+        if kind == 2:
+            size = len(content)
+            # A block's length always has five bytes.
+            data += _varint(size) if size < 1000 else wide(size)
         data += content
     return bytes(data)
 

@@ -23,20 +23,23 @@ def parts_of(data):
     return mcap.records(data[len(mcap.MAGIC) : -len(mcap.MAGIC)])
 
 
-def messages(parts, channel):
+def messages(parts, topic):
+    """Return the messages of all topics that begin with a text."""
+    named = (mcap.texts(part.body) for part in parts if part.opcode == mcap.METADATA)
+    topics = next(values for name, values in named if name == "channels")
+    numbers = {json.loads(v)["id"] for k, v in topics.items() if k.startswith(topic)}
     inner = [record for part in parts for record in part.inner if record.opcode == mcap.MESSAGE]
-    return [r for r in inner if struct.unpack_from("<H", r.body)[0] == channel]
+    return [r for r in inner if struct.unpack_from("<H", r.body)[0] in numbers]
 
 
 def with_field(topic, number, value):
-    """Change a field of the messages of a topic; channels are numbered in the order of topics."""
+    """Change a field of the messages of a topic."""
 
     def change(parts):
-        numbers = {"samples": (1,), "plan": (4,), "events": (3,)}[topic]
-        for record in [r for n in numbers for r in messages(parts, n)]:
-            found = mcap.fields(record.body[22:])
-            changed = {field[0]: field for field in found} | {number: (number, *value)}
-            record.body = record.body[:22] + mcap.packed(list(changed.values()))
+        for record in messages(parts, topic):
+            found = {field[0]: field for field in mcap.fields(record.body[22:])}
+            found[number] = (number, *value)
+            record.body = record.body[:22] + mcap.packed(sorted(found.values()))
 
     return change
 
@@ -65,13 +68,13 @@ def without_id(text):
 
 
 CHANGES = {
-    "rate": (with_field("samples", 3, double(float("inf"))), "rate: inf Hz"),
-    "slow": (with_field("samples", 3, double(1e-300)), "beyond the dates of 64 bits"),
-    "date": (with_field("samples", 1, (1, b"\xff" * 7 + b"\x7f")), "dates of 64 bits"),
-    "place": (with_field("samples", 4, (1, bytes(7) + b"\x80")), "FARTHEST_SAMPLE"),
-    "plan": (with_field("plan", 1, doubles(0, 1)), "plan: not columns"),
-    "plan NaN": (with_field("plan", 2, doubles(*[np.nan] * 30)), "plan: not columns"),
-    "event": (with_field("events", 15, double(float("nan"))), "no finite time"),
+    "rate": (with_field("/daq", 3, double(float("inf"))), "rate: inf Hz"),
+    "slow": (with_field("/daq", 3, double(1e-300)), "beyond the dates of 64 bits"),
+    "date": (with_field("/daq", 1, (1, struct.pack("<q", 2**63 - 1))), "dates of 64 bits"),
+    "place": (with_field("/daq", 4, (1, struct.pack("<q", -(2**62)))), "FARTHEST_SAMPLE"),
+    "plan": (with_field("/plan", 1, doubles(0, 1)), "plan: not columns"),
+    "plan NaN": (with_field("/plan", 2, doubles(*[np.nan] * 30)), "plan: not columns"),
+    "event": (with_field("/events", 15, double(float("nan"))), "no finite time"),
     "press": (with_text("session", "press", "9" * 30), "is not an integer"),
     "seed": (with_text("session", "seed", "1_000"), "is not an integer"),
     "end": (with_text("end", "stop_sample", str(10**18)), "metadata `end`"),
@@ -96,7 +99,7 @@ def test_values_beyond_what_a_recording_holds(tmp_path, intact, name):
 
 def test_a_plan_without_points_is_none(tmp_path, intact):
     parts = parts_of(intact)
-    (plan,) = messages(parts, 4)
+    (plan,) = messages(parts, "/plan")
     plan.body = plan.body[:22]
     path = tmp_path / "a.mcap"
     path.write_bytes(mcap.together(parts))
