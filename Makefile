@@ -2,15 +2,17 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 OUT ?= out
+# File of exact versions for the environment: `make CONSTRAINTS=constraints.txt test`.
+CONSTRAINTS ?= /dev/null
 # Links to the folders under their import names, for tools that read source text.
 LINKS := build/checked
 
-.PHONY: press test test-all faults lint layers bench docs gallery clean links
+.PHONY: press test test-all fuzz faults lint layers bench docs gallery clean links lock audit sbom dist
 
 $(VENV)/installed: pyproject.toml
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --upgrade "pip>=25.1"
-	$(BIN)/python -m pip install --quiet --editable . --group dev
+	$(BIN)/python -m pip install --quiet --constraint $(CONSTRAINTS) --editable . --group dev
 	touch $@
 
 $(VENV)/peers: $(VENV)/installed
@@ -30,6 +32,9 @@ test: lint
 
 test-all: $(VENV)/peers lint
 	$(BIN)/python -m pytest -q -m "slow or not slow"
+
+fuzz: $(VENV)/installed  ## an hour of hostile input to every format and protocol, counted
+	$(BIN)/python -m tests.fuzz --seconds 3600
 
 faults: $(VENV)/installed  ## inject every fault, and write docs/faults.md
 	SAUTEREAU_FAULTS=docs/faults.md $(BIN)/python -m pytest -q -m "slow or not slow" \
@@ -53,6 +58,27 @@ docs: $(VENV)/installed links  ## the site, into site/
 
 gallery: $(VENV)/installed  ## redraw the README's picture; the site draws the others itself
 	$(BIN)/python -m examples.gallery docs/gallery session.png
+
+lock: $(VENV)/installed  ## the versions of this environment, into constraints.txt
+	$(BIN)/python -m pip freeze --all --exclude-editable > constraints.txt
+
+$(VENV)/audit: $(VENV)/installed
+	$(PYTHON) -m venv $(VENV)/tools
+	$(VENV)/tools/bin/python -m pip install --quiet --group audit && touch $@
+
+audit: $(VENV)/audit  ## consistency, without a network; then known vulnerabilities, with one
+	$(BIN)/python -m pip check
+	$(VENV)/tools/bin/pip-audit --strict --no-deps --disable-pip -r constraints.txt
+
+sbom: $(VENV)/audit  ## what is installed, as CycloneDX, into build/sbom.json
+	mkdir -p build
+	$(VENV)/tools/bin/cyclonedx-py environment --output-reproducible --pyproject pyproject.toml \
+	  -o build/sbom.json $(BIN)/python
+
+dist: $(VENV)/installed  ## the wheel, the same bytes from the same commit, and its checksum
+	SOURCE_DATE_EPOCH=$$(git log -1 --format=%ct) $(BIN)/python -m pip wheel --quiet --no-deps \
+	  --no-build-isolation --wheel-dir dist .
+	cd dist && sha256sum *.whl > SHA256SUMS
 
 clean:
 	rm -rf $(VENV) $(OUT) build site *.egg-info

@@ -35,7 +35,7 @@ class Front:
 PLAIN = ("numpy", "pydantic")
 FITTING = (*PLAIN, "scipy")
 FRONTS = (
-    Front("sautereau", (), 0.3),
+    Front("sautereau", (), 0.15),
     Front("sautereau.rig.load", ("pydantic",), 0.4),
     Front("sautereau.trajectory.press", PLAIN, 0.6),
     Front("sautereau.daq.file.reading", PLAIN, 0.6),
@@ -45,6 +45,7 @@ FRONTS = (
     Front("sautereau.analysis.press.replay", FITTING, 1.2),
     Front("sautereau.robot.drivers.galil.driver", PLAIN, 0.6),
     Front("sautereau.robot.experiment.session", FITTING, 1.2),
+    Front("sautereau.entrance.bench", FITTING, 1.5),
     Front("sautereau.sim_backend.scene", ("pydantic",), 0.5),
     Front("sautereau.sim_backend.physics.observation", PLAIN, 0.8),
     Front("sautereau.sim_backend.bench", (*FITTING, "nidaqmx", "grpc", "pymunk"), 2.5),

@@ -31,9 +31,8 @@ def _help() -> Figure:
 
 
 def _presses(scene: str) -> list[Figure]:
-    from sautereau.analysis.loading.press import load_press
-    from sautereau.analysis.phases import find_phases
-    from sautereau.analysis.session.compare import compare, predict_each
+    from sautereau.analysis.session.analysed import analyse_file
+    from sautereau.analysis.session.conditions import analyse
     from sautereau.robot.drivers.galil.driver import GalilController
     from sautereau.robot.experiment.session import run_session
     from sautereau.sim_backend.bench import StandIn
@@ -43,10 +42,9 @@ def _presses(scene: str) -> list[Figure]:
     marks, found = [], []
 
     def done(path: Path) -> None:
-        press = load_press(path)
-        found.append(find_phases(press))
+        found.append(analyse_file(path))
         plan_press(stand_in.rig)
-        compare(found[-1:], predict_each([press], found[-1:], stand_in.rig))
+        analyse(found[-1:])
         marks.append(time.perf_counter())
 
     with tempfile.TemporaryDirectory() as out, StandIn(load_rig(), load_scene(scene)) as stand_in:
@@ -54,7 +52,7 @@ def _presses(scene: str) -> list[Figure]:
         run_session(rig, plan_press(rig), GalilController(rig), Path(out), PRESSES, on_press=done)
         truth = stand_in.truth()
     times = [after - before for before, after in pairwise(marks)]
-    held = [p.plucks[0] for p in found]
+    held = [one.phases.plucks[0] for one in found]
     contact = max(abs(h.contact - t.contacts[0]) for h, t in zip(held, truth, strict=True))
     release = max(abs(h.release - t.releases[0]) for h, t in zip(held, truth, strict=True))
     limit = 0.1e-3 if scene == "ideal" else 0.3e-3

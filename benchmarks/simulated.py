@@ -162,7 +162,7 @@ def _scene(random: Generator) -> Scene:
     }
     changes: dict[str, object] = {"truth": truth}
     # Rigid bodies spread the force drop at a release over one step.
-    changes |= {"step": 25e-6} if scene.finger == "servo" else {"engine": "reduced"}
+    changes |= {"step": 25e-6} if scene.finger == "servo" else {"engine": "exact"}
     if scene.push is not None:
         longer = {"force": f"{uniform(0.8, 1.5)} N", "duration": "25 ms", "rest": "0 s"}
         changes["push"] = Push.model_validate(longer)

@@ -1,6 +1,7 @@
 """Pages and pictures that the site generates from the program, and equations without a script."""
 
 import ast
+import json
 import re
 import tempfile
 from collections.abc import Iterator
@@ -17,7 +18,7 @@ from sautereau.rig.load import load_rig
 from sautereau.rig.packaged import named_text
 
 ROOT = Path(__file__).parents[1]
-ROOMS = ("rig", "trajectory", "daq", "analysis", "sim_backend", "robot")
+ROOMS = ("entrance", "rig", "trajectory", "daq", "analysis", "sim_backend", "robot")
 _FIGURES = re.compile(r"<!-- figures: ([^:]*?)(?:: (.*?))? -->")
 _EQUATION = re.compile(r'<(span|div) class="arithmatex">\\[(\[](.*?)\\[)\]]</\1>', re.DOTALL)
 
@@ -39,7 +40,12 @@ def on_config(config: MkDocsConfig) -> MkDocsConfig:
 
 def on_files(files: Files, config: MkDocsConfig) -> Files:
     """Add the generated pages."""
-    pages = {"rig-file.md": rig_page(), "commands.md": commands_page()}
+    notebook = Path(config.docs_dir) / "tutorial.ipynb"
+    pages = {
+        "rig-file.md": rig_page(),
+        "commands.md": commands_page(),
+        "tutorial.md": notebook_page(notebook),
+    }
     for room in ROOMS:
         pages[_page(room)] = room_page(room)
         pages |= {_page(name): f"# {name}\n\n::: {name}\n" for name in modules(room)}
@@ -48,6 +54,16 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
     for name, picture in pictures(Path(config.docs_dir)):
         files.append(File.generated(config, name, content=picture))
     return files
+
+
+def notebook_page(path: Path) -> str:
+    """Return a notebook as a page: its text, and its code without outputs."""
+    parts = [f"This page is the notebook [{path.name}]({path.name}), without outputs."]
+    for cell in json.loads(path.read_text(encoding="utf-8"))["cells"]:
+        text = "".join(cell["source"])
+        parts.append(text if cell["cell_type"] == "markdown" else f"```python\n{text}\n```")
+    heading = parts.pop(1)
+    return "\n\n".join([heading, *parts]) + "\n"
 
 
 def pictures(docs: Path) -> Iterator[tuple[str, bytes]]:
@@ -117,8 +133,9 @@ def on_page_content(html: str, page: Page, config: MkDocsConfig, files: Files) -
 def modules(room: str) -> dict[str, str]:
     """Return the modules of a package by dotted name, with the first lines of their docstrings."""
     found = {}
-    for path in sorted((ROOT / room).rglob("*.py")):
-        parts = ("sautereau", *path.relative_to(ROOT).with_suffix("").parts)
+    folder = _folder(room)
+    for path in sorted(folder.rglob("*.py")):
+        parts = ("sautereau", room, *path.relative_to(folder).with_suffix("").parts)
         if path.name != "__init__.py" and not any(part.startswith("_") for part in parts):
             docstring = ast.get_docstring(ast.parse(path.read_text(encoding="utf-8"))) or ""
             found[".".join(parts)] = docstring.partition("\n")[0]
@@ -127,11 +144,15 @@ def modules(room: str) -> dict[str, str]:
 
 def room_page(room: str) -> str:
     """Return the page with the list of a package's modules."""
-    head = ast.get_docstring(ast.parse((ROOT / room / "__init__.py").read_text(encoding="utf-8")))
+    head = ast.get_docstring(ast.parse((_folder(room) / "__init__.py").read_text(encoding="utf-8")))
     rows = [f"| [{name}]({_page(name)}) | {what} |" for name, what in modules(room).items()]
     return "\n".join([f"# {room}", "", head or "", "", "| module | |", "|---|---|", *rows]).replace(
         f"(api/{room}/", "("
     )
+
+
+def _folder(room: str) -> Path:
+    return ROOT / ("sautereau/entrance" if room == "entrance" else room)
 
 
 def _page(module: str) -> str:

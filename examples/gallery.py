@@ -25,7 +25,7 @@ def pictures() -> dict[str, Callable[[Path], None]]:
     """Return the functions that draw the plots, by the name of the file."""
     rig = load_rig()
     return {
-        "session.png": lambda path: session.plot(path, session.study()),
+        "session.png": lambda path: session.study(picture=path),
         "levels.png": lambda path: levels.plot(path, rig),
         "voicing.png": lambda path: voicing.plot(path, voicing.study(rig)),
         "fast_keys.png": lambda path: fast_keys.plot(path, fast_keys.study(rig)),

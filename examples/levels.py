@@ -20,7 +20,7 @@ def study(rig: Rig) -> dict[str, float]:
 
 def plot(path: str | Path, rig: Rig) -> None:
     """Write the plot of shape, path and force of every level to a file."""
-    pluck_figure(rig, LEVELS.names()).savefig(path, dpi=120)
+    pluck_figure(rig, LEVELS.names()).savefig(path, dpi=90)
 
 
 def main() -> None:

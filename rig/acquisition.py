@@ -58,8 +58,9 @@ class Channel(Section):
     calibrated: date | None = None
     """Date of the calibration."""
     quantity: Annotated[str, NameIn(MEASURED)]
-    """What the channel measures: `velocity` of the key's front, positive downwards; `force` of
-    the finger on the key, positive where it presses; or a quantity of another package."""
+    """What the channel measures: `velocity`, `displacement` or `acceleration` of the key's front,
+    positive downwards; `force` of the finger on the key, positive where it presses;
+    `sound_pressure`; `voltage`; or a quantity of another package."""
     scale: Annotated[float, UnitBy("quantity", MEASURED.names, _scale_unit)] = Field(gt=0)
     """Of the sensor: measured quantity per volt."""
 

@@ -14,7 +14,8 @@ class Controller(Section):
     """The motor controller."""
 
     kind: Annotated[str, NameIn(CONTROLLERS, imported=False)] = "galil"
-    """`galil` (DMC-4x), `odrive` (3.x with firmware 0.5.x), or a kind of another package."""
+    """`galil` (DMC-4x), `odrive` (3.x with firmware 0.5.6), `dynamixel` (bus
+    servos of the X series), or a kind of another package."""
     port: str = Field(min_length=1)
     """Serial device, `tcp://host:port` of a controller on Ethernet (a Galil's port is 23), or
     pyserial's `socket://` or `rfc2217://` of a port behind a network."""
@@ -72,3 +73,5 @@ class Controller(Section):
     """Settings that the controller kept in its memory when it was verified."""
     verified_on: str = ""
     """Date of that verification."""
+    verified_results: tuple[str, ...] = ()
+    """What each of its steps has found, and what it could not measure."""

@@ -17,6 +17,8 @@ from sautereau.rig.schema import Arm
 from sautereau.rig.units import parse_quantity
 
 _COLUMN = re.compile(r"\s*(\w+)\s*(?:[\[(]\s*([^\])]*?)\s*[\])])?\s*")
+MOST_ROWS = 20_000
+"""Limit of a file's rows."""
 _LISTED = 5  # faults in one message
 _GESTURE = {"time": "s", "rise": "m"}
 _TOUCHED_POINTS = {"point": "m", "joint1": "rad", "joint2": "rad"}
@@ -104,6 +106,11 @@ def read_columns(
         raise RigError(
             f"{what} {path}: cannot be read: {error}; give the path of a UTF-8 text file"
         ) from error
+    if len(rows) > MOST_ROWS:
+        raise RigError(
+            f"{what} {path}: {len(rows)} rows, more than the limit MOST_ROWS = {MOST_ROWS}; thin it"
+            " out"
+        )
     columns, faults = _columns(rows[0] if rows else [], units)
     if faults:
         raise RigError(f'{what} {path}: {"; ".join(faults)}; start the file with "{example}"')

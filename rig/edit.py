@@ -54,7 +54,11 @@ class Edit:
             ) from error
 
 
-def edit_rig(path: str | Path, values: Mapping[str, str | float], source: str = "") -> Edit:
+Value = str | float | list[str]
+"""As TOML writes it."""
+
+
+def edit_rig(path: str | Path, values: Mapping[str, Value], source: str = "") -> Edit:
     """Put values into the text of a rig file.
 
     A value written as a table keeps its table without the assumed range, since it is now known.
@@ -78,7 +82,7 @@ def edited_text(
     text: str,
     origin: str,
     folder: Path,
-    values: Mapping[str, str | float],
+    values: Mapping[str, Value],
     source: str = "",
 ) -> str:
     """Return the text of a rig file with new values; see `edit_rig`.
@@ -109,7 +113,7 @@ def edited_text(
     return after
 
 
-def _put(node: Any, keys: list[str], value: str | float, source: str) -> None:
+def _put(node: Any, keys: list[str], value: Value, source: str) -> None:
     """Set the value at a key of the document; only the last part of the key may be new."""
     *parents, last = keys
     for key in parents:
@@ -124,7 +128,7 @@ def _put(node: Any, keys: list[str], value: str | float, source: str) -> None:
         known.update({"value": value} | ({"source": source} if source else {}))
         node[index] = known
     else:
-        node[index] = value
+        node[index] = tomlkit.item(value).multiline(True) if isinstance(value, list) else value
 
 
 def _read(path: Path) -> str:

@@ -1,5 +1,6 @@
 """Read a rig file, report all its faults at once, and write a rig back."""
 
+import copy
 import json
 import logging
 import re
@@ -7,6 +8,7 @@ import tomllib
 from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 from pydantic import BaseModel, ValidationError
@@ -42,7 +44,28 @@ def load_rig(name: str | Path = "paper") -> Rig:
     return parse_rig(*named_text(name, "sautereau.rig", "rig", RigError))
 
 
-def parse_rig(text: str, origin: str = "rig", folder: Path | None = None) -> Rig:
+def load_rig_to_acquire(name: str | Path) -> Rig:
+    """Load a rig to record without a press: its file may have `[daq]` alone, and a `name`.
+
+    The other values are then those of the packaged rig, and `Rig.daq_only` says so.
+
+    Raises:
+        RigError: Lists every fault of the file.
+    """
+    text, origin, folder = named_text(name, "sautereau.rig", "rig", RigError)
+    if not set(read_toml(text, origin, RigError)) <= {"name", "daq"}:
+        return parse_rig(text, origin, folder)
+    packaged, *_ = named_text("paper", "sautereau.rig", "rig", RigError)
+    others = read_toml(packaged, "paper", RigError) | {"name": Path(name).stem}
+    return parse_rig(text, origin, folder, others).model_copy(update={"daq_only": True})
+
+
+def parse_rig(
+    text: str,
+    origin: str = "rig",
+    folder: Path | None = None,
+    others: Mapping[str, Any] = MappingProxyType({}),
+) -> Rig:
     """Build a rig from the text of a TOML file.
 
     A key that was renamed is accepted under its old name, with a note on standard error.
@@ -51,11 +74,12 @@ def parse_rig(text: str, origin: str = "rig", folder: Path | None = None) -> Rig
         text: TOML.
         origin: Name of the rig in messages.
         folder: Folder of the files that it names; None for the working directory.
+        others: Tables for those that the text lacks, as read from TOML.
 
     Raises:
         RigError: Lists every fault.
     """
-    document = read_toml(text, origin, RigError)
+    document = {**others, **read_toml(text, origin, RigError)}
     for old in rename_keys(document):
         name = RENAMED_KEYS[old].rpartition(".")[2]
         _LOG.warning("%s: %s", origin, at_line(line_of(text, old), f"rename {old} to {name}"))
@@ -107,7 +131,8 @@ def with_values(rig: Rig, values: Mapping[str, Any]) -> Rig:
             continue
         node[last] = value
     changed = _validated(document, f"rig {rig.name}", faults)
-    return changed.model_copy(update={"assumed": rig.assumed, "sources": rig.sources})
+    kept = {"assumed": rig.assumed, "sources": rig.sources, "daq_only": rig.daq_only}
+    return changed.model_copy(update=kept)
 
 
 def rig_document(rig: Rig) -> dict[str, Any]:
@@ -117,7 +142,8 @@ def rig_document(rig: Rig) -> dict[str, Any]:
 
 def rig_json(rig: Rig) -> str:
     """Return the resolved rig as JSON text, for a recording's metadata."""
-    return json.dumps({"values": rig_document(rig), "assumed": rig.assumed, "sources": rig.sources})
+    stored = {"values": rig_document(rig), "assumed": rig.assumed, "sources": rig.sources}
+    return json.dumps(stored | ({"daq_only": True} if rig.daq_only else {}))
 
 
 @lru_cache(maxsize=8)
@@ -141,7 +167,8 @@ def rig_from_json(text: str) -> Rig:
             name: {current_key(key): about for key, about in stored[name].items()}
             for name in ("assumed", "sources")
         }
-        return _validated(values | origins, origin)
+        alone = {"daq_only": True} if stored.get("daq_only") is True else {}
+        return _validated(values | origins | alone, origin)
     except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
         raise RigError(
             f"{origin}: {type(error).__name__}: {error}; only text written by rig_json can be read"
@@ -216,6 +243,8 @@ def _split_origins(document: dict[str, Any]):
     for name in _ORIGINS & set(values):
         del values[name]
         faults.append((name, "unknown key; write it into the table of each quantity"))
+    if "daq_only" in values:
+        faults.append(("daq_only", "unknown key; a recording of a rig with [daq] alone has it"))
     return values, assumed, sources, faults
 
 
@@ -266,7 +295,7 @@ def current_document(document: dict[str, Any]) -> dict[str, Any]:
     Args:
         document: As `rig_document` returned it, or a part of it; left unchanged.
     """
-    current = json.loads(json.dumps(document))
+    current = copy.deepcopy(document)
     rename_keys(current)
     _complete(current, Rig)
     return current

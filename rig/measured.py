@@ -1,4 +1,4 @@
-"""The quantities that an analog input can measure: velocity and force, and those of other packages.
+"""The quantities that an analog input can measure, and those of other packages.
 
 A channel of the acquisition names its quantity; unit and dimension of its `scale` follow from it.
 """
@@ -44,11 +44,40 @@ FORCE = MeasuredQuantity(
     "the finger presses on the key",
     "1 N/V",
 )
+DISPLACEMENT = MeasuredQuantity(
+    "displacement",
+    "m",
+    "displacement of the key's front, under the sensor's spot, from its rest",
+    "the key's front is below its rest",
+    "1 mm/V",
+)
+ACCELERATION = MeasuredQuantity(
+    "acceleration",
+    "m/s**2",
+    "acceleration of the key's front, where the laser points",
+    "the key's front accelerates downwards",
+    "98.1 m/s^2/V",
+)
+SOUND_PRESSURE = MeasuredQuantity(
+    "sound_pressure",
+    "Pa",
+    "sound pressure at a microphone",
+    "the pressure is above its mean",
+    "20 Pa/V",
+)
+VOLTAGE = MeasuredQuantity(
+    "voltage",
+    "V",
+    "voltage of a source that is none of the others",
+    "as the input is wired",
+    "1 V/V",
+)
 
+NAMES = ("velocity", "force", "displacement", "acceleration", "sound_pressure", "voltage")
 MEASURED = Registry(
     "sautereau.measured_quantities",
     "measured quantity",
-    {name: f"sautereau.rig.measured:{name.upper()}" for name in ("velocity", "force")},
+    {name: f"sautereau.rig.measured:{name.upper()}" for name in NAMES},
     RigError,
 )
-"""Each is a `MeasuredQuantity`."""
+"""Each is a `MeasuredQuantity`. The analysis uses velocity and force; the others are recorded."""

@@ -134,6 +134,7 @@ CONTROLLERS = Registry(
     {
         "galil": "sautereau.robot.drivers.galil.driver:GalilController",
         "odrive": "sautereau.robot.drivers.odrive.driver:OdriveController",
+        "dynamixel": "sautereau.robot.drivers.dynamixel.driver:DynamixelController",
     },
     RigError,
 )

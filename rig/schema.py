@@ -31,6 +31,12 @@ RotorInertia = Annotated[float, Unit("kg*m**2", "1e-6 kg m^2"), Field(ge=0)]
 GearRatio = Annotated[float, Field(gt=0)]
 
 
+LEAST_INTERVAL = 0.999e-6
+"""s, between the points of a gesture."""
+LONGEST_GESTURE = 60.0
+"""s."""
+
+
 class Gesture(Section):
     """A recorded gesture: the jack's rise over time."""
 
@@ -46,8 +52,16 @@ class Gesture(Section):
             faults.append(
                 f"gesture: {len(self.time)} times and {len(self.rise)} rises; give equally many"
             )
-        if self.time[0] != 0 or any(b <= a for a, b in pairwise(self.time)):
-            faults.append("gesture: time must start at 0 s and increase; sort or shift the times")
+        if self.time[0] != 0 or any(b - a < LEAST_INTERVAL for a, b in pairwise(self.time)):
+            faults.append(
+                "gesture: time must start at 0 s and increase by 1 us or more; sort, shift or thin"
+                " out the times"
+            )
+        if self.time[-1] > LONGEST_GESTURE:
+            faults.append(
+                f"gesture: it lasts {self.time[-1]:.4g} s, more than {LONGEST_GESTURE:g} s; check"
+                " the unit of the file"
+            )
         if abs(self.rise[0]) > 1e-6:
             faults.append(
                 f"gesture: it starts at a rise of {self.rise[0] * 1e3:.4g} mm, not at 0 mm;"
@@ -155,6 +169,11 @@ class Arm(Section):
         """Angle of a joint per encoder count, rad."""
         return 2 * math.pi / self.counts_per_revolution
 
+    @property
+    def resolution(self) -> float:
+        """Distance that the fingertip moves, at most, when joint 1 turns by a count, m."""
+        return self.radians_per_count * (self.upper_length + self.lower_length)
+
     @model_validator(mode="after")
     def _limits_in_order(self):
         for joint, (low, high) in enumerate(zip(self.lower_limits, self.upper_limits, strict=True)):
@@ -192,6 +211,8 @@ class Rig(Section):
     """Plausible range (SI) of every value without a source, by its dotted key."""
     sources: dict[str, str] = Field(default_factory=dict, repr=False, exclude=True)
     """Source of a value, by its dotted key."""
+    daq_only: bool = Field(default=False, repr=False, exclude=True)
+    """Whether the rig file had `[daq]` alone, so that every other value is the packaged rig's."""
 
     @model_validator(mode="after")
     def _parts_fit(self):

@@ -124,8 +124,8 @@ class UnitBy:
 
     @property
     def name(self) -> str:
-        """All units that there are: `m/s/V or N/V`."""
-        return " or ".join(dict.fromkeys(self.unit(name).name for name in self.names()))
+        """All units that there are: `m/s/V, N/V`."""
+        return ", ".join(dict.fromkeys(self.unit(name).name for name in self.names()))
 
     def __get_pydantic_core_schema__(
         self, source: Any, handler: GetCoreSchemaHandler

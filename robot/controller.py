@@ -6,6 +6,7 @@ from typing import Protocol, Self
 
 import numpy as np
 
+from sautereau.rig.capabilities import Capabilities
 from sautereau.trajectory.motion import Floats
 from sautereau.trajectory.segments import Counts, Segments
 
@@ -25,7 +26,7 @@ class Capture:
     """The record of one motion, on the controller's clock."""
 
     samples: Counts
-    """Controller samples since the capture and the motion started; shape (n,)."""
+    """Controller samples since the motion started, negative before it; shape (n,)."""
     counts: Counts
     """Counts, absolute joint positions; shape (n, 2)."""
     sample_period: float
@@ -36,7 +37,9 @@ class Capture:
     torques: Floats | None = None
     """N m, commanded to the amplifiers; shape (n, 2). None as above."""
     trigger_delay: float = 0.0
-    """s, from the trigger's edge at the acquisition to the start of the motion."""
+    """s, from the trigger's edge at the acquisition to the start of the motion; 0 without one."""
+    start_std: float = 0.0
+    """s, standard uncertainty of the motion's start: of that delay, or of a streamed motion."""
 
     def __len__(self) -> int:
         return len(self.samples)
@@ -45,11 +48,6 @@ class Capture:
     def times(self) -> Floats:
         """s, since the motion started; shape (n,)."""
         return self.samples.astype(np.float64) * self.sample_period
-
-    @property
-    def times_after_trigger(self) -> Floats:
-        """s, since the trigger's edge, on the clock of the acquisition; shape (n,)."""
-        return self.times + self.trigger_delay
 
 
 class Player(Protocol):
@@ -88,16 +86,21 @@ class Player(Protocol):
 class MotionController(Player, Protocol):
     """Two joints that play a loaded motion.
 
-    A controller that stores motions (Galil) plays them by itself: it sets the trigger output,
-    starts the motion `Capture.trigger_delay` after that edge and records the encoders, and the
-    host's timing does not matter. To one that stores none (ODrive) the host streams the motion,
-    and the times of a press are the host's.
+    A controller that stores motions plays them by itself: it sets the trigger output, starts
+    the motion `Capture.trigger_delay` after that edge and records the encoders, and the host's
+    timing does not matter. To one that stores none the host streams the motion, and the times
+    of a press are the host's. `capabilities` says which it is.
 
     Calls of a press: ``connect``, ``powered``, ``home``, ``move_to`` its start, ``load``,
     ``arm``, ``start``, ``wait``, ``capture``. The controller is a context manager for the
     connection. Every call raises `RobotError`, and `NotReady` where it is out of order.
     `sautereau.robot.drivers.powered_arm.PoweredArm` implements it for a small `Driver`.
     """
+
+    @property
+    def capabilities(self) -> Capabilities:
+        """What it can do; also before it is connected."""
+        ...
 
     @property
     def identity(self) -> str:
@@ -121,7 +124,7 @@ class MotionController(Player, Protocol):
         ...
 
     def home(self) -> Counts:
-        """Find the home switches; return the joint positions (counts, (2,)) set there."""
+        """Find home, as `capabilities` says; return its joint positions (counts, (2,))."""
         ...
 
     def move_to(self, counts: Counts, speed_counts_per_s: float) -> Counts:
@@ -146,14 +149,15 @@ class MotionController(Player, Protocol):
                 loops, from the start of motion on; None for none.
 
         Raises:
-            UnsafeRequest: The limits or the controller forbid it; nothing was sent.
+            UnsafeRequest: The limits or the `capabilities` forbid it; nothing was sent.
         """
         ...
 
     def check_home(self) -> None:
         """Check that the home switches are where they were found.
 
-        The arm moves to either side of them, `controller.home_tolerance` away.
+        The arm moves to either side of them, `controller.home_tolerance` away. Without switches
+        nothing is checked.
 
         Raises:
             MotionFault: An encoder has slipped, or a switch has moved; the motors are off.

@@ -74,6 +74,8 @@ _FIXES = {
     6: "a number is out of the controller's range: compare the rig file with the manual",
     7: "a motion is running: call wait() or stop() first",
     20: "the motors are off: check the emergency stop, then enter powered() again",
+    19: "an automatic routine of its program runs, because an error persists: check the"
+    " amplifiers' power and the motors' cables, then connect() again",
     82: "its program and arrays are lost, as after a reset: check its power, then connect() again",
     22: "a limit is active: move the arm off it by hand, then home()",
 }

@@ -1,9 +1,68 @@
 """Robot experiments on keyboard instruments, from the motor to the fitted model.
 
-In the repository, the folders beside this one are its subpackages: `rig/` is imported as
-`sautereau.rig`, and likewise trajectory, daq, analysis, sim_backend and robot.
+    import sautereau as st
+
+    rig = st.Rig("my-rig.toml")
+    with st.stand_in(rig, scene="paper", seed=1) as bench:
+        session = bench.press(5, out="monday")
+    print(session.compare())
+
+Names are imported when they are first used. In the repository, the folders beside this one are its
+subpackages: `rig/` is imported as `sautereau.rig`, and likewise trajectory, daq, analysis,
+sim_backend and robot.
 """
 
-from importlib.metadata import version
+from importlib import import_module
+from typing import TYPE_CHECKING
 
-__version__ = version("sautereau")
+if TYPE_CHECKING:
+    from sautereau.entrance.bench import Bench as Bench
+    from sautereau.entrance.bench import bench as bench
+    from sautereau.entrance.bench import stand_in as stand_in
+    from sautereau.entrance.comparison import Comparison as Comparison
+    from sautereau.entrance.fit import Fit as Fit
+    from sautereau.entrance.plan import Plan as Plan
+    from sautereau.entrance.prediction import Prediction as Prediction
+    from sautereau.entrance.rig import Rig as Rig
+    from sautereau.entrance.session import PressFile as PressFile
+    from sautereau.entrance.session import Session as Session
+    from sautereau.entrance.session import open as open
+    from sautereau.entrance.session import watch as watch
+    from sautereau.entrance.sweep import Sweep as Sweep
+    from sautereau.robot.experiment.steps import ask as ask
+    from sautereau.robot.experiment.steps import press as press
+    from sautereau.robot.experiment.steps import repeat_until as repeat_until
+    from sautereau.robot.experiment.steps import scan as scan
+
+    __version__: str
+
+_NAMES = {
+    "entrance.bench": ("Bench", "bench", "stand_in"),
+    "entrance.comparison": ("Comparison",),
+    "entrance.fit": ("Fit",),
+    "entrance.plan": ("Plan",),
+    "entrance.prediction": ("Prediction",),
+    "entrance.rig": ("Rig",),
+    "entrance.session": ("PressFile", "Session", "open", "watch"),
+    "entrance.sweep": ("Sweep",),
+    "robot.experiment.steps": ("ask", "press", "repeat_until", "scan"),
+}
+"""Names of the entrance by their modules."""
+
+
+def __getattr__(name: str) -> object:
+    for module, names in _NAMES.items():
+        if name in names:
+            found = globals()[name] = getattr(import_module(f"sautereau.{module}"), name)
+            return found
+    if name == "__version__":
+        from importlib.metadata import version
+
+        return version("sautereau")
+    raise AttributeError(f"module 'sautereau' has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return sorted(
+        [*globals(), "__version__", *(name for names in _NAMES.values() for name in names)]
+    )

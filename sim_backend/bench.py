@@ -162,9 +162,9 @@ class Bench:
     def _on_output(self, number: int, level: bool) -> None:
         if not self._powered_up:  # burned levels: there was nobody to see their edges
             return
-        if level != self._inverted and number == self.rig.controller.trigger_output:
+        if number == self.rig.controller.trigger_output:
             within = self.firmware.phase * self.rig.controller.sample_period
-            self.card.edge(within + self._output_delay)
+            self.card.edge(within + self._output_delay, falling=level == self._inverted)
 
     def truth(self) -> list[Truth]:
         """Return the true events of each triggered acquisition, in order."""

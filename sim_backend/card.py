@@ -91,7 +91,8 @@ class BenchCard:
             run = self._new_run(SampledRun, setup)
             if setup.trigger is None:
                 self.starts.append(self._now())
-                run.trigger(self._now())
+                self._injection.begin_press()
+                run.trigger(self._now(), self._injection.of_run())
             return run
 
     def start_pretrigger(self, setup: TaskSetup, before: int) -> PreTriggerRun:
@@ -129,14 +130,15 @@ class BenchCard:
 
     # Called by the bench, under the lock.
 
-    def edge(self, delay: float = 0.0) -> None:
-        """Receive a rising edge at the trigger input; it counts as a press if one waits for it.
+    def edge(self, delay: float = 0.0, *, falling: bool = False) -> None:
+        """Receive an edge at the trigger input; it counts as a press if a task waits for it.
 
         Args:
             delay: s, from now to the edge.
+            falling: Whether it is a falling edge.
         """
         time = self._now() + delay
-        waiting = [run for run in self.runs if run.waiting_for_trigger]
+        waiting = [run for run in self.runs if run.waits_for(falling)]
         if waiting and self._injection.begin_press():
             self.starts.append(time)
             for run in waiting:

@@ -70,6 +70,10 @@ class ControllerUnit(Section):
     """Whether `FL` and `BL` end a PVT motion."""
     underrun: Literal["decelerate", "stop"] = "decelerate"
     """How a PVT motion ends at speed when its buffer is empty."""
+    error_routine: bool = True
+    """Whether `#CMDERR` is entered after a refused command of a program."""
+    recorded_torque: Literal["integer", "volts"] = "integer"
+    """What a recorded `_TT` holds: 32767 for 10 V, or volts."""
     at_jitter: int = Field(default=0, ge=0, le=16)
     """Samples by which `AT` may be late."""
     control_z: Literal["line", "attached"] = "line"

@@ -44,6 +44,10 @@ class FaultInjection:
             joints.unwire_index(faults.index_missing.joint)
         if faults.switch_polarity:
             joints.invert(faults.switch_polarity.switch)
+        if faults.switch_cut:
+            joints.cut(faults.switch_cut.switch, faults.switch_cut.joint)
+        if faults.switches_swapped:
+            joints.cross(faults.switches_swapped.switch)
         self._schedule_wiring(0, self._now())
         self.inject()
 

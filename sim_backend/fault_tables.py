@@ -181,6 +181,22 @@ class SwitchPolarity(Section):
     """Which ones, of both joints."""
 
 
+class SwitchCut(Section):
+    """The wire of a switch is broken: no current flows."""
+
+    switch: Literal["forward", "reverse", "home", "abort"]
+    """Limit switches, home switch, or the abort input, which both joints share."""
+    joint: Literal[1, 2] = 1
+    """Of the arm."""
+
+
+class SwitchesSwapped(Section):
+    """The wires of two switches are exchanged."""
+
+    switch: Literal["limit", "home"]
+    """The limit switches of each joint, or the home switches of the joints."""
+
+
 class AmplifierFault(_Since):
     """The amplifier of a joint reports overcurrent."""
 
@@ -225,6 +241,10 @@ class Faults(Section):
     """A switch is closed."""
     switch_polarity: SwitchPolarity | None = None
     """Switches are inverted."""
+    switch_cut: SwitchCut | None = None
+    """The wire of a switch is broken."""
+    switches_swapped: SwitchesSwapped | None = None
+    """Switches are exchanged."""
     amplifier_fault: AmplifierFault | None = None
     """An amplifier reports a fault."""
 

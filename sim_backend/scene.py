@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, Field, ValidationError, model_validator
+from pydantic import AfterValidator, BeforeValidator, Field, ValidationError, model_validator
 from pydantic_core import to_jsonable_python
 
 from sautereau.rig.faults import fault_list, validation_faults
@@ -31,6 +31,11 @@ def _device_type(text: str) -> str:
     return text
 
 
+def _engine(name: Any) -> Any:
+    """Return the present name of an engine, also of those before version 0.2."""
+    return "exact" if name in ("reduced", "reference") else name
+
+
 class Scene(Section):
     """What is simulated; a part that is disabled costs nothing."""
 
@@ -51,8 +56,8 @@ class Scene(Section):
     """Whether a falling plectrum must pass the string; else it passes without a force."""
     damper: bool = False
     """Whether the jacks carry their dampers."""
-    engine: Literal["auto", "rigid", "reduced"] = "rigid"
-    """`rigid` bodies, or the `reduced` equation of a key that a push or an ideal finger moves."""
+    engine: Annotated[Literal["auto", "rigid", "exact"], BeforeValidator(_engine)] = "rigid"
+    """`rigid` bodies, or the `exact` solution of the equations from event to event."""
     step: Time | None = Field(default=None, ge=1e-7, le=2e-3)
     """s, longest step; the step used divides the controller's sample period."""
     accuracy: Annotated[str, AfterValidator(_accuracy)] | None = None
@@ -107,12 +112,10 @@ class Scene(Section):
                         f'{name}: "auto" is chosen by the requested accuracy; give accuracy'
                         f" instead of step, or choose the {name}"
                     )
-        alone = 'engine: "reduced" is an equation of the key alone, and'
-        if self.engine == "reduced" and self.finger == "servo":
-            faults.append(f'{alone} a servo\'s arm has two more joints; use engine = "rigid"')
-        if self.engine == "reduced" and self.string == "modal":
+        if self.engine == "exact" and self.string == "modal":
             faults.append(
-                f'{alone} a modal string moves by itself; use engine = "rigid" or string = "spring"'
+                'engine: "exact" has no string that moves by itself; use engine = "rigid" or'
+                ' string = "spring"'
             )
         if faults:
             raise ValueError("\n".join(faults))
@@ -179,7 +182,7 @@ def load_scene(name: str | Path = "paper") -> Scene:
 
 
 def current_scene(document: dict[str, Any]) -> dict[str, Any]:
-    """Return the JSON document of a scene, with the keys that its version did not have.
+    """Return the JSON document of a scene with its present keys, and its engine's present name.
 
     Args:
         document: As `Scene.model_dump_json` wrote it, also by an earlier version.
@@ -189,7 +192,8 @@ def current_scene(document: dict[str, Any]) -> dict[str, Any]:
         for name, field in Scene.model_fields.items()
         if not field.is_required()
     }
-    return to_jsonable_python(optional) | document
+    found = to_jsonable_python(optional) | document
+    return found | {"engine": _engine(found["engine"])}
 
 
 def packaged_scenes() -> list[str]:

@@ -14,6 +14,8 @@ from email.parser import Parser
 from pathlib import Path
 
 import pytest
+from packaging.requirements import Requirement
+from packaging.utils import canonicalize_name
 
 ROOT = Path(__file__).parents[1]
 ROOMS = ("rig", "trajectory", "daq", "analysis", "sim_backend", "robot")
@@ -92,6 +94,28 @@ def test_the_sdist_is_complete_and_small(built, tmp_path):
     assert contents(again) == contents(wheel)
 
 
+@pytest.mark.slow
+def test_the_wheel_is_the_same_to_the_byte(tmp_path, monkeypatch):
+    """Built twice, in other folders and at another time of files."""
+    monkeypatch.setenv("SOURCE_DATE_EPOCH", "1700000000")
+    wheels = []
+    for name in ("one", "other"):
+        build(ROOT, tmp_path / name, "wheel")
+        wheels += [path.read_bytes() for path in (tmp_path / name).glob("*.whl")]
+    assert len(wheels) == 2
+    assert wheels[0] == wheels[1]
+
+
+def test_the_locked_versions_are_allowed():
+    lines = (ROOT / "constraints.txt").read_text(encoding="utf-8").split()
+    locked = {canonicalize_name(n): v for n, v in (line.split("==") for line in lines)}
+    everything = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+    needed = [*PROJECT["dependencies"], *everything["dependency-groups"]["dev"]]
+    for text in (text for text in needed if isinstance(text, str)):
+        requirement = Requirement(text)
+        assert locked[canonicalize_name(requirement.name)] in requirement.specifier, text
+
+
 def test_the_wheel_has_its_metadata(built):
     held = contents(built[0])
     (metadata,) = (text for name, text in held.items() if name.endswith("/METADATA"))
@@ -114,7 +138,7 @@ def test_what_is_imported_is_required():
     brought_by = {
         "google": "protobuf", "PIL": "pillow", "serial": "pyserial", "skfem": "scikit-fem",
         "foxglove": "foxglove-sdk", "grpc": "nidaqmx", "session_pb2": "nidaqmx",
-        "pydantic_core": "pydantic", "markupsafe": "jinja2",
+        "pydantic_core": "pydantic", "markupsafe": "jinja2", "dynamixel_sdk": "dynamixel-sdk",
     }  # fmt: skip
     extras = PROJECT["optional-dependencies"].values()
     texts = [*PROJECT["dependencies"], *(text for extra in extras for text in extra)]

@@ -35,6 +35,12 @@ DIVERGENCE = 1.5
 """Dimensionless, error relative to the best one above which learning stops at once."""
 
 
+LEAST_INTERVAL = 0.999e-6
+"""s, between the knots of a correction."""
+LARGEST_RISE = 1.0
+"""m, that a correction may add."""
+
+
 @dataclass(frozen=True)
 class Correction:
     """A smooth addition to the rise, zero at its ends and cubic between its knots.
@@ -56,8 +62,13 @@ class Correction:
             fault = f"{shapes}; give 3 or more of each"
         elif not (np.isfinite(self.time).all() and np.isfinite(self.rise).all()):
             fault = "a time or a rise is not finite; learn again"
-        elif (np.diff(self.time) <= 0).any():
-            fault = "its times do not increase; sort them"
+        elif (np.diff(self.time) < LEAST_INTERVAL).any():
+            fault = "its times do not increase by 1 us or more; sort them, or thin them out"
+        elif np.abs(self.rise).max() > LARGEST_RISE:
+            fault = (
+                f"it adds up to {np.abs(self.rise).max() * 1e3:.4g} mm, more than"
+                f" {LARGEST_RISE * 1e3:g} mm; learn again"
+            )
         elif self.rise[0] != 0 or self.rise[-1] != 0:
             fault = (
                 f"it adds {self.rise[0] * 1e3:.4g} and {self.rise[-1] * 1e3:.4g} mm at its ends,"

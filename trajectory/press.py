@@ -108,7 +108,7 @@ def draft_press(
     law = press_law(rig.press)
     if correction is not None:
         law = correction.onto(law)
-    time = sample_times(rig.controller, law.law)
+    time = sample_times(rig, law.law)
     path = follow_key(rig, law.law.at(time))
     segments = quantise(rig, law.law, path.joints)
     approach = _approach(rig, path)
@@ -137,7 +137,7 @@ def draft_press(
 def _approach(rig: Rig, path: Path) -> Segments:
     """Return the approach, from `hover` down to the start of the press."""
     law = approach_law(rig.press)
-    time = sample_times(rig.controller, law)
+    time = sample_times(rig, law)
     down = law.at(time)
     height = Motion(rig.press.hover - down.position, -down.velocity, -down.acceleration)
     return quantise(rig, law, follow_down(rig, path, height))

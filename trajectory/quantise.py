@@ -1,8 +1,10 @@
 """Quantisation of a smooth motion to integer counts and controller samples."""
 
+import math
+
 import numpy as np
 
-from sautereau.rig.controller import Controller
+from sautereau.rig.capabilities import capabilities_of
 from sautereau.rig.schema import Rig
 from sautereau.trajectory.errors import TrajectoryError
 from sautereau.trajectory.motion import Floats, Motion
@@ -25,14 +27,19 @@ ROUNDING_FRACTION = 0.1
 """Dimensionless, largest acceleration by rounding to counts, relative to the joints' limit."""
 
 
-def sample_times(controller: Controller, law: JerkLaw) -> Floats:
+def most_segments(rig: Rig) -> int | None:
+    """Return the segments that the controller holds; None where it holds no motion."""
+    return rig.controller.segment_limit if capabilities_of(rig).preloaded else None
+
+
+def sample_times(rig: Rig, law: JerkLaw) -> Floats:
     """Return the times [s] of a law's controller samples, an even number of steps.
 
     Raises:
         TrajectoryError: The law is longer than the longest possible segments.
     """
-    period, limit = controller.sample_period, controller.segment_limit
-    longest = limit * LONGEST_SEGMENT * period
+    period, limit = rig.controller.sample_period, most_segments(rig)
+    longest = math.inf if limit is None else limit * LONGEST_SEGMENT * period
     if law.duration > longest:
         raise TrajectoryError(
             f"press: a motion of {law.duration:.4g} s is longer than the {longest:.4g} s of"
@@ -60,13 +67,13 @@ def quantise(rig: Rig, law: JerkLaw, joints: Motion) -> Segments:
     rounded = np.rint(exact)
     # A cubic with errors of half a count at both ends has an acceleration error of 6 counts / T^2.
     coarse = 6 / counts_per_radian / (ROUNDING_FRACTION * rig.arm.acceleration_limit)
-    longest = LONGEST_SEGMENT // GRAIN
+    longest, limit = LONGEST_SEGMENT // GRAIN, most_segments(rig)
     grains = int(np.clip(np.ceil(np.sqrt(coarse) / period / GRAIN), 1, longest))
     speed = np.abs(joints.velocity).min(axis=1) * counts_per_radian * period
     rounding = np.abs(exact - rounded).max(axis=1)
     while True:
         knots = _knots(law, speed, rounding, period, grains)
-        if len(knots) <= rig.controller.segment_limit or grains >= longest:
+        if limit is None or len(knots) <= limit or grains >= longest:
             break
         grains += 1
     positions = rounded[knots].astype(np.int64)

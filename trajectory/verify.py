@@ -16,6 +16,7 @@ from sautereau.trajectory.checks import (
     sample,
 )
 from sautereau.trajectory.expected import Expectation
+from sautereau.trajectory.quantise import most_segments
 from sautereau.trajectory.segments import Cubics, Extremes, Segments, extremes, segment_cubics
 
 SINGULARITY_MARGIN = np.radians(5.0)
@@ -56,14 +57,17 @@ def verify(
             "1",
             "raise arm.counts_per_revolution or press.speed_tolerance",
         ),
-        at_most(
-            "segments",
-            max(map(len, parts)) + 1,
-            rig.controller.segment_limit,
-            "1",
-            "shorten the press: raise press.jack_speed or press.return_speed",
-        ),
+        *_held(rig, parts),
     )
+
+
+def _held(rig: Rig, parts: tuple[Segments, ...]) -> list[Check]:
+    """Check that a controller that stores motions has room for every part."""
+    limit = most_segments(rig)
+    if limit is None:
+        return []
+    fix = "shorten the press: raise press.jack_speed or press.return_speed"
+    return [at_most("segments", max(map(len, parts)) + 1, limit, "1", fix)]
 
 
 def _geometry(rig: Rig, reached: Extremes) -> list[Check]:

@@ -5,16 +5,20 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
 
 from sautereau.analysis.campaign.labels import TOUCH, touch_in
 from sautereau.analysis.errors import AnalysisError
-from sautereau.analysis.loading.press import press_of
-from sautereau.analysis.phases import find_phases
 from sautereau.analysis.press.features import UNITS as FEATURE_UNITS
-from sautereau.analysis.press.features import Row, features, split_column
-from sautereau.daq.file.reading import read_recording
+from sautereau.analysis.press.features import Row, split_column
+from sautereau.analysis.session.analysed import AnalysedPress, analyse_file
 from sautereau.rig.errors import SautereauError
 from sautereau.rig.schema import Rig
+
+if TYPE_CHECKING:
+    import pyarrow as pa
 
 PLECTRUM = {
     "length": "m",
@@ -49,6 +53,19 @@ UNITS = {
 """Units of the columns, in their order; empty for text and yes/no. `mtime` is the time since 1970
 of the file's last change; plectrum, string and `jack_speed` are the rig's, so `jack_speed` is the
 planned one; the features are those of `sautereau.analysis.press.features`."""
+
+KINDS = {
+    **dict.fromkeys(("path", "session", "started", "notes", TOUCH, "rig", "plectrum"), "text"),
+    **dict.fromkeys(("warm_up", "simulated"), "yes/no"),
+}
+"""What the columns hold that are not numbers."""
+ALWAYS = (
+    "path", "size", "mtime", "session", "warm_up", "simulated", "rig", "plectrum",
+    *(f"plectrum_{name}" for name in PLECTRUM if name != "friction"),
+    "string_stiffness", "jack_speed",
+)  # fmt: skip
+"""Columns of which every press has a value."""
+POSITIVE = ALWAYS[8:]
 
 
 @dataclass(frozen=True)
@@ -104,20 +121,34 @@ def read_row(folder: Path, source: Source) -> Row:
         sautereau.daq.errors.RecordingError: It is not a complete recording.
         AnalysisError: It holds no press, or a feature is not a finite number.
     """
-    recorded = read_recording(folder / source.path)
-    press = press_of(recorded)
-    found = features(press, find_phases(press))
-    session, rig = recorded.session, recorded.rig
+    found = analyse_file(folder / source.path)
+    of_file: Row = {"path": source.path, "size": source.size, "mtime": source.mtime}
+    row = of_file | row_of(found, Path(source.path))
+    bad = [n for n, v in row.items() if isinstance(v, float) and not math.isfinite(v)]
+    if bad:
+        raise AnalysisError(
+            f"press {folder / source.path}: {', '.join(bad)} is not a finite number; look at the"
+            " recording, and repeat the press"
+        )
+    return row
+
+
+def row_of(found: AnalysedPress, path: Path) -> Row:
+    """Return a press as a row: its session, numbers of its rig, its features; SI units.
+
+    Args:
+        found: The press.
+        path: What the row has as its `path`.
+    """
+    session, rig = found.session, found.press.rig
     row: Row = {
-        "path": source.path,
-        "size": source.size,
-        "mtime": source.mtime,
-        "session": session.session or Path(source.path).parent.as_posix(),
+        "path": path.as_posix(),
+        "session": session.session or path.parent.as_posix(),
         "item": session.item,
         "press": session.press,
         "started": session.started,
         "warm_up": session.warm_up,
-        "simulated": recorded.simulated,
+        "simulated": found.press.simulated,
         "notes": session.notes,
         TOUCH: touch_in(session.notes),
         "rig": rig.name,
@@ -127,14 +158,7 @@ def read_row(folder: Path, source: Source) -> Row:
         "string_clearance": rig.jack.string_clearance,
         "jack_speed": rig.press.jack_speed,
     }
-    row |= {name: value for name, value in found.items() if name not in row}
-    bad = [n for n, v in row.items() if isinstance(v, float) and not math.isfinite(v)]
-    if bad:
-        raise AnalysisError(
-            f"press {folder / source.path}: {', '.join(bad)} is not a finite number; look at the"
-            " recording, and repeat the press"
-        )
-    return row
+    return row | {name: value for name, value in found.features.items() if name not in row}
 
 
 def plectrum_id(rig: Rig) -> str:
@@ -145,6 +169,33 @@ def plectrum_id(rig: Rig) -> str:
     # How the model places the string on it is no property of the plectrum.
     description = f"{rig.name}\n{rig.plectrum.model_dump_json(exclude={'contact'})}"
     return hashlib.sha256(description.encode()).hexdigest()[:8]
+
+
+def column_faults(table: "pa.Table") -> list[str]:
+    """Return the columns of a table that no rows of `read_row` give."""
+    import pyarrow as pa
+
+    names = table.column_names
+    if len(set(names)) < len(names):
+        return ["two columns have the same name"]
+    required = [name for name in ALWAYS if name in names or len(table)]
+    if missing := [name for name in required if name not in names]:
+        return [f"no column {', '.join(missing)}"]
+    faults = [f"{n}: a press has no value" for n in required if table.column(n).null_count]
+    for name, column in zip(names, table.columns, strict=True):
+        kind, column_type = KINDS.get(name, "number"), column.type
+        right = {
+            "text": pa.types.is_string,
+            "yes/no": pa.types.is_boolean,
+            "number": lambda t: pa.types.is_float64(t) or pa.types.is_integer(t),
+        }[kind](column_type)
+        if not right and not (pa.types.is_null(column_type) and name not in ALWAYS):
+            faults.append(f"{name}: {column_type}, not {kind}")
+        elif pa.types.is_float64(column_type):
+            numbers = column.drop_null().to_numpy()
+            if not np.isfinite(numbers).all() or (name in POSITIVE and (numbers <= 0).any()):
+                faults.append(f"{name}: not finite numbers{' above 0' * (name in POSITIVE)}")
+    return faults
 
 
 def unit_of(column: str) -> str:

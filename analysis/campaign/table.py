@@ -17,14 +17,19 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from sautereau.analysis.campaign.labels import LEVELS, TOUCH
-from sautereau.analysis.campaign.row import Fault, Row, Source, place_of, unit_of
+from sautereau.analysis.campaign.row import Fault, Row, Source, column_faults, place_of, unit_of
 from sautereau.analysis.errors import AnalysisError
 from sautereau.rig.disk import sync_folder
+from sautereau.rig.faults import fault_list
 
 KEY = b"sautereau"
 """Key of the file's metadata."""
 PART = ".part"
 """Added to the name of a file while it is written."""
+MOST_ROWS = 1_000_000
+"""Limit of a table's presses."""
+MOST_BYTES = 2**29
+"""Limit of the unpacked size of a table's columns, byte."""
 SCHEMA = 3
 """Version of the columns; tables of sautereau 0.1 have no such number and are version 1, and those
 of version 2 have no column `TOUCH`."""
@@ -132,8 +137,22 @@ def read_campaign(path: str | Path) -> Campaign:
     if not path.is_file():
         raise AnalysisError(f"campaign {path}: there is no such file; {fix}")
     try:
-        table = pq.ParquetFile(path).read()
-    except pa.ArrowException as error:
+        file = pq.ParquetFile(path)
+        rows, size = (
+            file.metadata.num_rows,
+            sum(
+                file.metadata.row_group(k).total_byte_size
+                for k in range(file.metadata.num_row_groups)
+            ),
+        )
+        if rows > MOST_ROWS or size > MOST_BYTES:
+            raise AnalysisError(
+                f"campaign {path}: {rows} presses in {size} bytes, more than the limit MOST_ROWS ="
+                f" {MOST_ROWS} or MOST_BYTES = {MOST_BYTES}; divide the recordings into folders"
+            )
+        table = file.read()
+        table.validate(full=True)
+    except (pa.ArrowException, OSError, ValueError) as error:
         raise AnalysisError(
             f"campaign {path}: not a complete Parquet file ({error}); {fix}"
         ) from error
@@ -142,7 +161,7 @@ def read_campaign(path: str | Path) -> Campaign:
         schema = int(metadata.get("schema", 1))
         faults = tuple(Fault(Source(**f["source"]), f["text"]) for f in metadata["faults"])
         made_by = str(metadata["made_by"])
-    except (KeyError, TypeError, ValueError) as error:
+    except (KeyError, TypeError, ValueError, OverflowError, RecursionError) as error:
         raise AnalysisError(
             f"campaign {path}: a Parquet file, but not a campaign's table; {fix}"
         ) from error
@@ -155,7 +174,10 @@ def read_campaign(path: str | Path) -> Campaign:
     table = table.replace_schema_metadata(None)
     if schema == 1:
         table = table.rename_columns([_present_name(name) for name in table.column_names])
-    return Campaign(path, table, faults, made_by, schema)
+    found = Campaign(path, table, faults, made_by, schema)
+    if wrong := column_faults(table):
+        raise AnalysisError(f"{fault_list(f'campaign {path}', wrong)}\n{fix}")
+    return found
 
 
 def _present_name(column: str) -> str:

@@ -12,12 +12,13 @@ from matplotlib.patches import Polygon
 
 from sautereau.analysis.figures.jack import JackView
 from sautereau.analysis.figures.made import how_made, stamp
-from sautereau.analysis.figures.side import ARM, PRESSED, BenchPose, draw_surroundings
+from sautereau.analysis.figures.palette import ARM, PHASES, PRESSED, SERIES
+from sautereau.analysis.figures.side import BenchPose, draw_surroundings
 from sautereau.analysis.press.replay import ChoirMotion, Replay
 
 SIZE, DPI = (9.6, 6.4), 100
 """in and 1/in: 960 by 640 pixels."""
-HELD = "#fbe3cf"
+HELD = PHASES[1][1]
 
 
 @dataclass(frozen=True)
@@ -135,7 +136,7 @@ def _strings(axes, scene: Replay) -> Part:
     axes.set(xlim=(0, length), ylim=(-high, high), ylabel="string's z\n(mm)")
     axes.set_xlabel("along the string, from nut to bridge (mm)")
     shown = []
-    for motion, colour in zip(scene.choirs, (ARM, PRESSED, "#2f6b3a", "#7a3e9d"), strict=False):
+    for motion, colour in zip(scene.choirs, SERIES, strict=False):
         band = Polygon(np.zeros((1, 2)), fc=colour, ec="none", alpha=0.25)
         axes.add_patch(band)
         (line,) = axes.plot([], [], color=colour, lw=1.3)

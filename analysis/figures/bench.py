@@ -6,18 +6,8 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from sautereau.analysis.figures.jack import JackView
-from sautereau.analysis.figures.side import (
-    ARM,
-    FELT,
-    GRAIN,
-    LASER,
-    METAL,
-    PRESSED,
-    UNDER,
-    BenchPose,
-    draw_surroundings,
-    string_height,
-)
+from sautereau.analysis.figures.palette import ARM, FELT, GRAIN, LASER, METAL, PRESSED
+from sautereau.analysis.figures.side import UNDER, BenchPose, draw_surroundings, string_height
 from sautereau.analysis.model.choirs import choirs
 from sautereau.rig.schema import Rig
 from sautereau.trajectory.arm import base

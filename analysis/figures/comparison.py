@@ -6,15 +6,18 @@ from matplotlib.figure import Figure
 
 from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.figures.made import how_made, stamp
-from sautereau.analysis.loading.press import Press
+from sautereau.analysis.figures.palette import MEASURED, PREDICTED
+from sautereau.analysis.figures.pressed import scale_to_pluck, shade_phases
+from sautereau.analysis.loading.press import Press, load_press
 from sautereau.analysis.model.predict import Prediction
 from sautereau.analysis.phases import Phases
+from sautereau.analysis.session.conditions import SessionAnalysis
 from sautereau.analysis.summary.text import counted
 
-MEASURED, PREDICTED = "#1f4e79", "#c8502d"
 BESIDE = 5e-3
 """s, before contact and after release, that force on deflection is drawn of."""
-PHASE_COLOURS = ("#e8eef4", "#fbe3cf", "#e5f0e2")
+PICTURED = 8
+"""Number of presses of a condition that its plot shows, the first ones."""
 
 
 def comparison_figure(
@@ -49,12 +52,34 @@ def comparison_figure(
     return figure
 
 
+def session_figure(found: SessionAnalysis, number: int = 1) -> Figure:
+    """Return `comparison_figure` of the first presses of one condition of a session.
+
+    Args:
+        found: The session.
+        number: Of the condition, from 1.
+
+    Raises:
+        AnalysisError: There is no such condition, or nothing to compare in it.
+    """
+    if not 1 <= number <= len(found.conditions):
+        raise AnalysisError(f"condition {number}: the session has 1 to {len(found.conditions)}")
+    condition = found.conditions[number - 1]
+    if condition.prediction is None or not condition.counted:
+        why = "; ".join(condition.warnings) or "only warm-up presses"
+        raise AnalysisError(f"condition {number}: nothing to draw: {why}")
+    first = condition.counted[:PICTURED]
+    presses = [load_press(press.press.path) for press in first]
+    return comparison_figure(presses, [press.phases for press in first], condition.prediction)
+
+
 def _over_time(top, below, press: Press, phases: Phases, prediction: Prediction) -> None:
     time = press.data.index.to_numpy() * 1e3
     model = (prediction.time + phases.start) * 1e3
     if phases.plucks:
         model = (prediction.time - prediction.contact + phases.plucks[0].contact) * 1e3
-    top.plot(time, press.data["deflection"] * 1e3, color=MEASURED, label=_label(press))
+    label = f"{press.path.name}, {_label(press)}"
+    top.plot(time, press.data["deflection"] * 1e3, color=MEASURED, label=label)
     top.plot(model, prediction.deflection * 1e3, color=PREDICTED, ls="--", label="predicted")
     top.set_ylabel("deflection at the laser (mm)")
     top.legend(loc="lower right")
@@ -63,19 +88,11 @@ def _over_time(top, below, press: Press, phases: Phases, prediction: Prediction)
     below.set(ylabel="finger force (N)", xlabel="time after the trigger (ms)")
     end = phases.bottom * 1e3
     below.set_xlim(0, end)
-    inside = press.data["force"].to_numpy()[time <= end]
-    below.set_ylim(min(0.0, inside.min()) - 0.05, max(inside.max(), prediction.peak_force) * 1.15)
-    edges = [0.0, end]
-    names = ["free"]
-    if phases.plucks:
-        edges = [0.0, phases.plucks[0].contact * 1e3, phases.plucks[0].release * 1e3, end]
-        names = ["free", "string held", "string released"]
-    for axes in (top, below):
-        for i, colour in zip(range(len(names)), PHASE_COLOURS, strict=False):
-            axes.axvspan(edges[i], edges[i + 1], color=colour, zorder=0)
-    for i, name in enumerate(names):
-        middle = (edges[i] + edges[i + 1]) / 2
-        top.text(middle, 0.97, name, transform=top.get_xaxis_transform(), ha="center", va="top")
+    scale_to_pluck(below, press, phases, prediction.peak_force)
+    held = phases.plucks[:1]
+    edges = [0.0, *(1e3 * t for pluck in held for t in (pluck.contact, pluck.release)), end]
+    shade_phases(below, edges)
+    shade_phases(top, edges, named=True)
 
 
 def _force_on_deflection(axes, presses, phases, prediction: Prediction) -> None:

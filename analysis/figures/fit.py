@@ -4,13 +4,11 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter
 
-from sautereau.analysis.figures.comparison import MEASURED, PREDICTED
 from sautereau.analysis.figures.made import how_made, stamp
+from sautereau.analysis.figures.palette import BEFORE, DASHES, MEASURED, PREDICTED, SERIES
 from sautereau.analysis.identify.fit import Fit
 from sautereau.analysis.identify.identified import Identified
 from sautereau.analysis.summary.text import counted
-
-STARTED = "#9a9a9a"
 
 
 def fit_figure(made: Fit, found: Identified, simulated: bool) -> Figure:
@@ -48,20 +46,21 @@ def _forces(top, below, made: Fit) -> None:
     time = press.time * 1e3
     force = np.full(len(time), np.nan)
     force[press.used] = press.force()[press.used]
-    top.plot(time, force, color=MEASURED, lw=1.0, label="measured")
-    for residual, colour, name in (
-        (before[0], STARTED, "model before"),
-        (after[0], PREDICTED, "model fitted"),
+    top.plot(time, force, color=MEASURED, lw=2.2, alpha=0.6, label="measured")
+    for residual, colour, name, dashes in (
+        (before[0], BEFORE, "model before", ":"),
+        (after[0], PREDICTED, "model fitted", "--"),
     ):
         model = np.full(len(time), np.nan)
         model[press.used] = force[press.used] - residual + noise[0].trend(residual)
-        top.plot(time, model, color=colour, lw=1.0, ls="--", label=name)
+        top.plot(time, model, color=colour, lw=1.4, ls=dashes, label=name)
     top.set_ylabel("finger force (N)")
     top.legend(loc="upper right")
-    for each, residual, white in zip(dynamics.presses, after, noise, strict=True):
+    for i, (each, residual, white) in enumerate(zip(dynamics.presses, after, noise, strict=True)):
         left = np.full(len(each.time), np.nan)
         left[each.used] = residual - white.trend(residual)
-        below.plot(each.time * 1e3, left * 1e3, lw=0.6, alpha=0.7)
+        style = {"color": SERIES[i % len(SERIES)], "ls": DASHES[i % len(DASHES)]}
+        below.plot(each.time * 1e3, left * 1e3, lw=0.6, alpha=0.7, **style)
     below.set(ylabel="force residual of every press (mN)", xlabel="time after the trigger (ms)")
 
 
@@ -71,7 +70,8 @@ def _correlation(figure, axes, found: Identified) -> None:
     axes.set_xticks(range(len(names)), names, rotation=30, ha="right")
     axes.set_yticks(range(len(names)), names)
     for (row, column), value in np.ndenumerate(found.correlation):
-        axes.text(column, row, f"{value:.2f}", ha="center", va="center", fontsize=8)
+        colour = "white" if abs(value) > 0.6 else "black"
+        axes.text(column, row, f"{value:.2f}", ha="center", va="center", color=colour)
     figure.colorbar(image, ax=axes, label="correlation")
 
 
@@ -79,7 +79,8 @@ def _combinations(axes, found: Identified) -> None:
     """Draw the uncertainty of each combination, the largest at the bottom."""
     known = [(str(c), c.std, c.identifiable) for c in found.combinations if c.std is not None]
     for place, (_, std, identifiable) in enumerate(known):
-        axes.plot(std, -place, "o", color=MEASURED if identifiable else PREDICTED)
+        marker, colour = ("o", MEASURED) if identifiable else ("x", PREDICTED)
+        axes.plot(std, -place, marker, color=colour)
     axes.set_yticks([-place for place in range(len(known))], [name for name, *_ in known])
     axes.tick_params(axis="y", labelsize=7)
     axes.set_xscale("log")

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from sautereau.analysis.figures.palette import ARM, FELT, GRAIN, PRESSED, WOOD
 from sautereau.analysis.model.plectrum.shape import straight
 from sautereau.rig.instrument import Choir
 from sautereau.trajectory.motion import Floats
@@ -15,9 +16,7 @@ from sautereau.trajectory.motion import Floats
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
 
-PLECTRUM, WIRE, WOOD, EDGE, TONGUE, FELT, METAL = (
-    "#c8502d", "#1f4e79", "#efe4cc", "#8a7a5c", "#dcc9a0", "#7d9b76", "#9a9a9a",
-)  # fmt: skip
+PLECTRUM, WIRE, TONGUE, AXLE_METAL = PRESSED, ARM, "#dcc9a0", "#9a9a9a"
 BODY, AXLE = 3.0e-3, 1.3e-3
 """m, width of a jack's body behind its tongue, and of the tongue."""
 PIVOT = 12e-3
@@ -44,9 +43,9 @@ class JackView:
         """m, x of the clamp."""
         self.radius = choir.string.diameter / 2
         nothing = np.zeros((1, 2))
-        self._body = Polygon(nothing, fc=WOOD, ec=EDGE, zorder=2)
-        self._tongue = Polygon(nothing, fc=TONGUE, ec=EDGE, zorder=3)
-        self._holder = Polygon(nothing, fc=METAL, ec="none", zorder=2.5)
+        self._body = Polygon(nothing, fc=WOOD, ec=GRAIN, zorder=2)
+        self._tongue = Polygon(nothing, fc=TONGUE, ec=GRAIN, zorder=3)
+        self._holder = Polygon(nothing, fc=AXLE_METAL, ec="none", zorder=2.5)
         self._felt = Polygon(nothing, fc=FELT, ec="none", zorder=2.4)
         self._plectrum = Polygon(nothing, fc=PLECTRUM, ec=PLECTRUM, lw=0.5, zorder=4)
         self._wire = Circle((0, 0), self.radius * 1e3, fc=WIRE, ec="none", zorder=6)

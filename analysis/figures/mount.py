@@ -5,7 +5,8 @@ from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch, Rectangle
 
-from sautereau.analysis.figures.side import PRESSED, BenchPose
+from sautereau.analysis.figures.palette import PRESSED, PURPLE
+from sautereau.analysis.figures.side import BenchPose
 from sautereau.rig.schema import Rig
 from sautereau.trajectory.arm import joints_holding_normal, joints_holding_point
 from sautereau.trajectory.key import point_on_key
@@ -13,7 +14,7 @@ from sautereau.trajectory.motion import Floats, Motion
 from sautereau.trajectory.mount.bases import key_angles
 from sautereau.trajectory.mount.find import Mount, MountMap, mount_map
 
-REST, PRESENT = "#12263a", "#7a3e9d"
+REST, PRESENT = "#12263a", PURPLE
 EXCLUDED, HATCH = "#e9e9e9", "#a8a8a8"
 NEAR = 10e-3
 """m, from the best base to the sides of the enlarged region."""

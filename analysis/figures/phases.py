@@ -2,18 +2,17 @@
 
 from collections.abc import Sequence
 
-import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.figures.made import how_made
+from sautereau.analysis.figures.palette import CONTACT, DOUBTFUL, MEASURED, OTHER, RELEASE
+from sautereau.analysis.figures.pressed import scale_to_pluck, shade_phases
 from sautereau.analysis.loading.press import Press
 from sautereau.analysis.phases import Phases
 from sautereau.rig.quantities import QUANTITIES
 
-MEASURED, CONTACT, RELEASE, OTHER = "#1f4e79", "#2e7d32", "#c8502d", "#777777"
-DOUBTFUL = "#f3d9a4"
 MOST = 8
 """Maximum number of presses in one plot."""
 MARGIN = 0.15
@@ -57,27 +56,28 @@ def _complete(axes: Axes, press: Press, found: Phases) -> None:
     inside = slice(*time.searchsorted([(found.start - spare) * 1e3, (found.bottom + spare) * 1e3]))
     if inside.stop - inside.start < 2:
         inside = slice(None)
-    axes.plot(time[inside], press.data["force"].to_numpy()[inside], color=MEASURED, lw=0.7)
-    force = press.data["force"].to_numpy()[time <= found.bottom * 1e3]
-    if len(force):  # impacts on the felt would compress the scale
-        spare = 0.05 + 0.1 * float(np.ptp(force))
-        axes.set_ylim(float(force.min()) - spare, float(force.max()) + spare)
-    axes.set_ylabel("finger force (N)", color=MEASURED)
+    axes.plot(time[inside], press.data["force"].to_numpy()[inside], color=MEASURED, lw=1.1)
+    scale_to_pluck(axes, press, found)
+    if len(found.plucks) == 1:
+        (held,) = found.plucks
+        edges = (found.start, held.contact, held.release, found.bottom)
+        shade_phases(axes, [instant * 1e3 for instant in edges])
+    axes.set_ylabel("finger force (N), thick", color=MEASURED)
     axes.set_xlabel("time after the trigger (ms)")
     speed = axes.twinx()
     speed.plot(time[inside], press.data["jack_speed"].to_numpy()[inside], color=OTHER, lw=0.7)
-    speed.set_ylabel("jack speed (m/s)", color=OTHER)
+    speed.set_ylabel("jack speed (m/s), thin", color=OTHER)
     for mark in press.quality_flags:
         if mark.stop * 1e3 > time[inside][0] and mark.start * 1e3 < time[inside][-1]:
-            axes.axvspan(mark.start * 1e3, mark.stop * 1e3, color=DOUBTFUL, zorder=0)
+            axes.axvspan(mark.start * 1e3, mark.stop * 1e3, color=DOUBTFUL, alpha=0.5, zorder=0.4)
     for number, held in enumerate(found.plucks, 1):
-        _boundary(axes, held.contact, held.contact_std, CONTACT, f"contact {number}")
-        _boundary(axes, held.release, held.release_std, RELEASE, f"release {number}")
+        _boundary(axes, held.contact, held.contact_std, CONTACT, "-", f"contact {number}")
+        _boundary(axes, held.release, held.release_std, RELEASE, "--", f"release {number}")
     others = {name: getattr(found, name) for name in ("bottomed", "bottom", "returned")}
     for name, instant in others.items():
         if instant is not None and time[inside][0] <= instant * 1e3 <= time[inside][-1]:
             axes.axvline(instant * 1e3, color=OTHER, lw=0.8, ls=":", label=QUANTITIES[name].label)
-    axes.legend(loc="center right", fontsize=7)
+    speed.legend(*axes.get_legend_handles_labels(), loc="upper right", fontsize=8, framealpha=0.95)
     word = " simulated" if press.simulated else ""
     axes.set_title(f"{press.path.name}{word}", loc="left", fontsize=9)
 
@@ -98,8 +98,8 @@ def _close(axes: Axes, press: Press, found: Phases) -> None:
     axes.set(xlabel="deflection at the laser from contact (mm)", ylabel="finger force (N)")
 
 
-def _boundary(axes: Axes, instant: float, std: float, colour: str, name: str) -> None:
+def _boundary(axes: Axes, instant: float, std: float, colour: str, dashes: str, name: str) -> None:
     half = COVERAGE * std
     label = f"{name}: {instant * 1e3:.3f} ± {std * 1e3:.2g} ms"
     axes.axvspan((instant - half) * 1e3, (instant + half) * 1e3, color=colour, alpha=0.25, lw=0)
-    axes.axvline(instant * 1e3, color=colour, lw=1, label=label)
+    axes.axvline(instant * 1e3, color=colour, ls=dashes, lw=1.2, label=label)

@@ -3,14 +3,15 @@
 import numpy as np
 from matplotlib.figure import Figure
 
-from sautereau.analysis.figures.side import ARM, GRAIN, LASER, PRESSED, BenchPose
+from sautereau.analysis.figures.palette import ARM, GRAIN, LASER, PHASES, PRESSED, SKY
+from sautereau.analysis.figures.side import BenchPose
 from sautereau.rig.quantities import QUANTITIES
 from sautereau.rig.schema import Rig
 from sautereau.trajectory.expected import Expectation
 from sautereau.trajectory.press import Trajectory
 
 FIRST, SECOND, KEY, FAILED = ARM, PRESSED, GRAIN, LASER
-POSES = (("start", ARM), ("middle", "#5b86b0"), ("end", PRESSED))
+POSES = (("start", ARM), ("middle", SKY), ("end", PRESSED))
 """Poses of the press and their colours."""
 
 
@@ -91,7 +92,7 @@ def _jack(axes, trajectory: Trajectory, expected: Expectation | None) -> None:
     time = trajectory.time * 1e3
     axes.plot(time, trajectory.rise.position * 1e3, color=FIRST)
     cruise = trajectory.cruise
-    axes.axvspan(cruise.start * 1e3, cruise.end * 1e3, color="#e5f0e2", zorder=0)
+    axes.axvspan(cruise.start * 1e3, cruise.end * 1e3, color=PHASES[2][1], zorder=0)
     name = "cruise" if trajectory.law.steady else "gesture"
     axes.text(
         (cruise.start + cruise.end) * 500, 0.97, f"{name}\n{cruise.speed:.5g} m/s",

@@ -1,4 +1,4 @@
-"""The plot of a pluck by every level of the plectrum, after the paper's figure 4."""
+"""The plot of a pluck by every plectrum model, after the paper's figure 4."""
 
 import textwrap
 from collections.abc import Sequence
@@ -7,18 +7,21 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from sautereau.analysis.errors import ModelError
+from sautereau.analysis.figures.palette import DASHES, GRID
+from sautereau.analysis.figures.palette import LEVELS as COLOURS
 from sautereau.analysis.model.plectrum.levels import LEVELS
 from sautereau.analysis.model.pluck.pluck import Pluck
 from sautereau.analysis.model.predict import rig_pluck
 from sautereau.rig.schema import Rig
 
-COLOURS = ("#a8cbe8", "#d9743a", "#2f6b3a", "#1a1a1a", "#d040a0", "#f0e060")
 WIDTHS = (7.5, 4.5, 2.6, 1.2, 0.8, 0.5)
 """Points, decreasing, so that covered curves remain visible."""
 
 
 def pluck_figure(rig: Rig, levels: Sequence[str]) -> Figure:
     """Return a figure of the plectrum's angle, the string's path and the force on the clamp.
+
+    A last panel has the differences of the force from that of the first level.
 
     Args:
         rig: The bench.
@@ -33,8 +36,9 @@ def pluck_figure(rig: Rig, levels: Sequence[str]) -> Figure:
     plucks, faults = _solve(rig, levels)
     if not plucks:
         raise ModelError("\n".join(["no level has a pluck for this rig", *faults.values()]))
-    figure = Figure(figsize=(13, 5.6), layout="constrained")
-    angle, path, force = figure.subplots(1, 3)
+    figure = Figure(figsize=(11, 9), layout="constrained")
+    (angle, path), (force, differences) = figure.subplots(2, 2)
+    reference = next(iter(plucks))
     stiffness = rig.string.static_stiffness
     for i, level in enumerate(dict.fromkeys(levels)):
         colour, width = COLOURS[i % len(COLOURS)], WIDTHS[min(i, len(WIDTHS) - 1)]
@@ -52,10 +56,22 @@ def pluck_figure(rig: Rig, levels: Sequence[str]) -> Figure:
         for axes, x, y, dashes in curves:
             axes.plot(x, y, color=colour, lw=width, ls=dashes)
             axes.plot(x[-1], y[-1], "o", color=colour, ms=4 + width, mfc="white", zorder=3)
+        if level != reference:
+            both = height[height <= plucks[reference].height[-1] * 1e3]
+            other = np.interp(both, plucks[reference].height * 1e3, plucks[reference].lift)
+            change = stiffness * (lift[: len(both)] - other)
+            style = {"color": colour, "lw": 1.8, "ls": DASHES[i % len(DASHES)], "label": level}
+            differences.plot(both, change * 1e3, **style)
         duration = pluck.release_height / rig.press.jack_speed
         label = f"{level}: {duration * 1e3:.4g} ms, {pluck.force[-1]:.4g} N"
         angle.plot([], [], color=colour, lw=width, label=label)
     _dress(rig, angle, path, force)
+    differences.axhline(0, color=COLOURS[0], lw=3)
+    differences.set_ylabel(f"downward force minus that of {reference} (mN)")
+    differences.set_xlabel("jack height above first contact (mm)")
+    if len(plucks) > 1:
+        differences.legend(loc="best", framealpha=0.8, edgecolor="none")
+    differences.grid(color=GRID, lw=0.7)
     entries, columns = angle.get_legend_handles_labels(), min(4, len(levels))
     figure.legend(*entries, loc="outside lower center", ncols=columns, frameon=False)
     plectrum = rig.plectrum
@@ -97,7 +113,7 @@ def _dress(rig: Rig, angle, path, force) -> None:
     angle.set_ylim(bottom=0)
     path.set_ylim(bottom=0)
     for axes in (angle, path, force):
-        axes.grid(color="#e6e6e6", lw=0.7)
+        axes.grid(color=GRID, lw=0.7)
         axes.set_axisbelow(True)
         axes.spines["right"].set_visible(False)
     path.spines["top"].set_visible(False)

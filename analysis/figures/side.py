@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from sautereau.analysis.figures.palette import ARM, FELT, GRAIN, METAL, WOOD
 from sautereau.analysis.model.choirs import choirs, key_of
 from sautereau.rig.instrument import Choir
 from sautereau.rig.schema import Rig
@@ -18,8 +19,6 @@ from sautereau.trajectory.motion import Floats
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
 
-ARM, PRESSED, WOOD, GRAIN, METAL = "#1f4e79", "#c8502d", "#efe4cc", "#8a7a5c", "#555555"
-FELT, LASER = "#7d9b76", "#b00020"
 JACK, HEAD, BODY = 80e-3, 9e-3, 4e-3
 """m, from a jack's lower end to its plectrum, from there to its top, and its width."""
 UNDER = 8e-3

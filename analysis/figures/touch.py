@@ -4,13 +4,18 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from sautereau.analysis.campaign.touch import Felt, Touch
+from sautereau.analysis.figures.palette import GRID, MARKERS, SERIES
 from sautereau.analysis.session.repeatability import Spread
 from sautereau.analysis.summary.text import counted
 from sautereau.rig.quantities import QUANTITIES
 
-COLOURS = {"release_force": "#1f77b4", "force_slope": "#d9743a", "force_drop": "#2f6b3a"}
-DOTS = {"fmt": "o", "ms": 5, "capsize": 3}
-"""Style of values with error bars."""
+STYLES = {
+    name: {"color": colour, "fmt": marker, "ms": 5, "capsize": 3}
+    for name, colour, marker in zip(
+        ("release_force", "force_slope", "force_drop"), SERIES, MARKERS, strict=False
+    )
+}
+"""Of values with error bars."""
 SOURCES = ("press", "session", "plectrum", "unexplained")
 """Standard deviations of `sautereau.analysis.campaign.touch.Felt`."""
 
@@ -27,7 +32,7 @@ def touch_figure(found: Touch) -> Figure:
         _felt_over_stiffness(axes, found, name, felt)
     _sources(panels[3], found)
     for axes in panels:
-        axes.grid(color="#e6e6e6", lw=0.7)
+        axes.grid(color=GRID, lw=0.7)
         axes.set_axisbelow(True)
         for side in ("top", "right"):
             axes.spines[side].set_visible(False)
@@ -46,7 +51,7 @@ def _felt_over_stiffness(axes: Axes, found: Touch, name: str, felt: Felt) -> Non
     stiffness = [plectrum.tip_stiffness for plectrum in with_it]
     spreads = [plectrum.felt[name] for plectrum in with_it]
     forces = [scale * spread.value for spread in spreads]
-    axes.errorbar(stiffness, forces, _bars(spreads, scale), color=COLOURS[name], **DOTS)
+    axes.errorbar(stiffness, forces, _bars(spreads, scale), **STYLES[name])
     axes.set_ylabel(QUANTITIES[name].title(unit))
     axes.set_xlabel("plectrum stiffness at the tip, 3 EI/L^3 (N/m)")
     exponents = ", ".join(
@@ -67,7 +72,7 @@ def _sources(axes: Axes, found: Touch) -> None:
         deviations = [100 * spread.value for _, spread in rows]
         places = [place + 0.2 * (shift - 1) for place, _ in rows]
         bars = _bars([spread for _, spread in rows], 100.0)
-        style = {"color": COLOURS[name], "label": QUANTITIES[name].label, **DOTS}
+        style = {"label": QUANTITIES[name].label, **STYLES[name]}
         axes.errorbar(deviations, places, xerr=bars, **style)
     axes.set_yticks(range(len(SOURCES)), [QUANTITIES[f"felt.{s}"].label for s in SOURCES])
     axes.invert_yaxis()

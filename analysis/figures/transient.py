@@ -5,19 +5,25 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
 
 from sautereau.analysis.figures.made import how_made
+from sautereau.analysis.figures.palette import BLUE, GREEN, GRID, PURPLE, SKY, VERMILLION, YELLOW
 from sautereau.analysis.transient import Attributed, Examined, Source
 
 COLOURS = {
-    Source.STRING: "#c8502d",
-    Source.KEY: "#2e7d32",
-    Source.FINGER: "#1f77b4",
-    Source.TRANSDUCER: "#8a4fbf",
-    Source.MAINS: "#999999",
-    Source.OTHER: "#e0d8b0",
+    Source.STRING: VERMILLION,
+    Source.KEY: GREEN,
+    Source.FINGER: BLUE,
+    Source.TRANSDUCER: PURPLE,
+    Source.MAINS: SKY,
+    Source.OTHER: YELLOW,
 }
-MEASURED, FITTED = "#9db4c8", "#111111"
+HATCHES = dict(zip(COLOURS, ("", "//", "..", "xx", "--", "||"), strict=True))
+"""Of the bars, so that they differ in grey as well."""
+SIGNAL, FITTED = "#9db4c8", "#111111"
+EDGE = {"edgecolor": "white", "lw": 0}
 SCALES = ((1e3, "force (mN)"), (1e3, "velocity (mm/s)"))
 NAMES = ("free", "held", "released")
 
@@ -53,7 +59,7 @@ def _over_time(axes: Axes, press: Examined, phase: str, channel: int) -> None:
     degree = np.polynomial.legendre.legvander(np.linspace(-1, 1, len(stretch.time)), 4)
     both = np.stack([stretch.signals[channel], stretch.modes.fit[channel]], axis=1)
     both = both - degree @ np.linalg.lstsq(degree, both[:, 1], rcond=None)[0][:, None]
-    axes.plot(stretch.time * 1e3, both[:, 0] * scale, color=MEASURED, lw=0.8, label="measured")
+    axes.plot(stretch.time * 1e3, both[:, 0] * scale, color=SIGNAL, lw=0.8, label="measured")
     axes.plot(stretch.time * 1e3, both[:, 1] * scale, color=FITTED, lw=0.7, label="fitted modes")
     axes.set_ylabel(label)
     if channel == 0:
@@ -62,7 +68,7 @@ def _over_time(axes: Axes, press: Examined, phase: str, channel: int) -> None:
         axes.set_xlabel("time after the trigger (ms)")
     if phase == "free" and channel == 0:
         axes.legend(fontsize=7, loc="upper right")
-    axes.grid(color="#e6e6e6", lw=0.6)
+    axes.grid(color=GRID, lw=0.6)
 
 
 def _frequencies(axes: Axes, found: Sequence[Attributed]) -> None:
@@ -82,16 +88,17 @@ def _frequencies(axes: Axes, found: Sequence[Attributed]) -> None:
                 mfc="none" if each.source is None else colour,
                 elinewidth=0.8,
             )
-    for phase, marker in markers.items():
-        axes.plot([], [], marker, color="#555555", label=phase)
-    for source, colour in COLOURS.items():
-        axes.plot([], [], "-", color=colour, lw=4, label=str(source))
-    axes.plot([], [], "-", color="#000000", lw=4, label="undecided")
+    keys: list[Line2D | Patch] = [
+        Line2D([], [], marker=marker, ls="", color="#555555", label=phase)
+        for phase, marker in markers.items()
+    ]
+    keys += [Patch(fc=c, hatch=HATCHES[s], label=str(s), **EDGE) for s, c in COLOURS.items()]
+    keys.append(Patch(fc="none", ec="black", label="undecided"))
     axes.set_yscale("log")
     axes.set_xlabel("frequency (Hz), bars: 95 %")
     axes.set_ylabel("force amplitude (mN)")
-    axes.legend(fontsize=7, ncols=2)
-    axes.grid(color="#e6e6e6", lw=0.6)
+    axes.legend(handles=keys, fontsize=8, ncols=2)
+    axes.grid(color=GRID, lw=0.6)
     axes.set_title("modes of all presses", fontsize=10)
 
 
@@ -99,7 +106,8 @@ def _probabilities(axes: Axes, found: Sequence[Attributed]) -> None:
     left = np.zeros(len(found))
     for source, colour in COLOURS.items():
         width = np.array([each.probability[source] for each in found])
-        axes.barh(range(len(found)), width, left=left, color=colour, height=0.7)
+        style = {"fc": colour, "hatch": HATCHES[source], **EDGE}
+        axes.barh(range(len(found)), width, left=left, height=0.7, **style)
         left = left + width
     axes.set_yticks(range(len(found)), [f"{each.oscillation.frequency:.4g} Hz" for each in found])
     axes.invert_yaxis()

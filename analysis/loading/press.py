@@ -37,7 +37,7 @@ from sautereau.trajectory.motion import Floats
 if TYPE_CHECKING:
     import pandas as pd
 
-    from sautereau.daq.file.recorded import Recorded
+    from sautereau.daq.file.recorded import Event, Recorded
 
 UNITS = {name: quantity.unit for name, quantity in SECTIONS["Samples of a press"].items()}
 """Unit of each column of a press."""
@@ -45,6 +45,9 @@ LEAST_ROWS = 16
 """Fewest rows of a press."""
 STRETCH = 4096
 """Rows computed at a time: large arrays are allocated and freed by every operation."""
+COARSE = 1e-3
+"""Dimensionless, fraction of the fingertip's way up to which the arm's resolution gives no
+warning."""
 FORCE_DRIFT = 2e-3
 """Dimensionless, fraction of the largest force up to which a doubtful offset gives no warning."""
 FORCE_MEAN = 1e-3
@@ -60,7 +63,8 @@ class Press:
     simulated: bool
     """Whether the stand-in made it; everything derived from it states so."""
     data: "pd.DataFrame"
-    """Columns of `UNITS`, index `time` in s after the trigger; `attrs` holds the units.
+    """Columns of `UNITS`, index `time` in s after the trigger, or after the start of a motion
+    that no edge has started; `attrs` holds the units.
 
     `velocity` is that of the key at the laser, positive downwards, and `deflection` its
     integral; `force` is that of the finger; `jack_rise` and `jack_speed` follow from the angle
@@ -72,6 +76,8 @@ class Press:
     """Quality flags; the flagged rows are as they were recorded."""
     drift: Drift = NO_DRIFT
     """Corrections from the rests before and after the press."""
+    motion: "Event | None" = None
+    """Start of the arm's motion, with its uncertainty; None where no arm was recorded."""
     warnings: tuple[str, ...] = ()
     """About lost samples, calibrations, quality flags and drift."""
 
@@ -100,7 +106,8 @@ def load_press(path: str | Path) -> Press:
 
     Raises:
         daq.errors.RecordingError: The file is not a complete recording.
-        AnalysisError: It has no velocity or no force channel, or is too short.
+        AnalysisError: Its rig has `[daq]` alone, it has no velocity or no force channel, or it is
+            too short.
     """
     from sautereau.daq.file.reading import read_recording
 
@@ -111,18 +118,25 @@ def press_of(recorded: "Recorded") -> Press:
     """Return the press of a recording that was already read or imported; see `load_press`.
 
     Raises:
-        AnalysisError: It has no velocity or no force channel, or is too short.
+        AnalysisError: Its rig has `[daq]` alone, it has no velocity or no force channel, or it is
+            too short.
     """
     import pandas as pd
 
     path = recorded.path
+    if recorded.rig.daq_only:
+        raise AnalysisError(
+            f"recording {path}: its rig file had [daq] alone, so that its key and string are"
+            " unknown; `sautereau export` it, and `sautereau import --rig` it with a rig file that"
+            " describes them"
+        )
     rig, rate = recorded.rig, recorded.rate
     velocity_channel, force_channel = (_channel(recorded, q) for q in ("velocity", "force"))
     lags = velocity_channel.lag, force_channel.lag
     # An input sampled later than the first has a negative lag: its first row lies before its data.
     early = ceil(max(0.0, -min(lags)) * rate - 1e-9)
     rows = _rows(recorded, max(lags), early)
-    start = (recorded.first_sample + early) / rate
+    start = (recorded.first_sample + early) / rate - recorded.origin
 
     def aligned(signal: Floats, channel: Channel) -> Floats:
         return undelayed(signal, channel.lag * rate + early)[:rows]
@@ -143,6 +157,8 @@ def press_of(recorded: "Recorded") -> Press:
         *_calibrations(recorded, velocity_channel, force_channel),
         *quality_warnings(marks),
     ]
+    if recorded.motion is not None:
+        warnings += _coarse(rig)
     drift = NO_DRIFT
     if np.isfinite(velocity).all() and np.isfinite(force).all():
         rests = find_rests(velocity, rate)
@@ -158,11 +174,21 @@ def press_of(recorded: "Recorded") -> Press:
     frame = pd.DataFrame(
         columns_of(rig.key, velocity, force, rate).T,
         columns=_names(),
-        index=pd.Index(recorded.time[early : early + rows], name="time"),
+        index=pd.Index(recorded.time[early : early + rows] - recorded.origin, name="time"),
         copy=False,
     )
     frame.attrs = {"units": UNITS, "simulated": recorded.simulated, "path": str(path)}
-    return Press(path, rig, recorded.simulated, frame, rate, tuple(marks), drift, tuple(warnings))
+    return Press(
+        path,
+        rig,
+        recorded.simulated,
+        frame,
+        rate,
+        tuple(marks),
+        drift,
+        recorded.motion and replace(recorded.motion, time=recorded.motion.time - recorded.origin),
+        tuple(warnings),
+    )
 
 
 @cache
@@ -229,6 +255,18 @@ def _calibrations(recorded: "Recorded", *channels: Channel) -> list[str]:
         return ["its session has no date, so the age of the calibrations is unknown"]
     found = (calibration_warning(channel, day) for channel in channels)
     return [text for text in found if text]
+
+
+def _coarse(rig: Rig) -> list[str]:
+    """Return a warning about an arm whose encoders limit the press."""
+    resolution = rig.arm.resolution
+    part = resolution / (rig.press.jack_rise * rig.key.press_arm / rig.key.jack_arm)
+    if part <= COARSE:
+        return []
+    return [
+        f"arm: its encoders resolve {resolution * 1e3:.2g} mm at the fingertip, {part:.1%} of the"
+        " press: its path and speed are no finer than that"
+    ]
 
 
 def _returns(recorded: "Recorded") -> bool:

@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from sautereau.analysis.errors import ModelError
 from sautereau.analysis.model.choirs import (
     ChoirPluck,
     PlacedPluck,
@@ -135,6 +136,14 @@ def predict(
         finger_force=finger_force(rig, angle, forces),
         choirs=all_choirs,
     )
+
+
+def expected_of(rig: Rig) -> tuple[Expectation | None, list[str]]:
+    """Return the string's force that the model expects in a press, or why there is none."""
+    try:
+        return expectation(predict(rig)), []
+    except ModelError as error:
+        return None, [f"planned without the string's force, because the model failed: {error}"]
 
 
 def _rises(rig: Rig, held: PlacedPluck) -> Floats:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy.linalg import get_lapack_funcs
 
 from sautereau.analysis.errors import AnalysisError
-from sautereau.analysis.loading.press import Press, columns_of
+from sautereau.analysis.loading.press import UNITS, Press, columns_of
 from sautereau.analysis.model.choirs import choirs
 from sautereau.daq.signals.calibration import white_noise
 from sautereau.rig.schema import Rig
@@ -32,6 +32,8 @@ NOISE_ROWS = 4096
 """Samples from which the noise is estimated."""
 FORCE_FLOOR, VELOCITY_FLOOR = 5e-4, 5e-6
 """N and m/s, smallest noise of a sample: errors of the model of the key."""
+LARGEST = {"force": 1e4, "velocity": 1e3}
+"""N and m/s, limits of the samples; beyond them the sums of a fit lose all digits."""
 SPIKE = 12.0
 """Height of a spike in standard deviations."""
 ROWS = 800
@@ -96,11 +98,12 @@ def signals_of(press: Press) -> Signals:
         "force", "velocity", "deflection", "jack_rise", "jack_speed"
     )
     for name, signal in (("force", force), ("velocity", velocity)):
-        bad = len(signal) - int(np.count_nonzero(np.isfinite(signal)))
+        bad = len(signal) - int(np.count_nonzero(np.abs(signal) <= LARGEST[name]))
         if bad:
             raise AnalysisError(
-                f"press {press.path}: {bad} samples of its {name} are not finite numbers;"
-                " check the recording, and press again"
+                f"press {press.path}: {bad} samples of its {name} are not finite numbers up to"
+                f" {LARGEST[name]:g} {UNITS[name]}; check the recording and the"
+                " calibration, and press again"
             )
     longest = max(1, int(LEAST_STEP * rate))
     force_noise, velocity_noise = (

@@ -55,7 +55,6 @@ def build_report(contents: Contents, about: About) -> str:
         about: Further facts about the session.
     """
     presses, conditions = contents.presses, contents.conditions
-    part_of = {p.number: i for i, c in enumerate(conditions, 1) for p in c.presses}
     many = len(conditions) > 1
     names = [f"condition {number}" if many else "" for number in range(1, len(conditions) + 1)]
     plotly, script = Markup(get_plotlyjs()), Markup(_part("page.js"))
@@ -81,7 +80,7 @@ def build_report(contents: Contents, about: About) -> str:
         else [],
         zooms=figures.zooms(contents),
         about_time=escape(figures.about_time(contents)),
-        table=tables.feature_table(presses, part_of),
+        table=tables.feature_table(contents.analysis),
         over_session=len(presses) > 1,
         repeatability=[
             {

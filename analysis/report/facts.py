@@ -7,7 +7,9 @@ from markupsafe import Markup
 
 from sautereau.analysis.report.contents import Contents, PressRecord
 from sautereau.daq.file.provenance import software as software_here
+from sautereau.rig.capabilities import capabilities_of
 from sautereau.rig.load import rig_document
+from sautereau.rig.schema import Rig
 from sautereau.rig.units import readable_quantity
 
 MOST_CHARACTERS = 500
@@ -82,6 +84,7 @@ def how_pressed(contents: Contents) -> Facts:
         ("plectrum", _listed(document["plectrum"], ("length", "width", "thickness", "overlap"))),
         ("string", _listed(document["string"], ("frequency", "tension", "length", "diameter"))),
         ("controller", _different(record.session.controller for record in presses)),
+        ("motion", _moved(rig) if any(record.press.motion for record in presses) else ""),
         ("acquisition", _different(record.session.daq for record in presses)),
         ("rate", f"{presses[0].press.rate:g} Hz"),
     ]
@@ -97,10 +100,24 @@ def how_pressed(contents: Contents) -> Facts:
     return [(name, value) for name, value in facts if value]
 
 
+def _moved(rig: Rig) -> str:
+    """Return how the controller moves the arm and records it."""
+    can = capabilities_of(rig)
+    return (
+        f"{'played by the controller' if can.preloaded else 'streamed by the computer'},"
+        f" {rig.arm.resolution * 1e6:.3g} um at the fingertip for each count of the encoders, up to"
+        f" {can.capture_rate(rig.controller.sample_period):.4g} of their readings per second;"
+        f" {'an edge at its start' if can.trigger_output else 'its start found in the samples'}"
+    )
+
+
 def of_recording(record: PressRecord) -> Facts:
     """Return the facts about one recording."""
     session = record.session
-    events = [f"{e.time * 1e3:.3f} ms {e.kind}: {e.text}" for e in record.events]
+    events = [
+        f"{e.time * 1e3:.3f}{f' +- {e.std * 1e3:.3f}' if e.std else ''} ms {e.kind}: {e.text}"
+        for e in record.events
+    ]
     listed = events[:MOST_EVENTS]
     if len(events) > MOST_EVENTS:
         listed.append(f"and {len(events) - MOST_EVENTS} more")

@@ -11,6 +11,7 @@ import numpy as np
 from plotly.graph_objects import Figure
 from plotly.subplots import make_subplots
 
+from sautereau.analysis.figures.palette import SERIES
 from sautereau.analysis.phases import HeldString
 from sautereau.analysis.report.contents import (
     BESIDE,
@@ -22,10 +23,12 @@ from sautereau.analysis.report.contents import (
 )
 from sautereau.rig.quantities import QUANTITIES
 
-COLOURS = ("#3b82c4", "#d97706", "#2f9e69", "#b0599b", "#c2410c", "#0e9aa7", "#8a7a1f", "#71717a")
-"""Of the conditions; distinct on light and dark backgrounds, and with most colour deficiencies."""
-MODEL = "#e11d48"
-SHADES = ("rgba(120,120,120,0.06)", "rgba(59,130,196,0.14)", "rgba(120,120,120,0.06)")
+COLOURS = SERIES
+"""Of the conditions; of the presses where there is one condition."""
+DASHES = ("solid", "dash", "dot", "dashdot", "longdash", "longdashdot")
+"""Of presses of the same colour."""
+MODEL = "#5a6969"
+SHADES = ("rgba(120,120,120,0.04)", "rgba(230,159,0,0.22)", "rgba(86,180,233,0.18)")
 """Of the three phases."""
 HEIGHT = 240
 """px, of one row."""
@@ -35,7 +38,6 @@ def over_time(contents: Contents) -> Figure:
     """Draw deflection, speed and force of all presses over the time after the trigger."""
     figure = make_subplots(len(COLUMNS), 1, shared_xaxes=True, vertical_spacing=0.03)
     for index, condition in enumerate(contents.conditions):
-        colour = COLOURS[index % len(COLOURS)]
         first = True
         for record in condition.presses:
             for row, (column, trace) in enumerate(record.traces.items(), 1):
@@ -47,7 +49,7 @@ def over_time(contents: Contents) -> Figure:
                     col=1,
                 )
                 first = False
-            _mark_plucks(figure, record, colour)
+            _mark_plucks(figure, record, _colour(contents, index, record))
     if len(contents.conditions) == 1:
         _shade(figure, contents.conditions[0])
     for row, column in enumerate(COLUMNS, 1):
@@ -76,7 +78,7 @@ def force_on_deflection(contents: Contents) -> Figure:
         if condition.prediction is not None:
             figure.add_scatter(
                 **_line(Trace(*condition.prediction.from_contact(BESIDE)), 1e3, 1.0),
-                line={"color": MODEL, "width": 2, "dash": "dash"},
+                line={"color": MODEL, "width": 4, "dash": "dash"},
                 name=f"model, condition {index + 1}" if len(contents.conditions) > 1 else "model",
                 legendgroup=f"model {index}",
                 hovertemplate="model: %{x:.4f} mm, %{y:.4g} N<extra></extra>",
@@ -123,15 +125,23 @@ def _hover(record: PressRecord, text: str) -> str:
 def _press_line(
     contents: Contents, index: int, record: PressRecord, trace: Trace, y_scale: float
 ) -> dict[str, Any]:
-    """Return the line of one press in the colour of its condition."""
+    """Return the line of one press."""
+    place = (record.number - 1) // (len(COLOURS) if len(contents.conditions) == 1 else 1)
+    dash = DASHES[place % len(DASHES)]
     return {
         **_line(trace, 1e3, y_scale),
-        "line": {"color": COLOURS[index % len(COLOURS)], "width": 1},
+        "line": {"color": _colour(contents, index, record), "width": 1, "dash": dash},
         "opacity": 0.6,
         "meta": record.number,
         "name": f"condition {index + 1}" if len(contents.conditions) > 1 else "presses",
         "legendgroup": str(index),
     }
+
+
+def _colour(contents: Contents, index: int, record: PressRecord) -> str:
+    """Return the colour of a press: that of its condition, its own where there is one."""
+    place = record.number - 1 if len(contents.conditions) == 1 else index
+    return COLOURS[place % len(COLOURS)]
 
 
 def _line(trace: Trace, x_scale: float, y_scale: float) -> dict[str, Any]:

@@ -1,13 +1,13 @@
 """The report's tables: features, repeatability and comparison, in readable units."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
-
-import numpy as np
 
 from sautereau.analysis.press.features import Row, column, split_column, title_of
 from sautereau.analysis.report.contents import PressRecord
-from sautereau.analysis.session.compare import ComparedFeature, Comparison
+from sautereau.analysis.session.compare import Comparison
+from sautereau.analysis.session.conditions import SessionAnalysis
+from sautereau.analysis.session.pooled import PooledFeature
 from sautereau.analysis.session.repeatability import Repeatability
 from sautereau.analysis.summary.session import SIGNS, feature_cells
 from sautereau.analysis.summary.session import repeatability_rows as rows_of_repeatability
@@ -36,19 +36,16 @@ COURSE = ("free_speed", "pluck_duration", "release_force")
 """Features that are drawn from press to press."""
 
 
-def feature_table(presses: Sequence[PressRecord], conditions: Mapping[int, int]) -> dict[str, Any]:
+def feature_table(found: SessionAnalysis[PressRecord]) -> dict[str, Any]:
     """Return the features of every press, with mean and spread of presses of one condition.
-
-    Args:
-        presses: In the order in which they were made.
-        conditions: Number of the condition by number of the press.
 
     Returns:
         `heads` of the columns, `rows` with `number`, `mark` (its condition, and whether it is a
         warm-up press) and `cells` of each press, and `feet` with name and cells of mean and
         standard deviation; empty where there are none.
     """
-    many = len(set(conditions.values())) > 1
+    presses, many = found.presses, len(found.conditions) > 1
+    numbers = {p.number: i for i, c in enumerate(found.conditions, 1) for p in c.presses}
     most = max(len(press.phases.plucks) for press in presses)
     columns = [*DIGITS, *(column(name, pluck) for pluck in range(2, most + 1) for name in LATER)]
     if all(len(press.phases.plucks) == 1 for press in presses):
@@ -58,14 +55,14 @@ def feature_table(presses: Sequence[PressRecord], conditions: Mapping[int, int])
     ]
     rows = []
     for press in presses:
-        marks = [f" condition {conditions[press.number]}"] * many
+        marks = [f" condition {numbers[press.number]}"] * many
         marks += [" warm-up"] * press.session.warm_up
         cells = [_cell(press.features, name) for name in columns]
         rows.append({"number": press.number, "mark": ",".join(marks), "cells": cells})
-    counted = [press.features for press in presses if not press.session.warm_up]
     feet = []
-    if len(counted) > 1 and not many:
-        cells = zip(*(_statistics(counted, name) for name in columns), strict=True)
+    if not many and len(found.conditions[0].counted) > 1:
+        pooled = {one.name: one for one in found.conditions[0].features}
+        cells = zip(*(_statistics(pooled.get(name)) for name in columns), strict=True)
         feet = list(zip(("mean", "standard deviation"), cells, strict=True))
     return {"heads": [_title(name) for name in columns], "rows": rows, "feet": feet}
 
@@ -89,13 +86,14 @@ def _cell(features: Row, name: str) -> str:
     return f"{value:.{DIGITS[feature]}f}{uncertainty}"
 
 
-def _statistics(presses: Sequence[Row], name: str) -> tuple[str, str]:
+def _statistics(one: PooledFeature | None) -> tuple[str, str]:
     """Return mean and standard deviation over presses."""
-    values = [value for features in presses if (value := _value(features, name)) is not None]
-    if len(values) < 2 or name == "plucks":
+    if one is None or one.std is None:
         return NONE, NONE
-    spread = float(f"{np.std(values, ddof=1):.2g}")
-    return f"{np.mean(values):.{DIGITS[split_column(name)[0]]}f}", f"{spread:g}"
+    name = split_column(one.name)[0]
+    scale, _ = QUANTITIES[name].displayed
+    spread = float(f"{one.std * scale:.2g}")
+    return f"{one.measured.value * scale:.{DIGITS[name]}f}", f"{spread:g}"
 
 
 def _title(name: str) -> str:
@@ -107,10 +105,12 @@ def course(presses: Sequence[PressRecord]) -> list[tuple[str, list[float | None]
     return [(_title(name), [_value(press.features, name) for press in presses]) for name in COURSE]
 
 
-def compared_rows(found: Sequence[ComparedFeature]) -> list[tuple[str, str, str, str, str]]:
+def compared_rows(found: Sequence[PooledFeature]) -> list[tuple[str, str, str, str, str]]:
     """Return feature, mean, its interval, the model's value and the number of presses."""
     rows = []
     for one in found:
+        if one.predicted is None:
+            continue
         label, mean, interval, predicted = feature_cells(one)
         interval = interval or NO_INTERVAL
         rows.append((label.replace("uJ", "µJ"), mean, interval, predicted, str(one.presses)))

@@ -12,23 +12,16 @@ import numpy as np
 from scipy.integrate import trapezoid
 
 from sautereau.analysis.errors import AnalysisError
-from sautereau.analysis.loading.press import Press
 from sautereau.analysis.model.choirs import ChoirPluck
-from sautereau.analysis.model.predict import Prediction, predict
-from sautereau.analysis.model.speed import JackSpeed
+from sautereau.analysis.model.predict import Prediction
 from sautereau.analysis.phases import Phases
-from sautereau.analysis.press.features import UNITS, Row, column
+from sautereau.analysis.press.features import Row, column
 from sautereau.rig.schema import Rig
 
 MANY = 20
 """Presses from which on the interval is a bootstrap's: of fewer, Student's covers better."""
 RESAMPLES = 9999
 """Of a bootstrap."""
-BEFORE = 0.1
-"""Dimensionless, time before contact whose rise is used as well, over the pluck duration."""
-DEGREE, LEAST, INSTANTS = 5, 20, 100
-"""Of the polynomial through the rise while a string is held, its fewest samples, and the instants
-at which its speed is taken."""
 COMPARED = (
     "pluck_duration",
     "contact_rise",
@@ -70,54 +63,12 @@ class Comparison:
     """Of the pluck duration."""
 
 
-def jack_speed(press: Press, phases: Phases) -> JackSpeed | None:
-    """Return the speed of the first jack while its string was held; None without a pluck.
-
-    It is that of a polynomial of degree `DEGREE` through the rise over time.
-
-    Args:
-        press: The recording, at least its `jack_rise` from contact to release.
-        phases: Its phases.
-    """
-    if not phases.plucks:
-        return None
-    held = phases.plucks[0]
-    start = held.contact - BEFORE * held.pluck_duration
-    rise = press.data.loc[start : held.release, "jack_rise"]
-    if len(rise) < LEAST:
-        return None
-    through = np.polynomial.Polynomial.fit(rise.index.to_numpy(), rise.to_numpy(), DEGREE)
-    time = np.linspace(rise.index[0], rise.index[-1], INSTANTS)
-    speed = through.deriv()(time)
-    # A jack that stops or turns has no speed as a function of its rise.
-    return JackSpeed(through(time), speed, through.deriv(2)(time)) if np.all(speed > 0) else None
-
-
-def predict_each(
-    presses: Sequence[Press], phases: Sequence[Phases], rig: Rig, level: str = "elastica"
-) -> list[Prediction]:
-    """Predict each press for the speed that its jack had.
-
-    Args:
-        presses: The recordings.
-        phases: Theirs, in the same order.
-        rig: The bench to predict with.
-        level: Of the plectrum model.
-
-    Raises:
-        ModelError: The model has no solution for the rig.
-    """
-    return [
-        predict(rig, level, speed=jack_speed(p, f)) for p, f in zip(presses, phases, strict=True)
-    ]
-
-
 def compare(phases: Sequence[Phases], predictions: Sequence[Prediction]) -> Comparison:
     """Compare the first pluck of repeated presses with predictions.
 
     Args:
         phases: Of the presses.
-        predictions: Of each press, by `predict_each`.
+        predictions: Of each press, for the speed that its jack had.
 
     Raises:
         AnalysisError: No press has a pluck to compare.
@@ -192,51 +143,33 @@ def mean_of(values: Sequence[float]) -> Mean:
     return Mean(mean, mean - half, mean + half, "student")
 
 
-@dataclass(frozen=True)
-class ComparedFeature:
-    """One feature over repeated presses beside the model's; in its unit."""
-
-    name: str
-    """Column of `sautereau.analysis.press.features`."""
-    unit: str
-    presses: int
-    """Presses that have it."""
-    measured: Mean
-    predicted: float
-    """Mean over the same presses."""
-
-
-def compare_features(
+def predicted_means(
     rows: Sequence[Row], rig: Rig, predictions: Sequence[Prediction]
-) -> tuple[ComparedFeature, ...]:
-    """Compare the features of repeated presses with those of predictions.
+) -> dict[str, float]:
+    """Return the model's features of repeated presses, each the mean over the presses that have it.
 
     Args:
         rows: Features of the presses.
         rig: The predicted bench.
-        predictions: Of each press, by `predict_each`.
+        predictions: Of each press, for the speed that its jack had.
 
     Returns:
-        The features that both have, pluck by pluck; none where no press has a pluck.
+        By the columns of `sautereau.analysis.press.features`, pluck by pluck, SI; those of
+        `COMPARED` that both have.
     """
     each = [
         [pluck_features(rig, p, c) for c in sorted(p.choirs, key=lambda choir: choir.release)]
         for p in predictions
     ]
-    found = []
+    found = {}
     for number in range(len(each[0]) if each else 0):
         for name in COMPARED:
             key = column(name, number + 1)
-            both = [
-                (value, predicted[number][name])
-                for row, predicted in zip(rows, each, strict=True)
-                if isinstance(value := row.get(key), float)
-            ]
-            if both:
-                values, model = zip(*both, strict=True)
-                mean, count = mean_of(values), len(values)
-                found.append(ComparedFeature(key, UNITS[name], count, mean, float(np.mean(model))))
-    return tuple(found)
+            both = zip(rows, each, strict=True)
+            values = [own[number][name] for row, own in both if isinstance(row.get(key), float)]
+            if values:
+                found[key] = float(np.mean(values))
+    return found
 
 
 def pluck_features(rig: Rig, prediction: Prediction, choir: ChoirPluck) -> dict[str, float]:

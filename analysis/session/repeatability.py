@@ -96,8 +96,8 @@ def repeatability(presses: Sequence[Press], law: PressLaw) -> Repeatability:
         velocity_accuracy=float(speeds.mean() - planned.velocity.mean() / fast),
         velocity_repeatability=_spread(speeds),
         velocity_fluctuation=float(np.ptp(speed, axis=1).max() / fast),
-        rise_drift=_trend(rise.mean(axis=1)),
-        speed_drift=_trend(speeds),
+        rise_drift=trend_of(rise.mean(axis=1)),
+        speed_drift=trend_of(speeds),
     )
 
 
@@ -135,8 +135,12 @@ def _spread(values: Floats) -> Spread:
     return Spread(3 * sigma, float(3 * sigma * low), float(3 * sigma * high))
 
 
-def _trend(values: Floats) -> Trend:
-    """Return the slope over the number of the press, with Student's interval."""
+def trend_of(values: Floats) -> Trend:
+    """Return the slope over the number of the press, with Student's interval.
+
+    Args:
+        values: Of three or more presses in their order, shape (presses,).
+    """
     from scipy.stats import t
 
     number = np.arange(len(values)) - (len(values) - 1) / 2

@@ -20,6 +20,8 @@ def press_summary(press: Press, phases: Phases) -> dict[str, Any]:
     return {
         "path": str(press.path),
         "simulated": press.simulated,
+        "motion": press.motion
+        and {"start": press.motion.time, "std": press.motion.std, "by": press.motion.text},
         "start": phases.start,
         "contact": first and first.contact,
         "release": first and first.release,

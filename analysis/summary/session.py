@@ -1,11 +1,14 @@
-"""The repeatability of a session, and its comparison with the model, as JSON and as text."""
+"""The analysis of a session as JSON and as text: comparison, repeatability, drift, differences."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping
 from dataclasses import fields
 from typing import Any
 
 from sautereau.analysis.press.features import split_column, title_of
-from sautereau.analysis.session.compare import ComparedFeature, Comparison, Mean
+from sautereau.analysis.session.compare import Mean
+from sautereau.analysis.session.conditions import Condition, SessionAnalysis
+from sautereau.analysis.session.difference import Difference, Pair
+from sautereau.analysis.session.pooled import PooledFeature
 from sautereau.analysis.session.repeatability import Repeatability, Spread, Trend
 from sautereau.analysis.summary.text import counted, percent
 from sautereau.rig.quantities import QUANTITIES
@@ -17,6 +20,10 @@ SIGNS = {
     "duration_error": ("shorter", "longer"),
 }
 """Of the model where its error is negative, and where it is positive."""
+DRIFTING = ("pluck_duration", "release_force")
+"""Features whose drift the text reports: of more, some would be significant by chance."""
+_OF_SEVERAL = ("presses", "changed", "warnings")
+"""Keys of a condition that mean something else of a session."""
 
 
 def repeatability_summary(found: Repeatability) -> dict[str, Any]:
@@ -70,51 +77,140 @@ def repeatability_lines(found: Repeatability) -> list[str]:
     ]
 
 
-def comparison_summary(
-    comparison: Comparison, features: Sequence[ComparedFeature] = ()
-) -> dict[str, Any]:
-    """Return a comparison as JSON."""
-    result: dict[str, Any] = {}
-    for name in SIGNS:
-        error: Mean = getattr(comparison, name)
-        result[name] = {"value": error.value, "ci95": _ends(error)}
-    if features:
-        result["interval"] = features[0].measured.interval
-        result["features"] = {
-            feature.name: {
-                "unit": feature.unit,
-                "presses": feature.presses,
-                "measured": feature.measured.value,
-                "ci95": _ends(feature.measured),
-                "predicted": feature.predicted,
-            }
-            for feature in features
-        }
-    return result
+def analysis_summary(found: SessionAnalysis) -> dict[str, Any]:
+    """Return the analysis of a session as JSON: its conditions, and of a single one its keys."""
+    conditions = [condition_summary(condition) for condition in found.conditions]
+    single = conditions[0] if len(conditions) == 1 else {}
+    own = {key: value for key, value in single.items() if key not in _OF_SEVERAL}
+    return own | {"conditions": conditions, "simulated": found.simulated}
 
 
-def comparison_lines(
-    comparison: Comparison, level: str, features: Sequence[ComparedFeature] = ()
-) -> list[str]:
-    """Return a comparison as text.
+def condition_summary(found: Condition) -> dict[str, Any]:
+    """Return the presses of one condition as JSON; SI units."""
+    result: dict[str, Any] = {
+        "recordings": [str(press.press.path) for press in found.presses],
+        "presses": len(found.counted),
+        "changed": dict(found.changed),
+    }
+    if found.comparison:
+        for name in SIGNS:
+            error: Mean = getattr(found.comparison, name)
+            result[name] = {"value": error.value, "ci95": _ends(error)}
+    if found.features:
+        result["interval"] = found.features[0].measured.interval
+        result["features"] = {one.name: _feature_summary(one) for one in found.features}
+    if found.repeatability:
+        result["repeatability"] = repeatability_summary(found.repeatability)
+    return result | {"warnings": list(found.warnings)}
+
+
+def _feature_summary(one: PooledFeature) -> dict[str, Any]:
+    return {
+        "unit": one.unit,
+        "presses": one.presses,
+        "measured": one.measured.value,
+        "ci95": _ends(one.measured),
+        "std": one.std,
+        "drift": one.drift and {"per_press": one.drift.value, "ci95": _ends(one.drift)},
+        "predicted": one.predicted,
+    }
+
+
+def analysis_lines(found: SessionAnalysis, features: bool = True) -> list[str]:
+    """Return the analysis of a session as text.
 
     Args:
-        comparison: Of the presses.
-        level: Of the plectrum.
-        features: Each beside the model's; empty to list none.
+        found: The analysis.
+        features: Whether to list the features that the model predicts.
     """
+    lines = []
+    for condition in found.conditions:
+        if len(found.conditions) > 1:
+            lines.append(f"{changed_text(condition.changed) or 'first condition'}:")
+        lines += _comparison_lines(condition, found.level, features)
+        if condition.repeatability:
+            lines += repeatability_lines(condition.repeatability)
+        lines += _drift_lines(condition)
+        lines += condition.warnings
+    return lines
+
+
+def changed_text(changed: Mapping[str, Any]) -> str:
+    """Return the values in which a condition differs as text."""
+    return ", ".join(f"{key} = {value}" for key, value in changed.items())
+
+
+def _comparison_lines(found: Condition, level: str, features: bool) -> list[str]:
+    if not found.comparison:
+        return []
     lines = [
         "Model error, (model - measured) / measured,"
-        f" {counted(comparison.presses, 'press')}, plectrum model {level}:",
-        *(_error_line(name, getattr(comparison, name)) for name in SIGNS),
+        f" {counted(found.comparison.presses, 'press')}, plectrum model {level}:",
+        *(_error_line(name, getattr(found.comparison, name)) for name in SIGNS),
     ]
-    if features:
+    compared = [one for one in found.features if one.predicted is not None]
+    if features and compared:
         lines.append(f"  {'feature':<34} {'measured':>10}  {'95 % of the mean':>20} {'model':>10}")
-        for label, mean, interval, predicted in map(feature_cells, features):
+        for label, mean, interval, predicted in map(feature_cells, compared):
             between = interval or "one press: none"
             lines.append(f"  {label:<34} {mean:>10}  {between:>20} {predicted:>10}")
-        kind = features[0].measured.interval
+        kind = compared[0].measured.interval
         lines += [f"  95 % intervals: {INTERVALS[kind]}"] if kind in INTERVALS else []
+    return lines
+
+
+def _drift_lines(found: Condition) -> list[str]:
+    """Return the features of `DRIFTING` whose drift is significant."""
+    return [
+        f"  drift of the {title_of(one.name)}: {one.drift.value * scale:+.3g} per press (95 %:"
+        f" {one.drift.low * scale:+.3g} to {one.drift.high * scale:+.3g})"
+        for one in found.features
+        if one.name in DRIFTING and one.drift and one.drift.significant
+        for scale in [QUANTITIES[split_column(one.name)[0]].displayed[0]]
+    ]
+
+
+def pair_summary(found: Pair) -> dict[str, Any]:
+    """Return two conditions side by side as JSON; SI units."""
+    return {
+        "first": condition_summary(found.first),
+        "second": condition_summary(found.second),
+        "changed": {key: list(both) for key, both in found.changed.items()},
+        "differences": {
+            one.name: {
+                "unit": one.unit,
+                "first": one.first.measured.value,
+                "second": one.second.measured.value,
+                "difference": one.value,
+                "ci95": _ends(one),
+                "significant": one.significant,
+            }
+            for one in found.differences
+        },
+    }
+
+
+def pair_lines(found: Pair) -> list[str]:
+    """Return two conditions side by side as text."""
+    numbers = [counted(len(one.counted), "press") for one in (found.first, found.second)]
+    changed = "; ".join(f"{key}: {a} and {b}" for key, (a, b) in found.changed.items())
+    lines = [
+        f"first ({numbers[0]}) minus second ({numbers[1]}); "
+        + (f"they differ in {changed}" if changed else "same rig, scene and day"),
+        f"  {'feature':<38} {'first':>10} {'second':>10} {'difference':>11}  95 % interval (Welch)",
+    ]
+    for one in found.differences:
+        scale, _ = QUANTITIES[split_column(one.name)[0]].displayed
+        ends = _ends(one)
+        interval = "one press: none"
+        if ends:
+            interval = f"{ends[0] * scale:+.4g} to {ends[1] * scale:+.4g}"
+        lines.append(
+            f"  {title_of(one.name):<38} {one.first.measured.value * scale:>10.5g}"
+            f" {one.second.measured.value * scale:>10.5g} {one.value * scale:>+11.4g}  {interval}"
+            + "  significant"
+            * one.significant
+        )
     return lines
 
 
@@ -126,15 +222,15 @@ def _error_line(name: str, error: Mean) -> str:
     return f"  {QUANTITIES[name].label:<30} {percent(error.value)} ({sign}), {interval}"
 
 
-def feature_cells(feature: ComparedFeature) -> tuple[str, str, str, str]:
+def feature_cells(feature: PooledFeature) -> tuple[str, str, str, str]:
     """Return label, mean, its interval (empty for one press) and the model's value as texts."""
     scale, _ = QUANTITIES[split_column(feature.name)[0]].displayed
     ends = _ends(feature.measured)
     interval = f"{ends[0] * scale:.5g} to {ends[1] * scale:.5g}" if ends else ""
-    mean, predicted = f"{feature.measured.value * scale:.5g}", f"{feature.predicted * scale:.5g}"
-    return title_of(feature.name), mean, interval, predicted
+    predicted = "" if feature.predicted is None else f"{feature.predicted * scale:.5g}"
+    return title_of(feature.name), f"{feature.measured.value * scale:.5g}", interval, predicted
 
 
-def _ends(mean: Mean) -> list[float] | None:
+def _ends(mean: Mean | Spread | Difference) -> list[float] | None:
     """Return the ends of the 95 % interval; None for a single press."""
     return None if mean.low is None or mean.high is None else [mean.low, mean.high]

@@ -2,7 +2,6 @@
 
 import hashlib
 import json
-import math
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
@@ -11,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from sautereau.daq.errors import RecordingError
-from sautereau.daq.file.contents import MOST_EVENTS
+from sautereau.daq.file.limits import MOST_EVENTS, event_faults, series_faults, time_faults
 from sautereau.daq.file.recorded import (
     Event,
     Joints,
@@ -26,14 +25,9 @@ from sautereau.rig.errors import RigError
 from sautereau.rig.faults import fault_list
 from sautereau.rig.load import rig_from_json, rig_json
 from sautereau.rig.schema import Rig
-from sautereau.rig.units import shown
 
 SIMULATED = "simulated"
 """Column that an export of a simulated recording has, so that the table alone shows it."""
-HIGHEST_RATE = 1e9
-"""Hz, limit for a recording that is imported."""
-FARTHEST_SAMPLE = 2**53
-"""Limit of the index of a first sample, counted from the trigger."""
 FORMAT = "sautereau export 1"
 """Name and version of the document's format."""
 PARQUET_KEY = b"sautereau"
@@ -145,34 +139,17 @@ def read_document(text: str | bytes) -> Document:
 
 def _faults(document: Document) -> list[str]:
     """Return the values of a document that are beyond what a recording can hold."""
-    faults = []
-    if not 0 < document.rate <= HIGHEST_RATE:
-        faults.append(f"rate: {document.rate!r} Hz is not from 0 to {HIGHEST_RATE:g} Hz")
-    if not 0 <= document.t0_ns < 2**63:
-        faults.append(f"t0_ns: {shown(document.t0_ns)} ns is not a date of 64 bits")
-    if abs(document.first_sample) > FARTHEST_SAMPLE:
-        faults.append(
-            f"first_sample: {shown(document.first_sample)} is beyond {FARTHEST_SAMPLE} samples"
-        )
+    faults = time_faults(document.t0_ns, document.rate, document.first_sample)
     if len(document.events) >= MOST_EVENTS:  # the import adds one
         faults.append(
             f"events: {len(document.events)} are not below the limit MOST_EVENTS = {MOST_EVENTS}"
         )
-    if not all(
-        isinstance(event.time, int | float)
-        and math.isfinite(event.time)
-        and isinstance(event.kind, str)
-        and isinstance(event.text, str)
-        for event in document.events
-    ):
-        faults.append("events: one has no finite time, or a kind or text that is none")
-    for name, series in (("plan", document.plan), ("joints", document.joints)):
-        arrays = [] if series is None else [getattr(series, f.name) for f in fields(series)]
-        if any(a.ndim != 1 or not np.isfinite(a).all() for a in arrays) or (
-            len({len(a) for a in arrays if a.ndim and len(a)}) > 1
-        ):
-            faults.append(f"{name}: not columns of equally many finite numbers")
-    return faults
+    return [
+        *faults,
+        *event_faults(document.events),
+        *series_faults("plan", document.plan),
+        *series_faults("joints", document.joints),
+    ]
 
 
 def _lists(series: Plan | Joints | None) -> dict[str, list[float]] | None:

@@ -67,7 +67,8 @@ def open_npz(path: Path) -> ImportSource:
         with zipfile.ZipFile(path) as archive:
             array_reader.refuse(sum(file.file_size for file in archive.infolist()) / 8, MOST_VALUES)
         with np.load(path, allow_pickle=False) as arrays:
-            found = {name: arrays[name] for name in arrays.files}
+            read = {name: arrays[name] for name in arrays.files}
+            found = {name: array for name, array in read.items() if isinstance(array, np.ndarray)}
     except Exception as error:  # numpy and zipfile raise many kinds, depending on the bytes
         raise RecordingError(
             f"it is damaged, not a numpy archive of numbers, or too large: {type(error).__name__}:"

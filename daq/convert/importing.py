@@ -7,16 +7,18 @@ from pathlib import Path
 
 import numpy as np
 
-from sautereau.daq.convert.document import HIGHEST_RATE, Document, digest, sha256
+from sautereau.daq.convert.document import Document, digest, sha256
 from sautereau.daq.convert.formats import ImportSource, open_source, refuse_missing
 from sautereau.daq.convert.options import ImportOptions, refuse_options
 from sautereau.daq.convert.plausible import doubts
 from sautereau.daq.convert.settings import ChannelColumn, ImportSettings, resolve_options
 from sautereau.daq.convert.times import start_and_rate
 from sautereau.daq.errors import RecordingError
+from sautereau.daq.file.limits import FARTHEST_SAMPLE, time_faults
 from sautereau.daq.file.recorded import Block, SessionInfo, Signal
 from sautereau.daq.file.recording import Recording
 from sautereau.daq.signals.calibration import to_volts
+from sautereau.rig.faults import fault_list
 from sautereau.rig.schema import Rig
 
 ENDING = ".importing.part"
@@ -123,7 +125,7 @@ def _restore(
         if document.joints is not None:
             recording.write_joints(document.joints)
         for event in document.events:
-            recording.event(event.kind, event.text, event.time)
+            recording.event(event.kind, event.text, event.time, event.std)
         recording.event("imported", origin, 0.0)
     return Imported(out, session.simulated, document.rate, volts.shape[1], first, 0.0)
 
@@ -153,7 +155,13 @@ def _import(
         start, rate, warnings = start_and_rate(data[time] * settings.time_unit, rate, source)
     if rate is None:
         raise RecordingError("which sampling rate? give --rate")
-    first = round((start - settings.trigger) * rate)
+    place = (start - settings.trigger) * rate
+    if not abs(place) <= FARTHEST_SAMPLE:
+        raise RecordingError(
+            f"its first sample is {place:.3g} samples from the trigger, beyond FARTHEST_SAMPLE ="
+            f" {FARTHEST_SAMPLE}; correct --trigger, the rate or the times"
+        )
+    first = round(place)
     if first > 0:
         raise RecordingError(
             f"it starts {(start - settings.trigger) * 1e3:.6g} ms after the trigger, so the samples"
@@ -189,8 +197,10 @@ def _recording(
     out: Path, rig: Rig, session: SessionInfo, volts: Signal, first: int, rate: float, t0_ns: int
 ) -> Iterator[Recording]:
     """Open a recording whose trigger has the date ``t0_ns``, with its volts; no fault leaves it."""
-    ends = [t0_ns + index * 1e9 / rate for index in (first, first + volts.shape[1])]
-    if not (0 < rate <= HIGHEST_RATE and all(0 <= end < 2**63 for end in ends)):
+    ends = (first, first + volts.shape[1])
+    if faults := time_faults(t0_ns, rate, *ends):
+        raise RecordingError(f"{fault_list('its samples', faults)}; correct the rate")
+    if any(t0_ns + n * 1e9 / rate < 0 for n in ends):
         raise RecordingError(
             f"at {rate:.6g} Hz, its {volts.shape[1]} samples from sample {first} on reach beyond"
             " the dates from 1970 to 2262; correct the rate, --trigger or --started"

@@ -44,8 +44,11 @@ def load_profile(path: Path) -> Profile:
         profile = Profile.model_validate(read_toml(text, origin, RecordingError))
     except ValidationError as error:
         raise RecordingError(fault_list(origin, validation_faults(error, Profile, text))) from error
-    if profile.rig is not None and (near := path.parent / profile.rig).is_file():
-        profile = profile.model_copy(update={"rig": str(near)})
+    try:
+        if profile.rig is not None and (near := path.parent / profile.rig).is_file():
+            return profile.model_copy(update={"rig": str(near)})
+    except OSError as error:
+        raise RecordingError(f"{origin}: rig: {error.strerror}; shorten the path") from error
     return profile
 
 

@@ -13,6 +13,9 @@ from sautereau.rig.faults import fault_list
 from sautereau.rig.schema import Rig
 from sautereau.rig.units import parse_quantity
 
+MOST_SECONDS = 1e9
+"""s, limit of the time from the start of a file's time axis to the trigger."""
+
 
 @dataclass(frozen=True)
 class ChannelColumn:
@@ -84,6 +87,8 @@ def resolve_options(
         )
     else:
         trigger = _quantity("trigger", options.trigger, "s", "12 ms", faults)
+        if trigger is not None and abs(trigger) > MOST_SECONDS:
+            faults.append(f"--trigger: {trigger:g} s is beyond MOST_SECONDS = {MOST_SECONDS:g} s")
     started = _started(source, options, modified, faults)
     if options.simulated is None:
         faults.append("measured or simulated? give --measured or --simulated")

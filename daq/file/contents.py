@@ -1,6 +1,5 @@
 """The messages and metadata of a recording, collected while its records are read."""
 
-import json
 import struct
 from collections import Counter
 from collections.abc import Iterable, Iterator
@@ -11,7 +10,7 @@ from mcap.exceptions import McapError
 from mcap.records import Metadata
 
 from sautereau.daq.errors import RecordingError
-from sautereau.daq.file.container.chunks import unpacked
+from sautereau.daq.file.container.chunks import MOST_UNPACKED, unpacked
 from sautereau.daq.file.container.records import (
     CHANNEL,
     LARGEST_CHUNK,
@@ -24,16 +23,32 @@ from sautereau.daq.file.container.records import (
     text_within,
     texts_within,
 )
-from sautereau.daq.file.recorded import Event, Joints, Plan, SessionInfo, session_from_metadata
+from sautereau.daq.file.limits import (
+    FARTHEST_SAMPLE,
+    MOST_EVENTS,
+    event_faults,
+    series_faults,
+)
+from sautereau.daq.file.provenance import channel_from_json
+from sautereau.daq.file.recorded import (
+    Event,
+    Joints,
+    Plan,
+    SessionInfo,
+    session_from_metadata,
+    whole_number,
+)
 from sautereau.daq.file.schemas import FIELDS, decode, doubles
 from sautereau.rig.errors import RigError
+from sautereau.rig.faults import fault_list
 from sautereau.rig.load import rig_from_json
 from sautereau.rig.schema import Rig
+from sautereau.rig.units import shown
 
-MOST_EVENTS = 100_000
-"""Limit for a recording."""
-MOST_UNPACKED = 500
-"""Limit of the unpacked size, in multiples of the file's size; a file of zeros reaches 300."""
+LEAST_RECORDS = 200_000
+"""Records of chunks that any file may hold; those of previews count as one where they are alike."""
+SMALLEST_RECORD = 16
+"""Byte of a file for each of the records that it may hold beyond those."""
 FOREIGN = "another program has changed it: use the file as sautereau wrote it"
 
 
@@ -56,6 +71,7 @@ class Contents:
         self._seen: dict[bytes, Metadata] = {}
         self._unpacked = 0
         self._most = max(LARGEST_CHUNK, size * MOST_UNPACKED)
+        self._records = LEAST_RECORDS + size // SMALLEST_RECORD
 
     def messages(self, records: Iterable[Record]) -> Iterator[Any]:
         """Yield every Samples message with its topic, and store all others.
@@ -71,6 +87,7 @@ class Contents:
                     continue
                 self._limit_unpacked(len(body))
                 for inner, view, n in records_within(body, self._counted):
+                    self._count_record()
                     if inner == Opcode.MESSAGE:
                         topic = self._topics[MESSAGE.unpack_from(view)[0]]
                         self.counts[topic] += n
@@ -80,7 +97,9 @@ class Contents:
                             self._read_message(topic, view[MESSAGE.size :])
                     else:
                         self._read_definition(inner, bytes(view))
-        except (McapError, ValueError, KeyError, TypeError, struct.error, DecodeError) as error:
+        except RecordingError:
+            raise
+        except (McapError, ValueError, KeyError, struct.error, DecodeError) as error:
             raise RecordingError(
                 f"its checksums match but its records are invalid: {type(error).__name__}:"
                 f" {error}; {FOREIGN}"
@@ -107,14 +126,22 @@ class Contents:
         if end is None:
             return None
         try:
-            return int(end["stop_sample"])
+            return whole_number(end["stop_sample"], FARTHEST_SAMPLE)
         except (KeyError, ValueError) as error:
-            raise RecordingError(f"its metadata `end` are {end}; {FOREIGN}") from error
+            raise RecordingError(f"its metadata `end` are {shown(end)}; {FOREIGN}") from error
 
     @property
     def recovered(self) -> bool:
         """Whether `recover` made the file from a damaged one."""
         return "recovered" in self.metadata
+
+    def _count_record(self) -> None:
+        self._records -= 1
+        if self._records < 0:
+            raise RecordingError(
+                f"it has more records than the limit of LEAST_RECORDS = {LEAST_RECORDS} and one"
+                f" for each SMALLEST_RECORD = {SMALLEST_RECORD} bytes of it; {FOREIGN}"
+            )
 
     def _limit_unpacked(self, size: int) -> None:
         self._unpacked += size
@@ -153,8 +180,7 @@ class Contents:
         self.metadata[record.name] = record.metadata
         if record.name == "channels":
             for topic, text in record.metadata.items():
-                channel = json.loads(text)
-                self._define(channel["id"], topic, channel["metadata"])
+                self._define(*channel_from_json(topic, text))
 
     def _define(self, number: int, topic: str, metadata: dict[str, str]) -> None:
         self._topics[number] = topic
@@ -169,10 +195,18 @@ class Contents:
                     f"it has more events than the limit of {MOST_EVENTS}; {FOREIGN}"
                 )
             event = decode("Event", bytes(data))
-            self.events.append(Event(event.time, event.kind, event.text))
+            self.events.append(Event(event.time, event.kind, event.text, event.std))
+            self._refuse(event_faults(self.events[-1:]))
         elif topic == "/plan":
             plan = decode("Plan", bytes(data))
-            self.plan = Plan(*map(doubles, (plan.t, plan.q1, plan.q2, plan.jack_rise)))
+            found = Plan(*map(doubles, (plan.t, plan.q1, plan.q2, plan.jack_rise)))
+            self._refuse(series_faults("plan", found))
+            self.plan = found if len(found.t) else None
         elif topic == "/joints":
             joints = decode("Joints", bytes(data))
             self.joints = Joints(*(doubles(getattr(joints, name)) for name in FIELDS["Joints"]))
+            self._refuse(series_faults("joints", self.joints))
+
+    def _refuse(self, faults: list[str]) -> None:
+        if faults:
+            raise RecordingError(f"{fault_list('its records', faults)}; {FOREIGN}")

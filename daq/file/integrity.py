@@ -118,7 +118,12 @@ def chunk_index(file: BinaryIO) -> list[IndexedChunk]:
     """Return the positions of all chunks in order, after verifying the summary's checksum."""
     data_end, summary = check_summary(file)
     footer = size_of(file) - len(MAGIC) - _FOOTER.size
-    bodies = (r.body for r in records(file, summary, footer) if r.opcode == Opcode.CHUNK_INDEX)
+    bodies = [r.body for r in records(file, summary, footer) if r.opcode == Opcode.CHUNK_INDEX]
+    if any(len(body) < _CHUNK_INDEX.size for body in bodies):
+        raise RecordingError(
+            "a record of its index is too short; another program has changed it: use the file as"
+            " sautereau wrote it"
+        )
     found = (_CHUNK_INDEX.unpack_from(body) for body in bodies)
     return [IndexedChunk(at, min(data_end, at + length), end) for _, end, at, length in found]
 
@@ -131,7 +136,8 @@ def records(file: BinaryIO, start: int, end: int) -> Iterator[Record]:
     """
     file.seek(start)
     while start < end:
-        opcode, length = PREFIX.unpack(file.read(PREFIX.size))
+        head = file.read(PREFIX.size)
+        opcode, length = PREFIX.unpack(head) if len(head) == PREFIX.size else (0, end)
         start += PREFIX.size + length
         if start > end:
             raise RecordingError(

@@ -14,6 +14,7 @@ from sautereau.daq.file.recorded import SessionInfo
 from sautereau.daq.file.schemas import FIELDS, PACKAGE, schema_data
 from sautereau.rig.load import rig_document, rig_json
 from sautereau.rig.schema import Rig
+from sautereau.rig.units import shown
 
 PROFILE = "sautereau"
 """Profile in the header of sautereau's MCAP files."""
@@ -53,10 +54,9 @@ def start_head(writer: McapWriter, head: dict[str, dict[str, str]]) -> None:
     schemas = {f"{PACKAGE}.{name}": number for number, name in enumerate(FIELDS, 1)}
     channels = []
     for topic, text in head["channels"].items():
-        values = json.loads(text)
-        channels.append(
-            Channel(values["id"], topic, "protobuf", values["metadata"], schemas[values["schema"]])
-        )
+        number, _, metadata = channel_from_json(topic, text)
+        schema = schemas[json.loads(text)["schema"]]
+        channels.append(Channel(number, topic, "protobuf", metadata, schema))
     writer.start(
         PROFILE,
         [*(Schema(n, data, "protobuf", name) for name, n in schemas.items()), *channels],
@@ -64,6 +64,23 @@ def start_head(writer: McapWriter, head: dict[str, dict[str, str]]) -> None:
     for _ in range(COPIES):
         for name, values in head.items():
             writer.add_metadata(name, values)
+
+
+def channel_from_json(topic: str, text: str) -> tuple[int, str, dict[str, str]]:
+    """Return number, topic and metadata of a channel from its entry in the record `channels`.
+
+    Raises:
+        ValueError: It is not such an entry.
+    """
+    try:
+        values = json.loads(text)
+        number, metadata = values["id"], values["metadata"]
+        texts = all(isinstance(value, str) for value in metadata.values())
+        if texts and type(number) is int and 0 <= number < 2**16:
+            return number, topic, metadata
+    except (KeyError, TypeError, AttributeError, RecursionError):
+        pass
+    raise ValueError(f"{shown(text)} does not describe the channel {shown(topic)}")
 
 
 def software() -> dict[str, str]:
@@ -101,4 +118,8 @@ def _topics(rig: Rig, rate: float) -> Iterator[tuple[str, str, dict[str, str]]]:
     captured = {**angles, "e1": "rad", "e2": "rad", "m1": "N m", "m2": "N m"}
     yield "/plan", "Plan", {**angles, "jack_rise": "m", "what": "planned motion"}
     yield "/joints", "Joints", {**captured, "what": "on the controller's clock"}
-    yield "/events", "Event", {"time": "s", "what": "what happened, time after the trigger"}
+    yield (
+        "/events",
+        "Event",
+        {"time": "s", "std": "s", "what": "what happened, time after the trigger"},
+    )

@@ -1,6 +1,6 @@
 """What a recording holds: the session, samples, plan, joints, events, gaps."""
 
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -9,9 +9,14 @@ from numpy.typing import NDArray
 
 from sautereau.daq.errors import RecordingError
 from sautereau.rig.schema import Rig
+from sautereau.rig.units import shown
 
 Signal = NDArray[np.float64]
 
+MOTION = "motion"
+"""Kind of the event that is the start of the arm's motion."""
+BY_EDGE = "started, by the trigger's edge"
+"""Its text where an output of the controller has started the acquisition."""
 _BEFORE_SESSIONS = {"session": "", "item": "", "warm_up": "false"}
 """Metadata of a recording that was made before sessions had plans."""
 
@@ -69,9 +74,9 @@ def session_from_metadata(metadata: dict[str, str]) -> SessionInfo:
     texts = ("started", "controller", "daq", "scene", "notes", "session")
     try:
         return SessionInfo(
-            press=int(known["press"]),
-            seed=int(known["seed"]) if known["seed"] else None,
-            item=int(known["item"]) if known["item"] else None,
+            press=whole_number(known["press"]),
+            seed=whole_number(known["seed"]) if known["seed"] else None,
+            item=whole_number(known["item"]) if known["item"] else None,
             simulated=known["simulated"] == "true",
             warm_up=known["warm_up"] == "true",
             **{name: known[name] for name in texts},
@@ -80,6 +85,19 @@ def session_from_metadata(metadata: dict[str, str]) -> SessionInfo:
         raise RecordingError(
             f"press, seed or item of its session is not a number: {error}"
         ) from error
+
+
+def whole_number(text: str, most: int = 2**64) -> int:
+    """Return an integer that is written in digits, from ``-most`` to ``most``.
+
+    Raises:
+        ValueError: It is none.
+    """
+    if len(text) > 20 or not text.isascii() or not text.removeprefix("-").isdigit():
+        raise ValueError(f"{shown(text)} is not an integer")
+    if abs(int(text)) > most:
+        raise ValueError(f"{text} is beyond the limit of {most}")
+    return int(text)
 
 
 @dataclass(frozen=True)
@@ -136,9 +154,11 @@ class Event:
     time: float
     """Time after the trigger, s; negative before it."""
     kind: str
-    """One word: `trigger`, `fault`, `aborted`."""
+    """One word: `trigger`, `motion`, `fault`, `aborted`."""
     text: str
     """What happened."""
+    std: float = 0.0
+    """Standard uncertainty of the time, s; 0 where it is exact."""
 
 
 @dataclass(frozen=True)
@@ -232,6 +252,33 @@ class Recorded(Stretch):
     def simulated(self) -> bool:
         """Whether the stand-in made the samples."""
         return self.session.simulated
+
+    @property
+    def motion(self) -> Event | None:
+        """Start of the arm's motion, to which its plan and its joints are aligned.
+
+        Recordings without such an event were started by the trigger's edge.
+        """
+        for event in self.events:
+            if event.kind == MOTION:
+                return event
+        if self.joints is None:
+            return None
+        controller = self.rig.controller
+        return Event(controller.trigger_delay, MOTION, BY_EDGE, controller.trigger_delay_std)
+
+    @property
+    def origin(self) -> float:
+        """Time that the analysis counts from, s after the trigger: 0, or the start of a motion
+        that no edge has started, since the host's delay is of no interest."""
+        motion = self.motion
+        return 0.0 if motion is None or motion.text == BY_EDGE else motion.time
+
+    @property
+    def arm(self) -> Joints | Plan | None:
+        """What moved the arm, by the encoders or else as planned; its times count from `origin`."""
+        arm = self.joints or self.plan
+        return None if arm is None else replace(arm, t=arm.t - self.origin)
 
     @property
     def complete(self) -> bool:

@@ -167,8 +167,8 @@ class Recording:
             "Joints", **{name: column for name, column in vars(joints).items() if len(column)}
         )
 
-    def event(self, kind: str, text: str, time_s: float) -> None:
-        """Write an event at ``time_s`` (s after the trigger, negative before it).
+    def event(self, kind: str, text: str, time_s: float, std: float = 0.0) -> None:
+        """Write an event at ``time_s`` (s after the trigger, negative before it), +-``std``.
 
         Everything written so far is flushed with it immediately.
         """
@@ -176,7 +176,10 @@ class Recording:
         log_time = self._clock.now_ns() if self._first is None else self._t0 + round(time_s * 1e9)
         with file.writing() as writer:
             self._log(
-                writer, "/events", log_time, encode("Event", time=time_s, kind=kind, text=text)
+                writer,
+                "/events",
+                log_time,
+                encode("Event", time=time_s, kind=kind, text=text, std=std),
             )
         file.flush()
 
@@ -213,6 +216,11 @@ class Recording:
             raise RecordingError(
                 f"recording {self._path}: /{message.lower()} has arrays of the shapes {listed};"
                 " give all of them the same shape (n,)"
+            )
+        if not all(np.isfinite(column).all() for column in columns.values()):
+            raise RecordingError(
+                f"recording {self._path}: /{message.lower()} has numbers that are not finite; look"
+                " at what the controller answered, and press again"
             )
         log_time = self._clock.now_ns() if self._first is None else self._t0
         with self._file().writing() as writer:

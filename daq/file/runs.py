@@ -8,7 +8,9 @@ import numpy as np
 
 from sautereau.daq.errors import RecordingError
 from sautereau.daq.file.contents import FOREIGN
+from sautereau.daq.file.limits import time_faults
 from sautereau.daq.file.recorded import Gap, Signal, Stretch
+from sautereau.rig.faults import fault_list
 
 MOST_RUNS = 10_000
 """Limit for one channel."""
@@ -55,8 +57,8 @@ class Runs:
         clock = Clock(block.t0, block.rate, block.begin)
         volts = block.volts
         first, stop = block.first_sample, block.first_sample + len(volts) // 8
-        if self.clock is None and not 0 < clock.rate < float("inf"):
-            raise RecordingError(f"one of its blocks has a rate of {clock.rate} Hz; {FOREIGN}")
+        if faults := time_faults(clock.t0, clock.rate, clock.begin, stop):
+            raise RecordingError(f"{fault_list(f'a block of {topic}', faults)}; {FOREIGN}")
         if self.clock not in (None, clock):
             raise RecordingError(f"its blocks have different triggers or rates; {FOREIGN}")
         if len(volts) % 8 or first == stop or first < clock.begin:

@@ -40,8 +40,8 @@ FIELDS: dict[str, dict[str, str]] = {
     # t: s after the trigger on the controller's clock; q1, q2: rad.
     # e1, e2: following errors in rad; m1, m2: motor torques in N m; empty if not recorded.
     "Joints": dict.fromkeys(("t", "q1", "q2", "e1", "e2", "m1", "m2"), _ARRAY),
-    # time: s after the trigger.
-    "Event": {"time": "double", "kind": "string", "text": "string"},
+    # time: s after the trigger; std: s, standard uncertainty of it.
+    "Event": {"time": "double", "kind": "string", "text": "string", "std": "double"},
 }
 """Fields of each message, in the order of their numbers."""
 _ARRAYS = {

@@ -47,6 +47,11 @@ def driver_errors(daq: Daq, doing: str, options: Any = None) -> Iterator[None]:
             f"DAQ device {daq.device}: {_first_line(error)}, while {doing}; update the"
             " NI-DAQmx driver"
         ) from error
+    except ValueError as error:  # of the client library, about numbers in an answer
+        raise DaqError(
+            f"DAQ device {daq.device}: an answer while {doing} is invalid: {_first_line(error)};"
+            f" check that a DAQmx device server of NI answers at {daq.address or 'this machine'}"
+        ) from error
 
 
 def _driver_fault(daq: Daq, doing: str, error: Any, options: Any) -> str:

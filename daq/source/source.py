@@ -56,7 +56,7 @@ class SourceSettings:
     block: int
     """Samples of each channel read at a time."""
     trigger: str
-    """Terminal whose rising edge starts it; empty if it starts immediately."""
+    """Terminal whose edge starts it; empty if it starts immediately."""
 
 
 class Source(Protocol):

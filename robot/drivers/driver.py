@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from typing import ClassVar, Protocol
 
+from sautereau.rig.capabilities import Capabilities
 from sautereau.rig.schema import Rig
 from sautereau.robot.controller import Player, TorqueTable
 from sautereau.robot.drivers.serial_port import Port
@@ -23,6 +24,8 @@ class Driver(Player, Protocol):
     speeds counts per second, both of joints 1 and 2, shape (2,).
     """
 
+    CAPABILITIES: ClassVar[Capabilities]
+    """What it can do; `load` gets torques, and `home_levels` is called, only where it can."""
     WITHOUT_HOST: ClassVar[str]
     """Sentence on what the controller does without its host, for {period:g} s."""
     ABORT_AFTER: ClassVar[frozenset[str]]

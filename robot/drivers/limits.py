@@ -58,18 +58,22 @@ class Limits:
             )
         _refuse("move_to", faults, "choose a target and a speed inside them")
 
-    def check_motion(self, segments: Segments, segment_limit: int, sample_period: float) -> None:
+    def check_motion(
+        self, segments: Segments, segment_limit: int | None, sample_period: float
+    ) -> None:
         """Refuse segments that the controller cannot or must not play, and list every fault.
 
         Args:
             segments: The motion.
-            segment_limit: Most segments that the controller holds.
+            segment_limit: Most segments that the controller holds; None without such a limit.
             sample_period: s, of one controller sample.
         """
         faults = []
-        if not 0 < len(segments) <= segment_limit:
+        if not len(segments):
+            faults.append("it has no segment")
+        if segment_limit is not None and len(segments) > segment_limit:
             faults.append(
-                f"{len(segments)} segments, and the controller takes 1 to {segment_limit}"
+                f"{len(segments)} segments, and the controller takes {segment_limit} at most"
                 " (controller.segment_limit)"
             )
         if len(segments):

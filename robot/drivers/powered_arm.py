@@ -12,14 +12,16 @@ from typing import Generic, Self, TypeVar
 
 import numpy as np
 
+from sautereau.rig.capabilities import Capabilities, HomingKind
 from sautereau.rig.schema import Rig
 from sautereau.robot.controller import Capture, MotionController, TorqueTable
 from sautereau.robot.drivers.driver import Clock, Driver, Sleep
+from sautereau.robot.drivers.interrupts import Interrupts
 from sautereau.robot.drivers.keep_alive import KeepAlive
 from sautereau.robot.drivers.limits import Limits
 from sautereau.robot.drivers.serial_port import Port, open_port
 from sautereau.robot.drivers.states import State, States
-from sautereau.robot.errors import MotionFault, NotReady, RobotError
+from sautereau.robot.errors import MotionFault, NotReady, RobotError, UnsafeRequest
 from sautereau.trajectory.segments import Counts, Segments, to_counts
 
 _SAFE = "The arm was stopped and its motors are off: the controller confirms it."
@@ -45,7 +47,7 @@ class PoweredArm(MotionController, Generic[DriverT]):
 
     def __init__(
         self,
-        driver: Callable[[Rig, Port, Clock, Sleep], DriverT],
+        driver: type[DriverT],
         rig: Rig,
         *,
         open_port: Callable[[str, int, float], Port] = open_port,
@@ -57,12 +59,17 @@ class PoweredArm(MotionController, Generic[DriverT]):
         self._limits = Limits(rig.arm)
         self._home = to_counts(rig.arm.home_angles, rig.arm.counts_per_revolution)
         self._make_driver, self._open_port = driver, open_port
+        self._capabilities = driver.CAPABILITIES
         self._clock, self._sleep, self._keep_alive = clock, sleep, keep_alive
         self._driver: DriverT | None = None
         self._identity = ""
         self._states = States()
         self._motion: Segments | None = None
         self._played = False
+
+    @property
+    def capabilities(self) -> Capabilities:
+        return self._capabilities
 
     # Connection.
 
@@ -98,8 +105,9 @@ class PoweredArm(MotionController, Generic[DriverT]):
         driver = self._make_driver(self._rig, port, self._clock, self._sleep)
         try:
             self._identity = driver.set_up()
-        except BaseException:
+        except BaseException as error:
             driver.close()
+            _say(error, "The motors were not switched on.")
             raise
         self._states.enter(State.OFF)
         self._driver, self._motion, self._played = driver, None, False
@@ -117,6 +125,8 @@ class PoweredArm(MotionController, Generic[DriverT]):
                     self._switch_off(driver)
                 else:
                     self._make_safe(earlier, lambda: self._switch_off(driver))
+            elif earlier is not None:
+                _say(earlier, "The motors are off.")
         finally:
             self._driver = None
             self._states.enter(State.OFF)
@@ -134,18 +144,21 @@ class PoweredArm(MotionController, Generic[DriverT]):
     @contextmanager
     def powered(self) -> Iterator[Self]:
         driver = self._ready("powered")
-        self._states.enter(State.STOPPED)
-        try:
-            driver.switch_on()
-            with self._keep_alive(driver.renew, self._settings.watchdog_period):
-                yield self
-        except BaseException as error:
-            if self._states.on and self._states.now is not State.FAULTED:
-                self._make_safe(error, lambda: self._switch_off(driver))
-            raise
-        else:
-            if self._states.on:
-                self._switch_off(driver)
+        with Interrupts() as interrupts:
+            self._states.enter(State.STOPPED)
+            try:
+                driver.switch_on()
+                with self._keep_alive(driver.renew, self._settings.watchdog_period):
+                    yield self
+            except BaseException as error:
+                interrupts.hold()
+                if self._states.on and self._states.now is not State.FAULTED:
+                    self._make_safe(error, lambda: self._switch_off(driver))
+                raise
+            else:
+                interrupts.hold()
+                if self._states.on:
+                    self._switch_off(driver)
 
     def positions(self) -> Counts:
         return self._connected("positions").positions()
@@ -160,7 +173,7 @@ class PoweredArm(MotionController, Generic[DriverT]):
     def abort(self) -> None:
         self._confirm(self._connected("abort").abort)
 
-    # Homing and moves.
+    # HomingKind and moves.
 
     def home(self) -> Counts:
         driver = self._ready("home")
@@ -170,6 +183,8 @@ class PoweredArm(MotionController, Generic[DriverT]):
 
     def check_home(self) -> None:
         driver = self._ready("check_home")
+        if self._capabilities.homing is not HomingKind.SWITCHES:
+            return
         tolerance = self._settings.home_tolerance
         speed = self._limits.in_counts(self._rig.arm.approach_speed)
         levels = []
@@ -204,8 +219,10 @@ class PoweredArm(MotionController, Generic[DriverT]):
 
     def load(self, segments: Segments, torque: TorqueTable | None = None) -> Segments:
         driver = self._ready("load")
-        settings = self._settings
-        self._limits.check_motion(segments, settings.segment_limit, settings.sample_period)
+        limit = self._settings.segment_limit if self._capabilities.preloaded else None
+        self._limits.check_motion(segments, limit, self._settings.sample_period)
+        if torque is not None and not self._capabilities.torque_feed_forward:
+            raise UnsafeRequest("load: this controller adds no torques; press without feed-forward")
         driver.plan(segments, torque)
         self._states.enter(State.HOMED)
         self._motion, self._played = None, False
@@ -317,3 +334,9 @@ class PoweredArm(MotionController, Generic[DriverT]):
     def _not_safe(self, reason: str) -> str:
         meanwhile = self.driver.WITHOUT_HOST.format(period=self._settings.watchdog_period)
         return f"The motors are NOT confirmed off ({reason}): press the emergency stop. {meanwhile}"
+
+
+def _say(error: BaseException, state: str) -> None:
+    """Add the motors' state to an interrupt that does not say it yet."""
+    if isinstance(error, KeyboardInterrupt) and not hasattr(error, "__notes__"):
+        error.add_note(state)

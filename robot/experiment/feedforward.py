@@ -10,6 +10,7 @@ import numpy as np
 
 from sautereau.analysis.loading.press import Press, load_press
 from sautereau.analysis.phases import Phases, find_phases
+from sautereau.rig.capabilities import capabilities_of
 from sautereau.rig.schema import Rig
 from sautereau.robot.controller import TorqueTable
 from sautereau.robot.errors import RobotError
@@ -78,8 +79,14 @@ def torque_table(rig: Rig, trajectory: Trajectory, measured: Expectation) -> Tor
         measured: As `measured_force` returns it.
 
     Raises:
-        RobotError: With them a joint's torque would exceed its limit.
+        RobotError: The controller adds no torques, or with them a joint's torque would exceed
+            its limit.
     """
+    if not capabilities_of(rig).torque_feed_forward:
+        raise RobotError(
+            f"feed-forward: a controller of kind {rig.controller.kind} adds no torques; press"
+            " without, or with another controller"
+        )
     rise = trajectory.rise.position
     force = measured.force_at(rise)
     back = trajectory.time > trajectory.law.return_start

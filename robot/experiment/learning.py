@@ -6,25 +6,41 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from pydantic import BaseModel, Field, FiniteFloat, ValidationError
 
 from sautereau.analysis.loading.press import load_press
+from sautereau.rig.compared import comparable
 from sautereau.rig.disk import read_limited, write_durably
+from sautereau.rig.faults import fault_list, validation_faults
 from sautereau.rig.load import current_document, rig_document
 from sautereau.rig.schema import Rig
 from sautereau.robot.errors import RobotError
 from sautereau.robot.experiment.feedforward import torque_table
-from sautereau.robot.experiment.plan import comparable
+from sautereau.robot.experiment.plan import RigDocument
 from sautereau.robot.experiment.session import Item
 from sautereau.robot.experiment.session_folder import differences
 from sautereau.trajectory.errors import TrajectoryError
 from sautereau.trajectory.expected import Expectation
-from sautereau.trajectory.learning import Correction, Learner
+from sautereau.trajectory.learning import CUTOFF, Correction, Learner
 from sautereau.trajectory.press import Trajectory, plan_press
 from sautereau.trajectory.timing import press_law
 
+LARGEST_DOUBT = 1 / (12 * CUTOFF)
+"""s, standard uncertainty of a motion's start: twice this is a phase of 60 degrees at the cut-off
+frequency, beyond which a correction increases the error."""
 HALVINGS = 4
 """Times that the change of a correction is halved where the press cannot be planned."""
+MOST_KNOTS = 10_000
+"""Limit of a correction's points; learning makes about one for each millisecond."""
 _SECTIONS = ("press", "arm", "controller")
+
+
+class _Learned(BaseModel, extra="allow"):
+    """What a correction's text must be before anything of it is used."""
+
+    time: list[FiniteFloat] = Field(max_length=MOST_KNOTS)
+    rise: list[FiniteFloat] = Field(max_length=MOST_KNOTS)
+    learned_for: RigDocument
 
 
 class IterativeLearning:
@@ -95,10 +111,20 @@ class IterativeLearning:
         """Compute the next correction from the recording of a press, and plan with it.
 
         Raises:
-            SautereauError: The recording has no speed over the complete press.
+            SautereauError: The recording has no speed over the complete press, or the start of
+                its motion is not known well enough.
         """
         press = load_press(path)
-        time = press.data.index.to_numpy(dtype=float) - self._rig.controller.trigger_delay
+        start = press.motion
+        if start is None or start.std > LARGEST_DOUBT:
+            std = "unknown" if start is None else f"known to +-{start.std * 1e3:.3g} ms only"
+            raise RobotError(
+                f"learning from {path}: the start of the motion is {std}, and learning up to"
+                f" {CUTOFF:g} Hz needs +-{LARGEST_DOUBT * 1e3:.2g} ms; free the computer that"
+                " streams the motion, check the vibrometer, or use a controller with a trigger"
+                " output"
+            )
+        time = press.data.index.to_numpy(dtype=float) - start.time
         speed = press.data["jack_speed"].to_numpy(dtype=float)
         correction = self._learner.learn(self._used, time, speed)
         self._trajectory = None
@@ -167,23 +193,26 @@ def read_learned(path: Path, rig: Rig, feed_forward: str = "") -> Correction:
         TrajectoryError: It holds no valid correction.
     """
     try:
-        found = json.loads(read_limited(path))
-        time, rise = (np.array(found[name], dtype=float) for name in ("time", "rise"))
-        asked = _learned_for(rig, feed_forward)
-        learned_for = comparable(current_document(found["learned_for"]))
-        changes = list(differences({name: learned_for.get(name) for name in asked}, asked))
-    except (OSError, ValueError, KeyError, TypeError) as error:
+        found = _Learned.model_validate_json(read_limited(path))
+    except ValidationError as error:
+        origin = f"learned correction {path}: cannot be read"
+        faults = fault_list(origin, validation_faults(error, _Learned, ""))
+        raise RobotError(f"{faults}\ngive the file that `sautereau learn` wrote") from error
+    except OSError as error:
         raise RobotError(
-            f"learned correction {path}: cannot be read: {type(error).__name__}: {error}; give the"
-            " file that `sautereau learn` wrote"
+            f"learned correction {path}: cannot be read: {error}; give the file that `sautereau"
+            " learn` wrote"
         ) from error
+    asked = _learned_for(rig, feed_forward)
+    learned_for = comparable(current_document(found.learned_for.model_dump()))
+    changes = list(differences({name: learned_for.get(name) for name in asked}, asked))
     if changes:
         raise RobotError(
             f"learned correction {path}: it was learned for another press:\n  "
             + "\n  ".join(changes)
             + "\nlearn again, or press as it was learned"
         )
-    return Correction(time, rise)
+    return Correction(np.array(found.time), np.array(found.rise))
 
 
 def _learned_for(rig: Rig, feed_forward: str) -> dict[str, Any]:

@@ -59,7 +59,7 @@ class Fault:
 
 Seen = Stage | Samples | Made | Fault
 Watch = Callable[[Seen], None]
-"""Called with each event; must neither wait nor fail."""
+"""Called with each event; must not wait, and an error of it ends the session."""
 
 
 class View(Protocol):

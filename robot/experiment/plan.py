@@ -2,39 +2,23 @@
 
 import hashlib
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
-from itertools import count, groupby
+from itertools import groupby
 from pathlib import Path
 from typing import Any
 
+from pydantic import BaseModel, JsonValue
+
+from sautereau.rig.compared import comparable
 from sautereau.rig.faults import fault_list
 from sautereau.rig.load import rig_document
 from sautereau.rig.schema import Rig
 from sautereau.robot.errors import RobotError
 from sautereau.robot.experiment.plan_table import Row
-from sautereau.trajectory.errors import TrajectoryError
-from sautereau.trajectory.press import Trajectory
 
 MOST_PRESSES = 100_000
 """Largest number of presses of a session: a day of them at full speed."""
-_MAY_CHANGE = {
-    "controller": ("port", "verified", "verified_settings", "verified_on"),
-    "daq": ("address",),
-}
-"""What may change before a session is resumed: where its devices are connected, and that the
-controller was verified again."""
-
-
-@dataclass(frozen=True)
-class Place:
-    """One press in a session's plan."""
-
-    number: int
-    """From 1."""
-    row: int
-    """Index of its row."""
-    warm_up: bool
 
 
 @dataclass(frozen=True)
@@ -43,7 +27,8 @@ class Plan:
 
     rig: Rig
     """The bench; the rows change its values."""
-    rows: tuple[Row, ...]
+    rows: tuple[Row, ...] | None
+    """None if they are known only as the plan runs."""
     warm_up: int = 0
     """Presses before the first of each set-up of the instrument."""
     rest: float = 0.0
@@ -55,9 +40,10 @@ class Plan:
 
     def __post_init__(self):
         faults = []
-        if not self.rows or min(row.repeats for row in self.rows) < 1:
+        rows = self.rows
+        if rows is not None and (not rows or min(row.repeats for row in rows) < 1):
             faults.append("it has no press; request 1 or more")
-        if (n := sum(row.repeats for row in self.rows) + self.warm_up) > MOST_PRESSES:
+        if (n := sum(row.repeats for row in rows or ()) + self.warm_up) > MOST_PRESSES:
             faults.append(f"{n} presses, more than {MOST_PRESSES}; divide them into sessions")
         if self.warm_up < 0:
             faults.append(f"{self.warm_up} warm-up presses; request 0 or more")
@@ -67,28 +53,17 @@ class Plan:
             raise RobotError(fault_list("session", faults))
 
     @property
-    def set_ups(self) -> list[list[Place]]:
-        """The presses in order, divided where the instrument changes."""
-        numbers = count(1)
-        divided = []
-        own = {"press": self.rig.press}  # so that only the rest is compared
-        indices = range(len(self.rows))
-        for _, same in groupby(indices, lambda i: self.rows[i].rig.model_copy(update=own)):
-            rows = list(same)
-            places = [Place(next(numbers), rows[0], True) for _ in range(self.warm_up)]
-            for row in rows:
-                places += [Place(next(numbers), row, False) for _ in range(self.rows[row].repeats)]
-            divided.append(places)
-        return divided
+    def total(self) -> int | None:
+        """Number of presses, those for warm-up included; None if it is not known."""
+        if self.rows is None:
+            return None
+        set_ups = groupby(self.rows, lambda row: instrument_of(row.rig))
+        return sum(row.repeats for row in self.rows) + self.warm_up * len(list(set_ups))
 
     def document(self) -> dict[str, Any]:
         """Return the plan as a JSON document; equal plans give equal documents."""
-        rows = [
-            {"values": dict(row.values), "repeats": row.repeats, "notes": row.notes}
-            for row in self.rows
-        ]
         return {
-            "presses": rows,
+            "presses": [row.document() for row in self.rows or ()],
             "warm_up": self.warm_up,
             "rest": self.rest,
             "rig": comparable(rig_document(self.rig)),
@@ -97,36 +72,16 @@ class Plan:
         }
 
 
-def comparable(document: dict[str, Any]) -> dict[str, Any]:
-    """Remove what may change within a session from a rig as TOML holds it, and return it."""
-    for section, names in _MAY_CHANGE.items():
-        for name in names:
-            document.get(section, {}).pop(name, None)
-    return document
+class RigDocument(BaseModel, extra="allow"):
+    """A rig or a part of it as JSON of a file holds it, for `comparable`."""
+
+    controller: dict[str, JsonValue] = {}
+    daq: dict[str, JsonValue] = {}
 
 
-def plan_rows(rows: Sequence[Row], plan_one: Callable[[Rig], Trajectory]) -> list[Trajectory]:
-    """Plan the press of every row, before the first is made.
-
-    Args:
-        rows: Of the plan.
-        plan_one: Returns the press of a row's rig.
-
-    Raises:
-        RobotError: Lists every row whose press cannot be planned.
-        TrajectoryError: The only press cannot be planned.
-    """
-    planned, faults = [], []
-    for row in rows:
-        try:
-            planned.append(plan_one(row.rig))
-        except (TrajectoryError, RobotError) as error:
-            if row.line is None:
-                raise
-            faults.append(f"line {row.line}: {error}")
-    if faults:
-        raise RobotError(fault_list("plan table", faults))
-    return planned
+def instrument_of(rig: Rig) -> Rig:
+    """Return a rig for comparison with others on which the same instrument is set up."""
+    return rig.model_copy(update={"press": None})
 
 
 def digest(path: Path) -> str:

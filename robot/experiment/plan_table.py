@@ -17,6 +17,8 @@ from sautereau.robot.errors import RobotError
 EXAMPLE = "press.jack_speed,plectrum.overlap,repeats,notes"
 MOST_PRESSES = 100_000
 """Of one row."""
+MOST_ROWS = 1000
+"""Limit of a table's lines."""
 
 
 @dataclass(frozen=True)
@@ -39,9 +41,13 @@ class Row:
         """Those of `values` that the operator must set on the instrument."""
         return {key: value for key, value in self.values.items() if not _is_press(key)}
 
+    def document(self) -> dict[str, Any]:
+        """Return the row as a JSON document."""
+        return {"values": dict(self.values), "repeats": self.repeats, "notes": self.notes}
+
     def on(self, rig: Rig) -> Rig:
         """Return another bench, such as a stand-in's, with the `press` values of this row."""
-        return with_values(rig, {k: v for k, v in self.values.items() if _is_press(k)})
+        return rig.model_copy(update={"press": self.rig.press})
 
 
 def read_plan_table(path: Path, rig: Rig, repeats: int, notes: str = "") -> tuple[Row, ...]:
@@ -66,9 +72,15 @@ def read_plan_table(path: Path, rig: Rig, repeats: int, notes: str = "") -> tupl
         raise RobotError(
             f"{origin}: cannot be read: {error}; give the path of a CSV file in UTF-8"
         ) from error
+    if len(lines) > MOST_ROWS:
+        raise RobotError(
+            f"{origin}: {len(lines)} lines, more than the limit MOST_ROWS = {MOST_ROWS}; divide it"
+            " into sessions, or give equal presses as repeats of one row"
+        )
     columns = [current_key(cell.strip()) for cell in lines[0]] if lines else []
     faults = list(_column_faults(columns))
     rows = []
+    benches: dict[tuple[tuple[str, Any], ...], Rig | list[str]] = {}
     for line, cells in enumerate(lines[1:], 2):
         texts = [cell.strip() for cell in cells]
         if not any(texts):
@@ -89,10 +101,15 @@ def read_plan_table(path: Path, rig: Rig, repeats: int, notes: str = "") -> tupl
         joined = "; ".join(filter(None, (notes, given.pop("notes", ""))))
         values = {key: _value(key, text) for key, text in given.items()}
         known = {key: value for key, value in values.items() if key in set(model_keys(Rig))}
-        try:
-            changed = with_values(rig, known)
-        except RigError as error:
-            faults += [f"line {line}: {fault}" for fault in _single(str(error), rig)]
+        key = tuple(known.items())
+        if key not in benches:
+            try:
+                benches[key] = with_values(rig, known)
+            except RigError as error:
+                benches[key] = _single(str(error), rig)
+        changed = benches[key]
+        if isinstance(changed, list):
+            faults += [f"line {line}: {fault}" for fault in changed]
             continue
         if not faults:
             rows.append(Row(changed, int(count), values, joined, line))

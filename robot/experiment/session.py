@@ -13,11 +13,11 @@ import numpy as np
 
 from sautereau.daq.file.recorded import Joints
 from sautereau.daq.file.recording import Recording, SessionInfo
-from sautereau.daq.source.source import open_source
 from sautereau.rig.schema import Rig
 from sautereau.robot.controller import Capture, MotionController, TorqueTable
 from sautereau.robot.errors import RobotError
 from sautereau.robot.experiment.monitor import Fault, Made, Samples, Stage, Watch
+from sautereau.robot.experiment.motion_source import open_motion
 from sautereau.trajectory.motion import Floats
 from sautereau.trajectory.press import Trajectory
 from sautereau.trajectory.segments import Segments, to_angles
@@ -122,7 +122,7 @@ def make_presses(
         pending = iter(items)
         first = next(pending, None)
         if first is not None:  # a card that is missing or in use, before any motion
-            with open_source(first.rig.daq, _duration(first)):
+            with open_motion(first.rig, controller, _duration(first)):
                 pass
         with controller.powered():
             last: Trajectory | None = None
@@ -191,7 +191,8 @@ def _press(
     watch(Stage("loading", "idle", number))
     controller.load(trajectory.segments, item.torques)
     controller.arm()
-    with open_source(rig.daq, _duration(item)) as acquisition:
+    with open_motion(rig, controller, _duration(item)) as motion:
+        acquisition = motion.source
         session = SessionInfo(
             press=number,
             started=datetime.now(UTC).isoformat(timespec="milliseconds"),
@@ -207,16 +208,17 @@ def _press(
         )
         of_device = acquisition.of_device(rig)
         with Recording(path, of_device, session=session, rate=acquisition.rate) as recording:
-            acquisition.start()
+            motion.start()
             watch(Stage("armed", "armed", number))
             controller.start()
             watch(Stage("moving", "reading", number))
-            for block in acquisition.blocks():
+            for block in motion.blocks():
                 recording.write_block(block)
                 watch(Samples(number, rig.daq.channels, acquisition.rate, block))
             watch(Stage("moving", "complete", number))
             # An event flushes the file, and the rest may take a while.
-            recording.event("trigger", f"edge on {rig.daq.trigger_source}", 0.0)
+            if motion.triggered:
+                recording.event("trigger", f"edge on {rig.daq.trigger_source}", 0.0)
             controller.wait()
             watch(Stage("standing", "complete", number))
             if item.torques is not None:
@@ -224,9 +226,12 @@ def _press(
                 largest = f"up to {first:.4g} N m at joint 1 and {second:.4g} N m at joint 2"
                 recording.event("feed-forward", largest, 0.0)
             capture = controller.capture()
-            planned, joints = trajectory.time + capture.trigger_delay, trajectory.joints.position
+            joints = trajectory.joints.position
+            start = motion.motion(capture)
+            planned = trajectory.time + start.time
+            recording.event(start.kind, start.text, start.time, start.std)
             recording.write_plan(planned, joints[:, 0], joints[:, 1], trajectory.rise.position)
-            recording.write_joints(_joints(capture, rig))
+            recording.write_joints(_joints(capture, start.time, rig))
 
 
 def _duration(item: Item) -> float:
@@ -235,7 +240,7 @@ def _duration(item: Item) -> float:
     return samples * item.rig.controller.sample_period + item.rig.daq.tail
 
 
-def _joints(capture: Capture, rig: Rig) -> Joints:
+def _joints(capture: Capture, start: float, rig: Rig) -> Joints:
     turn = rig.arm.counts_per_revolution
     columns: dict[str, Floats] = {"q": to_angles(capture.counts, turn)}
     if capture.following_errors is not None:
@@ -243,7 +248,7 @@ def _joints(capture: Capture, rig: Rig) -> Joints:
     if capture.torques is not None:
         columns["m"] = capture.torques
     named = {f"{name}{j + 1}": c[:, j] for name, c in columns.items() for j in (0, 1)}
-    return Joints(t=capture.times_after_trigger, **named)
+    return Joints(t=capture.times + start, **named)
 
 
 def _free_number(out: Path) -> int:

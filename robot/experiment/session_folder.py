@@ -11,13 +11,17 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
+from pydantic import BaseModel, Field, FiniteFloat, JsonValue, ValidationError
+
 from sautereau.daq.file.container.durable import PART
 from sautereau.daq.file.reading import read_recording, read_session
+from sautereau.rig.compared import comparable
 from sautereau.rig.disk import read_limited, write_durably
+from sautereau.rig.faults import fault_list, validation_faults
 from sautereau.rig.load import current_document
 from sautereau.rig.renamed import current_key
 from sautereau.robot.errors import RobotError
-from sautereau.robot.experiment.plan import Plan, comparable
+from sautereau.robot.experiment.plan import MOST_PRESSES, Plan, RigDocument
 
 MANIFEST = "session.json"
 """Name of the file in the session's folder."""
@@ -25,6 +29,8 @@ VERSION = 1
 """Of the file."""
 MOST_LISTED = 8
 """Differences that one message lists."""
+LONGEST_NAME = 200
+"""Characters of the session's identity, and of a date."""
 _ABSENT = "nothing"
 
 
@@ -42,6 +48,27 @@ class Manifest:
     """The plan, as JSON holds it."""
     set_up: Mapping[str, Any]
     """What the operator was last asked to set on the instrument, by the rig's dotted key."""
+
+
+class _Press(BaseModel, extra="allow"):
+    values: dict[str, str | int | FiniteFloat]
+
+
+class _Plan(BaseModel, extra="allow"):
+    rig: RigDocument = RigDocument()
+    scene: str | dict[str, JsonValue] = ""
+    presses: list[_Press] = Field(default=[], max_length=MOST_PRESSES)
+
+
+class _Manifest(BaseModel, extra="allow"):
+    """What a manifest's text must be before anything of it is used."""
+
+    version: int
+    session: str = Field(max_length=LONGEST_NAME)
+    started: str = Field(max_length=LONGEST_NAME)
+    seed: int | None = Field(ge=0, lt=2**64)
+    plan: _Plan
+    set_up: dict[str, str | int | FiniteFloat]
 
 
 class SessionFolder:
@@ -80,7 +107,9 @@ class SessionFolder:
         if started is not None:
             requested = started.seed if seed is None else seed
             before = {**started.plan, "seed": started.seed}
-            if isinstance(before["scene"], dict):
+            if plan.rows is None:  # each is compared when the plan requests it
+                asked["presses"] = before.get("presses", [])
+            if isinstance(before.get("scene"), dict):
                 before["scene"] = current_scene(before["scene"])
             check_same(path, before, {**asked, "seed": requested})
         self._manifest = started or Manifest(
@@ -120,6 +149,26 @@ class SessionFolder:
             write_manifest(self.path, self._manifest)
             self.resumed = True
 
+    def row(self, number: int) -> Mapping[str, Any] | None:
+        """Return the noted row of a plan, counted from 0; None for one that was not requested."""
+        rows = self._manifest.plan["presses"]
+        return rows[number] if number < len(rows) else None
+
+    def note_row(self, number: int, row: Mapping[str, Any]) -> None:
+        """Note a row of the plan before its presses are made, or compare it with the noted one.
+
+        Raises:
+            RobotError: The plan has requested another row at this place before.
+        """
+        noted, row = self.row(number), json.loads(json.dumps(row))
+        if noted is not None:
+            check_same(self.path, {f"presses.{number + 1}": noted}, {f"presses.{number + 1}": row})
+            return
+        plan = {**self._manifest.plan, "presses": [*self._manifest.plan["presses"], row]}
+        self._manifest = replace(self._manifest, plan=plan)
+        if self.resumed:
+            write_manifest(self.path, self._manifest)
+
     def note_set_up(self, set_up: Mapping[str, Any]) -> None:
         """Note what the operator was asked to set on the instrument."""
         self.start()
@@ -151,12 +200,13 @@ def read_manifest(folder: Path) -> Manifest | None:
     """
     path = folder / MANIFEST
     try:
-        found = json.loads(read_limited(path))
-        if found["version"] != VERSION:
+        text = read_limited(path)
+        if (version := _Manifest.model_validate_json(text).version) != VERSION:
             raise RobotError(
-                f"session {path}: it is of version {found['version']!r}, not {VERSION}; continue"
-                " with the version of sautereau that started it, or give another folder"
+                f"session {path}: it is of version {version}, not {VERSION}; continue with the"
+                " version of sautereau that started it, or give another folder"
             )
+        found = json.loads(text)
         found["plan"]["rig"] = comparable(current_document(found["plan"].get("rig", {})))
         for row in found["plan"].get("presses", ()):
             row["values"] = {current_key(key): value for key, value in row["values"].items()}
@@ -164,10 +214,14 @@ def read_manifest(folder: Path) -> Manifest | None:
         return Manifest(**{name: found[name] for name in Manifest.__dataclass_fields__})
     except FileNotFoundError:
         return None
-    except (OSError, ValueError, KeyError, TypeError) as error:
+    except ValidationError as error:
+        origin = f"session {path}: cannot be read"
+        faults = fault_list(origin, validation_faults(error, _Manifest, ""))
+        raise RobotError(f"{faults}\nrestore it from a copy, or give another folder") from error
+    except OSError as error:
         raise RobotError(
-            f"session {path}: cannot be read: {type(error).__name__}: {error}; restore it from"
-            " a copy, or give another folder"
+            f"session {path}: cannot be read: {error}; restore it from a copy, or give another"
+            " folder"
         ) from error
 
 

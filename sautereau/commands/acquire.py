@@ -27,6 +27,8 @@ def acquire(
 
     Parameters
     ----------
+    rig
+        Path of a rig file, which may have [daq] alone, or name of a packaged rig.
     out
         File of the recording, which must not exist yet.
     duration
@@ -42,6 +44,7 @@ def acquire(
     from sautereau.daq.file.reading import read_session
     from sautereau.daq.source.continuous import record
     from sautereau.daq.source.source import open_source
+    from sautereau.rig.load import load_rig_to_acquire
     from sautereau.rig.units import parse_quantity
 
     try:
@@ -52,13 +55,13 @@ def acquire(
         return common.fail(json, "Missing option: --out FILE, or --dry-run", 2)
     if out is not None and not dry_run and out.exists():
         raise DaqError(f"--out: {out} already exists; give another file")
-    nominal = common.load_rig(rig)
-    with _asked_to_stop() as asked, common.hardware(nominal, simulation) as bench:
+    served = common.bench(load_rig_to_acquire(rig), simulation, moves=False)
+    with _asked_to_stop() as asked, served.connected() as bench:
         if dry_run or out is None:
             with open_source(bench.rig.daq, None, triggered=triggered) as acquisition:
                 settings = acquisition.settings()
             return common.answer(json, asdict(settings), _lines(settings))
-        common.say(not json, f"rig {nominal.name} on {bench.where}; Ctrl-C ends the recording")
+        common.say(not json, f"rig {bench.rig.name} on {bench.where}; Ctrl-C ends the recording")
         with common.fraction_bar() as show:
             rate = bench.rig.daq.sample_rate
             n = record(

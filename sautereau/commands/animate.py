@@ -53,9 +53,7 @@ def animate(
     press = press_of(recorded)
     phases = find_phases(press)
     start, stop = shown_stretch(press, phases, since, until)
-    scene = replay(
-        press, phases, movie.frame_times(start, stop, slow), recorded.joints or recorded.plan
-    )
+    scene = replay(press, phases, movie.frame_times(start, stop, slow), recorded.arm)
     with common.fraction_bar() as show:
         movie.animate(out, scene, show)
     plucked = sum(motion.plucks for motion in scene.choirs)

@@ -7,6 +7,7 @@ quickly.
 import os
 import sys
 import traceback
+from collections.abc import Iterator
 from typing import Literal, get_args, get_origin
 
 # No matrix here is large enough for the threads of BLAS, which wait for each other in busy loops
@@ -32,6 +33,7 @@ from sautereau.commands import (
     setup,
     simulate,
     transient,
+    watch,
 )
 
 app = App(
@@ -48,6 +50,7 @@ for command in (
     plan.plan,
     plan.mount,
     press.press,
+    press.replay,
     acquire.acquire,
     learn.learn,
     fit.phases,
@@ -59,6 +62,7 @@ for command in (
     animate.listen,
     campaign.campaign,
     campaign.touch,
+    watch.watch,
     report.report,
     recordings.info,
     recordings.recover,
@@ -87,7 +91,8 @@ def main() -> None:
         sys.stderr.close()  # the reader of the output has ended: no message would be read
         status = 1
     except KeyboardInterrupt as error:
-        status = common.fail(as_json, _with_notes("interrupted", error))
+        common.ignore_signals()
+        status = common.fail(as_json, _with_notes("interrupted", *_interrupts(error)))
     except Exception as error:
         from sautereau.rig.errors import SautereauError
 
@@ -100,8 +105,16 @@ def main() -> None:
     sys.exit(status)
 
 
-def _with_notes(message: str, error: BaseException) -> str:
-    return "\n".join([message, *getattr(error, "__notes__", [])])
+def _with_notes(message: str, *errors: BaseException) -> str:
+    notes = [note for error in errors for note in getattr(error, "__notes__", [])]
+    return "\n".join([message, *dict.fromkeys(notes)])
+
+
+def _interrupts(last: BaseException) -> Iterator[BaseException]:
+    """Yield an interrupt and those before it, the first one first: each may carry notes."""
+    if last.__context__ is not None:
+        yield from _interrupts(last.__context__)
+    yield last
 
 
 def _usage_fault(error: CycloptsError) -> str:

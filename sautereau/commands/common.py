@@ -4,7 +4,7 @@ import signal
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -14,11 +14,10 @@ from cyclopts import Parameter
 from sautereau.analysis.model.plectrum.levels import levels_help
 
 if TYPE_CHECKING:
-    from sautereau.analysis.loading.press import Press
-    from sautereau.analysis.phases import Phases
+    from sautereau.entrance.bench import Bench
+    from sautereau.entrance.session import Session
     from sautereau.rig.schema import Rig
     from sautereau.sim_backend.scene import Scene
-    from sautereau.trajectory.expected import Expectation
 
 OutFile = Annotated[Path, "FILE"]
 OutFolder = Annotated[Path, "FOLDER"]
@@ -88,126 +87,84 @@ def load_rig(name: str) -> "Rig":
     return load_rig(name)
 
 
-def rig_to_move(name: str, simulation: Simulation) -> "Rig":
-    """Load the rig of a command that moves the arm.
+def bench(rig: "str | Rig", simulation: Simulation, *, moves: bool = True) -> "Bench":
+    """Return the bench that a command runs on.
+
+    Args:
+        rig: A rig, the path of its file, or the name of a packaged one.
+        simulation: What was requested of the stand-in.
+        moves: Whether the arm moves: then the hardware needs a rig file of the user's own.
 
     Raises:
         RigError: The hardware would move by a packaged rig; its limits are of another arm.
     """
-    from sautereau.rig.errors import RigError
+    from sautereau.entrance import bench as benches
+    from sautereau.entrance.rig import Rig as Own
 
-    if not simulation.requested and not Path(name).is_file():
-        raise RigError(
-            f"rig {name!r}: the hardware moves only with a rig file of your own, since a packaged"
-            " rig has the limits of another arm; write one with `sautereau init my-rig.toml` and"
-            " give its path, or add --sim for the stand-in"
-        )
-    return load_rig(name)
+    if simulation.requested:
+        return benches.stand_in(rig, simulation.load(), simulation.seed)
+    return benches.bench(rig) if moves else benches.Bench(Own(rig))
 
 
-def expected_of(rig: "Rig") -> "tuple[Expectation | None, list[str]]":
-    """Return the string's force that the model expects in a press, or why there is none."""
-    from sautereau.analysis.errors import ModelError
-    from sautereau.analysis.model.predict import expectation, predict
+def opened(what: "list[Path]", *, samples: bool = False) -> "Session":
+    """Open recordings, and read all of them.
 
-    try:
-        return expectation(predict(rig)), []
-    except ModelError as error:
-        return None, [f"planned without the string's force, because the model failed: {error}"]
+    Args:
+        what: Recordings, folders of sessions, or patterns.
+        samples: Whether to keep all samples.
+    """
+    from sautereau.entrance.session import open
 
-
-def load(files: list[Path]) -> "tuple[list[Press], list[Phases]]":
-    """Return the presses of recordings, and their phases."""
-    from sautereau.analysis.loading.press import load_press
-    from sautereau.analysis.phases import find_phases
-
-    presses, phases = [], []
-    with bar(len(files)) as step:
-        for file in files:
-            presses.append(load_press(file))
-            phases.append(find_phases(presses[-1]))
-            step()
-    return presses, phases
-
-
-@dataclass(frozen=True)
-class Bench:
-    """The bench that a command runs on, real or simulated."""
-
-    rig: "Rig"
-    """The rig, with the addresses in use."""
-    scene: str = ""
-    """The stand-in's scene as text; empty on the hardware."""
-    seed: int | None = None
-    """Seed of the stand-in's random numbers."""
-    reached: str = ""
-    """Solver and step that the stand-in selected, if its scene requests an accuracy."""
-    truth: Callable[[], Any] | None = None
-    """Return the true events of the last press, if the scene records them."""
-
-    @property
-    def where(self) -> str:
-        """Name of the bench in messages."""
-        return "the stand-in: SIMULATED" if self.scene else "the hardware"
-
-    def keep_truth(self, recording: Path) -> None:
-        """Write the true events beside a recording, if the scene records them."""
-        if self.truth:
-            write(recording.with_suffix(".truth.json"), json_text(asdict(self.truth())))
-
-
-@contextmanager
-def hardware(rig: "Rig", simulation: Simulation) -> Iterator[Bench]:
-    """Yield the hardware of a rig, or its stand-in."""
-    if not simulation.requested:
-        yield Bench(rig)
-        return
-    from sautereau.sim_backend.bench import StandIn
-
-    scene = simulation.load()
-    seed = simulation.seed if simulation.seed is not None else fresh_seed()
-    with StandIn(rig, scene, seed) as served:
-
-        def truth() -> Any:
-            return served.truth()[-1]
-
-        yield Bench(
-            served.rig,
-            scene.model_dump_json(),
-            seed,
-            str(served.bench.reached or ""),
-            truth if scene.record_truth else None,
-        )
-
-
-def fresh_seed() -> int:
-    """Return a random seed."""
-    import secrets
-
-    return secrets.randbits(32)
+    session = open(what)
+    with bar(len(session)) as step:
+        return session.read(step, samples=samples)
 
 
 @contextmanager
 def signals_stop() -> Iterator[None]:
-    """Raise KeyboardInterrupt on SIGTERM and on a closed terminal, as on Ctrl-C."""
+    """Raise KeyboardInterrupt on SIGTERM and on a closed terminal, as on Ctrl-C.
+
+    After one they still do, so that none of them ends the command before its message.
+    """
 
     def interrupt(number: int, _frame: object) -> None:
         raise KeyboardInterrupt(signal.Signals(number).name)
 
-    with on_signals(("SIGTERM", "SIGHUP"), interrupt):
+    before = _handle(("SIGTERM", "SIGHUP"), interrupt)
+    interrupted = False
+    try:
         yield
+    except KeyboardInterrupt:
+        interrupted = True
+        raise
+    finally:
+        if not interrupted:
+            _restore(before)
 
 
 @contextmanager
 def on_signals(names: tuple[str, ...], handle: Callable[[int, Any], None]) -> Iterator[None]:
     """Handle these signals, as far as the system has them, inside the context."""
-    known = [name for name in names if hasattr(signal, name)]
-    before = {name: signal.signal(getattr(signal, name), handle) for name in known}
+    before = _handle(names, handle)
     try:
         yield
     finally:
-        for name, handler in before.items():
-            signal.signal(getattr(signal, name), handler)
+        _restore(before)
+
+
+def ignore_signals() -> None:
+    """Ignore further interrupts: the command is about to end with its message."""
+    _handle(("SIGINT", "SIGTERM", "SIGHUP"), signal.SIG_IGN)
+
+
+def _handle(names: tuple[str, ...], handle: Any) -> dict[str, Any]:
+    known = [name for name in names if hasattr(signal, name)]
+    return {name: signal.signal(getattr(signal, name), handle) for name in known}
+
+
+def _restore(before: dict[str, Any]) -> None:
+    for name, handler in before.items():
+        signal.signal(getattr(signal, name), handler)
 
 
 @contextmanager

@@ -1,16 +1,12 @@
 """Find the phases of recordings, compare them with the model, and fit the model to recordings."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated
 
 from cyclopts import Parameter
 
 from sautereau.analysis.summary.text import SOME_SIMULATED
 from sautereau.commands import common
-
-if TYPE_CHECKING:
-    from sautereau.analysis.identify.identified import Identified
-    from sautereau.rig.schema import Rig
 
 
 def phases(
@@ -26,7 +22,7 @@ def phases(
     Parameters
     ----------
     files
-        Recordings.
+        Recordings, folders of sessions, or patterns.
     at
         Contact and release of a pluck set by hand, "52.1 ms +- 0.3 ms to 72.05 ms +- 0.05 ms";
         repeat it for several; "none" for a press without a pluck. They are stored beside the one
@@ -34,65 +30,60 @@ def phases(
     """
     from sautereau.analysis.errors import AnalysisError
     from sautereau.analysis.phases.by_hand import write_by_hand
-    from sautereau.analysis.summary.press import HEADER, press_line, press_summary
+    from sautereau.analysis.summary.press import HEADER, press_line
 
     if at:
-        if len(files) != 1:
+        if len(files) != 1 or not files[0].is_file():
             raise AnalysisError(
-                f"--at: it sets the phases of one recording, and {len(files)} were given; give one"
+                f"--at: it sets the phases of one recording, and {' '.join(map(str, files))} is"
+                " none; give one file"
             )
         write_by_hand(files[0], [] if at == ["none"] else at)
-    pressed, found = common.load(files)
-    both = list(zip(pressed, found, strict=True))
-    warnings = [f"{p.path}: {warning}" for p, f in both for warning in (*p.warnings, *f.warnings)]
-    lines = [HEADER, *(press_line(p, f) for p, f in both), *warnings]
-    result: dict[str, object] = {"files": [press_summary(p, f) for p, f in both]}
+    session = common.opened(files)
+    warnings = [f"{p.path}: {warning}" for p in session for warning in p.analysed.warnings]
+    lines = [HEADER, *(press_line(p.analysed.press, p.phases) for p in session), *warnings]
     if plot:
-        from sautereau.analysis.figures.phases import phases_figure
-
-        phases_figure(pressed, found).savefig(plot, dpi=120)
-    return common.answer(json, result, lines, plot)
+        session.plot().savefig(plot, dpi=120)
+    return common.answer(json, {"files": [p.document for p in session]}, lines, plot)
 
 
 def compare(
     files: list[Path],
     /,
     *,
+    against: Annotated[list[Path] | None, Parameter(consume_multiple=True)] = None,
     rig: str | None = None,
     level: common.Level = "elastica",
     plot: common.Picture = None,
     json: common.Json = False,
 ) -> int:
-    """Compare recorded presses with the model.
+    """Compare recorded presses with the model, and with those of another set.
+
+    Presses of different rigs, scenes or days are not pooled: each is a condition of its own.
 
     Parameters
     ----------
     files
-        Recordings of one rig.
+        Recordings, folders of sessions, or patterns.
+    against
+        Another set of recordings: its features are subtracted from those of the first, with
+        95 % intervals.
     rig
         Path of the rig file to predict with, for example one written by identify. Default: the
-        rig saved in the first recording.
+        rig saved in each recording.
     """
-    from sautereau.analysis.model.predict import predict as predict_press
-    from sautereau.analysis.press.features import features
-    from sautereau.analysis.session.compare import compare as compare_presses
-    from sautereau.analysis.session.compare import compare_features, predict_each
-    from sautereau.analysis.summary.session import comparison_lines, comparison_summary
+    from sautereau.analysis.errors import AnalysisError
 
-    pressed, found = common.load(files)
-    bench = common.load_rig(rig) if rig else pressed[0].rig
-    prediction = predict_press(bench, level)
-    each = predict_each(pressed, found, bench, level)
-    comparison = compare_presses(found, each)
-    every = compare_features(list(map(features, pressed, found)), bench, each)
-    simulated = any(p.simulated for p in pressed)
-    lines = [*([SOME_SIMULATED] * simulated), *comparison_lines(comparison, level, every)]
-    result = comparison_summary(comparison, every) | {"simulated": simulated}
+    bench = common.load_rig(rig) if rig else None
+    other = common.opened(against) if against else None
+    found = common.opened(files).compare(other, rig=bench, level=level)
+    conditions = found.found.conditions
+    if not (other or any(condition.comparison for condition in conditions)):
+        raise AnalysisError("\n".join(w for condition in conditions for w in condition.warnings))
+    lines = [*([SOME_SIMULATED] * found.found.simulated), *found.lines()]
     if plot:
-        from sautereau.analysis.figures.comparison import comparison_figure
-
-        comparison_figure(pressed, found, prediction).savefig(plot, dpi=120)
-    return common.answer(json, result, lines, plot)
+        found.plot().savefig(plot, dpi=120)
+    return common.answer(json, found.document, lines, plot)
 
 
 def identify(
@@ -115,7 +106,7 @@ def identify(
     Parameters
     ----------
     files
-        Recordings of one instrument.
+        Recordings of one instrument, folders of sessions, or patterns.
     free
         Parameters to fit, separated by commas: plectrum.overlap,key.inertia.
     prior
@@ -134,55 +125,17 @@ def identify(
         Rig file for the identifiable values of a model that fits. Other values of an existing
         file stay; a new file is written from the recordings' rig.
     """
-    from sautereau.analysis.identify.fit import fit, inverse_dynamics
-    from sautereau.analysis.identify.identified import evaluate
-    from sautereau.analysis.identify.parameters import FORCE, read_prior
-    from sautereau.analysis.identify.profile import profile as profile_of
-    from sautereau.analysis.summary.fit import fit_lines, fit_summary
-
     names = [name.strip() for name in free.split(",") if name.strip()]
-    priors = dict(read_prior(text) for text in prior or [])
-    pressed, phases = common.load(files)
-    dynamics = inverse_dynamics(pressed, phases, names, priors, level)
-    made = fit(dynamics, starts, robust, levelled=FORCE in names)
-    found = evaluate(made)
-    profiles = [profile_of(made, found, e.name) for e in found.estimates] if profile else []
-    simulated = any(p.simulated for p in pressed)
-    result = fit_summary(found, profiles) | {"simulated": simulated}
-    lines = [*([SOME_SIMULATED] * simulated), *fit_lines(found, profiles, every=verbose)]
+    session = common.opened(files, samples=True)
+    fit = session.identify(names, prior or (), level=level, starts=starts, robust=robust)
+    profiles = [fit.profile(e.name) for e in fit.found.estimates] if profile else []
+    result, lines = fit.document(profiles), fit.lines(profiles, every=verbose)
     if plot:
-        from sautereau.analysis.figures.fit import fit_figure
-
-        fit_figure(made, found, simulated).savefig(plot, dpi=120)
+        fit.plot().savefig(plot, dpi=120)
         result["picture"] = str(plot)
         lines.append(f"picture: {plot}")
     if out:
-        result["rig"] = str(out)
-        result["written"] = _write_rig(out, pressed[0].rig, found, simulated)
-        lines.append(f"rig:     {out}, with {', '.join(result['written']) or 'nothing new'}")
+        fit.write(out)
+        result |= {"rig": str(out), "written": fit.values}
+        lines.append(f"rig:     {out}, with {', '.join(fit.values) or 'nothing new'}")
     return common.answer(json, result, lines)
-
-
-def _write_rig(out: Path, nominal: "Rig", found: "Identified", simulated: bool) -> dict[str, Any]:
-    """Write the identifiable values into a rig file, and return them by their keys."""
-    from datetime import date
-
-    from sautereau.analysis.identify.parameters import rig_values
-    from sautereau.rig.disk import write_durably
-    from sautereau.rig.edit import edit_rig, edited_text
-    from sautereau.rig.text import rig_text
-
-    sure = [e for e in found.estimates if e.identifiable and found.quality.fits]
-    values = rig_values(nominal, {e.name: e.value for e in sure})
-    first, count = found.presses[0], len(found.presses)
-    source = (
-        f"identified from {'SIMULATED ' * simulated}{first}"
-        f"{f' and {count - 1} more' * (count > 1)} on {date.today().isoformat()}"
-    )
-    if not out.exists():
-        out.parent.mkdir(parents=True, exist_ok=True)
-        text = edited_text(rig_text(nominal), str(out), out.parent, values, source)
-        write_durably(out, text, new=True)
-    elif values:
-        edit_rig(out, values, source).save()
-    return values

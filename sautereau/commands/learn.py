@@ -35,6 +35,7 @@ def learn(
     notes
         Operator's notes, saved in every recording.
     """
+    from sautereau.analysis.model.predict import expected_of
     from sautereau.daq.file.reading import read_session
     from sautereau.robot.drivers.registry import motion_controller
     from sautereau.robot.errors import RobotError
@@ -44,8 +45,9 @@ def learn(
     from sautereau.robot.experiment.plan import digest
     from sautereau.robot.experiment.session import Item, Origin, make_presses
 
-    nominal = common.rig_to_move(rig, simulation)
-    expected, doubts = common.expected_of(nominal)
+    served = common.bench(rig, simulation)
+    nominal = served.rig.values
+    expected, doubts = expected_of(nominal)
     file = out / LEARNED
     if file.exists():
         raise RobotError(f"learning: {file} already exists; give another --out")
@@ -57,7 +59,7 @@ def learn(
     with (
         common.signals_stop(),
         only_session(out),
-        common.hardware(nominal, simulation) as bench,
+        served.connected() as bench,
         common.bar(n) as step,
     ):
         common.say(not json, f"rig {nominal.name} on {bench.where}\n{'press':<18} RMS speed error")

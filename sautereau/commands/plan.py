@@ -30,27 +30,20 @@ def plan(
         Print all checks instead of the five tightest.
     """
     from sautereau.analysis.summary.plan import plan_lines, plan_summary
-    from sautereau.trajectory.press import draft_press
+    from sautereau.entrance.rig import Rig
     from sautereau.trajectory.segments import segments_document
 
-    nominal = common.load_rig(rig)
-    expected, doubts = common.expected_of(nominal)
-    draft = draft_press(nominal, expected)
-    failed = [check for check in draft.checks if not check.holds]
-    warnings = [*doubts, *draft.warnings]
-    result, lines = (
-        plan_summary(draft, warnings),
-        plan_lines(nominal, draft, warnings, all_checks=verbose),
-    )
-    if out and not failed:
+    made = Rig(rig).plan()
+    nominal, draft, warnings = made.rig, made.trajectory, made.warnings
+    result = plan_summary(draft, warnings)
+    lines = plan_lines(nominal, draft, warnings, all_checks=verbose)
+    if out and made.feasible:
         period = nominal.controller.sample_period
         document = segments_document(draft.segments, period, draft.home, draft.hover)
         common.write(out, common.json_text(document))
         lines.append(f"segments: {out}")
     if plot:
-        from sautereau.analysis.figures.plan import plan_figure
-
-        plan_figure(nominal, draft, expected).savefig(plot, dpi=110)
+        made.plot().savefig(plot, dpi=110)
         lines.append(f"picture: {plot}")
     if bench:
         from sautereau.analysis.figures.bench import bench_figure
@@ -58,8 +51,8 @@ def plan(
         bench_figure(nominal, draft).savefig(bench, dpi=120)
         lines.append(f"bench: {bench}")
     common.answer(json, result, lines)
-    if failed:
-        faults = (f"{check}; {check.how_to_fix}" for check in failed)
+    if not made.feasible:
+        faults = (f"{c}; {c.how_to_fix}" for c in draft.checks if not c.holds)
         return common.fail(json, "\n  ".join(["the press is not feasible:", *faults]))
     return 0
 
@@ -117,15 +110,9 @@ def predict(
     json: common.Json = False,
 ) -> int:
     """Predict a press by the model alone; the plot shows all plectrum models."""
-    from sautereau.analysis.model.plectrum.levels import LEVELS
-    from sautereau.analysis.model.predict import predict as predict_press
-    from sautereau.analysis.summary.prediction import prediction_lines, prediction_summary
+    from sautereau.entrance.rig import Rig
 
-    bench = common.load_rig(rig)
-    found = predict_press(bench, level)
-    result, lines = prediction_summary(bench, found), prediction_lines(bench, found)
+    found = Rig(rig).predict(level=level)
     if plot:
-        from sautereau.analysis.figures.pluck import pluck_figure
-
-        pluck_figure(bench, LEVELS.names()).savefig(plot, dpi=120)
-    return common.answer(json, result, lines, plot)
+        found.plot().savefig(plot, dpi=120)
+    return common.answer(json, found.scalars, str(found).splitlines(), plot)

@@ -47,11 +47,12 @@ def report(
         )
     from sautereau.analysis.report.build import build_report
     from sautereau.analysis.report.contents import gather
+    from sautereau.entrance.session import recordings_in
     from sautereau.rig.disk import write_durably
     from sautereau.robot.experiment.session_folder import read_manifest
 
     manifest = read_manifest(session)
-    recordings, warnings = _recordings(session, manifest)
+    recordings, warnings = recordings_in(session)
     if not recordings:
         raise AnalysisError(
             f"report: {session} holds no recording of a press; give a folder written by"
@@ -75,30 +76,6 @@ def report(
         "left_out": {str(path): why for path, why in contents.unread.items()},
     }
     return common.answer(json, result, lines)
-
-
-def _recordings(session: Path, manifest: "Manifest | None") -> tuple[list[Path], list[str]]:
-    """Return the recordings of the session, and warnings about the folder."""
-    from sautereau.daq.errors import RecordingError
-    from sautereau.daq.file.container.durable import PART
-    from sautereau.daq.file.reading import read_session
-
-    found = sorted(session.glob("*.mcap"))
-    warnings = [
-        f"{path.name} is of an interrupted press; `sautereau recover` makes it readable"
-        for path in sorted(session.glob(f"*.mcap{PART}"))
-    ]
-    own = []
-    for path in found:
-        try:
-            if manifest is not None and read_session(path).session != manifest.session:
-                continue
-        except RecordingError:
-            pass  # it stays in the list: the page reports why it cannot be read
-        own.append(path)
-    if len(own) < len(found):
-        warnings.append(f"{len(found) - len(own)} recordings in the folder are of other sessions")
-    return own, warnings
 
 
 def _about(

@@ -1,53 +1,42 @@
 """Output of a session: while it runs, and its summary."""
 
-from dataclasses import replace
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from sautereau.analysis.figures.comparison import comparison_figure
-from sautereau.analysis.loading.press import Press, load_press
-from sautereau.analysis.model.predict import predict
-from sautereau.analysis.phases import Phases, find_phases
-from sautereau.analysis.session.compare import compare, predict_each
-from sautereau.analysis.session.repeatability import LEAST, repeatability
-from sautereau.analysis.summary import session as summary
-from sautereau.analysis.summary.press import HEADER, press_line, press_summary
+from sautereau.analysis.figures.comparison import PICTURED
+from sautereau.analysis.summary.press import HEADER, press_line
 from sautereau.commands import common
+from sautereau.commands.live.watching import watching
+from sautereau.entrance.comparison import Comparison
+from sautereau.entrance.devices import Connected
+from sautereau.entrance.pressing import Observer, Pressing
+from sautereau.entrance.session import PressFile, Session
+from sautereau.robot.experiment.monitor import Watch
+from sautereau.robot.experiment.run import Place
 from sautereau.robot.experiment.session_folder import SessionFolder
-from sautereau.trajectory.timing import press_law
-
-PICTURED = 8
-"""Number of presses of a row that its plot shows, the first ones."""
-BESIDE = 1e-3
-"""s, kept of the other presses before and after the cruise."""
 
 
-class SessionReport:
+class SessionReport(Observer):
     """Prints every press of a session when it is recorded, and a summary at the end."""
 
-    def __init__(self, folder: SessionFolder, warnings: list[str], as_json: bool):
-        self._folder = folder
-        self._warnings = warnings
-        self._json = as_json
-        self._found: dict[int, tuple[Press, Phases]] = {}
-        self._places = {p.number: p for places in folder.plan.set_ups for p in places}
-        self._pictured = {
-            place.number
-            for row in range(len(folder.plan.rows))
-            for place in [p for p in self._places.values() if p.row == row and not p.warm_up][
-                :PICTURED
-            ]
-        }
+    def __init__(self, pressing: Pressing, as_json: bool, *, view: bool, live: bool):
+        self._pressing, self._json = pressing, as_json
+        self._view, self._live = view, live
+        self._show: Callable[[float], None] = lambda fraction: None
+        self._warnings = pressing.planner.warnings
+        self._presses: dict[int, PressFile] = {}
         self._reached = ""
         self._headed = False
 
-    def begin(self) -> None:
+    def begin(self, folder: SessionFolder) -> None:
         """Print what the folder holds."""
-        folder = self._folder
+        total = self._pressing.plan.total
         if folder.resumed:
+            of = "" if total is None else f" of {total}"
             self._say(
-                f"session {folder.session}: {len(folder.done)} of {len(self._places)} presses are"
-                f" in {folder.path}"
+                f"session {folder.session}: {len(folder.done)}{of} presses are in {folder.path}"
             )
         for path in folder.left_behind:
             self._say(f"not changed: {path}, of an interrupted press")
@@ -58,7 +47,7 @@ class SessionReport:
         if folder.others:
             self._say(f"not changed: {folder.others} recordings of other sessions")
 
-    def on(self, bench: common.Bench) -> None:
+    def on(self, bench: Connected) -> None:
         """Print the bench of the next presses."""
         self._reached = bench.reached
         if not self._headed:
@@ -68,112 +57,76 @@ class SessionReport:
             self._say(HEADER)
             self._headed = True
 
-    def pressed(self, number: int, path: Path) -> None:
-        """Analyse a press of the plan, and print its results."""
-        self._folder.done[number] = path
-        both = self._take(number, path)
-        self._say(press_line(*both) + "  warm-up" * self._places[number].warm_up)
+    def pressed(self, place: Place, path: Path) -> None:
+        """Analyse a press, and print its results."""
+        press = self._presses[place.number] = PressFile(path)
+        analysed = press.analysed
+        self._say(press_line(analysed.press, analysed.phases) + "  warm-up" * place.warm_up)
+        if total := self._pressing.plan.total:
+            self._show(len(self._pressing.folder.done) / total)
 
-    def end(self, to_set: dict[str, Any]) -> None:
-        """Print the summary of all presses of the session, including earlier runs.
+    @contextmanager
+    def watching(self) -> Iterator[Watch]:
+        """Show progress, or live views, while the presses of one set-up are made."""
+        where = self._pressing.bench.where
+        bar = not self._view and (self._pressing.plan.total or 0) > 1
+        with (
+            common.fraction_bar(bar) as self._show,
+            watching(where, in_terminal=self._view, to_foxglove=self._live) as watch,
+        ):
+            yield watch
 
-        Args:
-            to_set: Rig keys and values that the operator must set before the session continues.
-        """
-        folder = self._folder
-        earlier = [number for number in folder.done if number not in self._found]
-        with common.bar(len(earlier)) as step:
-            for number in earlier:
-                self._take(number, folder.done[number])
-                step()
-        order = sorted(self._found)
-        recordings = [str(folder.done[number]) for number in order]
-        left = len(self._places) - len(order)
+    def end(self) -> None:
+        """Print the summary of all presses of the session, including earlier runs."""
+        folder, run = self._pressing.folder, self._pressing.result
+        numbers = sorted(folder.done)
+        session = Session(self._presses.get(n) or PressFile(folder.done[n]) for n in numbers)
+        with common.bar(len(session)) as step:
+            session.read(step)
+        total, to_set = self._pressing.plan.total, run.to_set
+        left = None if total is None else total - len(numbers)
         result: dict[str, Any] = {
             "session": folder.session,
-            "recordings": recordings,
+            "recordings": [str(press.path) for press in session],
             "presses": [
-                press_summary(*self._found[number])
-                | {"item": number, "warm_up": self._places[number].warm_up}
-                for number in order
+                press.document | {"item": number, "warm_up": press.info.warm_up}
+                for number, press in zip(numbers, session, strict=True)
             ],
-            "simulated": any(self._found[number][0].simulated for number in order),
+            "simulated": session.simulated,
             "seed": folder.seed,
             "reached": self._reached,
             "left": left,
             "left_behind": [str(path) for path in folder.left_behind],
             "to_set": to_set,
+            "question": run.unanswered,
             "warnings": self._warnings,
         }
-        lines = [warning for number in order for warning in self._found[number][1].warnings]
-        summaries = []
-        for index in range(len(folder.plan.rows)):
-            found, row_lines = self._row(index)
-            if found:
-                summaries.append(found)
-                lines += row_lines
-        if len(folder.plan.rows) == 1 and summaries:
-            result |= {key: value for key, value in summaries[0].items() if key != "recordings"}
-        else:
-            result["rows"] = summaries
-        lines += [f"recording:  {path}" for path in recordings]
-        if to_set:
+        lines = [warning for press in session for warning in press.phases.warnings]
+        if len(session):
+            compared = session.compare()
+            drawn = _pictures(compared, folder.path)
+            result = compared.document | {"pictures": list(map(str, drawn))} | result
+            result |= {"picture": str(drawn[0])} if drawn else {}
+            lines += [*compared.lines(features=False), *(f"picture:    {p}" for p in drawn)]
+        lines += [f"recording:  {press.path}" for press in session]
+        if to_set or run.unanswered:
             values = ", ".join(f"{key} = {value}" for key, value in to_set.items())
-            lines.append(
-                f"{left} press{'es' * (left > 1)} left: set {values} on the instrument, then run"
-                " the same command again"
-            )
+            needed = f"set {values} on the instrument" if to_set else f"answer: {run.unanswered}"
+            presses = "presses are" if left is None else f"{left} press{'es' * (left > 1)}"
+            lines.append(f"{presses} left: {needed}, then run the same command again")
         common.answer(self._json, result, lines)
-
-    def _row(self, index: int) -> tuple[dict[str, Any], list[str]]:
-        """Return results and lines on all presses of one row."""
-        row = self._folder.plan.rows[index]
-        numbers = [
-            number
-            for number in sorted(self._found)
-            if self._places[number].row == index and not self._places[number].warm_up
-        ]
-        if not numbers:
-            return {}, []
-        both = [self._found[number] for number in numbers]
-        pressed, found = [p for p, _ in both], [f for _, f in both]
-        paths = [press.path for press in pressed]
-        result: dict[str, Any] = {"recordings": [str(path) for path in paths]}
-        lines = []
-        if len(self._folder.plan.rows) > 1:
-            result |= {"values": dict(row.values), "notes": row.notes}
-            lines.append(", ".join(f"{key} = {value}" for key, value in row.values.items()) + ":")
-        if any(f.plucks for f in found):
-            prediction = predict(row.rig)
-            comparison = compare(found, predict_each(pressed, found, row.rig))
-            drawn = len(self._pictured.intersection(numbers))
-            names = dict.fromkeys((paths[0].stem, paths[drawn - 1].stem))
-            picture = self._folder.path / f"{'-to-'.join(names)}.png"
-            figure = comparison_figure(pressed[:drawn], found[:drawn], prediction)
-            figure.savefig(picture, dpi=120)
-            result |= summary.comparison_summary(comparison) | {"picture": str(picture)}
-            lines += [
-                *summary.comparison_lines(comparison, prediction.level),
-                f"picture:    {picture}",
-            ]
-        else:
-            lines.append("no press has a pluck; nothing to compare with the model")
-        if len(numbers) >= LEAST and row.rig.press.gesture is None:
-            spread = repeatability(pressed, press_law(row.rig.press))
-            result["repeatability"] = summary.repeatability_summary(spread)
-            lines += summary.repeatability_lines(spread)
-        return result, lines
-
-    def _take(self, number: int, path: Path) -> tuple[Press, Phases]:
-        """Analyse a press; of presses not plotted, keep only the jack's rise in the cruise."""
-        press = load_press(path)
-        phases = find_phases(press)
-        if number not in self._pictured:
-            law = press_law(press.rig.press)
-            cruise = slice(law.cruise_start - BESIDE, law.cruise_end + BESIDE)
-            press = replace(press, data=press.data.loc[cruise, ["jack_rise"]].copy())
-        self._found[number] = press, phases
-        return press, phases
 
     def _say(self, line: str) -> None:
         common.say(not self._json, line)
+
+
+def _pictures(compared: Comparison, folder: Path) -> list[Path]:
+    """Save a plot of each condition with a comparison, and return their paths."""
+    pictures = []
+    for number, condition in enumerate(compared.found.conditions, 1):
+        if condition.comparison:
+            drawn = [press.press.path.stem for press in condition.counted[:PICTURED]]
+            names = dict.fromkeys((drawn[0], drawn[-1]))
+            pictures.append(folder / f"{'-to-'.join(names)}.png")
+            compared.plot(number).savefig(pictures[-1], dpi=120)
+    return pictures

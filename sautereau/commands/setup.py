@@ -93,14 +93,15 @@ def setup(
         )
     if save and not Path(rig).is_file():
         return common.fail(json, f"--save: {rig} is not a file; write one with `sautereau init`", 2)
-    nominal = common.rig_to_move(rig, simulation)
+    served = common.bench(rig, simulation)
     if yes and not simulation.requested and step in ("all", "verify"):
         return common.fail(json, "setup verify needs an operator: give it without --yes", 2)
-    values: dict[str, str | int] = {}
+    values: dict[str, str | int | list[str]] = {}
     steps: dict[str, Any] = {}
+    nominal = served.rig.values
     if simulation.requested:
         nominal = with_values(nominal, {"controller.timeout": _TIMEOUT})
-    with common.signals_stop(), common.hardware(nominal, simulation) as bench:
+    with common.signals_stop(), served.connected(nominal) as bench:
         simulated = bool(bench.scene)
         for name, found in make_steps(bench.rig, _Operator(yes), None if step == "all" else step):
             for line in found.lines:
@@ -190,7 +191,7 @@ def _save(edit: "Edit", save: bool, agreed: bool, *, as_text: bool) -> bool:
     return True
 
 
-def _closing(rig: str, values: dict[str, str | int], saved: bool) -> list[str]:
+def _closing(rig: str, values: dict[str, str | int | list[str]], saved: bool) -> list[str]:
     if not values:
         return ["the rig file already holds these values"]
     if saved:

@@ -32,15 +32,15 @@ def transient(
     from sautereau.analysis.transient import attribute, combine, examine
 
     measured = _known(known or [])
-    pressed, phases = common.load(files)
-    rigs = {press.rig.name for press in pressed}
+    session = common.opened(files, samples=True)
+    rigs = {press.rig.name for press in session}
     if len(rigs) > 1:
         raise AnalysisError(
             f"these recordings are of {len(rigs)} rigs, {', '.join(sorted(rigs))}; give those of"
             " one rig"
         )
-    examined = [examine(p, f, n) for n, (p, f) in enumerate(zip(pressed, phases, strict=True))]
-    found = attribute(combine(examined), pressed[0].rig, measured)
+    examined = [examine(p.press, p.phases, n) for n, p in enumerate(session)]
+    found = attribute(combine(examined), session[0].press.rig, measured)
     if plot:
         from sautereau.analysis.figures.transient import transient_figure
 

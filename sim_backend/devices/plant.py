@@ -5,10 +5,7 @@ import math
 import numpy as np
 
 from sautereau.sim_backend.devices.emulators import AMPLIFIER_VOLTS
-from sautereau.sim_backend.errors import SceneError
 from sautereau.sim_backend.physics.finger import Reference
-from sautereau.sim_backend.physics.rigid.arm import ServoFinger
-from sautereau.sim_backend.physics.rigid.bodies import brakes
 from sautereau.sim_backend.physics.world import World
 from sautereau.trajectory.motion import Floats
 
@@ -35,6 +32,8 @@ class ArmPlant:
         self._frozen: list[float | None] = [None, None]
         self._closed: set[tuple[str, int]] = set()
         self._inverted: set[str] = set()
+        self._cut: set[tuple[str, int]] = set()
+        self._crossed: set[str] = set()
         self._no_index: set[int] = set()
         self._broken: set[int] = set()
         self._places = self._encoders = self._physical(world.finger.joints())
@@ -57,10 +56,16 @@ class ArmPlant:
 
         The home switches conduct below the home positions.
         """
-        on = (switch, 0 if switch == "abort" else axis) in self._closed
-        if not on and switch != "abort":
-            on = self._beyond(switch, axis)
         group = "limit" if switch in ("forward", "reverse") else switch
+        if group in self._crossed:
+            if group == "home":
+                axis = 1 - axis
+            else:
+                switch = "reverse" if switch == "forward" else "forward"
+        key = switch, 0 if switch == "abort" else axis
+        if key in self._cut:
+            return False
+        on = key in self._closed or (switch != "abort" and self._beyond(switch, axis))
         return on != (group in self._inverted)
 
     def _beyond(self, switch: str, axis: int) -> bool:
@@ -88,11 +93,8 @@ class ArmPlant:
     def drive(self, offsets: Pair, limits: Pair) -> None:
         """Add offsets [V] to the loops' commands from now on, and limit [V] the sums."""
         volt = self._world.rig.arm.torque_limit / AMPLIFIER_VOLTS
-        finger = self._world.finger
-        if isinstance(finger, ServoFinger):
-            finger.drive(
-                (offsets[0] * volt, offsets[1] * volt), (limits[0] * volt, limits[1] * volt)
-            )
+        offsets, limits = ((first * volt, second * volt) for first, second in (offsets, limits))
+        self._world.finger.drive(offsets, limits)
 
     def sample(self) -> None:
         """Read the encoders now."""
@@ -182,16 +184,21 @@ class ArmPlant:
         """Invert the wiring of limit, home or abort inputs."""
         self._inverted.add(switch)
 
+    def cut(self, switch: str, joint: int) -> None:
+        """Cut the wire of a switch: no current flows."""
+        self._cut.add((switch, 0 if switch == "abort" else joint - 1))
+
+    def cross(self, switch: str) -> None:
+        """Exchange the limit switches of each joint, or the home switches of the joints."""
+        self._crossed.add(switch)
+
     def break_amplifier(self, joint: int) -> None:
         """Make a joint's amplifier report overcurrent from now on."""
         self._broken.add(joint - 1)
 
     def stall(self, joint: int) -> None:
         """Block the motor of a joint from now on."""
-        finger = self._world.finger
-        if not isinstance(finger, ServoFinger) or (space := finger.upper.space) is None:
-            raise SceneError("faults.stall: the arm has no motors; remove the table")
-        space.add(brakes(space, finger.upper, finger.lower)[joint - 1])
+        self._world.finger.block(joint - 1)
 
     def _physical(self, joints: Pair, by_hand: bool = True) -> Pair:
         """Return the counts of perfect encoders, as fractions."""

@@ -9,7 +9,8 @@ import os
 import select
 import socket
 import threading
-from collections.abc import Callable
+import time
+from collections.abc import Callable, Sequence
 from types import TracebackType
 from typing import Self
 
@@ -18,10 +19,48 @@ Handler = Callable[[bytes], bytes]
 returns what the device has sent by itself."""
 
 _CHUNK = 4096
+MOST_UNREAD = 1 << 20
+"""Bytes of answers that a host has not read, from which on its commands wait."""
+_FULL = 0.05  # s, before the next connection is tried where the process has no descriptor left
 
 
 class PortGone(Exception):  # noqa: N818 - the name says what happened
     """Raised by a handler whose line is gone for good: the port closes without an answer."""
+
+
+End = socket.socket | int
+
+
+def ready(readers: Sequence[End], writers: Sequence[End]) -> tuple[list[End], list[End]]:
+    """Wait, and return what can be read and what can be written.
+
+    `select` takes no descriptor above 1023, which a thousand connections to the card use up.
+    """
+    if not hasattr(select, "epoll"):  # not Linux
+        readable, writable, _ = select.select(readers, writers, [])
+        return readable, writable
+    poll = select.poll()
+    for end in {*readers, *writers}:
+        poll.register(end, select.POLLIN * (end in readers) | select.POLLOUT * (end in writers))
+    found = dict(poll.poll())
+
+    def event(end: End) -> int:
+        return found.get(end if isinstance(end, int) else end.fileno(), 0)
+
+    gone = select.POLLHUP | select.POLLERR | select.POLLNVAL
+    return (
+        [end for end in readers if event(end) & (select.POLLIN | gone)],
+        [end for end in writers if event(end) & (select.POLLOUT | gone)],
+    )
+
+
+def accepted(listener: socket.socket) -> socket.socket | None:
+    """Accept a connection; None if it has gone, or the process has too many."""
+    try:
+        return listener.accept()[0]
+    except OSError:
+        time.sleep(_FULL)
+        return None
 
 
 class Port:
@@ -96,14 +135,14 @@ class Port:
         """Answer one host, whose end does not block, until it or this port closes."""
         answers = bytearray()
         while True:
-            writers = [host] if answers else []
-            readable, writable, _ = select.select([host, self._wake], writers, [])
+            readers = [host, self._wake] if len(answers) < MOST_UNREAD else [self._wake]
+            readable, writable = ready(readers, [host] if answers else [])
             if self._stopping:
                 return
             with contextlib.suppress(BlockingIOError):
                 if self._wake in readable:
                     self._wake.recv(_CHUNK)
-                    answers += self._handler(b"")
+                    answers += self._handler(b"")[: max(0, MOST_UNREAD - len(answers))]
                 if host in readable:
                     data = receive()
                     if not data:
@@ -163,13 +202,14 @@ class SocketPort(Port):
 
     def _serve(self) -> None:
         while True:
-            readable, _, _ = select.select([self._listener, self._wake], [], [])
+            readable, _ = ready([self._listener, self._wake], [])
             if self._stopping:
                 return
             if self._wake in readable:
                 self._wake.recv(_CHUNK)
             if self._listener in readable:
-                host, _ = self._listener.accept()
+                if (host := accepted(self._listener)) is None:
+                    continue
                 host.setblocking(False)
                 host.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
                 with host, contextlib.suppress(ConnectionError):

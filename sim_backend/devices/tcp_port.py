@@ -1,11 +1,10 @@
 """The Ethernet port of an emulated controller: TCP on loopback, one handle per connection."""
 
 import contextlib
-import select
 import socket
 from typing import Protocol
 
-from sautereau.sim_backend.devices.serial_port import Port, PortGone
+from sautereau.sim_backend.devices.serial_port import MOST_UNREAD, Port, PortGone, accepted, ready
 
 _CHUNK = 4096
 
@@ -56,14 +55,16 @@ class TcpPort(Port):
         while True:
             connections = self._connections
             writers = [each for each, (_, answers) in connections.items() if answers]
-            sources = [self._listener, self._wake, *connections]
-            readable, writable, _ = select.select(sources, writers, [])
+            listening = [c for c, (_, answers) in connections.items() if len(answers) < MOST_UNREAD]
+            sources = [self._listener, self._wake, *listening]
+            readable, writable = ready(sources, writers)
             if self._stopping:
                 return
             if self._wake in readable:
                 self._wake.recv(_CHUNK)
                 for handle, answers in connections.values():
-                    answers += self._controller.receive(b"", handle)
+                    more = self._controller.receive(b"", handle)
+                    answers += more[: max(0, MOST_UNREAD - len(answers))]
             if self._listener in readable:
                 self._accept()
             for connection in [each for each in connections if each in readable]:
@@ -74,8 +75,12 @@ class TcpPort(Port):
                     del answers[: connection.send(answers[:_CHUNK])]
 
     def _accept(self) -> None:
-        connection, (_, peer) = self._listener.accept()
-        handle = self._controller.connect(peer)
+        connection = accepted(self._listener)
+        if connection is None:
+            return
+        handle = None
+        with contextlib.suppress(OSError):  # it may be gone already
+            handle = self._controller.connect(connection.getpeername()[1])
         if handle is None:
             connection.close()
             return

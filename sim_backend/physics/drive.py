@@ -34,6 +34,10 @@ class PushDrive:
         """Return the reference over a controller sample: at rest."""
         return _at_rest
 
+    def ends(self) -> tuple[Floats, Floats]:
+        """Return the reference at the ends of all samples; see `PressDrive.ends`."""
+        return _at_rest(np.empty(self.samples + 1))
+
 
 class PressDrive:
     """One press as the controller plays its segments, with a rest before and after.
@@ -58,12 +62,20 @@ class PressDrive:
     def reference(self, sample: int) -> Reference:
         """Return the reference over a sample: counts from the start, and counts per sample."""
 
-        def at(fractions: Floats) -> tuple[Floats, Floats]:
-            motion = self.joints((sample + fractions) * self.period)
-            counts = (motion.position - self.start) / self.radians
-            return counts, motion.velocity * (self.period / self.radians)
+        return lambda fractions: self._counts(sample + fractions)
 
-        return at
+    def ends(self) -> tuple[Floats, Floats]:
+        """Return the reference at the ends of all samples at once.
+
+        Returns:
+            Counts from the start, and counts per sample, each of shape (samples + 1, 2).
+        """
+        return self._counts(np.arange(self.samples + 1.0))
+
+    def _counts(self, samples: Floats) -> tuple[Floats, Floats]:
+        motion = self.joints(samples * self.period)
+        counts = (motion.position - self.start) / self.radians
+        return counts, motion.velocity * (self.period / self.radians)
 
     def joints(self, time: Floats) -> Motion:
         """Return the reference of the joints [rad] at times [s], arrays (n, 2)."""

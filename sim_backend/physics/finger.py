@@ -4,6 +4,7 @@ import math
 from collections.abc import Callable
 from typing import Protocol
 
+from sautereau.sim_backend.errors import SceneError
 from sautereau.sim_backend.parts import Push
 from sautereau.trajectory.motion import Floats
 
@@ -20,6 +21,18 @@ class Finger(Protocol):
 
     def torques(self) -> tuple[float, float]:
         """Return the motors' torques [N m]."""
+        ...
+
+    def drive(self, offsets: tuple[float, float], limits: tuple[float, float]) -> None:
+        """Add offsets [N m] to the loops' torques from now on, and limit the sum [N m]."""
+        ...
+
+    def block(self, joint: int) -> None:
+        """Block the motor of a joint, counted from 0, from now on.
+
+        Raises:
+            SceneError: There are no motors.
+        """
         ...
 
     @property
@@ -123,6 +136,13 @@ class StandingFinger:
     def torques(self) -> tuple[float, float]:
         """Return zero: there are no motors."""
         return 0.0, 0.0
+
+    def drive(self, offsets: tuple[float, float], limits: tuple[float, float]) -> None:
+        """Do nothing: there are no loops."""
+
+    def block(self, joint: int) -> None:
+        """Refuse: there are no motors."""
+        raise SceneError("faults.stall: the arm has no motors; remove the table")
 
     @property
     def settled(self) -> bool:

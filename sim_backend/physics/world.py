@@ -4,6 +4,7 @@ from typing import Protocol
 
 from sautereau.rig.schema import Rig
 from sautereau.sim_backend.errors import SceneError
+from sautereau.sim_backend.physics.drive import Drive
 from sautereau.sim_backend.physics.events import Motions, PluckEvents
 from sautereau.sim_backend.physics.finger import Finger, Reference
 from sautereau.sim_backend.scene import Scene
@@ -45,6 +46,10 @@ class World(Protocol):
         """
         ...
 
+    def play(self, drive: Drive) -> Motions:
+        """Advance through a complete drive, with the motors on; see `advance`."""
+        ...
+
 
 def new_world(rig: Rig, scene: Scene, start: tuple[float, float] | None = None) -> World:
     """Return the world of a scene, by the scene's engine.
@@ -65,10 +70,10 @@ def new_world(rig: Rig, scene: Scene, start: tuple[float, float] | None = None) 
             f"scene: {', '.join(auto)} is left to the accuracy of {scene.accuracy}; choose it first"
             " with `sautereau.sim_backend.trade.select.select_solver`"
         )
-    if scene.engine == "reduced":
-        from sautereau.sim_backend.physics.reduced.engine import ReducedWorld
+    if scene.engine == "exact":
+        from sautereau.sim_backend.physics.exact.engine import ExactWorld
 
-        return ReducedWorld(rig, scene, start)
+        return ExactWorld(rig, scene, start)
     from sautereau.sim_backend.physics.rigid.engine import RigidWorld
 
     return RigidWorld(rig, scene, start)

@@ -115,6 +115,33 @@ class Drifting:
         return values + self._rate * times
 
 
+class Acceleration:
+    """Acceleration of the key's front: the mean over each step of the simulation.
+
+    Args:
+        rig: With the key's `laser_arm`.
+    """
+
+    def __init__(self, rig: Rig):
+        self._arm = rig.key.laser_arm
+        self._last = 0.0, 0.0
+
+    def __call__(self, motions: Motions) -> Floats:
+        """Return the acceleration [m/s^2] at the instants of a motion; call it in order of time.
+
+        At a jump of the velocity, two equal instants, there is no acceleration of its own.
+        """
+        time = np.append(self._last[0], motions.time)
+        spin = np.append(self._last[1], motions.angular_velocity)
+        steps = np.diff(time)
+        taken = steps > 0
+        if not taken.any():
+            return np.zeros(len(motions.time))
+        self._last = float(time[-1]), float(spin[-1])
+        quotient = np.diff(spin)[taken] / steps[taken]
+        return self._arm * np.interp(motions.time, motions.time[taken], quotient)
+
+
 def _faults_of_force(faults: Faults, random: Generator) -> Sequence[Disturbance]:
     found: list[Disturbance] = [Drifting(faults.drift)] if faults.drift else []
     return [*found, Overloading(faults.overload)] if faults.overload else found
@@ -136,12 +163,30 @@ FORCE = SimulatedQuantity(
 )
 """Force of the finger on the key [N], as a piezoelectric transducer measures it."""
 
+DISPLACEMENT = SimulatedQuantity(
+    source=lambda rig: lambda motions: motions.angle * rig.key.laser_arm
+)
+"""Displacement of the key's front [m], from its rest."""
+
+ACCELERATION = SimulatedQuantity(source=Acceleration)
+"""Acceleration of the key's front [m/s^2]."""
+
+SILENT = SimulatedQuantity(source=lambda rig: lambda motions: np.zeros(len(motions.time)))
+"""A sensor of something that the stand-in does not simulate, such as sound: its output is 0."""
+
 SIMULATED = Registry(
     "sautereau.simulated_quantities",
     "simulated quantity",
     {
-        "velocity": "sautereau.sim_backend.sensors.simulated:VELOCITY",
-        "force": "sautereau.sim_backend.sensors.simulated:FORCE",
+        name: f"sautereau.sim_backend.sensors.simulated:{constant}"
+        for name, constant in (
+            ("velocity", "VELOCITY"),
+            ("force", "FORCE"),
+            ("displacement", "DISPLACEMENT"),
+            ("acceleration", "ACCELERATION"),
+            ("sound_pressure", "SILENT"),
+            ("voltage", "SILENT"),
+        )
     },
     SceneError,
 )

@@ -10,8 +10,8 @@ from sautereau.rig.schema import Rig
 from sautereau.rig.section import GRAVITY
 from sautereau.sim_backend.scene import Scene
 
-Engine = Literal["rigid", "reduced"]
-ENGINES: tuple[Engine, ...] = ("rigid", "reduced")
+Engine = Literal["rigid", "exact"]
+ENGINES: tuple[Engine, ...] = ("rigid", "exact")
 Values = dict[str, str | float]
 """TOML values of a rig by dotted key."""
 

@@ -24,7 +24,7 @@ SHORTEST, LONGEST = 1e-7, 2e-3
 CHECKED = 3
 """Steps, each half the one before, of which the largest error counts as that of the longest: one
 step may be accurate by coincidence."""
-MOST = {"rigid": 600_000, "reduced": 4_000_000}
+MOST = {"rigid": 600_000, "exact": 4_000_000}
 """Largest number of steps of one drive that is tried with an engine."""
 
 Observe = Callable[[Rig, Scene, Drive | None], Observation]

@@ -7,6 +7,8 @@ from typing import Any
 
 from matplotlib.figure import Figure
 
+from sautereau.analysis.figures.palette import MARKERS, SERIES
+
 HEADER = (
     "  engine   plectrum  string  iterations        step       error  force error"
     "      build        run  x real time"
@@ -173,7 +175,8 @@ def _row(point: Point) -> str:
 def trade_figure(trade: Trade) -> Figure:
     """Return the work-precision diagram: error of events over real-time factor, logarithmic.
 
-    One colour is one way to simulate the scene with steps of several lengths; the grey line
+    One colour is one way to simulate the scene with steps of several lengths, one marker is one
+    engine; the grey line
     joins the Pareto-optimal points. Points that failed are not drawn.
     """
     figure = Figure(figsize=(9, 6), layout="constrained")
@@ -194,8 +197,11 @@ def trade_figure(trade: Trade) -> Figure:
     )
     best = _coordinates([trade.points[i] for i in trade.pareto])
     axes.plot(*best, color="0.8", linewidth=6, label="Pareto-optimal", zorder=1)
-    for name, points in lines.items():
-        axes.plot(*_coordinates(points), "o", markersize=5, label=name, zorder=2)
+    engines = list(dict.fromkeys(points[0].engine for points in lines.values()))
+    for i, (name, points) in enumerate(lines.items()):
+        marker = MARKERS[engines.index(points[0].engine) % len(MARKERS)]
+        style = {"color": SERIES[i % len(SERIES)], "label": name, "zorder": 2}
+        axes.plot(*_coordinates(points), marker, markersize=6, **style)
     if trade.recommended is not None:
         chosen = trade.points[trade.recommended]
         (x,), (y,) = _coordinates([chosen])

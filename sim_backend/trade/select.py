@@ -8,18 +8,17 @@ from sautereau.rig.schema import Rig
 from sautereau.sim_backend.errors import SceneError
 from sautereau.sim_backend.parts import Accuracy
 from sautereau.sim_backend.physics.drive import Drive
-from sautereau.sim_backend.physics.observation import Errors, drive_of, errors, observe
-from sautereau.sim_backend.physics.reference.observe import reference
+from sautereau.sim_backend.physics.observation import Errors, drive_of, errors, observe, reference
 from sautereau.sim_backend.scene import Scene
 from sautereau.sim_backend.trade import refinement
 
 STRING_STEP = 50e-6
 """s, at which a spring string is compared with a modal one."""
-STEP = {"rigid": 10e-6, "reduced": 1e-6}
+STEP = {"rigid": 10e-6, "exact": 2e-6}
 """s, cost of one step of an engine with one choir; measured on one machine, once."""
-INTERPRETED = 100e-6
-"""s, cost of one step of the reduced engine without numba."""
-SAMPLE = {"rigid": 50e-6, "reduced": 25e-6}
+INTERPRETED = 500e-6
+"""s, cost of one step of the exact engine without numba."""
+SAMPLE = {"rigid": 50e-6, "exact": 30e-6}
 """s, additional cost of every controller sample."""
 FINGER = {"push": 0.0, "ideal": 100e-6, "servo": 100e-6}
 """s, cost of the finger's reference in every controller sample."""
@@ -117,7 +116,7 @@ def cost(rig: Rig, scene: Scene, steps: int) -> float:
         steps: Per controller sample.
     """
     step = STEP[scene.engine]
-    if scene.engine == "reduced" and find_spec("numba") is None:
+    if scene.engine == "exact" and find_spec("numba") is None:
         step = INTERPRETED
     if scene.string == "modal":
         step += MODAL * (1 + len(rig.more_choirs))
@@ -195,12 +194,12 @@ def _candidates(true: Rig, scene: Scene) -> list[Scene]:
     """Return the scene with every engine and string that it leaves open, the cheapest first."""
     base = best_models(true, scene)
     strings = ("spring", "modal") if scene.string == "auto" else (base.string,)
-    engines = ("reduced", "rigid") if scene.engine == "auto" else (scene.engine,)
+    engines = ("exact", "rigid") if scene.engine == "auto" else (scene.engine,)
     candidates = [
         base.model_copy(update={"engine": engine, "string": string})
         for string in strings
         for engine in engines
-        if engine == "rigid" or not (scene.finger == "servo" or string == "modal")
+        if engine == "rigid" or string != "modal"
     ]
     return sorted(candidates, key=lambda way: cost(true, way, refinement.fewest(true)))
 

@@ -11,8 +11,13 @@ from sautereau.rig.errors import SautereauError
 from sautereau.rig.load import with_values
 from sautereau.rig.schema import Rig
 from sautereau.sim_backend.physics.drive import drive_of
-from sautereau.sim_backend.physics.observation import Errors, Observation, errors, observe
-from sautereau.sim_backend.physics.reference.observe import reference
+from sautereau.sim_backend.physics.observation import (
+    Errors,
+    Observation,
+    errors,
+    observe,
+    reference,
+)
 from sautereau.sim_backend.trade.cases import Case, grid, random_cases
 from sautereau.sim_backend.trade.select import reached, select_solver
 
@@ -76,7 +81,7 @@ def judge(rig: Rig, case: Case) -> Cell:
     try:
         error = errors(found, reference(bench, case.scene, drive))
     except SautereauError as refusal:
-        reason = f"simulated, but refused by the reference solver: {refusal}"
+        reason = f"simulated, but refused by the finest steps: {refusal}"
         return Cell(case, "failed", claim, reason=reason)
     if error.time <= claim.time and error.force <= claim.force:
         return Cell(case, "converged", claim, error)

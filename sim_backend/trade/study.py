@@ -7,7 +7,6 @@ import math
 import os
 import platform
 import statistics
-import tempfile
 import time
 from collections.abc import Callable
 from dataclasses import asdict, replace
@@ -15,20 +14,20 @@ from importlib.metadata import version
 from pathlib import Path
 
 from sautereau.analysis.errors import ModelError
+from sautereau.rig.disk import write_durably
 from sautereau.rig.load import rig_json
 from sautereau.rig.schema import Rig
 from sautereau.sim_backend.errors import SceneError
 from sautereau.sim_backend.parts import Accuracy
 from sautereau.sim_backend.physics.drive import Drive
-from sautereau.sim_backend.physics.observation import Observation, drive_of, errors, play
-from sautereau.sim_backend.physics.reference.observe import reference
+from sautereau.sim_backend.physics.observation import Observation, drive_of, errors, play, reference
 from sautereau.sim_backend.physics.world import new_world
 from sautereau.sim_backend.scene import Scene
 from sautereau.sim_backend.trade.refinement import stepped
 from sautereau.sim_backend.trade.results import HEADER, Point, Trade, pareto_front, recommended
 from sautereau.sim_backend.trade.select import best_models
 
-STEPS = {"rigid": (1, 2, 4, 8, 16, 32, 64), "reduced": (1, 2, 4, 8, 16)}
+STEPS = {"rigid": (1, 2, 4, 8, 16, 32, 64), "exact": (1, 2, 4, 8, 16)}
 """Steps per controller sample that are tried with an engine."""
 FEW = (1, 8)
 """Those that simpler levels and strings are tried with: a step does not improve a model."""
@@ -87,10 +86,7 @@ def store_trade(rig: Rig, scene: Scene, trade: Trade) -> None:
     path = _path(rig, scene)
     with contextlib.suppress(OSError):  # without a cache it is only slower
         path.parent.mkdir(parents=True, exist_ok=True)
-        handle, name = tempfile.mkstemp(dir=path.parent, suffix=".part")
-        with os.fdopen(handle, "w", encoding="utf-8") as file:
-            json.dump(asdict(trade), file)
-        Path(name).replace(path)
+        write_durably(path, json.dumps(asdict(trade)))
 
 
 def timed(rig: Rig, scene: Scene, drive: Drive) -> tuple[Observation, float, float]:
@@ -165,7 +161,7 @@ def _measured(rig: Rig, scene: Scene, progress: Callable[[float], None]) -> Trad
 
 def _ways(true: Rig, exact: Scene) -> list[Scene]:
     """Return complete scenes: all steps of the exact one, and a few of each simpler model."""
-    engines = ["rigid"] if exact.finger == "servo" else ["rigid", "reduced"]
+    engines = ["rigid"] if exact.string == "modal" else ["rigid", "exact"]
     ways = [stepped(true, exact, n, engine=engine) for engine in engines for n in STEPS[engine]]
     ways += [
         stepped(true, exact, MIDDLE, engine="rigid", iterations=n)
@@ -175,13 +171,12 @@ def _ways(true: Rig, exact: Scene) -> list[Scene]:
     simpler = [{"plectrum": level} for level in _simpler_levels(true, exact)]
     if exact.string == "modal":
         simpler.append({"string": "spring"})
-    ways += [
+    return ways + [
         stepped(true, exact, n, engine=engine, **change)
         for change in simpler
-        for engine in engines
+        for engine in (["rigid", "exact"] if "string" in change else engines)
         for n in FEW
     ]
-    return [way for way in ways if not (way.engine == "reduced" and way.string == "modal")]
 
 
 def _simpler_levels(true: Rig, exact: Scene) -> list[str]:

@@ -10,17 +10,17 @@ from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.model.predict import predict
 from sautereau.analysis.model.speed import JackSpeed
 from sautereau.analysis.phases import HeldString, Phases, find_phases
+from sautereau.analysis.session.analysed import jack_speed
 from sautereau.analysis.session.compare import (
     COMPARED,
     Mean,
     compare,
-    compare_features,
-    jack_speed,
     mean_of,
     pluck_features,
-    predict_each,
     predicted_features,
+    predicted_means,
 )
+from sautereau.analysis.session.pooled import pooled_features
 from sautereau.rig.load import load_rig, with_values
 from sautereau.sim_backend.scene import load_scene
 
@@ -45,7 +45,7 @@ def test_a_compliant_arm_is_no_model_error(speed):
     rig, scene = with_values(load_rig(), values), load_scene("paper")
     press, _ = simulated_press(rig, scene.model_copy(update={"step": 50e-6}), 1)
     phases = find_phases(press)
-    found = compare([phases], predict_each([press], [phases], press.rig))
+    found = compare([phases], [predict(press.rig, speed=jack_speed(press, phases))])
     assert abs(found.duration_error.value) < 3e-3
     assert abs(found.slope_error.value) < 0.015
     before = compare([phases], [predict(press.rig)])
@@ -141,6 +141,12 @@ def test_a_skewed_feature_has_a_skewed_interval():
     assert found.high - found.value > found.value - found.low
 
 
+def pooled(rows, rig, predictions):
+    """Return the features that are compared, by name."""
+    found = pooled_features(rows, predicted_means(rows, rig, predictions))
+    return {feature.name: feature for feature in found if feature.predicted is not None}
+
+
 def features_of(predicted, share=0.0):
     """Return the features of a press for a given relative model error of each."""
     return {name: value / (1 + share) for name, value in predicted.items()}
@@ -149,8 +155,8 @@ def features_of(predicted, share=0.0):
 def test_every_feature_is_compared_with_the_models(paper, prediction):
     predicted = pluck_features(paper, prediction, prediction.choirs[0])
     rows = [features_of(predicted, share) for share in (-0.1, 0.0, 0.1)]
-    found = {f.name: f for f in compare_features(rows, paper, [prediction] * len(rows))}
-    assert tuple(found) == COMPARED
+    found = pooled(rows, paper, [prediction] * len(rows))
+    assert set(found) == set(COMPARED)
     for name, feature in found.items():
         assert feature.predicted == pytest.approx(predicted[name], rel=1e-12)
         assert feature.presses == 3
@@ -163,13 +169,13 @@ def test_every_feature_is_compared_with_the_models(paper, prediction):
 
 def test_one_press_has_features_without_intervals(paper, prediction):
     row = features_of(pluck_features(paper, prediction, prediction.choirs[0]))
-    for feature in compare_features([row], paper, [prediction]):
+    for feature in pooled([row], paper, [prediction]).values():
         assert feature.measured == Mean(feature.measured.value, None, None, "none")
         assert feature.measured.value == pytest.approx(feature.predicted)
 
 
 def test_features_without_a_pluck_are_not_compared(paper, prediction):
-    assert compare_features([dict.fromkeys(COMPARED)], paper, [prediction]) == ()
+    assert pooled([dict.fromkeys(COMPARED)], paper, [prediction]) == {}
 
 
 def test_the_held_work_of_a_prediction_is_its_own(paper, prediction):

@@ -13,8 +13,10 @@ from sautereau.analysis.identify.fit import fit, inverse_dynamics
 from sautereau.analysis.identify.identified import evaluate, identify
 from sautereau.analysis.identify.parameters import Prior, rig_values, value_of, with_parameters
 from sautereau.analysis.identify.profile import profile
+from sautereau.analysis.model.predict import predict
 from sautereau.analysis.phases import find_phases
-from sautereau.analysis.session.compare import compare, predict_each
+from sautereau.analysis.session.analysed import jack_speed
+from sautereau.analysis.session.compare import compare
 from sautereau.analysis.summary.fit import fit_lines, fit_summary
 from sautereau.rig.load import load_rig
 from sautereau.sim_backend.physics.observation import observe
@@ -96,8 +98,11 @@ def test_plectrum_inertia_and_friction_are_identified_from_two_noisy_presses(fou
 
 def test_the_slope_error_falls_from_tens_of_per_cent_to_under_three(two, found, rig):
     pressed, phases = two
-    before = compare(phases, predict_each(pressed, phases, rig)).slope_error.value
-    after = compare(phases, predict_each(pressed, phases, found.rig)).slope_error.value
+    speeds = list(map(jack_speed, pressed, phases))
+    before, after = (
+        compare(phases, [predict(r, speed=speed) for speed in speeds]).slope_error.value
+        for r in (rig, found.rig)
+    )
     assert before > 0.15
     assert abs(after) < 0.03
 

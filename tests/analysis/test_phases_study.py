@@ -17,7 +17,7 @@ def simulated(scene, speed=0.072, *, mute=False, seed=0, rate=51.2):
     )
     changes = {"sensors": load_scene("paper").sensors}
     if scene != "paper":  # which has the moment of release exactly
-        changes["engine"] = "reduced"
+        changes["engine"] = "exact"
     if mute:
         changes |= {"plectrum": "none", "string": "none", "tongue": False}
     return simulated_press(rig, load_scene(scene).model_copy(update=changes), seed)
@@ -60,7 +60,7 @@ def test_a_push_of_constant_force_is_segmented_by_the_velocity_alone():
     """The finger's force shows neither contact nor release; the key's acceleration does."""
     scene = load_scene("pluck")
     push = scene.push.model_copy(update={"duration": 25e-3})
-    scene = scene.model_copy(update={"push": push, "engine": "reduced"})
+    scene = scene.model_copy(update={"push": push, "engine": "exact"})
     rig = with_values(load_rig(), {"daq.channels.0.range": "10 V"})  # it gets fast
     press, truth = simulated_press(rig, scene, 0)
     assert_found(press, truth, limit=0.05e-3)

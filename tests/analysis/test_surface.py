@@ -156,7 +156,7 @@ def test_the_stand_in_plucks_on_the_surface():
     from sautereau.sim_backend.physics.observation import observe
     from sautereau.sim_backend.scene import load_scene
 
-    scene, held = load_scene("ideal").model_copy(update={"engine": "reduced"}), []
+    scene, held = load_scene("ideal").model_copy(update={"engine": "exact"}), []
     for contact in ("mid-line", "surface"):
         truth = {"plectrum.contact": contact}
         events = observe(load_rig(), scene.model_copy(update={"truth": truth})).events

@@ -123,6 +123,14 @@ def test_press_phases_compare_info_on_the_stand_in(sautereau, rig_file, tmp_path
         low, high = compared[key]["ci95"]
         assert low < compared[key]["value"] < high
 
+    assert compared["conditions"] == result["conditions"]  # to the last digit
+    pair = sautereau("compare", result["recordings"][0], "--against", "out", "--json")
+    assert "release_force" in json.loads(pair.stdout)["against"][0]["differences"]
+    watched = json.loads(sautereau("watch", "out", "-n", 2, "--json").stdout)
+    assert watched["conditions"] == compared["conditions"]
+    again = sautereau("replay", result["recordings"][0], rig_file(), "--sim", "--out", "again")
+    assert "Model error" in again.stdout
+
     assert sautereau("info", result["recordings"][0]).stdout.startswith("SIMULATED")
     assert json.loads(sautereau("info", result["recordings"][0], "--json").stdout)["simulated"]
     done = sautereau("compare", result["recordings"][0], "--plot", "figure.svg")
@@ -183,6 +191,7 @@ ERRORS = (
     "campaign none --out a.parquet", "touch none.parquet", "info none.mcap", "recover none.mcap",
     "export none.mcap --to csv", "import none.csv --rig paper --out a.mcap", "stand-in none",
     "trade none", "doctor none", "transient none.mcap",
+    "replay none.mcap --sim --out out", "watch none",
 )  # fmt: skip
 
 
@@ -206,6 +215,7 @@ def test_interrupts_and_bugs_are_json_under_json(monkeypatch, capsys, error, mes
         raise error
 
     monkeypatch.setattr("sautereau.commands.app.app", fail)
+    monkeypatch.setattr("sautereau.commands.common.ignore_signals", lambda: None)
     monkeypatch.setattr(sys, "argv", ["sautereau", "press", "--json"])
     with pytest.raises(SystemExit, match="1"):
         main()

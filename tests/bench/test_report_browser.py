@@ -17,6 +17,23 @@ from sautereau.robot.experiment.session_folder import SessionFolder
 
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "chrome"))), None)
 PRESSES = 6
+OVERLAPS = """() => {
+  const leaves = [...document.querySelectorAll("body *")].filter((e) =>
+    !e.closest("title, desc, script, style, option")
+    && e.checkVisibility({ visibilityProperty: true })
+    && [...e.childNodes].some((n) => n.nodeType === 3 && n.textContent.trim()));
+  const boxes = leaves.map((e) => [e, e.getBoundingClientRect()]).filter(([e, r]) =>
+    r.width > 1 && r.height > 1);
+  const overlaps = [];
+  boxes.forEach(([e, r], i) => boxes.slice(i + 1).forEach(([f, q]) => {
+    const wide = Math.min(r.right, q.right) - Math.max(r.left, q.left);
+    const high = Math.min(r.bottom, q.bottom) - Math.max(r.top, q.top);
+    if (wide > 2 && high > 3 && !e.contains(f) && !f.contains(e))
+      overlaps.push([e.textContent, f.textContent, wide, high]);
+  }));
+  return { texts: boxes.length, overlaps, wide: document.documentElement.scrollWidth };
+}"""
+"""Boxes of texts that overlap by more than 2 by 3 px, their number, and the page's width [px]."""
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="Chromium is not installed")
 
 
@@ -167,6 +184,19 @@ def until(page, condition):
 def brightness(page):
     colour = page.evaluate("() => getComputedStyle(document.body).backgroundColor")
     return sum(map(int, re.findall(r"\d+", colour)[:3])) / 3
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize("width", [1280, 800, 390])
+def test_no_text_overlaps_another_and_nothing_is_cut(page, width, scheme):
+    page.emulate_media(color_scheme=scheme)
+    page.set_viewport_size({"width": width, "height": 900})
+    page.wait_for_timeout(300)  # plotly draws again after the page was resized
+    found = page.evaluate(OVERLAPS)
+    page.set_viewport_size({"width": 1200, "height": 900})
+    assert found["texts"] > 100
+    assert found["overlaps"] == []
+    assert found["wide"] <= width
 
 
 def test_the_theme_follows_the_system_and_the_button(page):

@@ -4,6 +4,7 @@ import hashlib
 import json
 import os
 import random
+import signal
 import subprocess
 from collections import Counter
 from pathlib import Path
@@ -137,7 +138,7 @@ def test_a_table_of_presses_with_warm_up_on_the_stand_in(sautereau, rig_file, tm
     sessions = [read_session(path) for path in sorted((tmp_path / "out").glob("*.mcap"))]
     assert [s.notes for s in sessions] == ["monday; slow"] * 4 + ["monday"] * 2
     assert sessions[0].seed != sessions[4].seed
-    slow, fast = result["rows"]
+    slow, fast = result["conditions"]
     assert slow["repeatability"]["presses"] == 3
     assert "repeatability" not in fast
     assert abs(slow["duration_error"]["value"]) < 0.01
@@ -211,3 +212,22 @@ def test_sensors_noise_is_far_below_a_robots_repeatability(quick_rig, tmp_path):
     found = repeatability([load_press(path) for path in paths], press_law(rig.press))
     assert found.velocity_repeatability.value < 1e-3
     assert found.path_repeatability < rig.press.jack_speed * rig.controller.sample_period
+
+
+@pytest.mark.slow
+def test_a_key_pauses_the_session_and_continues_it(command_server, bare, rig_file, tmp_path):
+    """No press starts after the one in which it was pressed."""
+    words = ("press", rig_file(), "--scene", bare, "-n", 4, "--out", "out")
+    streams = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
+    with command_server.start(*words, cwd=tmp_path, **streams) as process:
+        while not process.stdout.readline().startswith("press-0001"):
+            pass
+        process.send_signal(signal.SIGQUIT)
+        assert "pausing" in process.stderr.readline()
+        with pytest.raises(subprocess.TimeoutExpired):
+            process.wait(timeout=8)
+        assert 1 <= len(list((tmp_path / "out").glob("*.mcap"))) <= 3
+        process.send_signal(signal.SIGQUIT)
+        printed = process.communicate(timeout=100)[0]
+    assert process.returncode == 0
+    assert printed.count("recording: ") == 4

@@ -111,4 +111,5 @@ def on_terminal(start: list[str], **environment: str) -> str:
 def test_the_stand_in_needs_no_pseudo_terminal(monkeypatch):
     monkeypatch.delattr(os, "openpty", raising=False)  # as on Windows
     studied = session.study(n=1, scene="ideal")
-    assert studied.comparison.duration_error.value == pytest.approx(0, abs=5e-3)
+    error = studied.compare().document["duration_error"]["value"]
+    assert error == pytest.approx(0, abs=5e-3)

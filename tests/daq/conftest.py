@@ -89,5 +89,6 @@ def complete_recording(tmp_path, paper, session, volts):
         recording.write_plan(t, t + 1, t + 2, t + 3)
         recording.write_block(Block(0, volts))
         recording.event("trigger", "PFI0 rose", 0.0)
+        recording.event("motion", "started", 1.2e-3, 3e-5)
         recording.write_joints(Joints(t, t + 4, t + 5))
     return path

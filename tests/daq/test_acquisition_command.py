@@ -6,15 +6,20 @@ import os
 import signal
 import threading
 import time
+from importlib import resources
 from pathlib import Path
 
 import pytest
 
+from sautereau.analysis.errors import AnalysisError
+from sautereau.analysis.loading.press import load_press
 from sautereau.commands.acquire import acquire
 from sautereau.commands.common import Simulation
 from sautereau.daq.errors import DaqError
 from sautereau.daq.file.reading import read_recording
 from sautereau.daq.source.continuous import record
+from sautereau.rig.errors import RigError
+from sautereau.rig.load import load_rig
 
 IDEAL = Simulation(scene="ideal", seed=3)
 
@@ -42,6 +47,25 @@ def test_a_recording_of_a_given_duration(tmp_path, capsys):
     assert recording.session.simulated
     with pytest.raises(DaqError, match="already exists"):
         acquire(out=path, simulation=IDEAL)
+
+
+def test_a_rig_file_with_daq_alone_is_recorded_and_not_analysed(tmp_path):
+    paper = resources.files("sautereau.rig").joinpath("paper.toml").read_text(encoding="utf-8")
+    daq = paper[paper.index("[daq]") :]
+    (tmp_path / "card.toml").write_text(daq, encoding="utf-8")
+    path = tmp_path / "a.mcap"
+    assert acquire(str(tmp_path / "card.toml"), duration="0.2 s", out=path, simulation=IDEAL) == 0
+    rig = read_recording(path).rig
+    assert (rig.name, rig.daq_only) == ("card", True)
+    assert rig.daq.channels[0].sensor == load_rig().daq.channels[0].sensor
+    with pytest.raises(AnalysisError, match=r"had \[daq\] alone.*import --rig"):
+        load_press(path)
+    with pytest.raises(RigError, match="key: missing"):
+        load_rig(tmp_path / "card.toml")
+    (tmp_path / "card.toml").write_text(daq.replace('"51.2 kHz"', '"51.2 kg"'), encoding="utf-8")
+    line = 1 + daq[: daq.index('"51.2 kHz"')].count("\n")
+    with pytest.raises(RigError, match=rf"line {line}: daq\.sample_rate"):
+        acquire(str(tmp_path / "card.toml"), dry_run=True, simulation=IDEAL)
 
 
 def test_an_interrupted_recording_is_complete(tmp_path, capsys):

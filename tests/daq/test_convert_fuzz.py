@@ -160,13 +160,6 @@ def test_damaged_files(tmp_path, paper, kind):
     fuzz(tmp_path, paper, kind, 2 if kind in APART else 25)
 
 
-@pytest.mark.slow
-@pytest.mark.timeout(3600)
-@pytest.mark.parametrize("kind", FORMATS)
-def test_thousands_of_damaged_files(tmp_path, paper, kind):
-    fuzz(tmp_path, paper, kind, 300 if kind in APART else 3000)
-
-
 @settings(max_examples=150, deadline=None)
 @given(st.lists(st.text('0123456789.,;\t eE+-#="\nabµ', max_size=12), max_size=12))
 def test_any_text_is_refused_or_read(tmp_path_factory, paper, lines):

@@ -18,7 +18,7 @@ from mcap.stream_reader import StreamReader
 from sautereau.daq.errors import RecordingError
 from sautereau.daq.file.container.durable import DurableFile
 from sautereau.daq.file.reading import read_recording
-from sautereau.daq.file.recorded import Joints
+from sautereau.daq.file.recorded import Event, Joints
 from sautereau.daq.file.recording import Block, Recording, SessionInfo
 from sautereau.daq.file.schemas import declared_class
 from sautereau.daq.file.survey import describe
@@ -69,7 +69,11 @@ def test_everything_beside_the_samples_comes_back(complete_recording, paper, ses
     assert found.joints is not None
     assert np.array_equal(found.plan.jack_rise, t + 3)
     assert np.array_equal(found.joints.q2, t + 5)
-    assert [(e.time, e.kind, e.text) for e in found.events] == [(0.0, "trigger", "PFI0 rose")]
+    assert found.events == (
+        Event(0.0, "trigger", "PFI0 rose"),
+        Event(1.2e-3, "motion", "started", 3e-5),
+    )
+    assert found.motion == found.events[1]
     assert found.software["mcap"]
     assert found.channels["/daq/velocity"]["scale"] == "0.025 m/s/V"
 

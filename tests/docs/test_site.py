@@ -38,7 +38,7 @@ def written(hooks):
         for name in hooks.modules(room)
     }
     drawn = {f"gallery/{name}" for name in pictures()}
-    return {"rig-file.md", "commands.md"} | rooms | modules | drawn
+    return {"rig-file.md", "commands.md", "tutorial.md"} | rooms | modules | drawn
 
 
 def test_every_page_is_in_the_navigation(written):
@@ -51,7 +51,7 @@ def test_every_page_is_in_the_navigation(written):
 
     listed = set(leaves(yaml.safe_load((ROOT / "mkdocs.yml").read_text(encoding="utf-8"))["nav"]))
     pages = {path.name for path in DOCS.glob("*.md")}
-    assert listed == pages | {"rig-file.md", "commands.md"}
+    assert listed == pages | {"rig-file.md", "commands.md", "tutorial.md"}
 
 
 def test_every_relative_link_leads_to_a_page(written):

@@ -46,8 +46,14 @@ def test_every_key_says_what_it_is():
         ("arm.gear_ratios", "", "list of 2: number", "[1.0, 1.0]", "> 0"),
         ("controller.watchdog_period", "s", "quantity", '"0.5 s"', ">= 0.1, <= 5"),
         ("daq.insecure", "", "true or false", "false", ""),
-        ("daq.channels.scale", "m/s/V or N/V", "quantity", None, "> 0"),
-        ("daq.channels.quantity", "", "one of velocity, force", None, ""),
+        ("daq.channels.scale", "m/s/V, N/V, m/V, m/s^2/V, Pa/V, V/V", "quantity", None, "> 0"),
+        (
+            "daq.channels.quantity",
+            "",
+            "one of velocity, force, displacement, acceleration, sound_pressure, voltage",
+            None,
+            "",
+        ),
         ("daq.channels.calibrated", "", "date", "", ""),
     ],
 )

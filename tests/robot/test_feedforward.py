@@ -97,3 +97,8 @@ def test_torques_above_the_limit_are_refused():
 
 def test_no_force_needs_no_torque():
     assert not torque_table(RIG, PLAN, expected(0.0)).torques.any()
+
+
+def test_a_controller_without_feed_forward_is_refused_before_anything_moves():
+    with pytest.raises(RobotError, match="a controller of kind odrive adds no torques"):
+        torque_table(with_values(RIG, {"controller.kind": "odrive"}), PLAN, expected(0.5))

@@ -1,17 +1,12 @@
 """A press with the driver on the emulated controller, over each of its ports and firmwares."""
 
-import time
-
 import numpy as np
 import pytest
 
 from sautereau.rig.load import load_rig, with_values
 from sautereau.robot.drivers.galil.driver import GalilController
-from sautereau.robot.errors import RobotError
-from sautereau.robot.experiment.session import run_session
 from sautereau.sim_backend.bench import StandIn
 from sautereau.sim_backend.controller_part import ControllerUnit
-from sautereau.sim_backend.fault_tables import Faults
 from sautereau.sim_backend.scene import load_scene
 from sautereau.trajectory.press import plan_press
 
@@ -19,13 +14,11 @@ SLOW = pytest.mark.slow
 MUTE = {"plectrum": "none", "string": "none", "step": 1e-3}
 
 
-def stand_in(unit, paced=False, faults=None, **values):
+def stand_in(unit, **values):
     unit = ControllerUnit.model_validate(unit)
-    scene = load_scene("ideal").model_copy(
-        update=MUTE | {"controller": unit, "faults": faults and Faults.model_validate(faults)}
-    )
+    scene = load_scene("ideal").model_copy(update=MUTE | {"controller": unit})
     rig = with_values(load_rig(), {"controller.timeout": "60 s"} | values)
-    return StandIn(rig, scene, 1, paced=paced)
+    return StandIn(rig, scene, 1)
 
 
 @pytest.mark.parametrize(
@@ -56,34 +49,3 @@ def test_a_press_over_every_port(unit, values):
     start = plan.segments.start
     np.testing.assert_allclose(capture.counts[0], start, atol=100)
     np.testing.assert_allclose(capture.counts[-1], plan.segments.end, atol=100)
-
-
-FAULTS = {
-    "silence": ({"cable_out": {"press": 1, "at": "30 ms"}}, "NOT confirmed off"),
-    "limit switch": (
-        {"switch_closed": {"switch": "forward", "joint": 2, "press": 1, "at": "30 ms"}},
-        "joint 2 stopped by the forward limit",
-    ),
-    "emergency stop": (
-        {"switch_closed": {"switch": "abort", "press": 1, "at": "30 ms"}},
-        "stopped by the abort input",
-    ),
-    "amplifier": ({"amplifier_fault": {"joint": 1, "press": 1, "at": "30 ms"}}, "amplifier fault"),
-}
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", FAULTS)
-def test_a_fault_over_ethernet_ends_with_the_motors_off(name, tmp_path):
-    faults, said = FAULTS[name]
-    unit = {"interface": "ethernet"}
-    rig = {"controller.timeout": "0.6 s", "press.bottom_hold": "0.3 s"}
-    with stand_in(unit, paced=True, faults=faults, **rig) as served:
-        plan = plan_press(served.rig)
-        with pytest.raises(RobotError) as caught:
-            run_session(served.rig, plan, GalilController(served.rig), tmp_path, 1)
-        end = time.monotonic() + 5
-        while any(served.bench.firmware.motors_on) and time.monotonic() < end:
-            time.sleep(0.01)
-        assert served.bench.firmware.motors_on == (False, False)
-    assert said in str(caught.value)

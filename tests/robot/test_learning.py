@@ -1,10 +1,12 @@
 """Iterative learning control on recordings of the stand-in, and the file of a correction."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from sautereau.analysis.loading.press import load_press
 from sautereau.daq.file.reading import read_recording
 from sautereau.rig.load import load_rig, with_values
 from sautereau.robot.drivers.galil.driver import GalilController
@@ -186,3 +188,18 @@ def test_a_file_that_holds_no_correction_is_refused(tmp_path, text):
         read_learned(path, RIG)
     with pytest.raises(RobotError, match="cannot be read"):
         read_learned(tmp_path / "none.json", RIG)
+
+
+def test_a_start_that_is_not_known_well_enough_is_not_learned_from(learned, monkeypatch):
+    _, paths = learned
+    press = load_press(paths[0])
+    assert press.motion.std == RIG.controller.trigger_delay_std
+    vague = replace(press, motion=replace(press.motion, std=1e-3))
+    for found, said in (
+        (vague, r"known to \+-1 ms only"),
+        (replace(press, motion=None), "unknown"),
+    ):
+        monkeypatch.setattr("sautereau.robot.experiment.learning.load_press", lambda _, p=found: p)
+        learning = IterativeLearning(RIG, None, 1)
+        with pytest.raises(RobotError, match=said):
+            learning.update(Item(RIG, plan_press(RIG)), paths[0])

@@ -12,7 +12,7 @@ from sautereau.rig.load import load_rig, with_values
 from sautereau.robot.controller import MotionController, TorqueTable
 from sautereau.robot.drivers.odrive.driver import OdriveController
 from sautereau.robot.drivers.odrive.line import checksum, framed
-from sautereau.robot.drivers.odrive.setpoints import INTERVAL
+from sautereau.robot.drivers.odrive.setpoints import INTERVAL, LEAD
 from sautereau.robot.drivers.registry import motion_controller
 from sautereau.robot.errors import (
     LineLost,
@@ -20,7 +20,6 @@ from sautereau.robot.errors import (
     NotReady,
     RobotError,
     SettingNotTaken,
-    SilentController,
     UnsafeRequest,
 )
 from sautereau.sim_backend.devices.odrive.firmware import OdriveFirmware
@@ -42,16 +41,13 @@ class Emulated:
         self.replace = {}
         self.fault = None
         self.closed = False
-        self.outputs = []
         counts, ratios = rig.arm.counts_per_revolution, rig.arm.gear_ratios
         self.firmware = OdriveFirmware(
             self,
             per_turn=(counts / ratios[0], counts / ratios[1]),
             period=rig.controller.sample_period,
             stepped=True,
-            trigger=rig.controller.trigger_output,
             torque_per_volt=(0.2, 0.2),
-            on_output=lambda number, level: self.outputs.append((number, level)),
         )
 
     # What the controller is wired to.
@@ -87,6 +83,7 @@ class Emulated:
             text, star, sent = line.rpartition("*")
             if not star:
                 assert not line
+                self.answers += self.firmware.receive(b"\n")
                 continue
             assert sent == str(checksum(text)), line
             if text.startswith("u "):
@@ -165,18 +162,20 @@ def press(controller, segments):
 
 
 def test_the_registry_makes_the_controller_that_the_rig_names(rig):
-    for named, first_question in ((rig, "'i'"), (load_rig(), "'EO 0'")):
+    for named, said in ((rig, "answered 'i' with 'i'"), (load_rig(), "did not answer 'EO 0'")):
         at_nobody = {"controller.port": "loop://", "controller.timeout": "10 ms"}
-        with pytest.raises(SilentController, match=f"did not answer {first_question}"):
+        with pytest.raises(RobotError, match=said):
             motion_controller(with_values(named, at_nobody)).connect()
 
 
 def test_a_press_through_the_seam(controller: MotionController, port, segments, rig):
     capture = press(controller, segments)
-    assert port.outputs == [(1, True), (1, False)]
     assert port.firmware.motors_on == (False, False)
     assert port.closed
-    np.testing.assert_array_equal(capture.samples, np.arange(0, 90, INTERVAL))
+    lead = controller.capabilities.lead(rig.controller.sample_period)
+    assert lead == pytest.approx(-capture.times[0])
+    np.testing.assert_array_equal(capture.samples, np.arange(-LEAD * INTERVAL, 90, INTERVAL))
+    np.testing.assert_array_equal(capture.counts[capture.samples <= 0], [segments.start] * 27)
     np.testing.assert_allclose(capture.counts[0], segments.start, atol=2)
     np.testing.assert_allclose(capture.counts[-1], segments.end, atol=10)
     assert np.abs(capture.following_errors).max() < 100
@@ -188,24 +187,36 @@ CONNECT = [
     "i",
     "w axis0.requested_state 1",
     "w axis1.requested_state 1",
-    "w gpio1.state 0",
+    "i",
     "r axis0.current_state",
     "r axis1.current_state",
-    "r gpio1.state",
-    "r axis0.encoder.config.cpr",
-    "r axis0.controller.config.circular_setpoints",
-    "r axis1.encoder.config.cpr",
-    "r axis1.controller.config.circular_setpoints",
+    *(
+        f"r axis{axis}.{name}"
+        for axis in (0, 1)
+        for name in (
+            "config.enable_sensorless_mode",
+            "config.enable_step_dir",
+            "config.startup_closed_loop_control",
+            "config.startup_homing",
+            "controller.config.circular_setpoints",
+            "controller.config.enable_overspeed_error",
+            "controller.config.enable_vel_limit",
+            "encoder.is_ready",
+            "motor.is_calibrated",
+            "encoder.config.cpr",
+            "controller.config.load_encoder_axis",
+        )
+    ),
     *itertools.chain.from_iterable(
         (f"w axis{axis}.{name} {value}", f"r axis{axis}.{name}")
         for axis in (0, 1)
         for name, value in (
             ("config.watchdog_timeout", "0.5"),
-            ("controller.config.control_mode", "3"),
             ("controller.config.vel_limit", "0.954929659"),
             ("motor.config.torque_lim", "2"),
             ("controller.config.input_filter_bandwidth", "64"),
             ("min_endstop.config.offset", "0"),
+            ("min_endstop.config.debounce_ms", "2"),
         )
     ),
     "w axis0.config.enable_watchdog 1",
@@ -217,15 +228,34 @@ CONNECT = [
 ]
 HEARD = "r vbus_voltage"
 ERRORS = [
-    f"r axis{axis}.{register}error"
+    "r error",
+    *(
+        f"r axis{axis}.{register}error"
+        for axis in (0, 1)
+        for register in ("", "motor.", "encoder.", "controller.")
+    ),
+]
+BEFORE_POWER = [
+    line
     for axis in (0, 1)
-    for register in ("", "motor.", "encoder.", "controller.")
+    for name, value in (("config.control_mode", 3), ("input_vel", 0), ("input_torque", 0))
+    for line in (f"w axis{axis}.controller.{name} {value}", f"r axis{axis}.controller.{name}")
+]
+HOLD = [
+    line
+    for axis in (0, 1)
+    for line in (
+        f"w axis{axis}.controller.config.input_mode 5",
+        f"r axis{axis}.controller.config.input_mode",
+    )
 ]
 ON = [
     "r axis0.config.enable_watchdog",
     "r axis1.config.enable_watchdog",
     "r axis0.config.watchdog_timeout",
     "r axis1.config.watchdog_timeout",
+    *BEFORE_POWER,
+    *HOLD,
     "sc",
     HEARD,
     *ERRORS,
@@ -236,8 +266,8 @@ ON = [
     "r axis0.current_state",
     "r axis1.current_state",
 ]
-ABORT = ["w axis0.requested_state 1", "w axis1.requested_state 1", "w gpio1.state 0",
-         "r axis0.current_state", "r axis1.current_state", "r gpio1.state"]  # fmt: skip
+ABORT = ["w axis0.requested_state 1", "w axis1.requested_state 1", "i",
+         "r axis0.current_state", "r axis1.current_state"]  # fmt: skip
 
 
 def test_transcript_of_connecting(controller, port):
@@ -287,9 +317,8 @@ def test_transcript_of_a_motion(controller, port, segments):
         port.said.clear()
         controller.start()
         controller.wait()
-        assert port.said[0] == "w gpio1.state 1"
-        assert [line[:4] for line in port.said[1:3]] == ["p 0 ", "p 1 "]
-        assert port.said[3:8] == [
+        assert port.said[:2] == ["p 0 0.0005000 0.000000", "p 1 -0.0005000 0.000000"]
+        assert port.said[2:7] == [
             "f 0",
             "f 1",
             "r axis0.motor.current_control.Iq_setpoint",
@@ -297,7 +326,9 @@ def test_transcript_of_a_motion(controller, port, segments):
             "w stand_in.wait 0.003906250",
         ]
         setpoints = [line for line in port.said if line.startswith("p 0 ")]
-        assert len(setpoints) == 23
+        assert len(setpoints) == 23 + LEAD
+        last = next(i for i, line in enumerate(port.said) if line == HOLD[0])
+        assert port.said[last:][: len(HOLD)] == HOLD
         assert setpoints[-1] == "p 0 0.0020000 0.000000"
     assert not any(line.startswith("q") for line in port.said)
 
@@ -309,7 +340,7 @@ def test_transcript_of_a_motion(controller, port, segments):
     ("sent", "answer", "said"),
     [
         ("i", GRBL, r"an ODrive 3.x gives its hardware version"),
-        ("r gpio1.state", "invalid property", "stock firmware sets no pin"),
+        ("r axis1.motor.is_calibrated", "0", r"axis1\.motor\.is_calibrated is 0 and should be 1"),
         ("r axis0.encoder.config.cpr", "8192", r"axis0\.encoder.* is 8192 and .*2000000"),
         ("r axis1.controller.config.circular_setpoints", "1", "circular_setpoints is 1"),
         ("r axis1.motor.config.torque_lim", "inf", "torque_lim is inf and should be 2"),
@@ -334,10 +365,21 @@ def test_all_settings_that_are_not_taken_are_listed_at_once(controller, port):
         controller.connect()
 
 
-def test_another_firmware_is_refused(controller, port):
-    lines = ("Hardware version: 3.6-56V", "Firmware version: 0.6.9", "Serial number: 1")
+@pytest.mark.parametrize(
+    ("version", "why"),
+    [
+        ("0.5.1", "clear errors"),
+        ("0.5.2", "several lines"),
+        ("0.5.3", "state of an axis"),
+        ("0.5.4", "homing"),
+        ("0.5.5", "homing"),
+        ("0.6.9", "knows the properties of 0.5.6 only"),
+    ],
+)
+def test_another_firmware_is_refused_with_the_reason(controller, port, version, why):
+    lines = ("Hardware version: 3.6-56V", f"Firmware version: {version}", "Serial number: 1")
     port.replace["i"] = "".join(map(framed, lines)).encode()
-    with pytest.raises(RobotError, match=r"0\.6\.9.*install 0\.5\.6"):
+    with pytest.raises(RobotError, match=rf"{version}: .*{why}.*; install 0\.5\.6"):
         controller.connect()
 
 
@@ -363,7 +405,7 @@ def test_without_a_streamed_motion_there_is_no_punctuality(controller):
 def test_torques_are_refused(controller, segments):
     with controller, controller.powered():
         controller.home()
-        with pytest.raises(UnsafeRequest, match="takes none"):
+        with pytest.raises(UnsafeRequest, match="adds no torques"):
             controller.load(segments, TorqueTable(np.array([0.0, 0.1]), np.zeros((2, 2))))
         assert controller.loaded_torque is None
 
@@ -409,7 +451,8 @@ def test_any_exception_leaves_the_motors_off(controller, port, kind):
         ("motor.error", "4096", "motor.error: CURRENT_LIMIT_VIOLATION"),
         ("encoder.error", "4", "encoder.error: NO_RESPONSE"),
         ("controller.error", "1", "controller.error: OVERSPEED"),
-        ("controller.error", "1073741825", "OVERSPEED, 0x40000000"),
+        ("controller.error", "16777217", "OVERSPEED, 0x1000000"),
+        ("motor.error", "858993459", "motor.error: an error whose number begins with 858993459"),
     ],
 )
 def test_an_error_of_an_axis_is_reported_by_its_name(
@@ -421,6 +464,16 @@ def test_an_error_of_an_axis_is_reported_by_its_name(
         port.replace |= {f"r axis0.{register}": value, "r axis0.current_state": "1"}
         controller.wait()
     assert OFF in str(caught.value)
+
+
+def test_an_error_of_the_device_is_reported_with_those_of_its_motors(controller, port, segments):
+    with pytest.raises(MotionFault) as caught, controller, controller.powered():  # noqa: PT012
+        ready(controller, segments)
+        port.firmware.trip(0x2)
+        controller.start()
+        controller.wait()
+    assert "device error: DC_BUS_UNDER_VOLTAGE" in str(caught.value)
+    assert "joint 2 motor.error: SYSTEM_LEVEL" in str(caught.value)
 
 
 def test_axes_that_are_off_without_an_error(controller, port, segments):
@@ -479,7 +532,7 @@ def test_a_late_host_catches_up_and_reports_it(controller, segments, late, gap, 
         assert found.largest_gap == pytest.approx(gap, abs=1e-9)
         assert found.skipped == skipped
         assert found.jitter > 0
-        assert len(controller.capture()) == 23 - skipped
+        assert len(controller.capture()) == 23 + LEAD - skipped
 
 
 def test_a_press_with_a_large_gap_is_refused(controller, segments):
@@ -501,7 +554,7 @@ def test_stop_in_mid_motion_decelerates_and_returns_the_positions(controller, po
 
         def sleep(seconds):
             calls.append(seconds)
-            if len(calls) == 10:
+            if len(calls) == LEAD + 10:
                 gate.set()
                 controller.driver.stream.cancelled.wait(5)
             wait(seconds)
@@ -512,7 +565,6 @@ def test_stop_in_mid_motion_decelerates_and_returns_the_positions(controller, po
         where = controller.stop()
         assert segments.start[0] < where[0] < segments.end[0] + 1000
         assert port.firmware.motors_on == (True, True)
-        assert port.outputs[-1] == (1, False)
         np.testing.assert_array_equal(controller.positions(), where)
     assert port.firmware.motors_on == (False, False)
 
@@ -543,7 +595,7 @@ def test_home_finds_the_switches_from_either_side(rig):
         controller = controller_at(port, rig)
         with controller, controller.powered():
             np.testing.assert_array_equal(controller.home(), [0, -500_000])
-            np.testing.assert_allclose(port.counts, 0, atol=20)
+            np.testing.assert_allclose(port.counts, 0, atol=rig.controller.home_tolerance)
 
 
 @pytest.mark.parametrize(

@@ -5,6 +5,7 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from importlib import resources
 
 import numpy as np
@@ -22,6 +23,7 @@ from sautereau.sim_backend.scene import load_scene
 from tests.presses import mute_scene, press_on
 
 KIND = {"controller.kind": "odrive", "controller.baud_rate": 921600}
+LEAD = 0.1015625  # s, of samples before the motion
 
 
 @pytest.fixture(scope="module")
@@ -41,10 +43,15 @@ def test_a_press_has_the_phases_that_the_truth_has(pressed):
     path, truth = pressed
     recording = load_press(path)
     phases = find_phases(recording)
-    held = phases.plucks[0]
+    held, start = phases.plucks[0], read_recording(path).motion
     assert recording.simulated
-    assert held.contact == pytest.approx(truth.contacts[0], abs=0.1e-3)
-    assert held.release == pytest.approx(truth.releases[0], abs=0.1e-3)
+    assert held.contact == pytest.approx(truth.contacts[0] - LEAD, abs=0.1e-3)
+    assert held.release == pytest.approx(truth.releases[0] - LEAD, abs=0.1e-3)
+    assert recording.data.index[0] == pytest.approx(-LEAD - start.time)
+    assert recording.motion == replace(start, time=0.0)
+    assert "vibrometer" in start.text
+    assert 0 < start.std < 50e-6
+    assert abs(start.time) < 3 * start.std  # the stand-in's host is never late
     assert phases.free_speed == pytest.approx(0.072, rel=3e-3)
     assert phases.held_speed == pytest.approx(0.072, rel=3e-3)
     read = read_recording(path)

@@ -5,8 +5,8 @@ import io
 import numpy as np
 import pytest
 
+from sautereau.robot.drivers.odrive.errors import error_names
 from sautereau.robot.drivers.odrive.line import OdriveLine, framed
-from sautereau.robot.drivers.odrive.power import error_names
 from sautereau.robot.errors import (
     GarbledAnswer,
     RobotError,
@@ -82,4 +82,22 @@ def test_unrequested_text_is_not_taken_for_an_answer():
 
 
 def test_names_of_errors():
-    assert error_names("error", 0x40 | 0x200) == "error: MOTOR_FAILED, CONTROLLER_FAILED"
+    assert error_names("axis.error", str(0x40 | 0x200)) == "MOTOR_FAILED, CONTROLLER_FAILED"
+    assert error_names("error", "0") == ""
+
+
+IDENTITY = ("Hardware version: 3.6-56V", "Firmware version: 0.5.6", "Serial number: 1")
+
+
+def test_the_refusal_of_an_empty_line_and_late_answers_are_skipped():
+    late = b"unknown command\r\n" + framed("1.0").encode() + b"\xff*0\r\n"
+    port = Fed(late + "".join(map(framed, (*IDENTITY, "2.0"))).encode())
+    line = OdriveLine(port, "port", 0.1)
+    assert line.resynchronise() == [*IDENTITY]
+    assert line.read("axis0.error") == 2.0
+
+
+def test_a_device_that_talks_without_end_is_no_odrive():
+    port = Fed(framed("1.0").encode() * 5000)
+    with pytest.raises(GarbledAnswer, match="does not end"):
+        OdriveLine(port, "port", 0.1).resynchronise()

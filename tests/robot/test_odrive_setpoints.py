@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from sautereau.robot.drivers.odrive.setpoints import INTERVAL, Setpoints, bandwidth
-from sautereau.sim_backend.devices.odrive.setpoint import Setpoint, filtered
+from sautereau.robot.drivers.odrive.setpoints import INTERVAL, LEAD, Setpoints, bandwidth
+from sautereau.sim_backend.devices.setpoint import Setpoint, filtered
 from sautereau.trajectory.press import plan_press
 from sautereau.trajectory.segments import motion_at, segment_cubics
 
@@ -33,6 +33,7 @@ def test_the_filter_goes_where_the_plan_wants_it(rig):
     cruise = slice(int(plan.cruise.start / period) + 30, int(plan.cruise.end / period) - 2)
     for joint in (0, 1):
         states, end = followed(setpoints, segments.start, joint, period)
+        states = states[LEAD * INTERVAL :]
         off = states[: len(motion.position)] - np.column_stack(
             [motion.position[:, joint], motion.velocity[:, joint]]
         )

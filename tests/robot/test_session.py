@@ -3,8 +3,10 @@
 import json
 from datetime import UTC, datetime
 
+import numpy as np
 import pytest
 
+from sautereau.analysis.loading.press import load_press
 from sautereau.daq.file.reading import read_session
 from sautereau.daq.file.recorded import Block
 from sautereau.daq.file.recording import Recording, SessionInfo
@@ -12,6 +14,8 @@ from sautereau.rig.load import load_rig, with_values
 from sautereau.robot.errors import RobotError
 from sautereau.robot.experiment.plan import Plan, to_set
 from sautereau.robot.experiment.plan_table import Row, read_plan_table
+from sautereau.robot.experiment.planner import Planner
+from sautereau.robot.experiment.repeat import rows_of_recording
 from sautereau.robot.experiment.session_folder import (
     MANIFEST,
     Manifest,
@@ -36,8 +40,6 @@ def table(tmp_path):
 
 def record(path, session, item, number=1):
     """Write a complete recording of a press."""
-    import numpy as np
-
     info = SessionInfo(
         number, datetime.now(UTC).isoformat(), True, "c", "d", session=session, item=item
     )
@@ -89,17 +91,12 @@ def test_a_missing_table(tmp_path):
         read_plan_table(tmp_path / "none.csv", RIG, 1)
 
 
-def test_warm_up_comes_before_every_set_up():
+def test_warm_up_is_counted_at_every_set_up():
     other = with_values(RIG, {"jack.mass": "7 g"})
     fast = with_values(RIG, {"press.jack_speed": "0.1 m/s"})
     mass = {"jack.mass": "7 g"}
     plan = Plan(RIG, (Row(RIG, 2), Row(fast, 1), Row(other, 1, mass), Row(RIG, 1)), warm_up=1)
-    parted = [[(p.number, p.row, p.warm_up) for p in places] for places in plan.set_ups]
-    assert parted == [
-        [(1, 0, True), (2, 0, False), (3, 0, False), (4, 1, False)],
-        [(5, 2, True), (6, 2, False)],
-        [(7, 3, True), (8, 3, False)],
-    ]
+    assert plan.total == 3 + 5
     assert to_set(RIG, {}, plan.rows[2]) == mass
     assert to_set(RIG, mass, plan.rows[3]) == {"jack.mass": "0.006 kg"}
 
@@ -107,6 +104,21 @@ def test_warm_up_comes_before_every_set_up():
 def test_an_empty_plan_is_refused_with_all_its_faults():
     with pytest.raises(RobotError, match=r"no press[\s\S]*-1 warm-up presses[\s\S]*nan s"):
         Plan(RIG, (), warm_up=-1, rest=float("nan"))
+
+
+def test_a_recording_without_a_plan_is_replayed_as_measured(write_session, tmp_path):
+    """The jack follows the measured rise within its noise, and the press is feasible."""
+    (path,) = write_session(tmp_path, 1, noise=1e-4)
+    (row,) = rows_of_recording(path, RIG, 2)
+    assert (row.repeats, row.notes) == (2, "replay of press-0001.mcap")
+    trajectory, _ = Planner()(row)
+    law, measured = trajectory.law, load_press(path).data["jack_rise"]
+    time = np.linspace(law.start, law.bottom, 5000)
+    rise = law.law.at(time).position
+    there = measured.index[np.argmax(measured.to_numpy() > 1e-3)]
+    shift = there - time[np.argmax(rise > 1e-3)]
+    followed = np.interp(time + shift, measured.index, measured)
+    assert followed == pytest.approx(rise, abs=30e-6)
 
 
 def test_addresses_of_devices_are_no_part_of_a_plan():

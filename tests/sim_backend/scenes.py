@@ -9,7 +9,7 @@ from sautereau.rig.instrument import Choir
 from sautereau.rig.load import load_rig
 from sautereau.sim_backend.parts import Push
 from sautereau.sim_backend.physics.drive import drive_of
-from sautereau.sim_backend.physics.reference.observe import solve
+from sautereau.sim_backend.physics.observation import reference
 from sautereau.sim_backend.scene import Scene, load_scene
 
 RIG = load_rig("paper")
@@ -37,7 +37,7 @@ def scene_of(name, **changes):
 def pushed(force=1.2, duration=0.02, rest=0.0, **changes):
     """Return a push of a plucking key with friction and felt, in steps of 1 ms; changes in SI."""
     parts = {"finger": "push", "plectrum": "elastica", "string": "spring"}
-    parts |= {"friction": True, "felt": True, "engine": "reduced", "step": "1 ms"}
+    parts |= {"friction": True, "felt": True, "engine": "exact", "step": "1 ms"}
     parts["push"] = {"force": f"{force} N", "duration": f"{duration} s", "rest": f"{rest} s"}
     return Scene.model_validate(parts).model_copy(update=changes)
 
@@ -64,6 +64,6 @@ def at_rest(fractions):
 
 @cache
 def press_solved(name):
-    """Return the reference's solution of a packaged scene's press, and its drive."""
+    """Return the reference solution of a packaged scene's press, and its drive."""
     scene = scene_of(name, sensors=None)
-    return solve(RIG, scene), drive_of(RIG, scene)
+    return reference(RIG, scene), drive_of(RIG, scene)

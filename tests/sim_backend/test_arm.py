@@ -36,7 +36,7 @@ def test_the_press_agrees_with_the_reference_to_a_count(seen):
         (found,), (exact,) = getattr(seen.events, name), getattr(true.events, name)
         assert found.time == pytest.approx(exact.time, abs=5e-6)
     moved = seen.motions
-    angle = np.interp(moved.time, true.times, np.array(true.states)[:, 0])
+    angle = np.interp(moved.time, true.motions.time, true.motions.angle)
     count = RADIANS * RIG.arm.upper_length / RIG.key.press_arm
     np.testing.assert_allclose(moved.angle, angle, rtol=0, atol=3 * count)
 

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from sautereau.sim_backend.physics.drive import drive_of
-from sautereau.sim_backend.physics.observation import errors, observe
-from sautereau.sim_backend.physics.reference.observe import reference
+from sautereau.sim_backend.physics.observation import errors, observe, reference
 from sautereau.sim_backend.physics.rigid.assembly import RESOLVED
 from sautereau.sim_backend.physics.world import new_world
 from sautereau.sim_backend.scene import packaged_scenes
@@ -68,7 +67,7 @@ def test_packaged_scenes_agree_with_the_reference(name):
 
 @pytest.mark.parametrize("scene", [FLIES, LANDS], ids=["flies", "lands"])
 def test_a_jack_in_flight_agrees_with_the_reference(scene):
-    """Whose flight is ballistic, and whose landing conserves momentum (test_reference.py)."""
+    """Whose flight is ballistic, and whose landing conserves momentum (test_exact.py)."""
     moved = agree(scene, 2e-6)
     assert np.max(moved.rise - rise(KEY, moved.angle)) > 1e-4
 

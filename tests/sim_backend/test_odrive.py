@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 from sautereau.sim_backend.devices.odrive.firmware import OdriveFirmware
-from sautereau.sim_backend.devices.odrive.setpoint import Setpoint, Trapezoid, filtered
+from sautereau.sim_backend.devices.odrive.setpoint import Trapezoid
+from sautereau.sim_backend.devices.setpoint import Setpoint, filtered
 
 PERIOD = 1e-3
 TURN = 10_000.0
@@ -21,15 +22,12 @@ class Bare:
     def __init__(self, stepped=False):
         self.counts = [0, 0]
         self.follows = True
-        self.outputs = []
         self.firmware = OdriveFirmware(
             self,
             per_turn=(TURN, TURN / 2),
             period=PERIOD,
             stepped=stepped,
-            trigger=1,
             torque_per_volt=(0.08, 0.04),
-            on_output=lambda number, level: self.outputs.append((number, level)),
         )
 
     def encoder_counts(self):
@@ -67,8 +65,8 @@ def bench():
 SERIAL = "SIM sautereau stand-in, paced"
 TRANSCRIPTS = f"""
 i -> Hardware version: 3.6-56V / Firmware version: 0.5.6 / Serial number: {SERIAL}
- ->
-; nothing ->
+ -> unknown command
+; nothing -> unknown command
 x -> unknown command
 q 0 1 1 1 -> unknown command
 v 0 1 -> unknown command
@@ -96,20 +94,25 @@ r axis0.motor.config.torque_lim -> inf
 r axis0.encoder.config.cpr -> 10000
 r axis1.encoder.config.cpr -> 5000
 r axis0.motor.current_control.Iq_setpoint -> 1.000000
-r axis0.controller.trajectory_done -> 0
+r axis0.controller.trajectory_done -> 1
 r axis0.min_endstop.endstop_state -> 0
 w -> invalid command format
 w axis0.config.watchdog_timeout 0.25 ->
 r axis0.config.watchdog_timeout -> 0.250000
 w axis0.controller.config.vel_limit 12345.678 ->
-r axis0.controller.config.vel_limit -> 12345.678
+r axis0.controller.config.vel_limit -> 12345.677
+w axis0.controller.config.vel_limit 2.5e0x ->
+r axis0.controller.config.vel_limit -> 2.500000
+w axis0.encoder.config.cpr 4096.9 ->
+r axis0.encoder.config.cpr -> 4096
+w axis0.motor.error 8589934592 ->
+r axis0.motor.error -> 858993459
+w axis0.motor.error 0 ->
+w axis0.current_state 8 -> not implemented
+r axis0.requested_state -> 0
 w axis0.config.watchdog_timeout -> not implemented
 w axis0.config.watchdog_timeout no -> not implemented
-w axis0.error 0 -> invalid property
-w gpio1.state 1 ->
-r gpio1.state -> 1
-w gpio9.state 1 -> invalid property
-r gpio.state -> invalid property
+r error -> 0
 r vbus_voltage -> 24.000000
 w axis0.requested_state 8 ->
 r axis0.current_state -> 8
@@ -118,7 +121,7 @@ r axis0.current_state -> 1
 r axis0.error -> 0
 w axis0.requested_state 3 ->
 r axis0.error -> 1
-sc ->
+w axis0.requested_state 1 ->
 r axis0.error -> 0
 w axis1.requested_state 11 ->
 r axis1.error -> 131072
@@ -148,9 +151,30 @@ def test_a_checksum_is_answered_with_one_and_a_wrong_one_with_nothing(bench):
     assert bench.firmware.motors_on == (False, False)
 
 
-@pytest.mark.parametrize("end", [b"\n", b"\r", b"\r\n", b"!"])
+@pytest.mark.parametrize("end", [b"\n", b"\r", b"!"])
 def test_line_ends(bench, end):
     assert bench.firmware.receive(b"u 0" + end + b"r axis0.error" + end) == b"0\r\n"
+
+
+def test_a_second_line_end_is_a_command_that_is_unknown(bench):
+    assert bench.firmware.receive(b"r axis0.error\r\n") == b"0\r\nunknown command\r\n"
+
+
+OLD_DRIVER = """
+w axis0.requested_state 1
+w axis1.requested_state 1
+w gpio1.state 0
+r axis0.current_state
+r axis1.current_state
+r gpio1.state
+"""
+
+
+def test_the_first_commands_of_the_driver_of_sautereau_0_2_are_refused(bench):
+    """It set a pin by a property that no firmware has, and took a refusal for an answer."""
+    answers = [bench.say(line) for line in OLD_DRIVER.split("\n")[1:-1]]
+    refused = "invalid property\r\n"
+    assert answers == ["", "", refused, "1\r\n", "1\r\n", refused]
 
 
 def test_a_line_that_is_too_long_is_lost(bench):
@@ -220,33 +244,40 @@ def test_a_move_ends_at_its_goal_and_reports_it(bench):
     bench.say("w axis0.trap_traj.config.accel_limit 5")
     bench.say("w axis0.trap_traj.config.decel_limit 5")
     bench.say("t 0 0.5")
+    assert bench.say("r axis0.controller.trajectory_done") == "1\r\n"  # of the move before
+    bench.tick()
     assert bench.say("r axis0.controller.trajectory_done") == "0\r\n"
     ticks = bench.run()
-    assert ticks * PERIOD == pytest.approx(2 * math.sqrt(0.5 / 5), abs=2 * PERIOD)
+    assert ticks * PERIOD == pytest.approx(2 * math.sqrt(0.5 / 5), abs=3 * PERIOD)
     assert bench.say("r axis0.controller.trajectory_done") == "1\r\n"
     assert bench.counts == [5000, 0]
 
 
 def test_homing_goes_down_to_the_switch_and_calls_that_zero(bench):
     for line in (
+        "w axis0.min_endstop.config.debounce_ms 1",
         "w axis0.min_endstop.config.enabled 1",
         "w axis0.controller.config.homing_speed 0.1",
         "w axis0.requested_state 11",
     ):
         bench.say(line)
     bench.run()
-    assert bench.counts[0] == pytest.approx(-700, abs=2)
+    assert bench.counts[0] == pytest.approx(-700, abs=4)
     assert bench.say("f 0").startswith(("0.000000", "-0.000"))
     assert bench.say("r axis0.is_homed") == "1\r\n"
     assert bench.say("r axis0.current_state") == "1\r\n"
 
 
-def test_a_switch_that_closes_while_it_is_watched_is_an_error(bench):
+@pytest.mark.parametrize("state", [1, 8])
+def test_a_switch_that_closes_while_it_is_enabled_is_an_error(bench, state):
     bench.say("w axis0.min_endstop.config.enabled 1")
-    bench.say("w axis0.requested_state 8")
-    bench.tick()
+    bench.say(f"w axis0.requested_state {state}")
+    bench.tick(60)
     bench.follows, bench.counts = False, [-701, 0]
-    bench.tick()
+    bench.tick(49)
+    assert bench.say("r axis0.min_endstop.endstop_state") == "0\r\n"  # not yet debounced
+    bench.tick(2)
+    assert bench.say("r axis0.min_endstop.endstop_state") == "1\r\n"
     assert bench.say("r axis0.error") == "4096\r\n"
     assert bench.firmware.motors_on == (False, False)
 
@@ -272,11 +303,10 @@ def test_stepped_time_waits_for_the_host_while_it_streams():
     bench.say("w axis0.config.watchdog_timeout 0.05")
     bench.say("w axis0.config.enable_watchdog 1")
     bench.say("w axis0.controller.config.input_mode 3")
-    bench.say("w axis0.requested_state 8")
     bench.tick(100)  # the host is slow, and lives
-    assert firmware.motors_on[0]
     assert not firmware.held
-    bench.say("w gpio1.state 1")
+    bench.say("w axis0.requested_state 8")
+    assert firmware.motors_on[0]
     bench.say("p 0 0.1")
     assert firmware.held
     assert not firmware.moving
@@ -286,11 +316,49 @@ def test_stepped_time_waits_for_the_host_while_it_streams():
     bench.say("w stand_in.wait 0.06")  # it waits and sends nothing
     bench.run()
     assert not firmware.motors_on[0]
-    bench.say("w gpio1.state 0")
     assert not firmware.held
-    assert bench.outputs == [(1, True), (1, False)]
 
 
 @pytest.mark.parametrize("seconds", ["-1", "nan", "1e9", ""])
 def test_a_wait_that_cannot_be_is_refused(seconds):
     assert Bare(stepped=True).say(f"w stand_in.wait {seconds}") == "not implemented\r\n"
+
+
+def test_an_error_of_the_device_switches_both_motors_off(bench):
+    for axis in (0, 1):
+        bench.say(f"w axis{axis}.requested_state 8")
+    bench.firmware.trip(0x2)
+    assert bench.firmware.motors_on == (False, False)
+    assert bench.say("r error") == "2\r\n"
+    assert bench.say("r axis1.motor.error") == "16777216\r\n"
+    bench.say("w axis0.requested_state 8")  # an axis with an error stays off
+    bench.tick()
+    assert bench.firmware.motors_on == (False, False)
+    bench.say("sc")
+    assert {bench.say(f"r {name}") for name in ("error", "axis0.error", "axis1.motor.error")} == {
+        "0\r\n"
+    }
+
+
+def test_the_velocity_of_an_earlier_input_moves_an_axis_that_is_switched_on_again(bench):
+    """The firmware sets the input's position when it closes the loop, and not its velocity."""
+    for line in (
+        "w axis0.controller.config.input_mode 3",
+        "w axis0.controller.config.input_filter_bandwidth 20",
+        "p 0 0 1",
+        "w axis0.requested_state 8",
+    ):
+        bench.say(line)
+    bench.run()
+    assert bench.counts[0] == pytest.approx(2 / 20 * TURN, rel=1e-3)
+
+
+def test_writing_the_control_mode_replaces_the_target_by_the_position(bench):
+    bench.say("w axis0.requested_state 8")
+    bench.follows = False
+    bench.say("p 0 0.5")
+    bench.tick()
+    bench.say("w axis0.controller.config.control_mode 3")
+    bench.tick()
+    positions, _ = bench.firmware.reference(np.array([1.0]))
+    assert positions[0, 0] == 0

@@ -67,6 +67,24 @@ def test_an_edge_before_there_are_enough_samples_is_ignored():
             assert first.first_sample == -1536
 
 
+@pytest.mark.parametrize("before", [0.0, 0.03])
+@pytest.mark.parametrize("trigger_edge", ["rising", "falling"])
+def test_only_the_edge_of_the_rig_is_one(before, trigger_edge):
+    with StandIn(load_rig(), load_scene("ideal")) as stand_in:
+        values = {"pre_trigger": before, "trigger_timeout": 5.0, "trigger_edge": trigger_edge}
+        daq, output = changed(stand_in.rig, **values).daq, stand_in.rig.controller.trigger_output
+        card, receive = stand_in.bench.card, stand_in.bench.receive
+        first, then = ("CB", "SB") if trigger_edge == "rising" else ("SB", "CB")
+        receive(f"{then} {output}\r".encode())
+        with Acquisition(daq, 0.02) as acquisition:
+            acquisition.start()
+            receive(f"{first} {output}\r".encode())
+            assert not card.starts
+            receive(f"{then} {output}\r".encode())
+            assert next(acquisition.blocks()).first_sample == -round(before * daq.sample_rate)
+            assert len(card.starts) == 1
+
+
 def test_time_does_not_run_far_ahead_of_a_continuous_reader(reader):
     blocks, stand_in = reader
     for _ in range(5):

@@ -10,8 +10,7 @@ from sautereau.rig.load import load_rig, with_values
 from sautereau.rig.schema import Rig
 from sautereau.sim_backend.errors import SceneError
 from sautereau.sim_backend.physics.drive import drive_of
-from sautereau.sim_backend.physics.observation import errors, observe
-from sautereau.sim_backend.physics.reference.observe import reference
+from sautereau.sim_backend.physics.observation import errors, observe, reference
 from sautereau.sim_backend.scene import Scene
 from sautereau.sim_backend.trade.select import select_solver
 

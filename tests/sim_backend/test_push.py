@@ -83,7 +83,7 @@ def test_viscous_friction_is_that_of_the_equation():
 
 
 @pytest.mark.parametrize(
-    ("engine", "step", "error"), [("rigid", 2e-5, 1e-5), ("reduced", 1e-4, 1e-9)]
+    ("engine", "step", "error"), [("rigid", 2e-5, 1e-5), ("exact", 1e-4, 1e-9)]
 )
 def test_energy_is_that_of_the_push(engine, step, error):
     """Without friction: the work of the push minus the work on the string is the energy."""
@@ -99,7 +99,7 @@ def test_energy_is_that_of_the_push(engine, step, error):
     np.testing.assert_allclose(stored[free], work[free], rtol=error, atol=1e-9)
 
 
-@pytest.mark.parametrize("engine", ["rigid", "reduced"])
+@pytest.mark.parametrize("engine", ["rigid", "exact"])
 def test_dry_friction_holds_the_key_up_to_its_limit(engine):
     """Static balance: gravity 8.65 mN m, friction of pivot and register 0.5 and 4.3 mN m."""
     needed = key_oracle.static_moment(RIG, friction=1) / KEY.press_arm

@@ -11,8 +11,7 @@ import pytest
 
 from benchmarks.simulated import acquired
 from sautereau.rig.load import with_values
-from sautereau.sim_backend.physics.observation import observe
-from sautereau.sim_backend.physics.reference.observe import reference
+from sautereau.sim_backend.physics.observation import observe, reference
 from sautereau.sim_backend.scene import load_scene
 from sautereau.sim_backend.trade.select import select_solver
 from tests.sim_backend.scenes import RIG, pushed
@@ -50,7 +49,7 @@ def exact():
     return reference(RIG_1_MHZ, load_scene("ideal"))
 
 
-@pytest.mark.parametrize("engine", ["reduced", "rigid"])
+@pytest.mark.parametrize("engine", ["exact", "rigid"])
 def test_the_recording_keeps_the_accuracy_asked_for(engine):
     accuracy = 1e-6
     scene = load_scene("ideal").model_copy(
@@ -71,7 +70,7 @@ def test_the_recording_keeps_the_accuracy_asked_for(engine):
 def test_a_push_ends_at_once():
     """The force of a push, which ends between two samples and two steps."""
     scene = pushed(duration=0.0123456, rest=0.01)
-    for engine in ("reduced", "rigid"):
+    for engine in ("exact", "rigid"):
         moved = observe(RIG, scene.model_copy(update={"engine": engine})).motions
         force = np.interp([0.0, 0.0123455, 0.0123457], moved.time, moved.finger_force)
         np.testing.assert_allclose(force, [1.2, 1.2, 0.0], rtol=1e-12)

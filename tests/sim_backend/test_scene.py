@@ -6,7 +6,12 @@ from sautereau.rig.errors import RigError
 from sautereau.rig.load import load_rig, parse_rig
 from sautereau.rig.text import rig_text
 from sautereau.sim_backend.errors import SceneError
-from sautereau.sim_backend.scene import load_scene, packaged_scenes, parse_scene
+from sautereau.sim_backend.scene import (
+    current_scene,
+    load_scene,
+    packaged_scenes,
+    parse_scene,
+)
 
 MUTE = """
 finger = "ideal"
@@ -113,7 +118,11 @@ def test_all_faults_are_reported_at_once():
         ),
         ('step = "100 us"', 'accuracy = "5 mm"', r"accuracy: '5 mm' has the dimension \[length\]"),
         ('step = "100 us"', 'accuracy = "20 ms"', "accuracy: '20 ms' must lie between 0 and 10 ms"),
-        ('"ideal"', '"servo"\nengine = "reduced"', r'engine: "reduced" is .*use engine = "rigid"'),
+        (
+            'plectrum = "none"\nstring = "none"',
+            'plectrum = "rods"\nstring = "modal"\nengine = "exact"',
+            r'engine: "exact" has .*use engine = "rigid"',
+        ),
         (
             '"ideal"\nplectrum = "none"',
             '"servo"\nplectrum = "rods"',
@@ -125,6 +134,14 @@ def test_all_faults_are_reported_at_once():
 def test_a_fault_names_its_key(old, new, words):
     with pytest.raises(SceneError, match=words):
         parse_scene(MUTE.replace(old, new))
+
+
+@pytest.mark.parametrize("name", ["reduced", "reference", "exact"])
+def test_engines_of_earlier_versions_are_the_exact_one(name):
+    scene = parse_scene(MUTE.replace("iterations = 10", f'engine = "{name}"'))
+    assert scene.engine == "exact"
+    stored = scene.model_dump(mode="json") | {"engine": name}
+    assert current_scene(stored) == scene.model_dump(mode="json")
 
 
 @pytest.mark.parametrize("part", ["tongue", "damper"])

@@ -43,7 +43,7 @@ def events_at(contact, release, force=0.5):
 class Toy:
     """Engines of second order with known errors, and a spring string with an error of its own."""
 
-    rigid, reduced, spring = 20.0, 0.5, 30e-6
+    rigid, exact, spring = 20.0, 0.5, 30e-6
 
     def __init__(self, exact=True):
         self.has_exact = exact
@@ -119,19 +119,19 @@ def test_the_longest_step_of_the_cheapest_engine_is_selected(want, exact):
     toy = Toy(exact)
     selected = toy_selected(toy, scene(want=f'accuracy = "{want}"'))
     asked, taken = selected.asked.time, selected.scene
-    assert taken.engine == "reduced"
+    assert taken.engine == "exact"
     assert taken.accuracy is None
     assert toy.error(taken) <= selected.errors.time <= asked
     longer = taken.model_copy(update={"step": 2 * taken.step})
     assert taken.step == PERIOD or (1 if exact else 2) * toy.error(longer) > asked - 1e-8
 
 
-@pytest.mark.parametrize(("name", "engine"), [("numba", "rigid"), ("no_such", "reduced")])
+@pytest.mark.parametrize(("name", "engine"), [("numba", "rigid"), ("no_such", "exact")])
 def test_without_numba_the_rigid_bodies_are_cheaper(monkeypatch, name, engine):
     """In steps of both engines that are equally accurate."""
     monkeypatch.setitem(sys.modules, name, None)
     toy = Toy()
-    toy.rigid = toy.reduced
+    toy.rigid = toy.exact
     assert toy_selected(toy, scene(want='accuracy = "10 us"')).scene.engine == engine
 
 
@@ -155,7 +155,7 @@ def test_explicit_choices_are_kept():
 def test_a_spring_string_is_selected_where_its_own_error_allows(want, string):
     found = toy_selected(Toy(), scene("auto", "auto", "auto", f'accuracy = "{want}"'))
     assert found.scene.string == string
-    assert found.scene.engine == ("rigid" if string == "modal" else "reduced")
+    assert found.scene.engine == ("rigid" if string == "modal" else "exact")
     assert found.scene.plectrum == "elastica"
 
 
@@ -187,4 +187,4 @@ def test_the_choice_is_the_same_each_time():
     first, second = (toy_selected(Toy(), scene()) for _ in range(2))
     assert first == second
     assert str(first) == str(second)
-    assert "reduced" in str(first)
+    assert "exact" in str(first)

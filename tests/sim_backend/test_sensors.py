@@ -7,8 +7,10 @@ import pytest
 
 from sautereau.daq.signals.calibration import correct
 from sautereau.rig.load import load_rig
+from sautereau.sim_backend.physics.observation import observe
 from sautereau.sim_backend.scene import load_scene
 from sautereau.sim_backend.sensors.chain import IDEAL_CONVERTER, SensorChain, Signal
+from sautereau.sim_backend.sensors.simulated import SIMULATED
 
 RATE = 51_200.0
 SILENT = load_scene("paper").sensors.model_copy(
@@ -207,3 +209,24 @@ def test_what_the_chain_droops_the_correction_restores(channel, corner):
     restored = correct(volts, sensor.channel, RATE)
     assert np.abs(volts * channel.scale - expected).max() > 0.1 * expected.max()
     np.testing.assert_allclose(restored, expected, atol=2e-3 * expected.max())
+
+
+def test_motion_of_the_keys_front_in_its_three_quantities():
+    """In blocks of any size; the acceleration's integral is the velocity, over its jumps."""
+    rig = load_rig("paper")
+    motions = observe(rig, load_scene("ideal")).motions
+    found = {name: [] for name in ("displacement", "velocity", "acceleration", "sound_pressure")}
+    sources = {name: SIMULATED.get(name).source(rig) for name in found}
+    for part in np.array_split(np.arange(len(motions.time)), 37):
+        block = type(motions)(**{name: values[part] for name, values in vars(motions).items()})
+        for name, source in sources.items():
+            found[name].append(source(block))
+    joined = {name: np.concatenate(values) for name, values in found.items()}
+    steps = np.diff(motions.time)
+    velocity, acceleration = joined["velocity"], joined["acceleration"]
+    path = np.cumsum(0.5 * (velocity[1:] + velocity[:-1]) * steps)
+    np.testing.assert_allclose(joined["displacement"][1:], path, atol=1e-6)
+    mean_velocity = np.cumsum(acceleration[1:] * steps)
+    jumps = np.cumsum(np.where(steps == 0, np.diff(velocity), 0))
+    np.testing.assert_allclose(mean_velocity, (velocity - velocity[0])[1:] - jumps, atol=1e-9)
+    assert not joined["sound_pressure"].any()

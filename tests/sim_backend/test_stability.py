@@ -32,7 +32,7 @@ def test_pushes_converge_or_are_refused_and_never_fail_silently():
     assert len(with_verdict(found, "converged")) > len(found) / 2
 
 
-@pytest.mark.parametrize("engine", ["rigid", "reduced"])
+@pytest.mark.parametrize("engine", ["rigid", "exact"])
 def test_a_balanced_key_is_refused_with_the_reason(engine):
     cell = judge(RIG, GRID["key balanced", engine])
     assert cell.verdict == "refused"
@@ -40,7 +40,7 @@ def test_a_balanced_key_is_refused_with_the_reason(engine):
     assert judge(RIG, GRID["key nearly balanced", engine]).verdict == "converged"
 
 
-@pytest.mark.parametrize("engine", ["rigid", "reduced"])
+@pytest.mark.parametrize("engine", ["rigid", "exact"])
 def test_a_key_thrown_over_is_refused(engine):
     cell = judge(RIG, GRID["key thrown past its stop", engine])
     assert cell.verdict == "refused"
@@ -94,7 +94,7 @@ def test_random_cases_are_the_same_each_time():
     assert all(isinstance(case, Case) for case in first)
 
 
-@pytest.mark.parametrize(("engine", "steps"), [("rigid", 64), ("reduced", 8)])
+@pytest.mark.parametrize(("engine", "steps"), [("rigid", 64), ("exact", 8)])
 def test_without_friction_no_energy_is_made_or_lost(engine, steps):
     key, jack = RIG.key, RIG.jack
     scene = load_scene("pluck").model_copy(

@@ -7,9 +7,9 @@ from sautereau.analysis.model.choirs import choir_pluck, choirs
 from sautereau.rig.load import with_values
 from sautereau.sim_backend.errors import SceneError
 from sautereau.sim_backend.physics.drive import drive_of
-from sautereau.sim_backend.physics.reduced.engine import ReducedWorld
-from sautereau.sim_backend.physics.reduced.laws import elastica_laws, laws_of
-from sautereau.sim_backend.physics.reduced.sweep import Ending, sweep
+from sautereau.sim_backend.physics.exact.engine import ExactWorld
+from sautereau.sim_backend.physics.exact.laws import choir_law, elastica_laws
+from sautereau.sim_backend.physics.exact.sweep import Ending, sweep
 from tests.sim_backend.scenes import RETURNING, RIG, choir, pressed, pushed
 
 UNITS = {
@@ -41,7 +41,7 @@ def one(scene, values, rig=RIG):
         scene = scene.model_copy(update={"push": scene.push.model_copy(update=changed)})
     rig = with_values(rig, {n: text for n, text in texts.items() if not n.startswith("push.")})
     drive = drive_of(RIG, scene)
-    world = ReducedWorld(rig, scene, drive.start)
+    world = ExactWorld(rig, scene, drive.start)
     for i in range(drive.samples):
         world.advance(drive.reference(i), True)
     found = []
@@ -163,9 +163,13 @@ def test_laws_solved_together_are_those_of_the_model(friction, overlap, contact)
     )
     assert good.all()
     height = np.linspace(0, pluck.release_height, 3001)[:-1]
-    for law, error in ((laws, 1e-7), (laws_of([pluck]), 1e-14)):
-        assert law.places[0, 0] == len(pluck.stretches)
-        end = law.places[0, 5 + int(law.places[0, 0])]
+    for law, error in (
+        (laws, 1e-7),
+        (choir_law(choir.model_copy(update={"plectrum": plectrum}), "elastica"), 1e-14),
+    ):
+        count = law.jacks["pieces"][0]
+        assert count == len(pluck.stretches)
+        end = law.jacks["border"][0, count]
         assert end == pytest.approx(pluck.release_height, rel=1e-12)
         force, model = force_of(law, height), pluck.force_on_jack(height)
         largest = model.max()
@@ -177,8 +181,7 @@ def test_laws_solved_together_are_those_of_the_model(friction, overlap, contact)
 def force_of(law, height):
     """Evaluate a law in its cells."""
     cells = law.cells
-    count = int(law.places[0, 0])
-    first, last = int(law.places[0, 1]), int(law.places[0, 1 + count])
+    first, last = law.jacks["first"][0, [0, law.jacks["pieces"][0]]]
     cell = first + np.searchsorted(cells[first:last, 0], height, side="right") - 1
     u = height - cells[cell, 0]
     c = cells[cell].T

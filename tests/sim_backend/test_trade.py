@@ -74,7 +74,7 @@ def test_a_simpler_model_is_not_recommended_for_the_noise_of_a_clock():
 def trade(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patched:
         patched.setenv("XDG_CACHE_HOME", str(tmp_path_factory.mktemp("cache")))
-        patched.setattr(study, "STEPS", {"rigid": (1, 8), "reduced": (1, 8)})
+        patched.setattr(study, "STEPS", {"rigid": (1, 8), "exact": (1, 8)})
         patched.setattr(study, "ITERATIONS", (1,))
         patched.setattr(study, "RUNS", (1, 3))
         first = run_trade(load_rig(), load_scene("pluck"))
@@ -89,7 +89,7 @@ def trade(tmp_path_factory):
 def test_every_way_is_compared_with_the_reference(trade):
     by = {(p.engine, p.level, round(p.dt * 1e6), p.iterations): p for p in trade.points}
     assert by["rigid", "elastica", 122, 4].error < 2e-6
-    assert by["reduced", "elastica", 977, 4].error < 1e-6
+    assert by["exact", "elastica", 977, 4].error < 1e-6
     assert by["rigid", "beam", 122, 4].error > 1e-4
     assert by["rigid", "rods", 122, 4].force_error < 1e-3 < by["rigid", "beam", 122, 4].force_error
     simulated = trade.points[0].real_time_factor * _spent(trade.points[0])
@@ -129,7 +129,7 @@ def test_missing_events_are_a_failure(monkeypatch):
     real = study.timed
     monkeypatch.setattr(study, "timed", clear)
     monkeypatch.setattr(study, "store_trade", lambda *args: None)
-    monkeypatch.setattr(study, "STEPS", {"rigid": (8,), "reduced": (1,)})
+    monkeypatch.setattr(study, "STEPS", {"rigid": (8,), "exact": (1,)})
     monkeypatch.setattr(study, "RUNS", (1, 1))
     trade = run_trade(load_rig(), load_scene("pluck"), fresh=True)
     assert all("are missing" in p.failed for p in trade.points)

@@ -14,6 +14,7 @@ import numpy as np
 import zstandard
 from numpy.typing import NDArray
 
+from sautereau.daq.errors import RecordingError
 from sautereau.daq.file.container.records import (
     CRC_KEY,
     LARGEST_CHUNK,
@@ -31,6 +32,8 @@ INDEX_ENTRY = struct.Struct("<QQ")
 """Log time and offset of a message, in a MessageIndex record."""
 AHEAD = 3
 """Chunks unpacked ahead of their reader, which bounds the memory."""
+MOST_UNPACKED = 500
+"""Limit of the unpacked size, in multiples of the file's size; a file of zeros reaches 300."""
 FEW = 8
 """Chunks at the start of a file that are unpacked without threads; a press has no more."""
 _CHUNK = struct.Struct("<QQQII")  # start, end, size, CRC, length of the compression's name
@@ -194,10 +197,14 @@ def find_intact(file: BinaryIO) -> Iterator[Record]:
 
     They are searched by the pattern of their first bytes at every offset, so that a wrong length
     cannot hide the records after it.
+
+    Raises:
+        RecordingError: So many false beginnings of records reach over each other that more would
+            be verified than `MOST_UNPACKED` times the file's size.
     """
     with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
         require_checksum = data.find(CRC_KEY, 0, _HEAD) >= 0
-        at = 0
+        at, left = 0, max(4 * LARGEST_CHUNK, MOST_UNPACKED * len(data))
         while match := _RECORD.search(data, at):
             start = match.start()
             opcode, length = PREFIX.unpack_from(data, start)
@@ -206,10 +213,24 @@ def find_intact(file: BinaryIO) -> Iterator[Record]:
             at = start + 1
             if length > most or stop > len(data):
                 continue
+            left -= length + (_claimed(data, start, length) if opcode == Opcode.CHUNK else 0)
+            if left < 0:
+                raise RecordingError(
+                    "to verify everything in it that looks like a record would take more than"
+                    f" MOST_UNPACKED = {MOST_UNPACKED} times its size; use a copy of it"
+                )
             body = data[start + PREFIX.size : stop]
             if _is_intact(opcode, body, require_checksum):
                 yield Record(opcode, body)
                 at = stop
+
+
+def _claimed(data: mmap.mmap, start: int, length: int) -> int:
+    """Return the unpacked size that a chunk claims; 0 where `unpack_chunk` refuses it at once."""
+    if length < _CHUNK.size:
+        return 0
+    size = _CHUNK.unpack_from(data, start + PREFIX.size)[2]
+    return size if size <= LARGEST_CHUNK else 0
 
 
 def _is_intact(opcode: int, body: bytes, require_checksum: bool) -> bool:

@@ -32,7 +32,7 @@ _NUMBER = struct.Struct("<H")
 _LENGTH = struct.Struct("<I")
 CHANNEL = struct.Struct("<HH")
 """Number of a channel and of its schema."""
-_LONGEST_RUN = 512
+_RUNS = (8, 512)
 _CRC = "crc32"
 CRC_KEY = _CRC.encode()
 """Bytes that the Metadata records of a recording with checksums contain."""
@@ -76,12 +76,16 @@ def records_within(
 
 def _run_length(chunk: bytes, at: int, size: int) -> int:
     """Return how many consecutive records share opcode, length and channel, or fewer."""
-    n = min(_LONGEST_RUN, (len(chunk) - at) // size)
-    heads = np.frombuffer(chunk, _head_of(size), n, at)
-    other = np.zeros(n, bool)
-    for name in ("opcode", "length", "channel"):
-        other |= heads[name] != heads[name][0]
-    return int(other.argmax()) or n
+    n = 1
+    for longest in _RUNS:  # the work for each record is bounded, however short the runs are
+        n = min(longest, (len(chunk) - at) // size)
+        heads = np.frombuffer(chunk, _head_of(size), n, at)
+        other = np.zeros(n, bool)
+        for name in ("opcode", "length", "channel"):
+            other |= heads[name] != heads[name][0]
+        if first := int(other.argmax()):
+            return first
+    return n
 
 
 @lru_cache(16)

@@ -177,7 +177,9 @@ class Axes(Connection):
         # Without pacing, the stand-in's program does not count; see docs/stand-in.md.
         late = unsigned >= self._settings.watchdog_period / 2 and "SIM" not in self.identity
         replaced = running < 0 or (sign != self._sign and (left < TICKS or late))
-        if self._watched and left > 0 and replaced:
+        if left <= 0:  # it has tripped; what waits for the motion reports that
+            self._watched = False
+        elif self._watched and replaced:
             self.abort()
             self.line.report(
                 MotionFault(

@@ -21,7 +21,8 @@ SOURCES = {
 """What a capture records, by array."""
 VOLTS_RECORDED = 10 / 32767
 """V of a recorded torque of 1: the record holds integers, unlike the operand _TT."""
-_EXPONENTS = range(1, 9)
+EXPONENTS = range(1, 9)
+"""Operands of RC."""
 
 
 @dataclass(frozen=True)
@@ -46,7 +47,7 @@ def plan_capture(total_samples: int, room: int) -> CapturePlan:
     Raises:
         UnsafeRequest: There is no room for the coarsest.
     """
-    for exponent in _EXPONENTS:
+    for exponent in EXPONENTS:
         interval = 2**exponent
         rows = (total_samples + SETTLE - 2 * interval) // interval + 1
         if rows >= 2 and rows * len(SOURCES) <= room:
@@ -84,4 +85,5 @@ def read_capture(line: Line, plan: CapturePlan, rig: Rig) -> Capture:
         torques=pairs["trq"] * (VOLTS_RECORDED * rig.arm.torque_limit / rig.controller.full_torque),
         sample_period=rig.controller.sample_period,
         trigger_delay=rig.controller.trigger_delay,
+        start_std=rig.controller.trigger_delay_std,
     )

@@ -8,11 +8,18 @@ from typing import ClassVar
 
 import numpy as np
 
+from sautereau.rig.capabilities import Capabilities, HomingKind
 from sautereau.rig.schema import Rig
 from sautereau.robot.controller import Capture, TorqueTable
 from sautereau.robot.drivers.driver import Clock, Sleep
 from sautereau.robot.drivers.galil.axes import Axes
-from sautereau.robot.drivers.galil.capture import SOURCES, CapturePlan, make_room, read_capture
+from sautereau.robot.drivers.galil.capture import (
+    EXPONENTS,
+    SOURCES,
+    CapturePlan,
+    make_room,
+    read_capture,
+)
 from sautereau.robot.drivers.galil.dmc import (
     CLEAR_SEGMENTS,
     END_OF_MOTION,
@@ -40,6 +47,13 @@ class GalilDriver(Axes):
         " after the host's last sign of life."
     )
     ABORT_AFTER: ClassVar[frozenset[str]] = frozenset()
+    CAPABILITIES: ClassVar[Capabilities] = Capabilities(
+        trigger_output=True,
+        torque_feed_forward=True,
+        preloaded=True,
+        capture_interval=2 ** min(EXPONENTS),
+        homing=HomingKind.SWITCHES,
+    )
 
     def __init__(self, rig: Rig, port: Port, clock: Clock, sleep: Sleep):
         super().__init__(rig, port, clock, sleep)

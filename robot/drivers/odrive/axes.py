@@ -10,17 +10,28 @@ import numpy as np
 from sautereau.rig.schema import Rig
 from sautereau.robot.drivers.driver import Clock, Sleep
 from sautereau.robot.drivers.odrive.line import framed
-from sautereau.robot.drivers.odrive.power import AXES, Power
+from sautereau.robot.drivers.odrive.power import AXES, POSITION_FILTER, Power
 from sautereau.robot.drivers.odrive.setpoints import Setpoints, bandwidth
 from sautereau.robot.drivers.polling import MARGIN
 from sautereau.robot.drivers.serial_port import Port
 from sautereau.trajectory.motion import Floats
 from sautereau.trajectory.segments import Counts, to_counts
 
-_POSITION_CONTROL = 3  # control_mode
-_POSITION_FILTER = 3  # input_mode
+_DEBOUNCE = 2  # ms, in which a home switch bounces; at 0.05 rad/s it moves by 0.1 mrad
 _POSITIONS = ("f 0", "f 1")
 _CURRENTS = tuple(f"r {name}.motor.current_control.Iq_setpoint" for name in AXES)
+_REQUIRED = {
+    "config.enable_sensorless_mode": 0,
+    "config.enable_step_dir": 0,
+    "config.startup_closed_loop_control": 0,
+    "config.startup_homing": 0,
+    "controller.config.circular_setpoints": 0,
+    "controller.config.enable_overspeed_error": 1,
+    "controller.config.enable_vel_limit": 1,
+    "encoder.is_ready": 1,
+    "motor.is_calibrated": 1,
+}
+"""Settings of an axis without which it is not safe, or does not move; saved by the user."""
 
 
 class Axes(Power):
@@ -55,46 +66,45 @@ class Axes(Power):
         line, arm, controller = self.line, self._rig.arm, self._settings
         width = bandwidth(controller.sample_period)
         faults, settings = [], {}
-        for name, ratio in zip(AXES, arm.gear_ratios, strict=True):
-            for key, due in (
-                (f"{name}.encoder.config.cpr", arm.counts_per_revolution / ratio),
-                (f"{name}.controller.config.circular_setpoints", 0.0),
-            ):
-                if (value := line.read(key)) != due:
-                    faults.append(f"{key} is {value:g} and should be {due:.9g}")
+        for axis, (name, ratio) in enumerate(zip(AXES, arm.gear_ratios, strict=True)):
+            required = _REQUIRED | {
+                "encoder.config.cpr": arm.counts_per_revolution / ratio,
+                "controller.config.load_encoder_axis": axis,
+            }
+            for key, due in required.items():
+                if (value := line.read(f"{name}.{key}")) != due:
+                    faults.append(f"{name}.{key} is {value:g} and should be {due:.9g}")
             settings |= {
                 f"{name}.config.watchdog_timeout": controller.watchdog_period,
-                f"{name}.controller.config.control_mode": _POSITION_CONTROL,
                 f"{name}.controller.config.vel_limit": arm.speed_limit * ratio / (2 * math.pi),
                 f"{name}.motor.config.torque_lim": arm.torque_limit / ratio,
                 f"{name}.controller.config.input_filter_bandwidth": width,
                 f"{name}.min_endstop.config.offset": 0.0,
+                f"{name}.min_endstop.config.debounce_ms": _DEBOUNCE,
             }
         line.refuse(faults)
         line.set(settings)
 
-    def setpoints(self, setpoints: Setpoints) -> list[tuple[str, str]]:
-        """Return the commands of setpoints, for both axes."""
-        turns = self._turns(setpoints.positions)
-        speeds = setpoints.velocities / self.per_turn
-        return [
-            (f"p 0 {first:.7f} {v:.6f}", f"p 1 {second:.7f} {w:.6f}")
-            for (first, second), (v, w) in zip(turns, speeds, strict=True)
-        ]
+    def _commands(self, setpoints: Setpoints, row: int) -> tuple[str, str]:
+        """Return the commands of a row of setpoints, for both axes."""
+        first, second = self._turns(setpoints.positions[row])
+        v, w = setpoints.velocities[row] / self.per_turn
+        return f"p 0 {first:.7f} {v:.6f}", f"p 1 {second:.7f} {w:.6f}"
 
     def needed_baud_rate(self, setpoints: Setpoints) -> float:
         """Return the bits per second at which setpoints reach the controller in time."""
-        rows = ((*row, *_POSITIONS, *_CURRENTS) for row in self.setpoints(setpoints))
-        longest = max(sum(len(framed(command)) for command in row) for row in rows)
+        asked = sum(len(framed(command)) for command in (*_POSITIONS, *_CURRENTS))
+        rows = (self._commands(setpoints, row) for row in range(len(setpoints)))
+        longest = asked + max(sum(len(framed(command)) for command in row) for row in rows)
         return 10 * longest / setpoints.interval
 
-    def observe(self, *commands: str) -> tuple[Counts, Floats]:
-        """Send commands, and ask in the same write for positions and torques.
+    def send(self, rows: Setpoints, index: int, /) -> tuple[Counts, Floats | None]:
+        """Send a row of setpoints, and ask in the same write for positions and torques.
 
         Returns:
             Joint positions (counts) and commanded torques at the joints (N m); shape (2,) each.
         """
-        answers = self.line.exchange((*commands, *_POSITIONS, *_CURRENTS), 4)
+        answers = self.line.exchange((*self._commands(rows, index), *_POSITIONS, *_CURRENTS), 4)
         currents = [
             self.line.parsed(asked, text, 1)[0]
             for asked, text in zip(_CURRENTS, answers[2:], strict=True)
@@ -128,7 +138,7 @@ class Axes(Power):
 
     def follow(self, at: Counts) -> None:
         """Let both axes follow setpoints, from the first one on (counts, shape (2,))."""
-        self.line.set({f"{name}.controller.config.input_mode": _POSITION_FILTER for name in AXES})
+        self.line.set({f"{name}.controller.config.input_mode": POSITION_FILTER for name in AXES})
         first, second = self._turns(at)
         self.line.confirmed(f"p 0 {first:.7f} 0", f"p 1 {second:.7f} 0")
 

@@ -1,10 +1,11 @@
-"""The driver of an ODrive 3.x, firmware 0.5.x: a press that the host streams.
+"""The driver of an ODrive 3.x, firmware 0.5.6: a press that the host streams.
 
 An ODrive keeps no motion: the host sends 256 setpoints per second. This has a price:
 
 - The times of a press are the host's, with milliseconds of jitter on a busy computer.
   `OdriveDriver.punctuality` measures it, and a press with too large a gap is refused.
-- The trigger's edge is sent in the same write as the first setpoint, and lags as the line does.
+- No property of the firmware sets a pin, so that there is no trigger: the acquisition starts before
+  the motion, and `sautereau.analysis.loading.alignment` finds the motion in it.
 - The host reads the encoders, at its own times.
 - Only this driver watches the joints' limits and the following error; the firmware has neither.
   If the host dies, the joints run out (`Setpoints.run_out`), and the watchdogs switch the
@@ -15,22 +16,30 @@ The command `q` is never used: its torque limit replaces the configured one.
 
 from functools import partial
 
-from sautereau.rig.schema import Rig
-from sautereau.robot.controller import Capture, TorqueTable
-from sautereau.robot.drivers.driver import Clock, Sleep
+from sautereau.rig.capabilities import Capabilities, HomingKind
+from sautereau.robot.controller import TorqueTable
 from sautereau.robot.drivers.odrive.axes import Axes
 from sautereau.robot.drivers.odrive.homing import find_switches, switches_closed
 from sautereau.robot.drivers.odrive.line import OdriveLine
-from sautereau.robot.drivers.odrive.setpoints import Setpoints
-from sautereau.robot.drivers.odrive.stream import Punctuality, Stream
+from sautereau.robot.drivers.odrive.setpoints import INTERVAL, LEAD, Setpoints
 from sautereau.robot.drivers.polling import STOPPING
 from sautereau.robot.drivers.powered_arm import PoweredArm
-from sautereau.robot.drivers.serial_port import Port
-from sautereau.robot.errors import GarbledAnswer, NotReady, RobotError, UnsafeRequest
+from sautereau.robot.drivers.streamed import HostTime, StreamedDriver
+from sautereau.robot.errors import GarbledAnswer, RobotError, UnsafeRequest
 from sautereau.trajectory.segments import Counts, Segments
 
+FIRMWARE = "0.5.6"
+_FLAWS = {
+    "0.5.1": "it has no command to clear errors (sc)",
+    "0.5.2": "it corrupts answers of several lines",
+    "0.5.3": "it refuses to change the state of an axis",
+    "0.5.4": "homing may end before the axis has moved",
+    "0.5.5": "homing may end before the axis has moved",
+}
+"""Why earlier versions cannot be used, by `CHANGELOG.md` of odriverobotics/ODrive."""
 
-class OdriveDriver(Axes):
+
+class OdriveDriver(StreamedDriver[Setpoints], Axes):
     """A `Driver` over a serial line; while `home_levels` reads the switches, the motors are off."""
 
     WITHOUT_HOST = (
@@ -38,32 +47,27 @@ class OdriveDriver(Axes):
         " life."
     )
     ABORT_AFTER = frozenset({"home_levels", "arm"})
-
-    def __init__(self, rig: Rig, port: Port, clock: Clock, sleep: Sleep):
-        super().__init__(rig, port, clock, sleep)
-        self._planned: tuple[Segments, Setpoints] | None = None
-        self._loaded: tuple[Segments, Setpoints] | None = None
-        self.stream: Stream | None = None
-        """The last motion that was started."""
-
-    @property
-    def punctuality(self) -> Punctuality:
-        """Timing of the setpoints of the last motion."""
-        return self._streamed("punctuality").punctuality
+    CAPABILITIES = Capabilities(
+        trigger_output=False,
+        torque_feed_forward=False,  # its filter of positions takes none
+        preloaded=False,
+        capture_interval=INTERVAL,
+        homing=HomingKind.SWITCHES,
+        lead_intervals=LEAD,
+    )
 
     def set_up(self) -> str:
-        self.line.resynchronise()
         identity = _introduced(self.line)
         if "SIM" in identity and "stepped" in identity:  # it waits for the host
-            host = HostTime(self.line)
+            wait = self.line.ask
+            host = HostTime(lambda seconds: wait(f"w stand_in.wait {seconds:.9f}"))
             self.polling.clock, self.polling.sleep = host.clock, host.sleep
         self.set_up_axes()
         return identity
 
     def halt(self) -> None:
         """Send no more setpoints, and decelerate to a standstill."""
-        if self.stream is not None:
-            self.stream.cancel()
+        self.cancel()
         self.line.resynchronise()
         if self.running:
             self.start_halt()
@@ -71,8 +75,7 @@ class OdriveDriver(Axes):
 
     def abort(self) -> None:
         try:
-            if self.stream is not None:
-                self.stream.cancel()
+            self.cancel()
         finally:
             super().abort()
 
@@ -83,15 +86,10 @@ class OdriveDriver(Axes):
         return [float(not closed) for closed in switches_closed(self)]
 
     def plan(self, segments: Segments, torque: TorqueTable | None) -> None:
-        """Compute the setpoints of a motion; torques are refused."""
+        """Compute the setpoints of a motion."""
         settings = self._settings
         setpoints = Setpoints.of(segments, settings.sample_period)
         faults = self._beyond(setpoints)
-        if torque is not None:
-            faults.append(
-                "torques are given, and an ODrive that filters its setpoints takes none: press"
-                " without, or with another controller"
-            )
         if (need := self.needed_baud_rate(setpoints)) > settings.baud_rate:
             faults.append(
                 f"the setpoints need {need:.0f} bits/s and controller.baud_rate is"
@@ -113,87 +111,21 @@ class OdriveDriver(Axes):
             if low[joint] < least[joint] or high[joint] > most[joint]
         ]
 
-    def load(self) -> Segments:
-        """Keep the planned motion for `start`; nothing is sent."""
-        self._loaded = self._planned
-        return self._motion("load")[0]
-
-    @property
-    def loaded_torque(self) -> TorqueTable | None:
-        return None
-
-    def arm(self) -> None:
-        """Let the axes follow setpoints."""
-        motion, _ = self._motion("arm")
-        self.check_running("arming")
-        self.follow(motion.start)
-
-    def start(self) -> None:
-        _, setpoints = self._motion("start")
-        self.stream = Stream(self, setpoints, self._settings.position_error_limit)
-        self.stream.start()
-
-    def wait(self) -> None:
-        """Wait until the motion has ended, and verify that it ended as it should.
-
-        Raises:
-            MotionFault: A gap between setpoints was too large, a joint did not follow, or an
-                axis switched itself off.
-        """
-        stream, (motion, _) = self._streamed("wait"), self._motion("wait")
-        stream.wait()
-        self.check_running("the press")
-        stream.check_punctuality()
-        self.polling.settle(self.positions, motion.end, self.limits.tolerance)
-
-    def capture(self) -> Capture:
-        """Return what the host recorded of the last motion, at the host's times."""
-        return self._streamed("capture").capture(self._settings.sample_period)
-
-    def _motion(self, call: str) -> tuple[Segments, Setpoints]:
-        if self._loaded is None:
-            raise NotReady(f"{call}: no motion is loaded; call load() first")
-        return self._loaded
-
-    def _streamed(self, call: str) -> Stream:
-        if self.stream is None:
-            raise NotReady(f"{call}: no motion was streamed; start() one first")
-        return self.stream
-
-
-class HostTime:
-    """Simulated time of a stand-in that waits for the host, see docs/decisions/0006.
-
-    Args:
-        line: To the stand-in.
-    """
-
-    def __init__(self, line: OdriveLine):
-        self._line, self._now = line, 0.0
-
-    def clock(self) -> float:
-        """Return the seconds waited so far."""
-        return self._now
-
-    def sleep(self, seconds: float) -> None:
-        """Advance the stand-in's time by seconds."""
-        self._line.ask(f"w stand_in.wait {seconds:.9f}")
-        self._now += seconds
-
 
 def _introduced(line: OdriveLine) -> str:
     """Return hardware, firmware and serial number of an ODrive, and refuse other devices."""
-    lines = line.ask("i", 3)
+    lines = line.resynchronise()
     identity = ", ".join(lines)
     if not lines[0].startswith("Hardware version: 3."):
         raise GarbledAnswer(
             f"port {line.name}: an ODrive 3.x gives its hardware version, this one answers"
             f" {identity[:60]!r}; correct controller.port in the rig file"
         )
-    if not lines[1].startswith("Firmware version: 0.5."):
+    version = lines[1].removeprefix("Firmware version: ")
+    if version != FIRMWARE:
+        why = _FLAWS.get(version, f"this driver knows the properties of {FIRMWARE} only")
         raise RobotError(
-            f"controller on {line.name}: {lines[1]!r}, and this driver knows the properties of"
-            " 0.5.x; install 0.5.6"
+            f"controller on {line.name}: its firmware is {version[:20]}: {why}; install {FIRMWARE}"
         )
     return f"ODrive, {identity}"
 

@@ -18,7 +18,7 @@ _HOMING = 11  # state of an axis
 _BACK_OFF = 0.02  # rad, off a home switch
 _FURTHEST = 0.5  # rad, that a joint may be below its home switch
 _SPEEDS = (0.2, 0.05)  # rad/s, to find the switches and to find them exactly
-_READING = 0.01  # s, until an enabled switch has been read
+_READING = 0.01  # s, until an enabled switch has been read, debounced
 
 
 def find_switches(axes: Axes, home: Counts) -> None:

@@ -8,7 +8,7 @@ import math
 import threading
 
 from sautereau.robot.drivers.serial_port import Port, Wire
-from sautereau.robot.errors import GarbledAnswer, RobotError, SettingNotTaken
+from sautereau.robot.errors import GarbledAnswer, RobotError, SettingNotTaken, SilentController
 
 _REFUSALS = (
     "invalid command format",
@@ -21,6 +21,10 @@ _QUESTION = "r vbus_voltage"
 """Asked to confirm the commands before it; any question would do."""
 _LONGEST_ANSWER = 64
 """Characters that the firmware cuts an answer to."""
+_LAST = "Serial number:"
+"""Begins the last line with which the controller identifies itself."""
+_MOST_SKIPPED = 4096
+"""Characters of late answers that are skipped; the controller's own buffer holds 512."""
 
 
 class LineRefused(RobotError):  # noqa: N818 - the name says what happened
@@ -90,7 +94,7 @@ class OdriveLine(Wire):
         except ValueError:
             values = []
         if len(values) != count or any(map(math.isnan, values)):
-            raise self._garbled(command, text, f"{count} numbers were expected")
+            raise self.garbled(command, text, f"{count} numbers were expected")
         return values
 
     def set(self, settings: dict[str, float]) -> None:
@@ -112,11 +116,35 @@ class OdriveLine(Wire):
                 " compare the rig file with the controller's configuration in odrivetool"
             )
 
-    def resynchronise(self) -> None:
-        """End a broken-off line, and discard what has come in so far."""
-        with self._lock, self._reaching("a line's end"):
-            self._port.write(b"\n")
+    def resynchronise(self, *commands: str) -> list[str]:
+        """End a broken-off line, send commands, and skip all answers before the identification.
+
+        The end of an empty line is refused like an unknown command, and late answers may be
+        under way: only the identification cannot be taken for one of them.
+
+        Returns:
+            Hardware version, firmware version and serial number, as the controller sends them.
+
+        Raises:
+            RobotError: As `exchange`; `GarbledAnswer` where it does not identify itself.
+        """
+        lines: list[str] = []
+        with self._lock, self._reaching("i"):
             self._discard()
+            self._port.write(("\n" + "".join(map(framed, (*commands, "i")))).encode("ascii"))
+            try:
+                while not (len(lines) > 2 and lines[-1].startswith(_LAST)):
+                    if sum(map(len, lines)) > _MOST_SKIPPED:
+                        raise self.garbled("i", lines[0], "it does not end")
+                    text, valid = self._line("i")
+                    lines.append(text if valid else "")
+            except SilentController:
+                if not any(lines):
+                    raise
+                said = "; ".join(filter(None, lines))
+                why = "an ODrive 3.x gives its hardware version"
+                raise self.garbled("i", said, why) from None
+        return lines[-3:]
 
     def _discard(self) -> None:
         self._received = b""
@@ -132,25 +160,31 @@ class OdriveLine(Wire):
                 " check the firmware's version, then connect() again"
             )
 
-    def _answer(self, asked: str) -> str:
+    def _line(self, asked: str) -> tuple[str, bool]:
+        """Return the next line without its checksum, and whether that is right."""
         while b"\n" not in self._received:
             if not (data := self._read()):
                 raise self._silence(asked, repr(self._received) if self._received else "")
             self._received += data
             if len(self._received) > _LONGEST_ANSWER and b"\n" not in self._received:
-                raise self._garbled(asked, self._received, "it is longer than any answer")
+                raise self.garbled(asked, self._received, "it is longer than any answer")
         received, _, self._received = self._received.partition(b"\n")
         text, star, sent = received.decode("latin-1").strip().rpartition("*")
-        if not star or sent != str(checksum(text)):
-            raise self._garbled(asked, received, "its checksum is missing or wrong")
+        valid = bool(star) and sent == str(checksum(text))
+        return (text if valid else received.decode("latin-1").strip()), valid
+
+    def _answer(self, asked: str) -> str:
+        text, valid = self._line(asked)
+        if not valid:
+            raise self.garbled(asked, text, "its checksum is missing or wrong")
         if text.startswith(_REFUSALS):
             raise LineRefused(
                 f"controller on {self.name} refused {asked!r}: {text}; this driver is for"
-                " firmware 0.5.x: update the controller's, or correct the rig file"
+                " firmware 0.5.6: update the controller's, or correct the rig file"
             )
         return text
 
-    def _garbled(self, asked: str, text: str | bytes, why: str) -> GarbledAnswer:
+    def garbled(self, asked: str, text: str | bytes, why: str) -> GarbledAnswer:
         return GarbledAnswer(
             f"controller on {self.name} answered {asked!r} with {text[:60]!r}: {why}; check"
             " controller.baud_rate and that controller.port is the ODrive"

@@ -1,6 +1,7 @@
 """The power of the two motors behind an ODrive: states of the axes, errors, on and off.
 
-Property names are those of firmware 0.5.x (check them with `odrivetool` for another version).
+Property names are those of firmware 0.5.6: `Firmware/odrive-interface.yaml` of
+odriverobotics/ODrive, tag fw-v0.5.6.
 """
 
 import math
@@ -10,7 +11,8 @@ from contextlib import suppress
 from sautereau.rig.schema import Rig
 from sautereau.robot.drivers.driver import Clock, Sleep
 from sautereau.robot.drivers.limits import Limits
-from sautereau.robot.drivers.odrive.line import LineRefused, OdriveLine
+from sautereau.robot.drivers.odrive.errors import DEVICE, OF_AXIS, error_names
+from sautereau.robot.drivers.odrive.line import OdriveLine
 from sautereau.robot.drivers.polling import POLL, Polling
 from sautereau.robot.drivers.serial_port import Port
 from sautereau.robot.errors import GarbledAnswer, MotionFault, RobotError, SettingNotTaken
@@ -19,42 +21,17 @@ AXES = ("axis0", "axis1")
 """Names of the axes, which turn joints 1 and 2."""
 IDLE, CLOSED_LOOP = 1, 8
 """States of an axis."""
+POSITION_CONTROL = 3
+"""Control mode."""
+POSITION_FILTER, TRAPEZOID = 3, 5
+"""Input modes."""
 SWITCHING = 0.5
 """s that an axis may take to change its state."""
-_ERRORS = {
-    "error": {
-        0x1: "INVALID_STATE",
-        0x40: "MOTOR_FAILED",
-        0x100: "ENCODER_FAILED",
-        0x200: "CONTROLLER_FAILED",
-        0x800: "WATCHDOG_TIMER_EXPIRED",
-        0x1000: "MIN_ENDSTOP_PRESSED",
-        0x2000: "MAX_ENDSTOP_PRESSED",
-        0x4000: "ESTOP_REQUESTED",
-        0x20000: "HOMING_WITHOUT_ENDSTOP",
-        0x40000: "OVER_TEMP",
-        0x80000: "UNKNOWN_POSITION",
-    },
-    "motor.error": {
-        0x8: "DRV_FAULT",
-        0x10: "CONTROL_DEADLINE_MISSED",
-        0x80: "MODULATION_MAGNITUDE",
-        0x400: "CURRENT_SENSE_SATURATION",
-        0x1000: "CURRENT_LIMIT_VIOLATION",
-    },
-    "encoder.error": {
-        0x2: "CPR_POLEPAIRS_MISMATCH",
-        0x4: "NO_RESPONSE",
-        0x20: "INDEX_NOT_FOUND_YET",
-    },
-    "controller.error": {
-        0x1: "OVERSPEED",
-        0x2: "INVALID_INPUT_MODE",
-        0x20: "INVALID_ESTIMATE",
-        0x80: "SPINOUT_DETECTED",
-    },
-}
-"""Bits of the error properties in firmware 0.5.x, from memory: others are given as numbers."""
+_BEFORE_POWER = {"config.control_mode": POSITION_CONTROL, "input_vel": 0, "input_torque": 0}
+"""Properties of an axis's controller with which it holds its position when it is switched on: the
+firmware keeps the velocity of an earlier input. Writing the control mode replaces the target by
+the position, so it is never written in motion."""
+_OFF = tuple(f"w {name}.requested_state {IDLE}" for name in AXES)
 
 
 class Power:
@@ -67,14 +44,9 @@ class Power:
         self.line = OdriveLine(port, settings.port, settings.timeout)
         # The axes take up to 1 ms to start.
         self.polling = Polling(clock, sleep, "motors' supply", delay=POLL)
-        self._trigger = f"gpio{settings.trigger_output}.state"
 
     def close(self) -> None:
         self.line.close()
-
-    def edge(self, level: bool) -> str:
-        """Return the command that sets the output wired to the acquisition's trigger."""
-        return f"w {self._trigger} {int(level)}"
 
     def renew(self, _keep_waiting: Callable[[], bool] | None = None, /) -> None:
         """Give both watchdogs a sign of life."""
@@ -104,18 +76,30 @@ class Power:
         """Refuse to continue with ``what`` where an axis reports an error.
 
         Raises:
-            MotionFault: Lists the errors of both joints.
+            MotionFault: Lists the errors of the device and of both joints.
         """
+        registers = [(DEVICE, DEVICE, f"device {DEVICE}")] + [
+            (f"{axis}.{name}", f"axis.{name}", f"joint {joint} {name}")
+            for joint, axis in enumerate(AXES, 1)
+            for name in OF_AXIS
+        ]
         faults = [
-            f"joint {joint} {error_names(register, value)}"
-            for joint, name in enumerate(AXES, 1)
-            for register in _ERRORS
-            if (value := int(self.line.read(f"{name}.{register}")))
+            f"{whose}: {names}"
+            for name, register, whose in registers
+            if (names := self._error(name, register))
         ]
         if faults:
             raise MotionFault(
                 f"{what} broke off: {'; '.join(faults)}; remove the cause, then home() again"
             )
+
+    def _error(self, name: str, register: str) -> str:
+        """Return the names of the bits that are set in an error property."""
+        (digits,) = self.line.ask(f"r {name}")
+        try:
+            return error_names(register, digits)
+        except ValueError as error:
+            raise self.line.garbled(f"r {name}", digits, "a whole number was expected") from error
 
     def switch_on(self) -> None:
         """Verify the watchdogs, switch the motors on where they are, and verify that."""
@@ -129,6 +113,10 @@ class Power:
                 if not math.isclose(value := line.read(name), due, abs_tol=2e-6)
             ]
         )
+        line.set(
+            {f"{name}.controller.{key}": due for name in AXES for key, due in _BEFORE_POWER.items()}
+        )
+        self.hold()
         self.renew()
         line.confirmed("sc")  # a watchdog that ran out with the motors off counts as an error
         self.check_errors("switching on")
@@ -142,65 +130,34 @@ class Power:
                 " they are calibrated, the emergency stop and the supply"
             ) from error
 
-    @property
-    def off(self) -> tuple[str, ...]:
-        """The commands that switch both motors and the trigger off."""
-        return (*(f"w {name}.requested_state {IDLE}" for name in AXES), self.edge(False))
+    def hold(self) -> None:
+        """Let both axes end what they follow, and stay there."""
+        self.line.set({f"{name}.controller.config.input_mode": TRAPEZOID for name in AXES})
 
     def abort(self) -> None:
-        """Stop at once, switch motors and trigger off, and verify by reading back.
+        """Stop at once, switch the motors off, and verify by reading back.
 
         Raises:
             RobotError: The controller did not confirm that the motors are off.
         """
         try:
-            found = self._off_and_read_back()
-        except (GarbledAnswer, MotionFault):  # a spoilt line, or a late answer to an earlier one
-            found = self._off_and_read_back()
-        if found:
-            raise SettingNotTaken(
-                f"controller on {self.line.name}: {self._trigger} is {found:g} after it was"
-                " cleared; check what is wired to it"
-            )
+            self._off_and_read_back()
+        except (GarbledAnswer, MotionFault):  # a spoilt line
+            self._off_and_read_back()
 
     def send_abort(self) -> None:
         """Send what `abort` sends, unacknowledged."""
         with suppress(RobotError):  # the error that it was not confirmed is raised already
-            self.line.say(*self.off)
+            self.line.say(*_OFF)
 
-    def _off_and_read_back(self) -> float:
-        """Switch off, wait for the idle state of both axes, and return the trigger's level."""
-        self.line.resynchronise()
-        self.line.say(*self.off)
+    def _off_and_read_back(self) -> None:
+        """Switch off, and wait for the idle state of both axes."""
+        self.line.resynchronise(*_OFF)
         deadline = self.polling.clock() + SWITCHING
-        while (states := self._states_read_again()) != [IDLE, IDLE]:
+        while (states := self.states()) != [IDLE, IDLE]:
             if self.polling.clock() > deadline:
                 raise MotionFault(
                     f"the axes are in states {states[0]} and {states[1]} after {SWITCHING:g} s,"
                     f" not off ({IDLE})"
                 )
             self.polling.sleep(POLL)
-        try:
-            return self.line.read(self._trigger)
-        except LineRefused as error:
-            raise SettingNotTaken(
-                f"controller on {self.line.name} has no {self._trigger}, which makes the trigger's"
-                " edge: stock firmware sets no pin, so build one that has this property,"
-                " or use another controller"
-            ) from error
-
-    def _states_read_again(self) -> list[int]:
-        """Read the states, again where a refused `w` was answered before them."""
-        try:
-            return self.states()
-        except (GarbledAnswer, LineRefused):
-            self.line.resynchronise()
-            return self.states()
-
-
-def error_names(register: str, value: int) -> str:
-    """Return the names of the bits that are set in an error property (`motor.error`)."""
-    names = [name for bit, name in _ERRORS[register].items() if value & bit]
-    if unknown := value & ~sum(_ERRORS[register]):
-        names.append(f"0x{unknown:x}")
-    return f"{register}: {', '.join(names)}"

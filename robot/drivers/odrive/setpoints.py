@@ -23,6 +23,8 @@ from sautereau.trajectory.segments import Counts, Segments, motion_at, segment_c
 
 INTERVAL = 4
 """Controller samples between two setpoints: 256 per second."""
+LEAD = 26
+"""Intervals for which the arm is held and recorded before a motion."""
 _SETTLE = 20
 """Controller samples during which the end of a motion is held and recorded."""
 
@@ -53,22 +55,23 @@ class Setpoints:
 
     @classmethod
     def of(cls, segments: Segments, sample_period: float) -> Self:
-        """Return the setpoints of a motion, and of a rest at its end."""
+        """Return the setpoints of a motion, and of a rest before it and at its end."""
         last, interval = segments.total_samples, INTERVAL * sample_period
         cubics = segment_cubics(segments, 1.0, sample_period)
         motion = motion_at(segments, cubics, np.arange(last + 1))
         width = bandwidth(sample_period)
-        starts = np.arange(0, last + _SETTLE, INTERVAL)
-        middles = np.minimum(starts + INTERVAL // 2, last)
-        ends = np.minimum(starts + INTERVAL, last)
-        velocities = (middles < last)[:, None] * motion.velocity[middles]
+        starts = np.arange(-LEAD * INTERVAL, last + _SETTLE, INTERVAL)
+        middles = np.clip(starts + INTERVAL // 2, 0, last)
+        ends = np.clip(starts + INTERVAL, 0, last)
+        moving = (middles > 0) & (middles < last)
+        velocities = moving[:, None] * motion.velocity[middles]
         aims = motion.position[ends] + 2 * interval * motion.velocity[ends]
         rests = _rests(aims, motion.position[0], width, interval)
         rests[-1] = motion.position[last]
         return cls(
             rests - 2 * velocities / width,
             velocities,
-            motion.position[np.minimum(starts, last)],
+            motion.position[np.clip(starts, 0, last)],
             interval,
             np.rint(rests).astype(np.int64),
         )

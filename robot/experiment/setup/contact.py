@@ -8,6 +8,7 @@ import numpy as np
 from sautereau.rig.schema import Rig
 from sautereau.robot.controller import Capture, MotionController
 from sautereau.robot.errors import MotionFault, RobotError
+from sautereau.robot.experiment.motion_source import open_motion
 from sautereau.robot.experiment.setup.step import Ask, Found, approach_speed, ask_first, homed
 from sautereau.trajectory.arm import joints_holding_point, link_vectors
 from sautereau.trajectory.dynamics import gravity_torque
@@ -19,6 +20,10 @@ _REST = 0.04
 one period of the mains."""
 FINER = 4
 """Factor by which the steps of the second approach are smaller."""
+
+
+class NoContact(MotionFault):
+    """The finger has met no key."""
 
 
 @dataclass(frozen=True)
@@ -66,7 +71,8 @@ class Touch:
     force: float
     """N, at the end of the last step."""
     uncertainty: float
-    """m, standard uncertainty of the height: the contact is somewhere in the last step."""
+    """m, standard uncertainty of the height: the contact is somewhere in the last step, and the
+    fingertip somewhere within a count of the encoders."""
     by: str
     """What measured it: the force channel, or the motors' torques."""
 
@@ -108,14 +114,15 @@ def touch_at(rig: Rig, controller: MotionController, along: float, creep: Creep)
         creep: How.
 
     Raises:
-        RobotError: There is no contact within the approach, or the force exceeds its limit.
+        NoContact: There is no contact within the approach.
+        RobotError: The force exceeds its limit.
     """
     hover = over_key(rig, along, np.array([rig.press.hover]))[0]
     controller.move_to(hover, approach_speed(rig))
     touch = _creep_down(rig, controller, along, creep.above, -creep.below, creep)
     if touch is None:
         controller.move_to(hover, approach_speed(rig))
-        raise MotionFault(
+        raise NoContact(
             f"setup contact: no contact down to {creep.below * 1e3:g} mm below the surface given by"
             f" the rig, {along * 1e3:.4g} mm in front of the pin; look where the finger is, and"
             " correct arm.base_x and arm.base_z by hand"
@@ -154,7 +161,7 @@ def _creep_down(
                 float(heights[i : i + 2].mean()),
                 (float(joint1), float(joint2)),
                 float(force),
-                creep.step / math.sqrt(12),
+                math.hypot(creep.step, rig.arm.resolution) / math.sqrt(12),
                 "the motors' torques" if by_sensor is None else "the force channel",
             )
     return None
@@ -183,8 +190,6 @@ def play_measured(
     The force [N] is from the motion's start to its end, shape (n,); None where the rig has no
     force channel.
     """
-    from sautereau.daq.source.source import open_source
-
     controller.load(segments)
     controller.arm()
     channel = rig.daq.channel("force")
@@ -194,10 +199,10 @@ def play_measured(
         return controller.capture(), None
     duration = segments.total_samples * rig.controller.sample_period
     row = rig.daq.channels.index(channel)
-    with open_source(rig.daq, duration) as acquisition:
-        acquisition.start()
+    with open_motion(rig, controller, duration) as motion:
+        motion.start()
         controller.start()
-        blocks = [block.volts[row, max(0, -block.first_sample) :] for block in acquisition.blocks()]
+        blocks = [block.volts[row, max(0, -block.first_sample) :] for block in motion.blocks()]
         controller.wait()
     return controller.capture(), np.concatenate(blocks) * channel.scale
 

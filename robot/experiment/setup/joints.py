@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 
+from sautereau.rig.capabilities import HomingKind, capabilities_of
 from sautereau.rig.schema import Rig
 from sautereau.robot.errors import MotionFault
 from sautereau.robot.experiment.setup.step import Ask, Found, approach_speed, ask_first, homed
@@ -16,22 +17,21 @@ SCALE = 0.05
 
 
 def find_home(rig: Rig, ask: Ask) -> Found:
-    """Find the home switches, and check them.
+    """Find home, and check the switches where there are any.
 
     Raises:
         RobotError: A switch is not found, or has moved; the motors are off.
     """
-    ask_first(ask, "home", "The arm moves slowly to its home switches. Is its way free?")
+    seeks = capabilities_of(rig).homing is HomingKind.SWITCHES
+    moves = "moves slowly to its home switches" if seeks else "gets power, and stays where it is"
+    ask_first(ask, "home", f"The arm {moves}. Is its way free?")
     with homed(rig) as controller:
         controller.check_home()
         at = controller.positions()
     angles = np.degrees(at * rig.arm.radians_per_count)
-    return Found(
-        (
-            f"home: found twice within {rig.controller.home_tolerance} counts; the arm is at"
-            f" {angles[0]:.3f} and {angles[1]:.3f} deg",
-        )
-    )
+    how = f"found twice within {rig.controller.home_tolerance} counts"
+    how = how if seeks else "known from the absolute encoders"
+    return Found((f"home: {how}; the arm is at {angles[0]:.3f} and {angles[1]:.3f} deg",))
 
 
 def check_encoders(rig: Rig, ask: Ask) -> Found:

@@ -46,7 +46,7 @@ class Found:
 
     lines: tuple[str, ...]
     """Text for the operator."""
-    values: Mapping[str, str | int] = field(default_factory=dict)
+    values: Mapping[str, str | int | list[str]] = field(default_factory=dict)
     """For the rig file, by dotted key; empty where it contains them already."""
     figures: Mapping[str, float] = field(default_factory=dict)
     """SI, by name."""

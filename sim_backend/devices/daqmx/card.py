@@ -32,10 +32,12 @@ class TaskSetup:
     """Samples of each channel, after which the acquisition ends by itself; `ENDLESS` for a
     continuous one."""
     trigger: str | None
-    """Terminal whose rising edge starts the samples, ``"/Dev1/PFI0"``; None starts at once. Of a
+    """Terminal whose edge starts the samples, ``"/Dev1/PFI0"``; None starts at once. Of a
     pre-trigger acquisition: of the edge around which samples are kept."""
     start_trigger: str | None = None
     """Terminal of an edge that starts a pre-trigger acquisition; None starts it at once."""
+    falling: tuple[bool, bool] = (False, False)
+    """Whether the edge of `trigger`, and that of `start_trigger`, is a falling one."""
     lags: tuple[float, ...] | None = None
     """s, by which the samples of each channel lag its terminal; None for no lags."""
     converters: tuple[Converter, ...] | None = None

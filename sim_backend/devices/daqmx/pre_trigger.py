@@ -32,6 +32,11 @@ class PreTriggerRun(SampledRun):
         """Whether an edge on the trigger's terminal would be accepted."""
         return self._first is None and not self.stopped and not self.unwired
 
+    def waits_for(self, falling: bool) -> bool:
+        """Return whether it waits for a rising or a falling edge: its start's, then its own."""
+        edge = self._starts_falling if self.trigger_time is None else self._falling
+        return self.waiting_for_trigger and edge == falling
+
     @property
     def over(self) -> bool:
         """Whether no further sample will be acquired."""

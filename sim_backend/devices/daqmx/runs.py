@@ -60,6 +60,7 @@ class SampledRun:
         self.trigger_time: float | None = None
         """s, simulated."""
         self.stopped = False
+        self._falling, self._starts_falling = setup.falling
         self.unwired = False
         """Whether nothing is wired to the terminal of its trigger."""
         self._fault: RunFault | None = None
@@ -110,6 +111,10 @@ class SampledRun:
     def waiting_for_trigger(self) -> bool:
         """Whether an edge on the trigger's terminal would start it."""
         return self.trigger_time is None and not self.stopped and not self.unwired
+
+    def waits_for(self, falling: bool) -> bool:
+        """Return whether it waits for a rising or a falling edge."""
+        return self.waiting_for_trigger and self._falling == falling
 
     @property
     def over(self) -> bool:

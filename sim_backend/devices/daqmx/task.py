@@ -16,12 +16,18 @@ from sautereau.sim_backend.devices.daqmx.driver_errors import DaqmxError
 from sautereau.sim_backend.devices.daqmx.inputs import Input, invalid
 from sautereau.sim_backend.devices.daqmx.names import split_names
 from sautereau.sim_backend.devices.daqmx.progress import CURRENT, FIRST_BEFORE, Progress
-from sautereau.sim_backend.devices.daqmx.triggers import DIGITAL_EDGE, NONE, Trigger, terminal
+from sautereau.sim_backend.devices.daqmx.triggers import (
+    DIGITAL_EDGE,
+    FALLING,
+    NONE,
+    RISING,
+    Trigger,
+    terminal,
+)
 from sautereau.sim_backend.devices.daqmx.unsupported import refuse_unsupported
 from sautereau.sim_backend.sensors.converter import Converter
 
 FINITE, CONTINUOUS = 10178, 10123
-RISING = 10280
 LEAST = 2
 """Smallest number of samples, of an acquisition and before or after a reference trigger."""
 _BUFFERS = ((100.0, 1_000), (10e3, 10_000), (1e6, 100_000))
@@ -211,12 +217,14 @@ class CardTask:
             for trigger in (self.start_trigger, self.reference)
         ]
         both = self.keeps_before
+        slopes = [each.edge == FALLING for each in (self.start_trigger, self.reference)]
         return TaskSetup(
             tuple(channel.terminal for channel in self.channels.values()),
             rate,
             n_samples,
             edges[1] if both else edges[0],
             start_trigger=edges[0] if both else None,
+            falling=(slopes[both], slopes[0]),
             lags=tuple(self.lag(n, rate) for n in range(len(self.channels))),
             converters=None
             if self.device is IDEAL

@@ -4,8 +4,8 @@ from collections.abc import Callable
 
 from sautereau.sim_backend.devices.daqmx.attributes import Attribute, Table, kept, number, table
 from sautereau.sim_backend.devices.daqmx.driver_errors import DaqmxError
-from sautereau.sim_backend.devices.daqmx.task import CONTINUOUS, LEAST, RISING, CardTask
-from sautereau.sim_backend.devices.daqmx.triggers import NONE, Trigger, terminal
+from sautereau.sim_backend.devices.daqmx.task import CONTINUOUS, LEAST, CardTask
+from sautereau.sim_backend.devices.daqmx.triggers import NONE, RISING, Trigger, terminal
 
 _SAMPLE_CLOCK, _ON_DEMAND = 10388, 10390
 _DEFAULT_RATE = 1000.0

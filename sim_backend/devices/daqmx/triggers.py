@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 from sautereau.sim_backend.devices.daqmx.card import Card, device_of, owner_of
 from sautereau.sim_backend.devices.daqmx.driver_errors import DaqmxError
+from sautereau.sim_backend.devices.daqmx.inputs import invalid
 
 NONE, DIGITAL_EDGE, ANALOG_EDGE, ANALOG_WINDOW = 10230, 10150, 10099, 10103
 """Types of a trigger."""
@@ -29,9 +30,9 @@ class Trigger:
                 "The stand-in has no analog comparator: analog triggers can be configured, not"
                 " started. Use a digital edge.",
             )
+        if self.edge not in (RISING, FALLING):
+            raise invalid("DigEdge.Edge", self.edge, "rising or falling")
         self.route(card)
-        if self.edge != RISING:
-            raise DaqmxError(-200452, "The stand-in triggers on rising edges only.")
 
     def route(self, card: Card) -> str:
         """Return the complete name of its source: ``/Dev1/PFI0``.

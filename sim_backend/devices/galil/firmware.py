@@ -147,6 +147,8 @@ class GalilFirmware(Machine):
         if letter == SERIAL and self._uart is not None:
             self._uart.send(data, self.now)
             return b""
+        if letter not in self.ports.open:  # a reset has lost it
+            return b""
         return self.ports.collect(letter) + self._take(data, letter)
 
     def _take(self, data: bytes, letter: str) -> bytes:

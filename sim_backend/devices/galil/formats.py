@@ -4,7 +4,7 @@ import re
 
 from sautereau.sim_backend.devices.galil.faults import CommandError
 
-_FORMAT = re.compile(r"([FZ$])(-?[0-9]+)(?:\.([0-9]+))?")
+_FORMAT = re.compile(r"([FZ$])(-?[0-9]{1,2})(?:\.([0-9]{1,2}))?")
 
 
 class Unended(str):

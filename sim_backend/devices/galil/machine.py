@@ -84,7 +84,7 @@ class Machine:
         """Of the last refused command, for TC."""
         self.latching_amplifier = False
         self.program = memory.program
-        self.tasks = Tasks(self._run_command, self._store, self.tell)
+        self.tasks = Tasks(self._run_command, self._store, self.tell, self.unit.error_routine)
         self.safety = Safety(self)
         self.variables: dict[str, float] = dict(memory.variables)
         self.variable_axes: dict[str, int] = {}

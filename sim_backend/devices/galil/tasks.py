@@ -22,6 +22,7 @@ class Tasks:
         execute: Carries out one command of a thread.
         store: Keeps an error's code for TC.
         report: Sends a message that no host asked for.
+        error_routine: Whether #CMDERR is entered after a refused command.
     """
 
     def __init__(
@@ -29,6 +30,7 @@ class Tasks:
         execute: Callable[[str, Thread], None],
         store: Callable[[int], None],
         report: Callable[[str], None],
+        error_routine: bool = True,
     ) -> None:
         self.threads: dict[int, Thread] = {}
         self.failed_line, self.failed_thread = 0, -1
@@ -40,6 +42,7 @@ class Tasks:
         self.phase = 0.0
         """Fraction of the sample that has passed when the present line runs."""
         self._execute, self._store, self._report = execute, store, report
+        self._error_routine = error_routine
         self._busy, self._turns, self._served = 0.0, 0.0, -1
         self._idle = True
         self._entered: set[str] = set()
@@ -158,6 +161,6 @@ class Tasks:
         self.failed_line, self.failed_thread = thread.line, number
         if number != 0:
             self.halt([number])
-        if not self.enter("#CMDERR", program):
+        if not (self._error_routine and self.enter("#CMDERR", program)):
             self._report(f"?{thread.line} {thread.command}\r\n")
             self.halt()

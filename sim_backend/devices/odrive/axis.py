@@ -1,8 +1,14 @@
-"""One axis of the emulated ODrive: state, setpoint and watchdog, in turns of the motor."""
+"""One axis of the emulated ODrive: state, setpoint and watchdog, in turns of the motor.
+
+After `axis.cpp`, `controller.cpp` and `endstop.cpp` in `Firmware/MotorControl` of
+odriverobotics/ODrive, tag fw-v0.5.6.
+"""
 
 from enum import IntEnum
 
-from sautereau.sim_backend.devices.odrive.setpoint import Setpoint, Trapezoid, filtered
+from sautereau.sim_backend.devices.odrive.properties import AXIS
+from sautereau.sim_backend.devices.odrive.setpoint import Trapezoid
+from sautereau.sim_backend.devices.setpoint import Setpoint, between, filtered
 
 
 class State(IntEnum):
@@ -22,62 +28,61 @@ class Input(IntEnum):
     TRAP_TRAJ = 5
 
 
-INVALID_STATE, WATCHDOG_EXPIRED, ENDSTOP_PRESSED = 0x1, 0x800, 0x1000
+INVALID_STATE, MOTOR_FAILED, WATCHDOG_EXPIRED, ENDSTOP_PRESSED = 0x1, 0x40, 0x800, 0x1000
 HOMING_WITHOUT_ENDSTOP = 0x20000
-TORQUE_CONSTANT = 0.04
-"""N m/A, of the emulated motors."""
+SYSTEM_LEVEL = 1 << 24
+"""Error of a motor that was switched off for an error of the device."""
 
 
 class OdriveAxis:
     """An axis at power-up: idle, no watchdog.
 
     Args:
+        number: 0 or 1.
         per_turn: Encoder counts per turn of the motor.
         raw: Encoder counts now.
         home: Encoder counts at and below which the min endstop is pressed.
     """
 
-    def __init__(self, per_turn: float, raw: int, home: int):
+    def __init__(self, number: int, per_turn: float, raw: int, home: int):
         self.per_turn, self.home = per_turn, home
         self.raw = raw
         self.zero = float(raw)
         """Encoder counts at 0 turns, where the firmware starts."""
         self.state = State.IDLE
-        self.error = 0
         self.velocity = 0.0
         """Turns per second, estimate."""
-        self.settings = {
-            "config.enable_watchdog": 0.0,
-            "config.watchdog_timeout": 0.0,
-            "controller.config.circular_setpoints": 0.0,
-            "controller.config.control_mode": 3.0,
-            "controller.config.homing_speed": 0.25,
-            "controller.config.input_filter_bandwidth": 2.0,
-            "controller.config.input_mode": 1.0,
-            "controller.config.vel_limit": 2.0,
-            "controller.config.vel_ramp_rate": 1.0,
-            "controller.input_torque": 0.0,
-            "encoder.config.cpr": float(round(per_turn)),
-            "min_endstop.config.enabled": 0.0,
-            "min_endstop.config.offset": 0.0,
-            "motor.config.torque_constant": TORQUE_CONSTANT,
-            "motor.config.torque_lim": float("inf"),
-            "trap_traj.config.accel_limit": 0.5,
-            "trap_traj.config.decel_limit": 0.5,
-            "trap_traj.config.vel_limit": 2.0,
-        }
-        self.input = Setpoint(0.0, 0.0)
+        self.settings = {name: declared.default for name, declared in AXIS.items()}
+        """Values of the properties; those that cannot be written are not kept up to date."""
+        self.settings["encoder.config.cpr"] = float(round(per_turn))
+        self.settings["controller.config.load_encoder_axis"] = float(number)
         self.setpoint = Setpoint(0.0, 0.0)
-        self.homed = False
-        """Whether the last homing has succeeded."""
-        self._was_pressed = False
+        self.pressed = False
+        """Whether the min endstop is enabled and pressed, debounced."""
+        self._since = 0.0
+        """s, since its pin changed or it was enabled."""
+        self._pin = False
         self.done = True
         """Whether the last trapezoid has ended."""
+        self._target = 0.0
+        self._updated = False
+        """Whether a new target waits for a trapezoid to be planned."""
         self._trapezoid: Trapezoid | None = None
         self._elapsed = 0.0
         self._watch = 0.0
+        self._found: float | None = None
+        """Turns at which homing has found the endstop."""
         self.cubic = (float(raw), 0.0, 0.0, 0.0)
         """Coefficients of the reference over the sample last ticked, in encoder counts."""
+
+    @property
+    def error(self) -> int:
+        """The axis's error bits."""
+        return int(self.settings["error"])
+
+    @error.setter
+    def error(self, bits: int) -> None:
+        self.settings["error"] = float(bits)
 
     @property
     def position(self) -> float:
@@ -85,23 +90,25 @@ class OdriveAxis:
         return (self.raw - self.zero) / self.per_turn
 
     @property
-    def pressed(self) -> bool:
-        """Whether the min endstop is pressed and enabled."""
-        return bool(self.settings["min_endstop.config.enabled"]) and self.raw <= self.home
-
-    @property
     def on(self) -> bool:
         """Whether the motor has current."""
         return self.state != State.IDLE
 
     @property
+    def following(self) -> bool:
+        """Whether it filters the positions that the host sends."""
+        return self.state == State.CLOSED_LOOP_CONTROL and self._mode == Input.POS_FILTER
+
+    @property
     def moving(self) -> bool:
         """Whether the setpoint changes."""
-        if self.state == State.HOMING:
+        if self._pin_waits:
             return True
-        if self.state == State.IDLE:
-            return False
-        return not self.done if self._mode == Input.TRAP_TRAJ else not self._settled
+        if self.state != State.CLOSED_LOOP_CONTROL:
+            return self.on
+        if self._mode == Input.TRAP_TRAJ:
+            return self._updated or not self.done
+        return not self._settled
 
     @property
     def watched(self) -> bool:
@@ -110,17 +117,31 @@ class OdriveAxis:
 
     def request(self, state: int) -> None:
         """Enter a state; an unknown one is an error, and the axis becomes idle."""
+        self.error &= ~INVALID_STATE
         self.state = State.IDLE
         if state == State.HOMING and not self.settings["min_endstop.config.enabled"]:
             self.error |= HOMING_WITHOUT_ENDSTOP
         elif state in (State.CLOSED_LOOP_CONTROL, State.HOMING):
-            self.state = State(state)
-            self.setpoint = self.input = Setpoint(self.position, 0.0)
-            self._trapezoid, self.done = None, True
-            self.homed = self.homed and state != State.HOMING
-            self.feed()
+            self._close_loop(State(state))
         elif state != State.IDLE:
             self.error |= INVALID_STATE
+
+    def _close_loop(self, state: State) -> None:
+        """Hold the present position; the input's velocity stays what it was."""
+        self.state, self._found = state, None
+        self.setpoint = Setpoint(self.position, 0.0)
+        self._target, self._updated = self.position, True
+        if state == State.CLOSED_LOOP_CONTROL:
+            self.feed()
+        else:
+            self.settings |= {"is_homed": 0.0, "controller.input_vel": 0.0}
+            self.error &= ~ENDSTOP_PRESSED
+
+    def take_position(self) -> None:
+        """Replace setpoint and input by the position, as writing the control mode does."""
+        if self.settings["controller.config.control_mode"] >= 3:
+            self.setpoint = Setpoint(self.position, self.setpoint.velocity)
+            self._target = self.position
 
     def feed(self) -> None:
         """Renew the watchdog."""
@@ -128,9 +149,10 @@ class OdriveAxis:
 
     def follow(self, position: float, velocity: float | None) -> None:
         """Set a new input: `p`, and the common part of `t`."""
-        self.input = Setpoint(position, self.input.velocity if velocity is None else velocity)
-        if self._mode == Input.TRAP_TRAJ:
-            self._plan()
+        self.settings["controller.config.control_mode"] = 3.0
+        if velocity is not None:
+            self.settings["controller.input_vel"] = velocity
+        self._target, self._updated = position, True
         self.feed()
 
     def move(self, goal: float) -> None:
@@ -138,19 +160,36 @@ class OdriveAxis:
         self.settings["controller.config.input_mode"] = float(Input.TRAP_TRAJ)
         self.follow(goal, None)
 
+    def enable_endstop(self) -> None:
+        """Start to debounce: the switch is read when its pin has been steady for long enough."""
+        self._since = 0.0
+        self.pressed &= bool(self.settings["min_endstop.config.enabled"])
+
     def look(self, raw: int, home: int, period: float) -> None:
         """Read encoder and endstop at the start of a sample."""
         self.home = home
         self.velocity = (raw - self.raw) / self.per_turn / period
         self.raw = raw
-        self.look_at_endstop()
-
-    def look_at_endstop(self) -> None:
-        """Read the endstop; pressing it is an error, except during homing."""
-        if self.pressed and not self._was_pressed and self.state != State.HOMING:
-            self.error |= ENDSTOP_PRESSED
+        if self.settings["min_endstop.config.enabled"]:
+            self._debounce(raw <= home, period)
+        if self.error:
             self.state = State.IDLE
-        self._was_pressed = self.pressed
+
+    def _debounce(self, pin: bool, period: float) -> None:
+        """Read the endstop; pressing it is an error, except during homing."""
+        self._since = 0.0 if pin != self._pin else self._since + period
+        self._pin = pin
+        if self._pin_waits:
+            return
+        if pin and not self.pressed and self.state != State.HOMING:
+            self.error |= ENDSTOP_PRESSED
+        self.pressed = pin
+
+    @property
+    def _pin_waits(self) -> bool:
+        """Whether the endstop's pin has not been steady for long enough."""
+        debounce = self.settings["min_endstop.config.debounce_ms"] * 1e-3
+        return bool(self.settings["min_endstop.config.enabled"]) and self._since < debounce
 
     def watch(self, period: float) -> None:
         """Advance the watchdog by a sample [s]; when it expires the axis becomes idle."""
@@ -163,45 +202,60 @@ class OdriveAxis:
 
     def step(self, period: float) -> None:
         """Advance the setpoint by a sample [s]."""
-        if self.state == State.HOMING and self.pressed:
-            self.zero = self.raw - self.settings["min_endstop.config.offset"] * self.per_turn
-            self.state, self.homed = State.IDLE, True
+        if self.state == State.HOMING:
+            self._home()
         before = self.setpoint
         if self.state == State.IDLE:
-            self.setpoint = self.input = Setpoint(self.position, 0.0)
+            self.setpoint = Setpoint(self.position, 0.0)
             self.cubic = (float(self.raw), 0.0, 0.0, 0.0)
             return
-        if self.state == State.HOMING:
+        if self.state == State.HOMING and self._found is None:
             self._creep(period)
-        elif self._mode == Input.POS_FILTER:
-            width = self.settings["controller.config.input_filter_bandwidth"]
-            self.setpoint, _ = filtered(self.setpoint, self.input, max(width, 1e-3), period)
-        elif self._mode == Input.TRAP_TRAJ:
+        elif self.state == State.HOMING or self._mode == Input.TRAP_TRAJ:
             self._follow_trapezoid(period)
+        elif self._mode == Input.POS_FILTER:
+            self.setpoint, _ = filtered(self.setpoint, self._input, self._bandwidth, period)
         else:
-            self.setpoint = self.input
-        self._set_cubic(before, period)
+            self.setpoint = self._input
+        self.cubic = between(before, self.setpoint, self.per_turn, self.zero, period)
 
     @property
     def _mode(self) -> int:
         return int(self.settings["controller.config.input_mode"])
 
     @property
-    def _settled(self) -> bool:
-        width = self.settings["controller.config.input_filter_bandwidth"]
-        if self._mode != Input.POS_FILTER or width <= 0:
-            return self.setpoint == self.input
-        return filtered(self.setpoint, self.input, width, 0.0)[1]
+    def _input(self) -> Setpoint:
+        return Setpoint(self._target, self.settings["controller.input_vel"])
 
-    def _plan(self) -> None:
-        limits = [
-            max(1e-6, self.settings[f"trap_traj.config.{name}_limit"])
-            for name in ("vel", "accel", "decel")
-        ]
-        self._trapezoid = Trapezoid(self.setpoint, self.input.position, *limits)
-        self._elapsed, self.done = 0.0, False
+    @property
+    def _bandwidth(self) -> float:
+        return max(1e-3, self.settings["controller.config.input_filter_bandwidth"])
+
+    @property
+    def _settled(self) -> bool:
+        if self._mode != Input.POS_FILTER:
+            return self.setpoint == self._input
+        return filtered(self.setpoint, self._input, self._bandwidth, 0.0)[1]
+
+    def _home(self) -> None:
+        """Stop at the endstop, return to where it was found, and call that 0 turns."""
+        if self._found is None and self.pressed:
+            self._found = self.position
+            self.setpoint = Setpoint(self.position, 0.0)
+            self._target = self.position + self.settings["min_endstop.config.offset"]
+            self._updated, self.done = True, False
+        elif self._found is not None and self.done:
+            self.zero, self.state = float(self.raw), State.IDLE
+            self.settings["is_homed"] = 1.0
 
     def _follow_trapezoid(self, period: float) -> None:
+        if self._updated:
+            limits = [
+                max(1e-6, self.settings[f"trap_traj.config.{name}_limit"])
+                for name in ("vel", "accel", "decel")
+            ]
+            self._trapezoid = Trapezoid(self.setpoint, self._target, *limits)
+            self._elapsed, self.done, self._updated = 0.0, False, False
         if self._trapezoid is None:
             return
         self._elapsed += period
@@ -217,10 +271,3 @@ class OdriveAxis:
         speed = self.setpoint.velocity + change
         mean = speed - change / 2
         self.setpoint = Setpoint(self.setpoint.position + mean * period, speed)
-
-    def _set_cubic(self, before: Setpoint, period: float) -> None:
-        """Set the cubic from the setpoint before a sample to that after it."""
-        start = self.zero + before.position * self.per_turn
-        step = (self.setpoint.position - before.position) * self.per_turn
-        v0, v1 = (s.velocity * self.per_turn * period for s in (before, self.setpoint))
-        self.cubic = (start, v0, 3 * step - 2 * v0 - v1, v0 + v1 - 2 * step)

@@ -2,10 +2,13 @@
 
 Lines end with a line feed, a carriage return or `!`; a `;` starts a comment. A line with a
 checksum (`*` and the exclusive or of the bytes before it) is answered with one, and ignored if
-the checksum is wrong. Only queries and refused lines are answered.
+the checksum is wrong. Only queries and refused lines are answered; an empty line is refused too.
 
-Two properties are the stand-in's own, which no stock firmware has: `gpio1.state` to `gpio8.state`
-set a digital output, and `stand_in.wait` advances simulated time (docs/decisions/0006).
+After `Firmware/communication/ascii_protocol.cpp` of odriverobotics/ODrive, tag fw-v0.5.6, without
+its commands q, v, c, e and h, and without those that save and reboot. Its properties include no
+pin of the device, so that nothing sets an output.
+
+One property is the stand-in's own: `stand_in.wait` advances simulated time (docs/decisions/0006).
 """
 
 import functools
@@ -15,15 +18,14 @@ from collections.abc import Callable
 from sautereau.rig.schema import Rig
 from sautereau.sim_backend.devices.emulators import AMPLIFIER_VOLTS, OnOutput, Plant
 from sautereau.sim_backend.devices.odrive.machine import Machine, number
+from sautereau.sim_backend.devices.odrive.properties import single
 
 _LINE = 256
 """Largest number of bytes in a line; a longer one is ignored."""
 _ANSWER = 63
-_VALUE = 9
-"""Characters of a property's value."""
 
 
-def emulate(rig: Rig, plant: Plant, on_output: OnOutput, paced: bool) -> "OdriveFirmware":
+def emulate(rig: Rig, plant: Plant, _on_output: OnOutput, paced: bool) -> "OdriveFirmware":
     """Return the controller at power-up; see `EMULATORS`."""
     counts = rig.arm.counts_per_revolution
     first, second = rig.arm.gear_ratios
@@ -33,9 +35,7 @@ def emulate(rig: Rig, plant: Plant, on_output: OnOutput, paced: bool) -> "Odrive
         per_turn=(counts / first, counts / second),
         period=rig.controller.sample_period,
         stepped=not paced,
-        trigger=rig.controller.trigger_output,
         torque_per_volt=(per_volt / first, per_volt / second),
-        on_output=on_output,
     )
 
 
@@ -75,9 +75,7 @@ class OdriveFirmware(Machine):
         text, star, given = line.partition(";")[0].partition("*")
         if star and not (given.strip().isdecimal() and int(given) == _checksum(text)):
             return b""
-        if not text:
-            return b""
-        command = self._commands.get(text[0])
+        command = self._commands.get(text[:1])  # an empty line is a command that is unknown
         answers = command(text) if command else ["unknown command"]
         answer = ""
         for each in answers:
@@ -96,7 +94,7 @@ class OdriveFirmware(Machine):
     def _feedback(self, index: int, *rest: float) -> list[str]:
         axis = self.axes[index]
         axis.raw = self.plant.encoder_counts()[index]
-        return [f"{axis.position:.6f} {axis.velocity:.6f}"]
+        return [f"{single(axis.position):.6f} {single(axis.velocity):.6f}"]
 
     def _update(self, index: int, *rest: float) -> list[str]:
         self.axes[index].feed()
@@ -112,8 +110,7 @@ class OdriveFirmware(Machine):
 
     def _system(self, text: str) -> list[str]:
         if text[1:2] == "c":
-            for axis in self.axes:
-                axis.error = 0
+            self.clear_errors()
         return []
 
     def _read(self, text: str) -> list[str]:
@@ -121,7 +118,7 @@ class OdriveFirmware(Machine):
         if len(words) < 2:
             return ["invalid command format"]
         value = self.value_of(words[1])
-        return ["invalid property" if value is None else value[:_VALUE]]
+        return ["invalid property" if value is None else value]
 
     def _write(self, text: str) -> list[str]:
         words = text.split()

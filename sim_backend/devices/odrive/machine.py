@@ -1,32 +1,23 @@
 """The state of the emulated ODrive: its update in every sample, and its properties by name."""
 
-import re
 from dataclasses import KW_ONLY, dataclass
 
-from sautereau.sim_backend.devices.emulators import OnOutput, Plant, along
-from sautereau.sim_backend.devices.odrive.axis import TORQUE_CONSTANT, OdriveAxis
+from sautereau.sim_backend.devices.emulators import Plant, along
+from sautereau.sim_backend.devices.odrive.axis import (
+    MOTOR_FAILED,
+    SYSTEM_LEVEL,
+    OdriveAxis,
+    State,
+)
+from sautereau.sim_backend.devices.odrive.properties import AXIS, FLOAT, ROOT, Property
 from sautereau.trajectory.motion import Floats
 
-OUTPUTS = 8
-"""Digital outputs, numbered from 1."""
-LARGEST = 1e10
-"""Largest magnitude of a number that is accepted."""
 _SUPPLY = 24.0  # V
-_INTEGERS = frozenset(
-    {
-        "config.enable_watchdog",
-        "controller.config.circular_setpoints",
-        "controller.config.control_mode",
-        "controller.config.input_mode",
-        "encoder.config.cpr",
-        "min_endstop.config.enabled",
-    }
-)
 
 
 @dataclass(eq=False)
 class Machine:
-    """A controller at power-up: motors off, outputs low."""
+    """A controller at power-up: motors off."""
 
     plant: Plant
     """Motors and encoders."""
@@ -36,20 +27,18 @@ class Machine:
     period: float
     """s, of one sample of the bench."""
     stepped: bool
-    """Whether time waits for the host while the trigger's output is high."""
-    trigger: int
-    """Number of that output."""
+    """Whether time waits for the host while it streams positions."""
     torque_per_volt: tuple[float, float]
     """N m/V of each motor, for the plant's commands [V]."""
-    on_output: OnOutput
-    """Called with number (from 1) and level when a digital output changes."""
 
     def __post_init__(self):
         encoders, switches = self.plant.encoder_counts(), self.plant.home_counts()
         self.axes = [
-            OdriveAxis(*values) for values in zip(self.per_turn, encoders, switches, strict=True)
+            OdriveAxis(number, *values)
+            for number, values in enumerate(zip(self.per_turn, encoders, switches, strict=True))
         ]
-        self.outputs = [False] * OUTPUTS
+        self.error = 0
+        """Error bits of the device."""
         self._granted = 0
 
     @property
@@ -64,13 +53,18 @@ class Machine:
         return any(axis.watched for axis in self.axes)
 
     @property
+    def _streaming(self) -> bool:
+        """Whether the motion is the host's, position by position."""
+        return any(axis.following for axis in self.axes)
+
+    @property
     def held(self) -> bool:
         """Whether time waits for the host, which streams setpoints."""
-        return self.stepped and self.outputs[self.trigger - 1] and not self._granted
+        return self.stepped and self._streaming and not self._granted
 
     @property
     def phase(self) -> float:
-        """Fraction of the sample that has passed when an output changes: none, at its start."""
+        """Fraction of the sample that has passed when an output changes: there is no output."""
         return 0.0
 
     def outgoing(self) -> dict[str, bytes]:
@@ -86,7 +80,7 @@ class Machine:
 
     def tick(self) -> None:
         """Do one sample of the bench."""
-        streamed = self._granted > 0 and self.outputs[self.trigger - 1]
+        streamed = self._granted > 0 and self._streaming
         self._granted = max(0, self._granted - 1)
         plant = self.plant
         for axis, raw, home in zip(
@@ -103,82 +97,68 @@ class Machine:
         """Return the reference within the sample last ticked; see `Emulator`."""
         return along((axis.cubic for axis in self.axes), fractions)
 
-    def value_of(self, name: str) -> str | None:
-        """Return the value of a property such as `axis0.error` as text, or None if there is none.
+    def trip(self, error: int) -> None:
+        """Switch both motors off for an error of the device, such as too low a supply."""
+        self.error |= error
+        for axis in self.axes:
+            axis.settings["motor.error"] = float(int(axis.settings["motor.error"]) | SYSTEM_LEVEL)
+            axis.error |= MOTOR_FAILED
+            axis.state = State.IDLE
 
-        `gpio1.state` to `gpio8.state` are the stand-in's own (docs/decisions/0006).
-        """
-        if (output := _output(name)) is not None:
-            return str(int(self.outputs[output - 1]))
-        if name == "vbus_voltage":
-            return f"{_SUPPLY:.6f}"
-        index, axis, rest = self._named(name)
+    def clear_errors(self) -> None:
+        """Clear all errors: `sc`."""
+        self.error = 0
+        for axis in self.axes:
+            axis.settings |= dict.fromkeys((name for name in AXIS if name.endswith("error")), 0.0)
+
+    def value_of(self, name: str) -> str | None:
+        """Return the value of a property such as `axis0.error` as text; None for none."""
+        index, axis, declared, rest = self._named(name)
+        if declared is None:
+            return None
         if axis is None:
-            return None
-        if rest == "motor.current_control.Iq_setpoint":
-            torque = self.plant.torque_volts()[index] * self.torque_per_volt[index]
-            return f"{torque / TORQUE_CONSTANT:.6f}"
-        integers = {
-            "current_state": axis.state,
-            "error": axis.error,
-            "motor.error": 0,
-            "encoder.error": 0,
-            "controller.error": 0,
+            return declared.show(self.error if name == "error" else _SUPPLY)
+        current = "motor.current_control.Iq_setpoint"
+        computed = {
             "controller.trajectory_done": axis.done,
-            "is_homed": axis.homed,
+            "current_state": axis.state,
             "min_endstop.endstop_state": axis.pressed,
+            "requested_state": 0,  # it is consumed at once
         }
-        if rest in integers:
-            return str(int(integers[rest]))
-        if rest not in axis.settings:
-            return None
-        value = axis.settings[rest]
-        return str(int(value)) if rest in _INTEGERS else f"{value:.6f}"
+        if rest == current:
+            torque = self.plant.torque_volts()[index] * self.torque_per_volt[index]
+            return declared.show(torque / axis.settings["motor.config.torque_constant"])
+        return declared.show(computed.get(rest, axis.settings[rest]))
 
     def write(self, name: str, word: str | None) -> list[str]:
         """Set a property to the value of a word; return the firmware's error messages."""
-        value = None if word is None else number(word)
-        output = _output(name)
-        _, axis, rest = self._named(name)
-        known = output is not None or (
-            axis is not None and (rest == "requested_state" or rest in axis.settings)
-        )
-        if not known:
+        _, axis, declared, rest = self._named(name)
+        if declared is None:
             return ["invalid property"]
+        value = None if word is None or not declared.writable else declared.scan(word)
         if value is None:
             return ["not implemented"]
-        if output is not None:
-            if self.outputs[output - 1] != (value != 0):
-                self.outputs[output - 1] = value != 0
-                self.on_output(output, value != 0)
-        elif axis is not None and rest == "requested_state":
+        if axis is None:
+            self.error = int(value)
+        elif rest == "requested_state":
             axis.request(int(value))
-        elif axis is not None:
-            axis.settings[rest] = float(int(value)) if rest in _INTEGERS else value
-            if rest == "config.watchdog_timeout":
-                axis.feed()
-            axis.look_at_endstop()
+        else:
+            axis.settings[rest] = value
+            if rest in ("min_endstop.config.enabled", "min_endstop.config.debounce_ms"):
+                axis.enable_endstop()
+            elif rest == "controller.config.control_mode":
+                axis.take_position()
         return []
 
-    def _named(self, name: str) -> tuple[int, OdriveAxis | None, str]:
-        """Return number and axis from the head of a property's name, and the rest of the name."""
+    def _named(self, name: str) -> tuple[int, OdriveAxis | None, Property | None, str]:
+        """Return number, axis and declaration of a property, and its name within the axis."""
         head, _, rest = name.partition(".")
         for index, axis in enumerate(self.axes):
             if head == f"axis{index}":
-                return index, axis, rest
-        return 0, None, ""
-
-
-def _output(name: str) -> int | None:
-    """Return the number of the output whose level a property is."""
-    found = re.fullmatch(rf"gpio([1-{OUTPUTS}])\.state", name)
-    return int(found[1]) if found else None
+                return index, axis, AXIS.get(rest), rest
+        return 0, None, ROOT.get(name), name
 
 
 def number(word: str) -> float | None:
-    """Return a number, or None for a text that is none, or too large a number."""
-    try:
-        value = float(word)
-    except ValueError:
-        return None
-    return value if abs(value) <= LARGEST else None
+    """Return the number at the head of a word, or None for none, or one that is too large."""
+    return FLOAT.scan(word)

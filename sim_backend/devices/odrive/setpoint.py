@@ -1,42 +1,8 @@
-"""The filters from an axis's input to its setpoint; any unit of length, s."""
+"""The planner of an ODrive's moves; any unit of length, s."""
 
 import math
-from dataclasses import dataclass
 
-
-@dataclass(frozen=True)
-class Setpoint:
-    """Position and velocity that an axis should have."""
-
-    position: float
-    velocity: float
-
-
-def filtered(
-    now: Setpoint, goal: Setpoint, bandwidth: float, elapsed: float
-) -> tuple[Setpoint, bool]:
-    """Follow a constant input by the critically damped filter of second order.
-
-    x'' = b^2 (u - x) + 2 b (w - x'), solved exactly; the firmware takes 8,000 steps per second.
-
-    Args:
-        now: The setpoint.
-        goal: The input, u and w.
-        bandwidth: b [1/s].
-        elapsed: s.
-
-    Returns:
-        The setpoint after that time, and whether it has reached its limit.
-    """
-    rest = goal.position + 2 * goal.velocity / bandwidth
-    away = now.position - rest
-    drive = now.velocity + bandwidth * away
-    fall = math.exp(-bandwidth * elapsed)
-    position = rest + (away + drive * elapsed) * fall
-    velocity = (now.velocity - bandwidth * drive * elapsed) * fall
-    if abs(position - rest) < 1e-9 and abs(velocity) < 1e-7:
-        return Setpoint(rest, 0.0), True
-    return Setpoint(position, velocity), False
+from sautereau.sim_backend.devices.setpoint import Setpoint
 
 
 class Trapezoid:

@@ -99,6 +99,10 @@ class ServoFinger(SteppedFinger):
         """Add offsets [N m] to the loops' torques from now on, and limit the sum [N m]."""
         self._loops.offsets, self._loops.limits = offsets, limits
 
+    def block(self, joint: int) -> None:
+        """Block the motor of a joint, counted from 0, from now on."""
+        self._space.add(brakes(self._space, self.upper, self.lower)[joint])
+
     @property
     def settled(self) -> bool:
         """Whether both loops are within `SETTLED` counts, or the motors are off."""

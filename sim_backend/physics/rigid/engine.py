@@ -11,11 +11,13 @@ impulses of the old step and does not count the difference.
 """
 
 import math
+from dataclasses import fields
 
 import numpy as np
 
 from sautereau.rig.schema import Rig
 from sautereau.sim_backend.errors import SceneError
+from sautereau.sim_backend.physics.drive import Drive
 from sautereau.sim_backend.physics.events import Motions, PluckEvents
 from sautereau.sim_backend.physics.finger import Reference
 from sautereau.sim_backend.physics.rigid.assembly import TICK, assemble, even_steps
@@ -97,6 +99,12 @@ class RigidWorld:
         table[0] = time + table[0] / MM
         table[0, -1] = self.time
         return Motions(*table)
+
+    def play(self, drive: Drive) -> Motions:
+        """Advance through a complete drive; see `sautereau.sim_backend.physics.world.World`."""
+        parts = [self.advance(drive.reference(i), True) for i in range(drive.samples)]
+        joined = (np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(Motions))
+        return Motions(*joined)
 
     def _run(self, end: float) -> None:
         """Advance to a time [ms] within the controller sample."""

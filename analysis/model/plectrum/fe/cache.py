@@ -5,9 +5,8 @@ Maps are stored in the user's cache folder, named by a hash of their inputs.
 
 import contextlib
 import hashlib
-import os
+import io
 import struct
-import tempfile
 import zipfile
 import zlib
 from collections.abc import Callable
@@ -18,6 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from sautereau.analysis.model.plectrum.base import Floats
+from sautereau.rig.disk import write_durably
 
 LOAD_LIMIT = 2.0
 """Largest load f = F L^2 / EI of a map, dimensionless; EI follows from the plectrum's rotation
@@ -120,14 +120,9 @@ def _write(path: Path, key: str, table: DisplacementSeries) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
     scales = np.array([table.nearest, table.load, table.limit])
     seal = np.array(_seal(key, table.coefficients, scales))
-    handle, name = tempfile.mkstemp(dir=path.parent, suffix=".part")
-    try:
-        with os.fdopen(handle, "wb") as file:
-            np.savez(file, coefficients=table.coefficients, scales=scales, seal=seal)
-        Path(name).replace(path)
-    except BaseException:
-        Path(name).unlink(missing_ok=True)
-        raise
+    file = io.BytesIO()
+    np.savez(file, coefficients=table.coefficients, scales=scales, seal=seal)
+    write_durably(path, file.getvalue())
 
 
 def _seal(key: str, coefficients: Floats, scales: Floats) -> str:

@@ -56,6 +56,12 @@ def set_up(bench: Workbench) -> None:
     bench.values["controller.verified"] = driver.record
     bench.values["controller.verified_settings"] = driver.settings.memory_text
     bench.figures["torque_limit_volts"] = driver.settings.torque
+    room, due = min(driver.line.read("_PVA", "_PVB")), bench.rig.controller.segment_limit
+    bench.expect(
+        room >= due,
+        f"its FIFO has room for {room:g} segments, and controller.segment_limit is {due}",
+        "correct the rig file, or switch the controller off and on",
+    )
     bench.say(f"{driver.record}: settings, limits and program read back as sent")
     memory = driver.settings.memory
     if not (memory["KIA"] and memory["KIB"]):

@@ -10,6 +10,7 @@ from sautereau.robot.errors import CommandRefused
 from sautereau.robot.experiment.setup.verify.workbench import VerifyStep, Workbench
 
 _ROWS = 24
+_LARGEST = 4000  # elements of an array that a press uploads
 _EVERY = 4  # samples between two rows of the timing program
 _TIMING = (
     "#TIMES",
@@ -42,26 +43,26 @@ def upload(bench: Workbench) -> None:
     line, rig = bench.line, bench.rig.controller
     line.ask("DA *[]")
     line.ask(f"DM vtime[{_ROWS}]")
-    before = time.monotonic()
+    (before,) = line.read("TIME")
     text = line.ask(f"QU vtime[],0,{_ROWS - 1},1")
-    duration = time.monotonic() - before
+    (after,) = line.read("TIME")
+    duration = max(after - before, 1) * rig.sample_period
     bench.expect(
         len(text.replace("\x1a", " ").replace(",", " ").split()) == _ROWS,
         f"an array of {_ROWS} elements was uploaded as {text[:40]!r}...",
         "compare QU with the command reference of this firmware",
     )
-    rate = len(text) / max(duration, 1e-6)
+    rate = len(text) / duration
     ended = "ends with control-Z" if "\x1a" in text else "has no control-Z"
     bench.say(f"an upload {ended}; {rate:.0f} characters per second")
     bench.figures["upload_rate"] = rate
-    longest = min(line.piece, _ROWS) / _ROWS * duration
-    if not bench.controller.simulated:
-        bench.expect(
-            longest < rig.watchdog_period / 2,
-            f"a piece of an upload takes {longest:.3g} s, too long for the watchdog's"
-            f" {rig.watchdog_period:g} s",
-            "raise the baud rate of the controller and controller.baud_rate, or watchdog_period",
-        )
+    longest = min(line.piece, _LARGEST) / _ROWS * duration
+    bench.expect(
+        longest < rig.watchdog_period / 2,
+        f"a piece of an upload takes {longest:.3g} s, too long for the watchdog's"
+        f" {rig.watchdog_period:g} s",
+        "raise the baud rate of the controller and controller.baud_rate, or watchdog_period",
+    )
 
 
 def refused_command(bench: Workbench) -> None:
@@ -109,6 +110,11 @@ def timing(bench: Workbench) -> None:
             abs(float(steps.mean()) - _EVERY) < 0.1,
             f"AT -{_EVERY},1 lasts {steps.mean():.3g} samples on average",
             "update the firmware: AT does not count samples",
+        )
+        bench.expect(
+            late < _EVERY,
+            f"AT -{_EVERY},1 is up to {late:g} samples late, more than it waits",
+            "update the firmware, or play no torques with a motion",
         )
     bench.driver.download()
 

@@ -14,6 +14,9 @@ _REACTION = 0.05  # s, that the controller may need to switch off
 _STEP = 0.02  # rad, of a small motion
 _HOMINGS = 5
 _HOLD = 0.5  # s
+_FAST = 7  # logarithm to base 2 of the samples of a fast motion
+_LONGEST = 10  # s, until a small motion has ended
+_ROWS = 32  # of a record
 _FROZEN = 0.5  # s, after which the stand-in's time counts as stopped
 
 
@@ -124,12 +127,55 @@ def soft_limit(bench: Workbench) -> None:
         _load(bench, end=",,0")
         off = _off_after(bench, f"XQ #PRESS,{PRESS}")
         driver.abort()
-    bench.controller.disconnect()
-    bench.controller.connect()
+    _reset(bench)
     bench.expect(
         off, "a motion crossed a software limit and the motors stayed on", "use limit switches"
     )
     bench.say("a software limit inside a motion switches both motors off")
+
+
+def following_error(bench: Workbench) -> None:
+    """Play a motion again with a limit below its following error: both motors must go off."""
+    driver, line = bench.driver, bench.line
+    with bench.controller.powered():
+        bench.controller.home()
+        _load(bench, end=",,0", record="_TEA", exponent=_FAST)
+        line.ask(f"XQ #PRESS,{PRESS}")
+        _await_program(bench)
+        errors = np.abs(line.upload("vrec", _ROWS))
+        limit = round(errors.max() / 2)
+        if limit <= max(abs(error) for error in line.read("_TEA", "_TEB")):
+            bench.warn("not measured: the motion had no following error")
+            return
+        line.ask(f"ER {limit},{limit}")
+        _load(bench, end=",,0", exponent=_FAST)
+        off = _off_after(bench, f"XQ #PRESS,{PRESS}")
+        played = min(line.read("_BTA", "_BTB"))  # at rest behind it ER acts, too
+        driver.abort()
+    _reset(bench)
+    bench.expect(
+        off and played < 2,
+        f"a motion had a following error of {errors.max():g} counts, twice ER, and continued",
+        "do not use PVT with this firmware",
+    )
+    bench.say(f"a following error above {limit} counts inside a motion switches both motors off")
+
+
+def _await_program(bench: Workbench) -> None:
+    """Wait until the motion and the program that plays it have ended."""
+    deadline = time.monotonic() + _LONGEST
+    while bench.line.read(f"_XQ{PRESS}")[0] >= 0:
+        bench.expect(
+            time.monotonic() < deadline,
+            f"a motion of a quarter of a second has not ended after {_LONGEST} s",
+            "check that the arm moves freely",
+        )
+
+
+def _reset(bench: Workbench) -> None:
+    """Set the controller up again, after a step that has changed its settings."""
+    bench.controller.disconnect()
+    bench.controller.connect()
 
 
 def by_hand(bench: Workbench) -> None:
@@ -147,22 +193,23 @@ def by_hand(bench: Workbench) -> None:
             bench.driver.abort()
         bench.expect(off, f"after {what!r} a motor is still on", "check ER, OE, OA and KI")
         bench.say(f"{what}: both motors off")
+    bench.by_hand("Plug the encoder of joint 1 in again.")
 
 
-def _load(bench: Workbench, end: str) -> None:
-    """Load a small motion and back, over 1 s, with an end mark or without."""
+def _load(bench: Workbench, end: str, record: str = "_TPA", exponent: int = 9) -> None:
+    """Load a small motion and back, of 2^exponent samples each, with an end mark or without."""
     line, counts = bench.line, round(bench.driver.limits.in_counts(_STEP))
     line.ask(*CLEAR_SEGMENTS)
     for axis in "AB":
         for step in (counts, -counts):
-            line.ask(f"PV{axis}={step},0,512")
+            line.ask(f"PV{axis}={step},0,{2**exponent}")
         if end:
             line.ask(f"PV{axis}={end}")
     line.ask("DA *[]")
-    line.ask("DM vrec[8]")
+    line.ask(f"DM vrec[{_ROWS}]")
     line.ask("RA vrec[]")
-    line.ask("RD _TPA")
-    line.ask(f"{PUSHES}=0", f"{RATE}=1")
+    line.ask(f"RD {record}")
+    line.ask(f"{PUSHES}=0", f"{RATE}={exponent - 4}")
 
 
 def _play(bench: Workbench, end: str, expected: set[int]) -> None:
@@ -170,7 +217,7 @@ def _play(bench: Workbench, end: str, expected: set[int]) -> None:
         bench.controller.home()
         _load(bench, end)
         bench.line.ask(f"XQ #PRESS,{PRESS}")
-        bench.driver.await_standstill("the motion", 10)
+        bench.driver.await_standstill("the motion", _LONGEST)
         codes = bench.line.read("_SCA", "_SCB")
     bench.expect(
         expected.issuperset(codes) or 7 in codes,
@@ -208,5 +255,6 @@ STEPS = (
     VerifyStep("B5", "underrun", "what ends a motion without its end mark", underrun),
     VerifyStep("B6", "stop", "ST inside a segment comes to rest", stop_in_segment),
     VerifyStep("B7", "software limit", "a limit inside a motion: both motors off", soft_limit),
-    VerifyStep("B8", "by hand", "ER and OA switch both motors off", by_hand),
+    VerifyStep("B8", "following error", "ER inside a motion: both motors off", following_error),
 )
+BY_HAND = (VerifyStep("B10", "by hand", "ER and OA switch both motors off", by_hand),)

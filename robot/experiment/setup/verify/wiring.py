@@ -1,5 +1,7 @@
 """Group A: switches, encoders, torque record and trigger, with the amplifiers' power cut."""
 
+import math
+
 from sautereau.daq.errors import DaqError
 from sautereau.rig.load import with_values
 from sautereau.robot.drivers.galil.capture import VOLTS_RECORDED
@@ -14,7 +16,9 @@ _BITS = {
     "_HMB": "the home switch of joint 2",
     "_AB": "the abort input (emergency stop)",
 }
-_LEAST_LIFT = 100  # counts
+_LIFT = math.radians(5)
+_BY_EYE = 2.5
+"""Dimensionless, factor by which a joint that is turned by hand may turn less or more."""
 _PROBE = 0.02  # of the torque limit
 _RECORDED = 16  # rows
 
@@ -49,15 +53,22 @@ def inputs(bench: Workbench) -> None:
 
 def encoders(bench: Workbench) -> None:
     """Have each joint lifted by hand: its own count must rise."""
+    due = bench.driver.limits.in_counts(_LIFT)
     for joint in (0, 1):
         before = bench.driver.positions()
         if not bench.by_hand(f"Turn joint {joint + 1} counter-clockwise by about 5 deg."):
             return
         moved = bench.driver.positions() - before
+        seen = f"joint {joint + 1} was turned, and the encoders moved by {moved[0]}, {moved[1]}"
         bench.expect(
-            moved[joint] > _LEAST_LIFT and abs(moved[1 - joint]) < abs(moved[joint]) / 4,
-            f"joint {joint + 1} was turned, and the encoders moved by {moved[0]}, {moved[1]}",
+            moved[joint] > due / 100 and abs(moved[1 - joint]) < abs(moved[joint]) / 4,
+            seen,
             "swap the encoders' cables, or reverse the encoder with CE",
+        )
+        bench.expect(
+            due / _BY_EYE < moved[joint] < due * _BY_EYE,
+            f"{seen}, where {due:.0f} counts are 5 deg",
+            "correct arm.counts_per_revolution, or connect the encoder's second channel",
         )
     bench.say("each joint's own encoder counts up counter-clockwise")
 
@@ -114,7 +125,7 @@ def _triggers(bench: Workbench, before: str, then: str) -> bool:
     from sautereau.daq.source.source import open_source
 
     output = bench.rig.controller.trigger_output
-    quick = with_values(bench.rig, {"daq.trigger_timeout": "2 s", "daq.pre_trigger": "0 s"})
+    quick = with_values(bench.rig, {"daq.trigger_timeout": "0.5 s", "daq.pre_trigger": "0 s"})
     bench.line.ask(f"{before} {output}")
     try:
         with open_source(quick.daq, 0.02) as acquisition:

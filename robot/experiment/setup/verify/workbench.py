@@ -26,12 +26,17 @@ class Workbench:
     """Number and name of the current step."""
     lines: list[str] = field(default_factory=list)
     """Text for the operator."""
-    values: dict[str, str | int] = field(default_factory=dict)
+    values: dict[str, str | int | list[str]] = field(default_factory=dict)
     """For the rig file, by dotted key."""
     figures: dict[str, float] = field(default_factory=dict)
     """SI, by name."""
     warnings: list[str] = field(default_factory=list)
     """What could not be measured, and doubts."""
+
+    @property
+    def of_daq(self) -> dict[str, str | int | list[str]]:
+        """What was found of the acquisition, for the steps after it."""
+        return {key: value for key, value in self.values.items() if key.startswith("daq.")}
 
     @property
     def driver(self) -> GalilDriver:

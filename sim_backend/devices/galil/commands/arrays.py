@@ -19,12 +19,18 @@ SOURCES = 8
 FULL_TORQUE = 32_767
 """Recorded number of a torque command of 10 V."""
 
+
+def _recorded_torque(machine: Machine, axis: int) -> float:
+    volts = machine.plant.torque_volts()[axis]
+    return volts if machine.unit.recorded_torque == "volts" else round(volts / 10 * FULL_TORQUE)
+
+
 _AXIS_SOURCES: dict[str, Callable[[Machine, int], float]] = {
     **{code: AXIS_OPERANDS[code] for code in ("TP", "RP", "TE", "TD", "DE", "SC", "RL")},
     "SH": AXIS_OPERANDS["RP"],
     "AF": lambda machine, axis: 0,
     "TS": lambda machine, axis: int(AXIS_OPERANDS["TS"](machine, axis)) & 0b11111,
-    "TT": lambda machine, axis: round(machine.plant.torque_volts()[axis] / 10 * FULL_TORQUE),
+    "TT": _recorded_torque,
     "TV": lambda machine, axis: int(machine.axes[axis].filtered_speed * 64),
 }
 _SOURCES: dict[str, Callable[[Machine], float]] = {

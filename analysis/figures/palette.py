@@ -1,0 +1,48 @@
+"""Colours of all plots by role, distinct for readers of any colour vision.
+
+The hues are those of Okabe and Ito (Color Universal Design, 2008). Every pair of a group of
+`GROUPS` differs by at least `LEAST_DIFFERENCE`, also as seen with deuteranopia, protanopia or
+tritanopia; lines differ in their dashes as well, areas in their hatching, points in their markers.
+"""
+
+BLUE, VERMILLION, GREEN = "#0072b2", "#d55e00", "#009e73"
+PURPLE, ORANGE, SKY, YELLOW = "#cc79a7", "#e69f00", "#56b4e9", "#f0e442"
+
+MEASURED, PREDICTED, BEFORE = "#0b4f8a", VERMILLION, "#8c8c8c"
+"""A measurement, the model, and the model before a fit."""
+CONTACT, RELEASE, OTHER = GREEN, VERMILLION, "#4d4d4d"
+"""Boundaries of phases, and other instants and signals."""
+PHASES = (
+    ("free", "#ffffff", ""),
+    ("string held", "#fbdcc0", "//"),
+    ("string released", "#cfe3f5", "."),
+)
+"""Name, colour and hatching of the three phases."""
+HATCH = "#00000018"
+"""Of the hatching."""
+DOUBTFUL = YELLOW
+"""Intervals with a quality flag."""
+SERIES = (BLUE, VERMILLION, GREEN, PURPLE, ORANGE, SKY)
+"""Things of one kind: presses, sessions, conditions, solvers."""
+DASHES = ("-", (0, (5, 1.5)), (0, (1, 1.2)), (0, (6, 1.5, 1, 1.5)), (0, (9, 2)), (0, (3, 1, 1, 1)))
+MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*")
+"""Dashes and markers of `SERIES`, which differ even where a plot is printed in grey."""
+LEVELS = (SKY, VERMILLION, GREEN, "#000000", PURPLE, YELLOW)
+"""Plectrum models, drawn over each other in lines of decreasing width."""
+
+ARM, PRESSED, WOOD, GRAIN, METAL = "#0b4f8a", VERMILLION, "#efe4cc", "#8a7a5c", "#555555"
+FELT, LASER = "#7d9b76", "#b00020"
+"""Parts of the bench, which have different shapes."""
+GRID = "#e6e6e6"
+
+GROUPS = {
+    "curves": (MEASURED, PREDICTED, BEFORE),
+    "instants": (MEASURED, CONTACT, RELEASE, OTHER),
+    "phases": tuple(colour for _, colour, _ in PHASES),
+    "series": SERIES,
+    "levels": LEVELS,
+    "bench": (ARM, PRESSED, METAL),
+}
+"""Colours that stand for different things in one plot."""
+LEAST_DIFFERENCE = 10.0
+"""In CAM02-UCS, of any two colours of a group; 1 is just noticeable side by side."""

@@ -1,0 +1,51 @@
+"""What the plots of a press over time share: its phases, and a force axis that shows the pluck."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+
+from sautereau.analysis.figures.palette import HATCH, OTHER, PHASES
+from sautereau.analysis.loading.press import Press
+from sautereau.analysis.phases import Phases
+
+
+def shade_phases(axes: Axes, edges: Sequence[float], *, named: bool = False) -> None:
+    """Shade the phases of a press, and name them above the upper edge of the axes.
+
+    Args:
+        axes: Whose horizontal axis is time.
+        edges: Start of the first phase and end of each, in the unit of the axis.
+        named: Whether to write the names.
+    """
+    for (name, colour, hatch), start, stop in zip(PHASES, edges, edges[1:], strict=False):
+        axes.axvspan(start, stop, facecolor=colour, edgecolor=HATCH, hatch=hatch, lw=0, zorder=0)
+        if start > edges[0]:
+            axes.axvline(start, color=OTHER, lw=0.6, zorder=0.5)
+        if named:
+            place = ((start + stop) / 2, 1.01)
+            axes.text(*place, name, transform=axes.get_xaxis_transform(), ha="center", va="bottom")
+
+
+def scale_to_pluck(axes: Axes, press: Press, found: Phases, highest: float = 0.0) -> None:
+    """Scale the force to that from first contact on; say where the finger's impact is beyond it.
+
+    Args:
+        axes: Force [N] over time [ms].
+        press: That is drawn.
+        found: Its phases; without a pluck, all forces until the lowest key are in range.
+        highest: N, of another curve in the axes.
+    """
+    time, force = press.data.index.to_numpy(), press.data["force"].to_numpy()
+    first = found.plucks[0].contact if found.plucks else found.start
+    before, seen = (time < first) & (time <= found.bottom), (time >= first) & (time <= found.bottom)
+    if not seen.any():
+        return
+    low, high = min(0.0, float(force[seen].min())), max(highest, float(force[seen].max()))
+    margin = 0.05 + 0.12 * (high - low)
+    axes.set_ylim(low - margin, high + margin)
+    if before.any() and force[before].max() > high + margin:
+        at = np.flatnonzero(before)[np.argmax(force[before])]
+        text = f"up to {force[at]:.2g} N"
+        place = (time[at] * 1e3, high + margin)
+        axes.annotate(text, place, (-4, -6), textcoords="offset points", ha="right", va="top")

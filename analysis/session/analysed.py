@@ -1,0 +1,101 @@
+"""One press of a session, analysed once for every table, plot and comparison."""
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Self
+
+import numpy as np
+
+from sautereau.analysis.loading.press import Press, press_of
+from sautereau.analysis.model.speed import JackSpeed
+from sautereau.analysis.phases import Phases, find_phases
+from sautereau.analysis.press.features import Row, features
+from sautereau.daq.file.reading import read_recording
+from sautereau.daq.file.recorded import Recorded, SessionInfo
+from sautereau.trajectory.errors import TrajectoryError
+from sautereau.trajectory.timing import press_law
+
+BEFORE = 0.1
+"""Dimensionless, time before contact whose rise is used as well, over the pluck duration."""
+DEGREE, LEAST, INSTANTS = 5, 20, 100
+"""Of the polynomial through the rise while a string is held, its fewest samples, and the instants
+at which its speed is taken."""
+BESIDE = 1e-3
+"""s, kept before and after the cruise."""
+
+
+@dataclass(frozen=True)
+class AnalysedPress:
+    """A press with its phases, features and place in a session."""
+
+    press: Press
+    phases: Phases
+    session: SessionInfo
+    features: Row
+    """SI units, as `sautereau.analysis.press.features` defines them."""
+    speed: JackSpeed | None
+    """Speed of the first jack while its string was held; None without a pluck."""
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Warnings about the press."""
+        return (*self.press.warnings, *self.phases.warnings)
+
+    def light(self) -> Self:
+        """Return the press with no more samples than its repeatability needs: the jack's rise in
+        the cruise."""
+        data = self.press.data
+        try:
+            law = press_law(self.press.rig.press)
+            kept = data.loc[law.cruise_start - BESIDE : law.cruise_end + BESIDE, ["jack_rise"]]
+        except TrajectoryError:  # of a rig that describes no press
+            kept = data.iloc[:0]
+        return replace(self, press=replace(self.press, data=kept.copy()))
+
+
+def analyse_recording(recorded: Recorded) -> AnalysedPress:
+    """Analyse the press of a recording.
+
+    Raises:
+        AnalysisError: It has no velocity or no force channel, or is too short.
+    """
+    return analysed(press_of(recorded), recorded.session)
+
+
+def analyse_file(path: Path) -> AnalysedPress:
+    """Analyse the press of a recording's file.
+
+    Raises:
+        daq.errors.RecordingError: The file is not a complete recording.
+        AnalysisError: It has no velocity or no force channel, or is too short.
+    """
+    return analyse_recording(read_recording(path))
+
+
+def analysed(press: Press, session: SessionInfo) -> AnalysedPress:
+    """Return a press with its phases, features and jack speed."""
+    phases = find_phases(press)
+    return AnalysedPress(press, phases, session, features(press, phases), jack_speed(press, phases))
+
+
+def jack_speed(press: Press, phases: Phases) -> JackSpeed | None:
+    """Return the speed of the first jack while its string was held; None without a pluck.
+
+    It is that of a polynomial of degree `DEGREE` through the rise over time.
+
+    Args:
+        press: The recording, at least its `jack_rise` from contact to release.
+        phases: Its phases.
+    """
+    if not phases.plucks:
+        return None
+    held = phases.plucks[0]
+    start = held.contact - BEFORE * held.pluck_duration
+    rise = press.data.loc[start : held.release, "jack_rise"]
+    if len(rise) < LEAST:
+        return None
+    through = np.polynomial.Polynomial.fit(rise.index.to_numpy(), rise.to_numpy(), DEGREE)
+    time = np.linspace(rise.index[0], rise.index[-1], INSTANTS)
+    speed = through.deriv()(time)
+    # A jack that stops or turns has no speed as a function of its rise.
+    return JackSpeed(through(time), speed, through.deriv(2)(time)) if np.all(speed > 0) else None

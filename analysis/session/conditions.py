@@ -1,0 +1,165 @@
+"""One analysis of a session: its presses by condition, with repeatability, drift and comparison.
+
+Only presses of one rig (its plectrum included), one scene or the hardware, and one day are pooled.
+Command line, report and notebooks show what `analyse` returns, and compute none of it themselves.
+"""
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Generic, TypeVar
+
+from sautereau.analysis.errors import AnalysisError
+from sautereau.analysis.model.predict import Prediction, predict
+from sautereau.analysis.session.analysed import AnalysedPress
+from sautereau.analysis.session.compare import Comparison, compare, predicted_means
+from sautereau.analysis.session.pooled import PooledFeature, pooled_features
+from sautereau.analysis.session.repeatability import LEAST, Repeatability, repeatability
+from sautereau.rig.compared import flat, values_of
+from sautereau.rig.errors import SautereauError
+from sautereau.rig.schema import Rig
+from sautereau.trajectory.timing import press_law
+
+PressT = TypeVar("PressT", bound=AnalysedPress)
+
+
+@dataclass(frozen=True)
+class Condition(Generic[PressT]):
+    """Presses that may be pooled, with their comparison and repeatability."""
+
+    values: Mapping[str, Any]
+    """What they have in common, by dotted key: the values of the rig, of the `scene`, the `day`."""
+    changed: Mapping[str, Any]
+    """Those that differ from the first condition's."""
+    rig: Rig
+    """Rig of the recordings."""
+    presses: tuple[PressT, ...]
+    """In the order in which they were made, with the warm-up presses."""
+    prediction: Prediction | None
+    """The press of the predicted rig at its planned speed; None if the model has none."""
+    comparison: Comparison | None
+    features: tuple[PooledFeature, ...]
+    """Without warm-up presses, as all that follows."""
+    repeatability: Repeatability | None
+    warnings: tuple[str, ...]
+    """Why a comparison or the repeatability is missing, and what is pooled."""
+
+    @property
+    def counted(self) -> tuple[PressT, ...]:
+        """The presses without those for warm-up."""
+        return tuple(press for press in self.presses if not press.session.warm_up)
+
+    @property
+    def simulated(self) -> bool:
+        """Whether the stand-in made the presses."""
+        return any(press.press.simulated for press in self.presses)
+
+
+@dataclass(frozen=True)
+class SessionAnalysis(Generic[PressT]):
+    """Presses by condition."""
+
+    presses: tuple[PressT, ...]
+    """In the order in which they were made."""
+    conditions: tuple[Condition[PressT], ...]
+    """In the order of their first presses."""
+    level: str
+    """Of the plectrum's bending model."""
+
+    @property
+    def simulated(self) -> bool:
+        """Whether the stand-in made any of the presses."""
+        return any(condition.simulated for condition in self.conditions)
+
+
+def analyse(
+    presses: Sequence[PressT], level: str = "elastica", rig: Rig | None = None
+) -> SessionAnalysis[PressT]:
+    """Analyse the presses of one or more sessions.
+
+    Args:
+        presses: In the order in which they were made; `AnalysedPress.light` ones suffice.
+        level: Of the plectrum's bending model.
+        rig: The bench to predict with; None for that of each recording.
+
+    Raises:
+        AnalysisError: There is no press.
+    """
+    if not presses:
+        raise AnalysisError("there is no press to analyse; give at least one recording")
+    together: dict[str, tuple[dict[str, Any], list[PressT]]] = {}
+    for press, values in zip(presses, what_is_alike(presses), strict=True):
+        together.setdefault(repr(values), (values, []))[1].append(press)
+    base = next(iter(together.values()))[0]
+    conditions = tuple(
+        _condition(own, values, base, level, rig) for values, own in together.values()
+    )
+    return SessionAnalysis(tuple(presses), conditions, level)
+
+
+def what_is_alike(presses: Sequence[AnalysedPress]) -> list[dict[str, Any]]:
+    """Return of each press what others must have in common with it to be pooled.
+
+    By dotted key: the rig's values, `scene`, and `day`, which is the first one of its session.
+    """
+    days: dict[str, str] = {}
+    found = []
+    for press in presses:
+        info = press.session
+        day = info.started[:10]
+        scene: Any = "the stand-in" if press.press.simulated else "the hardware"
+        if info.scene:
+            try:
+                scene = json.loads(info.scene)
+            except ValueError:
+                scene = info.scene
+        day = days.setdefault(info.session, day) if info.session else day
+        found.append(values_of(press.press.rig) | flat({"scene": scene, "day": day}))
+    return found
+
+
+def _condition(
+    presses: list[PressT],
+    values: Mapping[str, Any],
+    base: Mapping[str, Any],
+    level: str,
+    rig: Rig | None,
+) -> Condition[PressT]:
+    own = presses[0].press.rig
+    counted = [press for press in presses if not press.session.warm_up]
+    rows = [press.features for press in counted]
+    prediction = comparison = spread = None
+    predicted: dict[str, float] = {}
+    warnings = []
+    sessions = len({press.session.session for press in presses})
+    if sessions > 1:
+        warnings.append(f"presses of {sessions} sessions of one day are pooled")
+    try:
+        prediction = predict(rig or own, level)
+        each = [predict(rig or own, level, speed=press.speed) for press in counted]
+        comparison = compare([press.phases for press in counted], each)
+        predicted = predicted_means(rows, rig or own, each)
+    except SautereauError as error:
+        warnings.append(f"no comparison with the model: {error}")
+    if len(counted) >= LEAST and own.press.gesture is None:
+        try:
+            spread = repeatability([press.press for press in counted], press_law(own.press))
+        except SautereauError as error:
+            warnings.append(f"no repeatability: {error}")
+    return Condition(
+        values,
+        differing(base, values),
+        own,
+        tuple(presses),
+        prediction,
+        comparison,
+        pooled_features(rows, predicted),
+        spread,
+        tuple(warnings),
+    )
+
+
+def differing(base: Mapping[str, Any], values: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the values that differ from others, by their keys; None for a missing one."""
+    keys = dict.fromkeys([*base, *values])
+    return {key: values.get(key) for key in keys if values.get(key) != base.get(key)}

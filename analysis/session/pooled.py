@@ -1,0 +1,68 @@
+"""The features of presses that may be pooled: mean, spread and drift, beside the model's."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from sautereau.analysis.press.features import OF_PLUCK, UNITS, Row, column, split_column
+from sautereau.analysis.session.compare import Mean, mean_of
+from sautereau.analysis.session.repeatability import LEAST, Trend, trend_of
+
+POOLED = tuple(
+    name for name, unit in UNITS.items() if unit not in ("", "1") and not name.endswith("_std")
+)
+"""Features of which a mean over presses has a meaning."""
+
+
+@dataclass(frozen=True)
+class PooledFeature:
+    """One feature over repeated presses, in its unit."""
+
+    name: str
+    """Column of `sautereau.analysis.press.features`."""
+    unit: str
+    values: tuple[float, ...]
+    """Of the presses that have it, in the order in which they were made."""
+    measured: Mean
+    std: float | None
+    """Standard deviation of the presses; None for a single one."""
+    drift: Trend | None
+    """Change per press; None for fewer than three."""
+    predicted: float | None
+    """The model's mean over the same presses; None for what is not compared."""
+
+    @property
+    def presses(self) -> int:
+        """Number of presses that have it."""
+        return len(self.values)
+
+
+def pooled_features(
+    rows: Sequence[Row], predicted: Mapping[str, float] | None = None
+) -> tuple[PooledFeature, ...]:
+    """Return the features of repeated presses.
+
+    Args:
+        rows: Features of the presses, in the order in which they were made.
+        predicted: The model's, of `sautereau.analysis.session.compare.predicted_means`.
+    """
+    most = max((int(row.get("plucks") or 0) for row in rows), default=0)
+    later = [column(name, k) for k in range(2, most + 1) for name in OF_PLUCK if name in POOLED]
+    found = []
+    for name in (*POOLED, *later):
+        values = tuple(value for row in rows if isinstance(value := row.get(name), float))
+        if values:
+            several = len(values) > 1
+            found.append(
+                PooledFeature(
+                    name,
+                    UNITS[split_column(name)[0]],
+                    values,
+                    mean_of(values),
+                    float(np.std(values, ddof=1)) if several else None,
+                    trend_of(np.array(values)) if len(values) >= LEAST else None,
+                    (predicted or {}).get(name),
+                )
+            )
+    return tuple(found)

@@ -1,0 +1,94 @@
+"""The acquisition of a motion, and when in it the motion starts."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+
+import numpy as np
+
+from sautereau.analysis.errors import AnalysisError
+from sautereau.analysis.loading.alignment import find_start
+from sautereau.daq.file.recorded import BY_EDGE, MOTION, Block, Event
+from sautereau.daq.source.source import Source, open_source
+from sautereau.rig.schema import Rig
+from sautereau.robot.controller import Capture, MotionController
+from sautereau.trajectory.segments import to_angles
+
+LATEST = 0.1
+"""s, by which the host may be late: where no edge starts the acquisition, it is as much longer,
+and the motion is sought as far from where it should be."""
+
+
+class MotionSource:
+    """The samples of one motion, counted from where it should start; see `open_motion`."""
+
+    def __init__(self, source: Source, rig: Rig, controller: MotionController):
+        self.source, self._rig = source, rig
+        lead = _lead(rig, controller)
+        self.triggered = lead is None
+        """Whether the trigger's edge starts the acquisition."""
+        self._before = 0 if lead is None else round(lead * source.rate)
+        self._blocks: list[Block] = []
+
+    def start(self) -> None:
+        """Arm the acquisition, or start it; then the motion may start."""
+        self.source.start()
+
+    def blocks(self) -> Iterator[Block]:
+        """Yield consecutive blocks; the samples of the rest before a motion count as negative."""
+        for block in self.source.blocks():
+            if not self.triggered:
+                acquired = None if block.acquired is None else block.acquired - self._before
+                first = block.first_sample - self._before
+                block = replace(block, first_sample=first, acquired=acquired)
+                self._blocks.append(block)
+            yield block
+
+    def motion(self, capture: Capture) -> Event:
+        """Return the start of the motion by the controller's record of it, after all blocks."""
+        if self.triggered:
+            return Event(capture.trigger_delay, MOTION, BY_EDGE, capture.start_std)
+        rate = self.source.rate
+        volts = np.concatenate([block.volts for block in self._blocks], axis=1)
+        rows = [channel.quantity for channel in self._rig.daq.channels]
+        try:
+            if "velocity" not in rows:
+                raise AnalysisError("alignment: the rig has no velocity channel")
+            start, std = find_start(
+                self._rig,
+                volts[rows.index("velocity")],
+                -self._before / rate,
+                rate,
+                capture.times,
+                to_angles(capture.counts, self._rig.arm.counts_per_revolution),
+                LATEST,
+            )
+        except AnalysisError as error:
+            text = f"started, by the host's clock: {error}"
+            return Event(0.0, MOTION, text, LATEST / np.sqrt(3))
+        text = "started, as encoders and vibrometer show it"
+        return Event(start, MOTION, text, float(np.hypot(std, capture.start_std)))
+
+
+@contextmanager
+def open_motion(rig: Rig, controller: MotionController, duration: float) -> Iterator[MotionSource]:
+    """Open the acquisition of a motion of ``duration`` s.
+
+    The trigger's edge starts it where the controller gives one; otherwise it starts before the
+    motion, and lasts longer by what the host may be late.
+
+    Raises:
+        DaqError: As `open_source`.
+    """
+    lead = _lead(rig, controller)
+    longer = 0.0 if lead is None else lead + LATEST
+    with open_source(rig.daq, duration + longer, triggered=lead is None) as source:
+        yield MotionSource(source, rig, controller)
+
+
+def _lead(rig: Rig, controller: MotionController) -> float | None:
+    """Return the s from an acquisition's start to the motion's; None where an edge starts it."""
+    capabilities = controller.capabilities
+    if capabilities.trigger_output:
+        return None
+    return capabilities.lead(rig.controller.sample_period)

@@ -1,0 +1,227 @@
+"""Run a plan: make the presses that it requests and that are not yet in the session's folder."""
+
+from collections import deque
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager
+from dataclasses import dataclass
+from itertools import count
+from pathlib import Path
+from typing import Any, Protocol
+
+from sautereau.rig.load import with_values
+from sautereau.rig.named import named_values
+from sautereau.rig.schema import Rig
+from sautereau.robot.controller import TorqueTable
+from sautereau.robot.drivers.registry import motion_controller
+from sautereau.robot.errors import RobotError
+from sautereau.robot.experiment.control import Control
+from sautereau.robot.experiment.monitor import Watch
+from sautereau.robot.experiment.plan import MOST_PRESSES, instrument_of, to_set
+from sautereau.robot.experiment.plan_table import Row
+from sautereau.robot.experiment.session import Item, Origin, make_presses
+from sautereau.robot.experiment.session_folder import SessionFolder
+from sautereau.robot.experiment.steps import Ask, Plan, Step
+from sautereau.trajectory.press import Trajectory
+
+Planned = tuple[Trajectory, TorqueTable | None]
+
+
+@dataclass(frozen=True)
+class Place:
+    """One press of a plan."""
+
+    number: int
+    """From 1."""
+    row: Row
+    warm_up: bool
+
+
+class Bench(Protocol):
+    """The bench of some presses, real or simulated."""
+
+    @property
+    def rig(self) -> Rig:
+        """The rig, with the addresses in use."""
+        ...
+
+    @property
+    def scene(self) -> str:
+        """The stand-in's scene as text; empty on the hardware."""
+        ...
+
+    @property
+    def seed(self) -> int | None:
+        """Seed of the stand-in's random numbers."""
+        ...
+
+
+@dataclass(frozen=True)
+class Crew:
+    """What a plan needs to make its presses, and who observes them."""
+
+    planned: Callable[[Row], Planned]
+    """Returns trajectory and feed-forward torques of a row's presses."""
+    bench: Callable[[Rig, int | None], AbstractContextManager[Bench]]
+    """Starts the bench of a rig, with a seed."""
+    operator: Callable[[str], str | None]
+    """Asks the operator, and returns the answer; None if there is nobody to ask."""
+    on_press: Callable[[Place, Path], Any] = lambda place, path: None
+    """Called with each press and its recording."""
+    opened: Callable[[Path], Any] = lambda path: path
+    """Returns what the plan is sent for a recording."""
+    watch: Watch = lambda seen: None
+
+
+class PlanRun:
+    """One run of a plan in a session's folder."""
+
+    def __init__(self, folder: SessionFolder, plan: Plan, crew: Crew, control: Control):
+        self._folder, self._plan, self._crew, self._control = folder, plan, crew, control
+        self._numbers, self._requests = count(1), count()
+        self._places: deque[Place] = deque()
+        self._made: list[Any] = []
+        self._answer: Any = None
+        self._question: Ask | None = None
+        self._set_up: Rig | None = None
+        self.to_set: dict[str, Any] = {}
+        """What the operator must set before the session continues; empty for nothing."""
+        self.unanswered = ""
+        """Question that the operator must answer before the session continues."""
+
+    def run(self) -> None:
+        """Run the plan to its end, or until it needs an operator who is not there.
+
+        Raises:
+            SautereauError: Of any kind; the arm has been stopped and switched off.
+        """
+        while (place := self._next()) is not None:
+            self._control.wait()
+            if isinstance(place, Ask):
+                answer = self._crew.operator(place.text)
+                if answer is None:
+                    self.unanswered = place.text
+                    return
+                self._answered(place, answer)
+            elif not self._instrument_set(place.row):
+                return
+            else:
+                self._press(place)
+
+    def _next(self) -> Place | Ask | None:
+        """Return the next press that is not yet made, or question; None at the end of the plan."""
+        while self._question is None:
+            while self._places:
+                recording = self._folder.done.get(self._places[0].number)
+                if recording is None:
+                    return self._places[0]
+                self._done(recording)
+            try:
+                request = self._plan.send(self._answer)
+            except StopIteration:
+                return None
+            self._answer = None
+            self._index = next(self._requests)
+            if isinstance(request, Ask):
+                noted = self._folder.row(self._index)
+                if noted is None or "answer" not in noted:
+                    self._question = request
+                else:
+                    self._answered(request, noted["answer"])
+            else:
+                self._take(request)
+        return self._question
+
+    def _take(self, request: Step | Row) -> None:
+        """Number the presses of a request, with warm-up presses if the instrument changes."""
+        folder, row = self._folder, request
+        if isinstance(row, Step):
+            values = named_values(row.values, {})
+            row = Row(with_values(folder.plan.rig, values), row.repeats, values, row.notes)
+            if not 0 < row.repeats <= MOST_PRESSES:
+                raise RobotError(f"session: {row.repeats} presses; request 1 to {MOST_PRESSES}")
+        folder.note_row(self._index, row.document())
+        set_up = instrument_of(row.rig)
+        warm_up = 0 if set_up == self._set_up else folder.plan.warm_up
+        self._set_up = set_up
+        places = [Place(next(self._numbers), row, True) for _ in range(warm_up)]
+        places += [Place(next(self._numbers), row, False) for _ in range(row.repeats)]
+        self._places, self._made = deque(places), []
+
+    def _done(self, recording: Path) -> None:
+        """Take the recording of the first place."""
+        if not self._places.popleft().warm_up:
+            self._made.append(self._crew.opened(recording))
+        if not self._places:
+            self._answer = self._made
+
+    def _answered(self, question: Ask, answer: str) -> None:
+        row = {"values": {}, "repeats": 0, "notes": question.text, "answer": answer}
+        self._folder.note_row(self._index, row)
+        self._answer, self._question = answer, None
+
+    def _instrument_set(self, row: Row) -> bool:
+        """Return whether the instrument is set for a row; the operator is asked if it is not."""
+        folder = self._folder
+        if folder.plan.scene or dict(folder.set_up) == row.set_up:
+            return True
+        changes = to_set(folder.plan.rig, folder.set_up, row)
+        text = ", ".join(f"{key} = {value}" for key, value in changes.items())
+        answer = self._crew.operator(f"Set the instrument: {text}.")
+        folder.note_set_up(row.set_up)
+        if answer is None:
+            self.to_set = changes
+        return answer is not None
+
+    def _press(self, first: Place) -> None:
+        """Make presses until the instrument changes, the operator is needed, or it pauses."""
+        folder, crew = self._folder, self._crew
+        current: list[Place] = []
+        made: list[tuple[Row, Rig, Planned]] = []
+
+        def items(bench: Bench) -> Iterator[Item]:
+            while isinstance(place := self._next(), Place) and self._same(first, place):
+                if current and self._control.paused:
+                    return
+                if not made or made[0][0] is not place.row:
+                    made[:] = [(place.row, place.row.on(bench.rig), crew.planned(place.row))]
+                _, rig, (trajectory, torques) = made[0]
+                current[:] = [place]
+                yield Item(
+                    rig,
+                    trajectory,
+                    place.number,
+                    warm_up=place.warm_up,
+                    notes=place.row.notes,
+                    torques=torques,
+                )
+
+        def done(item: Item, path: Path) -> None:
+            folder.done[current[0].number] = path
+            crew.on_press(current[0], path)
+            self._done(path)
+
+        seed = seed_from(folder.seed, first.number)
+        with crew.bench(first.row.rig, seed) as bench:
+            make_presses(
+                motion_controller(bench.rig),
+                folder.path,
+                items(bench),
+                Origin(folder.session, bench.scene, bench.seed),
+                rest=folder.plan.rest,
+                on_ready=folder.start,
+                on_press=done,
+                watch=self._control.watched(crew.watch),
+            )
+
+    @staticmethod
+    def _same(first: Place, place: Place) -> bool:
+        return instrument_of(first.row.rig) == instrument_of(place.row.rig)
+
+
+def seed_from(seed: int | None, number: int) -> int | None:
+    """Return the seed of a stand-in that starts with this press: each has its own noise."""
+    if seed is None or number == 1:
+        return seed
+    import numpy as np
+
+    return int(np.random.SeedSequence([seed, number]).generate_state(1)[0])

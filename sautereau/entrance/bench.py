@@ -1,0 +1,137 @@
+"""The bench that presses keys: the hardware, or the stand-in in its place."""
+
+from contextlib import AbstractContextManager, nullcontext
+from pathlib import Path
+from typing import Any
+
+from sautereau.entrance.devices import Devices
+from sautereau.entrance.pressing import Observer, Pressing, Replay
+from sautereau.entrance.rig import Rig
+from sautereau.entrance.session import Session
+from sautereau.rig import schema
+from sautereau.rig.errors import RigError
+from sautereau.robot.experiment.monitor import Watch
+from sautereau.sim_backend.scene import Scene, load_scene
+
+
+class _Watched(Observer):
+    def __init__(self, watch: Watch):
+        self._watch = watch
+
+    def watching(self) -> AbstractContextManager[Watch]:
+        return nullcontext(self._watch)
+
+
+class Bench(Devices):
+    """Presses keys; a context manager. Leaving it ends a session in another thread."""
+
+    def __repr__(self) -> str:
+        return f"<Bench: {self.where}>"
+
+    def __enter__(self) -> "Bench":
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self.control.abort()
+
+    def pause(self) -> None:
+        """From another thread: end the present press, then go home and switch the motors off."""
+        self.control.pause()
+
+    def resume(self) -> None:
+        """Continue a paused session with its next press."""
+        self.control.resume()
+
+    def abort(self) -> None:
+        """From another thread: stop the arm and end the session, which can be continued later."""
+        self.control.abort()
+
+    def press(
+        self,
+        what: Any = 1,
+        *,
+        out: str | Path,
+        warm_up: int = 0,
+        rest: str | float = 0.0,
+        notes: str = "",
+        learned: str | Path | None = None,
+        feed_forward: str | Path | None = None,
+        watch: Watch = lambda seen: None,
+    ) -> Session:
+        """Press, record each press in a file of its own, and return the recordings.
+
+        To continue an interrupted session, call it again with the same arguments.
+
+        Args:
+            what: Number of presses, a CSV file of them, or a plan: a generator of `press`, `scan`,
+                `repeat_until` and `ask`, or a function that returns it.
+            out: Folder of the recordings; nothing in it is overwritten.
+            warm_up: Number of warm-up presses, at the start and after each change of the
+                instrument.
+            rest: Time between presses: a text with its unit, or s.
+            notes: The operator's, saved in every recording.
+            learned: Correction of the trajectory, written by `sautereau learn`.
+            feed_forward: Recording of an earlier press, for torques against its measured force.
+            watch: Called with each event of the session.
+
+        Raises:
+            RobotError: An operator is needed and there is none, or the folder holds another
+                session.
+            SautereauError: Of any kind; the arm has been stopped and switched off.
+        """
+        pressing = Pressing(
+            self,
+            what,
+            out,
+            warm_up=warm_up,
+            rest=rest,
+            notes=notes,
+            learned=learned,
+            feed_forward=feed_forward,
+        )
+        pressing.run(_Watched(watch))
+        pressing.check_ended()
+        return pressing.session
+
+    def replay(self, recording: str | Path, n: int = 1, *, out: str | Path) -> Session:
+        """Press again what was pressed in a recording: its planned, or else its measured, motion.
+
+        Raises:
+            RobotError: The motion cannot be pressed on this bench; see `press` for the others.
+        """
+        return self.press(Replay(Path(recording), n), out=out)
+
+
+def stand_in(
+    rig: Rig | schema.Rig | str | Path = "paper",
+    scene: str | Path | Scene = "paper",
+    seed: int | None = None,
+) -> Bench:
+    """Return the simulated bench of a rig.
+
+    Args:
+        rig: A rig, the path of its file, or the name of a packaged one.
+        scene: A scene, the path of its file, or the name of a packaged one.
+        seed: Of every random number; None for a new one, which is recorded.
+
+    Raises:
+        RigError: The rig is not valid.
+        SceneError: The scene is not valid.
+    """
+    return Bench(Rig(rig), scene if isinstance(scene, Scene) else load_scene(str(scene)), seed)
+
+
+def bench(rig: Rig | schema.Rig | str | Path) -> Bench:
+    """Return the hardware of a rig.
+
+    Raises:
+        RigError: The rig is not one of the user's own files.
+    """
+    own = Rig(rig)
+    if own.path is None:
+        raise RigError(
+            f"rig {own.name!r}: the hardware moves only with a rig file of your own, since a"
+            " packaged rig has the limits of another arm; write one with `sautereau init"
+            " my-rig.toml` and give its path, or use the stand-in (--sim, or st.stand_in)"
+        )
+    return Bench(own)

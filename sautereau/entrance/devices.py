@@ -1,0 +1,120 @@
+"""The devices of a bench: the hardware, or the stand-in in its place."""
+
+import json
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from sautereau.entrance.rig import Rig
+from sautereau.rig import schema
+from sautereau.rig.disk import write_durably
+from sautereau.robot.experiment.control import Control
+
+if TYPE_CHECKING:
+    from sautereau.sim_backend.scene import Scene
+
+
+@dataclass(frozen=True)
+class Connected:
+    """The devices of a bench, real or simulated, while they are in use."""
+
+    rig: schema.Rig
+    """The rig, with the addresses in use."""
+    scene: str = ""
+    """The stand-in's scene as text; empty on the hardware."""
+    seed: int | None = None
+    """Seed of the stand-in's random numbers."""
+    reached: str = ""
+    """Solver and step that the stand-in selected, if its scene requests an accuracy."""
+    truth: Callable[[], Any] | None = None
+    """Return the true events of the last press, if the scene records them."""
+
+    @property
+    def where(self) -> str:
+        """Name of the bench in messages."""
+        return _where(bool(self.scene))
+
+    def keep_truth(self, recording: Path) -> None:
+        """Write the true events beside a recording, if the scene records them."""
+        if self.truth:
+            text = json.dumps(asdict(self.truth()), indent=2, default=str, allow_nan=False)
+            write_durably(recording.with_suffix(".truth.json"), text + "\n")
+
+
+def at_terminal(text: str) -> str | None:
+    """Ask the operator in a terminal or notebook; None if there is neither."""
+    if "ipykernel" not in sys.modules and not (sys.stdin.isatty() and sys.stderr.isatty()):
+        return None
+    sys.stderr.write(f"{text} Continue with Enter, stop with Ctrl-C. ")
+    sys.stderr.flush()
+    if "ipykernel" in sys.modules:
+        return input()
+    line = sys.stdin.readline()
+    return line.strip() if line else None
+
+
+class Devices:
+    """The devices that a session uses.
+
+    Args:
+        rig: The nominal rig.
+        scene: The stand-in's scene; None for the hardware.
+        seed: Of the stand-in's random numbers; None for a new one in each session.
+        ask: Asks the operator; None as the answer if there is nobody.
+    """
+
+    def __init__(
+        self,
+        rig: Rig,
+        scene: "Scene | None" = None,
+        seed: int | None = None,
+        ask: Callable[[str], str | None] = at_terminal,
+    ):
+        self.rig, self.scene, self.seed, self.ask = rig, scene, seed, ask
+        self.control = Control()
+
+    @property
+    def where(self) -> str:
+        """Name of the bench in messages."""
+        return f"rig {self.rig.name} on {_where(self.scene is not None)}"
+
+    @contextmanager
+    def connected(
+        self, rig: schema.Rig | None = None, seed: int | None = None
+    ) -> Iterator[Connected]:
+        """Yield the devices of the bench.
+
+        Args:
+            rig: With the instrument as it is set up; None for the nominal one.
+            seed: Of the stand-in; None for that of the bench, or else a new one.
+        """
+        rig = rig or self.rig.values
+        if self.scene is None:
+            yield Connected(rig)
+            return
+        from sautereau.sim_backend.bench import StandIn
+
+        seed = self.seed if seed is None else seed
+        seed = fresh_seed() if seed is None else seed
+        with StandIn(rig, self.scene, seed) as served:
+            yield Connected(
+                served.rig,
+                self.scene.model_dump_json(),
+                seed,
+                str(served.bench.reached or ""),
+                (lambda: served.truth()[-1]) if self.scene.record_truth else None,
+            )
+
+
+def _where(simulated: bool) -> str:
+    return "the stand-in: SIMULATED" if simulated else "the hardware"
+
+
+def fresh_seed() -> int:
+    """Return a random seed."""
+    import secrets
+
+    return secrets.randbits(32)

@@ -1,0 +1,144 @@
+"""Values of a rig that were fitted to recordings."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from datetime import date
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from sautereau.analysis.identify import fit as fitting
+from sautereau.analysis.identify.identified import Identified, evaluate
+from sautereau.analysis.identify.parameters import FORCE, read_prior, rig_values
+from sautereau.analysis.loading.press import Press
+from sautereau.analysis.phases import Phases
+from sautereau.analysis.summary.fit import fit_lines, fit_summary
+from sautereau.analysis.summary.text import SOME_SIMULATED, counted
+from sautereau.entrance.rig import Rig
+from sautereau.entrance.shown import Shown, shown
+from sautereau.rig import schema
+from sautereau.rig.edit import edit_rig, edited_text
+from sautereau.rig.load import parse_rig
+from sautereau.rig.text import rig_text
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.figure import Figure
+
+    from sautereau.analysis.identify.profile import Profile
+
+
+@dataclass(frozen=True, repr=False)
+class Fit(Shown):
+    """A fit; `found` has all its results."""
+
+    nominal: schema.Rig
+    """Rig of the recordings."""
+    simulated: bool
+    """Whether the stand-in made any of the presses."""
+    mixed: tuple[str, ...]
+    """Keys in which the presses differ although they were fitted together: the day, the scene."""
+    made: fitting.Fit
+    found: Identified
+
+    def __repr__(self) -> str:
+        fits = "the model fits" if self.found.quality.fits else "THE MODEL DOES NOT FIT"
+        values = ", ".join(f"{e.name} {e.value:.4g} {e.unit}" for e in self.found.estimates)
+        return f"<Fit to {counted(len(self.found.presses), 'press')}: {values}; {fits}>"
+
+    def __str__(self) -> str:
+        return "\n".join(self.lines())
+
+    @property
+    def params(self) -> "pd.DataFrame":
+        """Each parameter with value, uncertainty and 95 % interval, SI."""
+        import pandas as pd
+
+        columns = ("name", "unit", "value", "std", "low", "high", "start", "at_bound")
+        columns += ("identifiable",)
+        rows = [[getattr(e, name) for name in columns] for e in self.found.estimates]
+        return pd.DataFrame(rows, columns=list(columns)).set_index("name")
+
+    @property
+    def identifiable(self) -> dict[str, bool]:
+        """Whether the recordings alone determine each parameter."""
+        return {e.name: e.identifiable for e in self.found.estimates}
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What is doubtful about the fit."""
+        mixed = f"fitted together, although the presses differ in {', '.join(self.mixed)}"
+        return (*self.found.warnings, *([mixed] * bool(self.mixed)))
+
+    def document(self, profiles: "Sequence[Profile]" = ()) -> dict[str, Any]:
+        """Return the fit as JSON; SI units."""
+        more = {"simulated": self.simulated, "warnings": list(self.warnings)}
+        return fit_summary(self.found, profiles) | more
+
+    def lines(self, profiles: "Sequence[Profile]" = (), *, every: bool = False) -> list[str]:
+        """Return the fit as text, with the effects of every fixed number if requested."""
+        found = replace(self.found, warnings=self.warnings)
+        return [*([SOME_SIMULATED] * self.simulated), *fit_lines(found, profiles, every=every)]
+
+    @property
+    def values(self) -> dict[str, Any]:
+        """Values of the rig that the fit determines, by dotted key: those identifiable, of a model
+        that fits."""
+        sure = [e for e in self.found.estimates if e.identifiable and self.found.quality.fits]
+        return rig_values(self.nominal, {e.name: e.value for e in sure})
+
+    @cached_property
+    def rig(self) -> Rig:
+        """The recordings' rig with `values`, which have this fit as their source."""
+        text = edited_text(rig_text(self.nominal), "fit", Path(), self.values, self._source)
+        return Rig(parse_rig(text))
+
+    def write(self, path: Path) -> None:
+        """Write `values` into a rig file, whose other values stay; a new file is that of `rig`."""
+        if not path.exists():
+            self.rig.save(path)
+        elif self.values:
+            edit_rig(path, self.values, self._source).save()
+
+    @property
+    def _source(self) -> str:
+        first, more = self.found.presses[0], len(self.found.presses) - 1
+        return (
+            f"identified from {'SIMULATED ' * self.simulated}{first}"
+            f"{f' and {more} more' * (more > 0)} on {date.today().isoformat()}"
+        )
+
+    def profile(self, name: str) -> "Profile":
+        """Return the profile likelihood of one parameter."""
+        from sautereau.analysis.identify.profile import profile
+
+        return profile(self.made, self.found, name)
+
+    def to_frame(self) -> "pd.DataFrame":
+        """Return the parameters."""
+        return self.params
+
+    def plot(self) -> "Figure":
+        """Return a figure of force, residuals and correlation."""
+        from sautereau.analysis.figures.fit import fit_figure
+
+        return shown(fit_figure(self.made, self.found, self.simulated))
+
+
+def fitted(
+    presses: Sequence[Press],
+    phases: Sequence[Phases],
+    names: Sequence[str],
+    priors: Sequence[str],
+    mixed: Sequence[str],
+    *,
+    level: str,
+    starts: int,
+    robust: bool,
+) -> Fit:
+    """Fit parameters to presses; see `Session.identify`."""
+    known = dict(read_prior(text) for text in priors)
+    dynamics = fitting.inverse_dynamics(presses, phases, names, known, level)
+    made = fitting.fit(dynamics, starts, robust, levelled=FORCE in names)
+    simulated = any(press.simulated for press in presses)
+    return Fit(presses[0].rig, simulated, tuple(mixed), made, evaluate(made))

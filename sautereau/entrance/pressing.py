@@ -1,0 +1,151 @@
+"""A session of presses: from what was requested to the recordings."""
+
+from collections.abc import Iterator
+from contextlib import AbstractContextManager, contextmanager, nullcontext
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from sautereau.entrance.devices import Connected, Devices, fresh_seed
+from sautereau.entrance.session import PressFile, Session
+from sautereau.rig import schema
+from sautereau.rig.units import parse_quantity
+from sautereau.robot.errors import RobotError
+from sautereau.robot.experiment.folder_lock import only_session
+from sautereau.robot.experiment.monitor import Seen, Watch
+from sautereau.robot.experiment.plan import Plan
+from sautereau.robot.experiment.plan_table import Row, read_plan_table
+from sautereau.robot.experiment.planner import Planner
+from sautereau.robot.experiment.repeat import rows_of_recording
+from sautereau.robot.experiment.run import Crew, Place, PlanRun
+from sautereau.robot.experiment.session_folder import SessionFolder
+from sautereau.robot.experiment.steps import of_rows, plan_of
+from sautereau.sim_backend.scene import current_scene
+
+
+@dataclass(frozen=True)
+class Table:
+    """A plan table."""
+
+    path: Path
+    repeats: int = 1
+    """Presses of a row without a number."""
+
+
+@dataclass(frozen=True)
+class Replay:
+    """What was pressed in a recording."""
+
+    recording: Path
+    repeats: int = 1
+
+
+class Observer:
+    """Observes a session while it runs; each method may be replaced."""
+
+    def begin(self, folder: SessionFolder) -> None:
+        """Take the folder before the first press."""
+
+    def on(self, bench: Connected) -> None:
+        """Take the bench of the next presses."""
+
+    def pressed(self, place: Place, path: Path) -> None:
+        """Take a press and its recording."""
+
+    def watching(self) -> AbstractContextManager[Watch]:
+        """Return what gets the events of the presses on one bench."""
+        return nullcontext(lambda seen: None)
+
+
+class Pressing:
+    """One session, new or continued; see `sautereau.entrance.bench.Bench.press`."""
+
+    def __init__(
+        self,
+        bench: Devices,
+        what: Any,
+        out: str | Path,
+        *,
+        warm_up: int = 0,
+        rest: str | float = 0.0,
+        notes: str = "",
+        learned: str | Path | None = None,
+        feed_forward: str | Path | None = None,
+    ):
+        self.bench, self._out = bench, Path(out)
+        nominal = bench.rig.values
+        rows = rows_of(what, nominal, notes)
+        self.planner = Planner(*(Path(path) if path else None for path in (learned, feed_forward)))
+        self._steps = plan_of(what) if rows is None else of_rows(rows)
+        self.plan = Plan(
+            nominal,
+            rows,
+            warm_up,
+            parse_quantity(rest, "s") if isinstance(rest, str) else rest,
+            bench.scene.model_dump_json() if bench.scene else "",
+            self.planner.files,
+        )
+        self.planner.plan_all(rows or ())
+        self.folder: SessionFolder
+        self.result: PlanRun
+
+    def run(self, observer: Observer) -> None:
+        """Make the presses that are not yet in the folder."""
+        bench, fresh = self.bench, None
+        if bench.scene is not None:
+            fresh = fresh_seed()
+        with only_session(self._out):
+            self.folder = SessionFolder(self._out, self.plan, bench.seed, fresh, current_scene)
+            observer.begin(self.folder)
+            connected: list[tuple[Connected, Watch]] = []
+
+            @contextmanager
+            def on(rig: schema.Rig, seed: int | None) -> Iterator[Connected]:
+                with bench.connected(rig, seed) as found:
+                    observer.on(found)
+                    with observer.watching() as watch:
+                        connected[:] = [(found, watch)]
+                        yield found
+
+            def pressed(place: Place, path: Path) -> None:
+                connected[0][0].keep_truth(path)
+                observer.pressed(place, path)
+
+            def watch(seen: Seen) -> None:
+                connected[0][1](seen)
+
+            crew = Crew(self.planner, on, bench.ask, pressed, PressFile, watch)
+            self.result = PlanRun(self.folder, self._steps, crew, bench.control)
+            self.result.run()
+
+    @property
+    def session(self) -> Session:
+        """The recordings, in the order of the plan."""
+        return Session([self.folder.done[number] for number in sorted(self.folder.done)])
+
+    def check_ended(self) -> None:
+        """Refuse a session that needs an operator.
+
+        Raises:
+            RobotError: The plan has not ended.
+        """
+        needed = ", ".join(f"{key} = {value}" for key, value in self.result.to_set.items())
+        if needed or self.result.unanswered:
+            what = f"set {needed} on the instrument" if needed else self.result.unanswered
+            raise RobotError(
+                f"session {self._out}: it needs an operator: {what}; then run the same again to"
+                " continue"
+            )
+
+
+def rows_of(what: Any, rig: schema.Rig, notes: str) -> tuple[Row, ...] | None:
+    """Return the rows of what was requested; None for a plan that is a program."""
+    if isinstance(what, int):
+        return (Row(rig, what, notes=notes),)
+    if isinstance(what, str | Path):
+        what = Table(Path(what))
+    if isinstance(what, Table):
+        return read_plan_table(what.path, rig, what.repeats, notes)
+    if isinstance(what, Replay):
+        return rows_of_recording(what.recording, rig, what.repeats, notes)
+    return None

@@ -1,0 +1,132 @@
+"""The rig: all numbers of the bench, and what follows from them alone."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from sautereau.entrance.shown import Shown
+from sautereau.rig import load, schema
+from sautereau.rig.compared import flat
+from sautereau.rig.errors import RigError
+from sautereau.rig.faults import unit_of
+from sautereau.rig.named import named_values
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from sautereau.entrance.plan import Plan
+    from sautereau.entrance.prediction import Prediction
+    from sautereau.entrance.sweep import Sweep
+
+
+class Rig(Shown):
+    """A bench; nothing changes it, and `with_values` returns another one.
+
+    Args:
+        source: Path of a rig file, name of a packaged one, or a rig.
+
+    Raises:
+        RigError: Lists every fault of the file.
+    """
+
+    def __init__(self, source: "str | Path | schema.Rig | Rig" = "paper"):
+        self.path: Path | None = None
+        """File of the rig; None for a packaged one or one from a recording."""
+        if isinstance(source, Rig):
+            self.path, self.values = source.path, source.values
+        elif isinstance(source, schema.Rig):
+            self.values: schema.Rig = source
+            """Its values as SI numbers: `rig.values.plectrum.overlap`."""
+        else:
+            self.path = Path(source) if Path(source).is_file() else None
+            self.values = load.load_rig(source)
+
+    def __repr__(self) -> str:
+        return f"<Rig {self.values.name}{f' of {self.path}' if self.path else ''}>"
+
+    @property
+    def name(self) -> str:
+        """Name of the bench."""
+        return self.values.name
+
+    def to_frame(self) -> "pd.DataFrame":
+        """Return every value by its dotted key, with its unit and its source or assumed range."""
+        import pandas as pd
+
+        from sautereau.rig.units import format_quantity
+
+        values = flat(load.rig_document(self.values))
+        units = {key: unit_of(schema.Rig, key.split("."), self.values) or "" for key in values}
+        sources = dict(self.values.sources)
+        for key, ends in self.values.assumed.items():
+            low, high = (format_quantity(end, units.get(key, "")) for end in ends)
+            sources.setdefault(key, f"assumed, {low} to {high}")
+        rows = [(value, units[key], sources.get(key, "")) for key, value in values.items()]
+        index = pd.Index(values, name="key")
+        return pd.DataFrame(rows, index, columns=["value", "unit", "source"])
+
+    def with_values(self, values: Mapping[str, Any] | None = None, /, **named: Any) -> "Rig":
+        """Return the rig with other values.
+
+        Args:
+            values: By dotted key: texts with units, or numbers in SI units.
+            named: By the last part of the key, where only one key has it: `overlap="0.3 mm"`.
+
+        Raises:
+            RigError: A key is unknown or ambiguous, or the new rig is not valid.
+        """
+        changed = Rig(load.with_values(self.values, named_values(values, named)))
+        changed.path = self.path
+        return changed
+
+    def plan(self) -> "Plan":
+        """Return the plan of one press, whether or not it is feasible."""
+        from sautereau.entrance.plan import plan
+
+        return plan(self.values)
+
+    def predict(
+        self, values: Mapping[str, Any] | None = None, /, *, level: str = "elastica", **named: Any
+    ) -> "Prediction":
+        """Return the press that the model predicts, with other values as in `with_values`.
+
+        Raises:
+            ModelError: The level has no solution for this rig.
+        """
+        from sautereau.entrance.prediction import predicted
+
+        return predicted(self.with_values(values, **named).values, level)
+
+    def sweep(self, values: Mapping[str, Any] | None = None, /, **named: Any) -> "Sweep":
+        """Return the model's predictions over a grid of values.
+
+        Args:
+            values: Lists of texts with units or of SI numbers, by dotted key; `...` is the range
+                assumed in the rig.
+            named: The same by the last part of the key: `overlap=["0.2 mm", "0.3 mm"]`.
+
+        Raises:
+            ModelError: A value cannot be varied; a case out of range has a status only.
+        """
+        from sautereau.entrance.sweep import sweep
+
+        return sweep(self.values, {**(values or {}), **named})
+
+    def save(self, path: str | Path) -> Path:
+        """Write the rig into a new file.
+
+        Raises:
+            RigError: The file exists, or cannot be written.
+        """
+        from sautereau.rig.disk import write_durably
+        from sautereau.rig.text import rig_text
+
+        path = Path(path)
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            write_durably(path, rig_text(self.values), new=True)
+        except OSError as error:
+            raise RigError(
+                f"rig file {path}: cannot be written: {error.strerror}; give another path"
+            ) from error
+        return path

@@ -1,0 +1,114 @@
+"""Predictions over a grid of values of the rig."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from sautereau.analysis.model.batch import DERIVED, PredictionBatch, predict_many
+from sautereau.analysis.model.pluck.paths import Status
+from sautereau.entrance.shown import Shown, shown
+from sautereau.rig.errors import RigError, SautereauError
+from sautereau.rig.faults import unit_of
+from sautereau.rig.named import full_key
+from sautereau.rig.quantities import QUANTITIES
+from sautereau.rig.schema import Rig
+from sautereau.rig.units import parse_quantity
+from sautereau.trajectory.motion import Floats
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.figure import Figure
+
+POINTS = 25
+"""Values of a range that is given as `...`."""
+SHOWN = ("pluck_duration", "peak_force", "v_osc")
+"""Quantities of the figure."""
+
+
+@dataclass(frozen=True, repr=False)
+class Sweep(Shown):
+    """The model's scalars over a grid of values."""
+
+    rig: Rig
+    values: Mapping[str, Floats]
+    """SI, by dotted key, each of shape (its number of values,)."""
+    batch: PredictionBatch
+    """Arrays of the grid's shape, the values in their order."""
+
+    def __repr__(self) -> str:
+        sizes = ", ".join(f"{key} ({len(values)})" for key, values in self.values.items())
+        return f"<Sweep of rig {self.rig.name} over {sizes}>"
+
+    def to_frame(self) -> "pd.DataFrame":
+        """Return one row for each point of the grid; NaN where the model has no pluck."""
+        import pandas as pd
+
+        index = pd.MultiIndex.from_product([*self.values.values()], names=list(self.values))
+        columns = {f.name: getattr(self.batch, f.name).ravel() for f in fields(self.batch)}
+        columns["status"] = [Status(value).name for value in columns["status"]]
+        frame = pd.DataFrame(columns, index)
+        units = {name: QUANTITIES[name].unit for name in columns if name in QUANTITIES}
+        units |= {key: unit_of(Rig, key.split(".")) or "" for key in self.values}
+        frame.attrs = {"units": units}
+        return frame
+
+    def to_xarray(self) -> Any:
+        """Return an xarray Dataset with one dimension for each value.
+
+        Raises:
+            SautereauError: xarray is not installed.
+        """
+        try:
+            import xarray as xr  # pyright: ignore[reportMissingImports]
+        except ImportError as error:
+            raise SautereauError(
+                "to_xarray: xarray is not installed; install it with"
+                " `python -m pip install 'sautereau[xarray]'`, or use to_frame()"
+            ) from error
+        data = xr.Dataset.from_dataframe(self.to_frame())
+        for name, unit in self.to_frame().attrs["units"].items():
+            data[name].attrs["units"] = unit
+        return data
+
+    def plot(self) -> "Figure":
+        """Return a figure over the first value, with a line for each of the others."""
+        from matplotlib.figure import Figure
+
+        figure = Figure(figsize=(12, 4), layout="constrained")
+        (key, along), *_ = self.values.items()
+        for axes, name in zip(figure.subplots(1, len(SHOWN)), SHOWN, strict=True):
+            scale, unit = QUANTITIES[name].displayed
+            over = getattr(self.batch, name).reshape(len(along), -1)
+            axes.plot(along, over * scale)
+            axes.set(xlabel=f"{key} ({unit_of(Rig, key.split('.'))})")
+            axes.set_ylabel(QUANTITIES[name].title(unit))
+            axes.grid(alpha=0.3)
+        figure.suptitle(repr(self).strip("<>"))
+        return shown(figure)
+
+
+def sweep(rig: Rig, values: Mapping[str, Any]) -> Sweep:
+    """Predict the presses of a grid of values; see `Rig.sweep`."""
+    if not values:
+        raise RigError('sweep: no value varies; give one, such as overlap=["0.2 mm", "0.3 mm"]')
+    known = {full_key(name) if name not in DERIVED else name: v for name, v in values.items()}
+    axes = {key: _axis(rig, key, value) for key, value in known.items()}
+    grid = dict(zip(axes, np.meshgrid(*axes.values(), indexing="ij"), strict=True))
+    return Sweep(rig, axes, predict_many(rig, grid))
+
+
+def _axis(rig: Rig, key: str, value: Any) -> Floats:
+    """Return the values of one key [SI], shape (values,)."""
+    if value is ...:
+        if key not in rig.assumed:
+            raise RigError(f"sweep: {key} has no assumed range in the rig; give its values")
+        return np.linspace(*rig.assumed[key], POINTS)
+    unit = unit_of(Rig, key.split(".")) or "1"
+    several = value if np.ndim(value) else [value]
+    try:
+        found = [parse_quantity(v, unit) if isinstance(v, str) else float(v) for v in several]
+        return np.array(found)
+    except (TypeError, ValueError) as error:
+        raise RigError(f"sweep: {key}: {error}; give quantities in {unit}") from error

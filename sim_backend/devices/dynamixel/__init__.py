@@ -1,0 +1,1 @@
+"""The emulated bus servos: Dynamixel X with Protocol 2.0."""

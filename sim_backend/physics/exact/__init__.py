@@ -1,0 +1,1 @@
+"""The exact engine: the equations of docs/stand-in.md, from event to event; compiled."""

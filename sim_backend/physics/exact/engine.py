@@ -1,0 +1,229 @@
+"""The exact engine as a world."""
+
+import math
+
+import numpy as np
+
+from sautereau.rig.schema import Rig
+from sautereau.sim_backend.errors import SceneError
+from sautereau.sim_backend.physics.drive import Drive
+from sautereau.sim_backend.physics.events import Motions, PluckEvents, StringEvent
+from sautereau.sim_backend.physics.exact import structures as ix
+from sautereau.sim_backend.physics.exact.compile import records
+from sautereau.sim_backend.physics.exact.fingertip import engage
+from sautereau.sim_backend.physics.exact.laws import set_laws
+from sautereau.sim_backend.physics.exact.parameters import Numbers, arm_of, benches, joint_cubics
+from sautereau.sim_backend.physics.exact.play import play
+from sautereau.sim_backend.physics.finger import Reference, StandingFinger
+from sautereau.sim_backend.scene import Scene
+from sautereau.trajectory.motion import Floats
+
+FINGERS = ("push", "ideal", "servo")
+ORDER = 4
+"""Of the steps of a scene."""
+RATED, RATED_STEP, LEAST = 1e-9, 1e-3, 1e-16
+"""A step of length `RATED_STEP` [s] may have the relative error `RATED`; the limit scales with the
+order's power of the step, and is at least `LEAST`. A step with a larger error is divided."""
+SPARE_ROWS = 64
+"""Rows for changes of mode, in a call and in every sample; further ones are not kept."""
+SETTLED = 10
+"""Counts of following error below which an arm at rest has settled."""
+
+_ENDS = np.array([0.0, 1.0])
+_FAULTS = {
+    ix.TURNED_OVER: "the key has turned by 1.2 rad, the limit of the model; lower the push, or"
+    " enable the felt in the scene",
+    ix.LOST: "the simulation diverged or is too stiff; the scene's forces are out of its range:"
+    " lower masses, stiffness or damping",
+    ix.JUMPED: "the fingertip is suddenly within the key; use a continuous reference",
+    ix.AT_PIN: "the fingertip is so close to the balance pin that no angle of the key gives a"
+    " contact; keep the arm in front of it",
+}
+
+
+class ExactWorld:
+    """The physics of a scene with a spring string; see `physics.world.World`.
+
+    Args:
+        rig: The nominal bench.
+        scene: With its step.
+        start: rad, joints when power comes on; None for home and the scene's offset.
+        order: Of the steps, even, at most 8.
+        tolerance: Dimensionless, relative error of a step; None for one that suits the step.
+
+    Raises:
+        SceneError: This engine does not support the scene, or its plectrum has no pluck.
+    """
+
+    _compiled = False
+
+    def __init__(
+        self,
+        rig: Rig,
+        scene: Scene,
+        start: tuple[float, float] | None = None,
+        *,
+        order: int = ORDER,
+        tolerance: float | None = None,
+    ):
+        self.rig = rig = scene.true_rig(rig)
+        check_scene(scene)
+        home, offset = rig.arm.home_angles, scene.start_offset
+        self.start = start or (home[0] + offset[0], home[1] + offset[1])
+        """rad, joints when power came on."""
+        self.radians_per_count = rig.arm.radians_per_count
+        self.samples = 0
+        """Controller samples done."""
+        self.events = PluckEvents()
+        self._period = rig.controller.sample_period
+        self._timing = timing_of(rig, scene, order, tolerance)
+        numbers = Numbers(rig, scene, {})
+        keys, jacks = benches(numbers, 1)
+        cells, _ = set_laws(numbers, jacks, np.ones(1, bool))
+        self.press = ix.new_press(
+            records(keys)[0], records(jacks)[0], cells, arm_of(rig, scene, self.start),
+            FINGERS.index(scene.finger),
+        )  # fmt: skip
+        """Parameters and state."""
+        self._powered = False
+        if not ExactWorld._compiled:  # now, and not while a host waits for an answer
+            play(self.press, 0, np.zeros((0, 2, 4)), False, self._period, *self._timing)
+            ExactWorld._compiled = True
+        self.finger = ServoFinger(self.press) if scene.servo else StandingFinger(self.start)
+
+    @property
+    def time(self) -> float:
+        """Simulated time [s]; advanced by motion and acquisition only."""
+        return self.samples * self._period
+
+    def advance(self, reference: Reference, powered: bool) -> Motions:
+        """Advance by one controller sample.
+
+        Args:
+            reference: Of the arm over this sample, in raw encoder counts.
+            powered: Whether the motors are on; without power there is no push.
+
+        Raises:
+            SceneError: The motion diverges.
+        """
+        return self._play(*reference(_ENDS), powered)
+
+    def play(self, drive: Drive) -> Motions:
+        """Advance through a complete drive; see `advance`."""
+        return self._play(*drive.ends(), True)
+
+    def _play(self, counts: Floats, speeds: Floats, powered: bool) -> Motions:
+        """Advance through controller samples with a reference at their ends."""
+        press, kind = self.press, self.press.finger.kind
+        if isinstance(self.finger, ServoFinger) and powered != self._powered:
+            self.finger.switch(powered)
+        self._powered = powered
+        if kind == ix.PUSH:
+            cubics = np.zeros((len(counts) - 1, 2, 4))
+        else:
+            cubics = joint_cubics(self.start, counts, speeds, self.radians_per_count)
+        steps, order, tolerance = self._timing
+        room = len(cubics) * (steps + 2) + SPARE_ROWS
+        if len(press.rows) < room:
+            self.press = press = press._replace(rows=np.empty((room, 6)))
+        status = play(press, self.samples, cubics, powered, self._period, steps, order, tolerance)
+        self.samples += len(cubics)
+        rows = press.rows[: press.mode.rows]
+        if status == ix.FINE and not np.isfinite(rows).all():
+            status = ix.LOST
+        if status != ix.FINE:
+            reached = rows[-1, 0] if len(rows) else 0.0
+            raise SceneError(f"rig {self.rig.name}: after {reached:.6g} s {_FAULTS[status]}")
+        self._append_events()
+        if kind == ix.IDEAL:
+            first, second = (np.asarray(self.start) + counts[-1] * self.radians_per_count).tolist()
+            self.finger = StandingFinger((first, second))
+        return Motions(*rows.T.copy())
+
+    def _append_events(self) -> None:
+        events = self.events
+        lists = {
+            ix.CONTACT: events.contacts,
+            ix.RELEASE: events.releases,
+            ix.RETURN: events.returns,
+        }
+        for time, kind, choir, force, _ in self.press.events[: self.press.mode.events].tolist():
+            lists[int(kind)].append(StringEvent(time, int(choir), force))
+
+
+class ServoFinger:
+    """Two links, their motors under the position loops; see `physics.finger.Finger`."""
+
+    def __init__(self, press):
+        self._press, self._limit = press, float(press.arm.limit[0])
+        self._blocked: set[int] = set()
+        press.x[-2:] = press.arm.start
+
+    def joints(self) -> tuple[float, float]:
+        """Return the joint angles [rad]."""
+        return float(self._press.x[-2]), float(self._press.x[-1])
+
+    def torques(self) -> tuple[float, float]:
+        """Return the motors' torques [N m]."""
+        return float(self._press.arm.torque[0]), float(self._press.arm.torque[1])
+
+    @property
+    def settled(self) -> bool:
+        """Whether both loops are within `SETTLED` counts, or the motors are off."""
+        arm = self._press.arm
+        return bool(arm.locked[0]) or max(map(abs, arm.lag)) <= SETTLED * arm.radians
+
+    def drive(self, offsets: tuple[float, float], limits: tuple[float, float]) -> None:
+        """Add offsets [N m] to the loops' torques from now on, and limit the sum [N m]."""
+        self._press.arm.offset[:] = offsets
+        self._press.arm.limit[:] = np.minimum(limits, self._limit)
+
+    def block(self, joint: int) -> None:
+        """Block the motor of a joint, counted from 0, from now on."""
+        self._blocked.add(joint)
+        self._lock(joint)
+
+    def switch(self, powered: bool) -> None:
+        """Switch the motors on, or off with their brakes on."""
+        if powered:
+            engage(self._press)
+        for joint in self._blocked if powered else (0, 1):
+            self._lock(joint)
+            if not powered:
+                self._press.arm.torque[joint] = 0.0
+
+    def _lock(self, joint: int) -> None:
+        self._press.arm.locked[joint] = 1
+        self._press.v[joint - 2] = 0.0
+
+
+def check_scene(scene: Scene) -> None:
+    """Refuse a scene that the exact engine does not support.
+
+    Raises:
+        SceneError: The scene has a modal string, or an open choice.
+    """
+    faults = []
+    if scene.string == "modal":
+        faults.append(
+            'engine: "exact" does not support string = "modal"; set engine = "rigid", or'
+            ' string = "spring"'
+        )
+    if scene.step is None or "auto" in (scene.plectrum, scene.string):
+        faults.append(
+            "step, plectrum, string: the scene leaves them open; choose them with"
+            " `sautereau.sim_backend.trade.select.select_solver`, or give a step, a level and a"
+            " string"
+        )
+    if faults:
+        raise SceneError("\n".join(faults))
+
+
+def timing_of(
+    rig: Rig, scene: Scene, order: int = ORDER, tolerance: float | None = None
+) -> tuple[int, int, float]:
+    """Return the number of steps in a controller sample, their order and their tolerance."""
+    period = rig.controller.sample_period
+    steps = math.ceil(period / (scene.step or math.inf) - 1e-9)
+    rated = max(RATED * (period / steps / RATED_STEP) ** order, LEAST)
+    return steps, order, rated if tolerance is None else tolerance

@@ -1,0 +1,228 @@
+"""One scalar inclusion for the key decides impacts, modes and nonsmooth steps; compiled.
+
+The unknown x is the key's velocity after an impact or a nonsmooth step of length h, or its
+acceleration. A jack k in contact with the key pushes back with
+
+    P_k(x) = max(0, m s^2 x / s + p_k + f_k Sgn x),    Phi(x) = I x - q + t Sgn x + sum s_k P_k(x),
+
+where s is the slope of the key under it: m (s x - v) is its change of momentum, zero as long as it
+is faster than the key. Phi rises, piecewise linearly, with a jump at 0 by dry friction. Without a
+finger 0 is in Phi(x); a finger that would move the key by x_f pushes with F = Phi(x) >= 0, which
+takes c F from it: x = x_f - c F, with c = 0 if it is ideal. The rail holds x >= 0.
+"""
+
+import math
+
+from sautereau.sim_backend.physics.exact import structures as ix
+from sautereau.sim_backend.physics.exact.compile import compiled
+from sautereau.sim_backend.physics.exact.fingertip import heading, locate_tip
+from sautereau.sim_backend.physics.exact.forces import (
+    accelerate,
+    felt_push,
+    key_moment,
+    static_load,
+    surface,
+)
+from sautereau.sim_backend.physics.exact.strings import string_range
+
+CLOSE = 1e-13
+"""rad and m, gap below which surfaces are in contact."""
+SLOW = 1e-11
+"""rad/s and m/s, speed below which it counts as zero."""
+DEEP = 1e-6
+"""rad, largest overlap of fingertip and key."""
+
+
+@compiled
+def pose(press, kept, h):
+    """Set the jacks' terms of the inclusion; return q, t and I of the key.
+
+    Args:
+        press: Its modes of felt, strings and dampers are set.
+        kept: 1 if x is a velocity, 0 if it is an acceleration.
+        h: s, for which forces act: 0 for an impact, 1 for an acceleration.
+    """
+    key, x, v = press.key, press.x, press.v
+    angle, omega = x[0], v[0]
+    for k in range(len(press.jacks)):
+        jack, choir, speed = press.jacks[k], press.choirs[k], v[k + 1]
+        rise, slope, curvature = surface(jack.arm, key.height, angle)
+        gap, apart = x[k + 1] - rise, speed - slope * omega
+        choir.slope, choir.dry = slope, h * jack.friction
+        choir.push = h * static_load(press, k, x[k + 1]) - kept * jack.mass * speed
+        choir.closed = gap + (h * apart if kept else 0.0) <= CLOSE
+        if not kept:
+            choir.closed = choir.closed and abs(apart) <= SLOW
+            choir.push += jack.mass * curvature * omega * omega
+            if speed != 0.0:
+                choir.push, choir.dry = choir.push + math.copysign(jack.friction, speed), 0.0
+    moment, dry = kept * key.inertia * omega + h * key_moment(press, angle, omega), h * key.dry
+    if not kept and omega != 0.0:
+        moment, dry = moment - math.copysign(key.dry, omega), 0.0
+    return moment, dry
+
+
+@compiled
+def jack_push(press, k, x, side):
+    """Return P_k(x); the side is the sign of x, or that of a limit at 0."""
+    jack, choir = press.jacks[k], press.choirs[k]
+    if not choir.closed:
+        return 0.0
+    return max(0.0, jack.mass * choir.slope * x + choir.push + side * choir.dry)
+
+
+@compiled
+def unbalanced(press, q, t, x, side):
+    """Return Phi(x)."""
+    total = press.key.inertia * x - q + side * t
+    for k in range(len(press.jacks)):
+        total += press.choirs[k].slope * jack_push(press, k, x, side)
+    return total
+
+
+@compiled
+def sign(x):
+    """Return the sign of a number, 0 for 0."""
+    return 1 if x > 0.0 else -1 if x < 0.0 else 0
+
+
+@compiled
+def root(press, q, t, by, pull, target):
+    """Return x with 0 in by Phi(x) + pull (x - target): between the ends of its linear pieces."""
+    below = by * unbalanced(press, q, t, 0.0, -1) - pull * target
+    above = by * unbalanced(press, q, t, 0.0, 1) - pull * target
+    if below <= 0.0 <= above:
+        return 0.0
+    side = 1 if above < 0.0 else -1
+    low, high = (0.0, math.inf) if side > 0 else (-math.inf, 0.0)
+    for k in range(len(press.jacks)):
+        choir = press.choirs[k]
+        if not choir.closed:
+            continue
+        end = -(choir.push + side * choir.dry) / (press.jacks[k].mass * choir.slope)
+        if low < end < high:
+            if by * unbalanced(press, q, t, end, side) + pull * (end - target) <= 0.0:
+                low = end
+            else:
+                high = end
+    # Within a linear piece, two values give the root.
+    near = low if low > -math.inf else high
+    far = high if near == low else low
+    if math.isinf(far):
+        far = near + side * (1.0 + abs(near))
+    first = by * unbalanced(press, q, t, near, side) + pull * (near - target)
+    last = by * unbalanced(press, q, t, far, side) + pull * (far - target)
+    found = near - first * (far - near) / (last - first) if last != first else near
+    return min(max(found, low), high)
+
+
+@compiled
+def solve(press, q, t, target, near, direction, rail):
+    """Solve the inclusion; set the unknown, and whether the finger touches the key.
+
+    Args:
+        press: Its jacks' terms are set.
+        q: Of Phi.
+        t: Of Phi.
+        target: x_f, of the finger.
+        near: Whether the finger is in contact.
+        direction: Of an ideal finger that is about to move the key from rest, else 0.
+        rail: Whether the key is on its rail.
+    """
+    mode, c = press.mode, press.finger.compliance
+    x = root(press, q, t, 1.0, 0.0, 0.0)
+    if near and x < target:
+        x = root(press, q, t, c, 1.0, target) if c > 0.0 else target
+    if rail:
+        x = max(x, 0.0)
+    mode.x = x
+    mode.touch = near and (x < target or (x == target and direction >= 0))
+
+
+@compiled
+def resolve(press, time, h):
+    """Apply plastic impacts, of the impulses that no surface forbids; return a status.
+
+    With h > 0 this is a nonsmooth step (Moreau): the forces act for that time, and the
+    contacts that close within it are part of the impact. It is of first order.
+    """
+    key, finger, mode, x, v = press.key, press.finger, press.mode, press.x, press.v
+    locate_tip(press, time)
+    if not math.isfinite(x[0] + v[0]):
+        return ix.LOST
+    if math.isnan(finger.angle):
+        return ix.AT_PIN
+    if max(0.0, finger.angle) - x[0] > DEEP:
+        return ix.JUMPED
+    x[0] = max(x[0], finger.angle, 0.0)
+    for k in range(len(press.jacks)):
+        rise, _, _ = surface(press.jacks[k].arm, key.height, x[0])
+        x[k + 1] = max(x[k + 1], rise)
+    set_forces(press)
+    q, t = pose(press, 1, h)
+    near, target = False, 0.0
+    if finger.kind != ix.PUSH:
+        target = finger.speed + h * finger.acceleration
+        near = x[0] - finger.angle + h * (v[0] - finger.speed) <= CLOSE
+    solve(press, q, t, target, near, 0, x[0] + h * v[0] <= CLOSE)
+    omega, side = mode.x, sign(mode.x)
+    for k in range(len(press.jacks)):
+        jack, choir, at = press.jacks[k], press.choirs[k], k + 1
+        if jack_push(press, k, omega, side) > 0.0:
+            v[at] = choir.slope * omega
+        elif h > 0.0:
+            free = v[at] - h * static_load(press, k, x[at]) / jack.mass
+            slow = choir.dry / jack.mass
+            v[at] = free - min(max(free, -slow), slow)
+    for j in range(len(x) - 1 - len(press.jacks)):
+        taken = (target - omega) / finger.compliance if mode.touch and finger.compliance else 0.0
+        v[len(x) - 2 + j] += h * finger.free[j] - finger.by[j] * taken
+    v[0] = omega
+    for i in range(len(x)):
+        x[i] += h * v[i]
+    return ix.FINE
+
+
+@compiled
+def set_forces(press):
+    """Set the modes of felt and dampers, and the rises between which no string changes."""
+    key, mode = press.key, press.mode
+    mode.felt = ix.OFF
+    if press.x[0] > key.dip:
+        mode.felt = ix.PRESSED if felt_push(key, press.x[0], press.v[0]) >= 0.0 else ix.SLACK
+    for k in range(len(press.jacks)):
+        jack, choir = press.jacks[k], press.choirs[k]
+        choir.low, choir.high = string_range(jack, choir)
+        choir.damped = press.x[k + 1] < jack.lift
+        if choir.damped:
+            choir.high = min(choir.high, jack.lift)
+        else:
+            choir.low = max(choir.low, jack.lift)
+
+
+@compiled
+def select(press, time):
+    """Select the mode that follows after all impacts, by the accelerations."""
+    finger, mode, x, v = press.finger, press.mode, press.x, press.v
+    set_forces(press)
+    for i in range(1 + len(press.jacks)):
+        if abs(v[i]) <= SLOW:
+            v[i] = 0.0
+    direction = heading(press, time) if finger.kind != ix.PUSH and v[0] == 0.0 else 0
+    locate_tip(press, time)
+    q, t = pose(press, 0, 1.0)
+    near = x[0] - finger.angle <= CLOSE and abs(v[0] - finger.speed) <= SLOW
+    solve(press, q, t, finger.acceleration, near, direction, x[0] <= CLOSE and v[0] == 0.0)
+    mode.slip = sign(v[0]) if v[0] != 0.0 else sign(mode.x)
+    if v[0] == 0.0 and mode.touch and direction != 0:
+        mode.slip = direction
+    side = mode.slip if mode.slip != 0 else 1
+    for k in range(len(press.jacks)):
+        jack, choir = press.jacks[k], press.choirs[k]
+        push = jack.mass * choir.slope * mode.x + choir.push + side * choir.dry
+        choir.stands = choir.closed and push >= 0.0
+        load = static_load(press, k, x[k + 1])
+        choir.sign = sign(v[k + 1])
+        if choir.sign == 0 and abs(load) > jack.friction:
+            choir.sign = -sign(load)
+    accelerate(press, time)

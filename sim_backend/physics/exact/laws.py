@@ -1,0 +1,258 @@
+"""Force laws S(h) of plucks: piecewise cubics, smooth in pieces; many are solved together."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline, PchipInterpolator
+
+from sautereau.analysis.errors import ModelError
+from sautereau.analysis.model.choirs import choir_pluck, choirs
+from sautereau.analysis.model.pluck.equilibria import Equilibria
+from sautereau.analysis.model.pluck.loaded import UniformPlectra
+from sautereau.analysis.model.pluck.paths import Status, solve_paths
+from sautereau.analysis.model.pluck.pluck import OVERLAP_MAX, STIFFNESS_RANGE
+from sautereau.rig.instrument import Choir, Plectrum, String
+from sautereau.sim_backend.errors import SceneError
+from sautereau.sim_backend.physics.exact.parameters import Numbers
+from sautereau.sim_backend.physics.exact.structures import JACK, PIECES
+from sautereau.trajectory.motion import Floats
+
+POINTS = 97
+"""Points per piece where many plucks are solved together."""
+CHUNK = 192
+"""Plucks that are solved together; limited by the processor's cache."""
+PLECTRUM = tuple(
+    f"plectrum.{n}"
+    for n in ("friction", "overlap", "length", "thickness", "width", "youngs_modulus")
+)
+STRING = tuple(f"string.{n}" for n in ("tension", "length", "plucking_point", "diameter"))
+DERIVED = ("plectrum.bending_stiffness", "string.static_stiffness")
+"""Values of a pluck by dotted key; with the elastica the derived ones may be given too."""
+
+
+@dataclass(frozen=True)
+class Laws:
+    """Force laws of strings."""
+
+    cells: Floats
+    """Start of each cell [m], and the cubic of the force [N] from there; shape (cells, 5)."""
+    jacks: NDArray[Any]
+    """`JACK`s of which `pieces`, `first` and `border` are set; shape (laws,)."""
+
+
+def choir_law(choir: Choir, level: str) -> Laws:
+    """Return the law of a choir's pluck, with the same cubics as its `force_on_jack`.
+
+    Raises:
+        ModelError: The choir has no pluck.
+    """
+    return _law(choir.plectrum, choir.string, level)  # pyright: ignore[reportArgumentType]
+
+
+def set_laws(
+    numbers: Numbers, jacks: NDArray[Any], played: NDArray[np.bool_]
+) -> tuple[Floats, NDArray[np.bool_]]:
+    """Set the force laws of all strings; return their cells, and the presses that have a pluck.
+
+    Args:
+        numbers: Values of the keys.
+        jacks: Of the presses, shape (presses, choirs).
+        played: Presses with values within their limits; shape (presses,).
+
+    Raises:
+        SceneError: A plectrum and string that do not vary have no pluck.
+    """
+    plucks, level = np.ones(len(jacks), bool), numbers.scene.plectrum
+    cells = [np.zeros((1, 5))]  # of no law
+    for k, (at, choir) in enumerate(zip(numbers.prefixes, choirs(numbers.rig), strict=True)):
+        if level == "none":
+            continue
+        if not any(f"{at}{name}" in numbers.given for name in (*PLECTRUM, *STRING, *DERIVED)):
+            try:
+                laws, which = [choir_law(choir, level)], 0
+            except ModelError as error:
+                raise SceneError(f"rig {numbers.rig.name}: {at}{error}") from error
+        else:
+            values = [numbers(f"{at}{name}") for name in (*PLECTRUM, *STRING)]
+            if level == "elastica":
+                given = [numbers.given.get(f"{at}{name}") for name in DERIVED]
+                different, which = _different(_of_elastica(choir, values, given), played)
+                laws, good = _elastica(different)
+            else:
+                different, which = _different(values, played)
+                laws, good = _one_by_one(choir, level, different)
+            plucks &= good[which]
+        first = []
+        for law in laws:
+            first.append(law.jacks["first"] + sum(map(len, cells)))
+            cells.append(law.cells)
+        jacks["first"][:, k] = np.concatenate(first)[which]
+        for name in ("pieces", "border"):
+            jacks[name][:, k] = np.concatenate([law.jacks[name] for law in laws])[which]
+    return np.concatenate(cells), plucks
+
+
+def _of_elastica(
+    choir: Choir, values: Sequence[Floats], given: Sequence[Floats | None]
+) -> tuple[Floats, ...]:
+    """Return friction, overlap, length, bending stiffness, static stiffness, and string's offset.
+
+    Args:
+        choir: Whose plectrum says where the string lies on it.
+        values: Of `PLECTRUM` and `STRING`.
+        given: `DERIVED`, None where they follow from the values.
+    """
+    friction, overlap, length, thick, wide, modulus, tension, span, place, diameter = values
+    bending, stiffness = given
+    with np.errstate(all="ignore"):  # of presses that are not simulated
+        if bending is None:
+            bending = modulus * wide * thick**3 / 12
+        if stiffness is None:
+            stiffness = tension / (place * (1 - place / span))
+    surface = choir.plectrum.contact == "surface"
+    return friction, overlap, length, bending, stiffness, (thick + diameter) / 2 * surface
+
+
+def _elastica(columns: Floats) -> tuple[list[Laws], NDArray[np.bool_]]:
+    """Return laws of the elastica, and which of them are valid."""
+    friction, overlap, length, bending, stiffness, offset = columns
+    low, high = STIFFNESS_RANGE
+    good = (stiffness >= low) & (stiffness <= high) & (overlap <= OVERLAP_MAX * length)
+    stiffness, overlap = np.where(good, (stiffness, overlap), ([[1.0], [0.1]] * length))
+    laws, ends = [], np.flatnonzero(np.diff(friction)) + 1
+    for start, end in zip([0, *ends], [*ends, len(friction)], strict=True):
+        for first in range(start, end, CHUNK):
+            part = slice(first, min(first + CHUNK, end))
+            parts = [a[part] for a in (stiffness, overlap, bending, length, offset)]
+            solved, sure = elastica_laws(*parts, friction=float(friction[start]))
+            good[part] &= sure
+            laws.append(solved)
+    return laws, good
+
+
+def _one_by_one(choir: Choir, level: str, columns: Floats) -> tuple[list[Laws], NDArray[np.bool_]]:
+    """Return laws of any level, and which of them are valid."""
+    good, laws = np.ones(columns.shape[1], bool), []
+    for row, values in enumerate(columns.T.tolist()):
+        changed: dict[str, dict[str, float]] = {"plectrum": {}, "string": {}}
+        for key, value in zip((*PLECTRUM, *STRING), values, strict=True):
+            part, name = key.split(".")
+            changed[part][name] = value
+        parts = {p: getattr(choir, p).model_copy(update=new) for p, new in changed.items()}
+        try:
+            laws.append(choir_law(choir.model_copy(update=parts), level))
+        except ModelError:
+            good[row] = False
+            laws.append(Laws(np.zeros((1, 5)), np.zeros(1, JACK)))
+    return laws, good
+
+
+def _different(
+    values: Sequence[Floats], played: NDArray[np.bool_]
+) -> tuple[Floats, NDArray[np.int64]]:
+    """Return the distinct columns among the valid presses, and the column of each press.
+
+    Columns are in order of their first row. An invalid press has the first one.
+    """
+    table = np.stack([np.broadcast_to(value, played.shape) for value in values])
+    different, inverse = np.unique(table[:, played], axis=1, return_inverse=True)
+    which = np.zeros(len(played), np.int64)
+    which[played] = inverse
+    return different, which
+
+
+@lru_cache(maxsize=256)
+def _law(plectrum: Plectrum, string: String, level: str) -> Laws:
+    pluck = choir_pluck(Choir.model_construct(plectrum=plectrum, string=string), level)
+    knots, jack = pluck.height, np.zeros(1, JACK)
+    places = np.array([1, 3, 5, 7]) / 8
+    steps = np.diff(knots)[:, None]
+    values = pluck.force_on_jack(knots[:-1, None] + steps * places)
+    cubics = np.linalg.solve(np.vander(places, 4, increasing=True), values.T).T
+    cells = np.column_stack([knots[:-1], cubics / steps ** np.arange(4)])
+    first = [*pluck.stretches, *[len(knots) - 1] * (PIECES + 1 - len(pluck.stretches))]
+    jack["pieces"], jack["first"], jack["border"] = len(pluck.stretches), first, knots[first]
+    return Laws(cells, jack)
+
+
+def elastica_laws(
+    stiffness: Floats,
+    overlap: Floats,
+    bending: Floats,
+    length: Floats,
+    offset: Floats,
+    friction: float,
+) -> tuple[Laws, NDArray[np.bool_]]:
+    """Solve many plucks of the elastica at once.
+
+    Args:
+        stiffness: N/m, of the strings; shape (laws,), as the next four.
+        overlap: m.
+        bending: N m^2, of the plectra.
+        length: m, of the plectra.
+        offset: m, of the strings' centres from the mid-lines.
+        friction: Dimensionless, common to all.
+
+    Returns:
+        The laws, and which of them are valid; the others must not be used.
+    """
+    plectra = UniformPlectra(friction, length, bending, offset)
+    with np.errstate(all="ignore"):
+        paths = solve_paths(Equilibria(plectra, stiffness, overlap), POINTS)
+        status = paths.status
+        for curve in paths.curves:  # rounding apart, a pluck begins at 0
+            start, end = curve.height[:, 0], curve.height[:, -1]
+            start[np.abs(start) <= 1e-12 * np.abs(end)] = 0.0
+        folded = status == Status.RELEASED_AT_FOLD
+        cells = np.stack([_cells(c.height, c.lift, folded) for c in paths.curves], axis=1)
+        cells[..., 1:] *= stiffness[:, None, None, None]
+    ends = np.array([curve.height[:, [0, -1]] for curve in paths.curves])
+    jacks = _pieces(ends)
+    good = (status <= Status.RELEASED_AT_FOLD) & (jacks["pieces"] > 0)
+    for part, (start, end) in zip(np.moveaxis(cells, 1, 0), np.moveaxis(ends, 2, 1), strict=True):
+        good &= np.isfinite(part).all(axis=(1, 2)) | ~_lasts(start, end)
+    return Laws(cells.reshape(-1, 5), jacks), good
+
+
+def _cells(height: Floats, force: Floats, folded: NDArray[np.bool_]) -> Floats:
+    """Return starts [m] of cells and cubics of the force over K; shape (laws, cells, 5)."""
+    share = np.arange(POINTS)
+    step = np.diff(height, axis=1)
+    # Both are smooth functions of the load, in which the points are equidistant.
+    with np.errstate(all="ignore"):
+        by_share = [CubicSpline(share, np.nan_to_num(a), axis=1)(share, 1) for a in (force, height)]
+        slope = by_share[0] / by_share[1]
+    for row in np.flatnonzero(folded & (step > 0).all(axis=1)):
+        # At a fold the slope of the force is unbounded, and a smooth spline would oscillate.
+        slope[row] = PchipInterpolator(height[row], force[row])(height[row], 1)
+    rise = np.diff(force, axis=1) / step
+    left, right = slope[:, :-1], slope[:, 1:]
+    second, third = (3 * rise - 2 * left - right) / step, (left + right - 2 * rise) / step**2
+    return np.stack([height[:, :-1], force[:, :-1], left, second, third], axis=-1)
+
+
+def _lasts(start: Floats, end: Floats) -> NDArray[np.bool_]:
+    """Return whether pieces have a length: a string may never stick, or never slide."""
+    return end - start > 1e-12 * np.abs(end)
+
+
+def _pieces(ends: Floats) -> NDArray[Any]:
+    """Return the `JACK`s of laws whose pieces extend between given heights.
+
+    Args:
+        ends: m; shape (pieces, laws, 2).
+    """
+    n, cells = ends.shape[1], POINTS - 1
+    jacks = np.zeros(n, JACK)
+    for j, (start, end) in enumerate(np.moveaxis(ends, 2, 1)):
+        rows = np.flatnonzero(_lasts(start, end))
+        at = jacks["pieces"][rows]
+        jacks["pieces"][rows] += 1
+        for k, height in ((0, start), (1, end)):
+            jacks["first"][rows, at + k] = (rows * len(ends) + j + k) * cells
+            jacks["border"][rows, at + k] = height[rows]
+    return jacks

@@ -1,0 +1,143 @@
+"""Parameters of presses, from a rig and values that vary between them."""
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sautereau.rig.schema import Rig
+from sautereau.rig.section import GRAVITY
+from sautereau.sim_backend.physics.exact.structures import ARM, JACK, KEY
+from sautereau.sim_backend.scene import Scene
+from sautereau.trajectory.dynamics import armature
+from sautereau.trajectory.motion import Floats
+
+_LIMITS = {"gt": np.greater, "ge": np.greater_equal, "lt": np.less, "le": np.less_equal}
+
+
+class Numbers:
+    """Values of a rig and of a scene's push by dotted key, SI; some may vary between presses.
+
+    Args:
+        rig: The true bench.
+        scene: With its push, if it has one.
+        given: Values that replace the rig's, each a number or of shape (presses,).
+    """
+
+    def __init__(self, rig: Rig, scene: Scene, given: Mapping[str, Floats]):
+        self.rig, self.scene, self.given = rig, scene, given
+        self.prefixes = ["", *(f"more_choirs.{k}." for k in range(len(rig.more_choirs)))]
+        """Of each choir's dotted keys."""
+        self.used: dict[str, tuple[Any, str]] = {}
+        """Model and name of every value asked for so far."""
+
+    def __call__(self, key: str) -> Any:
+        """Return the value of a dotted key, a number or of shape (presses,)."""
+        node: Any = self.scene if key.startswith("push.") else self.rig
+        *path, name = key.split(".")
+        for part in path:
+            node = node[int(part)] if part.isdecimal() else getattr(node, part)
+        self.used[key] = type(node), name
+        return self.given[key] if key in self.given else getattr(node, name)
+
+    def within_limits(self, presses: int) -> NDArray[np.bool_]:
+        """Return the presses with all given values within their limits; shape (presses,)."""
+        good = np.ones(presses, bool)
+        for key, value in self.given.items():
+            model, name = self.used[key]
+            field = model.model_fields.get(name)
+            good &= np.isfinite(value) & (field is not None or value > 0)  # or a derived quantity
+            for limit in field.metadata if field else ():
+                for bound, holds in _LIMITS.items():
+                    if hasattr(limit, bound):
+                        good &= holds(value, getattr(limit, bound))
+        for at in self.prefixes:
+            good &= self(f"{at}string.plucking_point") < self(f"{at}string.length")
+            good &= self(f"{at}plectrum.overlap") < self(f"{at}plectrum.length")
+        back = self("jack.mass") * GRAVITY * self("key.jack_arm")
+        return good & (self("key.gravity_moment") < back)
+
+
+def benches(numbers: Numbers, presses: int) -> tuple[NDArray[Any], NDArray[Any]]:
+    """Return the parameters of presses without their force laws.
+
+    Returns:
+        `KEY`s, shape (presses,), and `JACK`s, shape (presses, choirs).
+    """
+    scene, arm = numbers.scene, numbers("key.press_arm")
+    keys, jacks = np.zeros(presses, KEY), np.zeros((presses, len(numbers.prefixes)), JACK)
+    keys["inertia"], keys["gravity_moment"] = numbers("key.inertia"), numbers("key.gravity_moment")
+    keys["height"], keys["press_arm"] = numbers("key.jack_surface_height"), arm
+    if scene.friction:
+        keys["viscous"] = numbers("key.pivot_viscous_friction")
+        keys["dry"] = numbers("key.pivot_coulomb_friction")
+    keys["dip"] = numbers("key.dip") / arm if scene.felt else math.inf
+    if scene.felt:
+        keys["felt_stiffness"] = numbers("key.felt_stiffness") * arm * arm
+        keys["felt_damping"] = numbers("key.felt_damping") * arm * arm
+    if scene.push:
+        keys["force"], keys["push_end"] = numbers("push.force"), numbers("push.duration")
+    for k, at in enumerate(numbers.prefixes):
+        _set_jack(numbers, at, jacks[:, k])
+    return keys, jacks
+
+
+def _set_jack(numbers: Numbers, at: str, jack: NDArray[Any]) -> None:
+    scene = numbers.scene
+    jack["mass"] = numbers(f"{at}jack.mass")
+    jack["arm"] = numbers(f"{at or 'key.'}jack_arm")
+    mute = scene.plectrum == "none"
+    jack["clearance"] = math.inf if mute else numbers(f"{at}jack.string_clearance")
+    if scene.friction:
+        jack["friction"] = numbers(f"{at}jack.register_friction")
+    if scene.tongue:
+        overlap = numbers(f"{at}plectrum.overlap")
+        lever = numbers(f"{at}plectrum.length") - overlap
+        jack["tongue_force"] = numbers(f"{at}jack.tongue.bristle_moment") / lever
+        jack["tongue_stiffness"] = numbers(f"{at}jack.tongue.bristle_stiffness") / lever**2
+        jack["travel"] = lever * overlap / numbers(f"{at}jack.tongue.pivot")
+    jack["lift"] = numbers(f"{at}jack.damper.lift") if scene.damper else -math.inf
+    if scene.damper:
+        jack["damper"] = numbers(f"{at}jack.damper.stiffness")
+
+
+def arm_of(rig: Rig, scene: Scene, start: tuple[float, float]) -> NDArray[Any]:
+    """Return one `ARM` with its brakes on, all zero for a push.
+
+    The equations are those of `sautereau.trajectory.dynamics`.
+    """
+    arm, found = rig.arm, np.zeros(1, ARM)
+    if scene.push:
+        return found
+    first, second = armature(arm)
+    l1, l2, mass1, mass2 = arm.upper_length, arm.lower_length, arm.upper_mass, arm.lower_mass
+    values: dict[str, Any] = {
+        "base_x": arm.base_x, "base_z": arm.base_z, "upper": l1, "lower": l2,
+        "height": rig.key.surface_height + arm.fingertip_radius,
+        "inertia1": (mass1 / 3 + mass2) * l1**2 + first, "inertia2": mass2 * l2**2 / 3,
+        "rotor2": second, "coupling": mass2 * l1 * l2 / 2,
+        "weight1": GRAVITY * (mass1 / 2 + mass2) * l1, "weight2": GRAVITY * mass2 * l2 / 2,
+        "radians": arm.radians_per_count, "start": start, "limit": arm.torque_limit, "locked": 1,
+    }  # fmt: skip
+    if scene.servo:
+        names = ("stiffness", "damping", "feedforward", "integral_time")
+        values |= {name: getattr(scene.servo, name) for name in names}
+    for name, value in values.items():
+        found[name] = value
+    return found
+
+
+def joint_cubics(start: Sequence[float], counts: Floats, speeds: Floats, radians: float) -> Floats:
+    """Return the joints' cubics [rad] over controller samples; shape (samples, 2 joints, 4).
+
+    Args:
+        start: rad, joints where the counts are 0.
+        counts: At the ends of the samples; shape (samples + 1, 2).
+        speeds: Counts per sample, of the same shape.
+        radians: rad per count.
+    """
+    places, v = counts * radians, speeds * radians
+    step, v0, v1 = np.diff(places, axis=0), v[:-1], v[1:]
+    return np.stack([start + places[:-1], v0, 3 * step - 2 * v0 - v1, v0 + v1 - 2 * step], axis=-1)

@@ -1,1 +1,0 @@
-"""The reduced engine: one equation of the key, for a push or an ideal finger; compiled."""

@@ -1,0 +1,157 @@
+"""One analysis of a session: what is pooled, what agrees, and the difference of two sets."""
+
+import shutil
+from dataclasses import replace
+from itertools import islice
+
+import numpy as np
+import pytest
+from scipy.stats import ttest_ind
+
+import sautereau as st
+from sautereau.analysis.campaign.run import run_campaign
+from sautereau.analysis.errors import AnalysisError
+from sautereau.analysis.report.contents import gather
+from sautereau.analysis.session.analysed import analyse_file
+from sautereau.analysis.session.conditions import analyse
+from sautereau.analysis.session.difference import difference, side_by_side
+from sautereau.analysis.session.pooled import pooled_features
+from sautereau.analysis.summary.session import analysis_summary, pair_lines
+from sautereau.rig.load import with_values
+from sautereau.sim_backend.scene import load_scene
+
+
+@pytest.fixture(scope="module")
+def four(write_session, tmp_path_factory):
+    """Four analysed presses of one condition, and their recordings."""
+    folder = tmp_path_factory.mktemp("four")
+    paths = write_session(folder, 4, session="one", started="2026-03-01T22:00:00+00:00")
+    return folder, [analyse_file(path) for path in paths]
+
+
+def varied(presses, **changes):
+    """Return presses with another session, scene or date."""
+    return [replace(press, session=replace(press.session, **changes)) for press in presses]
+
+
+def on_rig(presses, rig):
+    return [replace(one, press=replace(one.press, rig=rig)) for one in presses]
+
+
+def test_report_comparison_and_table_have_the_same_digits(four, tmp_path):
+    """All of them show what one function returns."""
+    folder, presses = four
+    found = analysis_summary(analyse(presses))
+    session = st.open(folder)
+    assert session.compare().document == found
+    contents = gather([press.path for press in session], "elastica")
+    assert analysis_summary(contents.analysis) == found
+    frame = session.features
+    mean = found["conditions"][0]["features"]["release_force"]["measured"]
+    assert frame["release_force"].mean() == pytest.approx(mean, rel=1e-15)
+    campaign = run_campaign(folder, tmp_path / "table.parquet").campaign
+    assert list(campaign.data["release_force"]) == list(frame["release_force"])
+    assert session.compare().features.loc[(1, "release_force"), "mean"] == mean
+    assert found["repeatability"]["presses"] == 4
+
+
+def test_only_presses_of_one_rig_one_scene_and_one_day_are_pooled(four):
+    _, presses = four
+    rig = presses[0].press.rig
+    other = with_values(rig, {"plectrum.thickness": "0.5 mm"})
+    moved = with_values(rig, {"daq.address": "host:1"})
+    scene = load_scene("ideal").model_dump_json()
+    mixed = [
+        *on_rig(presses[:1], moved),
+        *on_rig(presses[:1], other),
+        *varied(presses[:1], scene=scene, session="two"),
+        *varied(presses[:1], started="2026-03-02T08:00:00+00:00", session="three"),
+        *varied(presses[:1], started="2026-03-02T00:10:00+00:00"),  # after midnight
+        *varied(presses[:1], started="2026-03-01T08:00:00+00:00", session="four"),
+    ]
+    found = analyse(mixed)
+    assert [len(condition.presses) for condition in found.conditions] == [3, 1, 1, 1]
+    first, *others = (set(condition.changed) for condition in found.conditions)
+    assert first == set()
+    assert others[0] == {"plectrum.thickness"}
+    assert {"scene.finger", "scene.string"} <= others[1]
+    assert others[2] == {"day"}
+    assert found.conditions[0].warnings == ("presses of 2 sessions of one day are pooled",)
+
+
+def test_drift_and_spread_of_a_known_series():
+    random = np.random.default_rng(1)
+    values = 0.7 + 0.01 * np.arange(8) + 1e-4 * random.standard_normal(8)
+    (feature,) = pooled_features([{"plucks": 1, "release_force": v} for v in values.tolist()])
+    assert feature.std == pytest.approx(values.std(ddof=1))
+    assert feature.drift.significant
+    assert feature.drift.low < 0.01 < feature.drift.high
+    assert feature.predicted is None
+
+
+def test_a_difference_has_welchs_interval():
+    random = np.random.default_rng(2)
+    a, b = random.normal(1.0, 0.1, 5), random.normal(0.8, 0.3, 9)
+    first, second = (
+        pooled_features([{"release_force": v} for v in values.tolist()])[0] for values in (a, b)
+    )
+    found = difference(first, second)
+    expected = ttest_ind(a, b, equal_var=False).confidence_interval(0.95)
+    assert (found.low, found.high) == pytest.approx((expected.low, expected.high))
+    assert found.value == pytest.approx(a.mean() - b.mean())
+    alone = pooled_features([{"release_force": 1.0}])[0]
+    assert (difference(first, alone).low, difference(first, alone).significant) == (None, False)
+    same = pooled_features([{"release_force": 1.0}] * 3)[0]
+    assert (difference(same, same).low, difference(same, same).high) == (0, 0)
+
+
+def test_conditions_of_two_sets_are_paired_by_what_varies(four):
+    _, presses = four
+    rig = presses[0].press.rig
+    fast = with_values(rig, {"press.jack_speed": "0.08 m/s"})
+    thick = {"plectrum.thickness": "0.5 mm"}
+    first = analyse([*presses[:2], *on_rig(presses[:2], fast)])
+    second = analyse(
+        [*on_rig(presses, with_values(fast, thick)), *on_rig(presses[:2], with_values(rig, thick))]
+    )
+    pairs = side_by_side(first, second)
+    assert [pair.first.rig.press.jack_speed for pair in pairs] == [0.072, 0.08]
+    assert [set(pair.changed) for pair in pairs] == [{"plectrum.thickness"}] * 2
+    other = analyse(on_rig(presses, with_values(rig, {"press.jack_speed": "0.06 m/s"})))
+    with pytest.raises(AnalysisError, match=r"not pooled[\s\S]*jack_speed = 0\.08 m/s"):
+        side_by_side(first, other)
+    days = analyse([*presses, *varied(presses, session="b", started="2026-03-05")])
+    with pytest.raises(AnalysisError, match="2026-03-01 and 2026-03-05 are not pooled"):
+        side_by_side(days, first)
+    (pair,) = side_by_side(analyse(presses), analyse(on_rig(presses, with_values(rig, thick))))
+    assert set(pair.changed) == {"plectrum.thickness"}
+    assert all(one.value == 0 for one in pair.differences)
+    assert "plectrum.thickness: 0.00048 m and 0.0005 m" in pair_lines(pair)[0]
+
+
+def test_sessions_open_from_folders_patterns_lists_and_tables(four, tmp_path):
+    folder, _ = four
+    run_campaign(folder, tmp_path / "table.parquet")
+    for what in (folder, f"{folder}/*.mcap", sorted(folder.glob("*.mcap")), [folder]):
+        assert [press.path.name for press in st.open(what)][:1] == ["press-0001.mcap"]
+        assert len(st.open(what)) == 4
+    assert len(st.open(tmp_path / "table.parquet", folder=folder)) == 4
+    for what in (tmp_path, "none-*.mcap", tmp_path / "table.parquet"):
+        with pytest.raises(AnalysisError, match="give recordings"):
+            st.open(what)
+    assert st.open(folder)[1:3][0].info.press == 2
+
+
+def test_a_watched_folder_gives_each_recording_once(four, tmp_path):
+    folder, _ = four
+    names = iter(sorted(folder.glob("*.mcap")))
+
+    def arrive(seconds):
+        assert seconds > 0
+        shutil.copy(next(names), tmp_path)
+        (tmp_path / "press-0009.mcap").write_bytes(b"cut short")
+
+    found = [(len(s), len(s.warnings)) for s in islice(st.watch(tmp_path, arrive), 3)]
+    assert found == [(1, 1), (2, 1), (3, 1)]
+    with pytest.raises(AnalysisError, match="no such folder"):
+        next(st.watch(tmp_path / "none"))

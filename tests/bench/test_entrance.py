@@ -1,0 +1,168 @@
+"""The Python entrance: the README's snippet, plans as programs, and how sessions end."""
+
+import threading
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import sautereau as st
+from sautereau.daq.file.reading import read_recording
+from sautereau.rig.errors import RigError, SautereauError
+from sautereau.robot.errors import RobotError
+from sautereau.robot.experiment.monitor import Made, Stage
+from sautereau.robot.experiment.session_folder import read_manifest
+
+README = Path(__file__).parents[2] / "README.md"
+
+
+@pytest.fixture
+def quick(bare, quick_rig):
+    """The bench of a key without strings."""
+    return st.stand_in(quick_rig, bare, seed=1)
+
+
+def test_the_snippet_of_the_readme_runs(rig_file, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    rig_file().rename("my-rig.toml")
+    snippet = README.read_text(encoding="utf-8").split("```python\n")[1].split("```")[0]
+    names = {}
+    exec(snippet.replace("press(5", "press(2"), names)
+    session, fit, plan = names["session"], names["fit"], names["plan"]
+    assert len(session) == 2
+    assert plan.checks["holds"].all()
+    assert session.features.attrs["units"]["release_force"] == "N"
+    assert fit.identifiable == {"plectrum.overlap": True}
+    assert st.Rig("fit.toml").values.plectrum.overlap == pytest.approx(0.3e-3, rel=0.02)
+    assert fit.mixed == ()
+    other = replace(session[1].info, started="2020-01-01", session="another")
+    session[1].__dict__["analysed"] = replace(session[1].analysed, session=other)
+    mixed = session.identify(["plectrum.overlap"], starts=1)
+    assert "although the presses differ in day" in str(mixed)
+    assert [len(c.presses) for c in session.compare().found.conditions] == [1, 1]
+    assert session.plot()._repr_png_().startswith(b"\x89PNG")
+    shown = [names["rig"], plan, session, session[0], session.compare(), fit]
+    shown += [names["rig"].predict(), names["rig"].sweep(overlap=...)]
+    for one in shown:
+        assert len(repr(one)) < 200
+        assert "<table" in one._repr_html_()
+        assert len(one.to_frame()) > 0
+    assert shown[-1].to_xarray()["pluck_duration"].attrs == {"units": "s"}
+    assert shown[-1].plot().axes
+
+
+def test_names_of_values_are_short_where_they_are_unique():
+    rig = st.Rig().with_values(overlap=0.3e-3, jack_speed="0.1 m/s")
+    assert (rig.values.plectrum.overlap, rig.values.press.jack_speed) == (0.3e-3, 0.1)
+    with pytest.raises(RigError) as caught:
+        rig.with_values({"length": "1 mm"}, overlapp="1 mm")
+    assert "plectrum.length or string.length" in str(caught.value)
+    assert "overlapp: unknown quantity" in str(caught.value)
+    with pytest.raises(AttributeError, match="no attribute 'Rigg'"):
+        _ = st.Rigg
+    assert {"Rig", "open", "stand_in"} <= set(dir(st))
+
+
+def test_a_sweep_is_a_grid_of_predictions():
+    rig = st.Rig()
+    found = rig.sweep(overlap=["0.2 mm", "0.3 mm"], jack_speed=[0.05, 0.1, 0.2])
+    alone = rig.predict(overlap=0.3e-3, jack_speed=0.1).press.pluck_duration
+    frame = found.to_frame()
+    assert frame.loc[(0.3e-3, 0.1), "pluck_duration"] == pytest.approx(alone, rel=1e-3)
+    assert frame["pluck_duration"].shape == (6,)
+    with pytest.raises(SautereauError, match=r"key\.dip has no assumed range|give its values"):
+        rig.sweep(jack_speed=...)
+
+
+def test_a_packaged_rig_does_not_move_the_hardware():
+    with pytest.raises(RigError, match="only with a rig file of your own"):
+        st.bench("paper")
+
+
+def test_a_plan_as_a_program_continues_after_a_kill(bare, quick_rig, tmp_path):
+    """Each press is made once, over TCP, with the answers that were given before the kill."""
+    bare.write_text(bare.read_text() + '\n[controller]\ninterface = "ethernet"\n')
+    quick = st.stand_in(quick_rig, bare, seed=1)
+    asked, runs = [], []
+
+    def plan():
+        made = yield from st.scan("jack_speed", ["0.05 m/s", 0.08], 1)
+        assert [len(one) for one in made] == [1, 1]
+        name = yield from st.ask("Which plectrum?")
+        presses = yield from st.repeat_until(lambda made: len(made) == 2, 5, notes=name)
+        runs.append([press.info.item for press in presses])
+
+    def answer(text):
+        asked.append(text)
+        return "delrin"
+
+    def kill(seen):
+        if isinstance(seen, Made):
+            raise KeyboardInterrupt
+
+    quick.ask = answer
+    for made in (1, 2):
+        with pytest.raises(KeyboardInterrupt):
+            quick.press(plan, out=tmp_path / "out", watch=kill)
+        assert len(list((tmp_path / "out").glob("*.mcap"))) == made
+    session = quick.press(plan, out=tmp_path / "out")
+    assert len(session) == len(list((tmp_path / "out").glob("*.mcap"))) == 4
+    assert asked == ["Which plectrum?"]
+    assert runs == [[3, 4]]
+    assert list(session.features["jack_speed"]) == [0.05, 0.08, 0.072, 0.072]
+    assert session[3].info.notes == "delrin"
+    rows = read_manifest(tmp_path / "out").plan["presses"]
+    assert [row["repeats"] for row in rows] == [1, 1, 0, 1, 1]
+    with pytest.raises(RobotError, match=r"presses\.1[\s\S]*another plan|another plan[\s\S]*1"):
+        quick.press(lambda: st.press(2), out=tmp_path / "out")
+
+
+def test_pause_resume_and_abort_from_another_thread(quick, tmp_path):
+    """A pause ends with the motors off at home; an aborted session continues."""
+    off, stages = threading.Event(), []
+
+    def watch(seen):
+        if isinstance(seen, Made) and seen.press == 1:
+            quick.pause()
+        if isinstance(seen, Stage):
+            stages.append(seen.arm)
+            if seen.arm == "motors off" and len(stages) > 2:
+                off.set()
+
+    errors = []
+
+    def run():
+        try:
+            quick.press(3, out=tmp_path, watch=watch)
+        except RobotError as error:
+            errors.append(str(error))
+
+    thread = threading.Thread(target=run)
+    thread.start()
+    assert off.wait(60)
+    assert stages[-1] == "motors off"
+    assert len(list(tmp_path.glob("*.mcap"))) == 1
+    quick.abort()
+    thread.join(60)
+    assert "aborted by the operator" in errors[0]
+    with quick as bench:
+        assert len(bench.press(3, out=tmp_path)) == 3
+
+
+def test_a_plan_that_needs_an_operator_says_so(quick, tmp_path):
+    quick.ask = lambda text: None
+    with pytest.raises(RobotError, match=r"needs an operator: Look at the jack"):
+        quick.press(lambda: st.ask("Look at the jack"), out=tmp_path)
+    with pytest.raises(RobotError, match="is no plan"):
+        quick.press([1, 2], out=tmp_path)
+
+
+def test_a_replay_presses_what_was_pressed(quick, quick_rig, tmp_path):
+    fast = st.Rig(quick_rig).with_values(jack_speed="0.09 m/s")
+    (first,) = st.stand_in(fast, quick.scene, 1).press(1, out=tmp_path / "first")
+    (again,) = quick.replay(first.path, out=tmp_path / "again")
+    one, two = (read_recording(press.path) for press in (first, again))
+    np.testing.assert_array_equal(one.plan.jack_rise, two.plan.jack_rise)
+    assert again.info.notes == "replay of press-0001.mcap"
+    assert np.ptp(one.plan.jack_rise - two.plan.jack_rise) == 0

@@ -1,0 +1,80 @@
+"""Cases that failed once, and a short run of every format."""
+
+import contextlib
+import os
+import random
+import warnings
+from pathlib import Path
+
+import pytest
+
+from sautereau.rig.errors import SautereauError
+from tests.fuzz.run import LONGEST, MOST_MEMORY, Wrong, one, run
+from tests.fuzz.targets import TARGETS
+
+FOUND = [line.split() for line in Path(__file__).with_name("found.txt").read_text().splitlines()]
+QUICK = ("session", "learned", "profile", "fit", "npz", "card-client")
+
+pytestmark = pytest.mark.skipif(os.name != "posix", reason="processes are forked and limited")
+
+
+@pytest.mark.parametrize(
+    ("name", "number"),
+    [
+        pytest.param(name, int(number), marks=() if name in QUICK else pytest.mark.slow)
+        for name, number in FOUND
+    ],
+)
+def test_what_failed_once(tmp_path, name, number):
+    one(TARGETS[name]()(tmp_path), name, number)
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(120)
+@pytest.mark.parametrize("name", TARGETS)
+def test_a_short_run(name):
+    tally = run(name, TARGETS[name](), seconds=20)
+    assert tally.failures == {}
+    assert tally.cases > 5
+    assert tally.longest < LONGEST
+    assert tally.memory < MOST_MEMORY
+
+
+class Target:
+    """Fails in three ways, and is refused otherwise."""
+
+    def __init__(self, folder):
+        self.number = -1
+
+    def case(self, dice):
+        self.number += 1
+        match self.number:
+            case 1:
+                raise ZeroDivisionError
+            case 2:
+                raise Wrong("a wrong sample")
+            case 3:
+                os.kill(os.getpid(), 9)
+        return "read"
+
+
+def test_every_failure_is_counted():
+    tally = run("target", Target, count=5)
+    assert tally.outcomes == {"read": 2}
+    assert set(tally.failures) == {1, 2, 3}
+    assert "ZeroDivisionError" in tally.failures[1]
+    assert "a wrong sample" in tally.failures[2]
+    assert tally.failures[3] == "the process has ended"
+
+
+def test_a_case_is_always_the_same(tmp_path):
+    made = []
+    for _ in range(2):
+        target = TARGETS["profile"]()(tmp_path)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            for number in range(5):
+                with contextlib.suppress(SautereauError):
+                    target.case(random.Random(f"profile {number}"))
+                made.append((tmp_path / "profile.toml").read_bytes())
+    assert made[:5] == made[5:]

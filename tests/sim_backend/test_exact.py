@@ -1,0 +1,680 @@
+"""The exact engine against closed forms, conservation laws and other formulations."""
+
+import math
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from scipy.integrate import LSODA
+from scipy.optimize import brentq, lsq_linear
+
+from sautereau.analysis.model.choirs import choir_pluck, choirs
+from sautereau.analysis.model.key import finger_force
+from sautereau.analysis.model.predict import rig_pluck
+from sautereau.rig.load import with_values
+from sautereau.rig.section import GRAVITY
+from sautereau.sim_backend.errors import SceneError
+from sautereau.sim_backend.physics.drive import LEAD, PressDrive, PushDrive, drive_of
+from sautereau.sim_backend.physics.exact.compile import records
+from sautereau.sim_backend.physics.exact.engine import ExactWorld
+from sautereau.sim_backend.physics.exact.fingertip import locate_tip
+from sautereau.sim_backend.physics.exact.inclusion import resolve, select
+from sautereau.sim_backend.physics.exact.parameters import arm_of
+from sautereau.sim_backend.physics.exact.structures import JACK, KEY, PUSH, SERVO, new_press
+from sautereau.sim_backend.physics.observation import errors, observe, reference
+from sautereau.sim_backend.physics.servo import PositionLoops
+from sautereau.trajectory.arm import fingertip_motion
+from sautereau.trajectory.dynamics import joint_torques, mass_matrix
+from sautereau.trajectory.key import (
+    angle_of_rise,
+    key_under_fingertip,
+    rise_of_angle,
+    surface_axes,
+)
+from sautereau.trajectory.motion import Motion
+from sautereau.trajectory.press import plan_press
+from tests import key_oracle
+from tests.sim_backend.scenes import (
+    BARE,
+    MUTE,
+    RETURNING,
+    RIG,
+    choir,
+    press_solved,
+    pressed,
+    pushed,
+    scene_of,
+    slow,
+)
+
+KEY_OF_RIG, JACK_OF_RIG = RIG.key, RIG.jack
+PERIOD = RIG.controller.sample_period
+
+
+def run(rig, scene, drive=None):
+    found = observe(rig, scene, drive)
+    assert all(np.isfinite(values).all() for values in vars(found.motions).values())
+    assert np.all(np.diff(found.motions.time) >= 0)
+    return found
+
+
+def times(events):
+    return [e.time for e in events.contacts + events.releases + events.returns]
+
+
+# A push in closed form.
+
+
+def test_a_pushed_key_moves_by_its_energy():
+    """(I + m r'^2) w^2 / 2 = (F a_p + H) a - m g r(a)."""
+    key, mass = RIG.key, RIG.jack.mass
+    moved = reference(RIG, pushed(1.2, 40 * PERIOD, **BARE)).motions
+    angle = moved.angle
+    moment = 1.2 * key.press_arm + key.gravity_moment
+    stored = moment * angle - mass * GRAVITY * key_oracle.rise(key, angle)
+    speed = np.sqrt(2 * stored / (key.inertia + mass * key_oracle.slope(key, angle) ** 2))
+    np.testing.assert_allclose(moved.angular_velocity, speed, rtol=1e-10, atol=1e-14)
+
+
+def test_a_light_jacks_key_swings_on_the_felt_as_a_spring():
+    """To the felt in sqrt(2 I dip / P), then about the depth P / k."""
+    changes = {"jack.mass": "1e-12 kg", "key.gravity_moment": "0 N m"}
+    changes["key.felt_damping"] = "0 N s/m"
+    scene = pushed(1.0, 0.06, **{**BARE, "felt": True}, truth=changes)
+    moved = reference(RIG, scene).motions
+    key = RIG.key
+    moment, dip = key.press_arm, key.dip / key.press_arm
+    stiffness = key.felt_stiffness * key.press_arm**2
+    omega, contact = math.sqrt(stiffness / key.inertia), math.sqrt(2 * key.inertia * dip / moment)
+    mean, speed = moment / stiffness, moment * contact / key.inertia
+    phase = omega * (moved.time - contact)
+    depth = mean * (1 - np.cos(phase)) + speed / omega * np.sin(phase)
+    first = (phase > 0) & (phase < math.pi + 2 * math.atan(mean * omega / speed))
+    assert first.sum() > 20
+    np.testing.assert_allclose(moved.angle[first] - dip, depth[first], rtol=0, atol=1e-10)
+    assert moved.angle[~first][-1] < dip
+
+
+def test_a_jack_in_flight_is_ballistic():
+    """A key with a large moment to the back falls faster, and is on its rail before the jack."""
+    truth = {"key.gravity_moment": "-50 mN m"}
+    moved = reference(RIG, pushed(1.0, 20 * PERIOD, 0.2, **BARE, truth=truth)).motions
+    start = int(np.flatnonzero(moved.time == 20 * PERIOD)[-1])
+    a0, w0, y0 = moved.angle[start], moved.angular_velocity[start], moved.rise[start]
+    v0 = w0 * key_oracle.slope(RIG.key, a0)
+    fall = 0.05 / RIG.key.inertia
+    down = (w0 + math.sqrt(w0**2 + 2 * fall * a0)) / fall
+    lands = (v0 + math.sqrt(v0**2 + 2 * GRAVITY * y0)) / GRAVITY
+    time = moved.time - 20 * PERIOD
+    turns = (time > 0) & (time < down)
+    parabola = a0 + w0 * time - fall * time**2 / 2
+    np.testing.assert_allclose(moved.angle[turns], parabola[turns], atol=1e-13)
+    air = (time > 0) & (time < lands)
+    parabola = y0 + v0 * time - GRAVITY * time**2 / 2
+    np.testing.assert_allclose(moved.rise[air], parabola[air], atol=1e-13)
+    assert np.abs(time - lands).min() < 1e-11
+    assert np.abs(time - down).min() < 1e-11
+    assert not moved.rise[time > lands + 1e-9].any()
+
+
+@pytest.mark.parametrize(("factor", "moves"), [(1 - 1e-9, False), (1 + 1e-6, True)])
+def test_friction_holds_the_key_up_to_its_limit(factor, moves):
+    """The moment at the start is tau + f b + m g b - H."""
+    limit = key_oracle.static_moment(RIG, friction=1)
+    moved = reference(RIG, pushed(factor * limit / RIG.key.press_arm, 0.05, **MUTE)).motions
+    assert (moved.angle.max() > 0) == moves
+
+
+def test_friction_holds_the_key_where_it_stops():
+    truth = {"key.pivot_coulomb_friction": "20 mN m"}
+    moved = reference(RIG, pushed(1.0, 0.02, 0.3, **MUTE, truth=truth)).motions
+    still = moved.angle[moved.time > 0.2]
+    assert still[0] > 0.01
+    assert (still == still[0]).all()
+    fallen = reference(RIG, pushed(0.5, 0.015, 0.5, **MUTE)).motions
+    assert fallen.angle[-1] == 0.0
+
+
+@pytest.mark.parametrize(("force", "friction"), [(1.2, False), (1.5, True)])
+def test_the_pluck_takes_its_work_and_friction_the_heat(force, friction):
+    """F a_p a = kinetic + potential energy + the pluck's own work + heat, at release."""
+    found = reference(RIG, pushed(force, 0.03, friction=friction))
+    release = found.events.releases[0]
+    pluck = choir_pluck(choirs(RIG)[0])
+    assert release.force == pytest.approx(float(pluck.vertical_force[-1]), rel=1e-12)
+    moved, key = found.motions, RIG.key
+    i = int(np.flatnonzero(moved.time == release.time)[0])
+    angle, omega, rise = moved.angle[i], moved.angular_velocity[i], moved.rise[i]
+    heat = key.pivot_coulomb_friction * angle + RIG.jack.register_friction * rise
+    squares = moved.angular_velocity[: i + 1] ** 2
+    heat += key.pivot_viscous_friction * np.trapezoid(squares, moved.time[: i + 1])
+    work = force * key.press_arm * angle
+    stored = key_oracle.energy(RIG, angle, omega)
+    assert work == pytest.approx(stored + pluck.work + friction * heat, rel=1e-7)
+
+
+# Independent solutions.
+
+
+def test_a_push_with_friction_and_felt_is_that_of_an_independent_solver():
+    end = 24 * PERIOD  # in the felt, before the key reverses
+    pluck, bottom = rig_pluck(RIG), RIG.key.dip / RIG.key.press_arm
+    contact, release = key_oracle.plucked(RIG, 1.2, pluck, friction=True)
+    felt = key_oracle.solved(
+        RIG, 1.2, release, end, friction=True, stop=lambda _, state: state[0] - bottom
+    )
+    # The felt stops the key, and the jack flies on.
+    _, (angle, omega) = key_oracle.solved(RIG, 1.2, felt, end, friction=True, felt=True, jack=False)
+    assert felt[0] < end
+    found = run(RIG, pushed(duration=end))
+    np.testing.assert_allclose(times(found.events), [contact[0], release[0]], atol=2e-8)
+    fine = reference(RIG, pushed(duration=end))
+    np.testing.assert_allclose(times(fine.events), [contact[0], release[0]], atol=1e-12)
+    assert fine.motions.time[-1] == pytest.approx(end, abs=1e-15)
+    assert fine.motions.angle[-1] == pytest.approx(angle, abs=1e-11)
+    assert fine.motions.angular_velocity[-1] == pytest.approx(omega, abs=1e-9)
+
+
+@pytest.mark.parametrize("order", [2, 4, 6])
+def test_steps_have_their_order(order):
+    viscous = {"key.pivot_viscous_friction": "0.5 N m s/rad"}
+    scene = pushed(duration=2 * PERIOD, **{**MUTE, "felt": False}, truth=viscous)
+    drive = drive_of(RIG, scene)
+    exact = reference(RIG, scene).motions.angle[-1]
+    wrong = []
+    for n in (2, 4):
+        world = ExactWorld(
+            RIG, scene.model_copy(update={"step": PERIOD / n}), order=order, tolerance=1.0
+        )
+        wrong.append(abs(world.play(drive).angle[-1] - exact))
+    assert math.log2(wrong[0] / wrong[1]) == pytest.approx(order, abs=0.2)
+
+
+COVERED_BY_OTHERS = ("an ideal finger", "two choirs", "a heavy push")
+"""Scenes with no part that another one lacks."""
+LIGHT = with_values(RIG, {"key.inertia": "1e-4 kg m^2"})
+SCENES = {
+    "a push and the fall back": (RIG, pushed(duration=0.05, rest=0.3, **RETURNING)),
+    "a heavy push": (RIG, pushed(force=20, rest=0.05, friction=False, **RETURNING)),
+    "an ideal finger": (RIG, pressed(**RETURNING)),
+    "a key that leaves the finger": (
+        with_values(RIG, {"jack.register_friction": "60 mN", "press.return_speed": "0.5 m/s"}),
+        pressed(**RETURNING),
+    ),
+    "two choirs": (
+        RIG.model_copy(update={"more_choirs": (choir(0.205, 3e-3),)}),
+        pushed(duration=0.03, rest=0.2, **RETURNING),
+    ),
+    "two choirs under an ideal finger": (
+        RIG.model_copy(update={"more_choirs": (choir(0.205, 3e-3),)}),
+        pressed(**RETURNING),
+    ),
+    "a light key and heavy jacks": (
+        LIGHT.model_copy(update={"more_choirs": (choir(0.2, 2.5e-3, mass=9e-3),)}),
+        pushed(force=8, duration=0.008, rest=0.08, friction=False),
+    ),
+    "landings without end": (
+        LIGHT.model_copy(update={"more_choirs": (choir(0.2, 1.6e-3, mass=12e-3),)}),
+        pushed(force=0.5, duration=0.03, rest=0.03, friction=False),
+    ),
+}
+
+
+@pytest.mark.parametrize("name", [slow(n) if n in COVERED_BY_OTHERS else n for n in SCENES])
+def test_events_converge(name):
+    rig, scene = SCENES[name]
+    drive = drive_of(rig, scene)
+    true = reference(rig, scene, drive)
+    assert true.events.contacts
+    for step, time in ((1e-3, 1e-6), (1e-4, 2e-9)):
+        found = run(rig, scene.model_copy(update={"step": step}), drive)
+        assert errors(found, true).time < time
+
+
+# The ideal finger.
+
+
+def test_an_ideal_finger_prescribes_the_motion_and_takes_the_force_of_inverse_dynamics():
+    scene = pressed(step=250e-6)
+    drive = drive_of(RIG, scene)
+    found = run(RIG, scene, drive).motions
+    motion = drive.joints(found.time)
+    centre = fingertip_motion(RIG.arm, motion)
+    planned = key_under_fingertip(RIG.key, RIG.arm.fingertip_radius, centre)
+    breaks = np.min(np.abs(found.time[:, None] - drive.breaks), axis=1)
+    breaks[:-1] *= np.diff(found.time) > 0  # before a jump
+    moving = (planned.position > 0) & (planned.velocity > 1e-3) & (breaks > 1e-5)
+    assert moving.sum() > 300
+    np.testing.assert_allclose(found.angle[moving], planned.position[moving], atol=1e-13)
+    np.testing.assert_allclose(found.angular_velocity[moving], planned.velocity[moving], atol=1e-10)
+    rise = key_oracle.rise(RIG.key, found.angle[moving])
+    np.testing.assert_allclose(found.rise[moving], rise)
+    tangent, _ = surface_axes(planned.position)
+    arm = -np.sum(centre.position * tangent, axis=1)
+    force = finger_force(RIG, planned, found.string_force) * RIG.key.press_arm / arm
+    np.testing.assert_allclose(found.finger_force[moving], force[moving], atol=1e-9)
+
+
+def test_an_ideal_finger_plucks_where_it_was_planned():
+    found, drive = press_solved("return")
+    clearance, law = RIG.jack.string_clearance, plan_press(RIG).law
+    start, top = LEAD * PERIOD, LEAD * PERIOD + law.return_start
+    height = choir_pluck(choirs(RIG)[0]).release_height
+    lever = RIG.plectrum.length - RIG.plectrum.overlap
+    travel = lever * RIG.plectrum.overlap / RIG.jack.tongue.pivot
+
+    def reaches(rise, after, before):
+        def past(time):
+            centre = fingertip_motion(RIG.arm, drive.joints(np.array([time])))
+            key = key_under_fingertip(RIG.key, RIG.arm.fingertip_radius, centre)
+            return key.position[0] - float(angle_of_rise(RIG.key, rise))
+
+        return brentq(past, after, before, xtol=1e-14)
+
+    end = found.motions.time[-1]
+    for event, rise, after, before in (
+        (found.events.contacts, clearance, start, top),
+        (found.events.releases, clearance + height, start, top),
+        (found.events.returns, clearance - travel, top, end),
+    ):
+        assert [e.choir for e in event] == [0]
+        assert event[0].time == pytest.approx(reaches(rise, after, before), abs=1e-9)
+
+
+def test_a_key_without_its_finger_moves_freely():
+    """The finger stops faster than the key; in between the key obeys its own equation."""
+    rig = with_values(
+        RIG, {"press.run_down_acceleration": "10 m/s^2", "press.run_down_jerk": "4000 m/s^3"}
+    )
+    drive = drive_of(rig, scene_of("ideal", **MUTE))
+    moved = reference(rig, scene_of("ideal", **MUTE), drive).motions
+    centre = fingertip_motion(rig.arm, drive.joints(moved.time))
+    tip = key_under_fingertip(rig.key, rig.arm.fingertip_radius, centre).position
+    assert (moved.angle - tip).min() > -1e-12
+    apart = (moved.angle - tip > 1e-9) & (moved.angular_velocity > 1e-2)
+    apart &= moved.angle < RIG.key.dip / RIG.key.press_arm
+    apart &= np.abs(moved.rise - key_oracle.rise(rig.key, moved.angle)) < 1e-12
+    assert apart.sum() > 10
+    assert not moved.finger_force[apart].any()
+    one = np.flatnonzero(apart[:-1] & apart[1:] & (np.diff(moved.time) > 1e-6))
+    slow_down = (np.diff(moved.angular_velocity) / np.diff(moved.time).clip(1e-9))[one]
+    middle = (moved.angle[one] + moved.angle[one + 1]) / 2
+    omega = (moved.angular_velocity[one] + moved.angular_velocity[one + 1]) / 2
+    expected = key_oracle.acceleration(rig, middle, omega, 0.0, friction=True)
+    np.testing.assert_allclose(slow_down, expected, rtol=1e-6)
+
+
+# The servo.
+
+
+def test_the_arms_equation_is_the_trajectorys():
+    random = np.random.default_rng(5)
+    rig = with_values(
+        RIG, {"arm.gear_ratios": [30, 20], "arm.rotor_inertias": ["1e-6 kg m^2", "2e-6 kg m^2"]}
+    )
+    press = bench((6e-3, 0.215, -math.inf, 0.0), arm=arm_of(rig, scene_of("paper"), (0.0, 0.0)))
+    press.arm.locked[:] = 0
+    for _ in range(20):
+        q = np.array([random.uniform(-0.3, 0.6), random.uniform(-1.6, -0.9)])
+        d, torque = random.normal(size=2), random.normal(size=2)
+        press.x[-2:], press.v[-2:], press.arm.torque[:] = q, d, torque
+        locate_tip(press, 0.0)
+        free, by = np.array(press.finger.free), np.array(press.finger.by)
+        np.testing.assert_allclose(joint_torques(rig.arm, Motion(q, d, free)), torque, rtol=1e-10)
+        joints = Motion(*(np.array([v]) for v in (q, d, free)))
+        key = key_under_fingertip(
+            rig.key, rig.arm.fingertip_radius, fingertip_motion(rig.arm, joints)
+        )
+        finger = press.finger
+        assert finger.angle == pytest.approx(key.position[0], rel=1e-12)
+        assert finger.speed == pytest.approx(key.velocity[0], rel=1e-11)
+        assert finger.acceleration == pytest.approx(key.acceleration[0], rel=1e-9)
+        # A moment on the key takes M^-1 A' from the joints, with A the gradient of the angle.
+        step, inertia = 1e-6, mass_matrix(rig.arm, q)
+        places = q + step * np.array([[1, 0], [-1, 0], [0, 1], [0, -1]])
+        still = Motion(places, 0 * places, 0 * places)
+        angle = key_under_fingertip(
+            rig.key, rig.arm.fingertip_radius, fingertip_motion(rig.arm, still)
+        ).position
+        slopes = np.array([angle[0] - angle[1], angle[2] - angle[3]]) / (2 * step)
+        np.testing.assert_allclose(inertia @ by, slopes, rtol=1e-7, atol=1e-9)
+        assert finger.compliance == pytest.approx(slopes @ by, rel=1e-7)
+
+
+def played(world, drive, samples):
+    """Yield before each sample: number and joints [rad], and then the motors' torques [N m]."""
+    for i in range(samples):
+        before = world.finger.joints()
+        world.advance(drive.reference(i), True)
+        yield i, before, world.finger.torques()
+
+
+def test_the_motors_give_what_the_position_loops_say():
+    """The position loops of the rigid bodies, with the same encoder counts."""
+    scene = scene_of("paper", engine="exact")
+    drive = drive_of(RIG, scene)
+    world = ExactWorld(RIG, scene, drive.start)
+    loops = PositionLoops(scene.servo, RIG.arm, PERIOD)
+    loops.engage(drive.start)
+    for i, joints, torques in played(world, drive, drive.samples):
+        assert torques == pytest.approx(played_loops(loops, drive, i, joints), rel=1e-9, abs=1e-12)
+
+
+def played_loops(loops, drive, sample, joints):
+    radians = RIG.arm.radians_per_count
+    counts, speeds = drive.reference(sample)(np.array([0.0, 1.0]))
+    error = [counts[0, j] - round((joints[j] - drive.start[j]) / radians) for j in (0, 1)]
+    spin = (speeds[1] - speeds[0]) * radians / PERIOD**2
+    return loops.torque((float(error[0]), float(error[1])), (float(spin[0]), float(spin[1])))
+
+
+def test_a_multiplier_formulation_agrees():
+    """Joints and key as separate coordinates with a contact force, at another tolerance."""
+    scene = scene_of("paper", step=50e-6)
+    drive = drive_of(RIG, scene)
+    release = reference(RIG, scene, drive).events.releases[0].time
+    world = ExactWorld(RIG, scene, drive.start, order=6, tolerance=1e-12)
+    first = int(release / PERIOD) - 12  # the finger is in contact with the key
+    for _ in played(world, drive, first):
+        pass
+    q, d = np.array(world.finger.joints()), np.array(world.press.v[-2:])
+    z = np.array([*q, world.press.x[0], *d, world.press.v[0]])
+    pluck = choir_pluck(choirs(RIG)[0])
+    top = RIG.jack.string_clearance + pluck.release_height
+    found = None
+    for i in range(first, int(release / PERIOD) + 1):
+        world.advance(drive.reference(i), True)
+        solver = LSODA(
+            lambda t, y: multiplied(y, np.array(world.finger.torques()), pluck),
+            i * PERIOD, z, (i + 1) * PERIOD, rtol=1e-9, atol=1e-12,
+        )  # fmt: skip
+        while solver.status == "running" and found is None:
+            solver.step()
+            dense = solver.dense_output()
+
+            def over(t, dense=dense):
+                return float(rise_of_angle(RIG.key, dense(t)[2])) - top
+
+            if over(solver.t) > 0:
+                found = brentq(over, solver.t_old, solver.t, xtol=1e-14)
+        z = solver.y
+        if found is None:
+            place = [*world.finger.joints(), world.press.x[0], world.press.v[0]]
+            np.testing.assert_allclose(place, z[[0, 1, 2, 5]], rtol=0, atol=1e-7)
+    assert found == pytest.approx(release, abs=1e-7)
+
+
+def multiplied(z, torques, pluck):
+    """Solve M u = forces + G' force, G u = -G' v, with the contact's height g = 0 above the key."""
+    key, jack, arm = RIG.key, RIG.jack, RIG.arm
+    q, a, d, w = z[:2], z[2], z[3:5], z[5]
+    joints = Motion(q, d, np.zeros(2))
+    motion = fingertip_motion(arm, joints)
+    slope = key_oracle.slope(key, a)
+    height = key_oracle.rise(key, a) - jack.string_clearance
+    string = float(pluck.force_on_jack(np.array([height]))[0]) if height > 0 else 0.0
+    load = jack.mass * (GRAVITY + key_oracle.curvature(key, a) * w * w)
+    load += string + jack.register_friction
+    moment = key.gravity_moment - key.pivot_viscous_friction * w - key.pivot_coulomb_friction
+    moment -= slope * load
+    normal, tangent = np.array([-np.sin(a), np.cos(a)]), np.array([np.cos(a), np.sin(a)])
+    total = q[0] + q[1]
+    lower = arm.lower_length * np.array([-np.sin(total), np.cos(total)])
+    upper = arm.upper_length * np.array([-np.sin(q[0]), np.cos(q[0])])
+    row = np.array([normal @ (upper + lower), normal @ lower, -motion.position @ tangent])
+    # d2/dt2 of C . n(a), without the accelerations.
+    known = normal @ motion.acceleration - 2 * w * (tangent @ motion.velocity)
+    known -= w * w * (normal @ motion.position)
+    matrix = np.zeros((4, 4))
+    matrix[:2, :2] = mass_matrix(arm, q)
+    matrix[2, 2] = key.inertia + jack.mass * slope**2
+    matrix[:3, 3], matrix[3, :3] = -row, row
+    right = np.array([*(torques - joint_torques(arm, joints)), moment, -known])
+    return np.concatenate([d, [w], np.linalg.solve(matrix, right)[:3]])
+
+
+# Impacts and modes.
+
+
+def bench(*jacks, dry=0.0, friction=0.0, arm=None):
+    """Return a press with jacks of mass, arm, lift and stiffness of the damper each."""
+    key, found = np.zeros(1, KEY), np.zeros(len(jacks), JACK)
+    key["inertia"], key["gravity_moment"], key["viscous"], key["dry"] = 7e-4, 4e-3, 1e-4, dry
+    key["dip"], key["height"], key["press_arm"] = math.inf, 0.01, 0.171
+    found["friction"], found["clearance"] = friction, 1.0
+    for name, values in zip(
+        ("mass", "arm", "lift", "damper"), zip(*jacks, strict=True), strict=True
+    ):
+        found[name] = values
+    arm, kind = (arm_of(RIG, pushed(), (0.0, 0.0)), PUSH) if arm is None else (arm, SERVO)
+    return new_press(records(key)[0], records(found), np.zeros((1, 5)), arm, kind)
+
+
+def surfaces(press, angle):
+    """Return rise and slope under each jack."""
+    keys = [RIG.key.model_copy(update={"jack_arm": jack.arm}) for jack in press.jacks]
+    return [(key_oracle.rise(key, angle), key_oracle.slope(key, angle)) for key in keys]
+
+
+def test_a_landing_conserves_momentum():
+    """A jack lands on a key that carries another jack, which then leaves the key."""
+    press = bench((6e-3, 0.215, -math.inf, 0.0), (4e-3, 0.225, -math.inf, 0.0))
+    a, w = 0.02, 1.0
+    (y1, s1), (y2, s2) = surfaces(press, a)
+    press.x[:], press.v[:] = (a, y1, y2), (w, -0.3, s2 * w)
+    resolve(press, 0.0, 0.0)
+    expected = (7e-4 * w - 6e-3 * s1 * 0.3) / (7e-4 + 6e-3 * s1**2)
+    np.testing.assert_allclose(press.v, [expected, s1 * expected, s2 * w], rtol=1e-12)
+    # A key that rises against two resting jacks carries both.
+    press.x[:], press.v[:] = (a, y1, y2), (w, 0.0, 0.0)
+    resolve(press, 0.0, 0.0)
+    expected = 7e-4 * w / (7e-4 + 6e-3 * s1**2 + 4e-3 * s2**2)
+    np.testing.assert_allclose(press.v, [expected, s1 * expected, s2 * expected], rtol=1e-12)
+
+
+@pytest.mark.parametrize("ratio", [0.1, 1.0, 10.0, 1e4])
+def test_a_plastic_landing_has_no_rebound_at_any_mass(ratio):
+    """m b^2 / I = ratio: a fallen jack stays on its key at rest on the rail."""
+    mass = ratio * 7e-4 / 0.215**2
+    press = bench((mass, 0.215, -math.inf, 0.0))
+    press.x[:], press.v[:] = 0.0, (0.0, -0.4)
+    resolve(press, 0.0, 0.0)
+    assert (press.v == 0).all()
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_a_mode_is_the_one_of_least_constraint(seed):
+    """Gauss's principle by its dual, a bounded least-squares problem, from rest."""
+    random = np.random.default_rng(seed)
+    masses, dampers = random.uniform(2e-3, 9e-3, 2), random.uniform(0, 60, 2)
+    dry, friction = random.uniform(0, 3e-3), random.uniform(0, 0.06)
+    press = bench(
+        (masses[0], 0.215, 0.02, dampers[0]), (masses[1], 0.225, 0.02, dampers[1]),
+        dry=dry, friction=friction,
+    )  # fmt: skip
+    a = 0.0 if seed % 3 == 0 else 0.03
+    press.finger.moment = random.uniform(-0.03, 0.05)
+    feet = surfaces(press, a)
+    press.x[:] = a, feet[0][0], feet[1][0]
+    select(press, 0.0)
+    mass = np.diag([7e-4, *masses])
+    forces = [press.finger.moment + 4e-3]
+    forces += [dampers[k] * (0.02 - feet[k][0]) - masses[k] * GRAVITY for k in (0, 1)]
+    rows = np.array([
+        [1, 0, 0], [0, 1, 0], [0, 0, 1], [1, 0, 0], [-feet[0][1], 1, 0], [-feet[1][1], 0, 1]
+    ])  # fmt: skip
+    low = np.array([-dry, -friction, -friction, 0, 0, 0])
+    high = np.array([dry, friction, friction, np.inf, np.inf, np.inf])
+    if a > 0:  # off the rail
+        rows, low, high = (np.delete(array, 3, axis=0) for array in (rows, low, high))
+    root = np.diag(np.diag(mass) ** -0.5)
+    dual = lsq_linear(root @ rows.T, -root @ forces, (low, high), method="bvls", tol=1e-15)
+    expected = (forces + rows.T @ dual.x) / np.diag(mass)
+    np.testing.assert_allclose(press.a, expected, rtol=1e-6, atol=1e-6)
+
+
+def test_a_resting_key_stays_at_rest():
+    found = run(RIG, pushed(force=0, **RETURNING))
+    for name in ("angle", "angular_velocity", "rise", "finger_force", "string_force"):
+        assert not getattr(found.motions, name).any()
+    assert not times(found.events)
+
+
+# Extremes, and refused scenes.
+
+
+@pytest.mark.parametrize(
+    "values",
+    [
+        {"key.inertia": "6e-5 kg m^2", "jack.mass": "60 g"},
+        {"key.inertia": "1 kg m^2", "jack.mass": "5 g"},
+        {"key.felt_stiffness": "2e7 N/m", "key.felt_damping": "0 N s/m"},
+        {"key.felt_stiffness": "20 N/m", "key.felt_damping": "1000 N s/m"},
+        {"string.tension": "66950 N"},
+        {"string.tension": "0.066 N"},
+        {"plectrum.overlap": "0.001 mm"},
+        {"key.gravity_moment": "0 mN m"},
+        {"jack.damper.stiffness": "15 kN/m"},
+        {"jack.register_friction": "0 mN", "key.pivot_coulomb_friction": "0 mN m"},
+    ],
+)
+@pytest.mark.parametrize("force", [0.15, 1.2, 20.0])
+def test_extremes_converge(values, force):
+    rig = with_values(RIG, values)
+    scene = pushed(force=force, duration=0.06, rest=0.02, **RETURNING)
+    coarse, fine = (run(rig, scene.model_copy(update={"step": step})) for step in (2e-3, 5e-5))
+    first = [[*f.events.contacts[:1], *f.events.releases[:1]] for f in (coarse, fine)]
+    assert len(first[0]) == len(first[1])
+    for a, b in zip(*first, strict=True):
+        assert a.time == pytest.approx(b.time, abs=1e-6)
+    assert fine.motions.angle.min() >= -1e-14
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("speed", [0.005, 1.0])
+@pytest.mark.parametrize("finger", ["ideal", "paper"])
+def test_slowest_and_fastest_presses(finger, speed):
+    """At 1 m/s, with raised limits of arm and planner."""
+    changes = {"press.jack_speed": f"{speed} m/s"}
+    if speed == 1.0:
+        changes |= {
+            "press.run_up_acceleration": "2000 m/s^2", "press.run_up_jerk": "1e8 m/s^3",
+            "press.run_down_acceleration": "2000 m/s^2", "press.run_down_jerk": "1e8 m/s^3",
+            "arm.speed_limit": "100 rad/s", "arm.acceleration_limit": "1e6 rad/s^2",
+            "arm.jerk_limit": "1e10 rad/s^3", "arm.torque_limit": "1000 N m",
+        }  # fmt: skip
+    moved = run(with_values(RIG, changes), scene_of(finger, engine="exact"))
+    assert len(moved.events.contacts) == len(moved.events.releases) == 1
+
+
+def test_unsupported_scenes_are_refused():
+    with pytest.raises(SceneError, match="rigid"):
+        ExactWorld(RIG, pushed().model_copy(update={"string": "modal"}))
+    with pytest.raises(SceneError, match="select_solver"):
+        ExactWorld(RIG, pushed().model_copy(update={"step": None, "accuracy": "1 us"}))
+    with pytest.raises(SceneError, match=r"plectrum\.overlap"):
+        ExactWorld(with_values(RIG, {"plectrum.overlap": "4.4999 mm"}), pushed())
+
+
+def test_motions_beyond_the_model_are_refused():
+    with pytest.raises(SceneError, match=r"1\.2 rad"):
+        run(RIG, pushed(force=50, duration=0.2, felt=False))
+    scene = pressed()
+    drive = drive_of(RIG, scene)
+    world = ExactWorld(RIG, scene, drive.start)
+    world.advance(drive.reference(0), True)
+    with pytest.raises(SceneError, match="suddenly within the key"):
+        world.advance(drive.reference(70), True)
+    near = RIG.model_copy(
+        update={"arm": RIG.arm.model_copy(update={"base_x": -0.1, "base_z": 0.1})}
+    )
+    upper, lower = RIG.arm.upper_length, RIG.arm.lower_length
+    elbow = math.acos((0.02 - upper**2 - lower**2) / (2 * upper * lower))
+    shoulder = -math.pi / 4 - math.atan2(lower * math.sin(elbow), upper + lower * math.cos(elbow))
+    with pytest.raises(SceneError, match="balance pin"):
+        ExactWorld(near, scene, (shoulder, elbow)).advance(drive.reference(0), True)
+
+
+@pytest.mark.parametrize("finger", ["push", "ideal", "paper"])
+def test_diverging_motion_is_refused(finger):
+    truth = {"key.pivot_viscous_friction": "1e200 N m s/rad"}
+    scene = pushed(1.5, 0.1, truth=truth) if finger == "push" else scene_of(finger, truth=truth)
+    with pytest.raises(SceneError, match="diverged or is too stiff"):
+        reference(RIG, scene)
+
+
+# The world.
+
+
+def test_a_world_of_a_push():
+    scene = pushed(duration=0.0055)
+    world = ExactWorld(RIG, scene)
+    drive = PushDrive(RIG, scene.push)
+    home, offset = np.array(RIG.arm.home_angles), np.array(scene.start_offset)
+    np.testing.assert_allclose(world.start, home + offset)
+    assert world.finger.joints() == world.start
+    assert world.finger.torques() == (0.0, 0.0)
+    assert world.finger.settled
+    parts = [world.advance(drive.reference(i), True) for i in range(8)]
+    assert world.samples == 8
+    assert world.time == 8 * PERIOD
+    np.testing.assert_allclose([p.finger_force[0] for p in parts], [1.2] * 6 + [0.0] * 2)
+    unpowered = ExactWorld(RIG, scene)
+    assert not unpowered.advance(drive.reference(0), False).angle.any()
+
+
+@pytest.mark.parametrize("name", ["pluck", "return", "paper"])
+def test_samples_one_by_one_are_the_complete_drive(name):
+    scene = scene_of(name, engine="exact", step=1e-3)
+    drive = drive_of(RIG, scene)
+    world = ExactWorld(RIG, scene, drive.start)
+    parts = [world.advance(drive.reference(i), True) for i in range(drive.samples)]
+    complete = observe(RIG, scene, drive)
+    assert world.events == complete.events
+    for field, values in vars(complete.motions).items():
+        joined = np.concatenate([getattr(part, field) for part in parts])
+        np.testing.assert_array_equal(joined, values)
+
+
+def test_a_world_follows_the_joints_of_its_finger():
+    scene = pressed()
+    drive = drive_of(RIG, scene)
+    world = ExactWorld(RIG, scene, drive.start)
+    for i in range(60):
+        world.advance(drive.reference(i), True)
+    expected = drive.joints(np.array([60 * PERIOD])).position[0]
+    np.testing.assert_allclose(world.finger.joints(), expected, atol=1e-12)
+
+
+def test_brakes_hold_the_arm_without_power():
+    scene = scene_of("paper", engine="exact")
+    drive = PressDrive(RIG, plan_press(RIG).segments)
+    world = ExactWorld(RIG, scene, drive.start)
+    for i in range(LEAD + 60):
+        world.advance(drive.reference(i), True)
+    held = world.finger.joints()
+    assert not world.advance(drive.reference(80), False).angle[-1] < 0
+    assert world.finger.joints() == held
+    assert world.finger.torques() == (0.0, 0.0)
+    assert world.finger.settled
+    world.finger.block(1)
+    for _ in range(5):
+        world.advance(drive.reference(80), True)
+    assert world.finger.joints()[0] != held[0]
+    assert world.finger.joints()[1] == held[1]
+
+
+def bits():
+    seen = observe(RIG, pushed(duration=0.03, rest=0.01, **RETURNING))
+    rows = zip(*vars(seen.motions).values(), strict=True)
+    return "\n".join([*(" ".join(float(v).hex() for v in row) for row in rows), str(seen.events)])
+
+
+def test_the_same_bits_in_another_process_without_numba():
+    code = "import sys; sys.modules['numba'] = None\n"
+    code += "from tests.sim_backend.test_exact import bits; print(bits())"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    expected = bits()
+    assert expected.count("\n") > 40
+    assert done.stdout.strip() == expected
