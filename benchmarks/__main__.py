@@ -27,6 +27,7 @@ ALL = (
     "independent_phases",
     "report",
     "identify",
+    "touch",
     "campaign",
     "imports",
     "transient",

@@ -10,7 +10,7 @@ from sautereau.analysis.loading.press import Press, press_of
 from sautereau.rig.load import load_rig, with_values
 
 
-def judged_press(pressed: Pressed, values: Mapping[str, str] | None = None) -> Press:
+def judged_press(pressed: Pressed, values: Mapping[str, str | float] | None = None) -> Press:
     """Return a press as loaded from a recording with the rig of its experimenter.
 
     Args:

@@ -1,7 +1,7 @@
 """Speed and memory of recordings, compared with a raw file, h5py, npTDMS and the Foxglove SDK.
 
-An instant is two channels of float64, 16 bytes; a block has 1024 instants of a 16-bit
-converter. Every file is read back and compared.
+An instant is a sample of each of 2 or 16 channels of a 16-bit converter; a block that the device
+gives has 1024. The raw file has float64 in equal pieces. Every file is read back and compared.
 """
 
 import os
@@ -12,114 +12,157 @@ import tempfile
 import time
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from benchmarks.figures import Figure, median_time
+from benchmarks.figures import LOWER, Figure
 from sautereau.daq.file.container.writer import McapWriter
+from sautereau.daq.file.counts import Scaling
+from sautereau.daq.file.descriptors import schema_data
 from sautereau.daq.file.reading import read_recording, stream
 from sautereau.daq.file.recorded import Block
 from sautereau.daq.file.recording import Recording, SessionInfo
-from sautereau.daq.file.schemas import encode, schema_data
+from sautereau.daq.file.samples import block_head
 from sautereau.rig.load import load_rig
 from sautereau.rig.schema import Rig
 
-INSTANTS = 2_048_000
+SAMPLES = 8_192_000
+"""Of all channels together: 64 MiB as float64."""
 BLOCK = 1024
+HELD = 10 * BLOCK
+"""Samples of each channel in one message of our own."""
 RUNS = 5
 CHUNK = 256 * 1024
 SIXTEEN = 16
 """Channels of a continuous recording."""
+STEP = 20 / 65536
+"""V per count."""
 HOUR = 3600
 """Duration over which its memory is measured, s; with previews."""
 SESSION = SessionInfo(1, "2026-01-01T00:00:00Z", True, "none", "none")
 
-Volts = np.ndarray
+Array = np.ndarray[Any, Any]
 
 
 def run() -> list[Figure]:
     """Return rates of writing and reading, and the cost of a long recording."""
-    volts = np.round(np.random.default_rng(0).standard_normal((2, INSTANTS)) * 3000) * 20 / 65536
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        rates = _rates(folder, volts)
-        figures = [*_written(rates), _read(folder, volts), *_described(folder)]
-    return [*figures, *_continuous()]
+        two, sixteen = _compared(folder, load_rig()), _compared(folder, _sixteen(load_rig()))
+        return [*two, *sixteen, *_described(folder), *_continuous()]
 
 
-def _rates(folder: Path, volts: Volts) -> dict[str, float]:
-    """Return 1e6 instants per second of each way to write; they alternate, sharing the disk."""
-    ways: dict[str, Callable[[Path, Volts], None]] = {
-        "raw": _raw,
-        "blocks": lambda path, v: _blocks(path, v, compress=False),
-        "blocks, zstd": lambda path, v: _blocks(path, v, compress=True),
-        "recording": _recording,
-        "foxglove": lambda path, v: _foxglove(path, v, compress=False),
-        "foxglove, zstd": lambda path, v: _foxglove(path, v, compress=True),
-        "h5py": _h5py,
-        "nptdms": _nptdms,
+def _compared(folder: Path, rig: Rig) -> list[Figure]:
+    """Return the figures of one number of channels."""
+    n = len(rig.daq.channels)
+    noise = np.random.default_rng(0).standard_normal((n, SAMPLES // n)) * 3000
+    counts = np.round(noise).astype(np.int16)
+    scaling = Scaling("int16", np.tile([0.0, STEP], (n, 1)))
+    volts = counts * STEP
+    ways: dict[str, Callable[[Path], None]] = {
+        "raw": lambda path: _raw(path, volts),
+        "counts": lambda path: _blocks(path, counts, compress=False),
+        "float64": lambda path: _blocks(path, volts, compress=False),
+        "counts, previews": lambda path: _recording(path, rig, counts, scaling),
+        "float64, previews": lambda path: _recording(path, rig, volts, None, compress=False),
+        "zstd, previews": lambda path: _recording(path, rig, volts, None),
+        "zstd": lambda path: _blocks(path, volts, compress=True),
+        "foxglove": lambda path: _foxglove(path, volts, compress=False),
+        "foxglove, zstd": lambda path: _foxglove(path, volts, compress=True),
+        "h5py": lambda path: _h5py(path, volts),
+        "nptdms": lambda path: _nptdms(path, volts),
+        "nptdms, int16": lambda path: _nptdms(path, counts),
     }
+    rates, bits = _rates(folder / "file", ways, SAMPLES // n)
+    what = f"{n} channels, written:"
+    rows = (
+        ("counts, fraction of a raw file of float64", rates["counts"] / rates["raw"], 1.0),
+        ("float64, fraction of a raw file", rates["float64"] / rates["raw"], 0.8),
+        ("counts with previews, fraction", rates["counts, previews"] / rates["raw"], 0.6),
+        ("float64 with previews, fraction", rates["float64, previews"] / rates["raw"], 0.6),
+    )
+    peers = (
+        ("float64", "float64", "foxglove-sdk", "foxglove"),
+        ("float64, zstd", "zstd", "foxglove-sdk", "foxglove, zstd"),
+        ("float64 with previews", "float64, previews", "h5py", "h5py"),
+        ("float64 with previews", "float64, previews", "npTDMS", "nptdms"),
+        ("counts with previews", "counts, previews", "npTDMS", "nptdms, int16"),
+    )
+    return [
+        *(Figure(f"{what} {name}", value, "", LOWER, least) for name, value, least in rows),
+        *(
+            Figure(f"{what} {name}", rates[own], "M instants/s", peer, rates[key])
+            for name, own, peer, key in peers
+        ),
+        *(
+            Figure(f"{what} {name}", bits[name], "bit/sample", "float64", 64.0)
+            for name in ("counts, previews", "zstd, previews")
+        ),
+        *_read(folder, rig, volts, (counts, scaling)),
+    ]
+
+
+def _rates(
+    path: Path, ways: dict[str, Callable[[Path], None]], instants: int
+) -> tuple[dict[str, float], dict[str, float]]:
+    """Return 1e6 instants per second and bits per sample of each way to write.
+
+    The ways alternate, so that they share the conditions of the disk.
+    """
     times: dict[str, list[float]] = {name: [] for name in ways}
+    bits = {}
     for _ in range(RUNS):
         for name, way in ways.items():
-            path = folder / "file"
             start = time.perf_counter()
-            way(path, volts)
+            way(path)
             with path.open("rb+") as file:
                 os.fsync(file.fileno())
             times[name].append(time.perf_counter() - start)
-            assert path.stat().st_size > 1e6
+            bits[name] = 8 * path.stat().st_size / SAMPLES
+            assert bits[name] > 8
             path.unlink()
-    return {name: INSTANTS / statistics.median(t) / 1e6 for name, t in times.items()}
+    return {name: instants / statistics.median(t) / 1e6 for name, t in times.items()}, bits
 
 
-def _written(rates: dict[str, float]) -> list[Figure]:
-    plain, blocks = "blocks written, uncompressed", rates["blocks"]
-    packed, sdk = rates["blocks, zstd"], "foxglove-sdk"
-    rows = (
-        (f"{plain}, beside half the rate of a raw file", blocks, "at least", 0.5 * rates["raw"]),
-        (plain, blocks, sdk, rates["foxglove"]),
-        ("blocks written, zstd", packed, sdk, rates["foxglove, zstd"]),
-        (plain, blocks, "h5py", rates["h5py"]),
-        (plain, blocks, "npTDMS", rates["nptdms"]),
-        ("complete recording, previews, zstd", rates["recording"], "the card's rate", 0.0512),
-    )
-    return [Figure(what, rate, "M instants/s", *peer) for what, rate, *peer in rows]
+def _pieces(samples: Array, size: int = BLOCK):
+    return ((at, samples[:, at : at + size]) for at in range(0, samples.shape[1], size))
 
 
-def _pieces(volts: Volts):
-    return ((at, volts[:, at : at + BLOCK]) for at in range(0, volts.shape[1], BLOCK))
-
-
-def _raw(path: Path, volts: Volts) -> None:
+def _raw(path: Path, volts: Array) -> None:
     with path.open("wb") as file:
         for _, piece in _pieces(volts):
             file.write(piece.tobytes())
 
 
-def _blocks(path: Path, volts: Volts, *, compress: bool) -> None:
+def _blocks(path: Path, samples: Array, *, compress: bool) -> None:
+    """Write the blocks of a recording alone, from pieces as the device gives them."""
     from mcap.records import Channel, Schema
 
     with path.open("wb") as file:
         writer = McapWriter(file, path.parent, compress=compress)
-        schema = Schema(1, schema_data(), "protobuf", "sautereau.Samples")
-        writer.start("", [schema, *(Channel(n, f"/daq/{n}", "protobuf", {}, 1) for n in (1, 2))])
-        for at, piece in _pieces(volts):
-            for number, row in enumerate(piece, 1):
-                data = encode("Samples", t0=0, first_sample=at, rate=51_200.0, volts=row)
-                writer.add_message(number, at, data)
-            writer.close_chunk()
+        schema = Schema(1, schema_data({}), "protobuf", "sautereau.Block")
+        writer.start("", [schema, Channel(1, "/daq", "protobuf", {}, 1)])
+        held = np.empty((len(samples), HELD), samples.dtype)
+        for at, pieces in _pieces(samples, HELD):
+            for start, piece in _pieces(pieces):
+                held[:, start : start + piece.shape[1]] = piece
+            data = np.ascontiguousarray(held[:, : pieces.shape[1]]).data.cast("B")
+            writer.add_message(1, at, block_head(0, at, 51_200.0, 0, len(data)), data)
+            writer.close_chunk(least=0)
         writer.finish()
         writer.close()
 
 
-def _recording(path: Path, volts: Volts) -> None:
-    with Recording(path, load_rig(), session=SESSION) as recording:
-        for at, piece in _pieces(volts):
+def _recording(
+    path: Path, rig: Rig, samples: Array, scaling: Scaling | None, *, compress: bool | None = None
+) -> None:
+    with Recording(path, rig, session=SESSION, scaling=scaling, compress=compress) as recording:
+        for at, piece in _pieces(samples):
             recording.write_block(Block(at, piece))
 
 
-def _foxglove(path: Path, volts: Volts, *, compress: bool) -> None:
+def _foxglove(path: Path, volts: Array, *, compress: bool) -> None:
     import foxglove
     from foxglove.mcap import MCAPCompression, MCAPWriteOptions
 
@@ -133,55 +176,77 @@ def _foxglove(path: Path, volts: Volts, *, compress: bool) -> None:
     )
     with path.open("wb") as file:
         writer = foxglove.open_mcap(file, context=context, writer_options=options)
-        schema = foxglove.Schema(name="sautereau.Samples", encoding="protobuf", data=schema_data())
-        channels = [
-            foxglove.Channel(
-                f"/daq/{n}", schema=schema, message_encoding="protobuf", context=context
-            )
-            for n in (1, 2)
-        ]
+        schema = foxglove.Schema(name="sautereau.Block", encoding="protobuf", data=schema_data({}))
+        channel = foxglove.Channel(
+            "/daq", schema=schema, message_encoding="protobuf", context=context
+        )
         for at, piece in _pieces(volts):
-            for channel, row in zip(channels, piece, strict=True):
-                data = encode("Samples", t0=0, first_sample=at, rate=51_200.0, volts=row)
-                channel.log(data, log_time=at)
+            head = block_head(0, at, 51_200.0, 0, piece.size * 8)
+            channel.log(head + piece.tobytes(), log_time=at)
         writer.close()
 
 
-def _h5py(path: Path, volts: Volts) -> None:
+def _h5py(path: Path, volts: Array) -> None:
     import h5py
 
+    n = len(volts)
     with h5py.File(path, "w") as file:
         data = file.create_dataset(
-            "v", (2, 0), maxshape=(2, None), chunks=(2, 8 * BLOCK), dtype="<f8"
+            "v", (n, 0), maxshape=(n, None), chunks=(n, 8 * BLOCK), dtype="<f8"
         )
         for at, piece in _pieces(volts):
             data.resize(at + piece.shape[1], axis=1)
             data[:, at:] = piece
 
 
-def _nptdms(path: Path, volts: Volts) -> None:
+def _nptdms(path: Path, samples: Array) -> None:
     from nptdms import ChannelObject, TdmsWriter
 
     with TdmsWriter(path) as writer:
-        for _, piece in _pieces(volts):
-            writer.write_segment(
-                [ChannelObject("daq", name, row) for name, row in zip("ab", piece, strict=True)]
-            )
+        for _, piece in _pieces(samples):
+            rows = enumerate(piece)
+            writer.write_segment([ChannelObject("daq", f"c{i}", row) for i, row in rows])
 
 
-def _read(folder: Path, volts: Volts) -> Figure:
-    import pandas as pd
-
-    path = folder / "read.mcap"
-    _recording(path, volts)
-
-    def read() -> pd.DataFrame:
-        recorded = read_recording(path)
-        return pd.DataFrame(recorded.volts, index=recorded.time, copy=False)
-
-    assert np.array_equal(read().to_numpy().T, volts)
-    rate = INSTANTS / median_time(read, RUNS) / 1e6
-    return Figure("read into a DataFrame, verified", rate, "M instants/s", "at least", 20.0)
+def _read(folder: Path, rig: Rig, volts: Array, of_counts: tuple[Array, Scaling]) -> list[Figure]:
+    """Read counts and float64 to volts with all checks, beside a raw file of float64."""
+    raw, counts, floats = (folder / name for name in ("raw", "counts.mcap", "floats.mcap"))
+    volts.tofile(raw)
+    _recording(counts, rig, *of_counts)
+    _recording(floats, rig, volts, None, compress=False)
+    ways: dict[str, Callable[[], object]] = {
+        "raw": lambda: np.fromfile(raw),
+        "counts": lambda: read_recording(counts),
+        "float64": lambda: read_recording(floats),
+    }
+    times: dict[str, list[float]] = {name: [] for name in ways}
+    for _ in range(3 * RUNS):
+        for name, way in ways.items():
+            start = time.perf_counter()
+            way()
+            times[name].append(time.perf_counter() - start)
+    for path in (counts, floats):
+        read = read_recording(path).volts
+        assert all(np.array_equal(a, b) for a, b in zip(read.values(), volts, strict=True))
+    for path in (raw, counts, floats):
+        path.unlink()
+    n, median = len(volts), {name: statistics.median(t) for name, t in times.items()}
+    rate = volts.shape[1] / 1e6
+    what = f"{n} channels, read to volts, verified:"
+    figures = []
+    for name in ("counts", "float64"):
+        fraction = median["raw"] / median[name]
+        figures += [
+            Figure(f"{what} {name}, fraction of fromfile", fraction, "", LOWER, 0.6),
+            Figure(
+                f"{what} {name}",
+                rate / median[name],
+                "M instants/s",
+                "fromfile",
+                rate / median["raw"],
+            ),
+        ]
+    return figures
 
 
 def _described(folder: Path) -> list[Figure]:
@@ -239,9 +304,7 @@ def _continuous() -> list[Figure]:
     """
     rig = _sixteen(load_rig())
     rate = rig.daq.sample_rate
-    noise = (
-        np.round(np.random.default_rng(2).standard_normal((SIXTEEN, 51_200)) * 3000) * 20 / 65536
-    )
+    noise = np.round(np.random.default_rng(2).standard_normal((SIXTEEN, 51_200)) * 3000) * STEP
     with tempfile.TemporaryDirectory() as name:
         path = Path(name) / "minute.mcap"
         start = time.process_time()

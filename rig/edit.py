@@ -15,6 +15,9 @@ from sautereau.rig.load import parse_rig
 from sautereau.rig.renamed import current_key, rename_keys
 from sautereau.rig.schema import Rig
 
+TomlValue = str | float | list[str] | list[dict[str, str | float]]
+"""A value of a rig file; a list replaces the one before."""
+
 
 @dataclass(frozen=True)
 class Edit:
@@ -54,11 +57,7 @@ class Edit:
             ) from error
 
 
-Value = str | float | list[str]
-"""As TOML writes it."""
-
-
-def edit_rig(path: str | Path, values: Mapping[str, Value], source: str = "") -> Edit:
+def edit_rig(path: str | Path, values: Mapping[str, TomlValue], source: str = "") -> Edit:
     """Put values into the text of a rig file.
 
     A value written as a table keeps its table without the assumed range, since it is now known.
@@ -82,7 +81,7 @@ def edited_text(
     text: str,
     origin: str,
     folder: Path,
-    values: Mapping[str, Value],
+    values: Mapping[str, TomlValue],
     source: str = "",
 ) -> str:
     """Return the text of a rig file with new values; see `edit_rig`.
@@ -113,7 +112,7 @@ def edited_text(
     return after
 
 
-def _put(node: Any, keys: list[str], value: Value, source: str) -> None:
+def _put(node: Any, keys: list[str], value: TomlValue, source: str) -> None:
     """Set the value at a key of the document; only the last part of the key may be new."""
     *parents, last = keys
     for key in parents:

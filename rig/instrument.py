@@ -9,6 +9,19 @@ from sautereau.rig.section import Force, Frequency, Inertia, Length, Mass, Momen
 from sautereau.rig.units import Unit
 
 
+class KeyMode(Section):
+    """A mode of the resting key, as `sautereau setup tap` finds it."""
+
+    frequency: Frequency = Field(gt=0)
+    """Hz, undamped."""
+    frequency_std: Frequency = Field(gt=0)
+    """Hz, standard uncertainty."""
+    damping: float = Field(gt=0, lt=1)
+    """Dimensionless, fraction of critical damping."""
+    damping_std: float = Field(gt=0)
+    """Dimensionless, standard uncertainty."""
+
+
 class Key(Section):
     """The lever on its balance pin."""
 
@@ -40,6 +53,9 @@ class Key(Section):
     """N/m, of the front felt, referred to the pressing point."""
     felt_damping: Annotated[float, Unit("N*s/m", "10 N s/m")] = Field(ge=0)
     """N s/m, of the front felt, referred to the pressing point."""
+    modes: tuple[KeyMode, ...] = ()
+    """Elastic modes of the key with what carries it, where `identify` starts to look for those of
+    the pressed key."""
 
 
 class Tongue(Section):

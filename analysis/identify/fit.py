@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sautereau.analysis.alike import check_alike
 from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.identify.observed import (
     BACK,
@@ -17,7 +18,9 @@ from sautereau.analysis.identify.observed import (
 from sautereau.analysis.identify.parameters import (
     CLEARANCE,
     FORCE_GAIN,
+    LATE_SLIDING,
     RELEASE,
+    SLIDING,
     TIME,
     TIME_RANGE,
     VELOCITY_GAIN,
@@ -32,7 +35,7 @@ from sautereau.analysis.identify.problem import (
     descend,
     whitening,
 )
-from sautereau.analysis.identify.residuals import InverseDynamics, check_alike
+from sautereau.analysis.identify.residuals import InverseDynamics
 from sautereau.analysis.loading.press import Press
 from sautereau.analysis.phases import Phases
 from sautereau.rig.schema import Rig
@@ -41,10 +44,9 @@ from sautereau.trajectory.motion import Floats
 CLEARANCE_STD = 0.1e-3
 """m, of the clearance in the rig: each recording shows it to some micrometres, so it is always
 fitted, and contact does not calibrate the vibrometer."""
-SLIDING_STD = 1.2e-3
-"""Dimensionless, common relative error of all forces, besides that of the transducer: the finger
-of a compliant arm slides along the key by a fifth of a millimetre, and its moment on the key
-changes by as much."""
+SLIDING_STD = 2e-3
+"""1/N: a force of 1 N moves the finger of a compliant arm along the key by a third of a
+millimetre."""
 RELEASE_STD = 5e-3
 """Dimensionless, of the height of release: the string moves, and the model's is static."""
 FAR = 10
@@ -125,8 +127,14 @@ def fit(
 
 def _errors(rig: Rig) -> list[Parameter]:
     """Return the hidden parameters for errors of the measurement, and the clearance."""
-    units = {CLEARANCE: "m", TIME: "s"}
-    values = {CLEARANCE: rig.jack.string_clearance, TIME: 0.0, RELEASE: 0.0}
+    units = {CLEARANCE: "m", TIME: "s", SLIDING: "1/N", LATE_SLIDING: "1/N"}
+    values = {
+        CLEARANCE: rig.jack.string_clearance,
+        TIME: 0.0,
+        SLIDING: 0.0,
+        LATE_SLIDING: 0.0,
+        RELEASE: 0.0,
+    }
     found = []
     for name, std in _stds(rig).items():
         value = values.get(name, 1.0)
@@ -145,8 +153,10 @@ def _stds(rig: Rig) -> dict[str, float]:
         CLEARANCE: CLEARANCE_STD,
         # Not 0, which would be no prior but an empty range.
         TIME: max(float(np.hypot(force.delay_std, velocity.delay_std)), 1e-9),
-        FORCE_GAIN: float(np.hypot(force.gain_std, SLIDING_STD)),
+        FORCE_GAIN: max(force.gain_std, 1e-6),
         VELOCITY_GAIN: max(velocity.gain_std, 1e-6),
+        SLIDING: SLIDING_STD,
+        LATE_SLIDING: SLIDING_STD,
         RELEASE: RELEASE_STD,
     }
 

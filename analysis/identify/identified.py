@@ -5,19 +5,29 @@ singular vectors: the combinations of parameters that the data determine.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from sautereau.analysis.identify.compliant import fit_compliant
+from sautereau.analysis.identify.elastic import mode_names
 from sautereau.analysis.identify.fit import Fit, fit, inverse_dynamics, rms
 from sautereau.analysis.identify.fixed import (
+    CONTACT,
+    SUGGESTED,
     Sensitivity,
     Suggestion,
     sensitivities,
     suggestions,
 )
-from sautereau.analysis.identify.parameters import FORCE, Parameter, Prior, with_parameters
+from sautereau.analysis.identify.parameters import (
+    FORCE,
+    FRICTION,
+    Parameter,
+    Prior,
+    with_parameters,
+)
 from sautereau.analysis.identify.problem import AT_BOUND, Problem
 from sautereau.analysis.identify.quality import Quality, quality
 from sautereau.analysis.identify.residuals import InverseDynamics
@@ -75,6 +85,20 @@ class Combination:
 
 
 @dataclass(frozen=True)
+class FittedMode:
+    """An elastic mode of the key with what moves with it."""
+
+    frequency: float
+    """Hz."""
+    frequency_std: float | None
+    """Hz, standard uncertainty; None where undetermined."""
+    damping: float
+    """Dimensionless, fraction of critical damping."""
+    damping_std: float | None
+    """Dimensionless, standard uncertainty; None where undetermined."""
+
+
+@dataclass(frozen=True)
 class Identified:
     """The identified parameters of presses."""
 
@@ -99,6 +123,8 @@ class Identified:
     """m, RMS residual of the rises at release; None without a release."""
     force_offsets: tuple[float, ...]
     """N, fitted zero of the force of each press; 0 where it is known."""
+    modes: tuple[FittedMode, ...]
+    """Elastic modes of the key; empty for a rigid key."""
     quality: Quality
     """Goodness of the fit."""
     sensitivity: tuple[Sensitivity, ...]
@@ -134,12 +160,15 @@ def identify(
         ModelError: The model has no solution for the rig's values.
     """
     dynamics = inverse_dynamics(presses, phases, names, priors, level)
-    return evaluate(fit(dynamics, starts, robust, levelled=FORCE in names))
+    rigid = fit(dynamics, starts, robust, levelled=FORCE in names)
+    return evaluate(fit_compliant(rigid, robust))
 
 
 def evaluate(made: Fit) -> Identified:
     """Return the result of a fit with its uncertainties."""
     found, values, good = made.problem, made.values, quality(made)
+    suggested = suggestions(made, good.scale)
+    good = replace(good, reasons=(*good.reasons, *_hidden_by_fit(suggested)))
     dynamics, point = found.dynamics, values / found.scales
     excess = made.excess * good.repetition
     shown = [k for k, p in enumerate(found.free) if not p.hidden]
@@ -179,11 +208,35 @@ def evaluate(made: Fit) -> Identified:
         residual_before=made.residual_before,
         rise_residual=rms([rises * dynamics.rise_stds]) if len(rises) else None,
         force_offsets=tuple(offsets),
+        modes=_modes(found, values, stds),
         quality=good,
         sensitivity=sensitivities(made, data, excess),
-        suggested=() if good.fits else suggestions(made, good.scale),
+        suggested=() if good.fits else suggested,
         warnings=_warnings(estimates, dynamics),
     )
+
+
+def _modes(found: Problem, values: Floats, stds: Floats) -> tuple[FittedMode, ...]:
+    """Return the elastic modes among the hidden parameters, by frequency."""
+    names = [p.name for p in found.free]
+    modes = []
+    for number in range(sum(name.endswith(".frequency") for name in names)):
+        own = []
+        for at in (names.index(name) for name in mode_names(number)[:2]):
+            std = float(stds[at] * found.scales[at])
+            own += [float(values[at]), std if np.isfinite(std) else None]
+        modes.append(FittedMode(*own))
+    return tuple(sorted(modes, key=lambda mode: mode.frequency))
+
+
+def _hidden_by_fit(suggested: Sequence[Suggestion]) -> list[str]:
+    """Return what the plectrum lacks by the score test, although the residuals may be small."""
+    return [
+        f"{s.name}: freeing it would reduce the weighted sum of squares by {s.reduction:.0f}, and"
+        f" {SUGGESTED:.0f} are allowed: the other parameters imitate it"
+        for s in suggested
+        if s.name in (FRICTION, CONTACT)
+    ]
 
 
 def _estimate(

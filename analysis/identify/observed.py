@@ -38,6 +38,12 @@ a key that had lost contact with it: such an impact is shorter than the smoothin
 BESIDE_STRING = 0.3e-3
 """m, height of the jack above the string below which its way down is excluded, as tongue and damper
 act there."""
+ARM_LAG = 6e-3
+"""s, lag of the deflection of a servo-driven arm behind the force."""
+AT_REST = 5e-3
+"""s, of the beginning of a recording, in which the finger rests."""
+LIFTED = 1e-5
+"""rad, angle of a key that has left its back rail."""
 RISE_STD = 1e-6
 """m, uncertainty of the rise of a jack, without that of the instant of release."""
 LEAST_REST, AFTER_RETURN = 10e-3, 10e-3
@@ -74,10 +80,18 @@ class Observed:
     """s after the trigger, of `every_force`; shape (m,)."""
     every_force: Floats
     """N, smoothed finger force at the rate of the recording; shape (m,)."""
+    late_force: Floats
+    """N, `every_force` behind a lag of `ARM_LAG`, at the instants; shape (n,)."""
     part_time: Floats
     """s, `PARTS` times as dense as `time`, extended at both ends by half the smoothing window."""
     part_angle: Floats
     """rad, measured angle of the key at `part_time`."""
+    light_time: Floats
+    """s after the trigger, of `light_force`; shape (samples,)."""
+    light_force: Floats
+    """N, finger force smoothed over a part, without that at rest; shape (samples,)."""
+    lifted: float
+    """s after the trigger, at which the key leaves its back rail."""
     part: NDArray[np.int8]
     """Part of the press at the instants: `FREE`, `HELD` or `BACK`; shape (n,)."""
     noise: float | None
@@ -87,6 +101,10 @@ class Observed:
     def force(self, lag: float = 0.0) -> Floats:
         """Return the force [N] at the instants, for a delay `lag` [s] of the force."""
         return np.interp(self.time + lag, self.every_time, self.every_force)
+
+    def part_force(self, lag: float = 0.0) -> Floats:
+        """Return the force [N] at `part_time` without that at rest, for a delay [s] of it."""
+        return np.interp(self.part_time + lag, self.light_time, self.light_force)
 
     def smoothed(self, values: Floats) -> Floats:
         """Return values at `part_time` after smoothing, at the instants."""
@@ -159,13 +177,38 @@ def observed(press: Press, phases: Phases, shift: float = 0.0) -> Observed:
         release_speeds=speeds,
         every_time=time,
         every_force=smooth(force),
+        late_force=_late(smooth(force), press.rate)[at],
         part_time=data.index.to_numpy()[rows],
         part_angle=angle[rows],
+        light_time=data.index.to_numpy(),
+        light_force=_light(force, part, press.rate),
+        lifted=_lifted(data.index.to_numpy(), angle),
         part=_part(phases, time[at], motion),
         noise=_noise(
             press, time, smooth(force), Motion(smooth(angle), smooth(velocity) / arm, slope / arm)
         ),
     )
+
+
+def _late(force: Floats, rate: float) -> Floats:
+    """Return a force behind a lag of first order."""
+    from scipy.signal import lfilter
+
+    kept = np.exp(-1 / (rate * ARM_LAG))
+    return force[0] + np.asarray(lfilter([1 - kept], [1, -kept], force - force[0]), float)
+
+
+def _lifted(time: Floats, angle: Floats) -> float:
+    """Return the time at which a key leaves rest, whose acceleration then grows with time."""
+    first, second = (time[int(np.argmax(angle > level))] for level in (LIFTED, 8 * LIFTED))
+    return float(max(time[0], 2 * first - second))
+
+
+def _light(force: Floats, width: int, rate: float) -> Floats:
+    from scipy.ndimage import uniform_filter1d
+
+    rest = force[: max(1, round(AT_REST * rate))].mean()
+    return np.asarray(uniform_filter1d(force - rest, width, mode="nearest"), float)
 
 
 def _part(phases: Phases, time: Floats, motion: Motion) -> NDArray[np.int8]:

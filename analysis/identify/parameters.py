@@ -14,16 +14,21 @@ STIFFNESS, MODULUS = "plectrum.bending_stiffness", "plectrum.youngs_modulus"
 TIME, FORCE = "offset.time", "offset.force"
 FORCE_GAIN, VELOCITY_GAIN = "offset.force_gain", "offset.velocity_gain"
 """True over measured force and velocity, 1 if correct; hidden, never a result."""
+SLIDING, LATE_SLIDING = "offset.sliding", "offset.late_sliding"
+"""1/N, relative error of the force's moment on the key over the force: the finger of a compliant
+arm slides along the key as the force bends the arm; hidden."""
+FOOT, MODE = "offset.foot", "offset.mode"
+"""m/N, compliance of the cloth under the jack; and beginning of the names of elastic modes."""
 RELEASE = "offset.release"
 """Relative error of the static string's height of release; hidden."""
-FINGERTIP = "arm.fingertip_friction"
+FRICTION, FINGERTIP = "plectrum.friction", "arm.fingertip_friction"
 CLEARANCE = "jack.string_clearance"
 TIME_RANGE = 1e-3
 """s, bound of the delay between force and motion."""
 FACTOR = 10.0
 """Ratio of a bound to the value where the rig file assumes no range."""
 ENDS = {
-    "plectrum.friction": (0.0, 0.5),
+    FRICTION: (0.0, 0.5),
     FINGERTIP: (-0.6, 0.6),
     TIME: (-TIME_RANGE, TIME_RANGE),
 }
@@ -32,7 +37,7 @@ NAMES = (
     MODULUS,
     STIFFNESS,
     "plectrum.overlap",
-    "plectrum.friction",
+    FRICTION,
     "key.inertia",
     "key.pivot_coulomb_friction",
     "key.pivot_viscous_friction",

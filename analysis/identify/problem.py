@@ -21,7 +21,7 @@ DIFFERENCE = 1e-3
 """Step of the numerical derivatives over the scale of the parameter."""
 AT_BOUND = 1e-6
 """Fraction of the range of a parameter within which it counts as at a bound."""
-TOLERANCE = 1e-8
+TOLERANCE = 1e-6
 """Relative tolerance of the solver."""
 UNSOLVED = 1e6
 """Residual of every datum where the model has no solution, so that the solver rejects the step."""
@@ -246,7 +246,7 @@ def descend(
         xtol=TOLERANCE,
         ftol=TOLERANCE,
         gtol=None,  # pyright: ignore[reportArgumentType]
-        max_nfev=60,
+        max_nfev=40,
     )
     point = complete(result.x)
     # The solver stays inside the bounds; move parameters that are as good as at a bound onto it.

@@ -1,14 +1,17 @@
 """Inverse-dynamics residuals of presses: force at every instant, rise at every release."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
-from sautereau.analysis.errors import AnalysisError
+from sautereau.analysis.identify.elastic import Mode, modes_of, responses
 from sautereau.analysis.identify.observed import Observed
 from sautereau.analysis.identify.parameters import (
+    FOOT,
     FORCE_GAIN,
+    LATE_SLIDING,
     RELEASE,
+    SLIDING,
     TIME,
     VELOCITY_GAIN,
     Parameter,
@@ -73,6 +76,7 @@ class InverseDynamics:
         values = dict(zip((p.name for p in self.free), point.tolist(), strict=True))
         rig, lag = with_parameters(self.rig, values), values.get(TIME, 0.0)
         gains = values.get(FORCE_GAIN, 1.0), values.get(VELOCITY_GAIN, 1.0)
+        sliding = values.get(SLIDING, 0.0), values.get(LATE_SLIDING, 0.0)
         plucks = [self._pluck(choir) for choir in choirs(rig)]
         late = 1 + values.get(RELEASE, 0.0)
         released = [
@@ -82,40 +86,31 @@ class InverseDynamics:
         angles = np.array(released, float)
         order = np.argsort(angles, kind="stable").tolist()  # in which the strings are released
         modelled = rise_of_angle(rig.key, angles[order])
+        modes, foot = modes_of(values), values.get(FOOT, 0.0)
         forces, rises = [], []
         for press in self.presses:
-            forces.append(self._force(rig, plucks, order, press, lag, gains))
             count = min(len(order), len(press.releases))
             measured = rise_of_angle(rig.key, gains[1] * press.release_angles[:count])
             measured = measured - press.release_speeds[:count] * lag
+            angle = gains[1] * press.part_angle
+            held = _Held(rig, plucks, order, press, lag, foot)
+            bent = None
+            if modes:
+                bent = held.bend(modes, gains[0], angle)
+                measured = measured + np.interp(
+                    press.releases[:count] - lag, press.part_time, held.yielded
+                )
+            strings = np.stack([press.smoothed(force) for force in held.forces(angle, bent)])
+            motion = Motion(*(gains[1] * part for part in press.motion))
+            if bent is not None:
+                smooth = [press.smoothed(row) for row in bent]
+                motion = Motion(*(whole - part for whole, part in zip(motion, smooth, strict=True)))
+            # In units of the measured force, whose noise is the same for every gain.
+            force, seen = finger_force(rig, motion, strings), press.force(lag)
+            slid = seen * (sliding[0] * seen + sliding[1] * press.late_force)
+            forces.append((seen + slid - force / gains[0])[press.used])
             rises.append((measured - modelled[:count]) / press.release_stds[:count])
         return forces, np.concatenate(rises)
-
-    def _force(
-        self,
-        rig: Rig,
-        plucks: Sequence[Pluck],
-        order: Sequence[int],
-        press: Observed,
-        lag: float,
-        gains: tuple[float, float],
-    ) -> Floats:
-        force_gain, velocity_gain = gains
-        strings = np.zeros((len(plucks), len(press.time)))
-        for number, release in zip(order, press.releases - lag, strict=False):
-            choir, pluck = choirs(rig)[number], plucks[number]
-            rise = rise_of_angle(key_of(rig, choir), velocity_gain * press.part_angle)
-            height = rise - choir.jack.string_clearance
-            held = (press.part_time < release) & (height > 0)
-            # A string that is held beyond the modelled release keeps its force: so the residual
-            # is smooth in the parameters, and the release enters by its rise.
-            force = np.zeros_like(height)
-            force[held] = pluck.force_on_jack(np.minimum(height[held], pluck.release_height))
-            strings[number] = press.smoothed(force)
-        motion = Motion(*(velocity_gain * part for part in press.motion))
-        # In units of the measured force, whose noise is the same for every gain.
-        residual = press.force(lag) - finger_force(rig, motion, strings) / force_gain
-        return residual[press.used]
 
     def _pluck(self, choir: Choir) -> Pluck:
         """Return the pluck of a choir, solved once for each plectrum and string."""
@@ -128,29 +123,63 @@ class InverseDynamics:
         return self._solved[key]
 
 
-def check_alike(rigs: Mapping[str, Rig]) -> Rig:
-    """Return the rig of several recordings of one instrument.
+class _Held:
+    """The strings of one press, which its plectra hold until the measured releases.
 
     Args:
-        rigs: By the recordings' names.
-
-    Raises:
-        AnalysisError: Key, jack, plectrum or string differ from those of the first recording.
+        rig: The bench with the parameters' values.
+        plucks: Of its choirs.
+        order: In which they are released.
+        press: The press.
+        lag: s, of the force behind the motion.
+        foot: m/N, compliance under each jack.
     """
-    (first_name, first), *others = rigs.items()
-    faults = []
-    for name, rig in others:
-        differ = [
-            part
-            for part in ("key", "jack", "plectrum", "string", "more_choirs")
-            if getattr(rig, part) != getattr(first, part)
-        ]
-        if differ:
-            faults.append(f"{name}: its {', '.join(differ)} differ from those of {first_name}")
-    if faults:
-        raise AnalysisError(
-            "\n".join(
-                [*faults, "these are different instruments: give recordings of one instrument"]
-            )
-        )
-    return first
+
+    def __init__(
+        self,
+        rig: Rig,
+        plucks: Sequence[Pluck],
+        order: Sequence[int],
+        press: Observed,
+        lag: float,
+        foot: float,
+    ):
+        self.rig, self.plucks, self.press, self.lag, self.foot = rig, plucks, press, lag, foot
+        self.releases = dict(zip(order, press.releases - lag, strict=False))
+        self.before = np.zeros((len(plucks), len(press.part_time)))
+        self.rise: Floats | float = 0.0
+        self.yielded = np.zeros(len(press.part_time))
+        """m, what the first jack rises more than it would on a rigid key."""
+
+    def bend(self, modes: Sequence[Mode], force_gain: float, angle: Floats) -> Floats:
+        """Return what modes add to the key's angle [rad] and its derivatives; shape (3, n)."""
+        key, press = self.rig.key, self.press
+        arms = np.array([choir.jack_arm for choir in choirs(self.rig)])
+        masses = np.array([choir.jack.mass for choir in choirs(self.rig)])
+        scale = key.press_arm, key.inertia + float(masses @ arms**2)
+        finger, time = force_gain * press.part_force(self.lag), press.part_time - press.lifted
+        bent = np.zeros((3, len(angle)))
+        for _ in range(2):
+            # The strings' forces hardly depend on the bending.
+            strings = arms @ self.forces(angle, bent)
+            bent, self.rise = responses(modes, finger, strings, scale, time)
+        self.yielded = key.jack_arm * (self.rise - bent[0]) - self.foot * self.before[0]
+        return bent
+
+    def forces(self, angle: Floats, bent: Floats | None) -> Floats:
+        """Return the forces [N] of the strings on the jacks; shape (choirs, n).
+
+        A string that is held beyond the modelled release keeps its force: so the residual is
+        smooth in the parameters, and the release enters by its rise.
+        """
+        found = np.zeros((len(self.plucks), len(angle)))
+        rigid = angle if bent is None else angle - bent[0]
+        for number, release in self.releases.items():
+            choir, pluck = choirs(self.rig)[number], self.plucks[number]
+            rise = rise_of_angle(key_of(self.rig, choir), rigid) + choir.jack_arm * self.rise
+            height = rise - choir.jack.string_clearance - self.foot * self.before[number]
+            held = (self.press.part_time < release) & (height > 0)
+            lifted = np.minimum(height[held], pluck.release_height)
+            found[number, held] = pluck.force_on_jack(lifted)
+        self.before = found
+        return found

@@ -57,11 +57,6 @@ class PredictionBatch:
     status: NDArray[np.int8]
     """A `Status` each; the scalars are NaN unless it is RELEASED or RELEASED_AT_FOLD."""
 
-    def statuses(self) -> dict[Status, int]:
-        """Return the number of cases of each status."""
-        values, counts = np.unique(self.status, return_counts=True)
-        return {Status(v): int(n) for v, n in zip(values, counts, strict=True)}
-
 
 def predict_many(rig: Rig, values: Mapping[str, ArrayLike]) -> PredictionBatch:
     """Predict presses of a rig that differ in some of its values.

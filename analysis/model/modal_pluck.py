@@ -16,7 +16,7 @@ from sautereau.analysis.model.plectrum.surface import string_map
 from sautereau.analysis.model.predict import rig_pluck
 from sautereau.analysis.model.string.contact import STEP_FRACTION, STEP_FRACTION_MAX, ModalContact
 from sautereau.analysis.model.string.free import FreeString
-from sautereau.analysis.model.string.string import ModalState, ModalString, release_speed
+from sautereau.analysis.model.string.string import ModalState, ModalString
 from sautereau.rig.schema import Rig
 
 MODES = 30
@@ -62,12 +62,6 @@ class ModalPluck:
     def plectrum_force(self) -> float:
         """Force at release [N]."""
         return float(self.force[-1])
-
-    @property
-    def speed_ratio(self) -> float:
-        """Largest speed of the held string over Vosc of its release: quasi-static far below 1."""
-        lift = float(np.hypot(*self.displacement[-1]))
-        return float(np.hypot(*self.velocity.T).max()) / release_speed(self.string.string, lift)
 
     @property
     def free(self) -> FreeString:

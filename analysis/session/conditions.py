@@ -5,7 +5,7 @@ Command line, report and notebooks show what `analyse` returns, and compute none
 """
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Generic, TypeVar
 
@@ -55,6 +55,11 @@ class Condition(Generic[PressT]):
         return any(press.press.simulated for press in self.presses)
 
 
+def label_of(condition: Condition, keys: Iterable[str]) -> str:
+    """Return values of a condition as text: `press.jack_speed = 0.06 m/s`."""
+    return ", ".join(f"{key} = {condition.values.get(key)}" for key in keys)
+
+
 @dataclass(frozen=True)
 class SessionAnalysis(Generic[PressT]):
     """Presses by condition."""
@@ -70,6 +75,11 @@ class SessionAnalysis(Generic[PressT]):
     def simulated(self) -> bool:
         """Whether the stand-in made any of the presses."""
         return any(condition.simulated for condition in self.conditions)
+
+    def label(self, condition: Condition[PressT]) -> str:
+        """Return the values of a condition that vary between the conditions; empty for one."""
+        keys = dict.fromkeys(key for each in self.conditions for key in each.changed)
+        return label_of(condition, keys)
 
 
 def analyse(

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from sautereau.analysis.errors import AnalysisError
-from sautereau.analysis.session.conditions import Condition, SessionAnalysis, differing
+from sautereau.analysis.session.conditions import Condition, SessionAnalysis, differing, label_of
 from sautereau.analysis.session.pooled import PooledFeature
 from sautereau.analysis.session.repeatability import COVERAGE
 
@@ -42,6 +42,8 @@ class Pair:
     changed: Mapping[str, tuple[Any, Any]]
     """Values in which they differ, by dotted key: of the first and of the second."""
     differences: tuple[Difference, ...]
+    label: str = ""
+    """Values that both have and others of their sets have not; empty for a single pair."""
 
 
 def side_by_side(first: SessionAnalysis, second: SessionAnalysis) -> tuple[Pair, ...]:
@@ -57,7 +59,7 @@ def side_by_side(first: SessionAnalysis, second: SessionAnalysis) -> tuple[Pair,
         return (_pair(first.conditions[0], second.conditions[0]),)
     keys = {key for one in (first, second) for c in one.conditions for key in c.changed} - {"day"}
     those, these = _by_values(first, sorted(keys)), _by_values(second, sorted(keys))
-    pairs = tuple(_pair(those[label], these[label]) for label in those if label in these)
+    pairs = tuple(_pair(those[label], these[label], label) for label in those if label in these)
     if not pairs:
         raise AnalysisError(
             "presses of different conditions are not pooled, and no condition is in both sets"
@@ -71,7 +73,7 @@ def _by_values(one: SessionAnalysis, keys: list[str]) -> dict[str, Condition]:
     """Return the conditions by the values of these keys, as text."""
     found: dict[str, Condition] = {}
     for condition in one.conditions:
-        label = ", ".join(f"{key} = {condition.values.get(key)}" for key in keys) or "all presses"
+        label = label_of(condition, keys) or "all presses"
         if label in found:
             raise AnalysisError(
                 f"presses of {found[label].values['day']} and {condition.values['day']} are not"
@@ -81,7 +83,7 @@ def _by_values(one: SessionAnalysis, keys: list[str]) -> dict[str, Condition]:
     return found
 
 
-def _pair(first: Condition, second: Condition) -> Pair:
+def _pair(first: Condition, second: Condition, label: str = "") -> Pair:
     others = {feature.name: feature for feature in second.features}
     keys = differing(first.values, second.values)
     return Pair(
@@ -93,6 +95,7 @@ def _pair(first: Condition, second: Condition) -> Pair:
             for feature in first.features
             if feature.name in others
         ),
+        label,
     )
 
 

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from sautereau.analysis.identify.fixed import CONTACT, Suggestion
-from sautereau.analysis.identify.identified import IDENTIFIABLE, Estimate, Identified
+from sautereau.analysis.identify.identified import IDENTIFIABLE, Estimate, FittedMode, Identified
 from sautereau.analysis.identify.profile import Profile
 from sautereau.analysis.identify.quality import Quality
 from sautereau.analysis.summary.text import counted
@@ -38,6 +38,7 @@ def fit_summary(found: Identified, profiles: Sequence[Profile] = ()) -> dict[str
                 for c in found.combinations
             ],
         },
+        "modes": [vars(mode) for mode in found.modes],
         "fits": found.quality.fits,
         "quality": {
             "noise": found.quality.noise,
@@ -98,6 +99,7 @@ def fit_lines(
         f" {counted(len(found.presses), 'press')} with {counted(found.releases, 'release')}",
         f"{QUANTITIES['residual'].label}: {found.residual_before * 1e3:.3g} mN before the fit,"
         f" {found.residual * 1e3:.3g} mN after",
+        *map(_mode_line, found.modes),
         _quality_line(found.quality),
         *(f"  {reason}" for reason in found.quality.reasons),
         *(_suggestion_line(suggestion) for suggestion in found.suggested),
@@ -123,6 +125,11 @@ def fit_lines(
     if every:
         lines += _table(found)
     return lines + [f"warning: {warning}" for warning in found.warnings]
+
+
+def _mode_line(mode: FittedMode) -> str:
+    spread = "" if mode.frequency_std is None else f" +- {mode.frequency_std:.2g}"
+    return f"compliant key: mode at {mode.frequency:.4g}{spread} Hz, damping {mode.damping:.2g}"
 
 
 def _quality_line(good: Quality) -> str:

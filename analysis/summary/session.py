@@ -1,6 +1,5 @@
 """The analysis of a session as JSON and as text: comparison, repeatability, drift, differences."""
 
-from collections.abc import Mapping
 from dataclasses import fields
 from typing import Any
 
@@ -126,18 +125,13 @@ def analysis_lines(found: SessionAnalysis, features: bool = True) -> list[str]:
     lines = []
     for condition in found.conditions:
         if len(found.conditions) > 1:
-            lines.append(f"{changed_text(condition.changed) or 'first condition'}:")
+            lines.append(f"{found.label(condition)}:")
         lines += _comparison_lines(condition, found.level, features)
         if condition.repeatability:
             lines += repeatability_lines(condition.repeatability)
         lines += _drift_lines(condition)
         lines += condition.warnings
     return lines
-
-
-def changed_text(changed: Mapping[str, Any]) -> str:
-    """Return the values in which a condition differs as text."""
-    return ", ".join(f"{key} = {value}" for key, value in changed.items())
 
 
 def _comparison_lines(found: Condition, level: str, features: bool) -> list[str]:
@@ -195,6 +189,7 @@ def pair_lines(found: Pair) -> list[str]:
     numbers = [counted(len(one.counted), "press") for one in (found.first, found.second)]
     changed = "; ".join(f"{key}: {a} and {b}" for key, (a, b) in found.changed.items())
     lines = [
+        *([f"{found.label}:"] if found.label else []),
         f"first ({numbers[0]}) minus second ({numbers[1]}); "
         + (f"they differ in {changed}" if changed else "same rig, scene and day"),
         f"  {'feature':<38} {'first':>10} {'second':>10} {'difference':>11}  95 % interval (Welch)",

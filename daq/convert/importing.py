@@ -205,14 +205,12 @@ def _recording(
             f"at {rate:.6g} Hz, its {volts.shape[1]} samples from sample {first} on reach beyond"
             " the dates from 1970 to 2262; correct the rate, --trigger or --started"
         )
-    last = first + min(rig.daq.block, volts.shape[1]) - 1
-    arrived = t0_ns + round(last * 1e9 / rate)
     recording = Recording(
         out,
         rig,
         session=session,
         rate=rate,
-        clock=lambda: arrived,
+        t0_ns=t0_ns,
         monotonic=lambda: 0.0,
         ending=ENDING,
     )

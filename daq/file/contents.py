@@ -3,7 +3,6 @@
 import struct
 from collections import Counter
 from collections.abc import Iterable, Iterator
-from typing import Any
 
 from google.protobuf.message import DecodeError
 from mcap.exceptions import McapError
@@ -23,6 +22,8 @@ from sautereau.daq.file.container.records import (
     text_within,
     texts_within,
 )
+from sautereau.daq.file.descriptors import FIELDS, LOG
+from sautereau.daq.file.integrity import IndexedChunk
 from sautereau.daq.file.limits import (
     FARTHEST_SAMPLE,
     MOST_EVENTS,
@@ -38,13 +39,22 @@ from sautereau.daq.file.recorded import (
     session_from_metadata,
     whole_number,
 )
-from sautereau.daq.file.schemas import FIELDS, decode, doubles
+from sautereau.daq.file.samples import (
+    TOPIC,
+    SampleLayout,
+    WireBlock,
+    layout_from_metadata,
+    read_block,
+)
+from sautereau.daq.file.schemas import decode, doubles
 from sautereau.rig.errors import RigError
 from sautereau.rig.faults import fault_list
 from sautereau.rig.load import rig_from_json
 from sautereau.rig.schema import Rig
 from sautereau.rig.units import shown
 
+VIEWED = ("/preview", "/motion", "/scene")
+"""Starts of topics for viewers, whose messages are counted and not read."""
 LEAST_RECORDS = 200_000
 """Records of chunks that any file may hold; those of previews count as one where they are alike."""
 SMALLEST_RECORD = 16
@@ -68,13 +78,14 @@ class Contents:
         self._topics: dict[int, str] = {}
         self._counted: set[int] = set()
         self._definitions = 0
+        self._layouts: dict[str, SampleLayout] = {}
         self._seen: dict[bytes, Metadata] = {}
         self._unpacked = 0
         self._most = max(LARGEST_CHUNK, size * MOST_UNPACKED)
         self._records = LEAST_RECORDS + size // SMALLEST_RECORD
 
-    def messages(self, records: Iterable[Record]) -> Iterator[Any]:
-        """Yield every Samples message with its topic, and store all others.
+    def blocks(self, records: Iterable[Record]) -> Iterator[tuple[SampleLayout, WireBlock]]:
+        """Yield every block of samples with its layout, and store all other messages.
 
         Raises:
             DamageError: A checksum does not match.
@@ -83,7 +94,7 @@ class Contents:
         try:
             for opcode, body in unpacked(records):
                 if opcode != Opcode.CHUNK:
-                    self._read_definition(opcode, body)
+                    self._read_definition(opcode, bytes(body))
                     continue
                 self._limit_unpacked(len(body))
                 for inner, view, n in records_within(body, self._counted):
@@ -91,10 +102,14 @@ class Contents:
                     if inner == Opcode.MESSAGE:
                         topic = self._topics[MESSAGE.unpack_from(view)[0]]
                         self.counts[topic] += n
-                        if topic.startswith("/daq/"):
-                            yield topic, decode("Samples", bytes(view[MESSAGE.size :]))
+                        data = view[MESSAGE.size :]
+                        if topic in self._layouts:
+                            layout = self._layouts[topic]
+                            yield layout, read_block(data)
+                        elif topic.startswith("/daq/"):
+                            yield _of_format_1(topic, data)
                         else:
-                            self._read_message(topic, view[MESSAGE.size :])
+                            self._read_message(topic, data)
                     else:
                         self._read_definition(inner, bytes(view))
         except RecordingError:
@@ -119,6 +134,18 @@ class Contents:
         """Return the description of the press."""
         self._require("session")
         return session_from_metadata(self.metadata["session"])
+
+    def with_samples(self, chunks: list[IndexedChunk]) -> list[IndexedChunk]:
+        """Return the chunks that have samples, each with the latest date that these can have.
+
+        The log time of a block is that of its last sample in format 1, else of its first.
+        """
+        if not self._layouts:
+            return chunks
+        numbers = {number for number, topic in self._topics.items() if topic in self._layouts}
+        found = [chunk for chunk in chunks if numbers & chunk.channels]
+        dates = [chunk.last for chunk in found[1:]] + [2**64]
+        return [chunk._replace(last=date) for chunk, date in zip(found, dates, strict=True)]
 
     def end(self) -> int | None:
         """Return the index after the last sample; None if the recording was never closed."""
@@ -184,8 +211,10 @@ class Contents:
 
     def _define(self, number: int, topic: str, metadata: dict[str, str]) -> None:
         self._topics[number] = topic
-        if topic.startswith("/preview/"):
+        if topic.startswith(VIEWED):
             self._counted.add(number)
+        if topic == TOPIC:
+            self._layouts[topic] = layout_from_metadata(metadata)
         self.channels[topic] = metadata
 
     def _read_message(self, topic: str, data: memoryview) -> None:
@@ -194,8 +223,7 @@ class Contents:
                 raise RecordingError(
                     f"it has more events than the limit of {MOST_EVENTS}; {FOREIGN}"
                 )
-            event = decode("Event", bytes(data))
-            self.events.append(Event(event.time, event.kind, event.text, event.std))
+            self.events.append(self._event(bytes(data)))
             self._refuse(event_faults(self.events[-1:]))
         elif topic == "/plan":
             plan = decode("Plan", bytes(data))
@@ -207,6 +235,21 @@ class Contents:
             self.joints = Joints(*(doubles(getattr(joints, name)) for name in FIELDS["Joints"]))
             self._refuse(series_faults("joints", self.joints))
 
+    def _event(self, data: bytes) -> Event:
+        if "format" in self.metadata.get("schemas", {}):
+            log = decode(LOG, data)
+            return Event(log.time, log.name, log.message, log.std)
+        event = decode("Event", data)
+        return Event(event.time, event.kind, event.text, event.std)
+
     def _refuse(self, faults: list[str]) -> None:
         if faults:
             raise RecordingError(f"{fault_list('its records', faults)}; {FOREIGN}")
+
+
+def _of_format_1(topic: str, data: memoryview) -> tuple[SampleLayout, WireBlock]:
+    """Return a block of one channel, as format 1 has them."""
+    block = decode("Samples", bytes(data))
+    layout = SampleLayout((topic.removeprefix("/daq/"),), "float64", ())
+    volts = memoryview(block.volts)
+    return layout, WireBlock(block.t0, block.first_sample, block.rate, block.begin, volts)

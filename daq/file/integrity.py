@@ -2,13 +2,13 @@
 
 import os
 import struct
-import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import BinaryIO, NamedTuple
 
 from sautereau.daq.errors import RecordingError
+from sautereau.daq.file.container.checksum import crc32
 from sautereau.daq.file.container.records import (
     LARGEST_CHUNK,
     MAGIC,
@@ -21,10 +21,13 @@ from sautereau.daq.file.provenance import PROFILE
 
 _FOOTER = struct.Struct("<BQQQI")  # prefix, summary start, summary offset start, CRC
 _DATA_END = struct.Struct("<BQI")  # prefix, CRC of all before
-_CHUNK_INDEX = struct.Struct("<QQQQ")  # start, end, offset, length
+_CHUNK_INDEX = struct.Struct("<QQQQI")  # start, end, offset, length, size of the offsets
+_OFFSET = struct.Struct("<HQ")  # channel, offset of its MessageIndex
 _CRC_SIZE = 4
-_PIECE = 1024**2
-_SKIPPED = (Opcode.MESSAGE_INDEX, Opcode.ATTACHMENT)
+PIECE = 1024**2
+"""Bytes read at a time."""
+SKIPPED = (Opcode.MESSAGE_INDEX, Opcode.ATTACHMENT)
+"""Records that no reader uses."""
 
 
 class IndexedChunk(NamedTuple):
@@ -36,6 +39,8 @@ class IndexedChunk(NamedTuple):
     """Byte after the last."""
     last: int
     """Latest log time in it, ns since 1970."""
+    channels: frozenset[int]
+    """Numbers of the MCAP channels that have messages in it."""
 
 
 @contextmanager
@@ -93,39 +98,43 @@ def check_summary(file: BinaryIO) -> tuple[int, int]:
     if opcode != Opcode.FOOTER or length != _FOOTER.size - PREFIX.size:
         raise DamageError(_truncated(size))
     if not len(MAGIC) + _DATA_END.size <= summary <= at:
-        raise DamageError(_corrupted("its footer"))
+        raise DamageError(corrupted("its footer"))
     if _checksum(file, summary, size - len(MAGIC) - _CRC_SIZE) != crc:
-        raise DamageError(_corrupted("its summary"))
+        raise DamageError(corrupted("its summary"))
     return summary - _DATA_END.size, summary
 
 
 def check_data(file: BinaryIO, end: int) -> None:
     """Refuse a file whose data section, which ends at ``end``, has changed."""
+    if _checksum(file, 0, end) != data_crc(file, end):
+        raise DamageError(corrupted("its data"))
+
+
+def data_crc(file: BinaryIO, end: int) -> int | None:
+    """Return the checksum that the record at ``end`` gives; None if it is another record."""
     file.seek(end)
     opcode, length, crc = _DATA_END.unpack(file.read(_DATA_END.size))
-    if opcode != Opcode.DATA_END or length != _CRC_SIZE or _checksum(file, 0, end) != crc:
-        raise DamageError(_corrupted("its data"))
-
-
-def verified(file: BinaryIO) -> Iterator[Record]:
-    """Yield the records of the data section, after verifying all checksums of the file."""
-    end, _ = check_summary(file)
-    check_data(file, end)
-    yield from records(file, len(MAGIC), end)
+    return crc if opcode == Opcode.DATA_END and length == _CRC_SIZE else None
 
 
 def chunk_index(file: BinaryIO) -> list[IndexedChunk]:
     """Return the positions of all chunks in order, after verifying the summary's checksum."""
     data_end, summary = check_summary(file)
     footer = size_of(file) - len(MAGIC) - _FOOTER.size
-    bodies = [r.body for r in records(file, summary, footer) if r.opcode == Opcode.CHUNK_INDEX]
-    if any(len(body) < _CHUNK_INDEX.size for body in bodies):
-        raise RecordingError(
-            "a record of its index is too short; another program has changed it: use the file as"
-            " sautereau wrote it"
-        )
-    found = (_CHUNK_INDEX.unpack_from(body) for body in bodies)
-    return [IndexedChunk(at, min(data_end, at + length), end) for _, end, at, length in found]
+    found = []
+    for opcode, body in records(file, summary, footer):
+        if opcode == Opcode.CHUNK_INDEX:
+            try:
+                _, end, at, length, size = _CHUNK_INDEX.unpack_from(body)
+                offsets = _OFFSET.iter_unpack(body[_CHUNK_INDEX.size : _CHUNK_INDEX.size + size])
+            except struct.error as error:
+                raise RecordingError(
+                    "a record of its index is too short; another program has changed it: use the"
+                    " file as sautereau wrote it"
+                ) from error
+            channels = frozenset(channel for channel, _ in offsets)
+            found.append(IndexedChunk(at, min(data_end, at + length), end, channels))
+    return found
 
 
 def records(file: BinaryIO, start: int, end: int) -> Iterator[Record]:
@@ -139,20 +148,25 @@ def records(file: BinaryIO, start: int, end: int) -> Iterator[Record]:
         head = file.read(PREFIX.size)
         opcode, length = PREFIX.unpack(head) if len(head) == PREFIX.size else (0, end)
         start += PREFIX.size + length
-        if start > end:
-            raise RecordingError(
-                f"a record of {length} bytes reaches beyond its section; another program has"
-                " changed it: use the file as sautereau wrote it"
-            )
-        if opcode in _SKIPPED:
+        if opcode in SKIPPED and start <= end:
             file.seek(start)
             continue
-        if length > LARGEST_CHUNK:
-            raise RecordingError(
-                f"a record of {length} bytes exceeds the limit of {LARGEST_CHUNK} bytes; another"
-                " program has changed it: use the file as sautereau wrote it"
-            )
+        refuse_length(length, start > end)
         yield Record(opcode, file.read(length))
+
+
+def refuse_length(length: int, beyond: bool) -> None:
+    """Refuse a record that is too long, or reaches ``beyond`` its section."""
+    if beyond:
+        raise RecordingError(
+            f"a record of {length} bytes reaches beyond its section; another program has"
+            " changed it: use the file as sautereau wrote it"
+        )
+    if length > LARGEST_CHUNK:
+        raise RecordingError(
+            f"a record of {length} bytes exceeds the limit of {LARGEST_CHUNK} bytes; another"
+            " program has changed it: use the file as sautereau wrote it"
+        )
 
 
 def check_header(file: BinaryIO) -> None:
@@ -186,8 +200,8 @@ def _checksum(file: BinaryIO, start: int, stop: int) -> int:
     """Return the CRC of the bytes between two offsets, read piece by piece."""
     file.seek(start)
     crc = 0
-    while start < stop and (piece := file.read(min(_PIECE, stop - start))):
-        crc = zlib.crc32(piece, crc)
+    while start < stop and (piece := file.read(min(PIECE, stop - start))):
+        crc = crc32(piece, crc)
         start += len(piece)
     return crc
 
@@ -196,5 +210,6 @@ def _truncated(size: int) -> str:
     return f"it is truncated: {size} bytes without an end, as after a crash or on a full disk"
 
 
-def _corrupted(where: str) -> str:
+def corrupted(where: str) -> str:
+    """Return the text of a wrong checksum."""
     return f"it is corrupted: the checksum of {where} does not match"

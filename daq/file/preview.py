@@ -1,10 +1,14 @@
 """Previews: signals decimated without aliasing, for viewers that plot scalars."""
 
 import math
+from collections.abc import Callable
+from concurrent.futures import Future, ThreadPoolExecutor
 
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
+from numpy.lib.stride_tricks import as_strided
 from numpy.typing import NDArray
+
+from sautereau.daq.file.counts import Samples
 
 PREVIEW_RATE = 1000.0
 """Largest rate of a preview, Hz."""
@@ -12,10 +16,11 @@ ATTENUATION = 60.0
 """Stop-band attenuation, from half the preview's rate up, dB."""
 PASS_BAND = 0.2
 """Dimensionless, fraction of the preview's rate up to which it is accurate to 0.2 %."""
-BATCH = 200
-"""Values of a preview computed at a time."""
 
 Signals = NDArray[np.float64]
+Rows = tuple[NDArray[np.int64], NDArray[np.uint8]]
+"""Places of the values of a preview, in samples from the very first, shape (n,); and the bytes of
+their messages, shape (n, length)."""
 
 
 def low_pass(factor: int) -> NDArray[np.float64]:
@@ -47,47 +52,126 @@ class Decimator:
         """Start with ``n_channels`` signals sampled at ``rate`` Hz."""
         self.factor = math.ceil(rate / PREVIEW_RATE)
         """Samples per sample of the preview."""
-        self._weights = low_pass(self.factor)
-        self._blocks = [np.empty((n_channels, 0))]
-        self._n_held = 0
+        weights = low_pass(self.factor)
+        self.margin = len(weights) // 2
+        """Samples at either end without a preview: half the filter's length."""
+        # One column for each stretch of `factor` weights; the last one ends with zeros.
+        self._columns = np.zeros((-(-len(weights) // self.factor), self.factor))
+        self._columns.reshape(-1)[: len(weights)] = weights
+        self._columns = self._columns.T.copy()
+        self._length = len(weights)
+        self._held = np.empty((n_channels, 0))
+        self._fill = 0
         self._first = 0
 
-    @property
-    def margin(self) -> int:
-        """Samples at either end without a preview: half the filter's length."""
-        return len(self._weights) // 2
+    def room(self, n: int) -> Signals:
+        """Return the place of the next ``n`` samples, shape (n_channels, n), to be filled."""
+        start, self._fill = self._fill, self._fill + n
+        if self._fill > self._held.shape[1]:
+            held = self._held[:, :start]
+            self._held = np.empty((len(held), self._fill + self._length))
+            self._held[:, :start] = held
+        return self._held[:, start : self._fill]
 
-    def feed(self, values: Signals) -> tuple[Signals, Signals]:
-        """Add samples and return the new values of the preview, in batches of `BATCH` or more.
-
-        Args:
-            values: Shape (n_channels, n_samples), in any unit.
-
-        Returns:
-            Position of each value of the preview, in samples from the very first, shape (n,);
-            and the values in the unit of ``values``, shape (n_channels, n). The filter has no
-            delay. Both are empty until a batch is complete.
-        """
-        self._blocks.append(values)
-        self._n_held += values.shape[1]
-        if self._n_complete() < BATCH:
-            return np.empty(0), np.empty((len(values), 0))
+    def feed(self, values: Signals) -> tuple[NDArray[np.int64], Signals]:
+        """Add samples, shape (n_channels, n), in any unit; return as `rest`."""
+        self.room(values.shape[1])[:] = values
         return self.rest()
 
-    def rest(self) -> tuple[Signals, Signals]:
-        """Return the values that are complete, as `feed`, whatever their number."""
-        held = np.concatenate(self._blocks, axis=1)
-        n = self._n_complete()
-        positions = self._first + self.margin + self.factor * np.arange(n, dtype=np.float64)
-        self._first += n * self.factor
-        self._blocks = [held[:, n * self.factor :].copy()]
-        self._n_held = self._blocks[0].shape[1]
-        if not n:
-            return positions, np.empty((len(held), 0))
-        windows = sliding_window_view(held, len(self._weights), axis=1)[:, :: self.factor]
+    def rest(self) -> tuple[NDArray[np.int64], Signals]:
+        """Return the new values of the preview.
+
+        Returns:
+            Places in samples from the very first, shape (n,), and values, shape (n_channels, n), in
+            the unit of the samples. The filter has no delay.
+        """
+        n, fill = max(0, (self._fill - self._length) // self.factor + 1), self._fill
+        places = self._first + self.margin + self.factor * np.arange(n)
+        values = self._filtered(n)
+        left = fill - n * self.factor
+        self._held[:, :left] = self._held[:, n * self.factor : fill].copy()
+        self._first, self._fill = self._first + n * self.factor, left
+        return places, values
+
+    def _filtered(self, n: int) -> Signals:
+        """Return n values, each the sum of the products of as many rows as there are columns."""
+        columns = self._columns.shape[1]
+        rows = n + columns - 1 if n else 0
+        # The weights that the last row has beyond the samples are zero.
+        self.room(max(0, rows * self.factor - self._fill))[:] = 0
+        grouped = self._held[:, : rows * self.factor].reshape(len(self._held), rows, self.factor)
         # Samples may be inf or NaN, which makes the preview NaN without a warning.
         with np.errstate(invalid="ignore", over="ignore"):
-            return positions, windows @ self._weights
+            products = np.ascontiguousarray(grouped @ self._columns)
+            signal, row, column = products.strides
+            shape = (len(products), n, columns)
+            return as_strided(products, shape, (signal, row, row + column)).sum(2)
 
-    def _n_complete(self) -> int:
-        return max(0, (self._n_held - len(self._weights)) // self.factor + 1)
+
+class Previewer:
+    """Makes the previews of a recording on a thread of its own."""
+
+    def __init__(
+        self,
+        decimator: Decimator,
+        write_volts: Callable[[Samples, Signals], None],
+        encode: Callable[[Signals], NDArray[np.uint8]],
+    ):
+        """Prepare; the thread starts with the first samples.
+
+        Args:
+            decimator: New.
+            write_volts: Given samples and a place of the same shape, (n_channels, n), writes their
+                volts into it.
+            encode: Makes the bytes of messages, shape (n, length), of values of shape
+                (n_channels, n), V.
+        """
+        self._decimator, self._write_volts, self._encode = decimator, write_volts, encode
+        self._thread = ThreadPoolExecutor(1, "preview")
+        self._given: list[Samples] = []
+        self._running: tuple[Future[Rows], Callable[[], Rows]] | None = None
+        self._made: list[Rows] = []
+
+    def add(self, samples: Samples) -> None:
+        """Add samples, shape (n_channels, n), which must not change any more."""
+        self._given.append(samples)
+
+    def start(self) -> None:
+        """Have the previews made of the samples added so far."""
+        self._finish()
+        given, self._given = self._given, []
+
+        def work() -> Rows:
+            for samples in given:
+                self._write_volts(samples, self._decimator.room(samples.shape[1]))
+            places, volts = self._decimator.rest()
+            return places, self._encode(volts)
+
+        if given:
+            self._running = self._thread.submit(work), work
+
+    def take(self, stop: int | None = None) -> Rows:
+        """Return the next messages up to a place, as far as `start` has been given the samples.
+
+        Args:
+            stop: Place after the last value; None for all.
+        """
+        self._finish()
+        if not self._made:
+            return np.empty(0, np.int64), np.empty((0, 1), np.uint8)
+        places = np.concatenate([places for places, _ in self._made])
+        messages = np.concatenate([messages for _, messages in self._made])
+        n = len(places) if stop is None else int(np.searchsorted(places, stop))
+        self._made = [(places[n:], messages[n:])]
+        return places[:n], messages[:n]
+
+    def close(self) -> None:
+        """End the thread."""
+        self._thread.shutdown(cancel_futures=True)
+
+    def _finish(self) -> None:
+        """Wait for what the thread makes; if it has not started, make it here instead."""
+        if self._running is not None:
+            future, work = self._running
+            self._running = None
+            self._made.append(work() if future.cancel() else future.result())

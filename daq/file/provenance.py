@@ -4,14 +4,23 @@ import base64
 import json
 import platform
 from collections.abc import Iterator
+from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 
 from mcap.records import Channel, Schema
 
 from sautereau.daq.file.container.writer import McapWriter
+from sautereau.daq.file.descriptors import (
+    FORMAT_1,
+    LOG,
+    MOTION,
+    PACKAGE,
+    SCENE,
+    schema_data,
+)
 from sautereau.daq.file.preview import ATTENUATION, PASS_BAND, Decimator
 from sautereau.daq.file.recorded import SessionInfo
-from sautereau.daq.file.schemas import FIELDS, PACKAGE, schema_data
+from sautereau.daq.file.samples import TOPIC, SampleLayout
 from sautereau.rig.load import rig_document, rig_json
 from sautereau.rig.schema import Rig
 from sautereau.rig.units import shown
@@ -24,7 +33,13 @@ LIBRARIES = ("sautereau", "numpy", "scipy", "nidaqmx", "grpcio", "pyserial", "mc
 """Distributions whose versions are recorded."""
 
 
-def write_head(writer: McapWriter, rig: Rig, session: SessionInfo, rate: float) -> dict[str, int]:
+FORMAT = "2"
+"""Of the recordings that are written; those of format 1 do not name theirs."""
+
+
+def write_head(
+    writer: McapWriter, rig: Rig, session: SessionInfo, rate: float, layout: SampleLayout
+) -> dict[str, int]:
     """Write the header and the Metadata records, and define the topics.
 
     Channel and Schema records are only in the first chunk and in the summary, so the Metadata
@@ -33,16 +48,21 @@ def write_head(writer: McapWriter, rig: Rig, session: SessionInfo, rate: float) 
     Returns:
         Number of the MCAP channel, by topic.
     """
-    topics = list(enumerate(_topics(rig, rate), 1))
+    topics = list(enumerate(_topics(rig, rate, layout), 1))
+    rows = {"Preview": layout.names, "Motion": MOTION}
     head = {
         "channels": {
-            topic: json.dumps({"id": id_, "schema": f"{PACKAGE}.{message}", "metadata": metadata})
+            topic: json.dumps({"id": id_, "schema": message, "metadata": metadata})
             for id_, (topic, message, metadata) in topics
         },
         "rig": {"name": rig.name, "json": rig_json(rig)},
         "software": software(),
         "session": session.to_metadata(),
-        "schemas": {"protobuf": base64.b64encode(schema_data()).decode("ascii")},
+        "schemas": {
+            "format": FORMAT,
+            "names": " ".join(dict.fromkeys(message for _, (_, message, _) in topics)),
+            "protobuf": base64.b64encode(schema_data(rows)).decode("ascii"),
+        },
     }
     start_head(writer, head)
     return {topic: id_ for id_, (topic, _, _) in topics}
@@ -51,7 +71,8 @@ def write_head(writer: McapWriter, rig: Rig, session: SessionInfo, rate: float) 
 def start_head(writer: McapWriter, head: dict[str, dict[str, str]]) -> None:
     """Start a file with Metadata records and the definitions that they repeat."""
     data = base64.b64decode(head["schemas"]["protobuf"])
-    schemas = {f"{PACKAGE}.{name}": number for number, name in enumerate(FIELDS, 1)}
+    names = head["schemas"].get("names", " ".join(f"{PACKAGE}.{name}" for name in FORMAT_1))
+    schemas = {name: number for number, name in enumerate(names.split(), 1)}
     channels = []
     for topic, text in head["channels"].items():
         number, _, metadata = channel_from_json(topic, text)
@@ -83,6 +104,7 @@ def channel_from_json(topic: str, text: str) -> tuple[int, str, dict[str, str]]:
     raise ValueError(f"{shown(text)} does not describe the channel {shown(topic)}")
 
 
+@cache
 def software() -> dict[str, str]:
     """Return the versions of Python and of the libraries in use."""
     versions = {"python": platform.python_version()}
@@ -94,16 +116,20 @@ def software() -> dict[str, str]:
     return versions
 
 
-def _topics(rig: Rig, rate: float) -> Iterator[tuple[str, str, dict[str, str]]]:
+def _topics(
+    rig: Rig, rate: float, layout: SampleLayout
+) -> Iterator[tuple[str, str, dict[str, str]]]:
     """Yield topic, message and metadata of every topic."""
-    documents = rig_document(rig)["daq"]["channels"]
-    for channel, document in zip(rig.daq.channels, documents, strict=True):
-        calibration = {key: "" if value is None else str(value) for key, value in document.items()}
-        yield (
-            f"/daq/{channel.name}",
-            "Samples",
-            {"unit": "V", "rate": f"{rate!r} Hz", "what": "raw volts", **calibration},
-        )
+    calibrations = [
+        {key: "" if value is None else str(value) for key, value in document.items()}
+        for document in rig_document(rig)["daq"]["channels"]
+    ]
+    samples = {
+        "unit": "V",
+        "rate": f"{rate!r} Hz",
+        "what": "samples of one channel after the other",
+    }
+    yield TOPIC, f"{PACKAGE}.Block", {**samples, **layout.metadata(calibrations)}
     preview = Decimator(rate, len(rig.daq.channels))
     half = rate / preview.factor / 2
     what = (
@@ -112,14 +138,12 @@ def _topics(rig: Rig, rate: float) -> Iterator[tuple[str, str, dict[str, str]]]:
         f" starts and ends {preview.margin / rate * 1e3:.3g} ms inside the recording; neither the"
         " AC coupling nor the delay is corrected"
     )
-    for channel in rig.daq.channels:
-        yield f"/preview/{channel.name}", "Scalar", {"unit": channel.unit, "what": what}
+    units = {channel.name: channel.unit for channel in rig.daq.channels}
+    yield "/preview", f"{PACKAGE}.Preview", {"what": what, **units}
+    yield "/events", LOG, {"time": "s after the trigger", "std": "s", "what": "what happened"}
     angles = {"t": "s", "q1": "rad", "q2": "rad"}
     captured = {**angles, "e1": "rad", "e2": "rad", "m1": "N m", "m2": "N m"}
-    yield "/plan", "Plan", {**angles, "jack_rise": "m", "what": "planned motion"}
-    yield "/joints", "Joints", {**captured, "what": "on the controller's clock"}
-    yield (
-        "/events",
-        "Event",
-        {"time": "s", "std": "s", "what": "what happened, time after the trigger"},
-    )
+    yield "/plan", f"{PACKAGE}.Plan", {**angles, "jack_rise": "m", "what": "planned motion"}
+    yield "/joints", f"{PACKAGE}.Joints", {**captured, "what": "on the controller's clock"}
+    yield "/motion", f"{PACKAGE}.Motion", {**captured, "what": "the joints, for viewers"}
+    yield "/scene", SCENE, {"what": "arm, key and jack, for viewers"}

@@ -7,9 +7,10 @@ from pathlib import Path
 from sautereau.daq.errors import RecordingError
 from sautereau.daq.file.container.records import MAGIC, Opcode, read_metadata
 from sautereau.daq.file.contents import Contents
-from sautereau.daq.file.integrity import chunk_index, opened, records, size_of, verified
+from sautereau.daq.file.integrity import chunk_index, opened, records, size_of
 from sautereau.daq.file.recorded import Recorded, SessionInfo, Stretch, session_from_metadata
 from sautereau.daq.file.runs import Runs
+from sautereau.daq.file.verified import verified, verifying
 
 MOST_LISTED = 8
 """Gaps listed in one message."""
@@ -48,9 +49,10 @@ def read_parts(path: str | Path) -> tuple[Recorded, ...]:
     """
     path = Path(path)
     with opened(path) as file:
-        contents, runs = Contents(size_of(file)), Runs()
-        for topic, block in contents.messages(verified(file)):
-            runs.add(topic, block)
+        contents, runs = Contents(size_of(file)), Runs(size=size_of(file))
+        with verifying(file) as all_records:
+            for layout, block in contents.blocks(all_records):
+                runs.add(layout, block)
         rig, session = contents.rig(), contents.session()
         names = [channel.name for channel in rig.daq.channels]
         clock, common = runs.clock, runs.common(names)
@@ -121,13 +123,14 @@ def stream(path: str | Path, seconds: float) -> Iterator[Stretch]:
             f"recording {path}: stretches of {seconds:g} s are requested; request more than 0 s"
         )
     with opened(Path(path)) as file:
-        contents, runs, names, n = Contents(size_of(file)), Runs(), list[str](), 1
-        for topic, block in contents.messages(verified(file)):
+        size = size_of(file)
+        contents, runs, names, n = Contents(size), Runs(size=size), list[str](), 1
+        for layout, block in contents.blocks(verified(file)):
             if not names:
                 names = [channel.name for channel in contents.rig().daq.channels]
                 n = max(1, round(seconds * block.rate))
-            runs.add(topic, block)
-            while topic == f"/daq/{names[-1]}" and (found := runs.take(names, n, ended=False)):
+            runs.add(layout, block)
+            while layout.names[-1] == names[-1] and (found := runs.take(names, n, ended=False)):
                 yield found
         while found := runs.take(names, n, ended=True):
             yield found
@@ -145,17 +148,18 @@ def read_window(path: str | Path, start: float, stop: float) -> Stretch:
     window = f"the window from {start:g} s to {stop:g} s"
     with opened(Path(path)) as file:
         chunks = chunk_index(file)
-        contents, runs = Contents(size_of(file)), Runs()
+        contents, runs = Contents(size_of(file)), Runs(size=0)
         if chunks:
-            list(contents.messages(records(file, len(MAGIC), chunks[0].start)))
+            list(contents.blocks(records(file, len(MAGIC), chunks[0].start)))
         names = [channel.name for channel in contents.rig().daq.channels]
+        chunks = contents.with_samples(chunks)
         first, last = 0, 0
         for chunk in chunks:
             clock = runs.clock
             if clock and chunk.last < max(0, clock.t0 + round(first * 1e9 / clock.rate)):
                 continue
-            for topic, block in contents.messages(records(file, chunk.start, chunk.stop)):
-                runs.add(topic, block)
+            for layout, block in contents.blocks(records(file, chunk.start, chunk.stop)):
+                runs.add(layout, block)
                 first, last = (ceil(round(t * block.rate, 6)) for t in (start, stop))
             if runs.clock and (runs.reached(names) or first) >= last:
                 break

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sautereau.daq.errors import RecordingError
+from sautereau.daq.file.counts import Samples, Scaling, write_volts
 from sautereau.rig.schema import Rig
 from sautereau.rig.units import shown
 
@@ -106,11 +107,33 @@ class Block:
 
     first_sample: int
     """Index of the first sample, counted from the trigger."""
-    volts: Signal
-    """Raw volts, shape (n_channels, n), V, channels in the order of ``daq.channels``."""
+    samples: Samples
+    """Shape (n_channels, n), channels in the order of ``daq.channels``: volts as float64, V, or the
+    device's counts as int16 or int32."""
     acquired: int | None = None
-    """Index after the last sample that the device had acquired when the block was read, from
-    which the date of the trigger follows; None for that after the block's last one."""
+    """Index after the last sample that the device had acquired when it was asked, from which the
+    date of the trigger follows; None for that after the block's last one."""
+    age: float = 0.0
+    """s, since the device had acquired these."""
+    scaling: Scaling | None = None
+    """Of counts; None for volts."""
+
+    @property
+    def n_samples(self) -> int:
+        """Number of samples of each channel."""
+        return self.samples.shape[1]
+
+    @property
+    def volts(self) -> Signal:
+        """Shape (n_channels, n), V."""
+        if self.scaling is None:
+            return np.asarray(self.samples, dtype=float)
+        volts = np.empty(self.samples.shape)
+        for row, coefficients, into in zip(
+            self.samples, self.scaling.coefficients, volts, strict=True
+        ):
+            write_volts(row, coefficients.tolist(), into)
+        return volts
 
 
 @dataclass(frozen=True)
@@ -240,7 +263,7 @@ class Recorded(Stretch):
     joints: Joints | None
     """Captured motion; None if none was recorded."""
     events: tuple[Event, ...]
-    """In the order of writing."""
+    """In the order of their times, except for what was known only after the samples."""
     software: dict[str, str]
     """Versions by name."""
     channels: dict[str, dict[str, str]]

@@ -1,23 +1,25 @@
 """Write one press into one MCAP file, durable from the first chunk on."""
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from sautereau.daq.errors import RecordingError
-from sautereau.daq.file.container.durable import PART, RecordingFile, SteadyClock
-from sautereau.daq.file.container.records import CHUNK_SIZE
-from sautereau.daq.file.container.writer import McapWriter
-from sautereau.daq.file.preview import Decimator
+from sautereau.daq.file.container.durable import FLUSH_PERIOD, PART, RecordingFile, SteadyClock
+from sautereau.daq.file.counts import Scaling
+from sautereau.daq.file.log_order import LogOrder
 from sautereau.daq.file.provenance import write_head
-from sautereau.daq.file.recorded import Block, Joints, SessionInfo
-from sautereau.daq.file.schemas import encode, encode_scalars
+from sautereau.daq.file.recorded import Block, Event, Joints, SessionInfo, Signal
+from sautereau.daq.file.samples import sample_layout
 from sautereau.rig.schema import Rig
 
 __all__ = ["Block", "Recording", "SessionInfo"]
+
+LARGEST_BLOCK = 8 * 2**20
+"""Limit in bytes for the samples in one message."""
 
 
 class Recording:
@@ -35,7 +37,9 @@ class Recording:
         *,
         session: SessionInfo,
         rate: float | None = None,
-        compress: bool = True,
+        scaling: Scaling | None = None,
+        t0_ns: int | None = None,
+        compress: bool | None = None,
         clock: Callable[[], int] = time.time_ns,
         monotonic: Callable[[], float] = time.monotonic,
         ending: str = PART,
@@ -47,7 +51,10 @@ class Recording:
             rig: Complete rig, written into the file.
             session: Description of the press.
             rate: Actual sampling rate of the device, Hz; None for the rig's.
-            compress: Whether to compress chunks with zstd; False for a host that is too slow.
+            scaling: Of the device's counts; None for a recording of volts.
+            t0_ns: Date of the trigger, ns since 1970; None to find it from the first blocks.
+            compress: Whether to compress chunks with zstd; None to compress volts only, since the
+                noise of a converter leaves little to compress in its counts.
             clock: ns since 1970; read once, here. Every date in the file follows from it and
                 from `monotonic`, so that setting the clock meanwhile changes nothing.
             monotonic: Time in s of a clock that is never set; also determines when to flush.
@@ -58,18 +65,18 @@ class Recording:
         self._rig = rig
         self._session = session
         self._rate = rig.daq.sample_rate if rate is None else rate
-        self._compress = compress
+        self._layout = sample_layout((channel.name for channel in rig.daq.channels), scaling)
+        self._compress = scaling is None if compress is None else compress
         self._ending = ending
         self._clock = SteadyClock(clock, monotonic)
         self._opened: RecordingFile | None = None
-        self._topics: dict[str, int] = {}
-        channels = rig.daq.channels
-        self._scales = np.array([[channel.scale] for channel in channels])
-        self._preview = Decimator(self._rate, len(channels))
-        self._piece = max(1, CHUNK_SIZE // (8 * len(channels)))
+        self._order = LogOrder(rig, self._rate, self._layout)
+        self._given_t0 = t0_ns
+        self._latest_t0 = 2**63 - 1
         self._first: int | None = None
         self._next = 0
-        self._t0 = 0
+        self._held = self._spare = self._layout.empty(0)
+        self._fill = self._led = 0
 
     @property
     def part_path(self) -> Path:
@@ -78,8 +85,13 @@ class Recording:
 
     @property
     def t0_ns(self) -> int | None:
-        """Date of the trigger by the host's clock, ns since 1970; None before the first block."""
-        return None if self._first is None else self._t0
+        """Date of the trigger by the host's clock, ns since 1970; None before the first block.
+
+        The first blocks may still correct it, until the first of them is in the file.
+        """
+        if self._first is None or self._order.t0 is not None:
+            return self._order.t0
+        return self._latest_t0 if self._given_t0 is None else self._given_t0
 
     @property
     def n_samples(self) -> int:
@@ -88,19 +100,19 @@ class Recording:
 
     def __enter__(self) -> "Recording":
         file = self._opened = RecordingFile(
-            self._path,
-            compress=self._compress,
-            rate=self._rate,
-            seconds=self._clock.seconds,
-            ending=self._ending,
+            self._path, compress=self._compress, seconds=self._clock.seconds, ending=self._ending
         )
         try:
             with file.writing() as writer:
-                self._topics = write_head(writer, self._rig, self._session, self._rate)
+                self._order.topics = write_head(
+                    writer, self._rig, self._session, self._rate, self._layout
+                )
             file.flush()
         except BaseException as error:
             self.__exit__(type(error), error, None)
             raise
+        size = min(round(FLUSH_PERIOD * self._rate), LARGEST_BLOCK // self._layout.size)
+        self._held, self._spare = (self._layout.empty(max(1, size)) for _ in range(2))
         return self
 
     def __exit__(self, _type: object, error: BaseException | None, _trace: object) -> None:
@@ -114,13 +126,15 @@ class Recording:
         error.add_note(f"the samples recorded before are in {self.part_path}")
         try:
             if not file.broken:
-                elapsed = 0.0 if self._first is None else (self._clock.now_ns() - self._t0) / 1e9
+                t0 = self.t0_ns
+                elapsed = 0.0 if t0 is None else (self._clock.now_ns() - t0) / 1e9
                 self.event("aborted", f"{type(error).__name__}: {error}", elapsed)
                 self._close(file)
         except RecordingError as second:
             error.add_note(f"then closing the recording failed as well: {second}")
         finally:
             self._opened = None
+            self._order.close()
             file.abandon()
 
     def write_block(self, block: Block) -> None:
@@ -129,33 +143,27 @@ class Recording:
         The first block determines where the recording starts: at the trigger, or before it.
 
         Raises:
-            RecordingError: The block does not follow the last one, has the wrong shape,
+            RecordingError: The block does not follow the last one, has the wrong shape or type,
                 or cannot be written.
         """
-        file = self._file()
-        channels = self._rig.daq.channels
-        volts = np.asarray(block.volts, dtype=np.float64)
-        first = block.first_sample
-        if volts.ndim != 2 or volts.shape[0] != len(channels) or volts.shape[1] == 0:
-            raise RecordingError(
-                f"recording {self._path}: a block of shape {volts.shape} at sample {first}; the"
-                f" rig has {len(channels)} channels: give (n_channels, n)"
-            )
-        if first != self._next and (self._first is not None or first > 0):
-            raise RecordingError(
-                f"recording {self._path}: a block starts at sample {first}, but the next sample is"
-                f" {self._next}; samples were lost or written twice: press again"
-            )
+        file, samples, first = self._file(), block.samples, block.first_sample
+        self._refuse(block)
         if self._first is None:
-            self._first = first
-            acquired = first + volts.shape[1] if block.acquired is None else block.acquired
-            self._t0 = self._clock.now_ns() - self._nanoseconds(acquired - 1)
-        with file.writing() as writer:
-            for start in range(0, volts.shape[1], self._piece):
-                self._write_piece(writer, first + start, volts[:, start : start + self._piece])
-                writer.close_chunk()
-        self._next = first + volts.shape[1]
-        file.keep(volts.shape[1])
+            self._first = self._next = first
+        if self._order.t0 is None:
+            self._date(block)
+        at = 0
+        while at < samples.shape[1]:
+            n = min(samples.shape[1] - at, self._held.shape[1] - self._fill)
+            self._held[:, self._fill : self._fill + n] = samples[:, at : at + n]
+            at, self._fill, self._next = at + n, self._fill + n, self._next + n
+            if self._fill >= self._order.margin > self._led:
+                self._preview(self._order.margin, start=True)
+            if self._fill == self._held.shape[1]:
+                self._write_held(file)
+        if self._fill > self._order.margin and file.flush_due:
+            self._write_held(file)
+        file.sync_if_due()
 
     def write_plan(self, t: ArrayLike, q1: ArrayLike, q2: ArrayLike, jack_rise: ArrayLike) -> None:
         """Write the planned motion: arrays of shape (n,); s after the trigger, rad, rad, m."""
@@ -167,46 +175,78 @@ class Recording:
             "Joints", **{name: column for name, column in vars(joints).items() if len(column)}
         )
 
+    def write_scenes(self, times: Signal, lines: Mapping[str, Signal]) -> None:
+        """Write drawings for a viewer: lines in space, as they are at some times.
+
+        Args:
+            times: s after the trigger, shape (n,).
+            lines: Points of each line by name, m, shape (n, n_points, 3); the balance pin is the
+                origin, x points to the jack, z up.
+        """
+        self._file()
+        self._order.add_scenes(self._clock.now_ns(), times, lines)
+
     def event(self, kind: str, text: str, time_s: float, std: float = 0.0) -> None:
         """Write an event at ``time_s`` (s after the trigger, negative before it), +-``std``.
 
-        Everything written so far is flushed with it immediately.
+        It is written with the samples of that time, or at the next `flush`.
         """
+        self._file()
+        self._order.add_event(self._clock.now_ns(), Event(time_s, kind, text, std))
+
+    def flush(self) -> None:
+        """Write everything so far, as at the end of the samples."""
         file = self._file()
-        log_time = self._clock.now_ns() if self._first is None else self._t0 + round(time_s * 1e9)
+        if self._fill:
+            self._write_held(file)
         with file.writing() as writer:
-            self._log(
-                writer,
-                "/events",
-                log_time,
-                encode("Event", time=time_s, kind=kind, text=text, std=std),
-            )
+            self._order.write_rest(writer)
         file.flush()
 
-    def _write_piece(self, writer: McapWriter, first: int, volts: NDArray[np.float64]) -> None:
-        """Write samples of all channels, few enough for one chunk."""
-        last = self._t0 + self._nanoseconds(first + volts.shape[1] - 1)
-        for channel, row in zip(self._rig.daq.channels, volts, strict=True):
-            samples = encode(
-                "Samples",
-                t0=self._t0,
-                first_sample=first,
-                rate=self._rate,
-                volts=row,
-                begin=self._first,
+    def _refuse(self, block: Block) -> None:
+        """Refuse a block that does not fit, or does not follow the last one."""
+        samples, first = block.samples, block.first_sample
+        shape, kind = samples.shape, self._layout.kind
+        if len(shape) != 2 or shape[0] != len(self._layout.names) or shape[1] == 0:
+            raise RecordingError(
+                f"recording {self._path}: a block of shape {shape} at sample {first}; the"
+                f" rig has {len(self._layout.names)} channels: give (n_channels, n)"
             )
-            self._log(writer, f"/daq/{channel.name}", last, samples)
-        self._write_previews(writer, *self._preview.feed(volts))
+        if samples.dtype != kind:
+            raise RecordingError(
+                f"recording {self._path}: a block of {samples.dtype} samples at sample {first}; it"
+                f" was opened for {kind}: give those, or open it with the `scaling` of the counts"
+            )
+        if first != self._next and (self._first is not None or first > 0):
+            raise RecordingError(
+                f"recording {self._path}: a block starts at sample {first}, but the next sample is"
+                f" {self._next}; samples were lost or written twice: press again"
+            )
 
-    def _write_previews(
-        self, writer: McapWriter, positions: NDArray[np.float64], values: NDArray[np.float64]
-    ) -> None:
-        if not len(positions):
-            return
-        since_trigger = (positions + (self._first or 0)) * (1e9 / self._rate)
-        times = np.maximum(0, self._t0 + np.rint(since_trigger).astype(np.int64))
-        for channel, row in zip(self._rig.daq.channels, values * self._scales, strict=True):
-            writer.add_run(self._topics[f"/preview/{channel.name}"], times, encode_scalars(row))
+    def _date(self, block: Block) -> None:
+        """Note the latest date that the trigger can have had, given when this block was there."""
+        end = block.first_sample + block.n_samples
+        acquired = end if block.acquired is None else block.acquired
+        since_trigger = (acquired - 1) / self._rate + block.age
+        self._latest_t0 = min(self._latest_t0, self._clock.now_ns() - round(since_trigger * 1e9))
+
+    def _preview(self, stop: int, *, start: bool) -> None:
+        """Add the held samples up to ``stop`` to the preview; see `LogOrder.preview`."""
+        self._order.preview(self._held[:, self._led : stop], start=start)
+        self._led = stop
+
+    def _write_held(self, file: RecordingFile) -> None:
+        """Write the held samples as one block, in a chunk of its own."""
+        samples, first = self._held[:, : self._fill], self._next - self._fill
+        if self._order.t0 is None:
+            given = self._given_t0
+            self._order.start(self._latest_t0 if given is None else given, first)
+        self._preview(self._fill, start=not self._led)
+        # The preview of the block before was made for this one: its place is free again.
+        self._held, self._spare, self._fill, self._led = self._spare, self._held, 0, 0
+        with file.writing() as writer:
+            self._order.write_block(writer, first, samples)
+        file.flush()
 
     def _series(self, message: str, **arrays: ArrayLike) -> None:
         columns = {name: np.asarray(column, dtype=float) for name, column in arrays.items()}
@@ -222,13 +262,8 @@ class Recording:
                 f"recording {self._path}: /{message.lower()} has numbers that are not finite; look"
                 " at what the controller answered, and press again"
             )
-        log_time = self._clock.now_ns() if self._first is None else self._t0
-        with self._file().writing() as writer:
-            self._log(writer, f"/{message.lower()}", log_time, encode(message, **columns))
-
-    def _log(self, writer: McapWriter, topic: str, log_time: int, data: bytes) -> None:
-        # MCAP's times start in 1970; earlier dates of a wrong host clock remain in `t0`.
-        writer.add_message(self._topics[topic], max(0, log_time), data)
+        self._file()
+        self._order.add_series(self._clock.now_ns(), message, columns)
 
     def _file(self) -> RecordingFile:
         if self._opened is None:
@@ -238,10 +273,9 @@ class Recording:
         return self._opened
 
     def _close(self, file: RecordingFile) -> None:
-        self._opened = None
-        with file.writing() as writer:
-            self._write_previews(writer, *self._preview.rest())
+        try:
+            self.flush()
+        finally:
+            self._opened = None
+            self._order.close()
         file.finish(self._next)
-
-    def _nanoseconds(self, sample: float) -> int:
-        return round(sample * 1e9 / self._rate)

@@ -6,17 +6,16 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO
 
-from mcap.records import Chunk
-
 from sautereau.daq.errors import RecordingError
 from sautereau.daq.file.container.chunks import find_intact, unpack_chunk
 from sautereau.daq.file.container.durable import PART, DurableFile
-from sautereau.daq.file.container.records import Opcode, stream_of
+from sautereau.daq.file.container.records import Opcode
 from sautereau.daq.file.container.writer import McapWriter
-from sautereau.daq.file.integrity import opened, verified
+from sautereau.daq.file.integrity import opened
 from sautereau.daq.file.provenance import start_head
 from sautereau.daq.file.recorded import Gap
 from sautereau.daq.file.survey import Survey, survey
+from sautereau.daq.file.verified import verified
 from sautereau.rig.disk import hold
 
 ENDING = ".recovering.part"
@@ -106,7 +105,7 @@ def _write(writer: McapWriter, file: BinaryIO, found: Survey, name: str, damage:
         ) from error
     for record in find_intact(file) if found.damage else verified(file):
         if record.opcode == Opcode.CHUNK:
-            writer.copy_chunk(Chunk.read(stream_of(record.body)), unpack_chunk(record.body))
+            writer.copy_chunk(record.body, unpack_chunk(record.body))
     end = found.contents.end()
     if end is None and found.damage is None:
         end = found.runs.last()

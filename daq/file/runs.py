@@ -1,8 +1,7 @@
 """Runs of consecutive samples of each channel, joined from blocks, with gaps between them."""
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -10,6 +9,7 @@ from sautereau.daq.errors import RecordingError
 from sautereau.daq.file.contents import FOREIGN
 from sautereau.daq.file.limits import time_faults
 from sautereau.daq.file.recorded import Gap, Signal, Stretch
+from sautereau.daq.file.samples import SampleLayout, WireBlock
 from sautereau.rig.faults import fault_list
 
 MOST_RUNS = 10_000
@@ -27,60 +27,88 @@ class Clock(NamedTuple):
     """Index of the recording's first sample, counted from the trigger."""
 
 
-@dataclass
 class _Run:
-    first: int
-    stop: int
-    data: bytearray = field(default_factory=bytearray)
+    """Consecutive samples of one channel, in an array that has room for more."""
+
+    def __init__(self, first: int, room: int):
+        self.first = self.stop = first
+        self._room = np.empty(room)
+
+    def extend(self, n: int) -> Signal:
+        """Return the place of the next ``n`` samples, to be filled."""
+        held = self.stop - self.first
+        if held + n > len(self._room):
+            grown = np.empty(max(held + n, 2 * held))
+            grown[:held] = self._room[:held]
+            self._room = grown
+        self.stop += n
+        return self._room[held : held + n]
+
+    def volts(self, first: int, stop: int) -> Signal:
+        return self._room[first - self.first : stop - self.first]
+
+    def cut(self, stop: int) -> None:
+        """Drop the samples before ``stop``."""
+        n = min(max(stop - self.first, 0), self.stop - self.first)
+        left = self.stop - self.first - n
+        self._room[:left] = self._room[n : n + left].copy()
+        self.first += n
 
 
 class Runs:
     """The samples of a recording, added block by block."""
 
-    def __init__(self, *, keep: bool = True):
+    def __init__(self, *, size: int | None):
         """Start empty.
 
         Args:
-            keep: Whether to keep the samples; if not, only their indices.
+            size: Size of the file in bytes, from which the first arrays are allocated; None to
+                keep no samples, only their indices.
         """
-        self._keep = keep
+        self._size = size
         self._runs: dict[str, list[_Run]] = {}
         self.clock: Clock | None = None
         """None before the first block."""
 
-    def add(self, topic: str, block: Any) -> None:
-        """Add a Samples message.
+    def add(self, layout: SampleLayout, block: WireBlock) -> None:
+        """Add a block.
 
         Raises:
             RecordingError: It has no samples, repeats some, or contradicts the blocks before.
         """
         clock = Clock(block.t0, block.rate, block.begin)
-        volts = block.volts
-        first, stop = block.first_sample, block.first_sample + len(volts) // 8
-        if faults := time_faults(clock.t0, clock.rate, clock.begin, stop):
-            raise RecordingError(f"{fault_list(f'a block of {topic}', faults)}; {FOREIGN}")
+        n, rest = divmod(len(block.data), layout.size)
+        first, names = block.first_sample, ", ".join(layout.names)
+        if faults := time_faults(clock.t0, clock.rate, clock.begin, first + n):
+            raise RecordingError(f"{fault_list(f'a block of {names}', faults)}; {FOREIGN}")
         if self.clock not in (None, clock):
             raise RecordingError(f"its blocks have different triggers or rates; {FOREIGN}")
-        if len(volts) % 8 or first == stop or first < clock.begin:
+        if rest or not n or first < clock.begin:
             raise RecordingError(
-                f"a block of {topic} at sample {first} has {len(volts)} bytes of samples in a"
+                f"a block of {names} at sample {first} has {len(block.data)} bytes of samples in a"
                 f" recording that starts at sample {clock.begin}; {FOREIGN}"
             )
         self.clock = clock
-        name = topic.removeprefix("/daq/")
+        places = [self._extend(name, first, n, layout.size) for name in layout.names]
+        if self._size is not None:
+            layout.write_volts(layout.columns(block.data), places)
+
+    def _extend(self, name: str, first: int, n: int, size: int) -> Signal:
+        """Return the place of samples of one channel."""
         runs = self._runs.setdefault(name, [])
         if not runs or first > runs[-1].stop:
             if len(runs) == MOST_RUNS:
                 raise RecordingError(f"{name} has more than the limit of {MOST_RUNS} gaps")
-            runs.append(_Run(first, first))
+            runs.append(_Run(first, 0 if runs else (self._size or 0) // size))
         if first < runs[-1].stop:
             raise RecordingError(
-                f"samples {first} to {min(stop, runs[-1].stop) - 1} of {name} are repeated, or"
+                f"samples {first} to {min(first + n, runs[-1].stop) - 1} of {name} are repeated, or"
                 f" follow later ones; {FOREIGN}"
             )
-        runs[-1].stop = stop
-        if self._keep:
-            runs[-1].data += volts
+        if self._size is None:
+            runs[-1].stop = first + n
+            return runs[-1].volts(first, first)
+        return runs[-1].extend(n)
 
     def common(self, names: Iterable[str]) -> list[tuple[int, int]]:
         """Return the stretches (first, stop) in which every channel has samples."""
@@ -107,7 +135,7 @@ class Runs:
     def volts(self, name: str, first: int, stop: int) -> Signal:
         """Return samples of one channel within one run, V, without copying them."""
         run = next(run for run in self._runs[name] if run.first <= first and stop <= run.stop)
-        return np.frombuffer(run.data, dtype="<f8")[first - run.first : stop - run.first]
+        return run.volts(first, stop)
 
     def take(self, names: Sequence[str], n: int, *, ended: bool) -> Stretch | None:
         """Remove and return the first ``n`` samples of all channels.
@@ -131,9 +159,7 @@ class Runs:
         volts = {name: self.volts(name, first, stop).copy() for name in names}
         for held in self._runs.values():
             for run in held:
-                cut = min(max(stop - run.first, 0), run.stop - run.first)
-                del run.data[: 8 * cut]
-                run.first += cut
+                run.cut(stop)
             held[:-1] = [run for run in held[:-1] if run.first < run.stop]
         return Stretch(self.clock.t0, self.clock.rate, first, volts)
 

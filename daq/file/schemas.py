@@ -1,115 +1,93 @@
-"""The messages of a recording, as protobuf descriptors built without a compiler.
+"""Messages to and from their bytes on the wire."""
 
-Every message exists twice. The declared one, whose descriptor is in the file for viewers, has
-``repeated double`` arrays. Its twin has ``bytes`` instead: packed little-endian doubles are the
-same bytes on the wire, and numpy reads them without parsing.
-"""
-
+from collections.abc import Mapping
 from functools import cache
 from typing import Any
 
 import numpy as np
-from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
-from google.protobuf.message import Message
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-PACKAGE = "sautereau"
+from sautereau.daq.file.descriptors import ARRAYS, ERROR, FRAME, INFO, LOG, SCENE, twins
+from sautereau.daq.file.recorded import Event
 
-_Field = descriptor_pb2.FieldDescriptorProto
-_SCALARS = {
-    "int64": _Field.TYPE_INT64,
-    "double": _Field.TYPE_DOUBLE,
-    "string": _Field.TYPE_STRING,
-}
-_ARRAY = "doubles"
-
-FIELDS: dict[str, dict[str, str]] = {
-    # t0: date of the trigger, ns since 1970; first_sample, begin: index of the first sample of
-    # this block and of the recording, counted from the trigger; rate: Hz; volts: V.
-    # first_sample used to be uint64, which has the same bytes from 0 up.
-    "Samples": {
-        "t0": "int64",
-        "first_sample": "int64",
-        "rate": "double",
-        "volts": _ARRAY,
-        "begin": "int64",
-    },
-    "Scalar": {"value": "double"},
-    # t: s after the trigger; q1, q2: rad; jack_rise: m.
-    "Plan": {"t": _ARRAY, "q1": _ARRAY, "q2": _ARRAY, "jack_rise": _ARRAY},
-    # t: s after the trigger on the controller's clock; q1, q2: rad.
-    # e1, e2: following errors in rad; m1, m2: motor torques in N m; empty if not recorded.
-    "Joints": dict.fromkeys(("t", "q1", "q2", "e1", "e2", "m1", "m2"), _ARRAY),
-    # time: s after the trigger; std: s, standard uncertainty of it.
-    "Event": {"time": "double", "kind": "string", "text": "string", "std": "double"},
-}
-"""Fields of each message, in the order of their numbers."""
-_ARRAYS = {
-    name: [field for field, kind in fields.items() if kind == _ARRAY]
-    for name, fields in FIELDS.items()
-}
-
-
-def _file(package: str, *, twin: bool) -> descriptor_pb2.FileDescriptorProto:
-    file = descriptor_pb2.FileDescriptorProto(
-        name=f"{package}.proto", package=package, syntax="proto3"
-    )
-    for name, fields in FIELDS.items():
-        message = file.message_type.add(name=name)
-        for number, (field, kind) in enumerate(fields.items(), 1):
-            added = message.field.add(name=field, number=number, label=_Field.LABEL_OPTIONAL)
-            if kind != _ARRAY:
-                added.type = _SCALARS[kind]
-            elif twin:
-                added.type = _Field.TYPE_BYTES
-            else:
-                added.type = _Field.TYPE_DOUBLE
-                added.label = _Field.LABEL_REPEATED
-                added.options.packed = True
-    return file
-
-
-@cache
-def schema_data() -> bytes:
-    """Return the FileDescriptorSet that MCAP schema records carry."""
-    declared = descriptor_pb2.FileDescriptorSet(file=[_file(PACKAGE, twin=False)])
-    return declared.SerializeToString(deterministic=True)
-
-
-@cache
-def _classes(twin: bool) -> dict[str, type[Message]]:
-    package = f"{PACKAGE}.wire" if twin else PACKAGE
-    pool = descriptor_pool.DescriptorPool()
-    pool.Add(_file(package, twin=twin))  # type: ignore[attr-defined]
-    return {
-        name: message_factory.GetMessageClass(pool.FindMessageTypeByName(f"{package}.{name}"))
-        for name in FIELDS
-    }
-
-
-def declared_class(name: str) -> type[Message]:
-    """Return the class of a message as viewers see it, with repeated doubles."""
-    return _classes(False)[name]
+THICKNESS = 3.0
+"""Pixels, of lines in space."""
 
 
 def encode(name: str, **values: Any) -> bytes:
     """Return the wire bytes of a message; arrays are 1-D float arrays, and optional."""
-    for field in values.keys() & set(_ARRAYS[name]):
+    for field in values.keys() & set(ARRAYS[name]):
         values[field] = np.ascontiguousarray(values[field], dtype="<f8").tobytes()
-    return _classes(True)[name](**values).SerializeToString()
+    return twins()[name](**values).SerializeToString()
 
 
-def encode_scalars(values: NDArray[np.float64]) -> NDArray[np.uint8]:
-    """Return the wire bytes of Scalar messages, shape (n, 9), of values of shape (n,)."""
-    data = np.empty((len(values), 9), np.uint8)
-    data[:, 0] = 1 << 3 | 1  # field 1, of 64 bits
-    data[:, 1:] = np.ascontiguousarray(values, "<f8").view(np.uint8).reshape(-1, 8)
-    return data
+def encode_log(date: int, event: Event) -> bytes:
+    """Return the wire bytes of an event as a `LOG`, with its date in ns since 1970."""
+    level = ERROR if event.kind in ("aborted", "fault") else INFO
+    log: Any = twins()[LOG](
+        level=level, name=event.kind, message=event.text, time=event.time, std=event.std
+    )
+    log.timestamp.FromNanoseconds(date)
+    return log.SerializeToString()
+
+
+def encode_scene(date: int, lines: Mapping[str, NDArray[np.float64]]) -> bytes:
+    """Return the wire bytes of a `SCENE` of lines.
+
+    Args:
+        date: ns since 1970.
+        lines: Points in `FRAME`, m, of each line by name, shape (n, 3).
+    """
+    scene: Any = twins()[SCENE]()
+    for name, points in lines.items():
+        entity = scene.entities.add(frame_id=FRAME, id=name)
+        entity.timestamp.FromNanoseconds(date)
+        line = entity.lines.add(thickness=THICKNESS, scale_invariant=True)
+        line.pose.orientation.w = 1.0
+        line.color.r = line.color.g = line.color.b = line.color.a = 1.0
+        for x, y, z in points.tolist():
+            line.points.add(x=x, y=y, z=z)
+    return scene.SerializeToString()
+
+
+def encode_rows(columns: ArrayLike) -> NDArray[np.uint8]:
+    """Return the wire bytes of messages with one row of a table each.
+
+    Args:
+        columns: Values of each field, in the order of their numbers, shape (n_fields, n).
+
+    Returns:
+        Shape (n, length of a message).
+    """
+    with np.errstate(over="ignore"):  # samples may be any double
+        values = np.asarray(columns, "<f4")
+    data = np.empty(values.shape[1], _row_of(len(values)))
+    for number, column in enumerate(values, 1):
+        data[f"tag {number}"] = _varint(number << 3 | 5)  # 5: 32 bits
+        data[f"value {number}"] = column
+    return data.view(np.uint8).reshape(len(data), data.itemsize)
+
+
+@cache
+def _row_of(n_fields: int) -> np.dtype:
+    """Return the type of a message of so many numbers of 32 bits."""
+    fields = []
+    for number in range(1, n_fields + 1):
+        fields += [(f"tag {number}", f"V{len(_varint(number << 3))}"), (f"value {number}", "<f4")]
+    return np.dtype(fields)
+
+
+def _varint(value: int) -> bytes:
+    found = bytearray()
+    while value > 127:
+        found.append(value & 127 | 128)
+        value >>= 7
+    return bytes([*found, value])
 
 
 def decode(name: str, data: bytes) -> Any:
     """Return a message as its twin; convert its array fields with `doubles`."""
-    message = _classes(True)[name]()
+    message = twins()[name]()
     message.ParseFromString(data)
     return message
 

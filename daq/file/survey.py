@@ -9,9 +9,10 @@ from sautereau.daq.errors import RecordingError
 from sautereau.daq.file.container.chunks import find_intact
 from sautereau.daq.file.container.records import DamageError, Record
 from sautereau.daq.file.contents import Contents
-from sautereau.daq.file.integrity import check_header, opened, size_of, verified
+from sautereau.daq.file.integrity import check_header, opened, size_of
 from sautereau.daq.file.recorded import Gap, SessionInfo
 from sautereau.daq.file.runs import Runs
+from sautereau.daq.file.verified import verifying
 from sautereau.rig.schema import Rig
 
 LAYOUT = Path(__file__).parents[1] / "foxglove-layout.json"
@@ -84,15 +85,16 @@ def survey(file: BinaryIO) -> Survey:
     except RecordingError as error:
         return _survey(file, find_intact(file), str(error))
     try:
-        return _survey(file, verified(file), None)
+        with verifying(file) as records:
+            return _survey(file, records, None)
     except DamageError as error:
         return _survey(file, find_intact(file), str(error))
 
 
 def _survey(file: BinaryIO, records: Iterator[Record], damage: str | None) -> Survey:
-    contents, runs = Contents(size_of(file)), Runs(keep=False)
-    for topic, block in contents.messages(records):
-        runs.add(topic, block)
+    contents, runs = Contents(size_of(file)), Runs(size=None)
+    for layout, block in contents.blocks(records):
+        runs.add(layout, block)
     try:
         return Survey(damage, contents, runs, contents.rig(), contents.session())
     except RecordingError as error:

@@ -1,7 +1,7 @@
 """A hardware-timed acquisition, finite or continuous, with any NI-DAQmx device, read in blocks."""
 
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from typing import Any
 
@@ -9,10 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sautereau.daq.errors import DaqError
+from sautereau.daq.file.counts import Scaling
 from sautereau.daq.file.recorded import Block
 from sautereau.daq.source.connection import connect
 from sautereau.daq.source.driver_faults import NOT_DONE, NOT_YET_AVAILABLE, driver_errors
-from sautereau.daq.source.inputs import read_inputs
+from sautereau.daq.source.inputs import read_inputs, read_scaling
 from sautereau.daq.source.server_session import create_task
 from sautereau.daq.source.source import InputSettings, SourceSettings
 from sautereau.daq.source.task import build_task, plan_task
@@ -56,6 +57,7 @@ class Acquisition:
         self._description = ""
         self._trigger = ""
         self._inputs: tuple[InputSettings, ...] = ()
+        self._scaling: Scaling | None = None
 
     @property
     def n_samples(self) -> int | None:
@@ -73,6 +75,11 @@ class Acquisition:
         if self._simulated is None:
             raise DaqError("acquisition: not entered yet; read `simulated` inside `with`")
         return self._simulated
+
+    @property
+    def scaling(self) -> Scaling | None:
+        """What the counts of the device are; None if it gives volts. Known after entering."""
+        return self._scaling
 
     @property
     def device_description(self) -> str:
@@ -104,6 +111,7 @@ class Acquisition:
                 self._rate = build_task(self._task, plan, self._trigger)
                 self._task.control(TaskMode.TASK_VERIFY)
                 self._inputs = read_inputs(self._task, daq)
+                self._scaling = read_scaling(self._task, self._inputs)
                 self._task.control(TaskMode.TASK_RESERVE)
             with driver_errors(self._daq, "identifying the device", self._options):
                 (device,) = self._task.devices
@@ -174,46 +182,64 @@ class Acquisition:
             DaqError: The trigger or a later block did not arrive within
                 ``daq.trigger_timeout``, samples were lost, or the device was disconnected.
         """
-        from nidaqmx.stream_readers import AnalogMultiChannelReader
-
         daq, plan = self._daq, self._plan
-        reader = AnalogMultiChannelReader(self._entered().in_stream)
-        reader.verify_array_shape = False
+        kind, read = self._reader()
         if plan.before:
             self._await_all()
+        asked = time.monotonic()
         position = 0
         while plan.total is None or position < plan.total:
             n = daq.block if plan.total is None else min(daq.block, plan.total - position)
-            volts = np.empty((len(daq.channels), n))
-            acquired = None
+            samples = np.empty((len(daq.channels), n), kind)
+            acquired, age = None, 0.0
             with driver_errors(daq, "reading", self._options):
-                count, late = self._read(reader, volts)
+                count, late = self._read(read, samples)
                 if position == 0:
-                    acquired = self._acquired(count)
+                    acquired, age = self._acquired(count, asked)
             if count:
-                yield Block(position - plan.before, volts[:, :count], acquired)
+                samples = samples[:, :count]
+                yield Block(position - plan.before, samples, acquired, age, self._scaling)
             position += count
             if late is not None:
                 raise self._too_late(position, n) from late
             if plan.total is None:
                 self._check_position(position)
 
-    def _acquired(self, read: int) -> int:
-        """Return the index after the last sample acquired by now, counted from the trigger.
+    def _acquired(self, read: int, all_there: float) -> tuple[int, float]:
+        """Return the index after the last sample acquired, counted from the trigger, and its age.
 
-        Reading may lag by seconds behind the device, with samples before the edge by all of them.
+        Reading may lag by seconds behind the device, with samples before the edge by all of them:
+        those were there at the time ``all_there``, s.
         """
         if self._plan.before and self._plan.after is not None:
-            return self._plan.after
-        return max(read, self._task.in_stream.total_samp_per_chan_acquired)
+            return self._plan.after, time.monotonic() - all_there
+        asked = time.monotonic()
+        acquired = self._task.in_stream.total_samp_per_chan_acquired
+        return max(read, acquired), time.monotonic() - asked
 
-    def _read(self, reader: Any, volts: NDArray[np.float64]) -> tuple[int, Exception | None]:
-        """Fill ``volts``; return the number of samples read, and the error if not all were."""
+    def _reader(self) -> tuple[str, Callable[..., int]]:
+        """Return the type of the samples, and the function that reads them into an array."""
+        from nidaqmx.stream_readers import AnalogMultiChannelReader, AnalogUnscaledReader
+
+        stream = self._entered().in_stream
+        scaling = self._scaling
+        if scaling is None:
+            reader = AnalogMultiChannelReader(stream)
+            reader.verify_array_shape = False
+            return "float64", reader.read_many_sample
+        unscaled = AnalogUnscaledReader(stream)
+        unscaled.verify_array_shape = False
+        return scaling.kind, getattr(unscaled, f"read_{scaling.kind}")
+
+    def _read(
+        self, read: Callable[..., int], samples: NDArray[Any]
+    ) -> tuple[int, Exception | None]:
+        """Fill ``samples``; return how many were read, and the error if not all were."""
         from nidaqmx.errors import DaqReadError
 
-        n = volts.shape[1]
+        n = samples.shape[1]
         try:
-            count = reader.read_many_sample(volts, n, timeout=self._daq.trigger_timeout)
+            count = read(samples, n, timeout=self._daq.trigger_timeout)
         except DaqReadError as error:
             if error.error_code != NOT_YET_AVAILABLE:
                 raise

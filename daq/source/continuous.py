@@ -2,11 +2,12 @@
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 
 from sautereau.daq.errors import DaqError
-from sautereau.daq.file.recorded import Block, SessionInfo
+from sautereau.daq.file.recorded import SessionInfo
 from sautereau.daq.file.recording import Recording
 from sautereau.daq.source.source import open_source
 from sautereau.rig.schema import Rig
@@ -68,13 +69,16 @@ def record(
             notes=notes,
         )
         rig = acquisition.of_device(rig)
-        with Recording(path, rig, session=session, rate=acquisition.rate) as recording:
+        with Recording(
+            path, rig, session=session, rate=acquisition.rate, scaling=acquisition.scaling
+        ) as recording:
             acquisition.start()
             for block in acquisition.blocks():
-                count = block.first_sample + block.volts.shape[1]
+                count = block.first_sample + block.n_samples
                 if count > limit:
                     count = int(limit)
-                    block = Block(block.first_sample, block.volts[:, : count - block.first_sample])
+                    samples = block.samples[:, : count - block.first_sample]
+                    block = replace(block, samples=samples)
                 recording.write_block(block)
                 on_block(count)
                 if count == limit:

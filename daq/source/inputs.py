@@ -5,10 +5,13 @@ names given here. A device that does not have one refuses it with a code of `NOT
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, TypeVar
 
+import numpy as np
+
 from sautereau.daq.errors import DaqError
+from sautereau.daq.file.counts import Scaling
 from sautereau.daq.source.source import InputSettings
 from sautereau.rig.acquisition import Channel, Daq
 
@@ -16,6 +19,11 @@ NOT_SUPPORTED = (-200197, -200452)
 """Codes of a property that the device, or the task, does not have."""
 EXCITATION_TOLERANCE = 0.1
 """Dimensionless, largest relative difference of the sensor's current from the requested one."""
+
+COUNTS = {16: "int16", 32: "int32"}
+"""Type of the counts, by their bits."""
+COUNTS_REACH = (0.9, 1.5)
+"""Dimensionless, what the largest counts reach, as a fraction of the input's range."""
 
 Value = TypeVar("Value")
 
@@ -61,6 +69,45 @@ def read_inputs(task: Any, daq: Daq) -> tuple[InputSettings, ...]:
     if faults:
         raise DaqError("\n".join(f"DAQ device {daq.device}: {fault}" for fault in faults))
     return settings
+
+
+def read_scaling(task: Any, inputs: Sequence[InputSettings]) -> Scaling | None:
+    """Return what the counts of the inputs are; None if the device gives volts only.
+
+    Of ``AI.DevScalingCoeff``, the polynomial from a count to volts, which the driver itself uses.
+    None also where the polynomial of some input does not reach its range: then the counts are not
+    the signed ones that are read.
+    """
+    from nidaqmx.constants import DataJustification
+
+    sizes, rows = set(), []
+    for settings in inputs:
+        size, bits, justification, coefficients = _counts(task.ai_channels[settings.name])
+        if size not in COUNTS or not bits or not coefficients:
+            return None
+        left = justification == DataJustification.LEFT
+        ends = np.array([-1.0, 1.0]) * 2.0 ** ((size if left else bits) - 1)
+        reached = np.polynomial.polynomial.polyval(ends, coefficients)
+        ratios = reached / [settings.device_low, settings.device_high]
+        if not ((ratios > COUNTS_REACH[0]) & (ratios < COUNTS_REACH[1])).all():
+            return None
+        sizes.add(size)
+        rows.append(coefficients)
+    if len(sizes) != 1:
+        return None
+    length = max(map(len, rows))
+    padded = np.array([[*row, *[0.0] * (length - len(row))] for row in rows])
+    return Scaling(COUNTS[sizes.pop()], padded)
+
+
+def _counts(channel: Any) -> tuple[Any, Any, Any, Any]:
+    """Return bits of a count as it is read, and of the converter; justification; coefficients."""
+    return (
+        _optional(lambda: channel.ai_raw_samp_size),
+        _optional(lambda: channel.ai_resolution),
+        _optional(lambda: channel.ai_raw_samp_justification),
+        _optional(lambda: list(channel.ai_dev_scaling_coeff)),
+    )
 
 
 def _read_input(task: Any, channel: Channel, number: int) -> InputSettings:

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sautereau.daq.errors import DaqError
+from sautereau.daq.file.counts import Scaling
 from sautereau.daq.file.recorded import Block
 from sautereau.daq.source.source import InputSettings, SourceSettings
 from sautereau.daq.source.task import RATE_TOLERANCE, plan_task
@@ -40,7 +41,8 @@ class SoundCard:
         if triggered:
             terminals.append(daq.trigger_source)
         self._inputs = [_number(terminal) for terminal in terminals]
-        self._scale = np.array([[channel.range / FULL_SCALE] for channel in daq.channels])
+        rows = [[0.0, channel.range / FULL_SCALE] for channel in daq.channels]
+        self.scaling = Scaling("int32", np.array(rows))
         self._stream: Any = None
         self._queue: queue.SimpleQueue[tuple[NDArray[np.int32], bool]] = queue.SimpleQueue()
         self._description = ""
@@ -134,7 +136,7 @@ class SoundCard:
         for piece in pieces:
             left = None if plan.after is None else plan.after - first
             counts = piece[:, :left]
-            yield Block(first, np.multiply(counts[: len(self._scale)], self._scale, dtype=float))
+            yield Block(first, counts[: len(self._daq.channels)], scaling=self.scaling)
             first += counts.shape[1]
             if first == plan.after:
                 return

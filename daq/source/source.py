@@ -4,6 +4,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Protocol, Self
 
+from sautereau.daq.file.counts import Scaling
 from sautereau.daq.file.recorded import Block
 from sautereau.rig.acquisition import Daq
 from sautereau.rig.registry import SOURCES
@@ -79,6 +80,11 @@ class Source(Protocol):
     @property
     def simulated(self) -> bool:
         """Whether the device reports that it is simulated; known after entering."""
+        ...
+
+    @property
+    def scaling(self) -> Scaling | None:
+        """What the counts in its blocks are; None if they are volts. Known after entering."""
         ...
 
     @property

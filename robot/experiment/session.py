@@ -16,6 +16,7 @@ from sautereau.daq.file.recording import Recording, SessionInfo
 from sautereau.rig.schema import Rig
 from sautereau.robot.controller import Capture, MotionController, TorqueTable
 from sautereau.robot.errors import RobotError
+from sautereau.robot.experiment.drawing import draw
 from sautereau.robot.experiment.monitor import Fault, Made, Samples, Stage, Watch
 from sautereau.robot.experiment.motion_source import open_motion
 from sautereau.trajectory.motion import Floats
@@ -207,31 +208,41 @@ def _press(
             warm_up=item.warm_up,
         )
         of_device = acquisition.of_device(rig)
-        with Recording(path, of_device, session=session, rate=acquisition.rate) as recording:
+        with Recording(
+            path, of_device, session=session, rate=acquisition.rate, scaling=acquisition.scaling
+        ) as recording:
             motion.start()
             watch(Stage("armed", "armed", number))
             controller.start()
             watch(Stage("moving", "reading", number))
-            for block in motion.blocks():
+            for number_of_block, block in enumerate(motion.blocks()):
+                if not number_of_block:
+                    _note_start(recording, item, triggered=motion.triggered)
                 recording.write_block(block)
                 watch(Samples(number, rig.daq.channels, acquisition.rate, block))
             watch(Stage("moving", "complete", number))
-            # An event flushes the file, and the rest may take a while.
-            if motion.triggered:
-                recording.event("trigger", f"edge on {rig.daq.trigger_source}", 0.0)
+            recording.flush()  # the rest may take a while
             controller.wait()
             watch(Stage("standing", "complete", number))
-            if item.torques is not None:
-                first, second = np.abs(item.torques.torques).max(axis=0)
-                largest = f"up to {first:.4g} N m at joint 1 and {second:.4g} N m at joint 2"
-                recording.event("feed-forward", largest, 0.0)
             capture = controller.capture()
             joints = trajectory.joints.position
             start = motion.motion(capture)
             planned = trajectory.time + start.time
             recording.event(start.kind, start.text, start.time, start.std)
             recording.write_plan(planned, joints[:, 0], joints[:, 1], trajectory.rise.position)
-            recording.write_joints(_joints(capture, start.time, rig))
+            captured = _joints(capture, start.time, rig)
+            recording.write_joints(captured)
+            recording.write_scenes(*draw(rig, captured))
+
+
+def _note_start(recording: Recording, item: Item, *, triggered: bool) -> None:
+    """Write the events at time 0."""
+    if triggered:
+        recording.event("trigger", f"edge on {item.rig.daq.trigger_source}", 0.0)
+    if item.torques is not None:
+        first, second = np.abs(item.torques.torques).max(axis=0)
+        largest = f"up to {first:.4g} N m at joint 1 and {second:.4g} N m at joint 2"
+        recording.event("feed-forward", largest, 0.0)
 
 
 def _duration(item: Item) -> float:

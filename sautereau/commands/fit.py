@@ -28,11 +28,12 @@ def phases(
         repeat it for several; "none" for a press without a pluck. They are stored beside the one
         recording, in FILE.phases.toml, and used by all commands until that file is deleted.
     """
-    from sautereau.analysis.errors import AnalysisError
-    from sautereau.analysis.phases.by_hand import write_by_hand
     from sautereau.analysis.summary.press import HEADER, press_line
 
     if at:
+        from sautereau.analysis.errors import AnalysisError
+        from sautereau.analysis.phases.by_hand import write_by_hand
+
         if len(files) != 1 or not files[0].is_file():
             raise AnalysisError(
                 f"--at: it sets the phases of one recording, and {' '.join(map(str, files))} is"

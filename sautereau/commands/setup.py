@@ -10,13 +10,14 @@ from typing import TYPE_CHECKING, Any, Literal
 from sautereau.commands import common
 
 if TYPE_CHECKING:
-    from sautereau.rig.edit import Edit
+    from sautereau.rig.edit import Edit, TomlValue
+    from sautereau.robot.experiment.setup.step import Found
 
 _TIMEOUT = "60 s"
 """Timeout of the stand-in's controller, which answers only after the motion has ended."""
 
 StepName = Literal[
-    "all", "port", "controller", "verify", "home", "encoders", "contact", "touch", "dry-run"
+    "all", "port", "controller", "verify", "home", "encoders", "contact", "touch", "tap", "dry-run"
 ]
 
 
@@ -65,6 +66,7 @@ def setup(
     *,
     yes: bool = False,
     save: bool = False,
+    recording: list[Path] | None = None,
     simulation: common.Simulation = common.Simulation(),
     json: common.Json = False,
 ) -> int:
@@ -82,21 +84,25 @@ def setup(
         measurements are skipped.
     save
         Write the results into the rig file without asking.
+    recording
+        With the step `tap`: a recording of taps on the key, instead of a motion; repeat it for
+        several.
     """
-    from sautereau.rig.edit import edit_rig
     from sautereau.rig.load import with_values
     from sautereau.robot.experiment.setup.steps import make_steps
 
-    if not yes and not sys.stdin.isatty():
+    if not yes and not recording and not sys.stdin.isatty():
         return common.fail(
             json, "setup asks before motions: run it on a terminal, or give --yes", 2
         )
     if save and not Path(rig).is_file():
         return common.fail(json, f"--save: {rig} is not a file; write one with `sautereau init`", 2)
+    if recording:
+        return _tapped(step, rig, recording, save, yes, json)
     served = common.bench(rig, simulation)
     if yes and not simulation.requested and step in ("all", "verify"):
         return common.fail(json, "setup verify needs an operator: give it without --yes", 2)
-    values: dict[str, str | int | list[str]] = {}
+    values: dict[str, TomlValue] = {}
     steps: dict[str, Any] = {}
     nominal = served.rig.values
     if simulation.requested:
@@ -104,22 +110,55 @@ def setup(
     with common.signals_stop(), served.connected(nominal) as bench:
         simulated = bool(bench.scene)
         for name, found in make_steps(bench.rig, _Operator(yes), None if step == "all" else step):
-            for line in found.lines:
-                common.say(not json, line)
-            common.warn(not json, *(f"{name}: {warning}" for warning in found.warnings))
             of_bench = dict(found.values)
             if simulated:  # the port is the stand-in's
                 of_bench = {k: v for k, v in of_bench.items() if not k.startswith("controller.")}
             values |= of_bench
-            steps[name] = {
-                "lines": list(found.lines),
-                "values": dict(found.values),
-                "figures": dict(found.figures),
-                "warnings": list(found.warnings),
-            }
+            steps[name] = _shown(name, found, as_text=not json)
+    return _closed(rig, steps, values, simulated, save, yes, json)
+
+
+def _tapped(
+    step: str, rig: str, recordings: list[Path], save: bool, agreed: bool, json: bool
+) -> int:
+    """Find the modes of a key in recordings of taps."""
+    if step != "tap":
+        return common.fail(json, f"--recording: only the step tap reads recordings, not {step}", 2)
+    from sautereau.robot.experiment.setup.tap import modes_of_recordings
+
+    found = modes_of_recordings(recordings)
+    steps = {"tap": _shown("tap", found, as_text=not json)}
+    return _closed(rig, steps, dict(found.values), False, save, agreed, json)
+
+
+def _shown(name: str, found: "Found", *, as_text: bool) -> dict[str, Any]:
+    """Print the results of a step, and return them for the JSON."""
+    for line in found.lines:
+        common.say(as_text, line)
+    common.warn(as_text, *(f"{name}: {warning}" for warning in found.warnings))
+    return {
+        "lines": list(found.lines),
+        "values": dict(found.values),
+        "figures": dict(found.figures),
+        "warnings": list(found.warnings),
+    }
+
+
+def _closed(
+    rig: str,
+    steps: dict[str, Any],
+    values: "dict[str, TomlValue]",
+    simulated: bool,
+    save: bool,
+    agreed: bool,
+    json: bool,
+) -> int:
+    """Write the values into the rig file if the operator agrees, and answer."""
+    from sautereau.rig.edit import edit_rig
+
     source = f"sautereau setup, {date.today().isoformat()}"
     edit = edit_rig(rig, values, source) if values and Path(rig).is_file() else None
-    saved = edit is not None and _save(edit, save, yes, as_text=not json)
+    saved = edit is not None and _save(edit, save, agreed, as_text=not json)
     result = {
         "steps": steps,
         "values": values,
@@ -191,7 +230,7 @@ def _save(edit: "Edit", save: bool, agreed: bool, *, as_text: bool) -> bool:
     return True
 
 
-def _closing(rig: str, values: dict[str, str | int | list[str]], saved: bool) -> list[str]:
+def _closing(rig: str, values: "dict[str, TomlValue]", saved: bool) -> list[str]:
     if not values:
         return ["the rig file already holds these values"]
     if saved:

@@ -27,20 +27,15 @@ def transient(
         Frequency of a mode that was measured otherwise, "key=350 Hz", "finger=..." or
         "transducer=..."; repeat it for several.
     """
-    from sautereau.analysis.errors import AnalysisError
+    from sautereau.analysis.alike import check_alike
     from sautereau.analysis.summary.transient import transient_lines, transient_summary
     from sautereau.analysis.transient import attribute, combine, examine
 
     measured = _known(known or [])
     session = common.opened(files, samples=True)
-    rigs = {press.rig.name for press in session}
-    if len(rigs) > 1:
-        raise AnalysisError(
-            f"these recordings are of {len(rigs)} rigs, {', '.join(sorted(rigs))}; give those of"
-            " one rig"
-        )
+    rig = check_alike({str(each.press.path): each.press.rig for each in session})
     examined = [examine(p.press, p.phases, n) for n, p in enumerate(session)]
-    found = attribute(combine(examined), session[0].press.rig, measured)
+    found = attribute(combine(examined), rig, measured)
     if plot:
         from sautereau.analysis.figures.transient import transient_figure
 

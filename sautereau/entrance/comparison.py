@@ -9,7 +9,6 @@ from sautereau.analysis.summary.session import (
     SIGNS,
     analysis_lines,
     analysis_summary,
-    changed_text,
     pair_lines,
     pair_summary,
 )
@@ -86,12 +85,12 @@ class Comparison(Shown):
 
     @property
     def conditions(self) -> "pd.DataFrame":
-        """The conditions: number of presses, and what differs from the first."""
+        """The conditions: number of presses, and the values that vary between them."""
         import pandas as pd
 
-        rows = [(len(c.counted), changed_text(c.changed)) for c in self.found.conditions]
+        rows = [(len(c.counted), self.found.label(c)) for c in self.found.conditions]
         index = pd.RangeIndex(1, len(rows) + 1, name="condition")
-        return pd.DataFrame(rows, index, columns=["presses", "changed"])
+        return pd.DataFrame(rows, index, columns=["presses", "values"])
 
     def to_frame(self) -> "pd.DataFrame":
         """Return the differences from the other set; without one, the features."""

@@ -83,8 +83,7 @@ def test_extremes_end_as_the_single_prediction_does(paper, friction):
         "press.jack_rise": 15e-3,
     }
     found = predict_many(paper, values)
-    assert len(found.statuses()) >= 3
-    assert sum(found.statuses().values()) == n
+    assert len(np.unique(found.status)) >= 3
     for i in range(n):
         status, expected = one_by_one(paper, values, i)
         assert found.status[i] == status

@@ -8,10 +8,11 @@ from sautereau.analysis.model.plectrum.elastica import Elastica
 from sautereau.analysis.model.plectrum.fe import cache
 from sautereau.analysis.model.plectrum.fe.build import Solver
 from sautereau.analysis.model.plectrum.fe.level import FE
-from sautereau.analysis.model.plectrum.fe.profile import outline_from, profile_of
+from sautereau.analysis.model.plectrum.fe.profile import profile_of
 from sautereau.analysis.model.pluck.pluck import solve_pluck
 from sautereau.rig.instrument import Outline
 from sautereau.rig.load import load_rig
+from tests.outlines import outline_from
 
 RIG = load_rig("paper")
 PLECTRUM = RIG.plectrum
@@ -160,8 +161,3 @@ def test_an_outline_of_another_length_is_refused():
 def test_an_overlap_down_to_the_root_is_refused():
     with pytest.raises(ModelError, match=r"4 mm is more than 70% of the plectrum's 4.5 mm"):
         FE(PLECTRUM.model_copy(update={"overlap": 4e-3}))
-
-
-def test_a_thickness_that_vanishes_is_refused():
-    with pytest.raises(ModelError, match=r"0 mm at x = 4\.5 mm is not above 0 mm"):
-        outline_from(lambda x: 4.5e-3 - x, 4.5e-3)

@@ -9,9 +9,10 @@ from sautereau.analysis.errors import ModelError
 from sautereau.analysis.model.plectrum.elastica import Elastica
 from sautereau.analysis.model.plectrum.fe.build import Solver
 from sautereau.analysis.model.plectrum.fe.load import patch_at, section_at
-from sautereau.analysis.model.plectrum.fe.profile import outline_from, plectrum_grid, profile_of
+from sautereau.analysis.model.plectrum.fe.profile import plectrum_grid, profile_of
 from sautereau.analysis.model.plectrum.fe.solve import Body, solve_loads
 from sautereau.rig.load import load_rig
+from tests.outlines import outline_from
 
 PLECTRUM = load_rig("paper").plectrum
 SCALE = PLECTRUM.youngs_modulus * PLECTRUM.width * PLECTRUM.length

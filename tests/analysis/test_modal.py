@@ -57,7 +57,6 @@ def test_a_slow_pluck_is_the_springs():
     force = np.interp(modal.height, static.height, static.force)
     np.testing.assert_allclose(modal.force, force, atol=1.5e-3 * static.force[-1])
     assert modal.release == pytest.approx(duration(rig), rel=5e-4)
-    assert modal.speed_ratio < 0.01
 
 
 def test_few_modes_are_the_spring_when_it_is_slow():
@@ -103,10 +102,6 @@ def test_the_jacks_work_is_in_string_and_plectrum(speed):
     work = cumulative_trapezoid(modal.force * np.cos(modal.angle), x=modal.height)[-1]
     total = float(np.sum(string.energy(modal.state))) + left_out + plectrum
     assert work == pytest.approx(total, rel=2e-5)
-
-
-def test_the_held_string_is_slow_against_its_release_speed():
-    assert 0 < pluck().speed_ratio < 0.05
 
 
 def test_the_free_string_keeps_its_energy_and_its_frequencies():

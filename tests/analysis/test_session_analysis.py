@@ -16,7 +16,7 @@ from sautereau.analysis.session.analysed import analyse_file
 from sautereau.analysis.session.conditions import analyse
 from sautereau.analysis.session.difference import difference, side_by_side
 from sautereau.analysis.session.pooled import pooled_features
-from sautereau.analysis.summary.session import analysis_summary, pair_lines
+from sautereau.analysis.summary.session import analysis_lines, analysis_summary, pair_lines
 from sautereau.rig.load import with_values
 from sautereau.sim_backend.scene import load_scene
 
@@ -117,6 +117,8 @@ def test_conditions_of_two_sets_are_paired_by_what_varies(four):
     pairs = side_by_side(first, second)
     assert [pair.first.rig.press.jack_speed for pair in pairs] == [0.072, 0.08]
     assert [set(pair.changed) for pair in pairs] == [{"plectrum.thickness"}] * 2
+    assert pair_lines(pairs[1])[0] == "press.jack_speed = 0.08 m/s:"
+    assert "press.jack_speed = 0.072 m/s:" in analysis_lines(first)
     other = analyse(on_rig(presses, with_values(rig, {"press.jack_speed": "0.06 m/s"})))
     with pytest.raises(AnalysisError, match=r"not pooled[\s\S]*jack_speed = 0\.08 m/s"):
         side_by_side(first, other)

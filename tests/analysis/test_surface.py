@@ -7,12 +7,12 @@ from scipy.optimize import fsolve
 
 from sautereau.analysis.model.batch import predict_many
 from sautereau.analysis.model.modal_pluck import modal_pluck
-from sautereau.analysis.model.plectrum.fe.profile import outline_from
 from sautereau.analysis.model.plectrum.surface import string_map
 from sautereau.analysis.model.predict import predict, rig_pluck
 from sautereau.analysis.model.string.bend import point_bend
 from sautereau.rig.load import load_rig
 from sautereau.rig.schema import Rig
+from tests.outlines import outline_from
 
 
 def paper(**plectrum) -> Rig:

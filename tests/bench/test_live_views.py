@@ -17,11 +17,12 @@ from rich.console import Console
 from sautereau.commands.live import LiveError
 from sautereau.commands.live.terminal import TerminalView, thinned, trace_lines
 from sautereau.commands.live.watching import watching
+from sautereau.daq.file.descriptors import schema_data
 from sautereau.daq.file.recorded import Block
-from sautereau.daq.file.schemas import declared_class
 from sautereau.daq.file.survey import LAYOUT
 from sautereau.rig.load import load_rig
 from sautereau.robot.experiment.monitor import Fault, Made, Samples, Stage
+from tests.daq.declared import declared_class
 
 RIG = load_rig()
 RATE = 51_200.0
@@ -83,7 +84,7 @@ def test_the_terminal_shows_state_traces_and_faults():
 def test_the_terminal_shows_traces_with_nan():
     console = terminal()
     one = samples()
-    one.block.volts[0] = np.nan
+    one.block.samples[0] = np.nan
     with TerminalView("rig", console) as view:
         view.show([Stage("moving", "reading", 1), one], 0)
     assert "velocity (m/s): nothing" in console.file.getvalue()
@@ -139,7 +140,7 @@ def received(port, show, topics):
 
 def test_foxglove_sees_previews_and_events(foxglove):
     """An independent client reads our messages, under the topic names of the layout."""
-    topics = {"/preview/velocity", "/preview/force", "/events"}
+    topics = {"/preview", "/events"}
     with foxglove("rig", port=0) as view:
         numbers = iter(range(1, 9))
 
@@ -149,13 +150,14 @@ def test_foxglove_sees_previews_and_events(foxglove):
             view.show([Stage("moving", "reading", press), *blocks, Fault("oh")], 0)
 
         found = received(view.port, show, topics)
-    at, data = found["/preview/force"][0]
+    at, data = found["/preview"][0]
     scale = RIG.daq.channel("force").scale
-    value = declared_class("Scalar").FromString(data).value
-    assert abs(value) <= abs(scale) * 1.01
+    schema = schema_data({"Preview": [channel.name for channel in RIG.daq.channels]})
+    row = declared_class(schema, "sautereau.Preview").FromString(data)
+    assert 0 < abs(row.force) <= abs(scale) * 1.01
     assert at > 10**18
-    event = declared_class("Event").FromString(found["/events"][0][1])
-    assert (event.kind, event.text) == ("state", "arm moving, acquisition reading")
+    event = declared_class(schema, "foxglove.Log").FromString(found["/events"][0][1])
+    assert (event.name, event.message) == ("state", "arm moving, acquisition reading")
     layout = LAYOUT.read_text(encoding="utf-8")
     assert all(topic in layout for topic in topics)
 

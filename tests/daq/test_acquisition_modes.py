@@ -92,7 +92,8 @@ def test_the_trigger_is_dated_by_the_samples_acquired_since(
     path = tmp_path / "a.mcap"
     with Recording(path, rig, session=session, clock=lambda: now, monotonic=lambda: 0) as made:
         made.write_block(block)
-    assert made.t0_ns == now - round((latest - 1) * 1e9 / 51_200)
+    edge = now - round((latest - 1) * 1e9 / 51_200)
+    assert edge - 50_000_000 < made.t0_ns <= edge  # less the time that the answer took
 
 
 def test_start_returns_when_the_samples_before_the_edge_are_there(card, rig):

@@ -12,6 +12,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from sautereau.daq.file.counts import Scaling
+from sautereau.daq.file.recording import Block, Recording
 from sautereau.daq.file.recovery import recover
 from tests.daq.damage import chunks, corrupt
 
@@ -32,7 +34,7 @@ def by_mcap_core(path):
 
 
 def digests(*rows):
-    names = ("/daq/velocity", "/daq/force")
+    names = ("velocity", "force")
     return {n: hashlib.sha256(r.tobytes()).hexdigest() for n, r in zip(names, rows, strict=True)}
 
 
@@ -45,8 +47,20 @@ def test_a_recording(tmp_path, record):
     path = record(tmp_path / "press.mcap", volts, block=1000)
     found = by_mcap_core(path)
     assert found["digests"] == digests(*volts)
-    assert found["counts"]["/daq/velocity"] == 30
-    assert found["counts"]["/preview/force"] > 500
+    assert found["counts"] == {"/daq": 3, "/preview": 565}
+
+
+def test_counts_and_events(tmp_path, paper, session):
+    counts = np.random.default_rng(6).integers(-(2**15), 2**15, (2, 30_000)).astype(np.int16)
+    scaling = Scaling("int16", np.array([[0.0, 1e-4], [1e-3, 2e-4]]))
+    path = tmp_path / "press.mcap"
+    with Recording(path, paper, session=session, scaling=scaling) as recording:
+        for at in range(0, 30_000, 1000):
+            recording.write_block(Block(at, counts[:, at : at + 1000]))
+        recording.event("aborted", "the lid was open", 0.5)
+    found = by_mcap_core(path)
+    assert found["digests"] == digests(*counts)
+    assert found["events"] == [["aborted", "the lid was open", 4]]
 
 
 def test_a_recovered_one(tmp_path, record):

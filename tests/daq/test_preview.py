@@ -6,10 +6,12 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from mcap.reader import make_reader
 
+from sautereau.daq.file.descriptors import FRAME
 from sautereau.daq.file.preview import ATTENUATION, PASS_BAND, Decimator, low_pass
-from sautereau.daq.file.schemas import FIELDS
 from sautereau.daq.file.survey import LAYOUT, describe
+from tests.daq.declared import declared_class
 
 HALF = 326
 """Samples, half the filter at 51.2 kHz."""
@@ -21,7 +23,6 @@ def test_the_filter_is_carried_across_blocks(lengths):
     preview = Decimator(51_200.0, 1)
     assert (preview.factor, preview.margin) == (52, HALF)
     found = [preview.feed(part[None]) for part in np.split(values, np.cumsum(lengths))[:-1]]
-    found.append(preview.rest())
     places = np.concatenate([np.empty(0), *(place for place, _ in found)])
     filtered = np.concatenate([np.empty(0), *(value[0] for _, value in found)])
     assert len(places) == max(0, (len(values) - 2 * HALF - 1) // 52 + 1)
@@ -58,22 +59,34 @@ def test_a_tone_is_passed_or_gone(frequency, gain):
 def test_infinities_of_both_signs_are_no_fault():
     values = np.zeros((2, 2000))
     values[0, 100:103] = np.inf, -np.inf, np.nan
-    preview = Decimator(51_200.0, 2)
-    preview.feed(values)
-    _, found = preview.rest()
+    _, found = Decimator(51_200.0, 2).feed(values)
     assert np.isnan(found[0, :3]).any()
     assert (found[1] == 0).all()
 
 
 def test_the_layout_shows_what_there_is(tmp_path, record, volts):
     """Every path of the layout for Foxglove is a topic of the recording, and a field of it."""
-    found = describe(record(tmp_path / "press.mcap", volts))
-    assert found["layout"] == str(LAYOUT)
+    path = record(tmp_path / "press.mcap", volts)
+    assert describe(path)["layout"] == str(LAYOUT)
     layout = json.loads(LAYOUT.read_text())
-    paths = [
-        path["value"] for panel in layout["configById"].values() for path in panel.get("paths", [])
+    panels = layout["configById"]
+    with path.open("rb") as file:
+        summary = make_reader(file).get_summary()
+    schemas = {c.topic: summary.schemas[c.schema_id] for c in summary.channels.values()}
+    paths = [path["value"] for panel in panels.values() for path in panel.get("paths", [])]
+    assert len(paths) == 6
+    for topic, _, field in (path.partition(".") for path in paths):
+        message = declared_class(schemas[topic].data, schemas[topic].name)
+        assert field in message.DESCRIPTOR.fields_by_name
+    assert schemas[panels["RosOut!events"]["topicToRender"]].name == "foxglove.Log"
+    assert [schemas[topic].name for topic in panels["3D!scene"]["topics"]] == [
+        "foxglove.SceneUpdate"
     ]
-    assert {path.partition(".")[0] for path in paths} == {"/preview/force", "/preview/velocity"}
-    assert {path.partition(".")[0] for path in paths} <= set(found["channels"])
-    assert all(path.partition(".")[2] in FIELDS["Scalar"] for path in paths)
-    assert layout["configById"]["RawMessages!events"]["topicPath"] in found["channels"]
+    assert panels["3D!scene"]["followTf"] == FRAME
+    assert set(_leaves(layout["layout"])) == set(panels)
+
+
+def _leaves(place):
+    if isinstance(place, str):
+        return [place]
+    return _leaves(place["first"]) + _leaves(place["second"])

@@ -7,10 +7,11 @@ from mcap.stream_reader import StreamReader
 from mcap.writer import Writer
 
 from sautereau.daq.errors import RecordingError
+from sautereau.daq.file.descriptors import schema_data
 from sautereau.daq.file.provenance import PROFILE
 from sautereau.daq.file.reading import read_recording
 from sautereau.daq.file.recording import Recording
-from sautereau.daq.file.schemas import encode, schema_data
+from sautereau.daq.file.schemas import encode
 from sautereau.daq.file.survey import describe
 from sautereau.rig.load import rig_json
 
@@ -114,7 +115,7 @@ def forge(path, rig, session, blocks, *, metadata=None):
     for name, values in (heads | (metadata or {})).items():
         if values is not None:
             writer.add_metadata(name, values)
-    schema = writer.register_schema("sautereau.Samples", "protobuf", schema_data())
+    schema = writer.register_schema("sautereau.Samples", "protobuf", schema_data({}))
     numbers = {
         channel.name: writer.register_channel(f"/daq/{channel.name}", "protobuf", schema)
         for channel in rig.daq.channels

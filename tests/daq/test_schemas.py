@@ -1,20 +1,33 @@
-"""The declared messages and their twins are one on the wire."""
+"""The messages on the wire are those that the schemas declare."""
 
 import numpy as np
+import pytest
 from google.protobuf import descriptor_pb2
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
+from sautereau.daq.file.counts import Scaling
+from sautereau.daq.file.descriptors import FIELDS, schema_data
+from sautereau.daq.file.recorded import Event
+from sautereau.daq.file.samples import (
+    block_head,
+    layout_from_metadata,
+    read_block,
+    sample_layout,
+)
 from sautereau.daq.file.schemas import (
-    FIELDS,
-    declared_class,
     decode,
     doubles,
     encode,
-    encode_scalars,
-    schema_data,
+    encode_log,
+    encode_rows,
 )
+from tests.daq.declared import declared_class
+
+NAMES = [f"c{i}" for i in range(20)]
+DATA = schema_data({"Preview": NAMES})
+INT64 = st.integers(-(2**63), 2**63 - 1)
 
 
 @given(hnp.arrays(np.uint64, st.integers(0, 50)))
@@ -30,9 +43,58 @@ def test_an_index_from_zero_on_is_what_it_was_as_uint64():
     assert data == b"\x10\xac\x02"
 
 
+@given(INT64, INT64, st.floats(allow_nan=False), INT64, st.binary(max_size=300))
+def test_a_block_is_the_declared_message(t0, first, rate, begin, samples):
+    data = block_head(t0, first, rate, begin, len(samples)) + samples
+    declared = declared_class(DATA, "sautereau.Block").FromString(data)
+    values = (declared.t0, declared.first_sample, declared.rate, declared.begin)
+    assert (*values, declared.data) == (t0, first, rate, begin, samples)
+    assert tuple(read_block(memoryview(data))) == (*values, samples)
+
+
+@pytest.mark.parametrize("place", [0, 9, 36, 40, None])
+def test_another_block_is_refused(place):
+    data = bytearray(block_head(1, 2, 3.0, 4, 8) + bytes(8))
+    if place is None:
+        data = data[:40]
+    else:
+        data[place] ^= 0x11
+    with pytest.raises(ValueError, match="a block has"):
+        read_block(memoryview(data))
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"type": "int8"},
+        {"type": "float64"},
+        {"type": None},
+        {"channels": "[]"},
+        {"channels": "3"},
+        {"channels": "[["},
+        {"channels": '["a", "a"]'},
+        {"channels": '["a", ["b"]]'},
+        {"channels": '["a", "c"]'},
+        {"scaling": None},
+        {"scaling": "7"},
+        {"scaling": '{"a": [0, 1], "b": []}'},
+        {"scaling": '{"a": [0, 1], "b": [NaN]}'},
+        {"scaling": f'{{"a": [0, 1], "b": [1{"0" * 400}]}}'},
+    ],
+)
+def test_metadata_that_are_no_layout_are_refused(changes):
+    layout = sample_layout("ab", Scaling("int16", np.array([[0.0, 1.0, 0.0], [0.1, 2.0, 0.0]])))
+    metadata = layout.metadata([{}, {}])
+    assert layout_from_metadata(metadata) == layout
+    assert layout.scaling == ((0.0, 1.0), (0.1, 2.0))
+    changed = {key: value for key, value in {**metadata, **changes}.items() if value is not None}
+    with pytest.raises(ValueError, match=r"metadata of /daq|samples of the type|Expecting"):
+        layout_from_metadata(changed)
+
+
 def test_a_viewer_reads_the_declared_message():
     data = encode("Plan", t=[0.0, 1.0], q1=[2.0, 3.0], q2=[4.0, 5.0], jack_rise=[6.0, 7.0])
-    plan = declared_class("Plan").FromString(data)
+    plan = declared_class(DATA, "sautereau.Plan").FromString(data)
     assert [list(getattr(plan, name)) for name in FIELDS["Plan"]] == [
         [0.0, 1.0],
         [2.0, 3.0],
@@ -42,13 +104,28 @@ def test_a_viewer_reads_the_declared_message():
     assert plan.SerializeToString() == data
 
 
-def test_scalars_at_once_are_scalars():
+def test_rows_at_once_are_messages():
+    """Of more than 15 fields, whose tags have two bytes."""
     values = np.array([0.5, -0.0, np.inf, 5e-324])
-    found = [declared_class("Scalar").FromString(row.tobytes()) for row in encode_scalars(values)]
-    assert np.array_equal([message.value for message in found], values)
+    columns = [values + i for i in range(len(NAMES))]
+    kind = declared_class(DATA, "sautereau.Preview")
+    rows = [kind.FromString(row.tobytes()) for row in encode_rows(columns)]
+    found = [[getattr(row, name) for row in rows] for name in NAMES]
+    assert np.array_equal(found, np.asarray(columns, np.float32))
+
+
+def test_an_event_is_a_log_of_foxglove():
+    data = encode_log(1_700_000_000_123_456_789, Event(-0.25, "aborted", "no edge", 1e-3))
+    log = declared_class(DATA, "foxglove.Log").FromString(data)
+    assert log.timestamp.ToNanoseconds() == 1_700_000_000_123_456_789
+    assert (log.time, log.std, log.name, log.message) == (-0.25, 1e-3, "aborted", "no edge")
+    assert log.Level.Name(log.level) == "ERROR"
 
 
 def test_the_schema_holds_every_message():
-    (file,) = descriptor_pb2.FileDescriptorSet.FromString(schema_data()).file
-    assert [message.name for message in file.message_type] == list(FIELDS)
-    assert file.package == "sautereau"
+    *others, file = descriptor_pb2.FileDescriptorSet.FromString(DATA).file
+    assert [message.name for message in file.message_type] == ["Block", "Plan", "Joints", "Preview"]
+    assert [other.name for other in others] == [
+        "google/protobuf/timestamp.proto",
+        "foxglove.proto",
+    ]

@@ -31,10 +31,10 @@ def long(tmp_path, paper, session, volts):
 
 @pytest.fixture
 def holed(long):
-    """The same without its third chunk, of 11,000 samples."""
+    """The same without its third chunk, of 10,240 samples."""
     corrupt(long, chunks(long)[2][0] + 5000)
     found = recover(long)
-    assert {(g.first_sample, g.stop_sample) for g in found.gaps} == {(21_000, 32_000)}
+    assert {(g.first_sample, g.stop_sample) for g in found.gaps} == {(19_480, 29_720)}
     return found.path
 
 
@@ -64,8 +64,8 @@ def test_a_stream_is_complete(long, volts, seconds):
 def test_no_stretch_spans_a_gap(holed, volts):
     stretches = list(stream(holed, 0.25))
     starts = [s.first_sample for s in stretches]
-    assert starts == [-1000, 11_800, 32_000, 44_800, 57_600]
-    assert stretches[1].first_sample + stretches[1].n_samples == 21_000
+    assert starts == [-1000, 11_800, 29_720, 42_520, 55_320, 68_120]
+    assert stretches[1].first_sample + stretches[1].n_samples == 19_480
     for s in stretches:
         at = s.first_sample - BEGIN
         assert np.array_equal(s.volts["force"], volts[1, at : at + s.n_samples])

@@ -4,14 +4,21 @@ import io
 import json
 from importlib import resources
 
+import numpy as np
 import pytest
 
+from benchmarks.independent import ONE_FACTOR
 from sautereau.commands.common import Simulation
 from sautereau.commands.setup import setup
-from sautereau.rig.load import load_rig
+from sautereau.daq.file.recorded import Block, SessionInfo
+from sautereau.daq.file.recording import Recording
+from sautereau.daq.signals.calibration import to_volts
+from sautereau.rig.load import load_rig, with_values
 from sautereau.robot.errors import RobotError
 from sautereau.robot.experiment.setup.step import Declined
+from tests.taps import RATE, tapped
 
+SESSION = SessionInfo(1, "2026-01-01T00:00:00Z", simulated=True, controller="", daq="")
 TEXT = resources.files("sautereau.rig").joinpath("paper.toml").read_text(encoding="utf-8")
 BARE = """
 description = "a key without strings, for a base that is 3.4 mm lower than in the rig"
@@ -79,8 +86,28 @@ def test_all_steps_in_their_order(bench, capsys):
     assert setup("all", str(file), yes=True, simulation=simulation, json=True) == 0
     steps = json.loads(capsys.readouterr().out)["steps"]
     assert list(steps) == [
-        "port", "controller", "home", "encoders", "contact", "touch", "dry-run",
+        "port", "controller", "home", "encoders", "contact", "touch", "tap", "dry-run",
     ]  # fmt: skip
+
+
+def test_modes_from_recorded_taps_are_written_into_the_rig(tmp_path, capsys):
+    file, taps = tmp_path / "rig.toml", tmp_path / "taps.mcap"
+    file.write_text(TEXT, encoding="utf-8")
+    rig = with_values(load_rig(), {"daq.sample_rate": f"{RATE} Hz"})
+    (force, velocity), _ = tapped(ONE_FACTOR["key heaves at 120 Hz"], seed=3)
+    signals = {"force": force, "velocity": velocity}
+    time = np.arange(len(force)) / RATE
+    late = [np.interp(time - c.lag, time, signals[c.quantity]) for c in rig.daq.channels]
+    volts = [to_volts(signal, c) for signal, c in zip(late, rig.daq.channels, strict=True)]
+    with Recording(taps, rig, session=SESSION) as recording:
+        recording.write_block(Block(0, np.stack(volts)))
+    assert setup("tap", str(file), save=True, recording=[taps], json=True) == 0
+    assert json.loads(capsys.readouterr().out)["saved"]
+    modes = load_rig(file).key.modes
+    assert 1 <= len(modes) <= 3
+    assert all(0 < mode.frequency_std < 0.1 * mode.frequency for mode in modes)
+    assert setup("home", str(file), recording=[taps]) == 2
+    assert "only the step tap" in capsys.readouterr().err
 
 
 class Terminal(io.StringIO):

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from sautereau.analysis.loading.press import load_press
+from sautereau.daq.file.reading import read_recording
 from sautereau.daq.file.recorded import SessionInfo
 from sautereau.daq.file.recording import Recording
 from sautereau.daq.source.acquisition import Acquisition
@@ -90,10 +91,19 @@ def test_both_sensors_are_aligned(tmp_path, product, rate, device, terminal, del
             session = SessionInfo(1, datetime.now(UTC).isoformat(), True, "none", "none", seed=0)
             path = tmp_path / "press-0001.mcap"
             with Recording(
-                path, acquisition.of_device(rig), session=session, rate=acquisition.rate
+                path,
+                acquisition.of_device(rig),
+                session=session,
+                rate=acquisition.rate,
+                scaling=acquisition.scaling,
             ) as recording:
                 for block in acquisition.blocks():
                     recording.write_block(block)
+    bits = 24 if product.startswith("NI") else 14 if product == "USB-6009" else 16
+    counts = read_recording(path).volts["force"] / (2 * 5.0 / 2**bits)
+    np.testing.assert_array_equal(counts, np.rint(counts))
+    kind = read_recording(path).channels["/daq"]["type"]
+    assert kind == ("int32" if bits == 24 else "int16")
     data = load_press(path).data
     time = data.index.to_numpy()
     inner = (time > 0.005) & (time < DURATION - 0.005)

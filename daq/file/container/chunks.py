@@ -3,7 +3,6 @@
 import mmap
 import re
 import struct
-import zlib
 from collections import deque
 from collections.abc import Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -15,6 +14,7 @@ import zstandard
 from numpy.typing import NDArray
 
 from sautereau.daq.errors import RecordingError
+from sautereau.daq.file.container.checksum import crc32
 from sautereau.daq.file.container.records import (
     CRC_KEY,
     LARGEST_CHUNK,
@@ -36,7 +36,12 @@ MOST_UNPACKED = 500
 """Limit of the unpacked size, in multiples of the file's size; a file of zeros reaches 300."""
 FEW = 8
 """Chunks at the start of a file that are unpacked without threads; a press has no more."""
-_CHUNK = struct.Struct("<QQQII")  # start, end, size, CRC, length of the compression's name
+Unpacked = tuple[int, bytes | memoryview]
+"""Opcode and body of a record."""
+ZSTD = b"zstd"
+"""Name of the compression."""
+CHUNK = struct.Struct("<QQQII")
+"""Start, end, size, CRC, length of the compression's name, which follows."""
 _SIZE = struct.Struct("<Q")
 NAMES = ("channels", "rig", "software", "session", "schemas", "end", "recovered")
 """Names of a recording's Metadata records."""
@@ -56,30 +61,32 @@ class OpenChunk:
     """The messages of a chunk that is still being filled, packed, with their index."""
 
     def __init__(self) -> None:
-        self.data = bytearray()
+        self.parts: list[bytes | memoryview] = []
+        """Its records; samples are not copied."""
+        self.size = 0
+        """Size in bytes."""
         self.index: dict[int, bytearray] = {}
         """Entries of each channel's MessageIndex."""
         self.times: list[int] = []
         """Log times in ns since 1970; of a run of messages the first and the last."""
 
-    @property
-    def size(self) -> int:
-        """Size in bytes."""
-        return len(self.data)
+    def put(self, *parts: bytes | memoryview) -> None:
+        """Add bytes of records."""
+        self.parts += parts
+        self.size += sum(map(len, parts))
 
-    def add(self, channel: int, log_time: int, data: bytes) -> None:
-        """Add a message; its log time is also its publish time, ns since 1970."""
-        self.index_message(channel, log_time, len(self.data))
-        self.data += PREFIX.pack(Opcode.MESSAGE, MESSAGE.size + len(data))
-        self.data += MESSAGE.pack(channel, 0, log_time, log_time)
-        self.data += data
+    def add(self, channel: int, log_time: int, *data: bytes | memoryview) -> None:
+        """Add a message in parts; its log time is also its publish time, ns since 1970."""
+        self.index_message(channel, log_time, self.size)
+        head = PREFIX.pack(Opcode.MESSAGE, MESSAGE.size + sum(map(len, data)))
+        self.put(head + MESSAGE.pack(channel, 0, log_time, log_time), *data)
 
     def add_run(self, channel: int, log_times: NDArray[np.int64], data: NDArray[np.uint8]) -> None:
         """Add messages of equal length at once.
 
         Args:
             channel: Channel of all of them.
-            log_times: ns since 1970, shape (n,).
+            log_times: ns since 1970, ascending, shape (n,).
             data: Shape (n, length).
         """
         run = np.empty(len(data), _run_of(data.shape[1]))
@@ -89,10 +96,10 @@ class OpenChunk:
         run["data"] = data
         entries = np.empty((len(data), 2), "<u8")
         entries[:, 0] = log_times
-        entries[:, 1] = len(self.data) + run.itemsize * np.arange(len(data))
+        entries[:, 1] = self.size + run.itemsize * np.arange(len(data))
         self.index.setdefault(channel, bytearray()).extend(entries.tobytes())
-        self.times += int(log_times.min()), int(log_times.max())
-        self.data += run.tobytes()
+        self.times += int(log_times[0]), int(log_times[-1])
+        self.put(run.tobytes())
 
     def index_message(self, channel: int, log_time: int, offset: int) -> None:
         """Add the message at ``offset`` to the index."""
@@ -100,7 +107,7 @@ class OpenChunk:
         self.times.append(log_time)
 
 
-def indexed(records: bytes) -> OpenChunk:
+def indexed(records: bytes | memoryview) -> OpenChunk:
     """Return the index of a chunk's records, without a copy of them."""
     chunk, at = OpenChunk(), 0
     for opcode, body, _ in records_within(records):
@@ -127,20 +134,24 @@ def _run_of(length: int) -> np.dtype:
     )
 
 
-def unpacked(records: Iterable[Record]) -> Iterator[Record]:
-    """Yield records in their order, the body of each chunk unpacked and verified.
+def unpacked(records: Iterable[Record]) -> Iterator[Unpacked]:
+    """Yield opcode and body of records in their order; a chunk's body unpacked and verified.
 
-    Threads unpack the chunks ahead of their reader: zstd and CRC release Python's lock.
+    Threads unpack compressed chunks ahead of their reader: zstd and CRC release Python's lock.
 
     Raises:
         DamageError: As `unpack_chunk`.
     """
-    waiting: deque[tuple[int, bytes | Future[bytes]]] = deque()
+    waiting: deque[tuple[int, bytes | Future[bytes | memoryview]]] = deque()
     chunks = 0
     with ThreadPoolExecutor(AHEAD - 1, "recording") as threads:
         for opcode, body in records:
-            chunks += opcode == Opcode.CHUNK
-            ahead = opcode == Opcode.CHUNK and chunks > FEW
+            packed = opcode == Opcode.CHUNK and body.startswith(ZSTD, CHUNK.size)
+            chunks += packed
+            ahead = packed and chunks > FEW
+            if not ahead and not waiting:
+                yield _ready(opcode, body)
+                continue
             waiting.append((opcode, threads.submit(unpack_chunk, body) if ahead else body))
             if len(waiting) > AHEAD:
                 yield _ready(*waiting.popleft())
@@ -148,36 +159,36 @@ def unpacked(records: Iterable[Record]) -> Iterator[Record]:
             yield _ready(*waiting.popleft())
 
 
-def _ready(opcode: int, body: "bytes | Future[bytes]") -> Record:
+def _ready(opcode: int, body: "bytes | Future[bytes | memoryview]") -> Unpacked:
     if isinstance(body, Future):
-        return Record(opcode, body.result())
-    return Record(opcode, unpack_chunk(body) if opcode == Opcode.CHUNK else body)
+        return opcode, body.result()
+    return opcode, unpack_chunk(body) if opcode == Opcode.CHUNK else body
 
 
-def unpack_chunk(body: bytes) -> bytes:
+def unpack_chunk(body: bytes) -> bytes | memoryview:
     """Return the records of a chunk, unpacked, after its checksum has been verified.
 
     Raises:
         DamageError: The checksum does not match, or a length is invalid or exceeds
             `LARGEST_CHUNK`.
     """
-    if len(body) < _CHUNK.size:
+    if len(body) < CHUNK.size:
         raise DamageError(f"a chunk of {len(body)} bytes is too short")
-    _, _, size, crc, name_length = _CHUNK.unpack_from(body)
-    at = _CHUNK.size + name_length
+    _, _, size, crc, name_length = CHUNK.unpack_from(body)
+    at = CHUNK.size + name_length
     if size > LARGEST_CHUNK:
         raise DamageError(f"a chunk of {size} bytes exceeds the limit of {LARGEST_CHUNK} bytes")
-    compression = body[_CHUNK.size : at]
+    compression = body[CHUNK.size : at]
     packed = memoryview(body)[at + _SIZE.size :]
     if len(body) < at + _SIZE.size or _SIZE.unpack_from(body, at)[0] != len(packed):
         raise DamageError("a chunk's length is not that of its content")
-    if compression == b"zstd":
+    if compression == ZSTD:
         data = _unzstd(packed, size)
     elif compression == b"":
-        data = bytes(packed)
+        data = packed
     else:
         raise DamageError(f"a chunk has the compression {compression!r}, neither zstd nor none")
-    if len(data) != size or zlib.crc32(data) != crc:
+    if len(data) != size or crc32(data) != crc:
         raise DamageError("the checksum of a chunk does not match")
     return data
 
@@ -227,9 +238,9 @@ def find_intact(file: BinaryIO) -> Iterator[Record]:
 
 def _claimed(data: mmap.mmap, start: int, length: int) -> int:
     """Return the unpacked size that a chunk claims; 0 where `unpack_chunk` refuses it at once."""
-    if length < _CHUNK.size:
+    if length < CHUNK.size:
         return 0
-    size = _CHUNK.unpack_from(data, start + PREFIX.size)[2]
+    size = CHUNK.unpack_from(data, start + PREFIX.size)[2]
     return size if size <= LARGEST_CHUNK else 0
 
 

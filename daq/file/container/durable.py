@@ -15,7 +15,7 @@ from sautereau.rig.disk import hold, sync_folder
 PART = ".part"
 """Appended to the name of a recording until it is complete."""
 FLUSH_PERIOD = 0.2
-"""Samples or time in s after which samples are flushed: a killed process loses at most this
+"""Time in s after which samples are flushed: a killed process loses at most this
 and one block."""
 SYNC_PERIOD = 1.0
 """Time in s after which samples are synced to the disk: a power failure loses at most this and
@@ -143,7 +143,6 @@ class RecordingFile:
         path: Path,
         *,
         compress: bool,
-        rate: float,
         seconds: Callable[[], float],
         ending: str = PART,
     ):
@@ -153,15 +152,12 @@ class RecordingFile:
             path: Path of the finished file.
             ending: Appended to its name until then; see `DurableFile`.
             compress: Whether to compress chunks with zstd.
-            rate: Sampling rate, Hz.
             seconds: Time in s of a clock that is never set.
         """
         self._file = DurableFile(path, ending=ending)
         self._writer = McapWriter(self._file.stream, path.parent, compress=compress)
         self._seconds = seconds
         self._flushed = self._synced = seconds()
-        self._pending = 0
-        self._most_pending = round(FLUSH_PERIOD * rate)
         self.broken = False
         """Whether something could not be written completely."""
 
@@ -183,12 +179,14 @@ class RecordingFile:
             self.broken = True
             raise
 
-    def keep(self, n_samples: int) -> None:
-        """Count written samples; flush and sync them when enough samples or time have passed."""
-        self._pending += n_samples
+    @property
+    def flush_due(self) -> bool:
+        """Whether `FLUSH_PERIOD` has passed since the last flush."""
+        return self._seconds() - self._flushed >= FLUSH_PERIOD
+
+    def sync_if_due(self) -> None:
+        """Sync everything written to the disk if `SYNC_PERIOD` has passed since the last time."""
         now = self._seconds()
-        if self._pending >= self._most_pending or now - self._flushed >= FLUSH_PERIOD:
-            self.flush()
         if now - self._synced >= SYNC_PERIOD:
             self._synced = now
             with self.writing():
@@ -196,7 +194,7 @@ class RecordingFile:
 
     def flush(self) -> None:
         """Flush everything written to the operating system."""
-        self._flushed, self._pending = self._seconds(), 0
+        self._flushed = self._seconds()
         with self.writing() as writer:
             writer.close_chunk(least=0)
 

@@ -1,19 +1,18 @@
 """The records of an MCAP file: parsed within limits, with the checksums of their own."""
 
 import struct
-import zlib
 from collections.abc import Container, Iterator
 from functools import lru_cache
-from io import BytesIO
 from typing import NamedTuple
 
 import numpy as np
-from mcap.data_stream import ReadDataStream, RecordBuilder
+from mcap.data_stream import RecordBuilder
 from mcap.opcode import Opcode
 from mcap.records import McapRecord, Metadata
 from mcap.writer import MCAP0_MAGIC as MAGIC
 
 from sautereau.daq.errors import RecordingError
+from sautereau.daq.file.container.checksum import crc32
 
 __all__ = ["MAGIC", "Opcode"]
 
@@ -50,7 +49,7 @@ class Record(NamedTuple):
 
 
 def records_within(
-    chunk: bytes, counted: Container[int] = ()
+    chunk: bytes | memoryview, counted: Container[int] = ()
 ) -> Iterator[tuple[int, memoryview, int]]:
     """Yield opcode, body and number of the records of an unpacked chunk.
 
@@ -74,31 +73,22 @@ def records_within(
         at += n * size
 
 
-def _run_length(chunk: bytes, at: int, size: int) -> int:
+def _run_length(chunk: bytes | memoryview, at: int, size: int) -> int:
     """Return how many consecutive records share opcode, length and channel, or fewer."""
     n = 1
     for longest in _RUNS:  # the work for each record is bounded, however short the runs are
         n = min(longest, (len(chunk) - at) // size)
-        heads = np.frombuffer(chunk, _head_of(size), n, at)
-        other = np.zeros(n, bool)
-        for name in ("opcode", "length", "channel"):
-            other |= heads[name] != heads[name][0]
-        if first := int(other.argmax()):
+        heads = np.frombuffer(chunk, _head_of(size), n, at)["head"]
+        if first := int((heads != heads[0]).argmax()):
             return first
     return n
 
 
 @lru_cache(16)
 def _head_of(size: int) -> np.dtype:
-    """Return the type of a message record of ``size`` bytes, up to its channel."""
-    return np.dtype(
-        {
-            "names": ["opcode", "length", "channel"],
-            "formats": ["u1", "<u8", "<u2"],
-            "offsets": [0, 1, PREFIX.size],
-            "itemsize": size,
-        }
-    )
+    """Return the type of a message record of ``size`` bytes: its opcode, length and channel."""
+    head = f"V{PREFIX.size + _NUMBER.size}"
+    return np.dtype({"names": ["head"], "formats": [head], "offsets": [0], "itemsize": size})
 
 
 def record_bytes(record: McapRecord) -> bytes:
@@ -136,11 +126,6 @@ def texts_within(body: bytes, at: int) -> dict[str, str]:
     return texts
 
 
-def stream_of(body: bytes | memoryview) -> ReadDataStream:
-    """Return a record's body for the library's own readers."""
-    return ReadDataStream(BytesIO(body))
-
-
 def with_checksum(name: str, data: dict[str, str]) -> dict[str, str]:
     """Return the entries of a Metadata record with a checksum, since MCAP gives it none."""
     return data | {_CRC: f"{_checksum(name, data):08x}"}
@@ -174,7 +159,7 @@ def _checksum(name: str, data: dict[str, str]) -> int:
     packed = [_packed(text) for pair in data.items() for text in pair]
     content = b"".join(packed)
     body = _packed(name) + _LENGTH.pack(len(content)) + content
-    return zlib.crc32(PREFIX.pack(Opcode.METADATA, len(body)) + body)
+    return crc32(PREFIX.pack(Opcode.METADATA, len(body)) + body)
 
 
 def _packed(text: str) -> bytes:

@@ -5,10 +5,8 @@ memory, 2.5 kB per chunk: 230 MB for an hour of 16 channels at 51.2 kHz. Here it
 """
 
 import struct
-import zlib
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import replace
 from pathlib import Path
 from tempfile import SpooledTemporaryFile
 from typing import BinaryIO
@@ -17,8 +15,6 @@ import numpy as np
 import zstandard
 from mcap.records import (
     Channel,
-    Chunk,
-    ChunkIndex,
     DataEnd,
     Footer,
     Header,
@@ -32,7 +28,8 @@ from mcap.writer import LIBRARY_IDENTIFIER
 from numpy.typing import NDArray
 
 from sautereau.daq.errors import RecordingError
-from sautereau.daq.file.container.chunks import INDEX_ENTRY, OpenChunk, indexed
+from sautereau.daq.file.container.checksum import crc32
+from sautereau.daq.file.container.chunks import CHUNK, INDEX_ENTRY, ZSTD, OpenChunk, indexed
 from sautereau.daq.file.container.records import (
     CHUNK_SIZE,
     LARGEST_CHUNK,
@@ -45,11 +42,30 @@ from sautereau.daq.file.container.records import (
 )
 
 _SIZE = struct.Struct("<Q")
-_INDEX_HEAD = struct.Struct("<HI")
+_INDEX_HEAD = struct.Struct("<HI")  # channel, size of the entries
+# Of a ChunkIndex: start, end, offset, length, size of the offsets; these; size of the MessageIndex
+# records, length of the compression's name.
+_CHUNK_INDEX = struct.Struct("<QQQQI")
+_INDEX_OFFSET = struct.Struct("<HQ")
+_INDEX_SIZE = struct.Struct("<QI")
 LEVEL = 1
 """Compression level of zstd: 1.6 times as fast as its default of 3 on a converter's samples,
 with files of the same size."""
+_OVERHEAD = 64 * 1024  # bytes of a chunk besides its only message: prefixes and definitions
 _SPOOLED = 1024**2  # bytes of the chunk index kept in memory
+
+
+def refuse_oversized(size: int) -> None:
+    """Refuse a message of ``size`` bytes if it is larger than readers accept.
+
+    Raises:
+        RecordingError: It is.
+    """
+    if size + _OVERHEAD > LARGEST_CHUNK:
+        raise RecordingError(
+            f"a message of {size} bytes exceeds the limit of {LARGEST_CHUNK} bytes that readers"
+            " accept; split it"
+        )
 
 
 class McapWriter:
@@ -65,6 +81,7 @@ class McapWriter:
         """
         self._stream = stream
         self._compressor = zstandard.ZstdCompressor(LEVEL) if compress else None
+        self._compression = ZSTD if compress else b""
         self._crc = 0
         self._at = 0
         self._definitions: list[Schema | Channel] = []
@@ -82,7 +99,7 @@ class McapWriter:
         """Write the header; the definitions go into the first chunk and the summary."""
         self._definitions = list(definitions)
         self._put(MAGIC + record_bytes(Header(profile, LIBRARY_IDENTIFIER)))
-        self._open.data += b"".join(map(record_bytes, self._definitions))
+        self._open.put(*map(record_bytes, self._definitions))
 
     def add_metadata(self, name: str, data: dict[str, str]) -> None:
         """Write a Metadata record with its own checksum immediately."""
@@ -90,56 +107,51 @@ class McapWriter:
         self._metadata.append(MetadataIndex(offset=self._at, length=len(record), name=name))
         self._put(record)
 
-    def add_message(self, channel: int, log_time: int, data: bytes) -> None:
-        """Add a message to the open chunk; its log time is also its publish time, ns since 1970.
+    def add_message(self, channel: int, log_time: int, *data: bytes | memoryview) -> None:
+        """Add a message in parts to the open chunk; its log time is also its publish time.
+
+        The parts are copied when the chunk is closed: they must not change until then.
 
         Raises:
             RecordingError: It is larger than readers accept.
         """
-        size = MESSAGE.size + len(data)
-        if self._open.size + size > LARGEST_CHUNK:
+        size = sum(map(len, data))
+        refuse_oversized(size)
+        if self._open.size + size + MESSAGE.size > LARGEST_CHUNK:
             self.close_chunk(least=0)
-        if self._open.size + size > LARGEST_CHUNK:
-            raise RecordingError(
-                f"a message of {size} bytes exceeds the limit of {LARGEST_CHUNK} bytes that readers"
-                " accept; split it"
-            )
-        self._open.add(channel, log_time, data)
+        self._open.add(channel, log_time, *data)
 
     def add_run(self, channel: int, log_times: NDArray[np.int64], data: NDArray[np.uint8]) -> None:
-        """Add messages of equal length at once.
-
-        Args:
-            channel: Channel of all of them.
-            log_times: ns since 1970, shape (n,).
-            data: Shape (n, length).
-        """
-        self._open.add_run(channel, log_times, data)
+        """Add messages of equal length at once; see `OpenChunk.add_run`."""
+        if len(data):
+            self._open.add_run(channel, log_times, data)
 
     def close_chunk(self, least: int = CHUNK_SIZE) -> None:
         """Write the open chunk, if it has at least ``least`` bytes and one message."""
         open_chunk = self._open
         if not open_chunk.times or open_chunk.size < least:
             return
-        self._open, data = OpenChunk(), open_chunk.data
-        chunk = Chunk(
-            compression="zstd" if self._compressor else "",
-            data=self._compressor.compress(data) if self._compressor else bytes(data),
-            message_start_time=min(open_chunk.times),
-            message_end_time=max(open_chunk.times),
-            uncompressed_crc=zlib.crc32(data),
-            uncompressed_size=len(data),
-        )
-        self._write_chunk(chunk, open_chunk)
+        self._open, parts = OpenChunk(), open_chunk.parts
+        crc = 0
+        for part in parts:
+            crc = crc32(part, crc)
+        if self._compressor:
+            packer = self._compressor.compressobj(size=open_chunk.size)
+            parts = [*map(packer.compress, parts), packer.flush()]
+        times = min(open_chunk.times), max(open_chunk.times)
+        head = CHUNK.pack(*times, open_chunk.size, crc, len(self._compression)) + self._compression
+        self._write_chunk(head, parts, open_chunk)
 
-    def copy_chunk(self, chunk: Chunk, records: bytes) -> None:
+    def copy_chunk(self, body: bytes, records: bytes | memoryview) -> None:
         """Copy a chunk of another file unchanged; ``records`` are its content unpacked.
 
         The definitions are written before the first one, which may have none.
         """
-        self._put(bytes(self._open.data))
+        self._put(*self._open.parts)
         self._open = OpenChunk()
-        self._write_chunk(chunk, indexed(records))
+        *_, length = CHUNK.unpack_from(body)
+        stop = CHUNK.size + length
+        self._write_chunk(body[:stop], [body[stop + _SIZE.size :]], indexed(records))
 
     def finish(self) -> None:
         """Write the open chunk, the summary and the footer."""
@@ -169,55 +181,48 @@ class McapWriter:
         footer = record_bytes(
             Footer(summary_start=start, summary_offset_start=offsets_start, summary_crc=0)
         )
-        crc = zlib.crc32(footer[:-4], self._crc)
+        crc = crc32(footer[:-4], self._crc)
         self._put(footer[:-4] + struct.pack("<I", crc) + MAGIC)
 
     def close(self) -> None:
         """Discard the index, whether the file was finished or not."""
         self._spool.close()
 
-    def _put(self, data: bytes | bytearray) -> None:
-        self._stream.write(data)
-        self._crc = zlib.crc32(data, self._crc)
-        self._at += len(data)
+    def _put(self, *parts: bytes | memoryview) -> None:
+        for part in parts:
+            self._stream.write(part)
+            self._crc = crc32(part, self._crc)
+            self._at += len(part)
 
-    def _write_chunk(self, chunk: Chunk, content: OpenChunk) -> None:
-        """Write a chunk and the index of its messages."""
-        start = self._at
-        # Its content is written directly: the library copies it three times.
-        head = record_bytes(replace(chunk, data=b""))
-        size = len(chunk.data)
-        length = len(head) - PREFIX.size + size
-        self._put(PREFIX.pack(Opcode.CHUNK, length) + head[PREFIX.size : -8] + _SIZE.pack(size))
-        self._put(chunk.data)
-        index_start, places = self._at, {}
+    def _write_chunk(
+        self, head: bytes, parts: Sequence[bytes | memoryview], content: OpenChunk
+    ) -> None:
+        """Write a chunk and the index of its messages.
+
+        Args:
+            head: Its fields before the data.
+            parts: The data, packed if they are.
+            content: What it holds.
+        """
+        start, size = self._at, sum(map(len, parts))
+        prefix = PREFIX.pack(Opcode.CHUNK, len(head) + _SIZE.size + size)
+        self._put(prefix + head + _SIZE.pack(size), *parts)
+        index_start, offsets = self._at, b""
         for channel, entries in content.index.items():
-            places[channel] = self._at
+            offsets += _INDEX_OFFSET.pack(channel, self._at)
             self._counts[channel] += len(entries) // INDEX_ENTRY.size
-            length = _INDEX_HEAD.size + len(entries)
-            head = PREFIX.pack(Opcode.MESSAGE_INDEX, length)
-            self._put(head + _INDEX_HEAD.pack(channel, len(entries)) + entries)
+            index = PREFIX.pack(Opcode.MESSAGE_INDEX, _INDEX_HEAD.size + len(entries))
+            self._put(index + _INDEX_HEAD.pack(channel, len(entries)) + entries)
         self._stream.flush()
-        self._spool.write(
-            record_bytes(
-                ChunkIndex(
-                    message_start_time=chunk.message_start_time,
-                    message_end_time=chunk.message_end_time,
-                    chunk_start_offset=start,
-                    chunk_length=index_start - start,
-                    message_index_offsets=places,
-                    message_index_length=self._at - index_start,
-                    compression=chunk.compression,
-                    compressed_size=len(chunk.data),
-                    uncompressed_size=chunk.uncompressed_size,
-                )
-            )
-        )
+        first, last, unpacked, _, length = CHUNK.unpack_from(head)
+        body = _CHUNK_INDEX.pack(first, last, start, index_start - start, len(offsets)) + offsets
+        body += _INDEX_SIZE.pack(self._at - index_start, length) + head[CHUNK.size :]
+        body += _SIZE.pack(size) + _SIZE.pack(unpacked)
+        self._spool.write(PREFIX.pack(Opcode.CHUNK_INDEX, len(body)) + body)
         self._n_chunks += 1
         if content.times:
-            first = min(content.times)
             self._first = first if self._first is None else min(self._first, first)
-            self._last = max(self._last, *content.times)
+            self._last = max(self._last, last)
 
     def _statistics(self) -> Statistics:
         return Statistics(

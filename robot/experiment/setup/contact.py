@@ -190,21 +190,32 @@ def play_measured(
     The force [N] is from the motion's start to its end, shape (n,); None where the rig has no
     force channel.
     """
-    controller.load(segments)
-    controller.arm()
     channel = rig.daq.channel("force")
     if channel is None:
+        controller.load(segments)
+        controller.arm()
         controller.start()
         controller.wait()
         return controller.capture(), None
+    capture, volts = play_recorded(rig, controller, segments)
+    return capture, volts[channel.name] * channel.scale
+
+
+def play_recorded(
+    rig: Rig, controller: MotionController, segments: Segments
+) -> tuple[Capture, dict[str, Floats]]:
+    """Play a motion; return the controller's record of it, and the volts by channel, shape (n,)."""
+    controller.load(segments)
+    controller.arm()
     duration = segments.total_samples * rig.controller.sample_period
-    row = rig.daq.channels.index(channel)
     with open_motion(rig, controller, duration) as motion:
         motion.start()
         controller.start()
-        blocks = [block.volts[row, max(0, -block.first_sample) :] for block in motion.blocks()]
+        blocks = [block.volts[:, max(0, -block.first_sample) :] for block in motion.blocks()]
         controller.wait()
-    return controller.capture(), np.concatenate(blocks) * channel.scale
+    volts = np.concatenate(blocks, axis=1)
+    names = [channel.name for channel in rig.daq.channels]
+    return controller.capture(), dict(zip(names, volts, strict=True))
 
 
 def _one_step(rig: Rig, start: Counts, end: Counts, creep: Creep) -> Segments:

@@ -5,6 +5,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Protocol
 
+from sautereau.rig.edit import TomlValue
 from sautereau.rig.schema import Rig
 from sautereau.robot.controller import MotionController
 from sautereau.robot.drivers.registry import motion_controller
@@ -46,7 +47,7 @@ class Found:
 
     lines: tuple[str, ...]
     """Text for the operator."""
-    values: Mapping[str, str | int | list[str]] = field(default_factory=dict)
+    values: Mapping[str, TomlValue] = field(default_factory=dict)
     """For the rig file, by dotted key; empty where it contains them already."""
     figures: Mapping[str, float] = field(default_factory=dict)
     """SI, by name."""

@@ -10,6 +10,7 @@ from sautereau.robot.experiment.setup.dry_run import play_in_air
 from sautereau.robot.experiment.setup.joints import check_encoders, find_home
 from sautereau.robot.experiment.setup.port import find_port, identify
 from sautereau.robot.experiment.setup.step import Ask, Found
+from sautereau.robot.experiment.setup.tap import tap_key
 from sautereau.robot.experiment.setup.touch import locate_by_touch
 from sautereau.robot.experiment.setup.verify.run import verify
 
@@ -21,6 +22,7 @@ STEPS: dict[str, Callable[[Rig, Ask], Found]] = {
     "encoders": check_encoders,
     "contact": find_contact,
     "touch": locate_by_touch,
+    "tap": tap_key,
     "dry-run": play_in_air,
 }
 """By name."""

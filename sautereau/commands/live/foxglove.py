@@ -1,12 +1,15 @@
 """A live view of a session in Foxglove, on the same machine."""
 
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import Any
 
 from sautereau.commands.live import LiveError
+from sautereau.daq.file.descriptors import LOG, PACKAGE, schema_data
 from sautereau.daq.file.preview import Decimator
-from sautereau.daq.file.schemas import PACKAGE, encode, schema_data
+from sautereau.daq.file.recorded import Event
+from sautereau.daq.file.schemas import encode_log, encode_rows
 from sautereau.daq.file.survey import LAYOUT
 from sautereau.robot.experiment.monitor import Made, Samples, Seen, Stage
 
@@ -92,34 +95,41 @@ class FoxgloveView:
         block, channels = samples.block, samples.channels
         if samples.press != self._press or self._decimator is None:
             self._press = samples.press
-            last = block.first_sample + block.volts.shape[1]
+            last = block.first_sample + block.n_samples
             self._t0 = time.time_ns() - round(last / samples.rate * 1e9)
             self._first = block.first_sample
             self._decimator = Decimator(samples.rate, len(channels))
-        self._decimator.feed(block.volts)
-        places, values = self._decimator.rest()
-        for channel, row in zip(channels, values, strict=True):
-            topic = self._topic(f"/preview/{channel.name}", "Scalar", unit=channel.unit)
-            for place, value in zip(places, row * channel.scale, strict=True):
-                at = self._t0 + round((self._first + place) / samples.rate * 1e9)
-                topic.log(encode("Scalar", value=value), log_time=at)
+        places, values = self._decimator.feed(block.volts)
+        names = [channel.name for channel in channels]
+        units = {channel.name: channel.unit for channel in channels}
+        topic = self._topic("/preview", f"{PACKAGE}.Preview", names, units)
+        columns = [row * channel.scale for channel, row in zip(channels, values, strict=True)]
+        for place, row in zip(places.tolist(), encode_rows(columns), strict=True):
+            at = self._t0 + round((self._first + place) / samples.rate * 1e9)
+            topic.log(row.tobytes(), log_time=at)
 
     def _event(self, kind: str, text: str) -> None:
         now = time.time_ns()
         since_start = (now - self._t0) / 1e9 if self._t0 else 0.0
-        event = encode("Event", time=since_start, kind=kind, text=text)
-        self._topic("/events", "Event").log(event, log_time=now)
+        event = encode_log(now, Event(since_start, kind, text))
+        self._topic("/events", LOG).log(event, log_time=now)
 
-    def _topic(self, name: str, message: str, **metadata: str) -> Any:
+    def _topic(
+        self,
+        name: str,
+        message: str,
+        rows: Sequence[str] = (),
+        metadata: Mapping[str, str] = MappingProxyType({}),
+    ) -> Any:
         if name not in self._channels:
             schema = self._foxglove.Schema(
-                name=f"{PACKAGE}.{message}", encoding="protobuf", data=schema_data()
+                name=message, encoding="protobuf", data=schema_data({"Preview": rows})
             )
             self._channels[name] = self._foxglove.Channel(
                 name,
                 schema=schema,
                 message_encoding="protobuf",
                 context=self._context,
-                metadata=metadata,
+                metadata=dict(metadata),
             )
         return self._channels[name]

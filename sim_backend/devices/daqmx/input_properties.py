@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from sautereau.sim_backend.device_types import AC, DC
+from sautereau.sim_backend.device_types import AC, DC, IDEAL
 from sautereau.sim_backend.devices.daqmx.attributes import Attribute, kept, number, table
 from sautereau.sim_backend.devices.daqmx.driver_errors import DaqmxError
 from sautereau.sim_backend.devices.daqmx.inputs import INTERNAL, NO_EXCITATION, Input, invalid
@@ -110,6 +110,8 @@ def _limit(name: str, sign: int) -> Attribute:
 
 
 def _scaling(seat: Seat) -> list[float]:
+    if seat.task.device is IDEAL:
+        raise DaqmxError(-200452, "An ideal device has no converter.")
     return [0.0, seat.input.step, 0.0, 0.0]
 
 

@@ -1,5 +1,6 @@
 // Read a recording by @mcap/core and protobufjs and print, as JSON, the SHA-256 of the
-// samples of each channel, in the order of their log times, and what else is in it.
+// samples of each channel, in the order of their log times, as the metadata say that they are in
+// the blocks; what else is in it; and the events.
 import { createHash } from "node:crypto";
 import { open } from "node:fs/promises";
 import { McapIndexedReader } from "@mcap/core";
@@ -26,17 +27,28 @@ for (const [id, schema] of reader.schemasById) {
 }
 const samples = {};
 const counts = {};
+const events = [];
+const sizes = { int16: 2, int32: 4, float64: 8 };
+let last = 0n;
 for await (const message of reader.readMessages({ validateCrcs: true })) {
-  const { topic, schemaId } = reader.channelsById.get(message.channelId);
+  const { topic, schemaId, metadata } = reader.channelsById.get(message.channelId);
   const decoded = types.get(schemaId).decode(message.data);
   counts[topic] = (counts[topic] ?? 0) + 1;
-  if (topic.startsWith("/daq/")) {
-    samples[topic] ??= createHash("sha256");
-    samples[topic].update(new Uint8Array(new Float64Array(decoded.volts).buffer));
+  if (message.logTime < last) throw new Error("a message is earlier than the one before");
+  last = message.logTime;
+  if (topic === "/daq") {
+    const names = JSON.parse(metadata.get("channels"));
+    const length = decoded.data.length / names.length;
+    if (length % sizes[metadata.get("type")]) throw new Error("a sample is incomplete");
+    for (const [i, name] of names.entries()) {
+      samples[name] ??= createHash("sha256");
+      samples[name].update(decoded.data.subarray(i * length, (i + 1) * length));
+    }
   }
+  if (topic === "/events") events.push([decoded.name, decoded.message, decoded.level]);
 }
 await file.close();
 const digests = Object.fromEntries(
-  Object.entries(samples).map(([topic, hash]) => [topic, hash.digest("hex")]),
+  Object.entries(samples).map(([name, hash]) => [name, hash.digest("hex")]),
 );
-process.stdout.write(JSON.stringify({ digests, counts }));
+process.stdout.write(JSON.stringify({ digests, counts, events }));

@@ -1,6 +1,5 @@
 """The plectrum's two edges, the contact line of the string, and a mesh between the edges."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -9,11 +8,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from sautereau.analysis.errors import ModelError
 from sautereau.analysis.model.plectrum.base import Floats
-from sautereau.rig.instrument import Outline, Plectrum
+from sautereau.rig.instrument import Plectrum
 
 SAME_LENGTH = 1e-3
 """Dimensionless tolerance on the length of an outline."""
-_PLACES = 101
 COLUMNS, LAYERS = 60, 4
 """Elements from clamp to tip, and through the thickness."""
 
@@ -99,34 +97,6 @@ def profile_of(plectrum: Plectrum) -> Profile:
         )
     x, top, bottom = (np.array(edge) / end for edge in (outline.x, outline.top, outline.bottom))
     return Profile(x, top, bottom)
-
-
-def outline_from(thickness: Callable[[float], float], length: float) -> Outline:
-    """Return the symmetric outline of a thickness given as a function.
-
-    Args:
-        thickness: Thickness [m] at a place x [m] from the clamp.
-        length: m, from clamp to tip.
-
-    Raises:
-        ModelError: The thickness is not above 0 somewhere.
-    """
-    x = np.linspace(0.0, length, _PLACES)
-    half = np.array([float(thickness(float(place))) / 2 for place in x])
-    for place, value in zip(x, half, strict=True):
-        if not 0 < value < np.inf:
-            raise ModelError(
-                f"thickness: {2e3 * value:.4g} mm at x = {1e3 * place:.4g} mm is not above 0 mm;"
-                " give a function that is positive from the clamp to the tip"
-            )
-    # The model accepts quantities as text with a unit.
-    return Outline.model_validate(
-        {
-            "x": [f"{value!r} m" for value in x.tolist()],
-            "top": [f"{value!r} m" for value in half.tolist()],
-            "bottom": [f"{-value!r} m" for value in half.tolist()],
-        }
-    )
 
 
 def columns(profile: Profile, count: int) -> Floats:

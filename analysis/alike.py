@@ -1,0 +1,34 @@
+"""Whether recordings are of one instrument."""
+
+from collections.abc import Mapping
+
+from sautereau.analysis.errors import AnalysisError
+from sautereau.rig.schema import Rig
+
+
+def check_alike(rigs: Mapping[str, Rig]) -> Rig:
+    """Return the rig of several recordings of one instrument.
+
+    Args:
+        rigs: By the recordings' names.
+
+    Raises:
+        AnalysisError: Key, jack, plectrum or string differ from those of the first recording.
+    """
+    (first_name, first), *others = rigs.items()
+    faults = []
+    for name, rig in others:
+        differ = [
+            part
+            for part in ("key", "jack", "plectrum", "string", "more_choirs")
+            if getattr(rig, part) != getattr(first, part)
+        ]
+        if differ:
+            faults.append(f"{name}: its {', '.join(differ)} differ from those of {first_name}")
+    if faults:
+        raise AnalysisError(
+            "\n".join(
+                [*faults, "these are different instruments: give recordings of one instrument"]
+            )
+        )
+    return first

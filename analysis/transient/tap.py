@@ -1,0 +1,186 @@
+"""The modes of a resting key from taps: its frequency response, and a sum of modes fitted to it.
+
+The mobility H = v / F of taps with force F and velocity v is estimated with the least error in v
+(H1, the cross-spectrum over the spectrum of the force), with its coherence g^2 over the taps. Its
+standard uncertainty is |H| sqrt((1 - g^2) / (2 n g^2)) for n taps (J. Bendat and A. Piersol, Random
+Data, ch. 9). The modes are those of
+
+    H = i w (sum over modes of (A + i w A') / (w_k^2 - w^2 + 2 i d_k w_k w) + B) + C / (i w),
+
+with A' of damping that couples modes, B of the modes above and C of the rotation below. They are
+added one by one; the linear A, A', B and C are eliminated (variable projection).
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sautereau.analysis.errors import AnalysisError
+from sautereau.trajectory.motion import Floats
+
+BEFORE, LENGTH = 5e-3, 0.2
+"""s, of a tap's record before its largest force, and in all."""
+APART = 0.25
+"""s, least time between two taps."""
+LEAST_TAPS, LEAST_PEAK, OVER_NOISE = 3, 0.02, 8.0
+"""Fewest taps; smallest peak [N] of a tap, and over the noise of the force."""
+BESIDE = 0.3e-3
+"""s, of a tap before and after its force exceeds the noise."""
+BAND = (40.0, 2500.0)
+"""Hz, in which modes are sought."""
+COHERENT, LEAST_COHERENCE = 0.5, 0.8
+"""Dimensionless: frequencies with less coherence are omitted; least coherence at a mode."""
+ACCURACY = 0.01
+"""Dimensionless, accuracy of the frequency response besides its noise."""
+MOST, TABLE, DAMPINGS = 5, 40, (0.01, 0.08)
+"""Largest number of modes; frequencies and damping ratios of the table in which they are sought."""
+LEAST_GAIN = 0.7
+"""Largest sum of squares over that without a mode for which the mode is kept."""
+
+
+@dataclass(frozen=True)
+class TapMode:
+    """A mode of the resting key."""
+
+    frequency: float
+    """Hz, undamped."""
+    frequency_std: float
+    """Hz, standard uncertainty."""
+    damping: float
+    """Dimensionless, fraction of critical damping."""
+    damping_std: float
+    """Dimensionless, standard uncertainty."""
+    coherence: float
+    """Of force and velocity at its frequency."""
+
+
+@dataclass(frozen=True)
+class TapResponse:
+    """The frequency response of a tapped key; arrays of shape (frequencies,)."""
+
+    taps: int
+    frequency: Floats
+    """Hz."""
+    mobility: NDArray[np.complex128]
+    """m/s/N, of the key at the laser by the force of the finger or hammer."""
+    coherence: Floats
+    modes: tuple[TapMode, ...]
+    """By frequency."""
+
+
+def tap_response(recordings: Sequence[tuple[Floats, Floats]], rate: float) -> TapResponse:
+    """Return the frequency response and the modes of a tapped key.
+
+    Args:
+        recordings: Force [N] and velocity [m/s], without the sensors' delays; shape (n,) each.
+        rate: Hz, of all recordings.
+
+    Raises:
+        AnalysisError: There are too few taps.
+    """
+    from scipy.signal import coherence, csd, welch
+
+    count = round(LENGTH * rate)
+    records = [record for force, velocity in recordings for record in _taps(force, velocity, rate)]
+    if len(records) < LEAST_TAPS:
+        raise AnalysisError(
+            f"setup tap: {len(records)} taps found, and {LEAST_TAPS} are needed: tap the key"
+            f" {APART:g} s apart, with more than {LEAST_PEAK:g} N at the force transducer"
+        )
+    force, velocity = (np.concatenate(part) for part in zip(*records, strict=True))
+    options = {"fs": rate, "window": "boxcar", "nperseg": count, "noverlap": 0, "detrend": False}
+    frequency, cross = csd(force, velocity, **options)
+    power = welch(force, **options)[1]
+    _, coherent = coherence(force, velocity, **options)
+    mobility = cast("NDArray[np.complex128]", cross / np.maximum(power, 1e-300))
+    part = (frequency >= BAND[0]) & (frequency <= min(BAND[1], 0.4 * rate))
+    frequency, mobility, coherent = frequency[part], mobility[part], np.asarray(coherent)[part]
+    modes = _modes(frequency, mobility, coherent, len(records))
+    return TapResponse(len(records), frequency, mobility, coherent, modes)
+
+
+def _taps(force: Floats, velocity: Floats, rate: float) -> list[tuple[Floats, Floats]]:
+    """Return the records of the taps, both without their means before the tap."""
+    from scipy.signal import find_peaks
+
+    before, count = round(BEFORE * rate), round(LENGTH * rate)
+    level = force - np.median(force)
+    noise = 1.4826 * float(np.median(np.abs(level)))
+    peaks, _ = find_peaks(
+        level, height=max(LEAST_PEAK, OVER_NOISE * noise), distance=round(APART * rate)
+    )
+    level = np.where(_touching(level, noise, rate), level, 0.0)
+    records = []
+    for start in (peaks - before).tolist():
+        if start < 0 or start + count > len(force):
+            continue
+        rest, every = slice(start, start + before // 2), slice(start, start + count)
+        records.append((level[every], velocity[every] - velocity[rest].mean()))
+    return records
+
+
+def _touching(level: Floats, noise: float, rate: float) -> NDArray[np.bool_]:
+    """Return where a force is more than noise: what it records else would lower the response."""
+    near = np.ones(2 * round(BESIDE * rate) + 1)
+    return np.asarray(np.convolve(np.abs(level) > OVER_NOISE / 2 * noise, near, "same") > 0.5)
+
+
+def _modes(
+    frequency: Floats, mobility: NDArray[np.complex128], coherent: Floats, taps: int
+) -> tuple[TapMode, ...]:
+    from scipy.optimize import least_squares
+
+    good = coherent > COHERENT
+    if np.count_nonzero(good) < 20:
+        return ()
+    f, h, g = frequency[good], mobility[good], coherent[good]
+    spread = np.abs(h) * np.hypot(np.sqrt((1 - g) / (2 * taps * g)), ACCURACY)
+    turn, found = 2 * np.pi * f, np.zeros((0, 2))
+    before = float(np.sum(_left(turn, h, spread, found) ** 2))
+    jacobian, cost = np.zeros((2 * len(f), 0)), before
+    for _ in range(MOST):
+        table = [
+            np.vstack([found, np.array([[at, damping]])])
+            for at in np.geomspace(f[0], f[-1], TABLE)
+            for damping in DAMPINGS
+        ]
+        start = min(table, key=lambda modes: float(np.sum(_left(turn, h, spread, modes) ** 2)))
+        fitted = least_squares(
+            lambda p: _left(turn, h, spread, p.reshape(-1, 2)),
+            start.ravel(),
+            bounds=(np.tile([f[0] / 2, 1e-4], len(start)), np.tile([f[-1] * 2, 0.95], len(start))),
+            x_scale=np.maximum(start.ravel(), 1e-3),
+        )
+        if 2 * fitted.cost > LEAST_GAIN * cost:
+            break
+        found, cost, jacobian = fitted.x.reshape(-1, 2), 2 * float(fitted.cost), fitted.jac
+    if not len(found):
+        return ()
+    scatter = cost / max(1, 2 * len(f) - jacobian.shape[1])
+    stds = np.sqrt(np.diag(np.linalg.pinv(jacobian.T @ jacobian)) * scatter).reshape(-1, 2)
+    modes = [
+        TapMode(*map(float, (at, at_std, d, d_std, np.interp(at, frequency, coherent))))
+        for (at, d), (at_std, d_std) in zip(found, stds, strict=True)
+    ]
+    return tuple(
+        sorted(
+            (m for m in modes if f[0] < m.frequency < f[-1] and m.coherence > LEAST_COHERENCE),
+            key=lambda mode: mode.frequency,
+        )
+    )
+
+
+def _left(turn: Floats, mobility: NDArray[np.complex128], spread: Floats, modes: Floats) -> Floats:
+    """Return the residuals of real and imaginary part over their uncertainty, shape (2 n,)."""
+    columns = [1j * turn, 1 / (1j * turn)]
+    for frequency, damping in modes:
+        own = 2 * np.pi * frequency
+        shape = 1j * turn / (own**2 - turn**2 + 2j * damping * own * turn)
+        columns += [shape, shape * 1j * turn / own]
+    rows = np.stack(columns, 1) / spread[:, None]
+    rows /= np.linalg.norm(rows, axis=0)
+    rows, target = (np.concatenate([x.real, x.imag]) for x in (rows, mobility / spread))
+    return target - rows @ np.linalg.lstsq(rows, target, rcond=None)[0]

@@ -1,0 +1,150 @@
+"""The messages of a recording in the order of their log times.
+
+A block has the log time of its first sample. The previews up to there, and the events, precede it,
+so that only the first samples of a block must be filtered before it is written. What is given only
+after the samples of its time, as the motion of the joints, follows at the end.
+"""
+
+from collections.abc import Callable, Mapping
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sautereau.daq.file.container.writer import McapWriter, refuse_oversized
+from sautereau.daq.file.counts import Samples
+from sautereau.daq.file.descriptors import MOTION
+from sautereau.daq.file.preview import Decimator, Previewer
+from sautereau.daq.file.recorded import Event, Signal
+from sautereau.daq.file.samples import TOPIC, SampleLayout, block_head
+from sautereau.daq.file.schemas import encode, encode_log, encode_rows, encode_scene
+from sautereau.rig.schema import Rig
+
+LAST_DATE = 2**63 - 1
+"""ns since 1970, in the year 2262."""
+
+
+class _Pending(NamedTuple):
+    """A message that waits for the samples of its time."""
+
+    now: int
+    """Date on which it was given, ns since 1970."""
+    time: float
+    """s after the trigger."""
+    topic: str
+    data: Callable[[int], bytes]
+    """Given its log time, ns since 1970."""
+
+
+class LogOrder:
+    """Writes the messages of one recording; `topics` must be set before."""
+
+    def __init__(self, rig: Rig, rate: float, layout: SampleLayout):
+        """Prepare for samples at ``rate`` Hz."""
+        self.topics: dict[str, int] = {}
+        """Number of the MCAP channel, by topic."""
+        self.t0: int | None = None
+        """Date of the trigger, ns since 1970; None before `start`."""
+        self._rate, self._layout, self._begin = rate, layout, 0
+        self._scales = np.array([[channel.scale] for channel in rig.daq.channels])
+        decimator = Decimator(rate, len(layout.names))
+        self.margin = decimator.margin
+        """Samples of a block of which the previews must be made before it is written."""
+        self._previewer = Previewer(decimator, layout.write_volts, self._encode)
+        self._pending: list[_Pending] = []
+
+    def start(self, t0: int, begin: int) -> None:
+        """Set the date of the trigger, ns since 1970, and the index of the first sample."""
+        self.t0, self._begin = t0, begin
+
+    def add_event(self, now: int, event: Event) -> None:
+        """Add an event; without a trigger its date is ``now``."""
+        self._pending.append(
+            _Pending(now, event.time, "/events", lambda date: encode_log(date, event))
+        )
+
+    def add_series(self, now: int, message: str, columns: dict[str, Signal]) -> None:
+        """Add a message of arrays, at the time of their first row; of Joints also the rows."""
+        data = encode(message, **columns)
+        refuse_oversized(len(data))
+        times = columns["t"].tolist()
+        first = times[0] if times else 0.0
+        self._pending.append(_Pending(now, first, f"/{message.lower()}", lambda _: data))
+        if message == "Joints":
+            missing = np.full(len(times), np.nan)
+            rows = encode_rows([columns.get(name, missing) for name in MOTION])
+            self._pending += [
+                _Pending(now, time, "/motion", lambda _, row=row: row.tobytes())
+                for time, row in zip(times, rows, strict=True)
+            ]
+
+    def add_scenes(self, now: int, times: Signal, lines: Mapping[str, Signal]) -> None:
+        """Add a drawing for each time; ``lines`` have the shape (n, n_points, 3)."""
+        for i, time in enumerate(times.tolist()):
+            drawn = {name: points[i] for name, points in lines.items()}
+            self._pending.append(
+                _Pending(now, time, "/scene", lambda date, drawn=drawn: encode_scene(date, drawn))
+            )
+
+    def preview(self, samples: Samples, *, start: bool) -> None:
+        """Add the next samples to the preview, which must not change any more.
+
+        Args:
+            samples: Shape (n_channels, n).
+            start: Whether to have the preview made of all that were added so far.
+        """
+        self._previewer.add(samples)
+        if start:
+            self._previewer.start()
+
+    def write_block(self, writer: McapWriter, first: int, samples: Samples) -> None:
+        """Write a block, after the previews and events up to its first sample."""
+        self._write_views(writer, first)
+        data = np.ascontiguousarray(samples).data.cast("B")
+        head = block_head(self.t0 or 0, first, self._rate, self._begin, len(data))
+        writer.add_message(self.topics[TOPIC], self._date(first / self._rate), head, data)
+
+    def write_rest(self, writer: McapWriter) -> None:
+        """Write all previews that are left, and all that waits for its time."""
+        self._previewer.start()
+        self._write_views(writer, None)
+
+    def close(self) -> None:
+        """End the thread of the previews."""
+        self._previewer.close()
+
+    def _write_views(self, writer: McapWriter, stop: int | None) -> None:
+        """Write the previews and what waits up to a sample, or all of it."""
+        places, rows = self._previewer.take(None if stop is None else stop - self._begin)
+        since_trigger = (places + self._begin) * (1e9 / self._rate)
+        times = np.maximum(0, (self.t0 or 0) + np.rint(since_trigger).astype(np.int64))
+        preview, at = self.topics["/preview"], 0
+        for date, topic, data in self._due(None if stop is None else stop / self._rate):
+            n = int(np.searchsorted(times, date))
+            writer.add_run(preview, times[at:n], rows[at:n])
+            writer.add_message(self.topics[topic], date, data(date))
+            writer.close_chunk()
+            at = n
+        writer.add_run(preview, times[at:], rows[at:])
+
+    def _due(self, until: float | None) -> list[tuple[int, str, Callable[[int], bytes]]]:
+        """Remove and return what waits up to a time, s after the trigger, in order of date."""
+        due = [one for one in self._pending if until is None or one.time <= until]
+        if due:
+            self._pending = [
+                one for one in self._pending if not (until is None or one.time <= until)
+            ]
+        dated = [(self._date(one.time, one.now), one.topic, one.data) for one in due]
+        return sorted(dated, key=lambda one: one[0])
+
+    def _date(self, time_s: float, now: int = 0) -> int:
+        """Return the date of a time after the trigger, ns since 1970; ``now`` without a trigger.
+
+        MCAP's dates start in 1970; earlier ones of a wrong host clock remain in the blocks.
+        """
+        date = now if self.t0 is None else self.t0 + round(time_s * 1e9)
+        return min(max(0, date), LAST_DATE)
+
+    def _encode(self, volts: Signal) -> NDArray[np.uint8]:
+        with np.errstate(over="ignore", invalid="ignore"):  # samples may be any double
+            return encode_rows(volts * self._scales)

@@ -1,0 +1,151 @@
+"""The samples of a recording: as the device gives them, on the wire, and as volts."""
+
+import json
+import math
+import struct
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sautereau.daq.file.counts import TYPES, Samples, Scaling, write_volts
+from sautereau.daq.file.recorded import Signal
+
+TOPIC = "/daq"
+"""Of the samples of all channels."""
+# Fields 1 to 4 of a Block, each a tag and 64 bits; the tag of field 5, its length follows.
+_HEAD = struct.Struct("<BqBqBdBqB")
+_TAGS = (0x09, 0x11, 0x19, 0x21, 0x2A)
+_LENGTH = 5
+
+
+class WireBlock(NamedTuple):
+    """Consecutive samples, as a message holds them."""
+
+    t0: int
+    """Date of the trigger, ns since 1970."""
+    first_sample: int
+    """Index of the first sample, counted from the trigger."""
+    rate: float
+    """Sampling rate, Hz."""
+    begin: int
+    """Index of the recording's first sample."""
+    data: memoryview
+    """Samples of one channel after the other."""
+
+
+def block_head(t0: int, first_sample: int, rate: float, begin: int, size: int) -> bytes:
+    """Return the bytes of a Block that precede ``size`` bytes of samples."""
+    values = (t0, first_sample, rate, begin)
+    fields = [part for pair in zip(_TAGS, values, strict=False) for part in pair]
+    return _HEAD.pack(*fields, _TAGS[-1]) + _length(size)
+
+
+@lru_cache(16)
+def _length(size: int) -> bytes:
+    """Return a length as a varint of five bytes, however small it is."""
+    return bytes(size >> 7 * i & 127 | (128 if i < 4 else 0) for i in range(_LENGTH))
+
+
+def read_block(data: memoryview) -> WireBlock:
+    """Return a Block, its samples without copying them.
+
+    Raises:
+        ValueError: It is not one that `block_head` starts.
+    """
+    start = _HEAD.size + _LENGTH
+    if len(data) < start or (found := _HEAD.unpack_from(data))[::2] != _TAGS:
+        raise ValueError("a block has other fields than those of its message")
+    if data[_HEAD.size : start] != _length(len(data) - start):
+        raise ValueError(f"a block has {len(data) - start} bytes of samples, and says otherwise")
+    return WireBlock(*found[1::2], data=data[start:])
+
+
+@dataclass(frozen=True)
+class SampleLayout:
+    """How the blocks of a recording hold the samples, from the metadata of their topic."""
+
+    names: tuple[str, ...]
+    """Names of the channels, in their order."""
+    kind: str
+    """`int16` or `int32`: counts; `float64`: volts."""
+    scaling: tuple[tuple[float, ...], ...]
+    """Coefficients of each channel, V per count to the power of 0, 1, 2 ...; empty for volts."""
+
+    @cached_property
+    def size(self) -> int:
+        """Bytes of one sample of all channels."""
+        return len(self.names) * np.dtype(TYPES[self.kind]).itemsize
+
+    def empty(self, n: int) -> NDArray[Any]:
+        """Return an array for ``n`` samples of all channels, shape (n_channels, n)."""
+        return np.empty((len(self.names), n), TYPES[self.kind])
+
+    def metadata(self, channels: Iterable[Mapping[str, str]]) -> dict[str, str]:
+        """Return the metadata of the topic; ``channels`` are the calibrations."""
+        described = {"type": self.kind, "channels": json.dumps(self.names)}
+        if self.scaling:
+            rows = [list(row) for row in self.scaling]
+            described["scaling"] = json.dumps(dict(zip(self.names, rows, strict=True)))
+        texts = zip(self.names, channels, strict=True)
+        return described | {f"channel {name}": json.dumps(text) for name, text in texts}
+
+    def columns(self, data: memoryview) -> NDArray[Any]:
+        """Return the samples of a block, shape (n_channels, n), without copying them.
+
+        Raises:
+            ValueError: They are no integer number of samples of all channels.
+        """
+        return np.frombuffer(data, TYPES[self.kind]).reshape(len(self.names), -1)
+
+    def write_volts(self, samples: Samples, into: Signal | Sequence[Signal]) -> None:
+        """Write the volts of samples of shape (n_channels, n) into rows of shape (n,), V."""
+        for row, coefficients in enumerate(self.scaling or [()] * len(self.names)):
+            write_volts(samples[row], coefficients, into[row])
+
+
+def sample_layout(names: Iterable[str], scaling: Scaling | None) -> SampleLayout:
+    """Return a layout; without coefficients of zero at the end of each polynomial.
+
+    Args:
+        names: Names of the channels, in their order.
+        scaling: Of counts; None for volts.
+    """
+    if scaling is None:
+        return SampleLayout(tuple(names), "float64", ())
+    rows = scaling.coefficients.tolist()
+    return SampleLayout(tuple(names), scaling.kind, tuple(map(_trimmed, rows)))
+
+
+def _trimmed(coefficients: list[float]) -> tuple[float, ...]:
+    while len(coefficients) > 1 and not coefficients[-1]:
+        coefficients = coefficients[:-1]
+    return tuple(coefficients)
+
+
+def layout_from_metadata(metadata: Mapping[str, str]) -> SampleLayout:
+    """Read back what `SampleLayout.metadata` wrote.
+
+    Raises:
+        ValueError: It is invalid.
+    """
+    try:
+        kind, names = metadata["type"], json.loads(metadata["channels"])
+        rows = json.loads(metadata["scaling"]) if "scaling" in metadata else {}
+        scaling = tuple(tuple(float(c) for c in rows[name]) for name in names) if rows else ()
+    except (KeyError, TypeError, OverflowError, RecursionError) as error:
+        raise ValueError(f"the metadata of {TOPIC}: {type(error).__name__}: {error}") from error
+    if (
+        kind not in TYPES
+        or not isinstance(names, list)
+        or not names
+        or not all(isinstance(name, str) for name in names)
+        or len(set(names)) != len(names)
+        or bool(scaling) == (kind == "float64")
+        or not all(row and all(map(math.isfinite, row)) for row in scaling)
+    ):
+        raise ValueError(f"samples of the type {kind!r}, the channels {names}, scaling {scaling}")
+    return SampleLayout(tuple(names), kind, scaling)

@@ -1,0 +1,60 @@
+"""Elastic modes in the identification: their response, and a fit of the independent simulator."""
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from benchmarks.identify import FREE, RESULTS, one_factor_case
+from sautereau.analysis.identify.elastic import Mode, responses
+from sautereau.analysis.identify.identified import identify
+
+ARM, INERTIA = 0.17, 8e-4
+
+
+def test_a_mode_follows_its_equation_from_its_state_at_the_lift():
+    mode = Mode(180.0, 0.03, 1.4, -0.6, -0.8, cosine=0.1, sine=-0.05)
+    time = np.arange(-100, 500) / 8e3
+    finger = 0.3 * np.sin(2 * np.pi * 25 * np.clip(time, 0, 0.02)) ** 2
+    strings = 0.02 * np.clip(time / 0.03, 0, 1) ** 2
+    angle, rise = responses([mode], finger, strings, (ARM, INERTIA), time)
+    turn = 2 * np.pi * mode.frequency
+
+    def push(t):
+        at = np.interp(t, time, finger), np.interp(t, time, strings)
+        return (ARM * at[0] - mode.jack_by_finger * at[1]) / (INERTIA * turn**2)
+
+    def equation(t, y):
+        return [y[1], turn**2 * (push(t) - y[0]) - 2 * mode.damping * turn * y[1]]
+
+    # At the lift the ringing is that of the complex pole.
+    pole = turn * complex(-mode.damping, np.sqrt(1 - mode.damping**2))
+    state = complex(mode.cosine, -mode.sine) * ARM / (INERTIA * turn**2)
+    start = [state.real, (pole * state).real]
+    after = time >= 0
+    solved = solve_ivp(
+        equation, (0, time[-1]), start, t_eval=time[after], rtol=1e-9, atol=1e-15, max_step=5e-4
+    )
+    scale = np.abs(solved.y[0]).max()
+    found = angle[0][after][1:] / mode.weight
+    np.testing.assert_allclose(found, solved.y[0][1:], atol=5e-3 * scale)
+    np.testing.assert_allclose(rise, angle[0] * mode.jack_by_laser, atol=1e-12)
+    rate = np.gradient(angle[0][after][1:], time[1] - time[0])
+    np.testing.assert_allclose(angle[1][after][2:-1], rate[1:-1], atol=0.01 * np.abs(rate).max())
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("name", "frequency"), [("key bends at 350 Hz", 179.0), ("key heaves at 120 Hz", 110.0)]
+)
+def test_plectrum_and_inertia_are_identified_on_a_compliant_key(name, frequency):
+    """Frequencies are those of the key with its jack and the mass in front of the transducer."""
+    pressed, phases, truth = one_factor_case(name)
+    found = identify(pressed, phases, FREE, starts=1)
+    assert found.quality.fits
+    assert found.modes
+    assert min(abs(mode.frequency / frequency - 1) for mode in found.modes) < 0.1
+    for estimate in found.estimates:
+        if estimate.name in RESULTS:
+            assert estimate.identifiable
+            assert estimate.low < truth[estimate.name] < estimate.high
+            assert estimate.value == pytest.approx(truth[estimate.name], rel=0.03)

@@ -1,0 +1,32 @@
+"""Modes of a tapped key against the eigenvalues of the independent simulator's key."""
+
+import numpy as np
+import pytest
+
+from benchmarks.independent import ONE_FACTOR
+from sautereau.analysis.errors import AnalysisError
+from sautereau.analysis.transient.tap import tap_response
+from tests.taps import RATE, TAPS, tapped
+
+SLOW = pytest.param("key heaves at 120 Hz", marks=pytest.mark.slow)
+
+
+@pytest.mark.parametrize("name", ["key bends at 350 Hz", SLOW])
+def test_modes_of_a_tapped_key_are_those_of_its_equations(name):
+    recording, values = tapped(ONE_FACTOR[name], seed=1)
+    found = tap_response([recording], RATE)
+    true = sorted({round(abs(v), 3): v for v in values if v.imag > 0}.values(), key=abs)
+    true = [v for v in true if 50 < abs(v) / (2 * np.pi) < 1500 and -v.real / abs(v) < 0.2]
+    assert found.taps == TAPS
+    for value in true:
+        frequency, damping = abs(value) / (2 * np.pi), -value.real / abs(value)
+        mode = min(found.modes, key=lambda m: abs(m.frequency - frequency))
+        assert mode.frequency == pytest.approx(frequency, rel=0.01)
+        assert abs(mode.frequency - frequency) < 4 * mode.frequency_std + 1e-3 * frequency
+        assert mode.damping == pytest.approx(damping, rel=0.15, abs=0.002)
+
+
+def test_too_few_taps_are_refused_and_counted():
+    recording, _ = tapped(ONE_FACTOR["key bends at 350 Hz"], seed=2)
+    with pytest.raises(AnalysisError, match="1 taps found, and 3 are needed"):
+        tap_response([tuple(part[: round(0.35 * RATE)] for part in recording)], RATE)
