@@ -34,9 +34,10 @@ def phases(
         from sautereau.analysis.errors import AnalysisError
         from sautereau.analysis.phases.by_hand import write_by_hand
 
-        if len(files) != 1:
+        if len(files) != 1 or not files[0].is_file():
             raise AnalysisError(
-                f"--at: it sets the phases of one recording, and {len(files)} were given; give one"
+                f"--at: it sets the phases of one recording, and {' '.join(map(str, files))} is"
+                " none; give one file"
             )
         write_by_hand(files[0], [] if at == ["none"] else at)
     session = common.opened(files)
