@@ -1,0 +1,505 @@
+"""An independent solution of the stand-in's equations for a push, slow and simple, for tests.
+
+It is written from the equations of docs/stand-in.md and docs/physics.md. scipy's DOP853 solves each
+mode with its inequalities as terminal events. What follows an event is found by trial: every
+combination of sliding, sticking, standing and leaving is solved, and one that violates no
+inequality is taken.
+"""
+
+from dataclasses import dataclass, field
+from itertools import product
+
+import numpy as np
+from numpy.polynomial import Chebyshev
+from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
+
+G = 9.80665
+RELATIVE = 1e-12  # of the elastica and of the motion
+LONGEST = 0.5e-3  # s, so that no inequality is violated and met again within a step
+SHORTEST = 1e-8  # s, of a flight
+APART = 1e-15  # m, more than rounding: a jack closer to the key stands on it
+LARGEST = 2.0  # of q, at an angle of 0.8 rad or more
+SLOW = 1e-11  # m/s, of a jack relative to the key: it stands on it
+
+
+class StringCurve:
+    """Vertical force of the string [N] over the jack's rise above contact [m], as an elastica.
+
+    With q = s^2 F / EI as the parameter, psi'' = cos psi + mu sin psi gives the contact point; the
+    string's horizontal equilibrium gives s, the vertical one h. By decision 0012 the friction that
+    bends the plectrum is always that of a string which slides out; the string itself slides towards
+    the clamp with a coefficient -mu, sticks, and slides out with mu.
+    """
+
+    def __init__(self, plectrum, string):
+        self.rigidity = plectrum.youngs_modulus * plectrum.width * plectrum.thickness**3 / 12
+        part = string.plucking_point / string.length
+        self.stiffness = string.tension / (string.length * part * (1 - part))
+        self.offset = (plectrum.thickness + string.diameter) / 2 * (plectrum.contact == "surface")
+        self.mu, length = plectrum.friction, plectrum.length
+        self.start = length - plectrum.overlap
+        self.elastica = solve_ivp(
+            lambda _, u: (u[1], np.cos(u[0]) + self.mu * np.sin(u[0]), np.cos(u[0]), np.sin(u[0])),
+            (0, np.sqrt(LARGEST)),
+            (0, 0, 0, 0),
+            "DOP853",
+            rtol=1e-13,
+            atol=1e-15,
+            max_step=0.05,
+            dense_output=True,
+        ).sol
+        pieces, q, stuck = [], 0.0, self.start
+        if self.mu > 0:
+            tiny = 1e-6
+            if self.coefficient(tiny, self.start) < -self.mu:
+                turn = self.first(lambda q: -self._inward(q), tiny)
+                pieces.append((q, turn, lambda q: self.slid(q, -self.mu)))
+                q, stuck = turn, self.slid(turn, -self.mu)
+            slip = self.first(lambda q: self.coefficient(q, stuck) - self.mu, max(q, tiny))
+            pieces.append((q, slip, lambda _: stuck))
+            q = slip
+        tip = self.first(lambda q: self.slid(q, self.mu) - length, q)
+        pieces.append((q, tip, lambda q: self.slid(q, self.mu)))
+        self.folds, self.pieces = False, []
+        for n, (low, high, place) in enumerate(pieces):
+            if n == len(pieces) - 1:
+                slope = self.fitted(place, low, high, 0).deriv()
+                roots = [r.real for r in slope.roots() if abs(r.imag) < 1e-12]
+                folds = [r for r in roots if low < r < high]
+                self.folds, high = bool(folds), min(folds, default=high)
+            rise, force = (_powers(self.fitted(place, low, high, i)) for i in (0, 1))
+            self.release, self.release_force = self.at(high, place(high))
+            self.pieces.append((self.release, rise, [k * c for k, c in enumerate(rise)][1:], force))
+        self.last = 0.0
+
+    def fitted(self, place, low, high, index):
+        """Return rise (0) or force (1) over q."""
+        return Chebyshev.interpolate(
+            lambda qs: np.array([self.at(q, place(q))[index] for q in qs]), 31, (low, high)
+        )
+
+    def point(self, q):
+        """Return x / s and z / s of the contact and sine and cosine of its angle."""
+        xi = np.sqrt(q)
+        psi, _, along, across = self.elastica(xi)
+        sin, cos = np.sin(psi), np.cos(psi)
+        return (cos * along + sin * across) / xi, (cos * across - sin * along) / xi, sin, cos
+
+    def coefficient(self, q, s):
+        """Return the coefficient of friction with which the string rests at s."""
+        x, _, sin, cos = self.point(q)
+        pull = (s * x + self.offset * sin - self.start) * self.stiffness
+        return (sin - pull * s**2 / (q * self.rigidity)) / cos
+
+    def slid(self, q, mu):
+        """Return where the string lies when it slides with a coefficient."""
+        if q <= 0:
+            return self.start
+        x, _, sin, cos = self.point(q)
+        push = q * self.rigidity * (sin - mu * cos) / self.stiffness
+        return brentq(
+            lambda s: s * x + self.offset * sin - self.start - push / s**2,
+            0.6 * self.start,
+            3 * self.start,
+            xtol=1e-16,
+        )
+
+    def _inward(self, q):
+        """Return minus the slope over q of the place of a string that slides inward."""
+        d = 1e-4 * q
+        return (self.slid(q - d, -self.mu) - self.slid(q + d, -self.mu)) / (2 * d)
+
+    def at(self, q, s):
+        """Return rise and force at a load q with the string at s."""
+        if q <= 0:
+            return 0.0, 0.0
+        _, z, sin, cos = self.point(q)
+        mu = self.coefficient(q, s)
+        force = q * self.rigidity / s**2 * (cos + mu * sin)
+        return force / self.stiffness - s * z + self.offset * (1 - cos), force
+
+    @staticmethod
+    def first(value, after, step=LARGEST / 200):
+        """Return the first q after which a value is positive."""
+        low = after
+        while value(low + step) <= 0:
+            low += step
+            assert low + step < LARGEST, "the string does not reach the tip"
+        return low if value(low) > 0 else brentq(value, low, low + step, xtol=1e-15)
+
+    def __call__(self, h):
+        piece = next((p for p in self.pieces if h <= p[0]), self.pieces[-1])
+        _, rise, slope, force = piece
+        u = self.last
+        for _ in range(60):
+            step = (_horner(rise, u) - h) / _horner(slope, u)
+            u = min(max(u - step, -1.02), 1.0)
+            if abs(step) < 1e-13:
+                break
+        self.last = min(u, 0.9)
+        return _horner(force, u)
+
+
+def _powers(series):
+    """Return the coefficients of a power series over [-1, 1], cut at rounding."""
+    kept = series.trim(3e-14 * np.abs(series.coef).max())
+    return np.polynomial.chebyshev.cheb2poly(kept.coef).tolist()
+
+
+def _horner(powers, u):
+    total = 0.0
+    for c in reversed(powers):
+        total = total * u + c
+    return total
+
+
+@dataclass
+class Slider:
+    """A jack: its parts, and in which state it is."""
+
+    lever: float
+    jack: object
+    plectrum: object
+    curve: StringCurve
+    state: str = "below"
+    on: bool = True
+    damped: bool = True
+    sign: int = 0  # of its friction
+
+
+@dataclass
+class Solution:
+    """Events as (time [s], choir, force [N]), and the key's angle."""
+
+    contacts: list = field(default_factory=list)
+    releases: list = field(default_factory=list)
+    returns: list = field(default_factory=list)
+    landings: list = field(default_factory=list)  # times, s
+    pieces: list = field(default_factory=list)
+
+    def angle(self, times):
+        """Return the key's angle [rad] at times [s], shape (n,)."""
+        starts = np.array([t for t, _ in self.pieces])
+        which = np.clip(np.searchsorted(starts, times, "right") - 1, 0, None)
+        return np.array([self.pieces[i][1](t)[0] for i, t in zip(which, times, strict=True)])
+
+
+class Oracle:
+    """A key at rest on its rail that a constant force presses."""
+
+    def __init__(self, rig, scene):
+        key = self.key = rig.key
+        self.scene, self.push = scene, scene.push
+        self.tau = key.pivot_coulomb_friction if scene.friction else 0.0
+        self.viscous = key.pivot_viscous_friction if scene.friction else 0.0
+        first = (key.jack_arm, rig.jack, rig.plectrum, rig.string)
+        more = [(c.jack_arm, c.jack, c.plectrum, c.string) for c in rig.more_choirs]
+        self.jacks = [
+            Slider(b, jack, plectrum, StringCurve(plectrum, string))
+            for b, jack, plectrum, string in (first, *more)
+        ]
+        self.sign, self.stick, self.felt = 0, True, False
+        self.time, self.found = 0.0, Solution()
+
+    # Kinematics and forces
+
+    def rise(self, j, a):
+        """Return r, dr/da and its derivative."""
+        b, hb = j.lever, self.key.jack_surface_height
+        sec, tan = 1 / np.cos(a), np.tan(a)
+        return (
+            b * tan + hb * (sec - 1),
+            b * sec**2 + hb * sec * tan,
+            2 * b * sec**2 * tan + hb * sec * (sec**2 + tan**2),
+        )
+
+    def friction(self, j):
+        return j.jack.register_friction if self.scene.friction else 0.0
+
+    def height(self, j, y):
+        return y - j.jack.string_clearance
+
+    def travel(self, j):
+        if not self.scene.tongue:
+            return 0.0
+        lever = j.plectrum.length - j.plectrum.overlap
+        return lever * j.plectrum.overlap / j.jack.tongue.pivot
+
+    def tongue(self, j, drop):
+        if not self.scene.tongue:
+            return 0.0
+        lever, tongue = j.plectrum.length - j.plectrum.overlap, j.jack.tongue
+        return (tongue.bristle_moment + tongue.bristle_stiffness * drop / lever) / lever
+
+    def load(self, j, y):
+        """Return what presses the jack down, without its friction."""
+        h, down = self.height(j, y), j.jack.mass * G
+        if j.state == "held":
+            down += j.curve(h)
+        if j.state == "passing":
+            down -= self.tongue(j, -h)
+        if self.scene.damper and j.damped:
+            down -= j.jack.damper.stiffness * (j.jack.damper.lift - y)
+        return down
+
+    def cushion(self, a, w):
+        arm = self.key.press_arm
+        return self.key.felt_stiffness * (arm * a - self.key.dip) + self.key.felt_damping * arm * w
+
+    def pressure(self, u):
+        """Return a value that is positive if the felt pushes: beyond the dip it must not pull."""
+        return min(self.key.press_arm * u[0] - self.key.dip, self.cushion(u[0], u[1]))
+
+    def moment(self, a, w):
+        """Return the moment on the key without dry friction and jacks."""
+        arm = self.key.press_arm
+        finger = self.push.force * arm if self.time < self.push.duration else 0.0
+        felt = self.cushion(a, w) * arm if self.felt else 0.0
+        return finger + self.key.gravity_moment - self.viscous * w - felt
+
+    # A mode: `stick`, `sign`, and of each jack `on` and `sign`
+
+    def accelerations(self, u):
+        """Return those of the key and of the jacks, and the normal forces."""
+        a, w = u[0], u[1]
+        geometry = [self.rise(j, a) for j in self.jacks]
+        loads = [self.load(j, y) for j, y in zip(self.jacks, u[2::2], strict=True)]
+        alpha = 0.0
+        if not self.stick:
+            inertia, moment = self.key.inertia, self.moment(a, w) - self.sign * self.tau
+            for j, (_, r1, r2), load in zip(self.jacks, geometry, loads, strict=True):
+                if j.on:
+                    rub = self.friction(j) * self.sign
+                    inertia += j.jack.mass * r1**2
+                    moment -= r1 * (load + rub + j.jack.mass * r2 * w**2)
+            alpha = moment / inertia
+        rates, normals = [], []
+        for j, (_, r1, r2), load in zip(self.jacks, geometry, loads, strict=True):
+            m, f = j.jack.mass, self.friction(j)
+            follow = r1 * alpha + r2 * w**2
+            if j.on:
+                rates.append(follow)
+                normals.append(m * follow + load + f * (1 if self.stick else self.sign))
+            else:
+                rates.append(0.0 if j.sign == 0 else -(load + f * j.sign) / m)
+                normals.append(0.0)
+        return alpha, rates, normals
+
+    def margins(self, u):
+        """Return by how much the key's moment is within its friction: [below, above]."""
+        moment, low, high = self.moment(u[0], u[1]), -self.tau, self.tau
+        for j, y in zip(self.jacks, u[2::2], strict=True):
+            if j.on:
+                r1, load, f = self.rise(j, u[0])[1], self.load(j, y), self.friction(j)
+                low += r1 * max(0.0, load - f)
+                high += r1 * (load + f)
+        return (np.inf if u[0] <= 0 else moment - low), high - moment
+
+    def right(self, _, u):
+        alpha, rates, _ = self.accelerations(u)
+        return [u[1], alpha, *(x for v, r in zip(u[3::2], rates, strict=True) for x in (v, r))]
+
+    def choose(self, u, touching):
+        """Set the mode in which the motion continues from a state."""
+        w = u[1]
+        keys = [(False, int(np.sign(w)))] if w else [(True, 0), (False, 1), (False, -1)]
+        options = []
+        for k, _ in enumerate(self.jacks):
+            v = u[3 + 2 * k]
+            off = [(False, s) for s in ([int(np.sign(v))] if v else [0, 1, -1])]
+            options.append([(True, 0), *off] if k in touching else off)
+        for (self.stick, self.sign), *states in product(keys, *options):
+            for j, state in zip(self.jacks, states, strict=True):
+                j.on, j.sign = state
+            if self.holds(u, touching):
+                return
+        raise AssertionError(f"no mode at {self.time} s, {u}")
+
+    def holds(self, u, touching, small=1e-12):
+        """Return whether a trial mode violates no inequality."""
+        alpha, rates, normals = self.accelerations(u)
+        if self.stick:
+            if min(self.margins(u)) < -small:
+                return False
+        elif u[1] == 0 and (alpha * self.sign <= 0 or (u[0] <= 0 and self.sign < 0)):
+            return False
+        for k, j in enumerate(self.jacks):
+            if j.on:
+                if normals[k] < -small:
+                    return False
+                continue
+            _, r1, r2 = self.rise(j, u[0])
+            if k in touching and rates[k] < r1 * alpha + r2 * u[1] ** 2:
+                return False
+            if u[3 + 2 * k] == 0:
+                load, f = self.load(j, u[2 + 2 * k]), self.friction(j)
+                if j.sign == 0 and abs(load) > f:
+                    return False
+                if j.sign != 0 and rates[k] * j.sign <= 0:
+                    return False
+        return True
+
+    def impact(self, u, near):
+        """Return the state after an impact without rebound, and who stands on the key."""
+        r1 = {k: self.rise(self.jacks[k], u[0])[1] for k in near}
+        at_rail = u[0] <= 0
+        for hits in product((True, False), repeat=len(near)):
+            joined = [k for k, hit in zip(near, hits, strict=True) if hit]
+            inertia, momentum = self.key.inertia, self.key.inertia * u[1]
+            for k in joined:
+                m = self.jacks[k].jack.mass
+                inertia += m * r1[k] ** 2
+                momentum += m * r1[k] * u[3 + 2 * k]
+            x = momentum / inertia
+            x = max(x, 0.0) if at_rail else x
+            relative = {k: u[3 + 2 * k] - r1[k] * x for k in near}
+            if all(relative[k] <= SLOW if k in joined else relative[k] >= 0 for k in near):
+                break
+        else:
+            raise AssertionError("no impact")
+        u = u.copy()
+        u[1] = x
+        touching = []
+        for k in near:
+            if k in joined or relative[k] < SLOW:
+                u[3 + 2 * k] = r1[k] * x
+                touching.append(k)
+        return u, touching
+
+    # Events
+
+    def guards(self):
+        """Return (name, jack, function of the state), each positive in this mode."""
+        out = []
+        if self.stick:
+            out += [("slip", None, lambda u: self.margins(u)[1])]
+            out += [("slip", None, lambda u: min(self.margins(u)[0], 1.0))]
+        else:
+            s = self.sign
+            out.append(("stop", None, lambda u: s * u[1]))
+            if s < 0:
+                out.append(("rail", None, lambda u: u[0]))
+        if self.scene.felt:
+            push = 1 if self.felt else -1
+            out.append(("felt", None, lambda u: push * self.pressure(u)))
+        for k, j in enumerate(self.jacks):
+            i, f = 2 + 2 * k, self.friction(j)
+
+            def h(u, i=i, j=j):
+                return self.height(j, u[i])
+
+            if j.on:
+                out.append(("leave", k, lambda u, k=k: self.accelerations(u)[2][k]))
+            else:
+                out.append(("land", k, lambda u, i=i, j=j: u[i] - self.rise(j, u[0])[0] + APART))
+                if j.sign:
+                    out.append(("halt", k, lambda u, i=i, s=j.sign: s * u[i + 1]))
+                else:
+                    out.append(("start", k, lambda u, i=i, j=j, f=f: f - abs(self.load(j, u[i]))))
+            if j.state == "below":
+                out.append(("contact", k, lambda u, h=h: -h(u)))
+            elif j.state == "held":
+                out.append(("withdraw", k, h))
+                out.append(("release", k, lambda u, h=h, j=j: j.curve.release - h(u)))
+            elif j.state == "above":
+                out.append(("pass", k, h))
+            else:
+                out.append(("back", k, lambda u, h=h: -h(u)))
+                out.append(("return", k, lambda u, h=h, j=j: h(u) + self.travel(j)))
+            if self.scene.damper:
+                side = 1 if j.damped else -1
+                out.append(
+                    ("damper", k, lambda u, i=i, j=j, s=side: s * (j.jack.damper.lift - u[i]))
+                )
+        return out
+
+    def event(self, name, k, u):
+        """Change the discrete state at an event, set the state on it, and return who is near."""
+        near = [n for n, j in enumerate(self.jacks) if j.on]
+        j = self.jacks[k] if k is not None else None
+        if name in ("stop", "rail"):
+            u[1] = 0.0 if name == "stop" else u[1]
+            u[0] = u[0] if name == "stop" else 0.0
+        elif name == "felt":
+            self.felt = not self.felt
+        elif name == "land":
+            near = sorted([*near, k])
+            self.found.landings.append(self.time)
+        elif name == "halt":
+            u[3 + 2 * k] = 0.0
+        elif name == "damper":
+            j.damped = not j.damped
+        elif name == "contact":
+            j.state = "held"
+            j.curve.last = -1.0
+            self.found.contacts.append((self.time, k, 0.0))
+        elif name == "release":
+            j.state = "above"
+            self.found.releases.append((self.time, k, j.curve.release_force))
+        elif name == "withdraw":
+            j.state = "below"
+        elif name == "back":
+            j.state = "above"
+        elif name == "pass" and self.scene.tongue:
+            j.state = "passing"
+        elif name in ("pass", "return"):
+            j.state = "below"
+            self.found.returns.append((self.time, k, -self.tongue(j, self.travel(j))))
+        for n in near:
+            u[2 + 2 * n] = self.rise(self.jacks[n], u[0])[0]
+            if n != k or name != "land":
+                u[3 + 2 * n] = self.rise(self.jacks[n], u[0])[1] * u[1]
+        return u, near
+
+    def solve(self, end):
+        """Return the solution from rest to a time [s]."""
+        u = np.zeros(2 + 2 * len(self.jacks))
+        self.choose(u, range(len(self.jacks)))
+        ends = [t for t in (self.push.duration,) if t < end] + [end]
+        for _ in range(5000):
+            guards = self.guards()
+            watches = []
+            for *_, guard in guards:
+
+                def watch(_, u, guard=guard):
+                    return guard(u)
+
+                watch.terminal, watch.direction = True, -1
+                watches.append(watch)
+            piece = solve_ivp(
+                self.right,
+                (self.time, ends[0]),
+                u,
+                "DOP853",
+                rtol=RELATIVE,
+                atol=1e-15,
+                max_step=LONGEST,
+                first_step=min(SHORTEST, ends[0] - self.time),
+                events=watches,
+                dense_output=True,
+            )
+            self.found.pieces.append((self.time, piece.sol))
+            self.time, u = piece.t[-1], piece.y[:, -1].copy()
+            hit = [n for n, times in enumerate(piece.t_events) if len(times)]
+            near = {n for n, j in enumerate(self.jacks) if j.on}
+            for n in hit:
+                name, k, _ = guards[n]
+                u, now = self.event(name, k, u)
+                near |= set(now)
+            near -= {guards[n][1] for n in hit if guards[n][0] == "leave"}
+            if not hit:
+                if self.time == end:
+                    return self.found
+                ends.pop(0)
+            before = u[1]
+            u, touching = self.impact(u, sorted(near))
+            if self.scene.felt and abs(u[1] - before) > SLOW:  # the felt's damper sees a jump
+                self.felt = self.pressure(u) > 0
+            self.choose(u, touching)
+        raise AssertionError(f"5000 events by {self.time} s")
+
+
+def solve(rig, scene, end):
+    """Return the `Solution` of a scene with `push` and the elastica, from 0 to a time [s]."""
+    return Oracle(scene.true_rig(rig), scene).solve(end)
