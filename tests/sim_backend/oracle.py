@@ -20,7 +20,7 @@ LONGEST = 0.5e-3  # s, so that no inequality is violated and met again within a 
 SHORTEST = 1e-8  # s, of a flight
 APART = 1e-15  # m, more than rounding: a jack closer to the key stands on it
 LARGEST = 2.0  # of q, at an angle of 0.8 rad or more
-SLOW = 1e-11  # m/s, of a jack relative to the key: it stands on it
+SLOW = 1e-6  # m/s, of a jack after an impact relative to the key: landings accumulate, it stands
 
 
 class StringCurve:
@@ -358,13 +358,16 @@ class Oracle:
                 break
         else:
             raise AssertionError("no impact")
+        # Slow ones join, with their momentum: so a series of ever shorter flights ends.
+        touching = [k for k in near if k in joined or relative[k] < SLOW]
+        masses = {k: self.jacks[k].jack.mass for k in touching}
+        momentum = self.key.inertia * u[1]
+        momentum += sum(m * r1[k] * u[3 + 2 * k] for k, m in masses.items())
+        x = momentum / (self.key.inertia + sum(m * r1[k] ** 2 for k, m in masses.items()))
         u = u.copy()
-        u[1] = x
-        touching = []
-        for k in near:
-            if k in joined or relative[k] < SLOW:
-                u[3 + 2 * k] = r1[k] * x
-                touching.append(k)
+        u[1] = max(x, 0.0) if at_rail else x
+        for k in touching:
+            u[3 + 2 * k] = r1[k] * u[1]
         return u, touching
 
     # Events
@@ -494,7 +497,7 @@ class Oracle:
                 ends.pop(0)
             before = u[1]
             u, touching = self.impact(u, sorted(near))
-            if self.scene.felt and abs(u[1] - before) > SLOW:  # the felt's damper sees a jump
+            if self.scene.felt and abs(u[1] - before) > 1e-9:  # the felt's damper sees a jump
                 self.felt = self.pressure(u) > 0
             self.choose(u, touching)
         raise AssertionError(f"5000 events by {self.time} s")

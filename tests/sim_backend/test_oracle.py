@@ -8,7 +8,7 @@ from sautereau.sim_backend.physics.observation import observe
 from tests.sim_backend import oracle
 from tests.sim_backend.scenes import RIG, push_of, pushed
 
-QUICK = (9, 23, 41, 43, 59, 63)
+QUICK = (23, 41, 43, 59, 71, 93)
 
 
 def drawn_choir(rng):
@@ -110,7 +110,7 @@ def test_the_oracles_elastica_is_that_of_table_1(force, drop, shortening):
     assert (-z * length, (1 - x) * length) == pytest.approx((drop, shortening), abs=6e-4)
 
 
-# Landings, returns, two contacts of a string, the felt, a fold: seeds in which much happens.
+# Landings that accumulate, returns, a second contact, the felt: seeds in which much happens.
 @pytest.mark.parametrize("seed", QUICK)
 def test_random_presses_are_the_documented_equations(seed):
     compare(seed)
