@@ -120,6 +120,7 @@ def test_a_rigid_key_is_kept_where_hardly_any_noise_makes_its_small_residuals_si
     press, truth = simulated_press(*random_case(284), 284)
     assert_found(press, truth)
     fit = find_phases(press).fit
+    assert fit is not None
     assert fit.negligible
     assert fit.verdict == "fair"
 
