@@ -54,7 +54,7 @@ bench: $(VENV)/peers
 	$(BIN)/python -m benchmarks
 
 docs: $(VENV)/installed links  ## the site, into site/
-	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict
+	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict
 
 gallery: $(VENV)/installed  ## redraw the README's picture; the site draws the others itself
 	$(BIN)/python -m examples.gallery docs/gallery session.png

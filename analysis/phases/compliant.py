@@ -8,7 +8,7 @@ from sautereau.analysis.phases.event import refine_event
 from sautereau.analysis.phases.expected import expected
 from sautereau.analysis.phases.release import Release
 from sautereau.analysis.phases.search import Searched, search
-from sautereau.analysis.phases.signals import Signals
+from sautereau.analysis.phases.signals import BRIDGED, Signals
 from sautereau.analysis.phases.slow import Slow
 from sautereau.rig.schema import Rig
 
@@ -20,6 +20,8 @@ CONTACT_STD, RELEASE_STD = (1.9, 0.28e-3, 0.7), (1.2, 0.07e-3, 0.3)
 """Standard uncertainty of an instant over that of its fit; s, what is added to it; and the part of
 the pluck's duration, over the fraction of the force that the key's model does not explain. From
 presses of the independent simulator, and tested on others."""
+LEAST_HIDDEN = 3 * BRIDGED
+"""N, least force of a pluck whose release lies in a drop-out, where the inertia is interpolated."""
 
 
 def compliant_plucks(
@@ -38,7 +40,11 @@ def compliant_plucks(
     for growth in searched.growths:
         near = min(max(NEAR * growth.release_std, LEAST_NEAR), MOST_NEAR)
         release = refine_event(signals, growth.release, near, growth.force, start, last)
-        if release.time - growth.contact < SHORTEST:
+        around = signals.no_velocity[
+            slice(*(signals.sample(growth.release + side) for side in (-near, near)))
+        ]
+        hidden = around.any() and growth.force < LEAST_HIDDEN
+        if hidden or release.time - growth.contact < SHORTEST:
             continue
         wrong = searched.residual / growth.force * (release.time - growth.contact)
 

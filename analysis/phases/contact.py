@@ -42,6 +42,8 @@ class Contact:
     """N at the finger, force of the string at the end of the fit."""
     noise: float
     """Dimensionless, variance of the residuals over the assumed noise, at least 1."""
+    residual: float = 0.0
+    """N, rms of the load that a rigid key and its string leave until the release."""
 
 
 def find_contact(
@@ -88,7 +90,7 @@ def find_contact(
     gain = (fit.free(noise) - float(found.chi2[best])) / noise
     # A common delay of both channels shifts the contact as well.
     std = math.hypot(std, common_std)
-    return Contact(middle, std, gain, float(found.at_release[best]), noise)
+    return Contact(middle, std, gain, float(found.at_release[best]), noise, found.residual)
 
 
 def _sharpest(

@@ -3,6 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.loading.press import Press
 from sautereau.analysis.model.choirs import choirs
 from sautereau.analysis.phases.by_hand import plucks_by_hand, read_by_hand
@@ -39,7 +40,7 @@ def find_phases(press: Press) -> Phases:
 
     Raises:
         AnalysisError: Samples of force or velocity are not numbers, or the file of instants set
-            by hand cannot be read.
+            by hand cannot be read, or the fit has no solution.
     """
     signals = signals_of(press)
     down, peak = way_down(signals), float(signals.force.max(initial=0.0))
@@ -63,7 +64,14 @@ def find_phases(press: Press) -> Phases:
         )
     by_hand = read_by_hand(press.path)
     if by_hand is None:
-        found = find_plucks(press.rig, signals, begin, end)
+        try:
+            found = find_plucks(press.rig, signals, begin, end)
+        except np.linalg.LinAlgError as error:
+            raise AnalysisError(
+                f"recording {press.path}: the fit of its phases has no solution ({error}): samples"
+                " or values of the rig are far from those of a press; check the calibrations, or"
+                " set contact and release by hand with `sautereau phases FILE --at`"
+            ) from error
     else:
         found = Found(plucks_by_hand(signals, by_hand), Fit("by hand", 1.0))
     plucks = [measured(signals, contact, release) for contact, release in found.plucks]

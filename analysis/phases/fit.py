@@ -62,6 +62,8 @@ class ContactFits:
     """N at the finger, force of the string at the end of the rows."""
     noise: float
     """Variance of the residuals of the best fit over the assumed noise."""
+    residual: float
+    """N, rms of the residuals of the best fit."""
 
 
 class KeyAndString:
@@ -127,10 +129,11 @@ class KeyAndString:
             times: s, shape (n,).
             noise: Variance of the noise over that of the rows.
         """
-        string = self._string(times)
-        found, inertia = self._fits(string, noise, None)
+        bare = self._bare(times)
+        string = self._white(bare.reshape(-1, bare.shape[-1]).T).T.reshape(bare.shape)
+        found, inertia = self._fits(bare, string, noise, None)
         bound = _beyond(inertia)
-        return found if bound is None else self._fits(string, noise, bound)[0]
+        return found if bound is None else self._fits(bare, string, noise, bound)[0]
 
     def _known(
         self, noise: float, inertia: float | None, falls: bool
@@ -155,11 +158,6 @@ class KeyAndString:
             square += noise * self._fall**2
         return gram, right, float(square)
 
-    def _string(self, times: Floats) -> Floats:
-        """Return the string's columns in units of the noise, shape (instants, BENDS, rows)."""
-        columns = self._bare(times)
-        return self._white(columns.reshape(-1, columns.shape[-1]).T).T.reshape(columns.shape)
-
     def _bare(self, times: Floats) -> Floats:
         """Return the string's columns, shape (instants, BENDS, rows)."""
         held, n = self._held, len(times)
@@ -182,9 +180,16 @@ class KeyAndString:
         return columns
 
     def _fits(
-        self, string: Floats, noise: float, inertia: float | None
+        self, bare: Floats, string: Floats, noise: float, inertia: float | None
     ) -> tuple[ContactFits, float]:
-        """Return the fits, and the relative error of the inertia in the best one."""
+        """Return the fits, and the relative error of the inertia in the best one.
+
+        Args:
+            bare: The string's columns, shape (instants, BENDS, rows).
+            string: The same in units of the noise.
+            noise: As in `at`.
+            inertia: As in `_known`.
+        """
         gram, right, square = self._known(noise, inertia, True)
         mixed = string @ self._key  # (instants, BENDS, key)
         own = string @ string.transpose(0, 2, 1)
@@ -205,7 +210,9 @@ class KeyAndString:
         of_key = alone - factors[best] @ mixed_by_key[best]
         left = self._load - self._key @ of_key - factors[best] @ string[best]
         inflation = _inflation(left, len(self._prior) + BENDS)
-        found = ContactFits(chi2, np.asarray(factors[:, 0], dtype=float), inflation)
+        unexplained = self._held.load - self._bare_key @ of_key - factors[best] @ bare[best]
+        rms = math.sqrt(float(unexplained @ unexplained) / len(unexplained))
+        found = ContactFits(chi2, np.asarray(factors[:, 0], dtype=float), inflation, rms)
         return found, float(of_key[INERTIA])
 
 

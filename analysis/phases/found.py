@@ -67,6 +67,9 @@ class Fit:
     residual: float = 0.0
     """N, rms of the load that is not explained: of the smoothed one on a compliant key, and of a
     rigid one without a pluck; else 0."""
+    negligible: bool = False
+    """Whether what a rigid key does not explain shifts contacts by less than the least uncertainty
+    of one on a compliant key."""
 
     @property
     def verdict(self) -> Literal["good", "fair", "poor", "by hand"]:
@@ -74,7 +77,8 @@ class Fit:
         if self.model == "by hand":
             return "by hand"
         if self.model == "rigid":
-            return "good" if self.noise < GOOD else "fair" if self.noise < RIGID else "poor"
+            fair = self.negligible or self.noise < RIGID
+            return "good" if self.noise < GOOD else "fair" if fair else "poor"
         return "fair" if self.residual < FAIR else "poor"
 
 

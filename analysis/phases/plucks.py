@@ -1,10 +1,11 @@
 """The plucks of a press: of a rigid key where that explains the load, else of a compliant one."""
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from sautereau.analysis.phases.compliant import compliant_plucks
+from sautereau.analysis.phases.compliant import CONTACT_STD, RELEASE_STD, compliant_plucks
 from sautereau.analysis.phases.contact import Contact, find_contact
 from sautereau.analysis.phases.event import refine_event
 from sautereau.analysis.phases.expected import expected
@@ -104,6 +105,10 @@ def find_plucks(rig: Rig, signals: Signals, begin: int, end: int) -> Found:
         ]
         noise = max(max(c.noise, r.noise) for c, r in found)
         return Found(found, Fit("rigid", noise))
+    # With hardly any noise, residuals that shift no contact by much exceed it as well.
+    exact = [_with_residual(contact, release) for contact, release in found]
+    if found and not far and all(c.std < CONTACT_STD[1] and r.noise < RINGING for c, r in exact):
+        return Found(exact, Fit("rigid", noise, negligible=True))
     left, rms, missed = unexplained(rig, rest, rows, before)
     if not found and left < RIGID_NOISE:
         return Found([], Fit("rigid", left))
@@ -122,6 +127,15 @@ def find_plucks(rig: Rig, signals: Signals, begin: int, end: int) -> Found:
     if found:
         return Found(found, Fit("rigid", noise), ())
     return Found([], Fit("rigid", left, 0.0, rms), doubtful or (missed,))
+
+
+def _with_residual(contact: Contact, release: Release) -> tuple[Contact, Release]:
+    """Return a pluck whose uncertainties include what a rigid key does not explain."""
+    wrong = contact.residual / release.fall * (release.time - contact.time)
+    return (
+        replace(contact, std=math.hypot(contact.std, CONTACT_STD[2] * wrong)),
+        replace(release, std=math.hypot(release.std, RELEASE_STD[2] * wrong)),
+    )
 
 
 def _contacts(

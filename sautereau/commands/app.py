@@ -5,6 +5,7 @@ quickly.
 """
 
 import os
+import signal
 import sys
 import traceback
 from collections.abc import Iterator
@@ -79,6 +80,7 @@ app.register_install_completion_command()
 def main() -> None:
     """Run the command line and exit with its status: 0, 1 for an error, 2 for wrong usage.
 
+    Ctrl-C gives 130, and any signal that ends a command 128 and its number, as of other programs.
     With `--json` an error, too, is one JSON object, on standard error.
     """
     as_json = "--json" in sys.argv
@@ -92,7 +94,10 @@ def main() -> None:
         status = 1
     except KeyboardInterrupt as error:
         common.ignore_signals()
-        status = common.fail(as_json, _with_notes("interrupted", *_interrupts(error)))
+        given = str(error)
+        number = signal.Signals[given] if given in signal.Signals.__members__ else signal.SIGINT
+        message = _with_notes("interrupted", *_interrupts(error))
+        status = common.fail(as_json, message, 128 + number)
     except Exception as error:
         from sautereau.rig.errors import SautereauError
 

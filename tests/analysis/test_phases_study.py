@@ -115,6 +115,23 @@ def test_a_few_random_presses():
     assert np.median(np.abs(found.release)) < 0.02e-3
 
 
+def test_a_rigid_key_is_kept_where_hardly_any_noise_makes_its_small_residuals_significant():
+    """Two strings, of which the rig names one: as many as a compliant key may have."""
+    press, truth = simulated_press(*random_case(284), 284)
+    assert_found(press, truth)
+    fit = find_phases(press).fit
+    assert fit is not None
+    assert fit.negligible
+    assert fit.verdict == "fair"
+
+
+def test_an_interpolated_inertia_is_no_pluck():
+    """A push of constant force, clipped in velocity until the recording ends."""
+    press, truth = simulated_press(*random_case(193), 193)
+    assert not truth.contacts
+    assert find_phases(press).plucks == ()
+
+
 @pytest.mark.slow
 @pytest.mark.timeout(3600)
 def test_a_thousand_random_presses():

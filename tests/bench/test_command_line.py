@@ -206,10 +206,14 @@ def test_errors_of_every_command_are_json_under_json(sautereau):
 
 
 @pytest.mark.parametrize(
-    ("error", "message"),
-    [(KeyboardInterrupt(), "interrupted\nthe arm is off"), (RuntimeError("oh"), "bug: RuntimeErr")],
+    ("error", "message", "status"),
+    [
+        (KeyboardInterrupt(), "interrupted\nthe arm is off", 130),
+        (KeyboardInterrupt("SIGTERM"), "interrupted\nthe arm is off", 143),
+        (RuntimeError("oh"), "bug: RuntimeErr", 1),
+    ],
 )
-def test_interrupts_and_bugs_are_json_under_json(monkeypatch, capsys, error, message):
+def test_interrupts_and_bugs_are_json_under_json(monkeypatch, capsys, error, message, status):
     def fail(**_):
         error.add_note("the arm is off")
         raise error
@@ -217,10 +221,10 @@ def test_interrupts_and_bugs_are_json_under_json(monkeypatch, capsys, error, mes
     monkeypatch.setattr("sautereau.commands.app.app", fail)
     monkeypatch.setattr("sautereau.commands.common.ignore_signals", lambda: None)
     monkeypatch.setattr(sys, "argv", ["sautereau", "press", "--json"])
-    with pytest.raises(SystemExit, match="1"):
+    with pytest.raises(SystemExit, match=str(status)):
         main()
     answer = json.loads(capsys.readouterr().err)
-    assert (answer["schema"], answer["error"]["status"]) == (1, 1)
+    assert (answer["schema"], answer["error"]["status"]) == (1, status)
     assert answer["error"]["message"].startswith(message)
 
 
@@ -279,7 +283,7 @@ def test_an_interrupted_session_leaves_a_safe_arm_and_complete_files(
                 break
         process.send_signal(number)
         _, message = process.communicate(timeout=30)
-    assert process.returncode == 1
+    assert process.returncode == 128 + number
     assert "interrupted" in message
     assert "Traceback" not in message
     assert stand_in.bench.firmware.motors_on == (False, False)
