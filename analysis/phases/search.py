@@ -13,9 +13,7 @@ import numpy as np
 from sautereau.analysis.phases.expected import Expected
 from sautereau.analysis.phases.saw_teeth import (
     CLIMB_STD,
-    COLUMNS,
     CONTACT_STD,
-    FORCE_STD,
     SawTeeth,
     Solved,
     noise_around,
@@ -133,7 +131,7 @@ class _Search:
                     break
             found, left, values = trial, solved, forces
             gains.append(gain)
-        k = self._fit.compliance - float(left[1][1]) * TERMS["F2"]
+        k = self._fit.compliance - float(left.factors[1]) * TERMS["F2"]
         stds, noises = self._fit.stds(found, left)
         each = zip(found.tolist(), values.tolist(), gains, stds, noises, strict=True)
         growths = [
@@ -146,7 +144,7 @@ class _Search:
             tuple(sorted(growths, key=lambda g: g.release)),
             further,
             min(max(k, 0.0), MOST_COMPLIANT),
-            float(np.sqrt(np.mean(left[0][: len(self._fit.load)] ** 2))),
+            float(np.sqrt(np.mean(left.load**2))),
         )
 
     def _judged(
@@ -165,12 +163,12 @@ class _Search:
             before: Fit of these.
         """
         fit, slow = self._fit, self._fit.slow
-        forces = FORCE_STD * solved[1][fit.free.shape[1] :: COLUMNS]
+        forces = solved.forces
         first, last = np.searchsorted(slow.time, trial[-1])
-        noise = noise_around(solved[0][: len(fit.load)], int(first), int(last))
+        noise = noise_around(solved.load, int(first), int(last))
         doubts = fit.doubts(trial)
         doubts = float(doubts @ doubts) - float(np.sum(fit.doubts(found) ** 2))
-        gain = float(before[0] @ before[0] - solved[0] @ solved[0]) / noise / (1 + max(0.0, doubts))
+        gain = (before.chi2 - solved.chi2) / noise / (1 + max(0.0, doubts))
         least = max(LEAST_FORCE, LEAST_FRACTION * float(forces.max()))
         climbed = np.diff(np.interp(trial[-1], slow.hops, fit.rise))[0]
         near = np.abs(trial[:-1, 1] - trial[-1, 1]).min(initial=np.inf)
@@ -185,7 +183,7 @@ class _Search:
         that the rig says.
         """
         fit, slow, strings = self._fit, self._fit.slow, self._fit.strings
-        left, q = solved[0][: len(fit.load)], solved[2]
+        left, q = solved.load, solved.base
         size = max(1, -(-len(left) // MOST_ROWS))
         n = len(left) // size
 
