@@ -5,9 +5,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from sautereau.analysis.phases.event_fit import EventFit
+from sautereau.analysis.phases.event_fit import EventFit, Fitted
 from sautereau.analysis.phases.release import Release
 from sautereau.analysis.phases.signals import Signals
+from sautereau.trajectory.motion import Floats
 
 BEFORE, AFTER = 4e-3, 2.5e-3
 """s, before and after a release, of the samples to which its instant is fitted."""
@@ -24,6 +25,8 @@ DISAGREEMENT = 0.5
 REACH, TRIED, STARTS = 3.0, 20, 4
 """Standard deviations up to which instants are tried; their number; and that of parts of this
 range, in each of which a search starts from the best one."""
+SAME, UNLIKELY = 2e-6, 25.0
+"""s, difference of equal instants; and of twice the logarithm of a probability that is ignored."""
 
 
 def refine_event(
@@ -62,19 +65,23 @@ def refine_event(
     tried[:, 0] = np.linspace(-REACH, REACH, TRIED) * std
     chi2, poles = fit.scan(tried, np.zeros(0, complex))
     best = [part[np.argmin(chi2[part])] for part in np.array_split(np.arange(TRIED), STARTS)]
-    chains = [fit.refine(tried[i], poles[i : i + 1]) for i in best]
+    chains = _different([fit.refine(tried[i], poles[i : i + 1]) for i in best])
     fits = [*chains]
     for _ in range(MOST_MODES - 1):
-        fit.weigh(min(chains, key=lambda f: f.chi2))
+        fit.weigh(min(chains, key=fit.chi2))
         further = [fit.scan(f.instants[None], f.poles)[1] for f in chains]
-        chains = [
-            fit.refine(f.instants, np.append(f.poles, pole))
-            for f, pole in zip(chains, further, strict=True)
-        ]
+        pairs = zip(chains, further, strict=True)
+        chains = _different([fit.refine(f.instants, np.append(f.poles, p)) for f, p in pairs])
         fits += chains
-    fit.weigh(min(chains, key=lambda f: f.chi2))
-    fits = [fit.refine(f.instants, f.poles) for f in fits]
-    score = np.array([f.chi2 + f.parameters * math.log(fit.load.size) for f in fits])
+    fit.weigh(min(chains, key=fit.chi2))
+
+    def scores() -> Floats:
+        return np.array([fit.chi2(f) + f.parameters * math.log(fit.load.size) for f in fits])
+
+    score = scores()
+    fits = [fit.refine(fits[i].instants, fits[i].poles) for i in np.argsort(score)
+            if score[i] < score.min() + UNLIKELY]
+    score = scores()
     chance = np.exp((score.min() - score) / 2)
     chance /= chance.sum()
     times = np.array([f.instants[0] for f in fits])
@@ -90,3 +97,12 @@ def refine_event(
         gain=0.0,
         noise=fit.noise,
     )
+
+
+def _different(fits: list[Fitted]) -> list[Fitted]:
+    """Return fits without those that end at the same instants."""
+    found: list[Fitted] = []
+    for fitted in fits:
+        if all(np.abs(fitted.instants - other.instants).max() > SAME for other in found):
+            found.append(fitted)
+    return found

@@ -44,9 +44,9 @@ class Fitted:
     poles: Poles
     """1/s, of the modes."""
     left: Floats
-    """Residuals in units of the noise, shape (2, n)."""
-    chi2: float
-    """Sum of squares of these and of the deviations from what was expected."""
+    """Residuals over the ranges of the signals, shape (2, n)."""
+    far: float
+    """Sum of squared deviations from what was expected, of instants and linear factors."""
     variance: float
     """s^2, of the first instant."""
     parameters: int
@@ -109,9 +109,13 @@ class EventFit:
         self.load = self._load * self._weight
         """In units of the noise, shape (2, n)."""
 
+    def chi2(self, fitted: Fitted) -> float:
+        """Return the sum of squared residuals and deviations of a fit, in units of the noise."""
+        return float(((fitted.left * self._good / self._noise) ** 2).sum()) + fitted.far
+
     def weigh(self, fitted: Fitted) -> None:
         """Set the noise to the residuals of a fit, and their sums if those are larger."""
-        left = fitted.left * self._noise
+        left = fitted.left * self._good
         n = left.shape[1] // BLOCK * BLOCK
         sums = left[:, :n].reshape(2, -1, BLOCK).sum(2)
         square = np.maximum((left**2).sum(1), (sums**2).sum(1) / BLOCK)
@@ -174,10 +178,11 @@ class EventFit:
         )
         normal = found.normal
         inverse = np.linalg.inv(normal + np.diag(RIDGE * np.diag(normal) + RIDGE))
+        left = found.found.left[:, : self.load.shape[1]]
         return Fitted(
             *self._split(found.state),
-            found.found.left[:, : self.load.shape[1]],
-            found.chi2,
+            left * self._noise,
+            found.chi2 - float((left**2).sum()),
             float(inverse[0, 0]),
             len(state) + found.found.factors.size,
         )

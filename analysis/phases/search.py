@@ -41,8 +41,8 @@ LEAST_FRACTION, LEAST_FORCE = 0.12, 3e-3
 """Fraction of the largest force of a press, and N, below which there is no pluck."""
 STARTS, BETWEEN = 2, 4.0
 """Pairs that are refined, and widths between their releases."""
-ROUNDS = 3
-"""Rounds for the compliance."""
+ROUNDS, QUICK = 3, 1
+"""Rounds for the compliance, and pairs that are refined in the first one."""
 
 
 @dataclass(frozen=True)
@@ -91,12 +91,12 @@ def search(slow: Slow, strings: Expected) -> Searched:
     found = Searched((), None, 0.0, 0.0)
     if len(slow.time) < 12:
         return found
-    for _ in range(ROUNDS):
-        found = _Search(SawTeeth(slow, compliance, noise, strings)).all()
+    for number in range(ROUNDS):
+        found = _Search(SawTeeth(slow, compliance, noise, strings), QUICK if not number else None).all()
         change = abs(found.compliance - compliance)
         compliance, before = found.compliance, noise
         noise = max(LEAST_NOISE, CORRELATED * found.residual)
-        if change < max(2e-7, 0.05 * compliance) and 0.5 < noise / before < 2:
+        if number and change < max(2e-7, 0.05 * compliance) and 0.5 < noise / before < 2:
             break
     return found
 
@@ -104,8 +104,8 @@ def search(slow: Slow, strings: Expected) -> Searched:
 class _Search:
     """The search of plucks, one by one, with one compliance."""
 
-    def __init__(self, fit: SawTeeth):
-        self._fit = fit
+    def __init__(self, fit: SawTeeth, most: int | None):
+        self._fit, self._most = fit, most
         self._moving = SLOWEST * float(fit.slow.speed().max())
 
     def all(self) -> Searched:
@@ -115,7 +115,7 @@ class _Search:
         gains: list[float] = []
         further = None
         while len(found) <= strings:
-            starts = self._starts(found, left)
+            starts = self._starts(found, left)[: self._most]
             if not starts:
                 break
             trials = sorted((self._fit.refined(start) for start in starts), key=lambda t: t[2])
