@@ -79,8 +79,11 @@ def refine_event(
         return np.array([fit.chi2(f) + f.parameters * math.log(fit.load.size) for f in fits])
 
     score = scores()
-    fits = [fit.refine(fits[i].instants, fits[i].poles) for i in np.argsort(score)
-            if score[i] < score.min() + UNLIKELY]
+    fits = [
+        fit.refine(fits[i].instants, fits[i].poles)
+        for i in np.argsort(score)
+        if score[i] < score.min() + UNLIKELY
+    ]
     score = scores()
     chance = np.exp((score.min() - score) / 2)
     chance /= chance.sum()

@@ -80,15 +80,15 @@ class EventFit:
         self, signals: Signals, stretch: tuple[int, int], samples: int, near: Floats, stds: Floats
     ):
         first, last = stretch
-        n = (last - first) // samples
+        n, weights = (last - first) // samples, np.full(samples, 1 / samples)
 
         def means(signal: Floats) -> Floats:
-            return signal[first : first + n * samples].reshape(n, samples).mean(1)
+            return signal[first : first + n * samples].reshape(n, samples) @ weights
 
         self._expected, self._stds = near - near[0], stds
         self._response = Response(means(signals.time) - near[0], samples / signals.rate)
         load = np.stack([means(signals.force), means(signals.velocity)])
-        flags = np.stack([means(1.0 * f) for f in (signals.no_force, signals.no_velocity)])
+        flags = np.stack([means(f.astype(float)) for f in (signals.no_force, signals.no_velocity)])
         scale = np.maximum(np.ptp(load, axis=1, keepdims=True), TINY)
         noise = np.array([[signals.force_noise], [signals.velocity_noise]]) / math.sqrt(samples)
         self._load, self._white, self._good = load / scale, noise / scale, flags == 0
@@ -213,7 +213,8 @@ class EventFit:
         base, upper = np.linalg.qr(np.concatenate([columns, rows], -2))
         of = base.swapaxes(-1, -2) @ target[..., None]
         left = target - (base @ of)[..., 0]
-        return _Solved(left, np.linalg.solve(upper, of)[..., 0], base)
+        factors = np.asarray(np.linalg.solve(upper, of)[..., 0], dtype=float)
+        return _Solved(left, factors, base)
 
     def _slopes(self, state: Floats, solved: _Solved) -> Floats:
         """Return the derivatives of the residuals by the state (Kaufman's approximation)."""

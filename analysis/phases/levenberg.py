@@ -15,7 +15,7 @@ from sautereau.trajectory.motion import Floats
 
 Found = TypeVar("Found")
 STEPS, TRIALS, STIFFER = 12, 4, 5.0
-"""Largest number of steps, damped ones that are tried for each, and the factor of the damping from one to the next."""
+"""Largest number of steps; damped ones that are tried for each; factor of damping between them."""
 FIRST_STIFFNESS, LEAST_STIFFNESS, RIDGE = 1e-2, 1e-7, 1e-12
 """Dimensionless damping at first and at least; and what is added to the normal equations."""
 

@@ -23,9 +23,9 @@ LEVEL_STD, DRIFT_STD = 10.0, 0.03
 and by a damper."""
 DAMPER, FULL_RISE = 1e-3, 10e-3
 """m, lift of a damper, and rise over which the load changes."""
-COLUMNS, STRING_STD = 3, np.array([3.0, 9e-7, 0.15])
-"""Of a string, and their prior standard deviations: N, its force; N s^2, the second derivative of
-that, by what lies between the laser and the jack; and N, its curvature."""
+COLUMNS, FORCE_STD, SHARP_STD = 4, 3.0, 9e-7
+"""Of a string, and prior standard deviations: N, of its force; N s^2, of the second derivative of
+that, by what lies between the laser and the jack. The others are deviations from its shape."""
 CONTACT_STD, CLIMB_STD, DOUBT = 0.5e-3, 0.4, 4.0
 """Standard deviations of a contact about the rig's, in m, and of the logarithm of the rise from it
 to the release; and bound of their deviations, as a rig may be of another instrument."""
@@ -35,7 +35,6 @@ EXCHANGED = 1.1
 """Largest increase of chi2 by which contacts are put into the order of releases."""
 SMALL = 0.2e-3
 """s, of a difference quotient."""
-
 
 
 @dataclass(frozen=True)
@@ -95,7 +94,7 @@ class SawTeeth:
             plucks: s, contacts and releases, shape (n, 2).
 
         Returns:
-            Their force, its second derivative and its curvature, shape (rows, n, COLUMNS).
+            Their force, its second derivative, deviations of its shape; shape (rows, n, COLUMNS).
         """
         slow = self.slow
         at, top = np.interp(plucks.T, slow.hops, self.rise)
@@ -106,9 +105,11 @@ class SawTeeth:
         quadratic, cubic = self.strings.bends
         curved = u * (u - 1)
         line = u + curved * (quadratic + cubic * (u - 0.5))
-        smooth = slow.smooth(np.concatenate([line, curved], 1)).reshape(len(self.load), 2, -1)
-        columns = np.stack([smooth[:, 0], slow.smooth(line, 2), smooth[:, 1]], 2)
-        return self.weight[:, None, None] * columns * STRING_STD
+        shapes = [curved * (q + c * (u - 0.5)) for q, c in self.strings.shapes]
+        smooth = slow.smooth(np.concatenate([FORCE_STD * line, *shapes], 1))
+        force, *shapes = smooth.reshape(len(self.load), 3, -1).transpose(1, 0, 2)
+        columns = np.stack([force, SHARP_STD * slow.smooth(line, 2), *shapes], 2)
+        return self.weight[:, None, None] * columns
 
     def solved(self, plucks: Floats) -> Solved:
         """Return the fit with these plucks, shape (plucks, 2)."""
@@ -122,7 +123,7 @@ class SawTeeth:
         of = q.T @ target
         factors = np.asarray(np.linalg.solve(r, of), dtype=float)
         left = target - q @ of
-        forces = STRING_STD[0] * factors[self.free.shape[1] :: COLUMNS]
+        forces = FORCE_STD * factors[self.free.shape[1] :: COLUMNS]
         return Solved(left[:n], left, factors, q, forces)
 
     def doubts(self, plucks: Floats) -> Floats:
@@ -197,9 +198,7 @@ class SawTeeth:
         def bounded(state: Floats) -> Floats:
             return np.clip(state, self.slow.hops[0], self.slow.hops[-1])
 
-        found = minimise(
-            plucks.ravel(), evaluate, slopes, permitted, bounded, LONGEST, CONVERGED
-        )
+        found = minimise(plucks.ravel(), evaluate, slopes, permitted, bounded, LONGEST, CONVERGED)
         return found.state.reshape(-1, 2), found.found, found.chi2
 
     def in_order(self, plucks: Floats, solved: Solved) -> tuple[Floats, Solved]:
@@ -219,7 +218,7 @@ class SawTeeth:
 
 @lru_cache
 def _assignments(plucks: int, strings: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Return all ways to assign plucks to strings in order: indices of both, shape (ways, pairs)."""
+    """Return the ways to assign plucks to strings in order: indices, each (ways, pairs)."""
     pairs = min(plucks, strings)
     ways = [
         (each, string)

@@ -92,11 +92,12 @@ def search(slow: Slow, strings: Expected) -> Searched:
     if len(slow.time) < 12:
         return found
     for number in range(ROUNDS):
-        found = _Search(SawTeeth(slow, compliance, noise, strings), QUICK if not number else None).all()
+        fit = SawTeeth(slow, compliance, noise, strings)
+        found = _Search(fit, QUICK if number == 0 else None).all()
         change = abs(found.compliance - compliance)
         compliance, before = found.compliance, noise
         noise = max(LEAST_NOISE, CORRELATED * found.residual)
-        if number and change < max(2e-7, 0.05 * compliance) and 0.5 < noise / before < 2:
+        if number > 0 and change < max(2e-7, 0.05 * compliance) and 0.5 < noise / before < 2:
             break
     return found
 

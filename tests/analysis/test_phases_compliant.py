@@ -14,15 +14,16 @@ pytest.importorskip("numba")  # without it the independent simulator takes half 
 
 
 def signals_around(force, velocity, rate, noise):
-    time = np.arange(len(force)) / rate
+    time = np.linspace(0, len(force) / rate, len(force), endpoint=False)
     zero, none = np.zeros(len(force)), np.zeros(len(force), bool)
-    return Signals(time, rate, force, velocity, *[zero] * 3, 0.1, *noise, 1 / rate, none, none)
+    moving, noises = (zero, zero, zero, 0.1), (noise[0], noise[1], 1 / rate)
+    return Signals(time, rate, force, velocity, *moving, *noises, none, none)
 
 
 def test_a_block_is_the_mean_of_the_response():
     """Against sums over fine steps."""
     step, p, instant = 1e-4, pole(700.0, 0.1), 1.23e-3
-    response = Response((np.arange(40) + 0.5) * step, step)
+    response = Response(np.linspace(0.05e-3, 3.95e-3, 40), step)
     fine = (np.arange(40 * 2000) + 0.5) / 2000 * step - instant
     since = np.where(fine > 0, fine, 0)
     mode = np.exp(p * since) - 1 - p * since
@@ -34,12 +35,15 @@ def test_a_block_is_the_mean_of_the_response():
 
 def test_the_slopes_of_an_event_are_those_of_its_columns():
     """Against difference quotients."""
-    response, poles = Response((np.arange(40) + 0.5) * 1e-4, 1e-4), np.array([pole(700.0, 0.1)])
+    response, poles = (
+        Response(np.linspace(0.05e-3, 3.95e-3, 40), 1e-4),
+        np.array([pole(700.0, 0.1)]),
+    )
     instants, small = np.array([1.23e-3]), 1e-8
     by_instant, by_pole, _ = response.slopes(instants, poles)
     quotient = (response.event(instants + small, poles) - response.event(instants, poles)) / small
     assert by_instant == pytest.approx(quotient, rel=1e-3, abs=1e-2)
-    other = response.event(instants, poles + 1e-2)
+    other = response.event(instants, poles + (1e-2 + 0j))
     quotient = (other - response.event(instants, poles))[..., 1] / 1e-2
     assert by_pole[..., 0].real == pytest.approx(quotient, rel=1e-3, abs=1e-9)
 
