@@ -162,7 +162,7 @@ def test_the_servos_hold_the_limits_of_the_arm(controller, port, rig):
     ],
 )  # fmt: skip
 def test_a_rig_that_does_not_fit_is_refused(rig, port, values, said):
-    for servo in port.firmware.servos:
+    for servo in port.firmware.axes:
         servo._values["model_information"] = 0  # as hardware
     controller = DynamixelController(with_values(rig, values), open_port=port.open)
     with pytest.raises(SettingNotTaken, match=said):
@@ -171,7 +171,7 @@ def test_a_rig_that_does_not_fit_is_refused(rig, port, values, said):
 
 
 def test_other_models_are_refused(controller, port):
-    port.firmware.servos[1]._values["model_number"] = 350
+    port.firmware.axes[1]._values["model_number"] = 350
     with pytest.raises(RobotError, match="servo 2 is a model 350 with firmware 45; this driver"):
         controller.connect()
 
@@ -200,7 +200,7 @@ def test_a_servo_that_switches_itself_off_ends_the_press(controller, port):
     with pytest.raises(MotionFault, match="servo 2: hardware error: overload") as caught:  # noqa: PT012, SIM117
         with controller, controller.powered():
             ready(controller)
-            port.firmware.servos[1].shut_down(0x20)
+            port.firmware.axes[1].shut_down(0x20)
             controller.start()
             controller.wait()
     assert OFF in str(caught.value)
@@ -211,7 +211,7 @@ def test_a_watchdog_that_has_run_out_is_reported_and_cleared(controller, port):
     with controller:
         with pytest.raises(MotionFault, match="servo 1: its watchdog has run out"):  # noqa: PT012, SIM117
             with controller.powered():
-                port.firmware.servos[0]._values["bus_watchdog"] = -1
+                port.firmware.axes[0]._values["bus_watchdog"] = -1
                 controller.home()
         with controller.powered():
             controller.home()
