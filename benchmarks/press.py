@@ -8,7 +8,7 @@ import time
 from itertools import pairwise
 from pathlib import Path
 
-from benchmarks.figures import Figure, median_time
+from benchmarks.figures import Figure, check, median_time
 from sautereau.rig.load import load_rig
 
 PRESSES = 10
@@ -25,7 +25,8 @@ def run() -> list[Figure]:
 def _help() -> Figure:
     def show() -> None:
         command = [sys.executable, "-m", "sautereau", "--help"]
-        assert b"stand-in" in subprocess.run(command, capture_output=True, check=True).stdout
+        shown = subprocess.run(command, capture_output=True, check=True).stdout
+        check(b"stand-in" in shown, "--help does not list the commands")
 
     return Figure("sautereau --help", median_time(show, STARTS), "s", "limit", 0.3)
 

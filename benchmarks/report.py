@@ -6,7 +6,7 @@ import sys
 import tempfile
 from pathlib import Path
 
-from benchmarks.figures import Figure, median_time
+from benchmarks.figures import Figure, check, median_time
 from sautereau.rig.load import load_rig
 from sautereau.robot.drivers.galil.driver import GalilController
 from sautereau.robot.experiment.session import run_session
@@ -31,7 +31,7 @@ def run() -> list[Figure]:
             run_session(rig, plan_press(rig), GalilController(rig), Path(folder), PRESSES)
         spent = median_time(report, RUNS)
         result = json.loads(report())
-        assert result["presses"] == PRESSES
+        check(result["presses"] == PRESSES, f"the report shows {result['presses']} presses")
         size = Path(result["path"]).stat().st_size
     return [
         Figure("sautereau report", spent, "s", "limit", 5.0),
