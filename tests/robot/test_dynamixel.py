@@ -3,7 +3,6 @@
 import contextlib
 import shutil
 import sys
-import threading
 from importlib import resources
 
 import numpy as np
@@ -30,6 +29,7 @@ from sautereau.robot.errors import (
 from sautereau.sim_backend.devices.dynamixel.firmware import Servos
 from sautereau.trajectory.press import plan_press
 from sautereau.trajectory.segments import Segments
+from tests.robot.streamed import stop_after
 
 pytest.importorskip("dynamixel_sdk")
 
@@ -226,23 +226,10 @@ def test_a_line_that_breaks(controller, port):
 
 
 def test_stop_in_mid_motion(controller, port):
-    gate = threading.Event()
     with controller, controller.powered():
         ready(controller)
-        start, polling, calls = controller.positions(), controller.driver.polling, []
-        wait = polling.sleep
-
-        def sleep(seconds):
-            calls.append(seconds)
-            if len(calls) == LEAD + 20:
-                gate.set()
-                controller.driver.stream.cancelled.wait(5)
-            wait(seconds)
-
-        polling.sleep = sleep
-        controller.start()
-        assert gate.wait(5)
-        where = controller.stop()
+        start = controller.positions()
+        where = stop_after(controller, LEAD + 20)
         assert start[0] < where[0] < start[0] + 60
         assert port.firmware.motors_on == (True, True)
 
