@@ -247,10 +247,15 @@ def _base(rig: Rig, rest: Rows, held: Rows) -> tuple[Floats, Floats]:
         moving[inside, 5] = np.maximum(damper.lift - held.rise, 0.0) / damper.lift
         damped = damper.stiffness * damper.lift * rig.key.jack_arm / rig.key.press_arm
     time = np.concatenate([rest.time, held.time])
-    waves = [wave(2 * np.pi * hertz * time) for hertz in HUM for wave in (np.sin, np.cos)]
+    hum = hum_at(time)
     of_key = [LEVEL_STD, LEVEL_STD, DRIFT_STD, DRIFT_STD, INERTIA_STD]
-    prior = np.array([*of_key, max(1e-6, DAMPER_STD * damped), *[HUM_STD] * len(waves)])
-    return np.column_stack([moving, *waves]), prior
+    prior = np.array([*of_key, max(1e-6, DAMPER_STD * damped), *[HUM_STD] * hum.shape[1]])
+    return np.column_stack([moving, hum]), prior
+
+
+def hum_at(time: Floats) -> Floats:
+    """Return sine and cosine of each frequency of hum, shape (n, waves)."""
+    return np.stack([wave(2 * np.pi * f * time) for f in HUM for wave in (np.sin, np.cos)], 1)
 
 
 def _smooth(signal: Floats, step: float) -> Floats:

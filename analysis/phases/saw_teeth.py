@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sautereau.analysis.phases.expected import Expected
+from sautereau.analysis.phases.fit import HUM_STD, hum_at
 from sautereau.analysis.phases.levenberg import minimise
 from sautereau.analysis.phases.slow import Slow
 from sautereau.trajectory.motion import Floats
@@ -81,7 +82,8 @@ class SawTeeth:
         drift = [rise / FULL_RISE, speed / max(1e-6, float(speed.max()))]
         drift.append(np.maximum(DAMPER - rise, 0.0) / DAMPER)
         level = np.full(len(rise), LEVEL_STD)
-        free = np.column_stack([slow.terms, level, DRIFT_STD * np.stack(drift, 1)])
+        hum = HUM_STD * hum_at(slow.time)
+        free = np.column_stack([slow.terms, level, DRIFT_STD * np.stack(drift, 1), hum])
         self.free = self.weight[:, None] * free
         """N, weighted columns of a key without a string, times their prior standard deviations."""
         self.at = rise

@@ -21,7 +21,7 @@ from sautereau.analysis.phases.saw_teeth import (
 from sautereau.analysis.phases.slow import MOST_COMPLIANT, TERMS, Slow
 from sautereau.trajectory.motion import Floats
 
-NOISE, LEAST_NOISE, CORRELATED = 0.015, 4e-3, 2.0
+NOISE, LEAST_NOISE, CORRELATED = 0.015, 2e-3, 2.0
 """N, of a smoothed row, of unmodelled vibration, at first and at least; it weights the priors.
 Later it is the rms of the residuals, times this factor as neighbouring rows are correlated."""
 LEAST_RISE = 0.25e-3
