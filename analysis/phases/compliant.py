@@ -5,12 +5,11 @@ from dataclasses import replace
 
 from sautereau.analysis.phases.contact import Contact
 from sautereau.analysis.phases.event import refine_event
-from sautereau.analysis.phases.expected import expected
+from sautereau.analysis.phases.expected import Expected
 from sautereau.analysis.phases.release import Release
 from sautereau.analysis.phases.search import Searched, search
 from sautereau.analysis.phases.signals import BRIDGED, Signals
 from sautereau.analysis.phases.slow import Slow
-from sautereau.rig.schema import Rig
 
 SHORTEST = 0.5e-3
 """s, shortest pluck."""
@@ -25,17 +24,17 @@ LEAST_HIDDEN = 3 * BRIDGED
 
 
 def compliant_plucks(
-    rig: Rig, signals: Signals, way: tuple[int, int]
+    strings: Expected, signals: Signals, way: tuple[int, int]
 ) -> tuple[list[tuple[Contact, Release]], Searched]:
     """Return the plucks on the way down, and the search that found them.
 
     Args:
-        rig: The bench.
+        strings: Of the rig.
         signals: Of the press.
         way: First and last sample of the way down.
     """
     start, last = (float(signals.time[sample]) for sample in way)
-    searched = search(Slow(signals, *way), expected(rig))
+    searched = search(Slow(signals, *way), strings)
     found: list[tuple[Contact, Release]] = []
     for growth in searched.growths:
         near = min(max(NEAR * growth.release_std, LEAST_NEAR), MOST_NEAR)

@@ -8,7 +8,7 @@ import numpy as np
 from sautereau.analysis.phases.compliant import CONTACT_STD, RELEASE_STD, compliant_plucks
 from sautereau.analysis.phases.contact import Contact, find_contact
 from sautereau.analysis.phases.event import refine_event
-from sautereau.analysis.phases.expected import expected
+from sautereau.analysis.phases.expected import Expected, expected
 from sautereau.analysis.phases.found import Fit
 from sautereau.analysis.phases.release import LEAST_FALL, Release, find_falls, refine
 from sautereau.analysis.phases.search import Growth
@@ -67,7 +67,8 @@ def find_plucks(rig: Rig, signals: Signals, begin: int, end: int) -> Found:
     """Return the plucks on the way down, in order of time.
 
     The load of a rigid key is tried first. Where the key bends or rings, its residuals exceed the
-    noise, and the load of a compliant key is fitted.
+    noise, and the load of a compliant key is fitted; also where a rigid key shows fewer plucks than
+    the rig has strings, of which a compliant key may show more.
 
     Args:
         rig: The bench.
@@ -75,58 +76,84 @@ def find_plucks(rig: Rig, signals: Signals, begin: int, end: int) -> Found:
         begin: Sample at which the jack leaves rest.
         end: Sample at which it reaches its top.
     """
-    rows = rows_of(signals, begin, end)
+    rows, strings = rows_of(signals, begin, end), expected(rig)
     if not len(rows.time):
         return Found([], Fit("rigid", 1.0))
+    first, last = _rest(signals, begin)
+    rest = rows_of(signals, first, last, max(1, (last - first) // REST_ROWS))
+    before = _place(signals, min(begin, last + int(REST_MARGIN * signals.rate)))
+    found = _rigid_plucks(rig, signals, rows, rest, begin, before)
+    rigid = _explained(found, signals, strings, begin, end)
+    if rigid is not None and len(found) >= len(strings.contacts):
+        return rigid
+    left, rms, missed = unexplained(rig, rest, rows, before)
+    if not found and left < RIGID_NOISE:
+        return Found([], Fit("rigid", left))
+    plucks, searched = compliant_plucks(strings, signals, (begin, end))
+    moved = max(float(np.ptp(signals.force[begin:end])), float(np.ptp(rows.inertia)))
+    least = max(LEAST_GROWTH * searched.residual, SLIGHT * moved)
+    growths = (*searched.growths, *([searched.further] if searched.further else []))
+    doubtful = tuple(g for g in growths if g.significance > DOUBTFUL and g.force > least)
+    clear = CLEAR * searched.residual
+    certain = [
+        g
+        for g in searched.growths
+        if g in doubtful and (g.significance > SIGNIFICANT or g.force > clear)
+    ]
+    if plucks and (len(certain) > len(found) if rigid is not None else certain):
+        noise = max(contact.noise for contact, _ in plucks)
+        fit = Fit("compliant", noise, searched.compliance, searched.residual)
+        return Found(plucks, fit, tuple(g for g in doubtful if g not in searched.growths))
+    if rigid is not None:
+        return rigid
+    if found:
+        return Found(found, Fit("rigid", _noise(found)))
+    return Found([], Fit("rigid", left, 0.0, rms), doubtful or (missed,))
+
+
+def _rigid_plucks(
+    rig: Rig, signals: Signals, rows: Rows, rest: Rows, begin: int, before: tuple[float, float]
+) -> list[tuple[Contact, Release]]:
+    """Return the plucks in the load on a rigid key."""
     falls = [
         release
         for fall in find_falls(rows)
         if (release := refine(signals, float(rows.time[fall]), rows.step)).gain > LEAST_FALL_GAIN
         and release.fall > LEAST_FALL
     ]
-    first, last = _rest(signals, begin)
-    rest = rows_of(signals, first, last, max(1, (last - first) // REST_ROWS))
-    before = _place(signals, min(begin, last + int(REST_MARGIN * signals.rate)))
     found = _contacts(rig, signals, rows.step, begin, falls, rest, before)
     largest = max((release.fall for _, release in found), default=0.0)
     large = [release for _, release in found if release.fall > LEAST_FRACTION * largest]
     if len(large) < len(found):  # between two plucks the key is free
         found = _contacts(rig, signals, rows.step, begin, large, rest, before)
-    noise = max((max(c.noise, r.noise) for c, r in found), default=1.0)
+    return found
+
+
+def _explained(
+    found: list[tuple[Contact, Release]], signals: Signals, strings: Expected, begin: int, end: int
+) -> Found | None:
+    """Return the plucks of a rigid key if it explains the load, else None."""
     rises = np.interp([c.time for c, _ in found], signals.time, signals.rise)
-    far = np.abs(rises[:, None] - expected(rig).contacts).min(initial=np.inf) > DISPLACED
+    far = np.abs(rises[:, None] - strings.contacts).min(initial=np.inf) > DISPLACED
     most = CERTAIN if far else RIGID_NOISE
     # A string held together with the next one spoils the fit of its contact on any key.
     if found and min(c.noise for c, _ in found) < most:
         ends = float(signals.time[begin]), float(signals.time[end])
-        found = [
+        sharp = [
             (c, r if r.noise < RINGING else refine_event(signals, r.time, NEAR, r.fall, *ends))
             for c, r in found
         ]
-        noise = max(max(c.noise, r.noise) for c, r in found)
-        return Found(found, Fit("rigid", noise))
+        return Found(sharp, Fit("rigid", _noise(sharp)))
     # With hardly any noise, residuals that shift no contact by much exceed it as well.
     exact = [_with_residual(contact, release) for contact, release in found]
     if found and not far and all(c.std < CONTACT_STD[1] and r.noise < RINGING for c, r in exact):
-        return Found(exact, Fit("rigid", noise, negligible=True))
-    left, rms, missed = unexplained(rig, rest, rows, before)
-    if not found and left < RIGID_NOISE:
-        return Found([], Fit("rigid", left))
-    plucks, searched = compliant_plucks(rig, signals, (begin, end))
-    moved = max(float(np.ptp(signals.force[begin:end])), float(np.ptp(rows.inertia)))
-    least = max(LEAST_GROWTH * searched.residual, SLIGHT * moved)
-    growths = (*searched.growths, *([searched.further] if searched.further else []))
-    doubtful = tuple(g for g in growths if g.significance > DOUBTFUL and g.force > least)
-    clear = CLEAR * searched.residual
-    if plucks and any(
-        g.significance > SIGNIFICANT or g.force > clear for g in searched.growths if g in doubtful
-    ):
-        noise = max(contact.noise for contact, _ in plucks)
-        fit = Fit("compliant", noise, searched.compliance, searched.residual)
-        return Found(plucks, fit, tuple(g for g in doubtful if g not in searched.growths))
-    if found:
-        return Found(found, Fit("rigid", noise), ())
-    return Found([], Fit("rigid", left, 0.0, rms), doubtful or (missed,))
+        return Found(exact, Fit("rigid", _noise(found), negligible=True))
+    return None
+
+
+def _noise(found: list[tuple[Contact, Release]]) -> float:
+    """Return the largest variance of residuals over that of the noise."""
+    return max(max(contact.noise, release.noise) for contact, release in found)
 
 
 def _with_residual(contact: Contact, release: Release) -> tuple[Contact, Release]:
