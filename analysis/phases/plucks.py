@@ -46,7 +46,7 @@ LEAST_GROWTH, CLEAR = 0.2, 20.0
 """Force over the rms of the load that is not explained: the least, and that of a clear pluck."""
 SLIGHT = 0.01
 """Least force of a pluck on a compliant key over the range of the finger force, or of the inertia
-if that is larger, while it is held."""
+if that is larger, on the way down."""
 DISPLACED, CERTAIN = 1.5e-3, 3.0
 """m, of all contacts from those of the rig, beyond which a rigid key must explain the load with
 this variance instead of `RIGID_NOISE`."""
@@ -90,13 +90,10 @@ def find_plucks(rig: Rig, signals: Signals, begin: int, end: int) -> Found:
     if not found and left < RIGID_NOISE:
         return Found([], Fit("rigid", left))
     plucks, searched = compliant_plucks(strings, signals, (begin, end))
+    moved = max(float(np.ptp(signals.force[begin:end])), float(np.ptp(rows.inertia)))
+    least = max(LEAST_GROWTH * searched.residual, SLIGHT * moved)
     growths = (*searched.growths, *([searched.further] if searched.further else []))
-    doubtful = tuple(
-        g
-        for g in growths
-        if g.significance > DOUBTFUL
-        and g.force > max(LEAST_GROWTH * searched.residual, SLIGHT * _moved(signals, rows, g))
-    )
+    doubtful = tuple(g for g in growths if g.significance > DOUBTFUL and g.force > least)
     clear = CLEAR * searched.residual
     certain = [
         g
@@ -152,14 +149,6 @@ def _explained(
     if found and not far and all(c.std < CONTACT_STD[1] and r.noise < RINGING for c, r in exact):
         return Found(exact, Fit("rigid", _noise(found), negligible=True))
     return None
-
-
-def _moved(signals: Signals, rows: Rows, growth: Growth) -> float:
-    """Return the range of the finger force, or of the inertia if larger, in a growth [N]."""
-    inside = slice(*np.searchsorted(rows.time, (growth.contact, growth.release)))
-    pressed = slice(signals.sample(growth.contact), signals.sample(growth.release))
-    ranges = [float(np.ptp(part)) for part in (signals.force[pressed], rows.inertia[inside])]
-    return max(ranges)
 
 
 def _noise(found: list[tuple[Contact, Release]]) -> float:
