@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from sautereau.analysis.phases.expected import Expected
 from sautereau.analysis.phases.fit import HUM_STD, hum_at
 from sautereau.analysis.phases.levenberg import minimise
-from sautereau.analysis.phases.slow import Slow
+from sautereau.analysis.phases.slow import TERMS, Slow
 from sautereau.trajectory.motion import Floats
 
 LEVEL_STD, DRIFT_STD = 10.0, 0.03
@@ -24,13 +24,15 @@ LEVEL_STD, DRIFT_STD = 10.0, 0.03
 and by a damper."""
 DAMPER, FULL_RISE = 1e-3, 10e-3
 """m, lift of a damper, and rise over which the load changes."""
+F2 = list(TERMS).index("F2")
+"""Place of the term of F'' among the columns of a key."""
 COLUMNS, FORCE_STD, SHARP_STD = 4, 3.0, 9e-7
 """Of a string, and prior standard deviations: N, of its force; N s^2, of the second derivative of
 that, by what lies between the laser and the jack. The others are deviations from its shape."""
 CONTACT_STD, CLIMB_STD, DOUBT = 0.5e-3, 0.4, 4.0
 """Standard deviations of a contact about the rig's, in m, and of the logarithm of the rise from it
 to the release; and bound of their deviations, as a rig may be of another instrument."""
-LONGEST, CONVERGED = 4e-3, 1e-3
+LONGEST, CONVERGED = 4e-3, 3e-4
 """s, longest step of a refinement, and relative decrease of chi2 at which it ends."""
 EXCHANGED = 1.1
 """Largest increase of chi2 by which contacts are put into the order of releases."""
@@ -47,11 +49,14 @@ class Solved:
     left: Floats
     """N, residuals with those of the priors."""
     factors: Floats
-    """Of the columns."""
+    """Of the columns of strings, shape (strings, COLUMNS)."""
     base: Floats
-    """Orthonormal base of the columns."""
-    forces: Floats
-    """N at the finger, of the strings."""
+    """Orthonormal base of these columns less what a key without a string explains of them."""
+
+    @property
+    def forces(self) -> Floats:
+        """N at the finger, of the strings."""
+        return FORCE_STD * self.factors[:, 0]
 
     @property
     def chi2(self) -> float:
@@ -84,10 +89,36 @@ class SawTeeth:
         level = np.full(len(rise), LEVEL_STD)
         hum = HUM_STD * hum_at(slow.time)
         free = np.column_stack([slow.terms, level, DRIFT_STD * np.stack(drift, 1), hum])
-        self.free = self.weight[:, None] * free
-        """N, weighted columns of a key without a string, times their prior standard deviations."""
+        known = free.shape[1]
+        free = np.concatenate([self.weight[:, None] * free, noise * np.eye(known)])
+        self.base, _ = np.linalg.qr(free)
+        """Orthonormal base of the columns of a key without a string, with the rows of priors."""
+        self._left = np.concatenate([self.load, np.zeros(known)])
+        self._left -= self.base @ (self.base.T @ self._left)
+        self._climbing = np.gradient(self.rise, slow.hop)
         self.at = rise
         """m, rise of the jack at the rows."""
+
+    def _held(self, plucks: Floats) -> tuple[Floats, Floats]:
+        """Return the rise since contact over that until release, while strings are held.
+
+        Args:
+            plucks: s, contacts and releases, shape (n, 2).
+
+        Returns:
+            Shape (blocks, n), and the derivatives by contacts and releases, shape (blocks, n, 2).
+        """
+        slow, time = self.slow, self.slow.hops[:, None]
+        at, top = np.interp(plucks.T, slow.hops, self.rise)
+        at_speed, top_speed = np.interp(plucks.T, slow.hops, self._climbing)
+        contact, release = plucks.T
+        part = np.clip((release - time) / slow.hop + 0.5, 0.0, 1.0) * (time > contact)
+        height = np.maximum(top - at, 1e-6)
+        whole = np.maximum(self.rise[:, None] - at, 0.0) / height
+        by_contact = (whole - 1) * part * at_speed / height
+        ends = (part > 0) & (part < 1)
+        by_release = whole * (ends / slow.hop - part * top_speed / height)
+        return whole * part, np.stack([by_contact, by_release], -1)
 
     def _strings_at(self, plucks: Floats) -> Floats:
         """Return the columns of strings held from a contact to a release.
@@ -98,35 +129,34 @@ class SawTeeth:
         Returns:
             Their force, its second derivative, deviations of its shape; shape (rows, n, COLUMNS).
         """
-        slow = self.slow
-        at, top = np.interp(plucks.T, slow.hops, self.rise)
-        contact, release = plucks.T
-        time, rise = slow.hops[:, None], self.rise[:, None]
-        part = np.clip((release - time) / slow.hop + 0.5, 0.0, 1.0) * (time > contact)
-        u = np.maximum(rise - at, 0.0) * part / np.maximum(top - at, 1e-6)
-        quadratic, cubic = self.strings.bends
-        curved = u * (u - 1)
-        line = u + curved * (quadratic + cubic * (u - 0.5))
-        shapes = [curved * (q + c * (u - 0.5)) for q, c in self.strings.shapes]
-        smooth = slow.smooth(np.concatenate([FORCE_STD * line, *shapes], 1))
+        u, _ = self._held(plucks)
+        line = u + _bent(u, *self.strings.bends)
+        shapes = [_bent(u, *terms) for terms in self.strings.shapes]
+        smooth = self.slow.smooth(np.concatenate([FORCE_STD * line, *shapes], 1))
         force, *shapes = smooth.reshape(len(self.load), 3, -1).transpose(1, 0, 2)
-        columns = np.stack([force, SHARP_STD * slow.smooth(line, 2), *shapes], 2)
+        columns = np.stack([force, SHARP_STD * self.slow.smooth(line, 2), *shapes], 2)
         return self.weight[:, None, None] * columns
 
     def solved(self, plucks: Floats) -> Solved:
         """Return the fit with these plucks, shape (plucks, 2)."""
-        strings = self._strings_at(plucks).reshape(len(self.load), -1)
-        columns = np.concatenate([self.free, strings], 1)
-        n, k = columns.shape
-        matrix, target = np.zeros((n + k, k)), np.zeros(n + k)
-        matrix[:n], target[:n] = columns, self.load
-        matrix[range(n, n + k), range(k)] = self._noise
-        q, r = np.linalg.qr(matrix)
-        of = q.T @ target
-        factors = np.asarray(np.linalg.solve(r, of), dtype=float)
-        left = target - q @ of
-        forces = FORCE_STD * factors[self.free.shape[1] :: COLUMNS]
-        return Solved(left[:n], left, factors, q, forces)
+        columns = self._strings_at(plucks).reshape(len(self.load), -1)
+        known, k = len(self._left), columns.shape[1]
+        matrix, target = np.zeros((known + k, k)), np.zeros(known + k)
+        matrix[: len(columns)] = columns
+        matrix[:known] -= self.base @ (self.base.T @ matrix[:known])
+        matrix[range(known, known + k), range(k)] = self._noise
+        target[:known] = self._left
+        base, upper = np.linalg.qr(matrix)
+        of = base.T @ target
+        factors = np.asarray(np.linalg.solve(upper, of), dtype=float).reshape(-1, COLUMNS)
+        left = target - base @ of
+        return Solved(left[: len(columns)], left, factors, base)
+
+    def better_compliance(self, solved: Solved) -> float:
+        """Return the compliance [s^2] with which a fit needs no term of F''."""
+        # The residual of a prior is minus the factor of its column.
+        factor = -float(solved.left[len(self.load) + F2]) / self._noise
+        return self.compliance - factor * TERMS["F2"]
 
     def doubts(self, plucks: Floats) -> Floats:
         """Return how far plucks are from what the rig says, in standard deviations.
@@ -155,16 +185,23 @@ class SawTeeth:
 
     def _slopes(self, plucks: Floats, solved: Solved) -> tuple[Floats, Floats]:
         """Return the derivatives of residuals, and of doubts, by contacts and releases."""
-        ends = plucks.size
-        off = SMALL * np.eye(ends).reshape(ends, -1, 2)
-        own = solved.factors[self.free.shape[1] :].reshape(-1, COLUMNS).repeat(2, 0)
-        place = range(ends), np.arange(ends) // 2
-        up, down = plucks + off, plucks - off
-        change = np.zeros((len(solved.left), ends))
-        columns = self._strings_at(up[place]) - self._strings_at(down[place])
-        change[: len(columns)] = (columns * own).sum(2) / (2 * SMALL)
-        rig = (self.doubts(up) - self.doubts(down)).T / (2 * SMALL)
-        return solved.base @ (solved.base.T @ change) - change, rig
+        u, by_ends = self._held(plucks)
+        force, sharp, *shapes = solved.factors.T
+        steep = 1 + _steepness(u, *self.strings.bends)
+        terms = zip(shapes, self.strings.shapes, strict=True)
+        slow = FORCE_STD * force * steep + sum(f * _steepness(u, *t) for f, t in terms)
+        slow, fast = (
+            (each[..., None] * by_ends).reshape(len(u), -1)
+            for each in (slow, SHARP_STD * sharp * steep)
+        )
+        rows, known = len(self.load), len(self._left)
+        change = np.zeros((len(solved.left), plucks.size))
+        change[:rows] = self.slow.smooth(slow) + self.slow.smooth(fast, 2)
+        change[:rows] *= self.weight[:, None]
+        change[:known] -= self.base @ (self.base.T @ change[:known])
+        off = SMALL * np.eye(plucks.size).reshape(-1, *plucks.shape)
+        up, down = self.doubts(np.stack([plucks + off, plucks - off]))
+        return solved.base @ (solved.base.T @ change) - change, (up - down).T / (2 * SMALL)
 
     def stds(self, plucks: Floats, solved: Solved) -> tuple[list[list[float]], list[float]]:
         """Return the standard uncertainties of plucks [s], and the noise around them."""
@@ -216,6 +253,16 @@ class SawTeeth:
         other, fitted, _ = self.refined(swapped)
         better = fitted.chi2 < EXCHANGED * solved.chi2
         return (other, fitted) if better else (plucks, solved)
+
+
+def _bent(u: Floats, quadratic: float, cubic: float) -> Floats:
+    """Return what bends a string's force, see `Expected.bends`."""
+    return u * (u - 1) * (quadratic + cubic * (u - 0.5))
+
+
+def _steepness(u: Floats, quadratic: float, cubic: float) -> Floats:
+    """Return the derivative of `_bent` by u."""
+    return quadratic * (2 * u - 1) + cubic * (3 * u * (u - 1) + 0.5)
 
 
 @lru_cache

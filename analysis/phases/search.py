@@ -18,7 +18,7 @@ from sautereau.analysis.phases.saw_teeth import (
     Solved,
     noise_around,
 )
-from sautereau.analysis.phases.slow import MOST_COMPLIANT, TERMS, Slow
+from sautereau.analysis.phases.slow import MOST_COMPLIANT, Slow
 from sautereau.trajectory.motion import Floats
 
 NOISE, LEAST_NOISE, CORRELATED = 0.015, 2e-3, 2.0
@@ -91,9 +91,10 @@ def search(slow: Slow, strings: Expected) -> Searched:
     found = Searched((), None, 0.0, 0.0)
     if len(slow.time) < 12:
         return found
+    plucks = np.zeros((0, 2))
     for number in range(ROUNDS):
         fit = SawTeeth(slow, compliance, noise, strings)
-        found = _Search(fit, QUICK if number == 0 else None).all()
+        found, plucks = _Search(fit, QUICK if number == 0 else None, plucks).all()
         change = abs(found.compliance - compliance)
         compliance, before = found.compliance, noise
         noise = max(LEAST_NOISE, CORRELATED * found.residual)
@@ -103,20 +104,28 @@ def search(slow: Slow, strings: Expected) -> Searched:
 
 
 class _Search:
-    """The search of plucks, one by one, with one compliance."""
+    """The search of plucks, one by one, with one compliance.
 
-    def __init__(self, fit: SawTeeth, most: int | None):
-        self._fit, self._most = fit, most
+    Args:
+        fit: With this compliance.
+        most: Largest number of starts of each search; None for no limit.
+        earlier: s, contacts and releases that were found with another compliance, shape (n, 2).
+    """
+
+    def __init__(self, fit: SawTeeth, most: int | None, earlier: Floats):
+        self._fit, self._most, self._earlier = fit, most, earlier
         self._moving = SLOWEST * float(fit.slow.speed().max())
 
-    def all(self) -> Searched:
-        """Return the plucks, added one by one."""
+    def all(self) -> tuple[Searched, Floats]:
+        """Return the plucks, added one by one; and their instants, in the order of addition."""
         strings = len(self._fit.strings.contacts)
         found, values, left = np.zeros((0, 2)), np.zeros(0), self._fit.solved(np.zeros((0, 2)))
         gains: list[float] = []
         further = None
         while len(found) <= strings:
             starts = self._starts(found, left)[: self._most]
+            if len(found) < len(self._earlier):
+                starts.append(self._earlier[: len(found) + 1])
             if not starts:
                 break
             trials = sorted((self._fit.refined(start) for start in starts), key=lambda t: t[2])
@@ -132,7 +141,7 @@ class _Search:
                     break
             found, left, values = trial, solved, forces
             gains.append(gain)
-        k = self._fit.compliance - float(left.factors[1]) * TERMS["F2"]
+        k = self._fit.better_compliance(left)
         stds, noises = self._fit.stds(found, left)
         each = zip(found.tolist(), values.tolist(), gains, stds, noises, strict=True)
         growths = [
@@ -141,12 +150,13 @@ class _Search:
         ]
         if further and len(growths) > strings:
             growths.remove(min(growths, key=lambda g: g.significance))
-        return Searched(
+        searched = Searched(
             tuple(sorted(growths, key=lambda g: g.release)),
             further,
             min(max(k, 0.0), MOST_COMPLIANT),
             float(np.sqrt(np.mean(left.load**2))),
         )
+        return searched, found
 
     def _judged(
         self,
@@ -184,7 +194,8 @@ class _Search:
         that the rig says.
         """
         fit, slow, strings = self._fit, self._fit.slow, self._fit.strings
-        left, q = solved.load, solved.base
+        left, rows = solved.load, len(solved.load)
+        base = np.concatenate([fit.base[:rows], solved.base[:rows]], 1)
         size = max(1, -(-len(left) // MOST_ROWS))
         n = len(left) // size
 
@@ -212,7 +223,7 @@ class _Search:
         )
         square = square + rise[:, None] ** 2 * (count[None, :] - count[:, None])
         least = 1e-2 * square
-        for column in q[: len(left)].T:
+        for column in base.T:
             square = square - product(sums(weight * column)) ** 2
         of_load = product(sums(weight * left))
         possible = (high > low + 3) & (climbed > LEAST_RISE) & (of_load > 0) & (square > least)
@@ -247,6 +258,11 @@ class _Search:
             placed[np.argsort(placed[:, 1]), 0] = where[: len(placed)]
             if (placed[:, 1] > placed[:, 0] + 2 * slow.width).all():
                 starts.append(placed)
+            # Two strings that are released one after the other may look like one.
+            strongest = int(np.argmax(solved.forces))
+            split = np.vstack([found, found[strongest]])
+            split[[strongest, -1], 1] += np.array([-1, 1]) * slow.width
+            starts.append(split)
         return starts
 
 
