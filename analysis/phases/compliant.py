@@ -15,10 +15,12 @@ SHORTEST = 0.5e-3
 """s, shortest pluck."""
 NEAR, LEAST_NEAR, MOST_NEAR = 2.0, 0.25e-3, 1.0e-3
 """Uncertainty of a release before its refinement over that of the search, and its bounds in s."""
-CONTACT_STD, RELEASE_STD = (1.9, 0.28e-3, 0.7), (1.2, 0.07e-3, 0.3)
-"""Standard uncertainty of an instant over that of its fit; s, what is added to it; and the part of
+LARGER, LEAST_STD, CONTACT_PART = 2.2, 0.28e-3, 1.2
+"""Standard uncertainty of a contact over that of its fit; s, what is added to it; and the part of
 the pluck's duration, over the fraction of the force that the key's model does not explain. From
 presses of the independent simulator, and tested on others."""
+LEAST_RELEASE_STD, RELEASE_PART = 0.1e-3, 0.6
+"""The same of a release."""
 LEAST_HIDDEN = 3 * BRIDGED
 """N, least force of a pluck whose release lies in a drop-out, where the inertia is interpolated."""
 
@@ -47,11 +49,9 @@ def compliant_plucks(
         if hidden or release.time - growth.contact < SHORTEST:
             continue
         wrong = searched.residual / growth.force * (release.time - growth.contact)
-
-        def uncertain(std: float, scale: tuple[float, float, float], wrong: float = wrong) -> float:
-            return math.hypot(scale[0] * std, scale[1], scale[2] * wrong, signals.instant_std)
-
-        std = uncertain(growth.contact_std, CONTACT_STD)
+        std = LARGER * growth.contact_std
+        std = math.hypot(std, LEAST_STD, CONTACT_PART * wrong, signals.instant_std)
         contact = Contact(growth.contact, std, growth.significance, growth.force, growth.noise)
-        found.append((contact, replace(release, std=uncertain(release.std, RELEASE_STD))))
+        std = math.hypot(release.std, LEAST_RELEASE_STD, RELEASE_PART * wrong)
+        found.append((contact, replace(release, std=std)))
     return found, searched

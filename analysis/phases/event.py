@@ -20,8 +20,9 @@ LEAST_ROWS = 24
 """Fewest blocks of a fit."""
 LARGEST_VARIANCE = 1e-6
 """s^2, of the instant of one fit; of a mode that nothing determines it is infinite."""
-DISAGREEMENT = 0.5
-"""Standard uncertainty over the distance from the approximate instant."""
+LARGER = 2.5
+"""Standard uncertainty of an instant over that of its fit, as modes are missing from the fit; from
+presses of the independent simulator, and tested on others."""
 REACH, TRIED, STARTS = 3.0, 20, 4
 """Standard deviations up to which instants are tried; their number; and that of parts of this
 range, in each of which a search starts from the best one."""
@@ -93,7 +94,7 @@ def refine_event(
     variance = float(chance @ ((times - mean) ** 2 + spread))
     return Release(
         time=near + mean,
-        std=math.hypot(math.sqrt(variance), signals.instant_std, DISAGREEMENT * mean),
+        std=math.hypot(LARGER * math.sqrt(variance), signals.instant_std),
         fall=force,
         fall_std=FALL_STD * force,
         slowed=0.0,

@@ -5,7 +5,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from sautereau.analysis.phases.compliant import CONTACT_STD, RELEASE_STD, compliant_plucks
+from sautereau.analysis.phases.compliant import (
+    CONTACT_PART,
+    LEAST_STD,
+    RELEASE_PART,
+    compliant_plucks,
+)
 from sautereau.analysis.phases.contact import Contact, find_contact
 from sautereau.analysis.phases.event import refine_event
 from sautereau.analysis.phases.expected import Expected, expected
@@ -146,7 +151,7 @@ def _explained(
         return Found(sharp, Fit("rigid", _noise(sharp)))
     # With hardly any noise, residuals that shift no contact by much exceed it as well.
     exact = [_with_residual(contact, release) for contact, release in found]
-    if found and not far and all(c.std < CONTACT_STD[1] and r.noise < RINGING for c, r in exact):
+    if found and not far and all(c.std < LEAST_STD and r.noise < RINGING for c, r in exact):
         return Found(exact, Fit("rigid", _noise(found), negligible=True))
     return None
 
@@ -160,8 +165,8 @@ def _with_residual(contact: Contact, release: Release) -> tuple[Contact, Release
     """Return a pluck whose uncertainties include what a rigid key does not explain."""
     wrong = contact.residual / release.fall * (release.time - contact.time)
     return (
-        replace(contact, std=math.hypot(contact.std, CONTACT_STD[2] * wrong)),
-        replace(release, std=math.hypot(release.std, RELEASE_STD[2] * wrong)),
+        replace(contact, std=math.hypot(contact.std, CONTACT_PART * wrong)),
+        replace(release, std=math.hypot(release.std, RELEASE_PART * wrong)),
     )
 
 
