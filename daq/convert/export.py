@@ -65,13 +65,13 @@ def export(path: str | Path, to: Format, out: Path, *, raw: bool = False) -> lis
     return _write(
         {
             out: lambda stream: csv.write_csv(table, stream, options),
-            out.with_name(out.name + ".json"): lambda stream: stream.write(document.encode()),
+            description_of(out): lambda stream: stream.write(document.encode()),
         }
     )
 
 
 def targets(files: list[Path], to: Format, out: Path | None) -> list[tuple[Path, Path]]:
-    """Return each recording with the file to write, none of which exists yet.
+    """Return each recording with the file to write.
 
     Args:
         files: Recordings.
@@ -79,7 +79,7 @@ def targets(files: list[Path], to: Format, out: Path | None) -> list[tuple[Path,
         out: File, or existing folder; None for the folder of each recording.
 
     Raises:
-        RecordingError: Several recordings would go into one file, or a file exists already.
+        RecordingError: Several recordings would go into one file.
     """
     if out is not None and not out.is_dir() and len(files) > 1:
         raise RecordingError(
@@ -92,14 +92,18 @@ def targets(files: list[Path], to: Format, out: Path | None) -> list[tuple[Path,
         pairs.append((file, out / name if out and out.is_dir() else out or file.with_name(name)))
     made = [target for _, target in pairs]
     faults = [
-        f"{target}: {'it exists and is never overwritten' if target.exists() else 'given twice'};"
-        " move it away or give another --out"
+        f"{target}: given twice; export one of them with another --out"
         for target in dict.fromkeys(made)
-        if target.exists() or made.count(target) > 1
+        if made.count(target) > 1
     ]
     if faults:
         raise RecordingError(fault_list("export", faults))
     return pairs
+
+
+def description_of(table: Path) -> Path:
+    """Return the file with the description of an exported CSV file."""
+    return table.with_name(table.name + ".json")
 
 
 def _table(recorded: Recorded, raw: bool) -> "tuple[pa.Table, dict[str, dict[str, str]]]":
