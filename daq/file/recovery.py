@@ -3,8 +3,8 @@
 import json
 from contextlib import closing
 from dataclasses import dataclass
+from io import BufferedReader
 from pathlib import Path
-from typing import BinaryIO
 
 from sautereau.daq.errors import RecordingError
 from sautereau.daq.file.container.chunks import find_intact, unpack_chunk
@@ -90,7 +90,7 @@ def recover(path: str | Path, out: str | Path | None = None) -> Recovery:
     )
 
 
-def _write(writer: McapWriter, file: BinaryIO, found: Survey, name: str, damage: str) -> None:
+def _write(writer: McapWriter, file: BufferedReader, found: Survey, name: str, damage: str) -> None:
     metadata = found.contents.metadata
     lost = [key for key in HEAD if key not in metadata]
     if lost:

@@ -54,19 +54,19 @@ def export(
     files: list[Path],
     /,
     *,
-    to: Literal["parquet", "csv"],
+    to: Literal["parquet", "csv", "h5", "wav", "tdms"],
     out: Path | None = None,
     raw: bool = False,
     json: common.Json = False,
 ) -> int:
-    """Export recordings to Parquet or CSV.
+    """Export recordings to Parquet, CSV, HDF5, WAV or TDMS.
 
     Parameters
     ----------
     files
         Recordings.
     to
-        Format. The metadata of a CSV file are in NAME.csv.json beside it.
+        Format. The metadata of a CSV or WAV file are beside it, in NAME.csv.json.
     out
         File to write, or folder for several. Default: beside each recording. Nothing is
         overwritten.

@@ -16,9 +16,10 @@ from sautereau.analysis.session.conditions import analyse, differing, what_is_al
 from sautereau.analysis.session.difference import side_by_side
 from sautereau.analysis.summary.press import HEADER, press_line, press_summary
 from sautereau.analysis.summary.text import counted
+from sautereau.daq.convert.to_xarray import to_xarray
 from sautereau.daq.errors import RecordingError
 from sautereau.daq.file.container.durable import PART
-from sautereau.daq.file.reading import read_session
+from sautereau.daq.file.reading import read_recording, read_session
 from sautereau.daq.file.recorded import SessionInfo
 from sautereau.entrance.comparison import Comparison
 from sautereau.entrance.fit import Fit, fitted
@@ -89,6 +90,10 @@ class PressFile(Shown):
     def to_frame(self) -> "pd.DataFrame":
         """Return the samples."""
         return self.data
+
+    def to_xarray(self) -> Any:
+        """Return samples in SI units, encoders and plan as an xarray Dataset; see `to_xarray`."""
+        return to_xarray(read_recording(self.path))
 
     def plot(self) -> "Figure":
         """Return a figure of force and speed with contact and release."""
