@@ -300,7 +300,7 @@ def test_a_gradual_fall_is_no_pluck_but_a_warning_that_says_where(make_press):
     assert phases.fit.verdict == "poor"
     assert any("climbs by" in warning for warning in phases.warnings)
     ((start, stop),) = phases.missed
-    assert start == pytest.approx(0.06, abs=5e-3)
+    assert start == pytest.approx(0.06, abs=10e-3)
     assert stop == pytest.approx(0.15, abs=3e-3)
     assert press_summary(press, phases)["missed"] == [[start, stop]]
     named = f"load without a pluck: {start * 1e3:.4g} to {stop * 1e3:.4g} ms"
