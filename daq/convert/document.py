@@ -206,4 +206,6 @@ def _lists(series: Plan | Joints | None) -> dict[str, list[float]] | None:
 def _arrays(kind: Any, lists: dict[str, list[float]] | None) -> Any:
     if lists is None:
         return None
+    if not isinstance(lists, dict):
+        raise TypeError(f"{kind.__name__} is no object of arrays")
     return kind(**{name: np.array(values, dtype=float) for name, values in lists.items()})

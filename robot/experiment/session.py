@@ -56,34 +56,6 @@ class Origin:
     """Of the stand-in's random numbers."""
 
 
-def run_session(
-    rig: Rig,
-    trajectory: Trajectory,
-    controller: MotionController,
-    out: Path,
-    n: int,
-    *,
-    on_press: Callable[[Path], None] = lambda path: None,
-) -> list[Path]:
-    """Make n equal presses, each recorded in a file of its own; see `make_presses`.
-
-    Args:
-        rig: The bench.
-        trajectory: Of each press.
-        controller: Not yet connected.
-        out: Folder of the recordings; it is created.
-        n: Presses.
-        on_press: Called with each finished recording.
-
-    Raises:
-        SautereauError: Of any kind; the arm has been stopped and switched off.
-    """
-    if n < 1:
-        raise RobotError(f"session: {n} presses were requested; request 1 or more")
-    items = [Item(rig, trajectory)] * n
-    return make_presses(controller, out, items, on_press=lambda item, path: on_press(path))
-
-
 def make_presses(
     controller: MotionController,
     out: Path,

@@ -2,6 +2,7 @@
 
 import math
 import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,15 +12,16 @@ from sautereau.daq.file.reading import read_recording
 from sautereau.daq.file.recording import Recording
 from sautereau.daq.file.survey import describe
 from sautereau.daq.source.acquisition import Acquisition
+from sautereau.sim_backend.device_types import IDEAL
 from sautereau.sim_backend.devices.daqmx.card import ENDLESS
 from sautereau.sim_backend.devices.daqmx.server import DaqmxServer
-from tests.cards import PreTriggerCard, volts
+from tests.cards import Card, volts
 
 
 @pytest.fixture
 def card():
-    card = PreTriggerCard(16, ready=lambda n: n)
-    card.acquired = lambda run: run.before
+    card = Card(16, ready=lambda n: n)
+    card.acquired = lambda run: run.setup.before
     return card
 
 
@@ -75,7 +77,7 @@ def test_samples_before_the_edge_are_recorded_below_zero(card, rig, session, tmp
         assert acquisition.n_samples == 7680
         with Recording(tmp_path / "a.mcap", rig, session=session) as recording:
             record(acquisition, recording)
-    assert card.runs[0].before == 2560
+    assert card.runs[0].setup.before == 2560
     assert card.runs[0].setup.n_samples == 7680
     found = read_recording(tmp_path / "a.mcap")
     assert found.first_sample == -2560
@@ -87,8 +89,8 @@ class TimedRun:
 
     LEAD = 0.12
 
-    def __init__(self, setup, before):
-        self._rate = setup.rate
+    def __init__(self, setup):
+        self._rate, before = setup.rate, setup.before or 0
         lead = self.LEAD if before else 0.0
         self._edge = math.ceil(lead * setup.rate)
         self._end, self._before = self._edge - before + setup.n_samples, before
@@ -116,9 +118,7 @@ class TimedRun:
 def test_the_trigger_is_dated_by_counts_of_samples(card, rig, session, tmp_path, before):
     """Within the stated uncertainty: half of the time in which the device answers."""
     runs = []
-    card.start = card.start_pretrigger = lambda setup, n=0: (
-        runs.append(TimedRun(setup, n)) or runs[-1]
-    )
+    card.start = lambda setup: runs.append(TimedRun(setup)) or runs[-1]
     rig, path = changed(rig, pre_trigger=before), tmp_path / "a.mcap"
     with Acquisition(rig.daq, 0.3) as acquisition, Recording(path, rig, session=session) as made:
         acquisition.start()
@@ -153,7 +153,8 @@ def test_no_edge_for_samples_around_it(card, rig):
 
 
 def test_a_device_without_a_reference_trigger_says_so(bench):
-    _, _, rig = bench(daq__pre_trigger="10 ms")
+    card = Card(device=replace(IDEAL, reference_trigger=False))
+    _, _, rig = bench(card, daq__pre_trigger="10 ms")
     with pytest.raises(DaqError, match="no reference trigger"), Acquisition(rig.daq, 0.05):
         pass
 
@@ -190,7 +191,7 @@ def test_samples_that_the_driver_passes_over(paper, card):
             blocks = acquisition.blocks()
             next(blocks)
             (task,) = server._servicer._tasks.values()
-            task.progress.position += 7
+            task.position += 7
             with pytest.raises(DaqError, match="7 samples were lost before sample 1031"):
                 next(blocks)
 
