@@ -12,12 +12,21 @@ from dataclasses import asdict, dataclass
 from functools import cached_property
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 
 from sautereau.analysis.campaign.labels import LEVELS, TOUCH
-from sautereau.analysis.campaign.row import Fault, Row, Source, column_faults, place_of, unit_of
+from sautereau.analysis.campaign.row import (
+    KINDS,
+    Fault,
+    Row,
+    Source,
+    column_faults,
+    place_of,
+    unit_of,
+)
 from sautereau.analysis.errors import AnalysisError
 from sautereau.rig.disk import sync_folder
 from sautereau.rig.faults import fault_list
@@ -61,6 +70,9 @@ class Campaign:
     def data(self) -> pd.DataFrame:
         """The table as a pandas DataFrame, with NaN or None for null; `TOUCH` is ordered."""
         data = self.table.to_pandas()
+        for field in self.table.schema:
+            if pa.types.is_null(field.type) and field.name not in KINDS:
+                data[field.name] = np.nan
         if TOUCH in data:
             data[TOUCH] = data[TOUCH].astype(pd.CategoricalDtype(LEVELS, ordered=True))
         return data
@@ -174,10 +186,9 @@ def read_campaign(path: str | Path) -> Campaign:
     table = table.replace_schema_metadata(None)
     if schema == 1:
         table = table.rename_columns([_present_name(name) for name in table.column_names])
-    found = Campaign(path, table, faults, made_by, schema)
     if wrong := column_faults(table):
         raise AnalysisError(f"{fault_list(f'campaign {path}', wrong)}\n{fix}")
-    return found
+    return Campaign(path, table, faults, made_by, schema)
 
 
 def _present_name(column: str) -> str:
