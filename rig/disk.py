@@ -4,9 +4,12 @@ import errno
 import os
 import secrets
 import stat
+from contextlib import suppress
 from pathlib import Path
 from typing import BinaryIO
 
+NEW = ".new"
+"""File extension of what is being written."""
 TEXT_LIMIT = 8_000_000
 """Largest size of a file of text that is read: rig, scene, table, manifest; bytes."""
 
@@ -16,7 +19,8 @@ def write_durably(path: Path, data: str | bytes, *, new: bool = False) -> None:
 
     The data go to a file with a random name beside it, are flushed to the disk, and get their
     name at the end. A symbolic link at that name is replaced, not followed. A text keeps its line
-    ends; an existing file's permissions are kept.
+    ends; an existing file's permissions are kept. What a killed process has left beside it is
+    removed.
 
     Args:
         path: File to write.
@@ -27,9 +31,10 @@ def write_durably(path: Path, data: str | bytes, *, new: bool = False) -> None:
         OSError: It cannot be written, or exists already; then nothing has changed.
     """
     content = data.encode("utf-8") if isinstance(data, str) else data
-    beside = path.with_name(f".{path.name}.{secrets.token_hex(4)}.new")
+    beside = path.with_name(f".{path.name}.{secrets.token_hex(4)}{NEW}")
     try:
         with beside.open("xb") as file:
+            hold(file)
             file.write(content)
             file.flush()
             os.fsync(file.fileno())
@@ -43,7 +48,17 @@ def write_durably(path: Path, data: str | bytes, *, new: bool = False) -> None:
     except BaseException:
         beside.unlink(missing_ok=True)
         raise
+    _remove_left(path)
     sync_folder(path.parent)
+
+
+def _remove_left(path: Path) -> None:
+    """Remove the files beside a file that nobody writes any more."""
+    for name in os.listdir(path.parent):  # noqa: PTH208 (there may be thousands of others)
+        if name.startswith(f".{path.name}.") and name.endswith(NEW):
+            with suppress(OSError), path.with_name(name).open("rb") as file:
+                if hold(file):
+                    path.with_name(name).unlink()
 
 
 def hold(file: BinaryIO) -> bool:
@@ -75,6 +90,18 @@ def sync_folder(folder: Path) -> None:
         os.fsync(entry)
     finally:
         os.close(entry)
+
+
+def make_folder(folder: Path) -> None:
+    """Make a folder and those above it that are missing; their names are flushed to the disk.
+
+    Raises:
+        OSError: It cannot be made.
+    """
+    missing = [path for path in (folder, *folder.parents) if not path.exists()]
+    folder.mkdir(parents=True, exist_ok=True)
+    for path in reversed(missing):
+        sync_folder(path.parent)
 
 
 def read_limited(path: Path, most: int = TEXT_LIMIT) -> bytes:

@@ -4,8 +4,8 @@ Nothing can be appended to a Parquet file, because it ends in its index. As the 
 rewritten to a temporary file, which replaces the table once it is on the disk.
 """
 
+import io
 import json
-import os
 import re
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
@@ -28,13 +28,11 @@ from sautereau.analysis.campaign.row import (
     unit_of,
 )
 from sautereau.analysis.errors import AnalysisError
-from sautereau.rig.disk import sync_folder
+from sautereau.rig.disk import make_folder, write_durably
 from sautereau.rig.faults import fault_list
 
 KEY = b"sautereau"
 """Key of the file's metadata."""
-PART = ".part"
-"""Added to the name of a file while it is written."""
 MOST_ROWS = 1_000_000
 """Limit of a table's presses."""
 MOST_BYTES = 2**29
@@ -116,14 +114,10 @@ class Campaign:
         }
         fields = [f.with_metadata({"unit": unit_of(f.name)}) for f in self.table.schema]
         schema = pa.schema(fields, metadata={KEY: json.dumps(metadata)})
-        part = self.path.with_name(self.path.name + PART)
-        self.path.parent.mkdir(parents=True, exist_ok=True)
-        with part.open("wb") as file:
-            pq.write_table(self.table.cast(schema), file, compression="zstd")
-            file.flush()
-            os.fsync(file.fileno())
-        part.replace(self.path)
-        sync_folder(self.path.parent)
+        file = io.BytesIO()
+        pq.write_table(self.table.cast(schema), file, compression="zstd")
+        make_folder(self.path.parent)
+        write_durably(self.path, file.getvalue())
 
 
 def empty_campaign(path: Path, made_by: str) -> Campaign:

@@ -37,7 +37,8 @@ def export(path: str | Path, to: Format, out: Path, *, raw: bool = False) -> lis
     the recording, there is a column ``simulated``.
 
     Parquet holds everything else in its schema's metadata; ``NAME.csv`` is a plain table for
-    spreadsheets, with ``NAME.csv.json`` next to it. Nothing is overwritten.
+    spreadsheets, with ``NAME.csv.json`` next to it. Nothing is overwritten; a
+    file that holds the same already is left as it is.
 
     Args:
         path: Recording to read.
@@ -71,7 +72,7 @@ def export(path: str | Path, to: Format, out: Path, *, raw: bool = False) -> lis
 
 
 def targets(files: list[Path], to: Format, out: Path | None) -> list[tuple[Path, Path]]:
-    """Return each recording with the file to write, none of which exists yet.
+    """Return each recording with the file to write.
 
     Args:
         files: Recordings.
@@ -79,7 +80,7 @@ def targets(files: list[Path], to: Format, out: Path | None) -> list[tuple[Path,
         out: File, or existing folder; None for the folder of each recording.
 
     Raises:
-        RecordingError: Several recordings would go into one file, or a file exists already.
+        RecordingError: Several recordings would go into one file.
     """
     if out is not None and not out.is_dir() and len(files) > 1:
         raise RecordingError(
@@ -92,10 +93,9 @@ def targets(files: list[Path], to: Format, out: Path | None) -> list[tuple[Path,
         pairs.append((file, out / name if out and out.is_dir() else out or file.with_name(name)))
     made = [target for _, target in pairs]
     faults = [
-        f"{target}: {'it exists and is never overwritten' if target.exists() else 'given twice'};"
-        " move it away or give another --out"
+        f"{target}: given twice; give another --out"
         for target in dict.fromkeys(made)
-        if target.exists() or made.count(target) > 1
+        if made.count(target) > 1
     ]
     if faults:
         raise RecordingError(fault_list("export", faults))
@@ -144,6 +144,8 @@ def _write(files: dict[Path, Callable[[BinaryIO], object]]) -> list[Path]:
             with file.writing():
                 write(file.stream)
             file.close()
+        for file in opened:
+            file.check()
     except BaseException:
         for file in opened:
             file.abandon()

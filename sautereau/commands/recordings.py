@@ -69,7 +69,7 @@ def export(
         Format. The metadata of a CSV file are in NAME.csv.json beside it.
     out
         File to write, or folder for several. Default: beside each recording. Nothing is
-        overwritten.
+        overwritten; after an interruption, run it again.
     raw
         Write raw volts only, without values in SI units.
     """

@@ -48,7 +48,7 @@ def report(
     from sautereau.analysis.report.build import build_report
     from sautereau.analysis.report.contents import gather
     from sautereau.entrance.session import recordings_in
-    from sautereau.rig.disk import write_durably
+    from sautereau.rig.disk import make_folder, write_durably
     from sautereau.robot.experiment.session_folder import read_manifest
 
     manifest = read_manifest(session)
@@ -62,7 +62,7 @@ def report(
         contents = gather(recordings, level, step)
     page = build_report(contents, _about(session, manifest, contents.presses, warnings))
     out = out or session / PAGE
-    out.parent.mkdir(parents=True, exist_ok=True)
+    make_folder(out.parent)
     write_durably(out, page)
     simulated = any(record.press.simulated for record in contents.presses)
     lines = [f"report:     {out}"]

@@ -11,17 +11,7 @@ import pytest
 from sautereau.rig.load import load_rig, with_values
 from sautereau.sim_backend.bench import StandIn
 from sautereau.sim_backend.scene import load_scene
-from tests.presses import QUICK, press_on
-
-BARE = """
-description = "a key without strings: quick"
-finger = "ideal"
-plectrum = "none"
-string = "none"
-friction = false
-felt = false
-step = "1 ms"
-"""
+from tests.presses import BARE, QUICK, press_on
 
 
 @pytest.fixture

@@ -1,6 +1,7 @@
 """Files that get their names only when they are complete and on the disk; when they are flushed."""
 
 import errno
+import filecmp
 import os
 import time
 from collections.abc import Callable, Iterator
@@ -35,28 +36,28 @@ class DurableFile:
 
         Args:
             path: Path of the finished file.
-            ending: Appended to its name until then. A file with another ending than `PART` was
-                left by a killed program that made it from other files, and is replaced.
+            ending: Appended to its name until then. With another ending than `PART` the file
+                is made from other files: what a killed program has left is replaced, and a
+                finished file may exist if it has the same content.
 
         Raises:
             RecordingError: Either file exists already, or the folder cannot be written.
         """
         self.path = Path(path)
         self.part_path = self.path.with_name(self.path.name + ending)
-        if ending != PART:
+        self._repeatable = ending != PART
+        if self._repeatable:
             self.part_path.unlink(missing_ok=True)
-        for taken in (self.path, self.part_path):
+        for taken in () if self._repeatable else (self.path, self.part_path):
             if os.path.lexists(taken):
-                raise RecordingError(
-                    f"recording {taken}: it exists and is never overwritten; move it away or"
-                    " give another name"
-                )
+                raise _taken(taken)
         if not self.path.parent.is_dir():
             raise RecordingError(
                 f"recording {self.path}: there is no folder {self.path.parent}; create it first"
             )
         with self.writing():
             self.stream: BinaryIO = self.part_path.open("xb")
+            self._named = False
             hold(self.stream)
 
     @contextmanager
@@ -78,10 +79,13 @@ class DurableFile:
             ) from error
 
     def sync(self) -> None:
-        """Flush everything written so far to the disk."""
+        """Flush everything written so far to the disk, and the first time the file's name."""
         with self.writing():
             self.stream.flush()
             os.fsync(self.stream.fileno())
+            if not self._named:
+                sync_folder(self.path.parent)
+            self._named = True
 
     def close(self) -> None:
         """Flush everything to the disk and close the unfinished file."""
@@ -96,8 +100,24 @@ class DurableFile:
         with suppress(OSError):
             self.stream.close()
 
+    def check(self) -> None:
+        """Refuse to replace another file; one made from other files may be there already.
+
+        Raises:
+            RecordingError: There is a file with the final name, and another content.
+        """
+        if self._repeatable and os.path.lexists(self.path) and not self._made:
+            raise _taken(self.path)
+
+    @property
+    def _made(self) -> bool:
+        return self.path.is_file() and filecmp.cmp(self.part_path, self.path, shallow=False)
+
     def publish(self) -> None:
         """Rename a closed file to its final name."""
+        self.check()
+        if self._repeatable and self._made:
+            return self.part_path.unlink()
         if os.path.lexists(self.path):
             raise RecordingError(
                 f"recording {self.path}: another program created it meanwhile, and it is not"
@@ -106,6 +126,13 @@ class DurableFile:
         with self.writing():
             self.part_path.rename(self.path)
             sync_folder(self.path.parent)
+        return None
+
+
+def _taken(path: Path) -> RecordingError:
+    return RecordingError(
+        f"recording {path}: it exists and is never overwritten; move it away or give another name"
+    )
 
 
 class SteadyClock:
