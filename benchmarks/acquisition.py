@@ -17,6 +17,7 @@ from benchmarks.figures import Figure, check, median_time
 from sautereau.rig.acquisition import Daq
 from sautereau.rig.load import load_rig
 from sautereau.rig.schema import Rig
+from sautereau.sim_backend.device_types import IDEAL
 from sautereau.sim_backend.devices.daqmx.card import TaskSetup
 from sautereau.trajectory.motion import Floats
 
@@ -56,9 +57,8 @@ class PacedRun:
 class PacedCard:
     """A card with sixteen inputs in real time."""
 
-    name = "Dev1"
+    name, chassis, device, paced = "Dev1", "", IDEAL, True
     terminals = tuple(f"ai{n}" for n in range(CHANNELS))
-    paced = True
 
     def start(self, setup: TaskSetup) -> PacedRun:
         return PacedRun(setup)

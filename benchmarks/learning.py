@@ -57,7 +57,7 @@ def _errors(
     from sautereau.robot.drivers.galil.driver import GalilController
     from sautereau.robot.experiment.feedforward import force_of
     from sautereau.robot.experiment.learning import IterativeLearning
-    from sautereau.robot.experiment.session import make_presses, run_session
+    from sautereau.robot.experiment.session import Item, make_presses
     from sautereau.sim_backend.bench import StandIn
     from sautereau.sim_backend.scene import load_scene
     from sautereau.trajectory.press import plan_press
@@ -67,7 +67,8 @@ def _errors(
     with tempfile.TemporaryDirectory() as folder, StandIn(rig, scene, seed) as stand_in:
         bench, out, measured = stand_in.rig, Path(folder), None
         if feed_forward:
-            (path,) = run_session(bench, plan_press(bench), GalilController(bench), out, 1)
+            presses = [Item(bench, plan_press(bench))]
+            (path,) = make_presses(GalilController(bench), out, presses)
             measured = force_of(path)
         learning = IterativeLearning(rig, None, PRESSES, measured=measured)
         make_presses(

@@ -4,10 +4,13 @@ import errno
 import os
 import secrets
 import stat
-from contextlib import suppress
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager, suppress
+from contextvars import ContextVar
 from pathlib import Path
 from typing import BinaryIO
 
+_REPLACED: ContextVar[frozenset[Path]] = ContextVar("_REPLACED", default=frozenset())
 NEW = ".new"
 """File extension of what is being written."""
 TEXT_LIMIT = 8_000_000
@@ -25,7 +28,7 @@ def write_durably(path: Path, data: str | bytes, *, new: bool = False) -> None:
     Args:
         path: File to write.
         data: Complete content.
-        new: Whether to refuse an existing file.
+        new: Whether to refuse an existing file, unless it may be replaced (`replacing`).
 
     Raises:
         OSError: It cannot be written, or exists already; then nothing has changed.
@@ -38,7 +41,7 @@ def write_durably(path: Path, data: str | bytes, *, new: bool = False) -> None:
             file.write(content)
             file.flush()
             os.fsync(file.fileno())
-        if new:
+        if new and not may_replace(path):
             os.link(beside, path)  # unlike a rename, this fails if the file exists
             beside.unlink()
         else:
@@ -50,6 +53,21 @@ def write_durably(path: Path, data: str | bytes, *, new: bool = False) -> None:
         raise
     _remove_left(path)
     sync_folder(path.parent)
+
+
+@contextmanager
+def replacing(paths: Iterable[Path]) -> Iterator[None]:
+    """Let new files take the names of these existing ones, in one step each, inside the context."""
+    token = _REPLACED.set(frozenset(path.absolute() for path in paths))
+    try:
+        yield
+    finally:
+        _REPLACED.reset(token)
+
+
+def may_replace(path: Path) -> bool:
+    """Return whether a new file may take the name of an existing one."""
+    return path.absolute() in _REPLACED.get()
 
 
 def _remove_left(path: Path) -> None:

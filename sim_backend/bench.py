@@ -13,9 +13,7 @@ from sautereau.sim_backend.card import BenchCard
 from sautereau.sim_backend.clock import Clock, FairLock
 from sautereau.sim_backend.controller_part import ControllerUnit
 from sautereau.sim_backend.devices.daqmx.server import DaqmxServer
-from sautereau.sim_backend.devices.emulators import EMULATORS, Emulator
-from sautereau.sim_backend.devices.galil.firmware import GalilFirmware
-from sautereau.sim_backend.devices.galil.ports import SERIAL
+from sautereau.sim_backend.devices.emulators import SERIAL, Networked, emulator_of
 from sautereau.sim_backend.devices.plant import ArmPlant
 from sautereau.sim_backend.devices.serial_port import PortGone, PtyPort, SocketPort
 from sautereau.sim_backend.devices.tcp_port import TcpPort
@@ -71,9 +69,9 @@ class Bench:
             self.rig, self.scene, seed, paced, self._lock, self.injection, lambda: self.world.time
         )
         self._powered_up = False
-        emulate = EMULATORS.get(rig.controller.kind)
         given = {} if scene.controller is None else {"unit": scene.controller}
-        self.firmware: Emulator = emulate(rig, self.plant, self._on_output, paced, **given)
+        emulate = emulator_of(rig.controller.kind, **given)
+        self.firmware = emulate(rig, self.plant, self._on_output, paced)
         self._powered_up = True
         self._outbox: dict[str, bytes] = {}
         self.on_message: Callable[[], None] = lambda: None
@@ -151,11 +149,11 @@ class Bench:
             self._lock.notify_all()
 
     @property
-    def _networked(self) -> GalilFirmware:
-        if not isinstance(self.firmware, GalilFirmware):
+    def _networked(self) -> Networked:
+        if not isinstance(self.firmware, Networked):
             raise SceneError(
-                f"controller.kind: {self.rig.controller.kind!r} has no Ethernet port; use a"
-                ' pseudo-terminal, or controller.kind = "galil"'
+                f"controller.kind: the stand-in of a {self.rig.controller.kind!r} has no Ethernet"
+                " port; use a pseudo-terminal"
             )
         return self.firmware
 

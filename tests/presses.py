@@ -1,7 +1,7 @@
 """Presses on the stand-in, over the real pyserial and nidaqmx, and what makes them quick."""
 
 from sautereau.robot.drivers.galil.driver import GalilController
-from sautereau.robot.experiment.session import run_session
+from sautereau.robot.experiment.session import Item, make_presses
 from sautereau.sim_backend.fault_tables import Faults
 from sautereau.sim_backend.scene import load_scene
 from sautereau.trajectory.press import plan_press
@@ -32,4 +32,4 @@ def mute_scene(finger="ideal", *, faults=None, **changes):
 def press_on(stand_in, out, n=1, controller=GalilController, **options):
     """Make n presses with the rig of a stand-in; return the recordings."""
     rig = stand_in.rig
-    return run_session(rig, plan_press(rig), controller(rig), out, n, **options)
+    return make_presses(controller(rig), out, [Item(rig, plan_press(rig))] * n, **options)

@@ -17,10 +17,15 @@ from sautereau.analysis.identify.observed import (
 )
 from sautereau.analysis.identify.parameters import (
     CLEARANCE,
+    ENDS,
     FORCE_GAIN,
+    FRICTION,
     LATE_SLIDING,
+    MODULUS,
+    OVERLAP,
     RELEASE,
     SLIDING,
+    STIFFNESS,
     TIME,
     TIME_RANGE,
     VELOCITY_GAIN,
@@ -49,6 +54,10 @@ SLIDING_STD = 2e-3
 millimetre."""
 RELEASE_STD = 5e-3
 """Dimensionless, of the height of release: the string moves, and the model's is static."""
+FRICTION_STD = 0.1
+"""Dimensionless, of the plectrum's friction in the rig. It is fitted with stiffness and overlap,
+which imitate it: 0.03 hides in the noise, and makes the overlap 8 % too large. A string on the
+mid-line, which no instrument has, looks like friction as well: there its place comes first."""
 FAR = 10
 """Bounds of these errors, in their standard uncertainties."""
 ROUNDS = 3
@@ -88,7 +97,7 @@ def inverse_dynamics(
         raise AnalysisError("there is no press to fit; give at least one recording")
     rig = check_alike({str(press.path): press.rig for press in presses})
     free = parameters(rig, names, priors)
-    free += tuple(error for error in _errors(rig) if error.name not in names)
+    free += tuple(error for error in _errors(rig, names) if error.name not in names)
     shift = TIME_RANGE if TIME in names else min(TIME_RANGE, FAR * _stds(rig)[TIME])
     taken = [observed(p, f, shift) for p, f in zip(presses, phases, strict=True)]
     return InverseDynamics(rig, free, taken, level)
@@ -125,8 +134,8 @@ def fit(
     return Fit(_problem(dynamics, values, noise, factor), values, residual_before, levelled)
 
 
-def _errors(rig: Rig) -> list[Parameter]:
-    """Return the hidden parameters for errors of the measurement, and the clearance."""
+def _errors(rig: Rig, names: Sequence[str]) -> list[Parameter]:
+    """Return the hidden parameters: errors of the measurement, and what is seldom known."""
     units = {CLEARANCE: "m", TIME: "s", SLIDING: "1/N", LATE_SLIDING: "1/N"}
     values = {
         CLEARANCE: rig.jack.string_clearance,
@@ -141,6 +150,10 @@ def _errors(rig: Rig) -> list[Parameter]:
         low = value - min(FAR * std, 0.9 * value) if value else -FAR * std
         unit = units.get(name, "")
         found.append(Parameter(name, unit, value, low, value + FAR * std, value, std, hidden=True))
+    if {MODULUS, STIFFNESS, OVERLAP} & set(names) and rig.plectrum.contact == "surface":
+        value = rig.plectrum.friction
+        friction = Parameter(FRICTION, "", value, *ENDS[FRICTION], value, FRICTION_STD, hidden=True)
+        found.append(friction)
     return found
 
 

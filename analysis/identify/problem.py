@@ -17,8 +17,6 @@ from sautereau.analysis.identify.residuals import InverseDynamics
 from sautereau.analysis.phases.signals import SOLVE
 from sautereau.trajectory.motion import Floats
 
-DIFFERENCE = 1e-3
-"""Step of the numerical derivatives over the scale of the parameter."""
 AT_BOUND = 1e-6
 """Fraction of the range of a parameter within which it counts as at a bound."""
 TOLERANCE = 1e-6
@@ -201,9 +199,9 @@ class Problem:
         """Return the derivatives by the scaled parameters, central except at bounds."""
         low, high = self.bounds
         columns = []
-        for k in range(len(point)):
+        for k, parameter in enumerate(self.free):
             ends = []
-            for end in (point[k] - DIFFERENCE, point[k] + DIFFERENCE):
+            for end in (point[k] - parameter.difference, point[k] + parameter.difference):
                 moved = point.copy()
                 moved[k] = min(max(end, low[k]), high[k])
                 ends.append(moved)

@@ -2,10 +2,11 @@
 
 import hashlib
 import json
-from collections.abc import Sequence
+import math
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 
@@ -21,6 +22,8 @@ from sautereau.daq.file.recorded import (
     session_from_metadata,
 )
 from sautereau.daq.signals.quality_flags import find_quality_flags
+from sautereau.rig.acquisition import Channel
+from sautereau.rig.disk import read_limited
 from sautereau.rig.errors import RigError
 from sautereau.rig.faults import fault_list
 from sautereau.rig.load import rig_from_json, rig_json
@@ -30,8 +33,17 @@ SIMULATED = "simulated"
 """Column that an export of a simulated recording has, so that the table alone shows it."""
 FORMAT = "sautereau export 1"
 """Name and version of the document's format."""
-PARQUET_KEY = b"sautereau"
+DOCUMENT_KEY = "sautereau"
+"""Name of the document in an HDF5 or TDMS file."""
+PARQUET_KEY = DOCUMENT_KEY.encode()
 """Key of the document in the metadata of a Parquet file's schema."""
+SIDECAR = ".json"
+"""Appended to the name of a file that has its document beside it."""
+MOST_DOCUMENT = 200_000_000
+"""Limit of the size of an export's metadata file, byte."""
+
+Parts = dict[str, Callable[[BinaryIO], object]]
+"""What an export writes: a function for each file, by what is appended to the file's name."""
 
 
 @dataclass(frozen=True)
@@ -67,6 +79,16 @@ def digest(volts: Sequence[Signal]) -> str:
     return hashed.hexdigest()
 
 
+def volts_name(channel: str) -> str:
+    """Return the name of the column of a channel's raw volts."""
+    return f"{channel} [V]"
+
+
+def full_scale(channel: Channel) -> float:
+    """Return what the value 1 in an exported WAV file is, V: a power of two."""
+    return 2.0 ** math.ceil(math.log2(channel.range))
+
+
 def document_text(recorded: Recorded, columns: dict[str, dict[str, str]]) -> str:
     """Return the document of a recording.
 
@@ -87,6 +109,7 @@ def document_text(recorded: Recorded, columns: dict[str, dict[str, str]]) -> str
             "format": FORMAT,
             "source": {"name": recorded.path.name, "sha256": sha256(recorded.path)},
             "columns": columns,
+            "full_scale": {c.name: full_scale(c) for c in recorded.rig.daq.channels},
             "t0_ns": recorded.t0_ns,
             "rate": rate,
             "first_sample": recorded.first_sample,
@@ -135,6 +158,21 @@ def read_document(text: str | bytes) -> Document:
     if faults := _faults(document):
         raise RecordingError(f"{fault_list('its metadata', faults)}; export the recording again")
     return document
+
+
+def read_sidecar(path: Path) -> Document | None:
+    """Return the document in ``NAME.json`` beside a file, if there is one.
+
+    Raises:
+        RecordingError: It cannot be read.
+    """
+    sidecar = path.with_name(path.name + SIDECAR)
+    if not sidecar.is_file():
+        return None
+    try:
+        return read_document(read_limited(sidecar, MOST_DOCUMENT))
+    except OSError as error:
+        raise RecordingError(f"its metadata {sidecar}: {error.strerror}; use a copy") from error
 
 
 def _faults(document: Document) -> list[str]:

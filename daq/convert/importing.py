@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from sautereau.daq.convert.document import Document, digest, sha256
+from sautereau.daq.convert.document import Document, digest, sha256, volts_name
 from sautereau.daq.convert.formats import ImportSource, open_source, refuse_missing
 from sautereau.daq.convert.options import ImportOptions, refuse_options
 from sautereau.daq.convert.plausible import doubts
@@ -109,7 +109,10 @@ def _restore(
             f"it was recorded on the rig {document.rig.name!r} with other values than those of"
             " --rig; remove --rig: the export holds its own"
         )
-    columns = source.read([f"{channel.name} [V]" for channel in document.rig.daq.channels])
+    names = [volts_name(channel.name) for channel in document.rig.daq.channels]
+    if missing := [name for name in names if name not in source.names]:
+        raise RecordingError(f"it lacks the columns {', '.join(missing)}; use a copy of it")
+    columns = source.read(names)
     if digest(list(columns.values())) != document.samples_sha256:
         raise RecordingError(
             "its volts differ from those that sautereau exported; use a copy of it, or import it"

@@ -129,10 +129,7 @@ class Block:
         if self.scaling is None:
             return np.asarray(self.samples, dtype=float)
         volts = np.empty(self.samples.shape)
-        for row, coefficients, into in zip(
-            self.samples, self.scaling.coefficients, volts, strict=True
-        ):
-            write_volts(row, coefficients.tolist(), into)
+        write_volts(self.samples, self.scaling.coefficients.tolist(), volts)
         return volts
 
 

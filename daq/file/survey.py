@@ -2,8 +2,9 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from io import BufferedReader
 from pathlib import Path
-from typing import Any, BinaryIO, TypedDict
+from typing import Any, TypedDict
 
 from sautereau.daq.errors import RecordingError
 from sautereau.daq.file.container.chunks import find_intact
@@ -74,7 +75,7 @@ class Survey:
         return self.runs.gaps(self.names, self.contents.end(), open_end=open_end)
 
 
-def survey(file: BinaryIO) -> Survey:
+def survey(file: BufferedReader) -> Survey:
     """Read an open recording without keeping its samples.
 
     Raises:
@@ -91,7 +92,7 @@ def survey(file: BinaryIO) -> Survey:
         return _survey(file, find_intact(file), str(error))
 
 
-def _survey(file: BinaryIO, records: Iterator[Record], damage: str | None) -> Survey:
+def _survey(file: BufferedReader, records: Iterator[Record], damage: str | None) -> Survey:
     contents, runs = Contents(size_of(file)), Runs(size=None)
     for layout, block in contents.blocks(records):
         runs.add(layout, block)

@@ -201,9 +201,12 @@ class PlanRun:
             self._done(path)
 
         seed = seed_from(folder.seed, first.number)
-        with crew.bench(first.row.rig, seed) as bench:
+        with (
+            crew.bench(first.row.rig, seed) as bench,
+            self._control.over(motion_controller(bench.rig)) as controller,
+        ):
             make_presses(
-                motion_controller(bench.rig),
+                controller,
                 folder.path,
                 items(bench),
                 Origin(folder.session, bench.scene, bench.seed),

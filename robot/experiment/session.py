@@ -18,7 +18,7 @@ from sautereau.rig.schema import Rig
 from sautereau.robot.controller import Capture, MotionController, TorqueTable
 from sautereau.robot.errors import RobotError
 from sautereau.robot.experiment.drawing import draw
-from sautereau.robot.experiment.monitor import Fault, Made, Samples, Stage, Watch
+from sautereau.robot.experiment.monitor import Fault, Made, Samples, Stage, Watch, logged
 from sautereau.robot.experiment.motion_source import open_motion
 from sautereau.trajectory.motion import Floats
 from sautereau.trajectory.press import Trajectory
@@ -57,34 +57,6 @@ class Origin:
     """Of the stand-in's random numbers."""
 
 
-def run_session(
-    rig: Rig,
-    trajectory: Trajectory,
-    controller: MotionController,
-    out: Path,
-    n: int,
-    *,
-    on_press: Callable[[Path], None] = lambda path: None,
-) -> list[Path]:
-    """Make n equal presses, each recorded in a file of its own; see `make_presses`.
-
-    Args:
-        rig: The bench.
-        trajectory: Of each press.
-        controller: Not yet connected.
-        out: Folder of the recordings; it is created.
-        n: Presses.
-        on_press: Called with each finished recording.
-
-    Raises:
-        SautereauError: Of any kind; the arm has been stopped and switched off.
-    """
-    if n < 1:
-        raise RobotError(f"session: {n} presses were requested; request 1 or more")
-    items = [Item(rig, trajectory)] * n
-    return make_presses(controller, out, items, on_press=lambda item, path: on_press(path))
-
-
 def make_presses(
     controller: MotionController,
     out: Path,
@@ -116,6 +88,7 @@ def make_presses(
     Raises:
         SautereauError: Of any kind; the arm has been stopped and switched off.
     """
+    watch = logged(watch)
     made: list[Path] = []
     with _faults_watched(watch), controller:
         watch(Stage("motors off", "idle"))

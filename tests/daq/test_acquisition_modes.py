@@ -1,5 +1,7 @@
 """Continuous, around the trigger's edge, many channels, and the dry run, over the real nidaqmx."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -7,15 +9,16 @@ from sautereau.daq.errors import DaqError
 from sautereau.daq.file.reading import read_recording
 from sautereau.daq.file.recording import Recording
 from sautereau.daq.source.acquisition import Acquisition
+from sautereau.sim_backend.device_types import IDEAL
 from sautereau.sim_backend.devices.daqmx.card import ENDLESS
 from sautereau.sim_backend.devices.daqmx.server import DaqmxServer
-from tests.cards import PreTriggerCard, volts
+from tests.cards import Card, volts
 
 
 @pytest.fixture
 def card():
-    card = PreTriggerCard(16, ready=lambda n: n)
-    card.acquired = lambda run: run.before
+    card = Card(16, ready=lambda n: n)
+    card.acquired = lambda run: run.setup.before
     return card
 
 
@@ -71,7 +74,7 @@ def test_samples_before_the_edge_are_recorded_below_zero(card, rig, session, tmp
         assert acquisition.n_samples == 7680
         with Recording(tmp_path / "a.mcap", rig, session=session) as recording:
             record(acquisition, recording)
-    assert card.runs[0].before == 2560
+    assert card.runs[0].setup.before == 2560
     assert card.runs[0].setup.n_samples == 7680
     found = read_recording(tmp_path / "a.mcap")
     assert found.first_sample == -2560
@@ -83,7 +86,7 @@ def test_the_trigger_is_dated_by_the_samples_acquired_since(
     card, rig, session, tmp_path, before, latest
 ):
     """And not by the first block, which may be read seconds after the edge."""
-    card.acquired = lambda run: run.before or latest
+    card.acquired = lambda run: run.setup.before or latest
     rig = changed(rig, pre_trigger=before)
     now = 1_790_000_000_000_000_000
     with Acquisition(rig.daq, 0.1) as acquisition:
@@ -116,7 +119,8 @@ def test_no_edge_for_samples_around_it(card, rig):
 
 
 def test_a_device_without_a_reference_trigger_says_so(bench):
-    _, _, rig = bench(daq__pre_trigger="10 ms")
+    card = Card(device=replace(IDEAL, reference_trigger=False))
+    _, _, rig = bench(card, daq__pre_trigger="10 ms")
     with pytest.raises(DaqError, match="no reference trigger"), Acquisition(rig.daq, 0.05):
         pass
 
@@ -153,7 +157,7 @@ def test_samples_that_the_driver_passes_over(paper, card):
             blocks = acquisition.blocks()
             next(blocks)
             (task,) = server._servicer._tasks.values()
-            task.progress.position += 7
+            task.position += 7
             with pytest.raises(DaqError, match="7 samples were lost before sample 1031"):
                 next(blocks)
 

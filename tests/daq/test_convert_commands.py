@@ -8,6 +8,7 @@ import pytest
 from sautereau.commands.app import app
 from sautereau.daq.errors import RecordingError
 from sautereau.daq.file.reading import read_recording
+from sautereau.rig.errors import SautereauError
 
 
 def run(*words):
@@ -36,19 +37,12 @@ def test_there_and_back(tmp_path, recordings, to, capsys):
         assert np.array_equal(read_recording(back).volts[name], signal)
 
 
-def test_beside_the_recording_and_again_after_an_interruption(tmp_path, recordings, capsys):
-    first, second = tmp_path / "press-1.parquet", tmp_path / "press-2.parquet"
+def test_beside_the_recording_and_never_twice(tmp_path, recordings, capsys):
     assert run("export", recordings[0], "--to", "parquet") == 0
-    assert capsys.readouterr().out == f"{first}\n"
-    made = first.stat()
-    assert run("export", *recordings, "--to", "parquet") == 0
-    assert capsys.readouterr().out == f"{first}\n{second}\n"
-    assert first.stat() == made
-    second.write_text("precious")
-    with pytest.raises(RecordingError, match="never overwritten"):
+    assert capsys.readouterr().out == f"{tmp_path / 'press-1.parquet'}\n"
+    with pytest.raises(SautereauError, match="already exists"):
         run("export", *recordings, "--to", "parquet")
-    assert second.read_text() == "precious"
-    assert not list(tmp_path.glob("*.part"))
+    assert not (tmp_path / "press-2.parquet").exists()
 
 
 def test_a_table_of_another_program(tmp_path, capsys):

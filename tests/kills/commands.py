@@ -113,14 +113,17 @@ COMMANDS = {
         "campaign ../inputs/recordings --out table.parquet --processes 1", _campaign
     ),
     "export": Command(
-        "export session/press-0001.mcap session/press-0002.mcap --to csv", _same, ("session",)
+        "export session/press-0001.mcap session/press-0002.mcap --to csv --force",
+        _same,
+        ("session",),
     ),
     "identify": Command(
-        "identify ../inputs/session --free plectrum.overlap --starts 1 --out fitted.toml", _same
+        "identify ../inputs/session --free plectrum.overlap --starts 1 --out fitted.toml --force",
+        _same,
     ),
-    "import": Command("import press-0001.csv press-0002.csv --out .", _same, _CSV),
-    "report": Command("report session", _report, ("session",)),
-    "recover": Command("recover cut-off.mcap.part", _same, ("cut-off.mcap.part",)),
+    "import": Command("import press-0001.csv press-0002.csv --out . --force", _same, _CSV),
+    "report": Command("report session --force", _report, ("session",)),
+    "recover": Command("recover cut-off.mcap.part --force", _same, ("cut-off.mcap.part",)),
 }
 
 

@@ -24,6 +24,7 @@ from sautereau.robot.errors import (
 )
 from sautereau.sim_backend.devices.odrive.firmware import OdriveFirmware
 from sautereau.trajectory.segments import Segments
+from tests.robot.streamed import stop_after
 
 GRBL = "".join(map(framed, ("Grbl 1.1h", "x", "y"))).encode()
 OFF = "its motors are off: the controller confirms it"
@@ -546,26 +547,25 @@ def test_a_press_with_a_large_gap_is_refused(controller, segments):
 
 
 def test_stop_in_mid_motion_decelerates_and_returns_the_positions(controller, port, segments):
-    gate = threading.Event()
     with controller, controller.powered():
         ready(controller, segments)
-        polling, calls = controller.driver.polling, []
-        wait = polling.sleep
-
-        def sleep(seconds):
-            calls.append(seconds)
-            if len(calls) == LEAD + 10:
-                gate.set()
-                controller.driver.stream.cancelled.wait(5)
-            wait(seconds)
-
-        polling.sleep = sleep
-        controller.start()
-        assert gate.wait(5)
-        where = controller.stop()
+        where = stop_after(controller, LEAD + 10)
         assert segments.start[0] < where[0] < segments.end[0] + 1000
         assert port.firmware.motors_on == (True, True)
         np.testing.assert_array_equal(controller.positions(), where)
+    assert port.firmware.motors_on == (False, False)
+
+
+def test_an_abort_requested_by_another_thread_ends_the_stream(controller, port, segments):
+    with pytest.raises(MotionFault, match="aborted by the operator") as caught:  # noqa: PT012, SIM117
+        with controller, controller.powered():
+            ready(controller, segments)
+            request = threading.Thread(target=controller.request_abort)
+            request.start()
+            request.join()
+            controller.start()
+            controller.wait()
+    assert OFF in str(caught.value)
     assert port.firmware.motors_on == (False, False)
 
 

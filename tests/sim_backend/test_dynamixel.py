@@ -69,7 +69,7 @@ EXAMPLES = [
 def test_the_examples_of_the_manual(sent, answered):
     bench = Bare((166 - CENTRE, 2079 - CENTRE))
     assert bench.firmware.receive(bytes.fromhex(sent)) == bytes.fromhex(answered)
-    goals = [servo.value("goal_position") for servo in bench.firmware.servos]
+    goals = [servo.value("goal_position") for servo in bench.firmware.axes]
     assert goals == {WRITE: [512, 0], SYNC_WRITE: [150, 170]}.get(sent, [0, 0])
 
 
@@ -124,7 +124,7 @@ def test_the_torque_locks_the_eeprom_and_takes_the_position_as_its_goal():
     spoilt = bytearray(packet(1, 1, b""))
     spoilt[-1] ^= 1
     assert bench.firmware.receive(bytes(spoilt))[8] == 3
-    bench.firmware.servos[0].shut_down(0x20)
+    bench.firmware.axes[0].shut_down(0x20)
     assert bench.firmware.motors_on == (False, False)
     assert bench.write(1, 64, 1, 1) == 0x80  # alert
     assert bench.firmware.motors_on == (False, False)

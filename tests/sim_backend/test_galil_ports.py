@@ -193,7 +193,7 @@ def test_a_scene_describes_the_controller():
     for name in ("model", "firmware", "interface", "echo"):
         assert f"controller.{name}" in str(caught.value)
     odrive = with_values(load_rig(), {"controller.kind": "odrive"})
-    with pytest.raises(SceneError, match="describes a Galil"):
+    with pytest.raises(SceneError, match="takes no such table"):
         StandIn(odrive, quiet(ETHERNET))
 
 

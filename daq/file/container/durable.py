@@ -1,7 +1,6 @@
 """Files that get their names only when they are complete and on the disk; when they are flushed."""
 
 import errno
-import filecmp
 import os
 import time
 from collections.abc import Callable, Iterator
@@ -11,7 +10,7 @@ from typing import BinaryIO
 
 from sautereau.daq.errors import RecordingError
 from sautereau.daq.file.container.writer import McapWriter
-from sautereau.rig.disk import hold, sync_folder
+from sautereau.rig.disk import hold, may_replace, sync_folder
 
 PART = ".part"
 """Appended to the name of a recording until it is complete."""
@@ -36,21 +35,22 @@ class DurableFile:
 
         Args:
             path: Path of the finished file.
-            ending: Appended to its name until then. With another ending than `PART` the file
-                is made from other files: what a killed program has left is replaced, and a
-                finished file may exist if it has the same content.
+            ending: Appended to its name until then. A file with another ending than `PART` was
+                left by a killed program that made it from other files, and is replaced.
 
         Raises:
             RecordingError: Either file exists already, or the folder cannot be written.
         """
         self.path = Path(path)
         self.part_path = self.path.with_name(self.path.name + ending)
-        self._repeatable = ending != PART
-        if self._repeatable:
+        if ending != PART:
             self.part_path.unlink(missing_ok=True)
-        for taken in () if self._repeatable else (self.path, self.part_path):
-            if os.path.lexists(taken):
-                raise _taken(taken)
+        for taken in (self.path, self.part_path):
+            if os.path.lexists(taken) and not may_replace(taken):
+                raise RecordingError(
+                    f"recording {taken}: it exists and is never overwritten; move it away or"
+                    " give another name"
+                )
         if not self.path.parent.is_dir():
             raise RecordingError(
                 f"recording {self.path}: there is no folder {self.path.parent}; create it first"
@@ -100,39 +100,16 @@ class DurableFile:
         with suppress(OSError):
             self.stream.close()
 
-    def check(self) -> None:
-        """Refuse to replace another file; one made from other files may be there already.
-
-        Raises:
-            RecordingError: There is a file with the final name, and another content.
-        """
-        if self._repeatable and os.path.lexists(self.path) and not self._made:
-            raise _taken(self.path)
-
-    @property
-    def _made(self) -> bool:
-        return self.path.is_file() and filecmp.cmp(self.part_path, self.path, shallow=False)
-
     def publish(self) -> None:
         """Rename a closed file to its final name."""
-        self.check()
-        if self._repeatable and self._made:
-            return self.part_path.unlink()
-        if os.path.lexists(self.path):
+        if os.path.lexists(self.path) and not may_replace(self.path):
             raise RecordingError(
                 f"recording {self.path}: another program created it meanwhile, and it is not"
                 f" overwritten; this recording is in {self.part_path}: rename that file"
             )
         with self.writing():
-            self.part_path.rename(self.path)
+            self.part_path.replace(self.path)
             sync_folder(self.path.parent)
-        return None
-
-
-def _taken(path: Path) -> RecordingError:
-    return RecordingError(
-        f"recording {path}: it exists and is never overwritten; move it away or give another name"
-    )
 
 
 class SteadyClock:

@@ -45,7 +45,6 @@ class Axes(Power):
         self._per_ampere = np.ones(2)
 
     def set_up_axes(self) -> None:
-        """Switch off, set limits and watchdog, and verify all of them."""
         line = self.line
         self.abort()
         self._set_limits()
@@ -112,7 +111,6 @@ class Axes(Power):
         return self._counts(self._turns_from(answers[:2])[0]), np.array(currents) * self._per_ampere
 
     def positions(self) -> Counts:
-        """Read the encoders: counts, shape (2,)."""
         return self._counts(self._turns_from(self.line.exchange(_POSITIONS, 2))[0])
 
     def move(self, target: Floats | Counts, speed: float, acceleration: float) -> None:
@@ -137,7 +135,6 @@ class Axes(Power):
         self.move(rest, self.limits.speed, acceleration)
 
     def follow(self, at: Counts) -> None:
-        """Let both axes follow setpoints, from the first one on (counts, shape (2,))."""
         self.line.set({f"{name}.controller.config.input_mode": POSITION_FILTER for name in AXES})
         first, second = self._turns(at)
         self.line.confirmed(f"p 0 {first:.7f} 0", f"p 1 {second:.7f} 0")

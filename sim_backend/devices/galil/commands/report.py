@@ -2,6 +2,7 @@
 
 import re
 
+from sautereau.sim_backend.devices.emulators import SERIAL
 from sautereau.sim_backend.devices.galil.commands.call import Call
 from sautereau.sim_backend.devices.galil.faults import TEXTS, CommandError
 from sautereau.sim_backend.devices.galil.formats import (
@@ -14,7 +15,6 @@ from sautereau.sim_backend.devices.galil.formats import (
 from sautereau.sim_backend.devices.galil.grammar import evaluate, split_arguments
 from sautereau.sim_backend.devices.galil.machine import Machine
 from sautereau.sim_backend.devices.galil.operands import AXIS_OPERANDS, DATA_RECORD
-from sautereau.sim_backend.devices.galil.ports import SERIAL
 
 CONTROL_Z = "\x1a"
 """Ends what QU and UL upload."""
