@@ -10,6 +10,7 @@ import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import suppress
 from itertools import pairwise
+from math import isfinite
 
 from sautereau.robot.drivers.galil.fair_lock import FairLock
 from sautereau.robot.drivers.serial_port import Port, Wire
@@ -94,7 +95,7 @@ class Line(Wire):
             values = [float(word) for word in text.replace(",", " ").split()]
         except ValueError:
             values = []
-        if len(values) != count:
+        if len(values) != count or not all(map(isfinite, values)):
             raise GarbledAnswer(
                 f"controller on {self.name} answered {command!r} with {_short(text)}, where"
                 f" {count} numbers were expected; check the baud rate and the firmware's revision"
