@@ -39,6 +39,15 @@ class Sensors(Section):
     """Hz."""
 
 
+class Transducer(Section):
+    """The force transducer with the mass before it, as an oscillator that the force drives."""
+
+    resonance: Frequency = Field(gt=0, le=1e6)
+    """Hz, undamped."""
+    damping: float = Field(gt=0, lt=1)
+    """Dimensionless, fraction of critical damping."""
+
+
 class Push(Section):
     """A constant force on the key from the start, like that of a weight."""
 

@@ -16,7 +16,7 @@ from sautereau.sim_backend.controller_part import ControllerUnit
 from sautereau.sim_backend.device_types import DEVICE_TYPES, IDEAL
 from sautereau.sim_backend.errors import SceneError
 from sautereau.sim_backend.fault_tables import Faults
-from sautereau.sim_backend.parts import Accuracy, Push, Sensors, Servo
+from sautereau.sim_backend.parts import Accuracy, Push, Sensors, Servo, Transducer
 
 
 def _accuracy(text: str) -> str:
@@ -70,6 +70,8 @@ class Scene(Section):
     """The arm's servo; only with `finger = "servo"`, which needs it."""
     sensors: Sensors | None = None
     """The sensor chain; without it all sensors are exact and without delay."""
+    transducer: Transducer | None = None
+    """The resonance of the force transducer; without it the force is measured as it is."""
     card: Annotated[str, AfterValidator(_device_type)] = IDEAL.product
     """Product type of the DAQ device; by default an ideal one with the rig's inputs."""
     faults: Faults | None = None

@@ -12,14 +12,9 @@ from sautereau.sim_backend.physics.exact.compile import compiled
 from sautereau.sim_backend.physics.exact.fingertip import close_loops, locate_tip
 from sautereau.sim_backend.physics.exact.forces import surface
 from sautereau.sim_backend.physics.exact.inclusion import resolve, select
-from sautereau.sim_backend.physics.exact.step import (
-    LARGEST_ANGLE,
-    guard,
-    hold_tip,
-    locate,
-    try_step,
-)
+from sautereau.sim_backend.physics.exact.step import guard, hold_tip, locate, try_step
 from sautereau.sim_backend.physics.exact.strings import update_strings, write_row
+from sautereau.sim_backend.physics.world import LARGEST_ANGLE
 
 SHORTEST = 1e-8
 """s, shortest divided step."""

@@ -10,9 +10,8 @@ import math
 from sautereau.sim_backend.physics.exact import structures as ix
 from sautereau.sim_backend.physics.exact.compile import compiled, inlined
 from sautereau.sim_backend.physics.exact.forces import accelerate, felt_push, surface
+from sautereau.sim_backend.physics.world import LARGEST_ANGLE
 
-LARGEST_ANGLE = 1.2
-"""rad, of the key, above which the simulation is stopped; the closed form ends at pi / 2."""
 ANGLE, RISE, RATE, SPEED, FORCE = 1e-15, 1e-16, 1e-13, 1e-14, 1e-12
 """rad, m, rad/s, m/s and fraction of the weights: by which a guard is violated at an event."""
 SLOWEST = 1e-3

@@ -8,7 +8,7 @@ import pymunk
 from sautereau.rig.schema import Rig
 from sautereau.sim_backend.errors import SceneError
 from sautereau.sim_backend.parts import Servo
-from sautereau.sim_backend.physics.finger import Reference, SteppedFinger
+from sautereau.sim_backend.physics.finger import SETTLED, Reference, SteppedFinger
 from sautereau.sim_backend.physics.rigid.bodies import (
     FAR,
     INERTIA,
@@ -22,9 +22,6 @@ from sautereau.sim_backend.physics.rigid.bodies import (
 from sautereau.sim_backend.physics.rigid.ideal import touching_angle
 from sautereau.sim_backend.physics.servo import PositionLoops
 from sautereau.trajectory.dynamics import armature
-
-SETTLED = 10
-"""Counts of following error below which an arm at rest has settled."""
 
 _ENDS = np.array([0.0, 1.0])
 

@@ -26,6 +26,7 @@ from sautereau.sim_backend.physics.rigid.ideal import IdealFinger, touching_angl
 from sautereau.sim_backend.physics.rigid.jacks import CarriedJack
 from sautereau.sim_backend.physics.rigid.key_loads import KeyLoads
 from sautereau.sim_backend.physics.rigid.pluck import Plucking, StringForce
+from sautereau.sim_backend.physics.world import steps_in_sample
 from sautereau.sim_backend.scene import Scene
 from sautereau.trajectory.arm import fingertip_place
 
@@ -184,7 +185,7 @@ def assemble(rig: Rig, scene: Scene, start: tuple[float, float], events: PluckEv
     space = pymunk.Space()
     space.gravity, space.iterations = WEIGHT, scene.iterations
     period = rig.controller.sample_period
-    steps = math.ceil(period / (scene.step or math.inf) - 1e-9)
+    steps = steps_in_sample(rig, scene.step or period)
     angle = 0.0
     if scene.finger != "push":
         angle = max(0.0, float(touching_angle(rig, fingertip_place(rig.arm, np.array(start)))))

@@ -18,19 +18,19 @@ import numpy as np
 from sautereau.rig.schema import Rig
 from sautereau.sim_backend.errors import SceneError
 from sautereau.sim_backend.physics.drive import Drive
-from sautereau.sim_backend.physics.events import Motions, PluckEvents
-from sautereau.sim_backend.physics.finger import Reference
+from sautereau.sim_backend.physics.events import Motions
+from sautereau.sim_backend.physics.finger import Reference, SteppedFinger
 from sautereau.sim_backend.physics.rigid.assembly import TICK, assemble, even_steps
 from sautereau.sim_backend.physics.rigid.bodies import MM, set_angle, set_torque
-from sautereau.sim_backend.physics.rigid.key_loads import LARGEST_ANGLE
 from sautereau.sim_backend.physics.rigid.step_event import Event, earliest
+from sautereau.sim_backend.physics.world import LARGEST_ANGLE, TURNED_OVER, World
 from sautereau.sim_backend.scene import Scene
 
 MOST_EVENTS = 1000
 """Events in one controller sample above which the simulation counts as diverged."""
 
 
-class RigidWorld:
+class RigidWorld(World):
     """The physics of a scene; the same `Scene`, rig and references give the same bits.
 
     Args:
@@ -43,17 +43,12 @@ class RigidWorld:
     """
 
     def __init__(self, rig: Rig, scene: Scene, start: tuple[float, float] | None = None):
-        self.rig = rig = scene.true_rig(rig)
-        (first, second), (more, most) = rig.arm.home_angles, scene.start_offset
-        self.start = start or (first + more, second + most)
-        self.radians_per_count = rig.arm.radians_per_count
-        self.samples = 0
-        self.events = PluckEvents()
+        super().__init__(rig, scene, start)
+        rig = self.rig
         self._parts = parts = assemble(rig, scene, self.start, self.events)
         self._space, self._key, self._loads = parts.space, parts.key, parts.loads
         self._jacks, self._division = parts.jacks, parts.division
-        self.finger = parts.finger
-        """What presses the key."""
+        self.finger: SteppedFinger = parts.finger
         self._loaded = [jack for jack in self._jacks if jack.loaded]
         self._iterations = scene.iterations
         self._period = rig.controller.sample_period * MM
@@ -68,13 +63,8 @@ class RigidWorld:
         self.worst_gap = 0.0
         """m, largest error of a joint or a contact at the end of a controller sample so far."""
 
-    @property
-    def time(self) -> float:
-        """Simulated time [s]; advanced by motion and acquisition only."""
-        return self.samples * self.rig.controller.sample_period
-
     def advance(self, reference: Reference, powered: bool) -> Motions:
-        """Advance by one controller sample; see `sautereau.sim_backend.physics.world.World`."""
+        """Advance by one controller sample; see `World.advance`."""
         finger, loads, time = self.finger, self._loads, self.time
         kept = [*self._before, *self._rows][-2:]
         self._before = [(row[0] - self._period, *row[1:]) for row in kept]
@@ -101,7 +91,7 @@ class RigidWorld:
         return Motions(*table)
 
     def play(self, drive: Drive) -> Motions:
-        """Advance through a complete drive; see `sautereau.sim_backend.physics.world.World`."""
+        """Advance through a complete drive; see `World.play`."""
         parts = [self.advance(drive.reference(i), True) for i in range(drive.samples)]
         joined = (np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(Motions))
         return Motions(*joined)
@@ -265,8 +255,10 @@ class RigidWorld:
         def turned(time: float) -> float:
             return angle + (omega + acceleration * time / 2) * time
 
-        if not turned(drift) < LARGEST_ANGLE:
+        if not math.isfinite(turned(drift)):
             raise self._diverged()
+        if turned(drift) >= LARGEST_ANGLE:
+            raise SceneError(f"rig {self.rig.name}: after {self.time:.6g} s {TURNED_OVER}")
         possible = [
             Event(
                 lambda t: finger.gap(turned(t), t, self._ahead), finger.make_contact, impact=True

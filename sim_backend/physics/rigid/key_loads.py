@@ -6,10 +6,8 @@ from collections.abc import Callable
 from sautereau.rig.instrument import Key
 from sautereau.sim_backend.physics.rigid.bodies import MM, RAIL_REACH
 from sautereau.sim_backend.physics.rigid.step_event import Event
+from sautereau.sim_backend.physics.world import LARGEST_ANGLE
 from sautereau.sim_backend.scene import Scene
-
-LARGEST_ANGLE = 1.0
-"""rad, of the key, above which the simulation is stopped."""
 
 
 class KeyLoads:
