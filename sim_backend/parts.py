@@ -10,6 +10,7 @@ from sautereau.rig.units import Unit, parse_quantity
 
 JointStiffness = Annotated[float, Unit("N*m/rad", "27 N m/rad")]
 JointDamping = Annotated[float, Unit("N*m*s/rad", "0.4 N m s/rad")]
+Acceleration = Annotated[float, Unit("m/s**2", "9.81 m/s^2")]
 JointInertia = Annotated[float, Unit("kg*m**2", "2e-3 kg m^2")]
 
 
@@ -46,6 +47,15 @@ class Transducer(Section):
     """Hz, undamped."""
     damping: float = Field(gt=0, lt=1)
     """Dimensionless, fraction of critical damping."""
+
+
+class Fingertip(Section):
+    """A compliant pad on the fingertip, a spring and a damper that can only push."""
+
+    stiffness: Annotated[float, Unit("N/m", "30 kN/m")] = Field(gt=0, le=1e7)
+    """N/m."""
+    damping: Annotated[float, Unit("N*s/m", "5 N s/m")] = Field(default=0.0, ge=0, le=1e4)
+    """N s/m."""
 
 
 class Push(Section):

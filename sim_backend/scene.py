@@ -11,12 +11,20 @@ from sautereau.rig.instrument import Choir
 from sautereau.rig.load import read_toml, with_values
 from sautereau.rig.packaged import named_text, packaged_names
 from sautereau.rig.schema import Rig
-from sautereau.rig.section import Angle, Section, Time
+from sautereau.rig.section import GRAVITY, Angle, Section, Time
 from sautereau.sim_backend.controller_part import ControllerUnit
 from sautereau.sim_backend.device_types import DEVICE_TYPES, IDEAL
 from sautereau.sim_backend.errors import SceneError
 from sautereau.sim_backend.fault_tables import Faults
-from sautereau.sim_backend.parts import Accuracy, Push, Sensors, Servo, Transducer
+from sautereau.sim_backend.parts import (
+    Acceleration,
+    Accuracy,
+    Fingertip,
+    Push,
+    Sensors,
+    Servo,
+    Transducer,
+)
 
 
 def _accuracy(text: str) -> str:
@@ -70,6 +78,10 @@ class Scene(Section):
     """The arm's servo; only with `finger = "servo"`, which needs it."""
     sensors: Sensors | None = None
     """The sensor chain; without it all sensors are exact and without delay."""
+    gravity: Acceleration = Field(default=GRAVITY, ge=0, le=1000)
+    """m/s^2, downwards; the key's static gravity moment is proportional to it."""
+    fingertip: Fingertip | None = None
+    """A compliant pad between fingertip and key; without it the fingertip is rigid."""
     transducer: Transducer | None = None
     """The resonance of the force transducer; without it the force is measured as it is."""
     card: Annotated[str, AfterValidator(_device_type)] = IDEAL.product
@@ -99,6 +111,11 @@ class Scene(Section):
                     f'{part}: only finger = "{part}" uses this table, and finger is'
                     f' "{self.finger}"; remove it, or change finger'
                 )
+        if self.finger == "push" and self.fingertip is not None:
+            faults.append(
+                'fingertip: finger = "push" is a force without a fingertip; remove the table, or'
+                " change finger"
+            )
         if (self.plectrum == "none") != (self.string == "none"):
             faults.append(
                 f'plectrum: "{self.plectrum}" and string = "{self.string}" contradict each other;'

@@ -1,6 +1,7 @@
 """The sensor chain of one channel: from the measured quantity to volts at the terminal block."""
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from numpy.random import Generator
@@ -118,8 +119,8 @@ def _oscillator(transducer: Transducer, rate: float) -> tuple[Floats, Floats]:
     """
     w = 2 * np.pi * transducer.resonance
     continuous = [w * w], [1.0, 2 * transducer.damping * w, w * w]
-    b, a, _ = signal.cont2discrete(continuous, 1 / rate, method="foh")
-    return np.ravel(b), a
+    filtered: Any = signal.cont2discrete(continuous, 1 / rate, method="foh")
+    return np.ravel(filtered[0]), np.ravel(filtered[1])
 
 
 class OpenInput:

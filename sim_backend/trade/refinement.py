@@ -5,9 +5,9 @@ from collections.abc import Callable, Iterator
 
 from sautereau.rig.schema import Rig
 from sautereau.sim_backend.errors import SceneError
+from sautereau.sim_backend.physics.base import steps_in_sample
 from sautereau.sim_backend.physics.drive import Drive
 from sautereau.sim_backend.physics.observation import Errors, Observation, errors
-from sautereau.sim_backend.physics.world import steps_in_sample
 from sautereau.sim_backend.scene import Scene
 
 FINER = 3

@@ -7,9 +7,9 @@ from importlib.util import find_spec
 from sautereau.rig.schema import Rig
 from sautereau.sim_backend.errors import SceneError
 from sautereau.sim_backend.parts import Accuracy
+from sautereau.sim_backend.physics.base import steps_in_sample
 from sautereau.sim_backend.physics.drive import Drive
 from sautereau.sim_backend.physics.observation import Errors, drive_of, errors, observe, reference
-from sautereau.sim_backend.physics.world import steps_in_sample
 from sautereau.sim_backend.scene import Scene
 from sautereau.sim_backend.trade import refinement
 

@@ -4,16 +4,16 @@ import numpy as np
 
 from sautereau.rig.schema import Rig
 from sautereau.sim_backend.errors import SceneError
+from sautereau.sim_backend.physics.base import TURNED_OVER, World, steps_in_sample
 from sautereau.sim_backend.physics.drive import Drive
 from sautereau.sim_backend.physics.events import Motions, StringEvent
 from sautereau.sim_backend.physics.exact import structures as ix
 from sautereau.sim_backend.physics.exact.compile import records
 from sautereau.sim_backend.physics.exact.fingertip import engage
 from sautereau.sim_backend.physics.exact.laws import set_laws
-from sautereau.sim_backend.physics.exact.parameters import Numbers, arm_of, benches, joint_cubics
+from sautereau.sim_backend.physics.exact.parameters import Numbers, arm_of, benches
 from sautereau.sim_backend.physics.exact.play import play
-from sautereau.sim_backend.physics.finger import SETTLED, Reference, StandingFinger
-from sautereau.sim_backend.physics.world import TURNED_OVER, World, steps_in_sample
+from sautereau.sim_backend.physics.finger import SETTLED, Reference, StandingFinger, joint_cubics
 from sautereau.sim_backend.scene import Scene
 from sautereau.trajectory.motion import Floats
 

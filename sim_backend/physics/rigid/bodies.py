@@ -18,14 +18,11 @@ from pymunk.constraints import Constraint
 
 from sautereau.rig.instrument import Jack, Key
 from sautereau.rig.schema import Arm
-from sautereau.rig.section import GRAVITY
 
 MM = 1e3
 """Millimetres per metre; also N mm per N m, grams per kilogram, milliseconds per second."""
 INERTIA = 1e9
 """g mm^2 per kg m^2."""
-WEIGHT = (0.0, -GRAVITY / MM)
-"""mm/ms^2, of gravity."""
 FAR = 1e6
 """mm, from a plane to the centre of its sphere, which departs by 5e-7 mm over 1 mm."""
 REACH = 1e-3

@@ -17,13 +17,13 @@ import numpy as np
 
 from sautereau.rig.schema import Rig
 from sautereau.sim_backend.errors import SceneError
+from sautereau.sim_backend.physics.base import LARGEST_ANGLE, TURNED_OVER, World
 from sautereau.sim_backend.physics.drive import Drive
 from sautereau.sim_backend.physics.events import Motions
-from sautereau.sim_backend.physics.finger import Reference, SteppedFinger
+from sautereau.sim_backend.physics.finger import Reference
 from sautereau.sim_backend.physics.rigid.assembly import TICK, assemble, even_steps
 from sautereau.sim_backend.physics.rigid.bodies import MM, set_angle, set_torque
 from sautereau.sim_backend.physics.rigid.step_event import Event, earliest
-from sautereau.sim_backend.physics.world import LARGEST_ANGLE, TURNED_OVER, World
 from sautereau.sim_backend.scene import Scene
 
 MOST_EVENTS = 1000
@@ -48,7 +48,7 @@ class RigidWorld(World):
         self._parts = parts = assemble(rig, scene, self.start, self.events)
         self._space, self._key, self._loads = parts.space, parts.key, parts.loads
         self._jacks, self._division = parts.jacks, parts.division
-        self.finger: SteppedFinger = parts.finger
+        self.finger = self._finger = parts.finger
         self._loaded = [jack for jack in self._jacks if jack.loaded]
         self._iterations = scene.iterations
         self._period = rig.controller.sample_period * MM
@@ -65,7 +65,7 @@ class RigidWorld(World):
 
     def advance(self, reference: Reference, powered: bool) -> Motions:
         """Advance by one controller sample; see `World.advance`."""
-        finger, loads, time = self.finger, self._loads, self.time
+        finger, loads, time = self._finger, self._loads, self.time
         kept = [*self._before, *self._rows][-2:]
         self._before = [(row[0] - self._period, *row[1:]) for row in kept]
         self._rows = []
@@ -114,7 +114,7 @@ class RigidWorld(World):
 
     def _cruise(self, count: int) -> int:
         """Take equal steps; return how many were done before the first one with an event."""
-        space_step, key, finger, rows = self._space.step, self._key, self.finger, self._rows
+        space_step, key, finger, rows = self._space.step, self._key, self._finger, self._rows
         jacks, loaded, moment = self._jacks, self._loaded, self._loads.moment
         first, step, seconds = jacks[0], self._step, self._step / MM
         apply_forces, reaches_key = finger.apply_forces, finger.reaches_key
@@ -139,10 +139,11 @@ class RigidWorld(World):
             for jack in loaded:
                 jack.load(clock + elapsed / MM, seconds)
                 pull += jack.pull
-            set_torque(key, moment(ahead, omega + acceleration * step / 2))
+            node = omega + acceleration * step / 2
+            set_torque(key, moment(ahead, node))
             done += 1
             elapsed = start + done * step
-            apply_forces(elapsed, ahead, step, step, 1.0)
+            apply_forces(elapsed, ahead, node, step, step, 1.0)
             space_step(step)
             if fresh:
                 self._space.iterations, self._fresh, fresh = self._iterations, False, False
@@ -165,7 +166,7 @@ class RigidWorld(World):
             event: At the end of the drift; None for no change of mode.
             end: ms into the controller sample, end of the next steps.
         """
-        key, jacks, loads, finger = self._key, self._jacks, self._loads, self.finger
+        key, jacks, loads, finger = self._key, self._jacks, self._loads, self._finger
         back = (self._ahead - drift) / 2
         self._omega -= self._acceleration * back
         angle = self._angle + self._omega * drift
@@ -204,7 +205,7 @@ class RigidWorld(World):
             set_torque(key, mean * weight / self._step)
             for jack, force in zip(jacks, means, strict=True):
                 jack.set_bodies(self._step, force * weight / self._step)
-            finger.apply_forces(self._elapsed, angle, ahead, self._step, weight / self._step)
+            finger.apply_forces(self._elapsed, angle, node, ahead, self._step, weight / self._step)
             self._parts.kick(self._step, weight / self._step)
         self._engine_step, self._fresh = self._step, True
         self._angle, self._ahead = angle, ahead
@@ -232,12 +233,14 @@ class RigidWorld(World):
         """
         pull = sum(jack.pull for jack in self._loaded)
         rise, before, after = self._jacks[0].rise / MM, mean, mean
-        if drift and pull != pulled and not impact:
+        if self._finger.pad is not None:
+            before = self._finger.pad.before
+        elif drift and pull != pulled and not impact:
             before = self._force_before()
             after = (mean * (drift + ahead) - before * drift) / ahead
         if drift:
             self._rows.append((self._elapsed, self._angle, omega * MM, rise, before, pulled))
-        if not drift or impact or pull != pulled:
+        if not drift or impact or pull != pulled or before != after:
             speed = (self._omega if impact else omega) * MM
             self._rows.append((self._elapsed, self._angle, speed, rise, after, pull))
 
@@ -248,7 +251,7 @@ class RigidWorld(World):
 
     def _possible_events(self, drift: float) -> list[Event]:
         """Return the events that may occur within a drift [ms]."""
-        loads, finger = self._loads, self.finger
+        loads, finger = self._loads, self._finger
         omega = self._omega - self._acceleration * self._ahead / 2
         angle, acceleration = self._angle, self._acceleration
 
@@ -261,7 +264,9 @@ class RigidWorld(World):
             raise SceneError(f"rig {self.rig.name}: after {self.time:.6g} s {TURNED_OVER}")
         possible = [
             Event(
-                lambda t: finger.gap(turned(t), t, self._ahead), finger.make_contact, impact=True
+                lambda t: finger.gap(turned(t), t, self._ahead),
+                finger.make_contact,
+                impact=finger.pad is None,
             ),
             *loads.possible_events(angle, turned),
         ]
@@ -271,7 +276,7 @@ class RigidWorld(World):
 
     def _end_sample(self) -> None:
         """End a controller sample: correct the drift of the constraints and record its size."""
-        angle, worst = self.finger.end_sample(self._key.angle)
+        angle, worst = self._finger.end_sample(self._key.angle)
         self._angle = angle
         set_angle(self._key, angle)
         x, z = self._key.position

@@ -4,9 +4,10 @@ import math
 from collections.abc import Callable
 
 from sautereau.rig.instrument import Key
+from sautereau.rig.section import GRAVITY
+from sautereau.sim_backend.physics.base import LARGEST_ANGLE
 from sautereau.sim_backend.physics.rigid.bodies import MM, RAIL_REACH
 from sautereau.sim_backend.physics.rigid.step_event import Event
-from sautereau.sim_backend.physics.world import LARGEST_ANGLE
 from sautereau.sim_backend.scene import Scene
 
 
@@ -14,7 +15,7 @@ class KeyLoads:
     """Moments [N mm] on the key over its angle [rad] and angular velocity [rad/ms]."""
 
     def __init__(self, key: Key, scene: Scene):
-        self.weight = key.gravity_moment * MM
+        self.weight = key.gravity_moment * MM * scene.gravity / GRAVITY
         self.steady = self.weight
         """N mm, of weight and of a push without contact."""
         self.friction = key.pivot_coulomb_friction * MM if scene.friction else 0.0
