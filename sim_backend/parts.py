@@ -58,6 +58,17 @@ class Fingertip(Section):
     """N s/m."""
 
 
+class Bending(Section):
+    """The key's first bending mode: its front turns against its back, about the balance pin."""
+
+    frequency: Frequency = Field(gt=0, le=5000)
+    """Hz, of the bare key, free but for its pin; 150 to 800 Hz is usual."""
+    damping: float = Field(default=0.01, ge=0, lt=1)
+    """Dimensionless, fraction of critical damping."""
+    front: float = Field(default=0.5, ge=0.05, le=0.95)
+    """Dimensionless, fraction of the key's inertia before the pin."""
+
+
 class Push(Section):
     """A constant force on the key from the start, like that of a weight."""
 

@@ -19,6 +19,7 @@ from sautereau.sim_backend.fault_tables import Faults
 from sautereau.sim_backend.parts import (
     Acceleration,
     Accuracy,
+    Bending,
     Fingertip,
     Push,
     Sensors,
@@ -42,6 +43,12 @@ def _device_type(text: str) -> str:
 def _engine(name: Any) -> Any:
     """Return the present name of an engine, also of those before version 0.2."""
     return "exact" if name in ("reduced", "reference") else name
+
+
+NO_BENDING = (
+    '"exact" solves one equation for the angle of a rigid key, and a key with bending has two'
+    ' angles; use engine = "rigid", or remove the table [bending]'
+)
 
 
 class Scene(Section):
@@ -78,6 +85,8 @@ class Scene(Section):
     """The arm's servo; only with `finger = "servo"`, which needs it."""
     sensors: Sensors | None = None
     """The sensor chain; without it all sensors are exact and without delay."""
+    bending: Bending | None = None
+    """The key's first bending mode; without it the key is rigid."""
     gravity: Acceleration = Field(default=GRAVITY, ge=0, le=1000)
     """m/s^2, downwards; the key's static gravity moment is proportional to it."""
     fingertip: Fingertip | None = None
@@ -136,9 +145,16 @@ class Scene(Section):
                 'engine: "exact" has no string that moves by itself; use engine = "rigid" or'
                 ' string = "spring"'
             )
+        if self.engine == "exact" and self.bending is not None:
+            faults.append(f"engine: {NO_BENDING}")
         if faults:
             raise ValueError("\n".join(faults))
         return self
+
+    @property
+    def solvable(self) -> bool:
+        """Whether the exact engine supports it."""
+        return self.string != "modal" and self.bending is None
 
     def true_rig(self, rig: Rig) -> Rig:
         """Return the simulated bench: the rig with the scene's `truth` and `more_choirs`.

@@ -112,14 +112,14 @@ class Trial:
     def errors(self, scene: Scene) -> Iterator[tuple[int, Errors]]:
         """Yield steps per controller sample and their errors, from the longest step down.
 
-        Errors are measured against the exact solution; for modal strings, which have none, they
-        are estimated.
+        Errors are measured against the exact solution; for modal strings and bending keys, which
+        have none, they are estimated.
 
         Raises:
             SceneError: There is no exact solution of the scene, or it cannot be simulated.
         """
         refinement = self._refinement(scene, steps_in_sample(self.true, LONGEST))
-        if self._solve is None or scene.string == "modal":
+        if self._solve is None or not scene.solvable:
             level = 0
             while refinement.reaches(level):
                 yield refinement.steps(level), refinement.estimate(level)

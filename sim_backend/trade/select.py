@@ -201,12 +201,12 @@ def _candidates(true: Rig, scene: Scene) -> list[Scene]:
     base = best_models(true, scene)
     strings = ("spring", "modal") if scene.string == "auto" else (base.string,)
     engines = ("exact", "rigid") if scene.engine == "auto" else (scene.engine,)
-    candidates = [
+    ways = [
         base.model_copy(update={"engine": engine, "string": string})
         for string in strings
         for engine in engines
-        if engine == "rigid" or string != "modal"
     ]
+    candidates = [way for way in ways if way.engine == "rigid" or way.solvable]
     return sorted(candidates, key=lambda way: cost(true, way, _fewest(true)))
 
 

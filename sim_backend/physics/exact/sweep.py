@@ -32,7 +32,7 @@ class Ending(IntEnum):
     PLAYED = ix.FINE
     """Complete, with or without a pluck."""
     TURNED_OVER = ix.TURNED_OVER
-    """The key has turned by 1 rad, the limit of the model."""
+    """The key has turned by 1.2 rad, the limit of the model."""
     LOST = ix.LOST
     """The simulation diverged, or is too stiff."""
     JUMPED = ix.JUMPED

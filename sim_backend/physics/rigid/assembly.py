@@ -23,6 +23,7 @@ from sautereau.sim_backend.physics.rigid.bodies import (
     add_pivot_friction,
 )
 from sautereau.sim_backend.physics.rigid.finger import PushFinger, SteppedFinger
+from sautereau.sim_backend.physics.rigid.front import Front
 from sautereau.sim_backend.physics.rigid.ideal import IdealFinger, touching_angle
 from sautereau.sim_backend.physics.rigid.jacks import CarriedJack
 from sautereau.sim_backend.physics.rigid.key_loads import KeyLoads
@@ -56,6 +57,7 @@ class Division:
         jacks: With their strings.
         step: ms, the longest.
         fingertip: With its pad; None for a rigid one.
+        bending: 1/ms, angular frequency of the key's bending mode.
 
     Raises:
         SceneError: A stiffness or a damping is too large for any step.
@@ -68,6 +70,7 @@ class Division:
         jacks: Iterable[CarriedJack],
         step: float,
         fingertip: Fingertip | None = None,
+        bending: float = 0.0,
     ):
         self._step = step
         self._loads = loads
@@ -85,12 +88,14 @@ class Division:
             padded = self._parts(
                 max(math.sqrt(fingertip.stiffness / MM * yielding), fingertip.damping * yielding)
             )
-        self._always = max(slowed, padded)
+        bent = self._parts(bending)
+        self._always = max(slowed, padded, bent)
         self._felt = self._parts(felt)
         strings = [self._parts(_rate(j.string.stiffest, j)) for j in self._jacks if j.string]
         faults = []
         for parts, what, parameter in (
             (slowed, "the pivot's viscous friction", "key.pivot_viscous_friction"),
+            (bent, "the key's bending", "bending.frequency or bending.damping"),
             (padded, "the fingertip's pad", "fingertip.stiffness or fingertip.damping"),
             (self._felt, "the front felt", "key.felt_stiffness or key.felt_damping"),
             (max(strings, default=1), "a held string", "string.tension, or raise jack.mass"),
@@ -147,6 +152,9 @@ class Assembly:
 
     space: pymunk.Space
     key: pymunk.Body
+    """Or only its back, if it bends."""
+    front: Front | None
+    """Of a key that bends."""
     loads: KeyLoads
     jacks: list[CarriedJack]
     finger: SteppedFinger
@@ -206,11 +214,17 @@ def assemble(rig: Rig, scene: Scene, start: tuple[float, float], events: PluckEv
     angle = 0.0
     if scene.finger != "push" and scene.fingertip is None:
         angle = max(0.0, float(touching_angle(rig, fingertip_place(rig.arm, np.array(start)))))
-    key, loads = add_key(space, rig.key, angle), KeyLoads(rig.key, scene)
-    if not angle < loads.bottom:
+    key, loads, front = add_key(space, rig.key, angle), KeyLoads(rig.key, scene), None
+    pressed, before = key, loads
+    if scene.bending is not None:
+        loads, before = (KeyLoads(rig.key, scene, front=f, back=not f) for f in (False, True))
+        front = Front(space, key, scene.bending, before)
+        front.end_sample(angle)
+        pressed = front.body
+    if not angle < before.bottom:
         raise SceneError(
             f"start: the fingertip is in the key: contact needs a key angle of {angle:.4g} rad, and"
-            f" the key turns by {loads.bottom:.4g} rad at most; start above the key"
+            f" the key turns by {before.bottom:.4g} rad at most; start above the key"
         )
     dry: list[tuple[Constraint, float]] = []
     if loads.friction:
@@ -226,17 +240,18 @@ def assemble(rig: Rig, scene: Scene, start: tuple[float, float], events: PluckEv
             " of the jacks, or raise key.inertia"
         )
     dry += [(jack.dry, jack.dry_force) for jack in jacks if jack.dry]
-    division = Division(rig, loads, jacks, period * MM / steps, scene.fingertip)
+    rate = front.rate if front else 0.0
+    division = Division(rig, before, jacks, period * MM / steps, scene.fingertip, rate)
     if scene.push is not None:
         finger = PushFinger(scene.push, rig.key.press_arm, start, period)
     elif scene.servo is not None:
-        finger = ServoFinger(space, key, rig, start, scene.servo, scene)
+        finger = ServoFinger(space, pressed, rig, start, scene.servo, scene)
     elif scene.fingertip is not None:
-        finger = PaddedIdealFinger(key, rig, scene.fingertip, start)
+        finger = PaddedIdealFinger(pressed, rig, scene.fingertip, start)
     else:
-        finger = IdealFinger(space, key, rig, start, steps, steps * division.most)
+        finger = IdealFinger(space, pressed, rig, start, steps, steps * division.most)
     iterations = scene.iterations, ITERATIONS[scene.finger]
-    return Assembly(space, key, loads, jacks, finger, division, dry, iterations)
+    return Assembly(space, key, front, loads, jacks, finger, division, dry, iterations)
 
 
 def _string(scene: Scene, choir: Choir, number: int, events: PluckEvents) -> StringForce | None:

@@ -55,6 +55,13 @@ def add_key(space: pymunk.Space, key: Key, angle: float) -> pymunk.Body:
     return body
 
 
+def add_front(space: pymunk.Space, inertia: float) -> pymunk.Body:
+    """Add the front of a bending key [g mm^2] on the pin."""
+    body = pymunk.Body(_HEAVY, inertia)
+    space.add(body, _hard(constraints.PivotJoint(space.static_body, body, (0, 0), (0, 0))))
+    return body
+
+
 def add_pivot_friction(space: pymunk.Space, body: pymunk.Body, moment: float) -> Constraint:
     """Add the dry friction [N mm] at the pin."""
     dry = constraints.SimpleMotor(space.static_body, body, 0)

@@ -48,6 +48,8 @@ class RigidWorld(World):
         self._parts = parts = assemble(rig, scene, self.start, self.events)
         self._space, self._key, self._loads = parts.space, parts.key, parts.loads
         self._jacks, self._division = parts.jacks, parts.division
+        self._front = parts.front
+        self._pushed = self._loads if self._front is None else self._front.loads
         self.finger = self._finger = parts.finger
         self._loaded = [jack for jack in self._jacks if jack.loaded]
         self._iterations = scene.iterations
@@ -65,7 +67,7 @@ class RigidWorld(World):
 
     def advance(self, reference: Reference, powered: bool) -> Motions:
         """Advance by one controller sample; see `World.advance`."""
-        finger, loads, time = self._finger, self._loads, self.time
+        finger, loads, time = self._finger, self._pushed, self.time
         kept = [*self._before, *self._rows][-2:]
         self._before = [(row[0] - self._period, *row[1:]) for row in kept]
         self._rows = []
@@ -77,8 +79,10 @@ class RigidWorld(World):
             self._run(finger.push_end)
             finger.moment, loads.steady = 0.0, loads.weight
             self._split(0.0, None, self._period)
-        if self._still and finger.stays_clear(self._angle):
-            self._rows.append((self._period, self._angle, 0.0, self._jacks[0].rise / MM, 0.0, 0.0))
+        if self._still and finger.stays_clear(self._pressed_angle):
+            self._rows.append(
+                (self._period, self._pressed_angle, 0.0, self._jacks[0].rise / MM, 0.0, 0.0)
+            )
         else:
             self._run(self._period)
             self._end_sample()
@@ -89,6 +93,11 @@ class RigidWorld(World):
         table[0] = time + table[0] / MM
         table[0, -1] = self.time
         return Motions(*table)
+
+    @property
+    def _pressed_angle(self) -> float:
+        """Angle [rad] of the key under the finger and in the laser."""
+        return self._angle if self._front is None else self._front.angle
 
     def play(self, drive: Drive) -> Motions:
         """Advance through a complete drive; see `World.play`."""
@@ -122,10 +131,17 @@ class RigidWorld(World):
         angle, omega, acceleration = self._angle, self._omega, self._acceleration
         low, high = self._loads.bounds(angle)
         clock, start, elapsed, done = self.time, self._elapsed, self._elapsed, 0
-        sqrt, tan, fresh = math.sqrt, math.tan, self._fresh
+        sqrt, tan, fresh, front = math.sqrt, math.tan, self._fresh, self._front
+        pressed = rate = 0.0  # angle and velocity of a bending key's front
         while done < count:
             ahead = angle + omega * step
-            if not low < ahead < high or reaches_key(ahead, step):
+            if front is None:
+                pressed = ahead
+            elif front.stays(step):
+                pressed = front.next
+            else:
+                break
+            if not low < ahead < high or reaches_key(pressed, step):
                 break
             tangent = tan(ahead)
             secant = sqrt(1 + tangent * tangent)
@@ -140,10 +156,15 @@ class RigidWorld(World):
                 jack.load(clock + elapsed / MM, seconds)
                 pull += jack.pull
             node = omega + acceleration * step / 2
-            set_torque(key, moment(ahead, node))
+            torque = moment(ahead, node)
+            if front is not None:
+                twist = front.twist(ahead, node)
+                torque, node = torque + twist, front.node
+                front.apply(front.moment() - twist)
+            set_torque(key, torque)
             done += 1
             elapsed = start + done * step
-            apply_forces(elapsed, ahead, node, step, step, 1.0)
+            apply_forces(elapsed, pressed, node, step, step, 1.0)
             space_step(step)
             if fresh:
                 self._space.iterations, self._fresh, fresh = self._iterations, False, False
@@ -152,8 +173,11 @@ class RigidWorld(World):
             for jack in jacks:
                 jack.update(step)
             angle = ahead
-            speed = (before + omega) / 2 * MM
-            rows.append((elapsed, angle, speed, first.rise / MM, contact_force(step), pull))
+            rate = (before + omega) / 2
+            if front is not None:
+                rate = front.update(lambda grown: grown / step)
+            speed = rate * MM
+            rows.append((elapsed, pressed, speed, first.rise / MM, contact_force(step), pull))
         self._angle, self._omega = angle, omega
         self._acceleration, self._elapsed = acceleration, elapsed
         return done
@@ -167,6 +191,7 @@ class RigidWorld(World):
             end: ms into the controller sample, end of the next steps.
         """
         key, jacks, loads, finger = self._key, self._jacks, self._loads, self._finger
+        front, pressed, twist = self._front, 0.0, 0.0
         back = (self._ahead - drift) / 2
         self._omega -= self._acceleration * back
         angle = self._angle + self._omega * drift
@@ -179,6 +204,11 @@ class RigidWorld(World):
         self._elapsed += drift
         node = self._omega + self._acceleration * drift / 2
         moment = loads.moment(angle, node)
+        pressed, rate, push = angle, node, 0.0
+        if front is not None:
+            front.correct_and_drift(back, drift)
+            pressed, rate, push = front.next, front.node, front.moment()
+            twist = front.twist(angle, node)
         now = self.time + self._elapsed / MM
         # A string may return a mean force over the drift; its present force counts for half of it.
         forces = [
@@ -197,15 +227,23 @@ class RigidWorld(World):
             for jack, force in zip(jacks, forces, strict=True)
         ]
         mean = (moment * drift + loads.moment(angle, node) * ahead) / (2 * weight)
+        if front is not None:
+            mean += twist
+            push = (push * drift + front.moment() * ahead) / (2 * weight) - twist
         finger.correct_and_drift(back, drift)
         before = self._omega
         for _ in range(2 if self._step != self._engine_step else 1):
             finger.set_bodies(self._step)
             key.angle, key.angular_velocity = angle - before * self._step, before
             set_torque(key, mean * weight / self._step)
+            if front is not None:
+                front.set_bodies(self._step)
+                front.apply(push * weight / self._step)
             for jack, force in zip(jacks, means, strict=True):
                 jack.set_bodies(self._step, force * weight / self._step)
-            finger.apply_forces(self._elapsed, angle, node, ahead, self._step, weight / self._step)
+            finger.apply_forces(
+                self._elapsed, pressed, rate, ahead, self._step, weight / self._step
+            )
             self._parts.kick(self._step, weight / self._step)
         self._engine_step, self._fresh = self._step, True
         self._angle, self._ahead = angle, ahead
@@ -214,9 +252,12 @@ class RigidWorld(World):
         # Half of the impulse is by the forces before the event, extrapolated to it.
         grown = 2 * (self._omega - before) - self._acceleration * drift
         self._acceleration = 0.0 if impact else grown / ahead
+        if front is not None:
+            old = front.acceleration
+            front.update(lambda grown: 0.0 if impact else (2 * grown - old * drift) / ahead)
         for jack in jacks:
             jack.update(weight)
-        self._append_rows(node, pulled, finger.contact_force(weight), drift, ahead, impact)
+        self._append_rows(rate, pulled, finger.contact_force(weight), drift, ahead, impact)
 
     def _append_rows(
         self, omega: float, pulled: float, mean: float, drift: float, ahead: float, impact: bool
@@ -239,10 +280,12 @@ class RigidWorld(World):
             before = self._force_before()
             after = (mean * (drift + ahead) - before * drift) / ahead
         if drift:
-            self._rows.append((self._elapsed, self._angle, omega * MM, rise, before, pulled))
+            row = self._elapsed, self._pressed_angle, omega * MM, rise, before, pulled
+            self._rows.append(row)
         if not drift or impact or pull != pulled or before != after:
-            speed = (self._omega if impact else omega) * MM
-            self._rows.append((self._elapsed, self._angle, speed, rise, after, pull))
+            if impact:
+                omega = self._omega if self._front is None else self._front.omega
+            self._rows.append((self._elapsed, self._pressed_angle, omega * MM, rise, after, pull))
 
     def _force_before(self) -> float:
         """Return the finger's force [N] now, extrapolated from the last two rows."""
@@ -262,9 +305,14 @@ class RigidWorld(World):
             raise self._diverged()
         if turned(drift) >= LARGEST_ANGLE:
             raise SceneError(f"rig {self.rig.name}: after {self.time:.6g} s {TURNED_OVER}")
+        pressed, felt = turned, []
+        if self._front is not None:
+            pressed = self._front.turned(self._ahead)
+            felt = self._front.loads.possible_events(self._front.angle, pressed)
         possible = [
+            *felt,
             Event(
-                lambda t: finger.gap(turned(t), t, self._ahead),
+                lambda t: finger.gap(pressed(t), t, self._ahead),
                 finger.make_contact,
                 impact=finger.pad is None,
             ),
@@ -276,13 +324,20 @@ class RigidWorld(World):
 
     def _end_sample(self) -> None:
         """End a controller sample: correct the drift of the constraints and record its size."""
-        angle, worst = self._finger.end_sample(self._key.angle)
+        angle, front = self._key.angle, self._front
+        if front is None:
+            angle, worst = self._finger.end_sample(angle)
+        else:
+            bent, worst = self._finger.end_sample(front.body.angle)
+            front.end_sample(bent)
         self._angle = angle
         set_angle(self._key, angle)
         x, z = self._key.position
         worst = max(worst, abs(x), abs(z), *[jack.end_sample(angle) for jack in self._jacks])
         self.worst_gap = max(self.worst_gap, worst / MM)
         before, self._state = self._state, (angle, self._omega, self._acceleration)
+        if front is not None:
+            self._state += front.angle, front.omega, front.acceleration
         unloaded = (jack.standing and jack.unloaded for jack in self._jacks)
         # A key at rest that a sample has not changed is not changed by the next one either.
         self._still = self._state == before and all(unloaded)
