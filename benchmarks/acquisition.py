@@ -13,10 +13,11 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.figures import Figure, median_time
+from benchmarks.figures import Figure, check, median_time
 from sautereau.rig.acquisition import Daq
 from sautereau.rig.load import load_rig
 from sautereau.rig.schema import Rig
+from sautereau.sim_backend.device_types import IDEAL
 from sautereau.sim_backend.devices.daqmx.card import TaskSetup
 from sautereau.trajectory.motion import Floats
 
@@ -56,9 +57,8 @@ class PacedRun:
 class PacedCard:
     """A card with sixteen inputs in real time."""
 
-    name = "Dev1"
+    name, chassis, device, paced = "Dev1", "", IDEAL, True
     terminals = tuple(f"ai{n}" for n in range(CHANNELS))
-    paced = True
 
     def start(self, setup: TaskSetup) -> PacedRun:
         return PacedRun(setup)
@@ -86,12 +86,13 @@ def _continuous(rig: Rig) -> list[Figure]:
             count += next(blocks).volts.shape[1]
         busy = time.process_time() - busy
         elapsed = time.perf_counter() - start
-    assert elapsed > 0.9 * DURATION
+    check(elapsed > 0.9 * DURATION, f"{DURATION:g} s were acquired in {elapsed:.3g} s")
     read = busy / elapsed
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "long.mcap"
         start, busy = time.perf_counter(), time.process_time()
-        assert record(rig, path, DURATION) == n
+        written = record(rig, path, DURATION)
+        check(written == n, f"{written} of {n} samples are recorded")
         recorded = (time.process_time() - busy) / (time.perf_counter() - start)
     what = f"{CHANNELS} channels at 51.2 kHz, {DURATION:g} s in real time, of one core:"
     return [

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.figures import Figure, timed
+from benchmarks.figures import Figure, check, timed
 from sautereau.analysis.model.plectrum.fe.build import build
 from sautereau.analysis.model.plectrum.fe.level import FE, REACHES
 from sautereau.analysis.model.plectrum.fe.profile import profile_of
@@ -70,10 +70,10 @@ def _solve(ccx: str, plectrum: Plectrum) -> list[tuple[float, float, float]]:
         done = subprocess.run(
             [ccx, "-i", "plectrum"], cwd=folder, capture_output=True, text=True, check=False
         )
-        assert done.returncode == 0, done.stdout[-2000:]
+        check(done.returncode == 0, f"CalculiX: {done.stdout[-2000:]}")
         printed = (Path(folder) / "plectrum.dat").read_text(encoding="utf-8")
     blocks = re.split(r"displacements.*\n", printed)[1:]
-    assert len(blocks) == len(FORCES), f"{len(blocks)} steps were printed"
+    check(len(blocks) == len(FORCES), f"CalculiX printed {len(blocks)} steps, not {len(FORCES)}")
     found = []
     for block in blocks:
         rows = np.array([line.split() for line in block.split("\n") if line.strip()], float)

@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.figures import Figure, timed
+from benchmarks.figures import Figure, check, timed
 from benchmarks.simulated import acquired
 from sautereau.analysis.campaign.run import run_campaign
 from sautereau.analysis.campaign.table import read_campaign
@@ -53,9 +53,11 @@ def run() -> list[Figure]:
                 out = Path(name) / f"{what}.parquet"
                 times[what], _ = timed(run_campaign, folder, out, where)
         tables = [read_campaign(Path(name) / f"{what}.parquet") for what in times]
-        assert tables[0].table.equals(tables[1].table), "the table of the cluster differs"
-        assert len(tables[0].table) == RECORDINGS
-        assert not tables[0].faults
+        check(tables[0].table.equals(tables[1].table), "the table of the cluster differs")
+        check(
+            len(tables[0].table) == RECORDINGS and not tables[0].faults,
+            f"{len(tables[0].table)} of {RECORDINGS} recordings are in the table",
+        )
         again, _ = timed(run_campaign, folder, tables[0].path, PROCESSES)
         touch, _ = timed(find_touch, tables[0])
     figures = [

@@ -18,6 +18,20 @@ UPPER, LOWER = "limit", "at least"
 PAGE = Path(__file__).parents[1] / "docs" / "figures.md"
 
 
+class BenchmarkFault(Exception):  # noqa: N818
+    """What a benchmark measured is not what it says: a result is wrong."""
+
+
+def check(holds: bool, fault: str) -> None:
+    """Refuse to report figures of wrong results.
+
+    Raises:
+        BenchmarkFault: It does not hold; the text says what is wrong.
+    """
+    if not holds:
+        raise BenchmarkFault(fault)
+
+
 @dataclass(frozen=True)
 class Figure:
     """One measured number beside its limit, or beside a peer measured in the same run."""

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from benchmarks.figures import Figure, timed
+from benchmarks.figures import BenchmarkFault, Figure, timed
 from benchmarks.independent import (
     ONE_FACTOR,
     Conditions,
@@ -165,8 +165,8 @@ def independent_cases(benches: range) -> Iterator[Case]:
 
 def one_factor_case(name: str) -> Case:
     """Return the bench of the independent simulator with one factor of `ONE_FACTOR`."""
-    case = _independent(ONE_FACTOR[name])
-    assert case is not None, f"{name} does not pluck"
+    if (case := _independent(ONE_FACTOR[name])) is None:
+        raise BenchmarkFault(f"{name} does not pluck")
     return case
 
 

@@ -3,7 +3,7 @@
 import tempfile
 from pathlib import Path
 
-from benchmarks.figures import Figure
+from benchmarks.figures import Figure, check
 from sautereau.rig.load import load_rig, with_values
 
 SEEDS = 20
@@ -24,7 +24,8 @@ def run() -> list[Figure]:
     """Return the errors of first and best presses, over seeds and for rigs with wrong values."""
     learned = [_errors(seed) for seed in range(SEEDS)]
     for errors in learned:
-        assert all(e <= GROWTH * min(errors[:i]) for i, e in enumerate(errors) if i)
+        steady = all(e <= GROWTH * min(errors[:i]) for i, e in enumerate(errors) if i)
+        check(steady, f"the error grows by more than {GROWTH:g}: {errors} %")
     needed = max(
         next((i for i, e in enumerate(errors, 1) if e <= LIMIT), PRESSES + 1) for errors in learned
     )
@@ -38,7 +39,10 @@ def run() -> list[Figure]:
         best = min(_errors(0, changes))
         figures.append(Figure(f"{name}: best of {PRESSES}", best, "%", "limit", LIMIT))
     pushed = _errors(0, feed_forward=True)
-    assert pushed[0] < 0.5 * learned[0][0]
+    check(
+        pushed[0] < 0.5 * learned[0][0],
+        f"feed-forward leaves {pushed[0]:.3g} %, of {learned[0][0]:.3g}",
+    )
     return [
         *figures,
         Figure("paper: first press with feed-forward", pushed[0], "%", "without", learned[0][0]),
@@ -53,7 +57,7 @@ def _errors(
     from sautereau.robot.drivers.galil.driver import GalilController
     from sautereau.robot.experiment.feedforward import force_of
     from sautereau.robot.experiment.learning import IterativeLearning
-    from sautereau.robot.experiment.session import make_presses, run_session
+    from sautereau.robot.experiment.session import Item, make_presses
     from sautereau.sim_backend.bench import StandIn
     from sautereau.sim_backend.scene import load_scene
     from sautereau.trajectory.press import plan_press
@@ -63,7 +67,8 @@ def _errors(
     with tempfile.TemporaryDirectory() as folder, StandIn(rig, scene, seed) as stand_in:
         bench, out, measured = stand_in.rig, Path(folder), None
         if feed_forward:
-            (path,) = run_session(bench, plan_press(bench), GalilController(bench), out, 1)
+            presses = [Item(bench, plan_press(bench))]
+            (path,) = make_presses(GalilController(bench), out, presses)
             measured = force_of(path)
         learning = IterativeLearning(rig, None, PRESSES, measured=measured)
         make_presses(

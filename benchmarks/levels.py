@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.integrate import solve_bvp
 
-from benchmarks.figures import Figure, median_time
+from benchmarks.figures import Figure, check, median_time
 from sautereau.analysis.model.plectrum.base import PlectrumMap
 from sautereau.analysis.model.plectrum.levels import plectrum_map
 from sautereau.analysis.model.plectrum.rods import Rods
@@ -66,7 +66,7 @@ def _beside_a_solver(rig: Rig, plectrum: PlectrumMap, pluck: Pluck, cost: Cost) 
             tol=1e-9,
             max_nodes=20_000,
         )
-        assert solved.success
+        check(solved.success, f"SciPy: {solved.message}")
         return solved.y[:, -1]
 
     theta, _, x, z = solve()

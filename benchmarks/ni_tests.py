@@ -159,10 +159,6 @@ class SineCard:
         """Start at once, also where a trigger is set, as a simulated device."""
         return SineRun(setup)
 
-    def start_pretrigger(self, setup: TaskSetup, before: int) -> SineRun:
-        """Start at once."""
-        return SineRun(setup)
-
 
 def run_tests(checkout: Path, port: str, options: list[str]) -> Counter:
     """Run NI's tests; return how many of each outcome."""

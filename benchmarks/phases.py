@@ -10,7 +10,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 from benchmarks.campaign import write_presses
-from benchmarks.figures import Figure
+from benchmarks.figures import Figure, check
 from benchmarks.simulated import random_case, simulated_press
 from sautereau.analysis.loading.press import Press, load_press
 from sautereau.analysis.phases import Phases, find_phases
@@ -122,7 +122,7 @@ def from_files(presses: int = 20) -> float:
             press = load_press(path)
             found = features(press, find_phases(press))
             seconds.append(time.process_time() - start)
-            assert found["plucks"] == 1, path
+            check(found["plucks"] == 1, f"{path}: {found['plucks']} plucks, not 1")
     return 1 / statistics.median(seconds[presses:])
 
 

@@ -8,7 +8,7 @@ from types import ModuleType
 
 import numpy as np
 
-from benchmarks.figures import Figure, median_time
+from benchmarks.figures import Figure, check, median_time
 from sautereau.rig.load import load_rig
 from sautereau.rig.schema import Rig
 from sautereau.trajectory.arm import base, fingertip_motion, joints_holding_point
@@ -33,7 +33,8 @@ def run() -> list[Figure]:
 def _plan(rig: Rig) -> list[Figure]:
     plan = plan_press(rig)
     error = plan.cruise.error * 100
-    assert all(check.holds for check in plan.checks)
+    failed = [each.name for each in plan.checks if not each.holds]
+    check(not failed, f"checks of the plan fail: {failed}")
     spent = median_time(lambda: plan_press(rig)) * 1e3
     return [
         Figure("a press planned, quantised and checked", spent, "ms", "limit", 5.0),
@@ -46,15 +47,18 @@ def _inverse_kinematics(rig: Rig) -> list[Figure]:
     path = plan_press(rig).fingertip
     ours = joints_holding_point(rig.arm, path).position
     error = _fingertip_error(rig, ours, path.position)
-    assert error < REACH_LIMIT
+    check(error < REACH_LIMIT, f"our fingertip is {error:.3g} m off its path")
     spent = median_time(lambda: joints_holding_point(rig.arm, path))
     their_error = their_spent = math.nan
     toolbox, name = _peer("roboticstoolbox")
     if toolbox:
         theirs, their_spent = _toolbox_joints(toolbox, rig, path.position, ours[0])
         their_error = _fingertip_error(rig, theirs, path.position)
-        assert their_error < REACH_LIMIT
-        assert np.abs(theirs - ours).max() < 1e-7
+        check(
+            their_error < REACH_LIMIT, f"{name}: its fingertip is {their_error:.3g} m off its path"
+        )
+        off = float(np.abs(theirs - ours).max())
+        check(off < 1e-7, f"{name}: its joints differ by {off:.3g} rad")
         name = f"{name} ik_GN"
     what = f"joints of {len(ours)} poses"
     return [
@@ -79,7 +83,7 @@ def _toolbox_joints(
     clock = time.perf_counter()
     for pose in poses:
         found = robot.ik_GN(pose, q0=joints[-1], mask=[1, 1, 0, 0, 0, 0], tol=1e-20)
-        assert found.success
+        check(found.success, f"{robot.name} found no joints at {pose[:2, 3]} m")
         joints.append(found.q)
     return np.array(joints[1:]), time.perf_counter() - clock
 
@@ -108,7 +112,8 @@ def _run_up(rig: Rig) -> list[Figure]:
         states = np.array([theirs.at_time(t) for t in instants])[:, :, 0]
         place = float(np.abs(ours.position - states[:, 0]).max())
         speed = float(np.abs(ours.velocity - states[:, 1]).max())
-        assert max(place, speed, abs(duration - their_duration)) < SAME
+        off = max(place, speed, abs(duration - their_duration))
+        check(off < SAME, f"{name}: the run-up differs by {off:.3g} m, m/s or s")
     return [
         Figure("run-up to the cruise", duration * 1e3, "ms", name, their_duration * 1e3),
         Figure(f"its speed, largest difference from {name}", speed, "m/s", "limit", SAME),
@@ -127,7 +132,9 @@ def _ruckig_run_up(ruckig: ModuleType, rig: Rig) -> Callable:
 
     def solve():
         trajectory = ruckig.Trajectory(1)
-        assert solver.calculate(target, trajectory) == ruckig.Result.Working
+        check(
+            solver.calculate(target, trajectory) == ruckig.Result.Working, "ruckig finds no run-up"
+        )
         return trajectory
 
     return solve

@@ -8,7 +8,7 @@ import time
 from itertools import pairwise
 from pathlib import Path
 
-from benchmarks.figures import Figure, median_time
+from benchmarks.figures import Figure, check, median_time
 from sautereau.rig.load import load_rig
 
 PRESSES = 10
@@ -25,7 +25,8 @@ def run() -> list[Figure]:
 def _help() -> Figure:
     def show() -> None:
         command = [sys.executable, "-m", "sautereau", "--help"]
-        assert b"stand-in" in subprocess.run(command, capture_output=True, check=True).stdout
+        shown = subprocess.run(command, capture_output=True, check=True).stdout
+        check(b"stand-in" in shown, "--help does not list the commands")
 
     return Figure("sautereau --help", median_time(show, STARTS), "s", "limit", 0.3)
 
@@ -34,14 +35,14 @@ def _presses(scene: str) -> list[Figure]:
     from sautereau.analysis.session.analysed import analyse_file
     from sautereau.analysis.session.conditions import analyse
     from sautereau.robot.drivers.galil.driver import GalilController
-    from sautereau.robot.experiment.session import run_session
+    from sautereau.robot.experiment.session import Item, make_presses
     from sautereau.sim_backend.bench import StandIn
     from sautereau.sim_backend.scene import load_scene
     from sautereau.trajectory.press import plan_press
 
     marks, found = [], []
 
-    def done(path: Path) -> None:
+    def done(item: Item, path: Path) -> None:
         found.append(analyse_file(path))
         plan_press(stand_in.rig)
         analyse(found[-1:])
@@ -49,7 +50,8 @@ def _presses(scene: str) -> list[Figure]:
 
     with tempfile.TemporaryDirectory() as out, StandIn(load_rig(), load_scene(scene)) as stand_in:
         rig = stand_in.rig
-        run_session(rig, plan_press(rig), GalilController(rig), Path(out), PRESSES, on_press=done)
+        presses = [Item(rig, plan_press(rig))] * PRESSES
+        make_presses(GalilController(rig), Path(out), presses, on_press=done)
         truth = stand_in.truth()
     times = [after - before for before, after in pairwise(marks)]
     held = [one.phases.plucks[0] for one in found]

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.figures import LOWER, Figure
+from benchmarks.figures import LOWER, Figure, check
 from sautereau.daq.file.container.writer import McapWriter
 from sautereau.daq.file.counts import Scaling
 from sautereau.daq.file.descriptors import schema_data
@@ -120,7 +120,7 @@ def _rates(
                 os.fsync(file.fileno())
             times[name].append(time.perf_counter() - start)
             bits[name] = 8 * path.stat().st_size / SAMPLES
-            assert bits[name] > 8
+            check(bits[name] > 8, f"{name}: {bits[name]:.3g} bits for a sample")
             path.unlink()
     return {name: instants / statistics.median(t) / 1e6 for name, t in times.items()}, bits
 
@@ -227,7 +227,8 @@ def _read(folder: Path, rig: Rig, volts: Array, of_counts: tuple[Array, Scaling]
             times[name].append(time.perf_counter() - start)
     for path in (counts, floats):
         read = read_recording(path).volts
-        assert all(np.array_equal(a, b) for a, b in zip(read.values(), volts, strict=True))
+        same = all(np.array_equal(a, b) for a, b in zip(read.values(), volts, strict=True))
+        check(same, f"{path.name}: a sample differs")
     for path in (raw, counts, floats):
         path.unlink()
     n, median = len(volts), {name: statistics.median(t) for name, t in times.items()}
@@ -259,7 +260,7 @@ def _described(folder: Path) -> list[Figure]:
     start = time.perf_counter()
     peak, n = _in_a_child(f"describe({str(path)!r})['n_samples']")
     elapsed = time.perf_counter() - start
-    assert n == recording.n_samples
+    check(n == recording.n_samples, f"{n} of {recording.n_samples} samples are described")
     size = path.stat().st_size
     path.unlink()
     return [
@@ -314,7 +315,8 @@ def _continuous() -> list[Figure]:
                 recording.write_block(Block(recording.n_samples, noise[:, at : at + BLOCK]))
         load = (time.process_time() - start) / 60
         first = next(stream(path, BLOCK / rate))
-        assert np.array_equal(np.stack(list(first.volts.values())), noise[:, :BLOCK])
+        same = np.array_equal(np.stack(list(first.volts.values())), noise[:, :BLOCK])
+        check(same, f"{path.name}: a sample differs")
         path.unlink()
         path = Path(name) / "hour.mcap"
         block = np.zeros((SIXTEEN, 5120))
@@ -325,7 +327,8 @@ def _continuous() -> list[Figure]:
                     recording.write_block(Block(recording.n_samples, block))
                 if second in (HOUR // 60, HOUR - 1):
                     peaks.append(memory("VmRSS"))
-        assert recording.n_samples == round(HOUR * rate)
+        n = recording.n_samples
+        check(n == round(HOUR * rate), f"{n} of {HOUR * rate:.0f} samples are recorded")
     return [
         Figure("16 channels at 51.2 kHz: fraction of a core", load * 100, "%", "limit", 40.0),
         Figure("16 channels, an hour: memory grows by", peaks[1] - peaks[0], "MiB", "limit", 10.0),

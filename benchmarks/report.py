@@ -6,10 +6,10 @@ import sys
 import tempfile
 from pathlib import Path
 
-from benchmarks.figures import Figure, median_time
+from benchmarks.figures import Figure, check, median_time
 from sautereau.rig.load import load_rig
 from sautereau.robot.drivers.galil.driver import GalilController
-from sautereau.robot.experiment.session import run_session
+from sautereau.robot.experiment.session import Item, make_presses
 from sautereau.sim_backend.bench import StandIn
 from sautereau.sim_backend.scene import load_scene
 from sautereau.trajectory.press import plan_press
@@ -28,10 +28,11 @@ def run() -> list[Figure]:
     with tempfile.TemporaryDirectory() as folder:
         with StandIn(load_rig(), load_scene("paper")) as stand_in:
             rig = stand_in.rig
-            run_session(rig, plan_press(rig), GalilController(rig), Path(folder), PRESSES)
+            presses = [Item(rig, plan_press(rig))] * PRESSES
+            make_presses(GalilController(rig), Path(folder), presses)
         spent = median_time(report, RUNS)
         result = json.loads(report())
-        assert result["presses"] == PRESSES
+        check(result["presses"] == PRESSES, f"the report shows {result['presses']} presses")
         size = Path(result["path"]).stat().st_size
     return [
         Figure("sautereau report", spent, "s", "limit", 5.0),

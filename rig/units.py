@@ -34,7 +34,9 @@ def _unit(text: str):
     """
     if len(text) > LONGEST_UNIT or any(not m[1] for m in _EXPONENT.finditer(text)):
         raise ValueError("too long, or an exponent is not a number of at most two digits")
-    return _registry().parse_units(text)
+    unit = _registry().parse_units(text)
+    _ = unit.dimensionality  # raises for a product with a logarithmic unit
+    return unit
 
 
 def parse_quantity(text: str, unit: str) -> float:

@@ -167,5 +167,20 @@ class MotionController(Player, Protocol):
         """Decelerate to a standstill, motors on; return the positions (counts, shape (2,))."""
         ...
 
+    def request_abort(self) -> None:
+        """Have the present motion end by an abort, as soon as its controller is asked again.
+
+        Any thread may call it. What waits for the motion raises `MotionFault`, with the motors
+        off; without a motion nothing happens before the next one.
+        """
+
     def __enter__(self) -> Self: ...
     def __exit__(self, *exception: object) -> None: ...
+
+
+def play(controller: MotionController, motion: Segments) -> None:
+    """Make a motion; nothing listens to its trigger."""
+    controller.load(motion)
+    controller.arm()
+    controller.start()
+    controller.wait()

@@ -1,11 +1,11 @@
 """The stand-in: a simulated bench behind a serial port and a DAQ server."""
 
 import contextlib
-import functools
 import os
 import threading
 import time
 from collections.abc import Callable
+from functools import partial
 
 from sautereau.rig.load import with_values
 from sautereau.rig.schema import Rig
@@ -13,9 +13,7 @@ from sautereau.sim_backend.card import BenchCard
 from sautereau.sim_backend.clock import Clock, FairLock
 from sautereau.sim_backend.controller_part import ControllerUnit
 from sautereau.sim_backend.devices.daqmx.server import DaqmxServer
-from sautereau.sim_backend.devices.emulators import EMULATORS, Emulator
-from sautereau.sim_backend.devices.galil.firmware import GalilFirmware
-from sautereau.sim_backend.devices.galil.ports import SERIAL
+from sautereau.sim_backend.devices.emulators import SERIAL, Networked, emulator_of
 from sautereau.sim_backend.devices.plant import ArmPlant
 from sautereau.sim_backend.devices.serial_port import PortGone, PtyPort, SocketPort
 from sautereau.sim_backend.devices.tcp_port import TcpPort
@@ -59,8 +57,8 @@ class Bench:
         self.failure: Exception | None = None
         unit = scene.controller or ControllerUnit()
         self.plant = ArmPlant(self.world, unit.index_angles, unit.limit_switches)
-        self.port = "tcp" if unit.interface == "ethernet" else "serial"
-        """Kind of the controller's port."""
+        self.ethernet = unit.interface == "ethernet"
+        """Whether the controller is connected by Ethernet, else by its serial port."""
         self._inverted, self._output_delay = unit.output_inverted, unit.output_delay
         self.injection = FaultInjection(self.scene.faults, self.plant, lambda: self.world.time)
         self._lock = FairLock()
@@ -71,9 +69,9 @@ class Bench:
             self.rig, self.scene, seed, paced, self._lock, self.injection, lambda: self.world.time
         )
         self._powered_up = False
-        emulate = EMULATORS.get(rig.controller.kind)
         given = {} if scene.controller is None else {"unit": scene.controller}
-        self.firmware: Emulator = emulate(rig, self.plant, self._on_output, paced, **given)
+        emulate = emulator_of(rig.controller.kind, **given)
+        self.firmware = emulate(rig, self.plant, self._on_output, paced)
         self._powered_up = True
         self._outbox: dict[str, bytes] = {}
         self.on_message: Callable[[], None] = lambda: None
@@ -91,7 +89,7 @@ class Bench:
             self._lock.notify_all()
         self._clock.__exit__()
 
-    def receive(self, data: bytes, port: str = SERIAL) -> bytes:
+    def receive(self, data: bytes, letter: str = SERIAL) -> bytes:
         """Pass bytes from a port to the controller, and return what it sends.
 
         Unless time is paced the host is infinitely slow: its bytes arrive when nothing moves
@@ -110,9 +108,9 @@ class Bench:
             if self.failure is not None:
                 raise PortGone
             receive = self.firmware.receive
-            if port != SERIAL:
-                receive = functools.partial(self._networked.receive, letter=port)
-            waiting, delay = self._outbox.pop(port, b""), 0.0
+            if letter != SERIAL:
+                receive = partial(self._networked.receive, letter=letter)
+            waiting, delay = self._outbox.pop(letter, b""), 0.0
             try:
                 if not data:
                     return waiting
@@ -151,11 +149,11 @@ class Bench:
             self._lock.notify_all()
 
     @property
-    def _networked(self) -> GalilFirmware:
-        if not isinstance(self.firmware, GalilFirmware):
+    def _networked(self) -> Networked:
+        if not isinstance(self.firmware, Networked):
             raise SceneError(
-                f"controller.kind: {self.rig.controller.kind!r} has no Ethernet port; use a"
-                ' pseudo-terminal, or controller.kind = "galil"'
+                f"controller.kind: the stand-in of a {self.rig.controller.kind!r} has no Ethernet"
+                " port; use a pseudo-terminal"
             )
         return self.firmware
 
@@ -226,16 +224,13 @@ class StandIn:
         scene: What is simulated.
         seed: Of all noise.
         paced: Whether simulated time follows real time.
-        port: `tcp` for the controller's Ethernet, whatever port the scene's controller has.
     """
 
-    def __init__(
-        self, rig: Rig, scene: Scene, seed: int = 0, *, paced: bool = False, port: str | None = None
-    ):
+    def __init__(self, rig: Rig, scene: Scene, seed: int = 0, *, paced: bool = False):
         self._nominal = rig
         self.scene = scene
         self.bench = Bench(rig, scene, seed, paced)
-        if "tcp" in (port, self.bench.port):
+        if self.bench.ethernet:
             self._make_port = lambda: TcpPort(self.bench)
         else:
             serial = PtyPort if hasattr(os, "openpty") else SocketPort

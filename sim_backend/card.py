@@ -82,28 +82,21 @@ class BenchCard:
         return input_terminals(self._rig, self._scene)
 
     def start(self, setup: TaskSetup) -> SampledRun:
-        """Arm an acquisition.
+        """Arm an acquisition, or start one that keeps samples before its trigger's edge.
 
         Raises:
             DaqmxError: The card is disconnected, or the bench has failed.
         """
         with self._lock:
+            if setup.before is not None:
+                run = self._new_run(PreTriggerRun, setup)
+                run.begin(None if setup.start_trigger else self._now(), setup.before)
+                return run
             run = self._new_run(SampledRun, setup)
             if setup.trigger is None:
                 self.starts.append(self._now())
                 self._injection.begin_press()
                 run.trigger(self._now(), self._injection.of_run())
-            return run
-
-    def start_pretrigger(self, setup: TaskSetup, before: int) -> PreTriggerRun:
-        """Start an acquisition that keeps ``before`` samples before its trigger's edge.
-
-        Raises:
-            DaqmxError: The card is disconnected, or the bench has failed.
-        """
-        with self._lock:
-            run = self._new_run(PreTriggerRun, setup)
-            run.begin(None if setup.start_trigger else self._now(), before)
             return run
 
     def _new_run(self, kind: type[AnyRun], setup: TaskSetup) -> AnyRun:

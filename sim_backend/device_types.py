@@ -111,7 +111,16 @@ IDEAL = DeviceType("sautereau stand-in")
 """Without delay, with every rate."""
 
 _DELTA_SIGMA = DeviceType("", C_SERIES, inputs=4, most_divisions=31, triggers=2)
-_IN_M_AND_X_SERIES = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0)
+_M_AND_X_SERIES = DeviceType(
+    "",
+    ranges=(0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0),
+    bits=16,
+    raw_bits=16,
+    simultaneous=False,
+    settling=10e-6,
+    configurations=(DIFF, RSE, NRSE),
+    analog_triggers=("APFI0", "APFI1"),
+)
 
 DEVICE_TYPES = {
     device.product: device
@@ -161,36 +170,22 @@ DEVICE_TYPES = {
             reference_trigger=False,
         ),
         # NI 6251 Specifications, 375213: 1.25 MS/s single, 1 MS/s multichannel, 20 MHz.
-        DeviceType(
-            "PCI-6251",
+        replace(
+            _M_AND_X_SERIES,
+            product="PCI-6251",
             category=M_SERIES,
             inputs=16,
-            ranges=_IN_M_AND_X_SERIES,
-            bits=16,
-            raw_bits=16,
             fastest=1.25e6,
-            fastest_many=1e6,
             timebase=20e6,
-            simultaneous=False,
-            settling=10e-6,
-            configurations=(DIFF, RSE, NRSE),
-            analog_triggers=("APFI0", "APFI1"),
         ),
         # NI 6363 Specifications: 2 MS/s single, 1 MS/s multichannel, 100 MHz.
-        DeviceType(
-            "PCIe-6363",
+        replace(
+            _M_AND_X_SERIES,
+            product="PCIe-6363",
             category=X_SERIES,
             inputs=32,
-            ranges=_IN_M_AND_X_SERIES,
-            bits=16,
-            raw_bits=16,
             fastest=2e6,
-            fastest_many=1e6,
             timebase=100e6,
-            simultaneous=False,
-            settling=10e-6,
-            configurations=(DIFF, RSE, NRSE),
-            analog_triggers=("APFI0", "APFI1"),
         ),
     )
 }

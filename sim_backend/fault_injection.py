@@ -4,6 +4,8 @@ Those of the serial line are in `BadLine`.
 """
 
 from collections.abc import Callable
+from functools import partial
+from typing import Any
 
 import numpy as np
 from numpy.random import Generator
@@ -15,51 +17,47 @@ from sautereau.sim_backend.devices.plant import ArmPlant
 from sautereau.sim_backend.devices.serial_port import PortGone
 from sautereau.sim_backend.fault_tables import CableOut, Faults, LineFault
 
+_ON_ARM: dict[str, Callable[[ArmPlant, Any], None]] = {
+    "encoder_sign": lambda arm, fault: arm.reverse(fault.joint),
+    "encoders_swapped": lambda arm, fault: arm.swap(),
+    "index_missing": lambda arm, fault: arm.unwire_index(fault.joint),
+    "switch_polarity": lambda arm, fault: arm.invert(fault.switch),
+    "switch_cut": lambda arm, fault: arm.cut(fault.switch, fault.joint),
+    "switches_swapped": lambda arm, fault: arm.cross(fault.switch),
+    "encoder_loss": lambda arm, fault: arm.lose_encoder(fault.joint),
+    "switch_closed": lambda arm, fault: arm.close(fault.switch, fault.joint),
+    "amplifier_fault": lambda arm, fault: arm.break_amplifier(fault.joint),
+    "stall": lambda arm, fault: arm.stall(fault.joint),
+    "slip": lambda arm, fault: arm.slip(fault.joint, fault.counts),
+}
+"""What each fault of the arm does; one without a press is there from power-up."""
+
 
 class FaultInjection:
     """Counts presses by their trigger edges, and injects the faults that are due.
 
     Args:
         faults: Of the scene, if any.
-        joints: The arm.
+        arm: The arm.
         now: Returns the simulated time [s].
     """
 
-    def __init__(self, faults: Faults | None, joints: ArmPlant, now: Callable[[], float]):
+    def __init__(self, faults: Faults | None, arm: ArmPlant, now: Callable[[], float]):
         self.unplugged = False
         """Whether the card is disconnected."""
-        self._faults, self._joints, self._now = faults or Faults.model_construct(), joints, now
+        self._faults, self._arm, self._now = faults or Faults.model_construct(), arm, now
         self._edges: list[float] = []
         self._due: list[tuple[float, Callable[[], None]]] = []
-        self._wire()
-
-    def _wire(self) -> None:
-        """Wire the arm wrongly, as the scene says, and inject what is there from power-up."""
-        faults, joints = self._faults, self._joints
-        if faults.encoder_sign:
-            joints.reverse(faults.encoder_sign.joint)
-        if faults.encoders_swapped:
-            joints.swap()
-        if faults.index_missing:
-            joints.unwire_index(faults.index_missing.joint)
-        if faults.switch_polarity:
-            joints.invert(faults.switch_polarity.switch)
-        if faults.switch_cut:
-            joints.cut(faults.switch_cut.switch, faults.switch_cut.joint)
-        if faults.switches_swapped:
-            joints.cross(faults.switches_swapped.switch)
-        self._schedule_wiring(0, self._now())
+        self._schedule(0, now())
         self.inject()
 
-    def _schedule_wiring(self, press: int, now: float) -> None:
-        faults, joints = self._faults, self._joints
-        if (loss := faults.encoder_loss) and loss.press == press:
-            self._due.append((now + loss.at, lambda: joints.lose_encoder(loss.joint)))
-        if (switch := faults.switch_closed) and switch.press == press:
-            close = lambda: joints.close(switch.switch, switch.joint)  # noqa: E731
-            self._due.append((now + switch.at, close))
-        if (fault := faults.amplifier_fault) and fault.press == press:
-            self._due.append((now + fault.at, lambda: joints.break_amplifier(fault.joint)))
+    def _schedule(self, press: int, now: float) -> None:
+        """Make the arm's faults of a press due, or with press 0 those from power-up."""
+        for name, act in _ON_ARM.items():
+            fault = getattr(self._faults, name)
+            if fault is not None and getattr(fault, "press", 0) == press:
+                at = now + getattr(fault, "at", 0.0)
+                self._due.append((at, partial(act, self._arm, fault)))
 
     @property
     def presses(self) -> int:
@@ -72,14 +70,10 @@ class FaultInjection:
 
     def begin_press(self) -> bool:
         """Count the trigger edge of a press; return whether the card receives it."""
-        now, faults, joints = self._now(), self._faults, self._joints
+        now = self._now()
         self._edges.append(now)
-        if (stall := faults.stall) and stall.press == self.presses:
-            self._due.append((now + stall.at, lambda: joints.stall(stall.joint)))
-        if (slip := faults.slip) and slip.press == self.presses:
-            self._due.append((now + slip.at, lambda: joints.slip(slip.joint, slip.counts)))
-        self._schedule_wiring(self.presses, now)
-        missing = faults.trigger_missing
+        self._schedule(self.presses, now)
+        missing = self._faults.trigger_missing
         return missing is None or missing.press != self.presses
 
     def of_run(self) -> RunFault | None:

@@ -31,6 +31,25 @@ class _AtTime(_InPress):
     """s after the trigger edge; it occurs with the next controller sample."""
 
 
+class _OnJoint(Section):
+    joint: Literal[1, 2]
+    """Of the arm."""
+
+
+class _AtSwitch(Section):
+    switch: Literal["forward", "reverse", "home", "abort"]
+    """Limit switches, home switch, or the abort input, which both joints share."""
+    joint: Literal[1, 2] = 1
+    """Of the arm."""
+
+
+class _Since(Section):
+    press: int = Field(default=0, ge=0)
+    """Press in which it occurs, from 1; 0 for power-up."""
+    at: Time = Field(default=0.0, ge=0, le=60)
+    """s after the press's trigger edge."""
+
+
 class LineFault(Section):
     """A bad serial line: bytes are lost or changed, answers are late."""
 
@@ -117,61 +136,35 @@ class Drift(Section):
     """N/s."""
 
 
-class Stall(_AtTime):
+class Stall(_AtTime, _OnJoint):
     """A motor is blocked for good: its joint does not move, whatever its torque."""
 
-    joint: Literal[1, 2]
-    """Of the arm."""
 
-
-class Slip(_AtTime):
+class Slip(_AtTime, _OnJoint):
     """An encoder slips on its shaft."""
 
-    joint: Literal[1, 2]
-    """Of the arm."""
     counts: int = Field(ge=-1_000_000, le=1_000_000)
     """Offset of its readings from then on."""
 
 
-class _Since(Section):
-    press: int = Field(default=0, ge=0)
-    """Press in which it occurs, from 1; 0 for power-up."""
-    at: Time = Field(default=0.0, ge=0, le=60)
-    """s after the press's trigger edge."""
-
-
-class EncoderLoss(_Since):
+class EncoderLoss(_Since, _OnJoint):
     """An encoder's signals disappear: its position does not change any more."""
 
-    joint: Literal[1, 2]
-    """Of the arm."""
 
-
-class EncoderSign(Section):
+class EncoderSign(_OnJoint):
     """An encoder counts backwards, so that its loop has positive feedback."""
-
-    joint: Literal[1, 2]
-    """Of the arm."""
 
 
 class EncodersSwapped(Section):
     """The encoders' cables are exchanged."""
 
 
-class IndexMissing(Section):
+class IndexMissing(_OnJoint):
     """An encoder's index is not wired."""
 
-    joint: Literal[1, 2]
-    """Of the arm."""
 
-
-class SwitchClosed(_Since):
+class SwitchClosed(_Since, _AtSwitch):
     """A switch is closed for good."""
-
-    switch: Literal["forward", "reverse", "home", "abort"]
-    """Limit switches, home switch, or the abort input, which both joints share."""
-    joint: Literal[1, 2] = 1
-    """Of the arm."""
 
 
 class SwitchPolarity(Section):
@@ -181,13 +174,8 @@ class SwitchPolarity(Section):
     """Which ones, of both joints."""
 
 
-class SwitchCut(Section):
+class SwitchCut(_AtSwitch):
     """The wire of a switch is broken: no current flows."""
-
-    switch: Literal["forward", "reverse", "home", "abort"]
-    """Limit switches, home switch, or the abort input, which both joints share."""
-    joint: Literal[1, 2] = 1
-    """Of the arm."""
 
 
 class SwitchesSwapped(Section):
@@ -197,11 +185,8 @@ class SwitchesSwapped(Section):
     """The limit switches of each joint, or the home switches of the joints."""
 
 
-class AmplifierFault(_Since):
+class AmplifierFault(_Since, _OnJoint):
     """The amplifier of a joint reports overcurrent."""
-
-    joint: Literal[1, 2]
-    """Of the arm."""
 
 
 class Faults(Section):

@@ -1,6 +1,7 @@
 """What a bench needs of a scene: parts that fit it, and every choice made."""
 
 from sautereau.rig.schema import Rig
+from sautereau.sim_backend.devices.emulators import emulator_of
 from sautereau.sim_backend.errors import SceneError
 from sautereau.sim_backend.scene import Scene
 from sautereau.sim_backend.sensors.simulated import SIMULATED
@@ -18,14 +19,14 @@ def prepared(rig: Rig, scene: Scene) -> tuple[Scene, str]:
             'finger: "push" has no arm for a controller to move; it is for sweeps and `trade`:'
             ' use finger = "ideal" or "servo"'
         )
-    elif scene.controller is not None and rig.controller.kind != "galil":
-        faults.append(
-            f"controller: the table describes a Galil, and the rig has controller.kind ="
-            f' "{rig.controller.kind}"; remove the table'
-        )
     elif scene.faults is not None:
         quantities = {channel.quantity for channel in rig.daq.channels}
         faults += scene.faults.conflicts(scene.finger, quantities)
+    unit = {} if scene.controller is None else {"unit": scene.controller}
+    try:
+        emulator_of(rig.controller.kind, **unit)
+    except SceneError as error:
+        faults.append(str(error))
     for i, channel in enumerate(rig.daq.channels):
         try:
             SIMULATED.get(channel.quantity)

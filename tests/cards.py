@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from nidaqmx import DaqError
 
-from sautereau.sim_backend.devices.daqmx.card import DaqmxError
+from sautereau.sim_backend.device_types import IDEAL
+from sautereau.sim_backend.devices.daqmx.driver_errors import DaqmxError
 
 
 def volts(first, n, channels=1):
@@ -19,8 +20,8 @@ def volts(first, n, channels=1):
 class CardRun:
     """One acquisition."""
 
-    def __init__(self, card, setup, before):
-        self.card, self.setup, self.before = card, setup, before
+    def __init__(self, card, setup):
+        self.card, self.setup = card, setup
         self.stopped = threading.Event()
         self.asked = 0
         """How often the host asked for the number of samples."""
@@ -52,9 +53,10 @@ class Card:
     At the sample `fault[0]` it fails with the code `fault[1]`.
     """
 
-    name = "Dev1"
+    name, chassis = "Dev1", ""
 
-    def __init__(self, inputs=2, *, ready=None, fault=None, paced=True):
+    def __init__(self, inputs=2, *, ready=None, fault=None, paced=True, device=IDEAL):
+        self.device = device
         self.terminals = tuple(f"ai{n}" for n in range(inputs))
         self.ready, self.fault, self.paced = ready, fault, paced
         self.acquired = lambda run: run.wait_for(0, 0)
@@ -64,15 +66,9 @@ class Card:
     def setups(self):
         return [run.setup for run in self.runs]
 
-    def start(self, setup, before=0):
-        self.runs.append(CardRun(self, setup, before))
+    def start(self, setup):
+        self.runs.append(CardRun(self, setup))
         return self.runs[-1]
-
-
-class PreTriggerCard(Card):
-    """One that also takes a reference trigger."""
-
-    start_pretrigger = Card.start
 
 
 def code_of(function, *arguments, **named):

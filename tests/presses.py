@@ -1,13 +1,22 @@
 """Presses on the stand-in, over the real pyserial and nidaqmx, and what makes them quick."""
 
 from sautereau.robot.drivers.galil.driver import GalilController
-from sautereau.robot.experiment.session import run_session
+from sautereau.robot.experiment.session import Item, make_presses
 from sautereau.sim_backend.fault_tables import Faults
 from sautereau.sim_backend.scene import load_scene
 from sautereau.trajectory.press import plan_press
 
 QUICK = {"controller.timeout": "20 s", "arm.approach_speed": "5 rad/s"}
 """Values of a rig: a timeout for a busy machine, and a short way to the key."""
+MUTE_TEXT = """
+finger = "ideal"
+plectrum = "none"
+string = "none"
+friction = false
+felt = false
+step = "1 ms"
+"""
+"""A scene's file, of a key without strings."""
 
 
 def mute_scene(finger="ideal", *, faults=None, **changes):
@@ -21,4 +30,4 @@ def mute_scene(finger="ideal", *, faults=None, **changes):
 def press_on(stand_in, out, n=1, controller=GalilController, **options):
     """Make n presses with the rig of a stand-in; return the recordings."""
     rig = stand_in.rig
-    return run_session(rig, plan_press(rig), controller(rig), out, n, **options)
+    return make_presses(controller(rig), out, [Item(rig, plan_press(rig))] * n, **options)

@@ -1,6 +1,7 @@
 """Options of an import: what the files of other programs do not hold."""
 
-from pydantic import BaseModel
+from dataclasses import dataclass, field, fields
+from typing import Any
 
 from sautereau.daq.errors import RecordingError
 
@@ -8,34 +9,40 @@ MODIFIED = "modified"
 """Value of `started`: the date of the file's last change."""
 
 
-class ImportOptions(BaseModel, frozen=True, extra="forbid", strict=True):
+@dataclass(frozen=True)
+class ImportOptions:
     """What the file does not hold; an empty mapping or None is not given."""
 
-    column: dict[str, str] = {}
-    """Column of each channel, by the channel's name in the rig."""
-    unit: dict[str, str] = {}
-    """Unit of a channel's values: V, or a unit of the measured quantity."""
-    full_scale: dict[str, str] = {}
-    """Quantity that full scale of a WAV file stands for, by channel."""
+    column: dict[str, str] = field(default_factory=dict)
+    """Column of a channel: --column.velocity NAME. Default: the column named as the channel."""
+    unit: dict[str, str] = field(default_factory=dict)
+    """Unit of a channel's values: --unit.velocity V, or mm/s."""
+    full_scale: dict[str, str] = field(default_factory=dict)
+    """Full scale of a WAV file's channel: --full-scale.velocity "100 mm/s", or "4 V"."""
     without: tuple[str, ...] = ()
-    """Channels of the rig that the file does not have."""
+    """Channel of the rig that the file does not hold; repeat it for several."""
     invert: tuple[str, ...] = ()
-    """Channels whose sensor has the opposite sign."""
+    """Channel whose sensor has the opposite sign; repeat it for several."""
     time: str | None = None
-    """Column of times."""
+    """Column of times, or of ISO 8601 dates."""
     time_unit: str | None = None
-    """Unit of the column of times; s where neither this nor the file gives it."""
+    """Unit of the column of times: ms. Default: as the file says, else s."""
     rate: str | None = None
-    """Sampling rate: a quantity."""
+    """Sample rate: "51.2 kHz"."""
     trigger: str | None = None
-    """Time of the trigger's edge on the file's own time axis: a quantity. The axis is the
-    column of times, or starts with the first sample."""
+    """Time of the trigger: "12 ms" in the column of times, or after the start of the file."""
     started: str | None = None
-    """Date of time 0 of that axis: ISO 8601 with the time zone, or `MODIFIED`."""
+    """Date of the file's time 0: 2026-02-03T04:05:06+01:00, or "modified" for that of the file."""
     simulated: bool | None = None
-    """Whether a simulation made the samples, not an instrument."""
+    """Whether the data were simulated, or measured on an instrument."""
     complete: bool | None = None
-    """Whether the file is complete although its last line has no line end."""
+    """The file is complete, although its last line has no line end."""
+
+    def given(self) -> dict[str, Any]:
+        """Return the options that differ from their defaults, by name."""
+        default = ImportOptions()
+        every = ((one.name, getattr(self, one.name)) for one in fields(ImportOptions))
+        return {name: value for name, value in every if value != getattr(default, name)}
 
 
 def refuse_options(options: ImportOptions) -> None:
@@ -44,7 +51,7 @@ def refuse_options(options: ImportOptions) -> None:
     Raises:
         RecordingError: Names the options given.
     """
-    if given := options.model_dump(exclude_defaults=True):
+    if given := options.given():
         names = ", ".join("--" + name.replace("_", "-") for name in given)
         raise RecordingError(
             f"it is an export by sautereau, which needs no further options; remove {names}"

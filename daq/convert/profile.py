@@ -1,10 +1,12 @@
 """Profiles: the options of an import in a TOML file, to use them again for files of one kind."""
 
 import os
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
+from typing import Any
 
 import tomlkit
-from pydantic import Field, ValidationError
+from pydantic import ConfigDict, Field, ValidationError, create_model
 
 from sautereau.daq.convert.options import MODIFIED, ImportOptions
 from sautereau.daq.errors import RecordingError
@@ -13,20 +15,28 @@ from sautereau.rig.faults import fault_list, validation_faults
 from sautereau.rig.load import read_toml
 
 
-class Profile(ImportOptions, frozen=True):
+@dataclass(frozen=True)
+class Profile(ImportOptions):
     """Options of an import, and the rig."""
 
-    without: tuple[str, ...] = Field(default=(), strict=False)
-    invert: tuple[str, ...] = Field(default=(), strict=False)
     rig: str | None = None
     """Path of a rig file, relative to the profile's folder, or name of a packaged one."""
 
     def under(self, given: ImportOptions) -> ImportOptions:
         """Return the options, those that are given instead of the profile's."""
-        own = self.model_dump(exclude={"rig"})
-        for name, value in given.model_dump(exclude_defaults=True).items():
+        own = {one.name: getattr(self, one.name) for one in fields(ImportOptions)}
+        for name, value in given.given().items():
             own[name] = own[name] | value if isinstance(value, dict) else value
         return ImportOptions(**own)
+
+
+_DEFAULT = Profile()
+_FIELDS: dict[str, Any] = {  # a tuple is an array in TOML
+    one.name: (one.type, Field(getattr(_DEFAULT, one.name), strict=one.type != tuple[str, ...]))
+    for one in fields(Profile)
+}
+_TABLE = create_model("Profile", __config__=ConfigDict(extra="forbid", strict=True), **_FIELDS)
+"""What a profile's file may hold."""
 
 
 def load_profile(path: Path) -> Profile:
@@ -41,12 +51,13 @@ def load_profile(path: Path) -> Profile:
     except (OSError, UnicodeDecodeError) as error:
         raise RecordingError(f"{origin}: {error}; give a file of --save-profile") from error
     try:
-        profile = Profile.model_validate(read_toml(text, origin, RecordingError))
+        table = _TABLE.model_validate(read_toml(text, origin, RecordingError))
     except ValidationError as error:
-        raise RecordingError(fault_list(origin, validation_faults(error, Profile, text))) from error
+        raise RecordingError(fault_list(origin, validation_faults(error, _TABLE, text))) from error
+    profile = Profile(**dict(table))
     try:
         if profile.rig is not None and (near := path.parent / profile.rig).is_file():
-            return profile.model_copy(update={"rig": str(near)})
+            return replace(profile, rig=str(near))
     except OSError as error:
         raise RecordingError(f"{origin}: rig: {error.strerror}; shorten the path") from error
     return profile
@@ -58,7 +69,7 @@ def save_profile(path: Path, options: ImportOptions, rig: str | None) -> None:
     Raises:
         RecordingError: The file exists, or cannot be written.
     """
-    values = options.model_dump(exclude_defaults=True)
+    values = options.given()
     if values.get("started") != MODIFIED:
         values.pop("started", None)
     if rig is not None:

@@ -4,8 +4,9 @@ import os
 import struct
 from collections.abc import Iterator
 from contextlib import contextmanager
+from io import BufferedReader
 from pathlib import Path
-from typing import BinaryIO, NamedTuple
+from typing import NamedTuple
 
 from sautereau.daq.errors import RecordingError
 from sautereau.daq.file.container.checksum import crc32
@@ -44,7 +45,7 @@ class IndexedChunk(NamedTuple):
 
 
 @contextmanager
-def opened(path: Path, *, damaged: bool = False) -> Iterator[BinaryIO]:
+def opened(path: Path, *, damaged: bool = False) -> Iterator[BufferedReader]:
     """Open a recording for reading; every error in the context names the file.
 
     Args:
@@ -79,7 +80,7 @@ def opened(path: Path, *, damaged: bool = False) -> Iterator[BinaryIO]:
         raise RecordingError(f"recording {path}: {error}") from error.__cause__
 
 
-def check_summary(file: BinaryIO) -> tuple[int, int]:
+def check_summary(file: BufferedReader) -> tuple[int, int]:
     """Refuse a truncated file, or one whose summary has changed.
 
     Returns:
@@ -104,20 +105,20 @@ def check_summary(file: BinaryIO) -> tuple[int, int]:
     return summary - _DATA_END.size, summary
 
 
-def check_data(file: BinaryIO, end: int) -> None:
+def check_data(file: BufferedReader, end: int) -> None:
     """Refuse a file whose data section, which ends at ``end``, has changed."""
     if _checksum(file, 0, end) != data_crc(file, end):
         raise DamageError(corrupted("its data"))
 
 
-def data_crc(file: BinaryIO, end: int) -> int | None:
+def data_crc(file: BufferedReader, end: int) -> int | None:
     """Return the checksum that the record at ``end`` gives; None if it is another record."""
     file.seek(end)
     opcode, length, crc = _DATA_END.unpack(file.read(_DATA_END.size))
     return crc if opcode == Opcode.DATA_END and length == _CRC_SIZE else None
 
 
-def chunk_index(file: BinaryIO) -> list[IndexedChunk]:
+def chunk_index(file: BufferedReader) -> list[IndexedChunk]:
     """Return the positions of all chunks in order, after verifying the summary's checksum."""
     data_end, summary = check_summary(file)
     footer = size_of(file) - len(MAGIC) - _FOOTER.size
@@ -137,25 +138,60 @@ def chunk_index(file: BinaryIO) -> list[IndexedChunk]:
     return found
 
 
-def records(file: BinaryIO, start: int, end: int) -> Iterator[Record]:
-    """Yield the records between two offsets of a file, except index records.
+class Section:
+    """Consecutive records of a file, read through one buffer and summed meanwhile."""
 
-    Raises:
-        RecordingError: A length is invalid.
-    """
-    file.seek(start)
-    while start < end:
-        head = file.read(PREFIX.size)
-        opcode, length = PREFIX.unpack(head) if len(head) == PREFIX.size else (0, end)
-        start += PREFIX.size + length
-        if opcode in SKIPPED and start <= end:
-            file.seek(start)
-            continue
-        refuse_length(length, start > end)
-        yield Record(opcode, file.read(length))
+    def __init__(self, file: BufferedReader, start: int, end: int):
+        """Start at an offset of the file; ``end`` is that of the byte after the last."""
+        self._file, self._left = file, end - start
+        file.seek(start)
+        self._buffer = memoryview(bytearray(min(PIECE, end - start)))
+        self._at = self._stop = 0  # of the bytes that are read and not yet taken
+        self.crc = 0
+        """Checksum of all bytes read so far."""
+
+    def records(self, skip: int = 0) -> Iterator[Record]:
+        """Yield the records that follow ``skip`` bytes, except index records.
+
+        The body of a record is valid until the next one is requested.
+
+        Raises:
+            RecordingError: A length is invalid.
+        """
+        self._need(skip)
+        self._at += skip
+        while self._at < self._stop or self._left:
+            self._need(PREFIX.size)
+            opcode, length = PREFIX.unpack_from(self._buffer, self._at)
+            self._need(PREFIX.size + length)
+            begin = self._at + PREFIX.size
+            self._at = begin + length
+            if opcode not in SKIPPED:
+                yield Record(opcode, self._buffer[begin : self._at])
+
+    def _need(self, n: int) -> None:
+        """Read on until ``n`` bytes that are not taken are in the buffer."""
+        held = self._stop - self._at
+        if held >= n:
+            return
+        _refuse_length(n, n > held + self._left)
+        rest = self._buffer[self._at : self._stop]
+        if n > len(self._buffer):
+            self._buffer = memoryview(bytearray(n))
+        self._buffer[:held] = rest
+        read = self._file.readinto(self._buffer[held : held + self._left])
+        self._at, self._stop, self._left = 0, held + read, self._left - read
+        self.crc = crc32(self._buffer[held : self._stop], self.crc)
+        if self._stop < n:
+            raise DamageError("it was truncated while it was read")
 
 
-def refuse_length(length: int, beyond: bool) -> None:
+def records(file: BufferedReader, start: int, end: int) -> Iterator[Record]:
+    """Return the records between two offsets of a file; see `Section.records`."""
+    return Section(file, start, end).records()
+
+
+def _refuse_length(length: int, beyond: bool) -> None:
     """Refuse a record that is too long, or reaches ``beyond`` its section."""
     if beyond:
         raise RecordingError(
@@ -169,7 +205,7 @@ def refuse_length(length: int, beyond: bool) -> None:
         )
 
 
-def check_header(file: BinaryIO) -> None:
+def check_header(file: BufferedReader) -> None:
     """Refuse a file that does not start with MCAP's magic bytes and sautereau's header."""
     file.seek(0)
     head = file.read(len(MAGIC) + PREFIX.size + _CRC_SIZE + len(PROFILE))
@@ -191,12 +227,12 @@ def check_header(file: BinaryIO) -> None:
         )
 
 
-def size_of(file: BinaryIO) -> int:
+def size_of(file: BufferedReader) -> int:
     """Return the size of an open file in bytes."""
     return os.fstat(file.fileno()).st_size
 
 
-def _checksum(file: BinaryIO, start: int, stop: int) -> int:
+def _checksum(file: BufferedReader, start: int, stop: int) -> int:
     """Return the CRC of the bytes between two offsets, read piece by piece."""
     file.seek(start)
     crc = 0

@@ -12,6 +12,8 @@ HIGHEST_RATE = 1e8
 """Hz; the filter of the previews grows with the rate."""
 FARTHEST_SAMPLE = 2**53
 """Limit of the index of a sample, counted from the trigger."""
+FARTHEST_TIME = 9e9
+"""s, limit of a time after or before the trigger: dates have 64 bits of ns."""
 MOST_EVENTS = 100_000
 """Limit for a recording."""
 
@@ -42,6 +44,8 @@ def time_faults(t0_ns: Any, rate: float, *samples: int) -> list[str]:
 def series_faults(name: str, series: Plan | Joints | None) -> list[str]:
     """Return what is wrong with a planned or captured motion."""
     arrays = {} if series is None else vars(series)
+    if series is not None and (np.abs(series.t) > FARTHEST_TIME).any():
+        return [f"{name}: a time is beyond FARTHEST_TIME = {FARTHEST_TIME:g} s"]
     if all(a.ndim == 1 and np.isfinite(a).all() for a in arrays.values()):
         required = ("t", "q1", "q2", "jack_rise")
         if len({len(a) for key, a in arrays.items() if key in required or len(a)}) < 2:
@@ -53,7 +57,7 @@ def event_faults(events: "tuple[Event, ...] | list[Event]") -> list[str]:
     """Return what is wrong with events."""
     if all(
         isinstance(event.time, int | float)
-        and math.isfinite(event.time)
+        and abs(event.time) <= FARTHEST_TIME
         and isinstance(event.std, int | float)
         and 0 <= event.std < math.inf
         and isinstance(event.kind, str)
@@ -61,4 +65,7 @@ def event_faults(events: "tuple[Event, ...] | list[Event]") -> list[str]:
         for event in events
     ):
         return []
-    return ["events: one has no finite time or uncertainty, or a kind or text that is none"]
+    return [
+        f"events: one has no finite time within FARTHEST_TIME = {FARTHEST_TIME:g} s, no finite"
+        " uncertainty, or a kind or text that is none"
+    ]

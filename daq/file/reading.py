@@ -79,6 +79,7 @@ def read_parts(path: str | Path) -> tuple[Recorded, ...]:
                 software=contents.metadata["software"],
                 channels=contents.channels,
                 gaps=gaps,
+                t0_std=contents.t0_std,
             )
             for first, stop in common
         )
@@ -96,7 +97,10 @@ def read_session(path: str | Path) -> SessionInfo:
         for opcode, body in records(file, len(MAGIC), size_of(file)):
             if opcode == Opcode.CHUNK:
                 break
-            if opcode == Opcode.METADATA and (record := read_metadata(body)).name == "session":
+            if (
+                opcode == Opcode.METADATA
+                and (record := read_metadata(bytes(body))).name == "session"
+            ):
                 return session_from_metadata(record.metadata)
         raise RecordingError("it lacks the metadata session; give a recording of a press")
 

@@ -28,30 +28,30 @@ class Clock(NamedTuple):
 
 
 class _Run:
-    """Consecutive samples of one channel, in an array that has room for more."""
+    """Consecutive samples of some channels, in an array that has room for more."""
 
-    def __init__(self, first: int, room: int):
+    def __init__(self, first: int, n_channels: int, room: int):
         self.first = self.stop = first
-        self._room = np.empty(room)
+        self._room = np.empty((n_channels, room))
 
     def extend(self, n: int) -> Signal:
-        """Return the place of the next ``n`` samples, to be filled."""
+        """Return the place of the next ``n`` samples, shape (n_channels, n), to be filled."""
         held = self.stop - self.first
-        if held + n > len(self._room):
-            grown = np.empty(max(held + n, 2 * held))
-            grown[:held] = self._room[:held]
+        if held + n > self._room.shape[1]:
+            grown = np.empty((len(self._room), max(held + n, 2 * held)))
+            grown[:, :held] = self._room[:, :held]
             self._room = grown
         self.stop += n
-        return self._room[held : held + n]
+        return self._room[:, held : held + n]
 
-    def volts(self, first: int, stop: int) -> Signal:
-        return self._room[first - self.first : stop - self.first]
+    def volts(self, row: int, first: int, stop: int) -> Signal:
+        return self._room[row, first - self.first : stop - self.first]
 
     def cut(self, stop: int) -> None:
         """Drop the samples before ``stop``."""
         n = min(max(stop - self.first, 0), self.stop - self.first)
         left = self.stop - self.first - n
-        self._room[:left] = self._room[n : n + left].copy()
+        self._room[:, :left] = self._room[:, n : n + left].copy()
         self.first += n
 
 
@@ -66,7 +66,8 @@ class Runs:
                 keep no samples, only their indices.
         """
         self._size = size
-        self._runs: dict[str, list[_Run]] = {}
+        self._groups: dict[tuple[str, ...], list[_Run]] = {}
+        self._rows: dict[str, tuple[list[_Run], int]] = {}
         self.clock: Clock | None = None
         """None before the first block."""
 
@@ -89,53 +90,61 @@ class Runs:
                 f" recording that starts at sample {clock.begin}; {FOREIGN}"
             )
         self.clock = clock
-        places = [self._extend(name, first, n, layout.size) for name in layout.names]
-        if self._size is not None:
-            layout.write_volts(layout.columns(block.data), places)
+        run = self._run(layout, names, first, n)
+        if self._size is None:
+            run.stop += n
+        else:
+            layout.write_volts(layout.columns(block.data), run.extend(n))
 
-    def _extend(self, name: str, first: int, n: int, size: int) -> Signal:
-        """Return the place of samples of one channel."""
-        runs = self._runs.setdefault(name, [])
+    def _run(self, layout: SampleLayout, names: str, first: int, n: int) -> _Run:
+        """Return the run that ``n`` samples from ``first`` on continue, or begin."""
+        runs = self._groups.setdefault(layout.names, [])
+        if not runs:
+            if again := [name for name in layout.names if name in self._rows]:
+                raise RecordingError(f"it has {', '.join(again)} in several topics; {FOREIGN}")
+            self._rows |= {name: (runs, row) for row, name in enumerate(layout.names)}
         if not runs or first > runs[-1].stop:
             if len(runs) == MOST_RUNS:
-                raise RecordingError(f"{name} has more than the limit of {MOST_RUNS} gaps")
-            runs.append(_Run(first, 0 if runs else (self._size or 0) // size))
+                raise RecordingError(f"{names} has more than the limit of {MOST_RUNS} gaps")
+            room = 0 if runs else (self._size or 0) // layout.size
+            runs.append(_Run(first, len(layout.names), room))
         if first < runs[-1].stop:
             raise RecordingError(
-                f"samples {first} to {min(first + n, runs[-1].stop) - 1} of {name} are repeated, or"
-                f" follow later ones; {FOREIGN}"
+                f"samples {first} to {min(first + n, runs[-1].stop) - 1} of {names} are repeated,"
+                f" or follow later ones; {FOREIGN}"
             )
-        if self._size is None:
-            runs[-1].stop = first + n
-            return runs[-1].volts(first, first)
-        return runs[-1].extend(n)
+        return runs[-1]
+
+    def _of(self, name: str) -> list[_Run]:
+        return self._rows[name][0] if name in self._rows else []
 
     def common(self, names: Iterable[str]) -> list[tuple[int, int]]:
         """Return the stretches (first, stop) in which every channel has samples."""
         found: list[tuple[int, int]] | None = None
         for name in names:
-            runs = [(run.first, run.stop) for run in self._runs.get(name, [])]
+            runs = [(run.first, run.stop) for run in self._of(name)]
             found = runs if found is None else _overlap(found, runs)
         return found or []
 
     def count(self, name: str) -> int:
         """Return the number of samples of a channel."""
-        return sum(run.stop - run.first for run in self._runs.get(name, []))
+        return sum(run.stop - run.first for run in self._of(name))
 
     def last(self) -> int:
         """Return the index after the last sample of any channel; at least one must exist."""
-        return max(runs[-1].stop for runs in self._runs.values())
+        return max(runs[-1].stop for runs in self._groups.values())
 
     def reached(self, names: Iterable[str]) -> int | None:
         """Return the index up to which every channel has samples; None if one has none."""
-        if self.clock is None or any(name not in self._runs for name in names):
+        if self.clock is None or any(name not in self._rows for name in names):
             return None
-        return min(self._runs[name][-1].stop for name in names)
+        return min(self._of(name)[-1].stop for name in names)
 
     def volts(self, name: str, first: int, stop: int) -> Signal:
         """Return samples of one channel within one run, V, without copying them."""
-        run = next(run for run in self._runs[name] if run.first <= first and stop <= run.stop)
-        return run.volts(first, stop)
+        runs, row = self._rows[name]
+        run = next(run for run in runs if run.first <= first and stop <= run.stop)
+        return run.volts(row, first, stop)
 
     def take(self, names: Sequence[str], n: int, *, ended: bool) -> Stretch | None:
         """Remove and return the first ``n`` samples of all channels.
@@ -148,16 +157,16 @@ class Runs:
         if self.clock is None or not common:
             return None
         first, stop = common[0]
-        runs = [next(r for r in self._runs[name] if r.stop > first) for name in names]
+        runs = [next(r for r in self._of(name) if r.stop > first) for name in names]
         closed = ended or any(
-            run.stop == stop and run is not self._runs[name][-1]
+            run.stop == stop and run is not self._of(name)[-1]
             for name, run in zip(names, runs, strict=True)
         )
         if stop - first < n and not closed:
             return None
         stop = min(stop, first + n)
         volts = {name: self.volts(name, first, stop).copy() for name in names}
-        for held in self._runs.values():
+        for held in self._groups.values():
             for run in held:
                 run.cut(stop)
             held[:-1] = [run for run in held[:-1] if run.first < run.stop]
@@ -174,7 +183,7 @@ class Runs:
         clock, names = self.clock, tuple(names)
         if clock is None:
             return ()
-        held = {name: [(r.first, r.stop) for r in self._runs.get(name, [])] for name in names}
+        held = {name: [(r.first, r.stop) for r in self._of(name)] for name in names}
         last = max((runs[-1][1] for runs in held.values() if runs), default=clock.begin)
         last = last if end is None else max(last, end)
         gaps = []

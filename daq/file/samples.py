@@ -3,7 +3,7 @@
 import json
 import math
 import struct
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from typing import Any, NamedTuple
@@ -106,10 +106,9 @@ class SampleLayout:
         """
         return np.frombuffer(data, TYPES[self.kind]).reshape(len(self.names), -1)
 
-    def write_volts(self, samples: Samples, into: Signal | Sequence[Signal]) -> None:
-        """Write the volts of samples of shape (n_channels, n) into rows of shape (n,), V."""
-        for row, coefficients in enumerate(self.scaling or [()] * len(self.names)):
-            write_volts(samples[row], coefficients, into[row])
+    def write_volts(self, samples: Samples, into: Signal) -> None:
+        """Write the volts of samples; both have the shape (n_channels, n)."""
+        write_volts(samples, self.scaling, into)
 
 
 def sample_layout(names: Iterable[str], scaling: Scaling | None) -> SampleLayout:

@@ -2,8 +2,9 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from io import BufferedReader
 from pathlib import Path
-from typing import Any, BinaryIO, TypedDict
+from typing import Any, TypedDict
 
 from sautereau.daq.errors import RecordingError
 from sautereau.daq.file.container.chunks import find_intact
@@ -46,6 +47,10 @@ class Description(TypedDict):
     """Number of messages, by topic."""
     events: list[str]
     software: dict[str, str]
+    t0_ns: int | None
+    """Date of the trigger by the host's clock, ns since 1970; None without samples."""
+    t0_std: float | None
+    """Its standard uncertainty, s; None if it is unknown."""
     recovered: dict[str, str] | None
     """File that this one was recovered from, its damage and what is missing; None otherwise."""
     layout: str
@@ -74,7 +79,7 @@ class Survey:
         return self.runs.gaps(self.names, self.contents.end(), open_end=open_end)
 
 
-def survey(file: BinaryIO) -> Survey:
+def survey(file: BufferedReader) -> Survey:
     """Read an open recording without keeping its samples.
 
     Raises:
@@ -91,7 +96,7 @@ def survey(file: BinaryIO) -> Survey:
         return _survey(file, find_intact(file), str(error))
 
 
-def _survey(file: BinaryIO, records: Iterator[Record], damage: str | None) -> Survey:
+def _survey(file: BufferedReader, records: Iterator[Record], damage: str | None) -> Survey:
     contents, runs = Contents(size_of(file)), Runs(size=None)
     for layout, block in contents.blocks(records):
         runs.add(layout, block)
@@ -136,6 +141,8 @@ def describe(path: str | Path) -> Description:
         messages={topic: contents.counts[topic] for topic in contents.channels},
         events=[f"{event.time:.6f} s {event.kind}: {event.text}" for event in contents.events],
         software=contents.metadata["software"],
+        t0_ns=clock.t0 if clock else None,
+        t0_std=contents.t0_std,
         recovered=contents.metadata.get("recovered"),
         layout=str(LAYOUT),
     )

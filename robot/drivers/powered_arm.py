@@ -5,6 +5,7 @@ in the `Driver` that the arm holds.
 """
 
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
@@ -19,12 +20,11 @@ from sautereau.robot.drivers.driver import Clock, Driver, Sleep
 from sautereau.robot.drivers.interrupts import Interrupts
 from sautereau.robot.drivers.keep_alive import KeepAlive
 from sautereau.robot.drivers.limits import Limits
+from sautereau.robot.drivers.safety import Safety
 from sautereau.robot.drivers.serial_port import Port, open_port
 from sautereau.robot.drivers.states import State, States
-from sautereau.robot.errors import MotionFault, NotReady, RobotError, UnsafeRequest
+from sautereau.robot.errors import MotionFault, NotReady, UnsafeRequest
 from sautereau.trajectory.segments import Counts, Segments, to_counts
-
-_SAFE = "The arm was stopped and its motors are off: the controller confirms it."
 
 MakeKeepAlive = Callable[
     [Callable[[Callable[[], bool]], None], float], AbstractContextManager[object]
@@ -64,6 +64,8 @@ class PoweredArm(MotionController, Generic[DriverT]):
         self._driver: DriverT | None = None
         self._identity = ""
         self._states = States()
+        self._safety = Safety(self._states, rig.controller.watchdog_period)
+        self._abort_requested = threading.Event()
         self._motion: Segments | None = None
         self._played = False
 
@@ -102,7 +104,7 @@ class PoweredArm(MotionController, Generic[DriverT]):
             raise NotReady("connect: already connected; call disconnect() first")
         settings = self._settings
         port = self._open_port(settings.port, settings.baud_rate, settings.timeout)
-        driver = self._make_driver(self._rig, port, self._clock, self._sleep)
+        driver = self._make_driver(self._rig, port, self._clock, self._wait)
         try:
             self._identity = driver.set_up()
         except BaseException as error:
@@ -121,10 +123,7 @@ class PoweredArm(MotionController, Generic[DriverT]):
             if self._states.now is State.FAULTED:
                 driver.send_abort()
             elif self._states.on:
-                if earlier is None:
-                    self._switch_off(driver)
-                else:
-                    self._make_safe(earlier, lambda: self._switch_off(driver))
+                self._safety.switch_off(driver, earlier)
             elif earlier is not None:
                 _say(earlier, "The motors are off.")
         finally:
@@ -145,6 +144,7 @@ class PoweredArm(MotionController, Generic[DriverT]):
     def powered(self) -> Iterator[Self]:
         driver = self._ready("powered")
         with Interrupts() as interrupts:
+            self._abort_requested.clear()
             self._states.enter(State.STOPPED)
             try:
                 driver.switch_on()
@@ -153,31 +153,34 @@ class PoweredArm(MotionController, Generic[DriverT]):
             except BaseException as error:
                 interrupts.hold()
                 if self._states.on and self._states.now is not State.FAULTED:
-                    self._make_safe(error, lambda: self._switch_off(driver))
+                    self._safety.switch_off(driver, error)
                 raise
             else:
                 interrupts.hold()
                 if self._states.on:
-                    self._switch_off(driver)
+                    self._safety.switch_off(driver)
 
     def positions(self) -> Counts:
         return self._connected("positions").positions()
 
     def stop(self) -> Counts:
         driver = self._ready("stop")
-        with self._guarded(driver):
+        with self._safety.guarded(driver):
             driver.halt()
             self._states.enter(State.STOPPED)
             return driver.positions()
 
     def abort(self) -> None:
-        self._confirm(self._connected("abort").abort)
+        self._safety.abort(self._connected("abort"))
 
-    # HomingKind and moves.
+    def request_abort(self) -> None:
+        self._abort_requested.set()
+
+    # Homing and moves.
 
     def home(self) -> Counts:
         driver = self._ready("home")
-        with self._guarded(driver), self._states.moving(State.HOMED):
+        with self._safety.guarded(driver), self._states.moving(State.HOMED):
             driver.find_home(self._home)
         return self._home.copy()
 
@@ -190,7 +193,7 @@ class PoweredArm(MotionController, Generic[DriverT]):
         levels = []
         for side in (-1, 1):
             self.move_to(self._home + side * tolerance, speed)
-            with self._guarded(driver, "home_levels"):
+            with self._safety.guarded(driver, "home_levels"):
                 levels.append(driver.home_levels())
         slipped = [
             f"joint {joint}"
@@ -198,7 +201,7 @@ class PoweredArm(MotionController, Generic[DriverT]):
             if (before, behind) != (0, 1)
         ]
         if slipped:
-            with self._guarded(driver):
+            with self._safety.guarded(driver):
                 raise MotionFault(
                     f"the home switch of {' and '.join(slipped)} is not within {tolerance} counts"
                     " of where it was found (controller.home_tolerance): an encoder has slipped or"
@@ -211,7 +214,7 @@ class PoweredArm(MotionController, Generic[DriverT]):
         target = np.rint(counts).astype(np.int64)
         self._limits.check_move(target, speed_counts_per_s)
         after = State.HOMED if self._states.now is State.HOMED else State.LOADED
-        with self._guarded(driver), self._states.moving(after):
+        with self._safety.guarded(driver), self._states.moving(after):
             driver.go(target, speed_counts_per_s)
         return target
 
@@ -240,19 +243,19 @@ class PoweredArm(MotionController, Generic[DriverT]):
         if self._motion is None:
             raise NotReady("arm: no motion is loaded; call load() first")
         self._limits.check_at(driver.positions(), self._motion.start, "arm: the arm")
-        with self._guarded(driver, "arm"):
+        with self._safety.guarded(driver, "arm"):
             driver.arm()
         self._states.enter(State.ARMED)
 
     def start(self) -> None:
         driver = self._ready("start")
         self._states.enter(State.MOVING)
-        with self._guarded(driver):
+        with self._safety.guarded(driver):
             driver.start()
 
     def wait(self) -> None:
         driver = self._ready("wait")
-        with self._guarded(driver):
+        with self._safety.guarded(driver):
             driver.wait()
         self._motion, self._played = None, True
         self._states.enter(State.HOMED)
@@ -262,8 +265,6 @@ class PoweredArm(MotionController, Generic[DriverT]):
         if not self._played:
             raise NotReady("capture: no motion is done; wait() for the end of one first")
         return driver.capture()
-
-    # Safety.
 
     def _connected(self, call: str) -> DriverT:
         """Return the driver of the connection."""
@@ -277,63 +278,14 @@ class PoweredArm(MotionController, Generic[DriverT]):
         self._states.require(call)
         return driver
 
-    @contextmanager
-    def _guarded(self, driver: DriverT, call: str = "") -> Iterator[None]:
-        """Abort a motion that fails, and report the outcome in the error.
-
-        Args:
-            driver: Of the connection.
-            call: Method that only some drivers want guarded; empty for every driver.
-        """
-        try:
-            yield
-        except RobotError as error:
-            if not call or call in driver.ABORT_AFTER:
-                self._make_safe(error, lambda: self._confirm(driver.abort))
-            raise
-
-    def _switch_off(self, driver: DriverT) -> None:
-        """Stop with deceleration where possible, then abort."""
-
-        def off() -> None:
-            try:
-                driver.halt()
-            except RobotError:  # abort reports the outcome
-                pass
-            finally:
-                driver.abort()
-
-        try:
-            self._confirm(off)
-        except KeyboardInterrupt:  # a second Ctrl-C must not leave the motors on
-            self._confirm(off)
-            raise
-
-    def _confirm(self, switch_off: Callable[[], None]) -> None:
-        """Switch off, and report a controller that does not confirm it."""
-        self._states.enter(State.FAULTED)
-        try:
-            switch_off()
-        except RobotError as error:
-            error.aftermath = self._not_safe("see above")
-            raise
-        self._states.enter(State.OFF)
-
-    def _make_safe(self, error: BaseException, switch_off: Callable[[], None]) -> None:
-        """Switch off, and add the outcome to an error that is being raised."""
-        try:
-            switch_off()
-            outcome = _SAFE
-        except RobotError as fault:
-            outcome = self._not_safe(fault.args[0])
-        if isinstance(error, RobotError):
-            error.aftermath = outcome
-        else:
-            error.add_note(outcome)
-
-    def _not_safe(self, reason: str) -> str:
-        meanwhile = self.driver.WITHOUT_HOST.format(period=self._settings.watchdog_period)
-        return f"The motors are NOT confirmed off ({reason}): press the emergency stop. {meanwhile}"
+    def _wait(self, seconds: float) -> None:
+        """Sleep for the driver, unless its motion is to be aborted."""
+        if self._abort_requested.is_set() and self._states.now is State.MOVING:
+            self._abort_requested.clear()
+            raise MotionFault(
+                "the motion was aborted by the operator; run the same again to continue the session"
+            )
+        self._sleep(seconds)
 
 
 def _say(error: BaseException, state: str) -> None:

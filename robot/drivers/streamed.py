@@ -1,14 +1,16 @@
 """What drivers share whose controllers keep no motion, so that the host streams it."""
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 from functools import partial
-from typing import TYPE_CHECKING, ClassVar, Generic, TypeVar
+from typing import Generic, TypeVar
 
-from sautereau.rig.capabilities import Capabilities
-from sautereau.rig.controller import Controller
+from sautereau.rig.schema import Rig
 from sautereau.robot.controller import Capture, TorqueTable
+from sautereau.robot.drivers.driver import Clock, Driver, Sleep
 from sautereau.robot.drivers.limits import Limits
-from sautereau.robot.drivers.polling import Polling
+from sautereau.robot.drivers.polling import POLL, Polling
+from sautereau.robot.drivers.serial_port import Wire
 from sautereau.robot.drivers.stream import Punctuality, Rows, Stream
 from sautereau.robot.errors import NotReady
 from sautereau.trajectory.motion import Floats
@@ -17,32 +19,80 @@ from sautereau.trajectory.segments import Counts, Segments
 RowsT = TypeVar("RowsT", bound=Rows)
 
 
-class StreamedDriver(Generic[RowsT]):
-    """Plays and records motions: a mixin for the axes of one kind of controller.
+class StreamedDriver(Driver, ABC, Generic[RowsT]):
+    """A `Driver` that plays and records motions; documented there, but for what is its own.
 
-    The axes have the methods declared below; `plan` of the driver sets ``_planned``.
+    `plan` of a class of it sets ``_planned``.
+
+    Args:
+        rig: As for `Driver`.
+        clock: As for `Driver`.
+        sleep: As for `Driver`.
+        wire: To the controller.
+        supply: What powers the motors, for messages.
     """
 
-    CAPABILITIES: ClassVar[Capabilities]
-    limits: Limits
-    polling: Polling
-    _settings: Controller
-    _planned: tuple[Segments, RowsT] | None = None
-    _loaded: tuple[Segments, RowsT] | None = None
+    stepped = False
+    """Whether the controller is a stand-in whose time waits for the host."""
     stream: Stream | None = None
     """The last motion that was started."""
+    _planned: tuple[Segments, RowsT] | None = None
+    _loaded: tuple[Segments, RowsT] | None = None
 
-    if TYPE_CHECKING:
+    def __init__(self, rig: Rig, clock: Clock, sleep: Sleep, wire: Wire, supply: str):
+        self._rig, self._settings, self._wire = rig, rig.controller, wire
+        self.limits = Limits(rig.arm)
+        # A command may take up to 1 ms to take effect.
+        self.polling = Polling(clock, sleep, supply, delay=POLL)
 
-        def positions(self) -> Counts: ...
-        def send(self, rows: RowsT, index: int, /) -> tuple[Counts, Floats | None]: ...
-        def follow(self, at: Counts) -> None:
-            """Let both axes follow setpoints, from the first one on."""
+    @abstractmethod
+    def introduce(self) -> str:
+        """Identify the controller, and refuse another one; return its identity."""
 
-        def hold(self) -> None: ...
-        def send_abort(self) -> None: ...
-        def check_running(self, what: str) -> None:
-            """Refuse ``what`` where an axis has switched itself off; name its errors."""
+    @abstractmethod
+    def set_up_axes(self) -> None:
+        """Switch off, set limits and watchdog, and verify all of them."""
+
+    @abstractmethod
+    def pass_time(self, seconds: float) -> None:
+        """Advance the time of a stand-in that waits for the host, see docs/decisions/0006."""
+
+    @abstractmethod
+    def check_running(self, what: str) -> None:
+        """Refuse ``what`` where an axis has switched itself off; name its errors."""
+
+    @abstractmethod
+    def follow(self, at: Counts) -> None:
+        """Let both axes follow setpoints, from the first one on (counts, shape (2,))."""
+
+    @abstractmethod
+    def send(self, rows: RowsT, index: int, /) -> tuple[Counts, Floats | None]:
+        """Send a row of setpoints; return joint positions (counts) and torques (N m), (2,) each."""
+
+    @abstractmethod
+    def hold(self) -> None:
+        """Let both axes end what they follow, and stay there."""
+
+    @abstractmethod
+    def switch_off(self) -> None:
+        """Switch the motors off, and verify it."""
+
+    def set_up(self) -> str:
+        identity = self.introduce()
+        if self.stepped:
+            host = HostTime(self.pass_time, self.polling.sleep)
+            self.polling.clock, self.polling.sleep = host.clock, host.sleep
+        self.set_up_axes()
+        return identity
+
+    def close(self) -> None:
+        self._wire.close()
+
+    def abort(self) -> None:
+        try:
+            self.cancel()
+        finally:
+            self.switch_off()
 
     @property
     def punctuality(self) -> Punctuality:
@@ -72,7 +122,8 @@ class StreamedDriver(Generic[RowsT]):
     def start(self) -> None:
         _, rows = self._motion("start")
         lead, limit = self.CAPABILITIES.lead_intervals, self._settings.position_error_limit
-        self.stream = Stream(self, rows, partial(self.send, rows), lead, limit)
+        send = partial(self.send, rows)
+        self.stream = Stream(rows, send, self.hold, self.send_abort, self.polling, lead, limit)
         self.stream.start()
 
     def wait(self) -> None:
@@ -108,10 +159,11 @@ class HostTime:
 
     Args:
         wait: Advances the stand-in's time by seconds.
+        sleep: Of the host, which may raise.
     """
 
-    def __init__(self, wait: Callable[[float], object]):
-        self._wait, self._now = wait, 0.0
+    def __init__(self, wait: Callable[[float], object], sleep: Sleep):
+        self._wait, self._sleep, self._now = wait, sleep, 0.0
 
     def clock(self) -> float:
         """Return the seconds waited so far."""
@@ -119,5 +171,6 @@ class HostTime:
 
     def sleep(self, seconds: float) -> None:
         """Advance the stand-in's time by seconds."""
+        self._sleep(0.0)
         self._wait(seconds)
         self._now += seconds

@@ -1,7 +1,10 @@
 """Pause, resume and abort a session from another thread."""
 
 import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 
+from sautereau.robot.controller import MotionController
 from sautereau.robot.errors import RobotError
 from sautereau.robot.experiment.monitor import Fault, Seen, Watch
 
@@ -13,6 +16,7 @@ class Control:
         self._running = threading.Event()
         self._running.set()
         self._aborted = False
+        self._controller: MotionController | None = None
 
     @property
     def paused(self) -> bool:
@@ -28,12 +32,14 @@ class Control:
         self._running.set()
 
     def abort(self) -> None:
-        """End the session: the arm is stopped, and its motors are switched off.
+        """End the session: the arm is stopped at once, and its motors are switched off.
 
-        While samples are read it stops within a block of them, otherwise after the present motion.
+        While samples are read it stops within a block of them.
         """
         self._aborted = True
         self._running.set()
+        if (controller := self._controller) is not None:
+            controller.request_abort()
 
     def wait(self) -> None:
         """Wait while the session is paused.
@@ -44,12 +50,23 @@ class Control:
         self._running.wait()
         self._check()
 
+    @contextmanager
+    def over(self, controller: MotionController) -> Iterator[MotionController]:
+        """Abort the motions of a controller in the block as well."""
+        self._controller = controller
+        try:
+            yield controller
+        finally:
+            self._controller = None
+
     def watched(self, watch: Watch) -> Watch:
         """Return a watch that also ends an aborted session."""
 
         def seen(event: Seen) -> None:
             watch(event)
-            if not isinstance(event, Fault):
+            if isinstance(event, Fault):
+                self._aborted = False
+            else:
                 self._check()
 
         return seen

@@ -14,14 +14,14 @@ import numpy as np
 from sautereau.daq.file.recorded import Joints
 from sautereau.daq.file.recording import Recording, SessionInfo
 from sautereau.rig.schema import Rig
-from sautereau.robot.controller import Capture, MotionController, TorqueTable
+from sautereau.robot.controller import Capture, MotionController, TorqueTable, play
 from sautereau.robot.errors import RobotError
 from sautereau.robot.experiment.drawing import draw
-from sautereau.robot.experiment.monitor import Fault, Made, Samples, Stage, Watch
+from sautereau.robot.experiment.monitor import Fault, Made, Samples, Stage, Watch, logged
 from sautereau.robot.experiment.motion_source import open_motion
 from sautereau.trajectory.motion import Floats
 from sautereau.trajectory.press import Trajectory
-from sautereau.trajectory.segments import Segments, to_angles
+from sautereau.trajectory.segments import to_angles
 
 FILE = "press-{:04d}.mcap"
 _NAME = re.compile(r"press-(\d+)\.mcap")
@@ -56,34 +56,6 @@ class Origin:
     """Of the stand-in's random numbers."""
 
 
-def run_session(
-    rig: Rig,
-    trajectory: Trajectory,
-    controller: MotionController,
-    out: Path,
-    n: int,
-    *,
-    on_press: Callable[[Path], None] = lambda path: None,
-) -> list[Path]:
-    """Make n equal presses, each recorded in a file of its own; see `make_presses`.
-
-    Args:
-        rig: The bench.
-        trajectory: Of each press.
-        controller: Not yet connected.
-        out: Folder of the recordings; it is created.
-        n: Presses.
-        on_press: Called with each finished recording.
-
-    Raises:
-        SautereauError: Of any kind; the arm has been stopped and switched off.
-    """
-    if n < 1:
-        raise RobotError(f"session: {n} presses were requested; request 1 or more")
-    items = [Item(rig, trajectory)] * n
-    return make_presses(controller, out, items, on_press=lambda item, path: on_press(path))
-
-
 def make_presses(
     controller: MotionController,
     out: Path,
@@ -115,6 +87,7 @@ def make_presses(
     Raises:
         SautereauError: Of any kind; the arm has been stopped and switched off.
     """
+    watch = logged(watch)
     made: list[Path] = []
     with _faults_watched(watch), controller:
         watch(Stage("motors off", "idle"))
@@ -141,7 +114,7 @@ def make_presses(
                 on_press(item, path)
             if last is not None:
                 watch(Stage("going home", "idle"))
-                _play(controller, last.retreat)
+                play(controller, last.retreat)
                 controller.check_home()
         watch(Stage("motors off", "idle"))
     return made
@@ -165,18 +138,10 @@ def _go_to(controller: MotionController, item: Item, last: Trajectory | None) ->
     elif (last.segments.end == trajectory.segments.start).all():
         return
     else:
-        _play(controller, last.retreat)
+        play(controller, last.retreat)
     arm = item.rig.arm
     controller.move_to(trajectory.hover, arm.approach_speed / arm.radians_per_count)
-    _play(controller, trajectory.approach)
-
-
-def _play(controller: MotionController, motion: Segments) -> None:
-    """Make a motion that is not recorded; nothing listens to its trigger."""
-    controller.load(motion)
-    controller.arm()
-    controller.start()
-    controller.wait()
+    play(controller, trajectory.approach)
 
 
 def _press(

@@ -1,46 +1,25 @@
 """Import files of other programs as recordings."""
 
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
 from sautereau.commands import common
+from sautereau.commands.output import FileOutput
+from sautereau.daq.convert.options import ImportOptions
 
 if TYPE_CHECKING:
     from sautereau.daq.convert.importing import Imported
 
 
-@Parameter(name="*")
 @dataclass(frozen=True)
-class Unstated:
+class Unstated(ImportOptions):
     """Facts that the imported file does not state."""
 
-    column: dict[str, str] = field(default_factory=dict)
-    """Column of a channel: --column.velocity NAME. Default: the column named as the channel."""
-    unit: dict[str, str] = field(default_factory=dict)
-    """Unit of a channel's values: --unit.velocity V, or mm/s."""
-    full_scale: dict[str, str] = field(default_factory=dict)
-    """Full scale of a WAV file's channel: --full-scale.velocity "100 mm/s", or "4 V"."""
-    without: tuple[str, ...] = ()
-    """Channel of the rig that the file does not hold; repeat it for several."""
-    invert: tuple[str, ...] = ()
-    """Channel whose sensor has the opposite sign; repeat it for several."""
-    time: str | None = None
-    """Column of times, or of ISO 8601 dates."""
-    time_unit: str | None = None
-    """Unit of the column of times: ms. Default: as the file says, else s."""
-    rate: str | None = None
-    """Sample rate: "51.2 kHz"."""
-    trigger: str | None = None
-    """Time of the trigger: "12 ms" in the column of times, or after the start of the file."""
-    started: str | None = None
-    """Date of the file's time 0: 2026-02-03T04:05:06+01:00, or "modified" for that of the file."""
     simulated: Annotated[bool | None, Parameter(negative="--measured")] = None
     """Whether the data were simulated, or measured on an instrument."""
-    complete: bool | None = None
-    """The file is complete, although its last line has no line end."""
 
 
 def import_(
@@ -48,12 +27,12 @@ def import_(
     /,
     *,
     rig: str | None = None,
-    out: common.OutFile,
+    out: Annotated[Path, "FILE"],
     notes: str = "",
     profile: Path | None = None,
-    save_profile: Path | None = None,
-    unstated: Unstated = Unstated(),
-    json: common.Json = False,
+    save_profile: common.OutFile | None = None,
+    unstated: Annotated[Unstated, Parameter(name="*")] = Unstated(),
+    output: FileOutput = FileOutput(),
 ) -> int:
     """Import files of other programs as recordings.
 
@@ -65,7 +44,7 @@ def import_(
     rig
         Path of a rig file, or name of a packaged one: it holds the sensors' calibrations.
     out
-        Recording to write, or existing folder for several; nothing is overwritten.
+        Recording to write, or existing folder for several.
     notes
         Operator's notes, saved in the recording.
     profile
@@ -74,34 +53,35 @@ def import_(
         TOML file to write these options to, if the import succeeds.
     """
     from sautereau.daq.convert.importing import import_file, targets
-    from sautereau.daq.convert.options import ImportOptions
     from sautereau.daq.convert.profile import load_profile
     from sautereau.daq.convert.profile import save_profile as write_profile
     from sautereau.daq.errors import RecordingError
+    from sautereau.rig.progress import tracked
 
-    options = ImportOptions(**vars(unstated))
+    options: ImportOptions = unstated
     if profile is not None:
         saved = load_profile(profile)
         options, rig = saved.under(options), rig or saved.rig
     bench = None if rig is None else common.load_rig(rig)
     done: list[Imported] = []
     faults: list[str] = []
-    with common.bar(len(files)) as step:
-        for file, target in targets(files, out):
+    pairs = targets(files, out)
+    made = (target for _, target in pairs)
+    with output.creating(*made), output.progress("importing"):
+        for file, target in tracked(pairs):
             try:
                 done.append(import_file(file, target, rig=bench, options=options, notes=notes))
             except RecordingError as error:
                 if len(files) == 1:
                     raise
                 faults.append(str(error))
-            step()
     if save_profile is not None and not faults:
         write_profile(save_profile, options, rig)
     lines = [line for imported in done for line in _lines(imported)]
     lines += [f"not imported: {fault}" for fault in faults]
     found = [asdict(imported) for imported in done]
     several = {"imports": found, "faults": faults}
-    common.answer(json, found[0] if len(files) == 1 else several, lines)
+    output.answer(found[0] if len(files) == 1 else several, lines)
     return 1 if faults else 0
 
 

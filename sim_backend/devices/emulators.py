@@ -1,7 +1,9 @@
 """The emulated controllers: their interface, their registry, and their references."""
 
+import functools
+import inspect
 from collections.abc import Callable, Iterable, Mapping
-from typing import Protocol
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
@@ -102,6 +104,39 @@ class Emulator(Protocol):
         ...
 
 
+SERIAL = "S"
+"""Letter of the serial port, as `Emulator.outgoing` names it."""
+
+
+class Handles(Protocol):
+    """What has one handle, named by a letter, for each TCP connection."""
+
+    def connect(self, peer: int) -> str | None:
+        """Open a connection from a host's TCP port; return its handle, None if all are in use."""
+        ...
+
+    def connected(self, letter: str, /) -> bool:
+        """Return whether a handle is open."""
+        ...
+
+    def disconnect(self, letter: str, /) -> None:
+        """Lose a TCP connection."""
+
+    def receive(self, data: bytes, letter: str = SERIAL) -> bytes:
+        """Take bytes from the host at a port; return what the controller sends back."""
+        ...
+
+
+@runtime_checkable
+class Networked(Emulator, Handles, Protocol):
+    """An emulator with Ethernet as well."""
+
+    def receive(self, data: bytes, letter: str = SERIAL) -> bytes: ...
+
+    def miss_acknowledgement(self, letter: str, /) -> None:
+        """Give a handle up after some retries, because its host does not acknowledge a message."""
+
+
 OnOutput = Callable[[int, bool], None]
 """Called with number (from 1) and level when a digital output changes."""
 
@@ -118,8 +153,27 @@ EMULATORS = Registry(
 """Functions that return an `Emulator` at power-up, by the rig's `controller.kind`.
 
 Their arguments are the `Rig`, the `Plant`, an `OnOutput`, and whether simulated time follows real
-time; and `unit`, the scene's table `[controller]`, if it has one.
+time; and `unit`, the scene's table `[controller]`, if it has one and the function takes it.
 """
+
+
+def emulator_of(kind: str, **unit: Any) -> Callable[..., Emulator]:
+    """Return the function of `EMULATORS` for a kind of controller, with the scene's table.
+
+    Args:
+        kind: The rig's `controller.kind`.
+        unit: The scene's table `[controller]` under that name; nothing where it has none.
+
+    Raises:
+        SceneError: No package emulates it, or it takes no such table.
+    """
+    emulate = EMULATORS.get(kind)
+    if unit and "unit" not in inspect.signature(emulate).parameters:
+        raise SceneError(
+            f'controller: the stand-in of a rig with controller.kind = "{kind}" takes no such'
+            " table; remove it"
+        )
+    return functools.partial(emulate, **unit)
 
 
 def along(cubics: Iterable[Cubic], fractions: Floats) -> tuple[Floats, Floats]:

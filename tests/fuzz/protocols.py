@@ -17,7 +17,7 @@ from sautereau.robot.drivers.galil.driver import GalilController
 from sautereau.robot.drivers.odrive.driver import OdriveController
 from sautereau.sim_backend.devices.daqmx.server import DaqmxServer, Servicer
 from sautereau.sim_backend.devices.emulators import EMULATORS
-from tests.cards import PreTriggerCard
+from tests.cards import Card
 from tests.fuzz import mutate
 from tests.fuzz.run import Wrong
 
@@ -226,7 +226,7 @@ class CardServer:
     """The stand-in's gRPC server, which is asked what no client asks; then it serves as before."""
 
     def __init__(self, folder: Path):
-        self._server = DaqmxServer(PreTriggerCard())
+        self._server = DaqmxServer(Card())
         self._server.__enter__()
         self._rig = with_values(
             RIG, {"daq.address": self._server.address, "daq.trigger_timeout": "1 s"}
@@ -288,7 +288,7 @@ class CardClient:
 
     def __init__(self, folder: Path):
         self._mangling = Mangling()
-        servicer = Servicer(PreTriggerCard())  # pyright: ignore[reportAbstractUsage]
+        servicer = Servicer(Card())  # pyright: ignore[reportAbstractUsage]
         self._server = grpc.server(futures.ThreadPoolExecutor(8), interceptors=[self._mangling])
         nidaqmx_pb2_grpc.add_NiDAQmxServicer_to_server(servicer, self._server)
         port = self._server.add_insecure_port("127.0.0.1:0")

@@ -3,7 +3,6 @@
 import contextlib
 import shutil
 import sys
-import threading
 from importlib import resources
 
 import numpy as np
@@ -30,6 +29,8 @@ from sautereau.robot.errors import (
 from sautereau.sim_backend.devices.dynamixel.firmware import Servos
 from sautereau.trajectory.press import plan_press
 from sautereau.trajectory.segments import Segments
+from tests.emulated import EmulatedPort
+from tests.robot.motions import stop_after
 
 pytest.importorskip("dynamixel_sdk")
 
@@ -45,46 +46,17 @@ SLOW = {
 OFF = "its motors are off: the controller confirms it"
 
 
-class Emulated:
-    """A port, and behind it the emulated servos of an arm without inertia."""
+class Emulated(EmulatedPort):
+    """The emulated servos; what they answer can be spoilt."""
 
     def __init__(self, rig):
-        self.counts, self.home = [5, -7], (0, 0)
-        self.answers, self.fault, self.spoil = b"", None, lambda answer: answer
-        self.closed = False
+        super().__init__((5, -7))
+        self.spoil = lambda answer: answer
         self.firmware = Servos(self, rig.controller.sample_period, stepped=True)
 
-    def encoder_counts(self):
-        return self.counts[0], self.counts[1]
-
-    def home_counts(self):
-        return self.home
-
-    def open(self, name, baud_rate, timeout):
-        return self
-
-    @property
-    def in_waiting(self):
-        return len(self.answers)
-
-    def read(self, size=1):
-        data, self.answers = self.answers[:size], self.answers[size:]
-        return data
-
-    def write(self, data):
-        if self.fault:
-            raise self.fault
-        self.answers += self.spoil(self.firmware.receive(bytes(data)))
-        while self.firmware.moving:
-            self.firmware.tick()
-            positions, _ = self.firmware.reference(np.array([1.0]))
-            self.counts = [round(value) for value in positions[0]]
-
-    def reset_input_buffer(self):
-        self.answers = b""
-
-    def close(self):
-        self.closed = True
+    def exchange(self, data):
+        self.answers += self.spoil(self.firmware.receive(data))
+        self.run()
 
 
 @pytest.fixture(scope="module")
@@ -162,7 +134,7 @@ def test_the_servos_hold_the_limits_of_the_arm(controller, port, rig):
     ],
 )  # fmt: skip
 def test_a_rig_that_does_not_fit_is_refused(rig, port, values, said):
-    for servo in port.firmware.servos:
+    for servo in port.firmware.axes:
         servo._values["model_information"] = 0  # as hardware
     controller = DynamixelController(with_values(rig, values), open_port=port.open)
     with pytest.raises(SettingNotTaken, match=said):
@@ -171,7 +143,7 @@ def test_a_rig_that_does_not_fit_is_refused(rig, port, values, said):
 
 
 def test_other_models_are_refused(controller, port):
-    port.firmware.servos[1]._values["model_number"] = 350
+    port.firmware.axes[1]._values["model_number"] = 350
     with pytest.raises(RobotError, match="servo 2 is a model 350 with firmware 45; this driver"):
         controller.connect()
 
@@ -200,7 +172,7 @@ def test_a_servo_that_switches_itself_off_ends_the_press(controller, port):
     with pytest.raises(MotionFault, match="servo 2: hardware error: overload") as caught:  # noqa: PT012, SIM117
         with controller, controller.powered():
             ready(controller)
-            port.firmware.servos[1].shut_down(0x20)
+            port.firmware.axes[1].shut_down(0x20)
             controller.start()
             controller.wait()
     assert OFF in str(caught.value)
@@ -211,7 +183,7 @@ def test_a_watchdog_that_has_run_out_is_reported_and_cleared(controller, port):
     with controller:
         with pytest.raises(MotionFault, match="servo 1: its watchdog has run out"):  # noqa: PT012, SIM117
             with controller.powered():
-                port.firmware.servos[0]._values["bus_watchdog"] = -1
+                port.firmware.axes[0]._values["bus_watchdog"] = -1
                 controller.home()
         with controller.powered():
             controller.home()
@@ -226,23 +198,10 @@ def test_a_line_that_breaks(controller, port):
 
 
 def test_stop_in_mid_motion(controller, port):
-    gate = threading.Event()
     with controller, controller.powered():
         ready(controller)
-        start, polling, calls = controller.positions(), controller.driver.polling, []
-        wait = polling.sleep
-
-        def sleep(seconds):
-            calls.append(seconds)
-            if len(calls) == LEAD + 20:
-                gate.set()
-                controller.driver.stream.cancelled.wait(5)
-            wait(seconds)
-
-        polling.sleep = sleep
-        controller.start()
-        assert gate.wait(5)
-        where = controller.stop()
+        start = controller.positions()
+        where = stop_after(controller, LEAD + 20)
         assert start[0] < where[0] < start[0] + 60
         assert port.firmware.motors_on == (True, True)
 

@@ -29,7 +29,7 @@ from sautereau.rig.text import rig_text
 from sautereau.robot.drivers.galil.driver import GalilController
 from sautereau.robot.experiment.plan import Plan
 from sautereau.robot.experiment.plan_table import Row
-from sautereau.robot.experiment.session import run_session
+from sautereau.robot.experiment.session import Item, make_presses
 from sautereau.robot.experiment.session_folder import SessionFolder
 from sautereau.sim_backend.bench import StandIn
 from sautereau.sim_backend.controller_part import ControllerUnit
@@ -55,11 +55,11 @@ import sys
 from pathlib import Path
 from sautereau.rig.load import rig_from_json
 from sautereau.robot.drivers.galil.driver import GalilController
-from sautereau.robot.experiment.session import run_session
+from sautereau.robot.experiment.session import Item, make_presses
 from sautereau.trajectory.press import plan_press
 from tests.presses import mute_scene
 rig = rig_from_json(Path(sys.argv[1]).read_text())
-run_session(rig, plan_press(rig), GalilController(rig), Path(sys.argv[2]), 1)
+make_presses(GalilController(rig), Path(sys.argv[2]), [Item(rig, plan_press(rig))])
 """
 
 
@@ -89,8 +89,8 @@ class Desk:
         with self.stand_in(rig, finger, seed, faults) as stand_in:
             wired = controller(stand_in.rig) if controller else stand_in.rig
             self.attempt(
-                lambda: run_session(
-                    wired, plan_press(stand_in.rig), GalilController(wired), self.out, n
+                lambda: make_presses(
+                    GalilController(wired), self.out, [Item(wired, plan_press(stand_in.rig))] * n
                 )
             )
             self.await_off()

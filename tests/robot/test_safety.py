@@ -1,5 +1,8 @@
 """After every fault the motors are off, and the error reports whether that is confirmed."""
 
+import threading
+from types import SimpleNamespace
+
 import pytest
 
 from sautereau.robot.errors import (
@@ -7,9 +10,13 @@ from sautereau.robot.errors import (
     LineLost,
     MotionFault,
     NotReady,
+    RobotError,
     SettingNotTaken,
     SilentController,
 )
+from sautereau.robot.experiment.control import Control
+from sautereau.robot.experiment.monitor import Fault
+from tests.robot.motions import run_to_wait
 
 OFF = "its motors are off: the controller confirms it"
 NOT_OFF = "NOT confirmed off"
@@ -174,15 +181,33 @@ def limit(transcript, ending):
     transcript.write = follow
 
 
-def run_to_wait(controller, segments, before_wait=lambda: None):
-    with controller, controller.powered():
-        controller.home()
-        controller.move_to(segments.start, 100_000)
-        controller.load(segments)
-        controller.arm()
-        controller.start()
-        before_wait()
-        controller.wait()
+def test_an_abort_requested_by_another_thread_ends_a_press_at_once(terminal, lines, segments):
+    """The next question is not asked any more: the motors go off, and that is read back."""
+    controller, _ = terminal(lines.started, lines.wait[:1], lines.abort)
+    request = threading.Thread(target=controller.request_abort)
+    with pytest.raises(MotionFault, match="aborted by the operator") as caught:
+        run_to_wait(controller, segments, before_wait=lambda: (request.start(), request.join()))
+    assert OFF in str(caught.value)
+
+
+def test_an_abort_requested_before_the_motors_are_on_ends_nothing(terminal, lines, segments):
+    controller, _ = terminal(lines.started, lines.wait, lines.off)
+    controller.request_abort()
+    run_to_wait(controller, segments)
+
+
+def test_the_operator_aborts_the_motions_of_one_session():
+    control, requested = Control(), []
+    controller = SimpleNamespace(request_abort=lambda: requested.append("abort"))
+    with control.over(controller):
+        control.abort()
+    assert requested == ["abort"]
+    control.watched(lambda seen: None)(Fault("aborted"))
+    control.wait()  # the next session runs
+    control.abort()
+    with pytest.raises(RobotError, match="aborted by the operator"):
+        control.wait()
+    assert requested == ["abort"]
 
 
 def test_a_silent_controller_in_mid_motion(terminal, lines, segments):

@@ -1,13 +1,16 @@
 """Continuous tasks, buffers and reference triggers of the DAQmx stand-in, by the real nidaqmx."""
 
+from dataclasses import replace
+
 import grpc
 import pytest
 from nidaqmx import DaqError, GrpcSessionOptions, Task
 from nidaqmx.constants import READ_ALL_AVAILABLE, AcquisitionType, Edge, ReadRelativeTo
 from nidaqmx.error_codes import DAQmxErrors
 
+from sautereau.sim_backend.device_types import IDEAL
 from sautereau.sim_backend.devices.daqmx.server import DaqmxServer
-from tests.cards import Card, PreTriggerCard, code_of, volts
+from tests.cards import Card, code_of, volts
 
 
 @pytest.fixture
@@ -97,13 +100,13 @@ def around(task, before=20):
 
 
 def test_a_reference_trigger_keeps_what_was_before(task_on):
-    card = PreTriggerCard(1, ready=0)
+    card = Card(1, ready=0)
     task = task_on(card, 100, AcquisitionType.FINITE)
     around(task)
     task.in_stream.relative_to = ReadRelativeTo.CURRENT_READ_POSITION
     task.start()
     (run,) = card.runs
-    assert (run.before, run.setup.n_samples, run.setup.trigger) == (20, 100, "/Dev1/PFI0")
+    assert (run.setup.before, run.setup.n_samples, run.setup.trigger) == (20, 100, "/Dev1/PFI0")
     card.acquired = lambda run: 35
     assert task.in_stream.total_samp_per_chan_acquired == 35
     assert code_of(task.wait_until_done, timeout=0.01) == -200560
@@ -114,7 +117,7 @@ def test_a_reference_trigger_keeps_what_was_before(task_on):
 
 
 def test_by_default_every_read_begins_at_the_first_sample_before_the_edge(task_on):
-    card = PreTriggerCard(1, ready=0)
+    card = Card(1, ready=0)
     task = task_on(card, 100, AcquisitionType.FINITE)
     around(task)
     assert task.in_stream.relative_to == ReadRelativeTo.FIRST_PRETRIGGER_SAMPLE
@@ -124,7 +127,7 @@ def test_by_default_every_read_begins_at_the_first_sample_before_the_edge(task_o
 
 
 def test_reference_triggers_that_are_not_possible(task_on):
-    task = task_on(PreTriggerCard(1, ready=0), 100, AcquisitionType.FINITE)
+    task = task_on(Card(1, ready=0), 100, AcquisitionType.FINITE)
     assert code_of(around, task, 1) == DAQmxErrors.INVALID_ATTRIBUTE_VALUE.value
     around(task, 99)
     assert code_of(task.start) == DAQmxErrors.TOO_MANY_PRETRIG_PLUS_MIN_POST_TRIG_SAMPS.value
@@ -132,6 +135,7 @@ def test_reference_triggers_that_are_not_possible(task_on):
     assert code_of(task.start) == DAQmxErrors.REF_TRIG_WHEN_CONTINUOUS.value
     task.triggers.reference_trigger.disable_ref_trig()
     task.start()
-    plain = task_on(Card(1, ready=0), 100, AcquisitionType.FINITE)
+    device = replace(IDEAL, reference_trigger=False)
+    plain = task_on(Card(1, ready=0, device=device), 100, AcquisitionType.FINITE)
     around(plain)
     assert code_of(plain.start) == DAQmxErrors.ATTRIBUTE_NOT_SUPPORTED_IN_TASK_CONTEXT.value

@@ -12,7 +12,7 @@ from sautereau.daq.file.recording import Recording
 from sautereau.daq.source.acquisition import Acquisition
 from sautereau.rig.load import load_rig, with_values
 from sautereau.robot.drivers.galil.driver import GalilController
-from sautereau.robot.experiment.session import run_session
+from sautereau.robot.experiment.session import Item, make_presses
 from sautereau.sim_backend.bench import StandIn
 from sautereau.sim_backend.card import BenchCard
 from sautereau.sim_backend.clock import FairLock
@@ -124,7 +124,8 @@ def test_a_press_on_a_described_card_has_its_release_at_the_true_time(tmp_path, 
     scene = load_scene("ideal").model_copy(update={"card": product})
     with StandIn(rig, scene) as stand_in:
         wired = stand_in.rig
-        (path,) = run_session(wired, plan_press(wired), GalilController(wired), tmp_path, 1)
+        presses = [Item(wired, plan_press(wired))]
+        (path,) = make_presses(GalilController(wired), tmp_path, presses)
         (truth,) = stand_in.truth()
     assert release(path) == pytest.approx(truth.releases[0], abs=1 / 50e3)
 

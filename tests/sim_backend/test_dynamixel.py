@@ -10,22 +10,17 @@ from sautereau.sim_backend.devices.dynamixel.firmware import Servos, emulate
 from sautereau.sim_backend.devices.dynamixel.packets import Receiver, crc, packet
 from sautereau.sim_backend.devices.dynamixel.servo import BANDWIDTH, CENTRE
 from sautereau.sim_backend.errors import SceneError
+from tests.emulated import Encoders
 
 PERIOD = 1e-3
 
 
-class Bare:
-    """Two servos whose encoders are where the reference is."""
+class Bare(Encoders):
+    """Two servos."""
 
     def __init__(self, counts=(0, 0), home=(0, 0), stepped=False):
-        self.counts, self.home = list(counts), home
+        super().__init__(counts, home)
         self.firmware = Servos(self, PERIOD, stepped=stepped)
-
-    def encoder_counts(self):
-        return self.counts[0], self.counts[1]
-
-    def home_counts(self):
-        return self.home
 
     def say(self, servo, instruction, *parameters):
         return self.firmware.receive(packet(servo, instruction, bytes(parameters)))
@@ -38,12 +33,6 @@ class Bare:
     def read(self, servo, address, size):
         answer = self.say(servo, 2, address, 0, size, 0)
         return int.from_bytes(answer[9:-2], "little", signed=address in (98, 132))
-
-    def tick(self, times=1):
-        for _ in range(times):
-            self.firmware.tick()
-            positions, _ = self.firmware.reference(np.array([1.0]))
-            self.counts = [round(value) for value in positions[0]]
 
 
 # Packets as printed in the examples of ROBOTIS's e-Manual, page dxl/protocol2.
@@ -69,7 +58,7 @@ EXAMPLES = [
 def test_the_examples_of_the_manual(sent, answered):
     bench = Bare((166 - CENTRE, 2079 - CENTRE))
     assert bench.firmware.receive(bytes.fromhex(sent)) == bytes.fromhex(answered)
-    goals = [servo.value("goal_position") for servo in bench.firmware.servos]
+    goals = [servo.value("goal_position") for servo in bench.firmware.axes]
     assert goals == {WRITE: [512, 0], SYNC_WRITE: [150, 170]}.get(sent, [0, 0])
 
 
@@ -124,7 +113,7 @@ def test_the_torque_locks_the_eeprom_and_takes_the_position_as_its_goal():
     spoilt = bytearray(packet(1, 1, b""))
     spoilt[-1] ^= 1
     assert bench.firmware.receive(bytes(spoilt))[8] == 3
-    bench.firmware.servos[0].shut_down(0x20)
+    bench.firmware.axes[0].shut_down(0x20)
     assert bench.firmware.motors_on == (False, False)
     assert bench.write(1, 64, 1, 1) == 0x80  # alert
     assert bench.firmware.motors_on == (False, False)

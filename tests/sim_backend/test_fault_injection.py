@@ -36,7 +36,7 @@ def injected(tmp_path):
         out = tmp_path / f"{len(list(tmp_path.iterdir()))}"
         with StandIn(with_values(load_rig(), rig), scene, seed) as stand_in:
             try:
-                press_on(stand_in, out, n, on_press=made.append)
+                press_on(stand_in, out, n, on_press=lambda item, path: made.append(path))
             except Exception as caught:  # noqa: BLE001 - the tests ask for its kind
                 error = caught
             if afterwards:

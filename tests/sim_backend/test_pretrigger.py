@@ -9,7 +9,7 @@ from sautereau.daq.file.reading import read_recording
 from sautereau.daq.source.acquisition import Acquisition
 from sautereau.rig.load import load_rig, with_values
 from sautereau.robot.drivers.galil.driver import GalilController
-from sautereau.robot.experiment.session import run_session
+from sautereau.robot.experiment.session import Item, make_presses
 from sautereau.sim_backend.bench import StandIn
 from sautereau.sim_backend.scene import load_scene
 from sautereau.trajectory.press import plan_press
@@ -42,9 +42,8 @@ def test_a_press_is_the_same_with_and_without_a_pretrigger(tmp_path):
     for before in (0.0, 0.03):
         with StandIn(RIG, scene) as stand_in:
             rig = changed(stand_in.rig, pre_trigger=before)
-            (path,) = run_session(
-                rig, plan_press(rig), GalilController(rig), tmp_path / str(before), 1
-            )
+            presses = [Item(rig, plan_press(rig))]
+            (path,) = make_presses(GalilController(rig), tmp_path / str(before), presses)
             assert len(stand_in.truth()) == 1
         found.append(read_recording(path))
     start, around = found

@@ -12,16 +12,9 @@ from sautereau.sim_backend.scene import (
     packaged_scenes,
     parse_scene,
 )
+from tests.presses import MUTE_TEXT
 
-MUTE = """
-finger = "ideal"
-plectrum = "none"
-string = "none"
-friction = false
-felt = false
-step = "100 us"
-iterations = 10
-"""
+MUTE = MUTE_TEXT.replace("1 ms", "100 us") + "iterations = 10\n"
 
 
 @pytest.fixture(scope="module")

@@ -7,7 +7,7 @@ from collections import deque
 from collections.abc import Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from functools import cache
-from typing import BinaryIO
+from io import BufferedReader
 
 import numpy as np
 import zstandard
@@ -21,6 +21,7 @@ from sautereau.daq.file.container.records import (
     LARGEST_DEFINITIONS,
     MESSAGE,
     PREFIX,
+    Bytes,
     DamageError,
     Opcode,
     Record,
@@ -36,7 +37,7 @@ MOST_UNPACKED = 500
 """Limit of the unpacked size, in multiples of the file's size; a file of zeros reaches 300."""
 FEW = 8
 """Chunks at the start of a file that are unpacked without threads; a press has no more."""
-Unpacked = tuple[int, bytes | memoryview]
+Unpacked = tuple[int, Bytes]
 """Opcode and body of a record."""
 ZSTD = b"zstd"
 """Name of the compression."""
@@ -61,7 +62,7 @@ class OpenChunk:
     """The messages of a chunk that is still being filled, packed, with their index."""
 
     def __init__(self) -> None:
-        self.parts: list[bytes | memoryview] = []
+        self.parts: list[Bytes] = []
         """Its records; samples are not copied."""
         self.size = 0
         """Size in bytes."""
@@ -70,12 +71,12 @@ class OpenChunk:
         self.times: list[int] = []
         """Log times in ns since 1970; of a run of messages the first and the last."""
 
-    def put(self, *parts: bytes | memoryview) -> None:
+    def put(self, *parts: Bytes) -> None:
         """Add bytes of records."""
         self.parts += parts
         self.size += sum(map(len, parts))
 
-    def add(self, channel: int, log_time: int, *data: bytes | memoryview) -> None:
+    def add(self, channel: int, log_time: int, *data: Bytes) -> None:
         """Add a message in parts; its log time is also its publish time, ns since 1970."""
         self.index_message(channel, log_time, self.size)
         head = PREFIX.pack(Opcode.MESSAGE, MESSAGE.size + sum(map(len, data)))
@@ -107,7 +108,7 @@ class OpenChunk:
         self.times.append(log_time)
 
 
-def indexed(records: bytes | memoryview) -> OpenChunk:
+def indexed(records: Bytes) -> OpenChunk:
     """Return the index of a chunk's records, without a copy of them."""
     chunk, at = OpenChunk(), 0
     for opcode, body, _ in records_within(records):
@@ -142,16 +143,17 @@ def unpacked(records: Iterable[Record]) -> Iterator[Unpacked]:
     Raises:
         DamageError: As `unpack_chunk`.
     """
-    waiting: deque[tuple[int, bytes | Future[bytes | memoryview]]] = deque()
+    waiting: deque[tuple[int, Bytes | Future[Bytes]]] = deque()
     chunks = 0
     with ThreadPoolExecutor(AHEAD - 1, "recording") as threads:
         for opcode, body in records:
-            packed = opcode == Opcode.CHUNK and body.startswith(ZSTD, CHUNK.size)
+            packed = opcode == Opcode.CHUNK and body[CHUNK.size : CHUNK.size + len(ZSTD)] == ZSTD
             chunks += packed
             ahead = packed and chunks > FEW
             if not ahead and not waiting:
                 yield _ready(opcode, body)
                 continue
+            body = bytes(body)  # its place is reused for the next record
             waiting.append((opcode, threads.submit(unpack_chunk, body) if ahead else body))
             if len(waiting) > AHEAD:
                 yield _ready(*waiting.popleft())
@@ -159,13 +161,13 @@ def unpacked(records: Iterable[Record]) -> Iterator[Unpacked]:
             yield _ready(*waiting.popleft())
 
 
-def _ready(opcode: int, body: "bytes | Future[bytes | memoryview]") -> Unpacked:
+def _ready(opcode: int, body: "Bytes | Future[Bytes]") -> Unpacked:
     if isinstance(body, Future):
         return opcode, body.result()
     return opcode, unpack_chunk(body) if opcode == Opcode.CHUNK else body
 
 
-def unpack_chunk(body: bytes) -> bytes | memoryview:
+def unpack_chunk(body: Bytes) -> Bytes:
     """Return the records of a chunk, unpacked, after its checksum has been verified.
 
     Raises:
@@ -203,7 +205,7 @@ def _unzstd(packed: memoryview, size: int) -> bytes:
         raise DamageError(f"a chunk cannot be unpacked: {error}") from error
 
 
-def find_intact(file: BinaryIO) -> Iterator[Record]:
+def find_intact(file: BufferedReader) -> Iterator[Record]:
     """Yield all chunks and Metadata records whose own checksums match, in their order.
 
     They are searched by the pattern of their first bytes at every offset, so that a wrong length

@@ -2,7 +2,6 @@
 
 import struct
 from collections.abc import Container, Iterator
-from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -31,10 +30,15 @@ _NUMBER = struct.Struct("<H")
 _LENGTH = struct.Struct("<I")
 CHANNEL = struct.Struct("<HH")
 """Number of a channel and of its schema."""
-_RUNS = (8, 512)
+_LONGEST_RUN = 512
+"""Records compared at once, so that the work for each is bounded, however short the runs are."""
+_HEAD = PREFIX.size + _NUMBER.size
 _CRC = "crc32"
 CRC_KEY = _CRC.encode()
 """Bytes that the Metadata records of a recording with checksums contain."""
+
+
+Bytes = bytes | memoryview
 
 
 class DamageError(RecordingError):
@@ -45,11 +49,11 @@ class Record(NamedTuple):
     """One record of the data section."""
 
     opcode: int
-    body: bytes
+    body: Bytes
 
 
 def records_within(
-    chunk: bytes | memoryview, counted: Container[int] = ()
+    chunk: Bytes, counted: Container[int] = ()
 ) -> Iterator[tuple[int, memoryview, int]]:
     """Yield opcode, body and number of the records of an unpacked chunk.
 
@@ -73,22 +77,12 @@ def records_within(
         at += n * size
 
 
-def _run_length(chunk: bytes | memoryview, at: int, size: int) -> int:
+def _run_length(chunk: Bytes, at: int, size: int) -> int:
     """Return how many consecutive records share opcode, length and channel, or fewer."""
-    n = 1
-    for longest in _RUNS:  # the work for each record is bounded, however short the runs are
-        n = min(longest, (len(chunk) - at) // size)
-        heads = np.frombuffer(chunk, _head_of(size), n, at)["head"]
-        if first := int((heads != heads[0]).argmax()):
-            return first
-    return n
-
-
-@lru_cache(16)
-def _head_of(size: int) -> np.dtype:
-    """Return the type of a message record of ``size`` bytes: its opcode, length and channel."""
-    head = f"V{PREFIX.size + _NUMBER.size}"
-    return np.dtype({"names": ["head"], "formats": [head], "offsets": [0], "itemsize": size})
+    n = min(_LONGEST_RUN, (len(chunk) - at) // size)
+    # Two overlapping integers of 8 bytes hold the first 11, which are these three.
+    heads = np.ndarray((n, 2), "<i8", chunk, at, (size, _HEAD - 8))
+    return int((heads != heads[0]).argmax()) // 2 or n
 
 
 def record_bytes(record: McapRecord) -> bytes:

@@ -36,6 +36,7 @@ from sautereau.daq.file.container.records import (
     MAGIC,
     MESSAGE,
     PREFIX,
+    Bytes,
     Opcode,
     record_bytes,
     with_checksum,
@@ -107,7 +108,7 @@ class McapWriter:
         self._metadata.append(MetadataIndex(offset=self._at, length=len(record), name=name))
         self._put(record)
 
-    def add_message(self, channel: int, log_time: int, *data: bytes | memoryview) -> None:
+    def add_message(self, channel: int, log_time: int, *data: Bytes) -> None:
         """Add a message in parts to the open chunk; its log time is also its publish time.
 
         The parts are copied when the chunk is closed: they must not change until then.
@@ -142,7 +143,7 @@ class McapWriter:
         head = CHUNK.pack(*times, open_chunk.size, crc, len(self._compression)) + self._compression
         self._write_chunk(head, parts, open_chunk)
 
-    def copy_chunk(self, body: bytes, records: bytes | memoryview) -> None:
+    def copy_chunk(self, body: Bytes, records: Bytes) -> None:
         """Copy a chunk of another file unchanged; ``records`` are its content unpacked.
 
         The definitions are written before the first one, which may have none.
@@ -188,15 +189,13 @@ class McapWriter:
         """Discard the index, whether the file was finished or not."""
         self._spool.close()
 
-    def _put(self, *parts: bytes | memoryview) -> None:
+    def _put(self, *parts: Bytes) -> None:
         for part in parts:
             self._stream.write(part)
             self._crc = crc32(part, self._crc)
             self._at += len(part)
 
-    def _write_chunk(
-        self, head: bytes, parts: Sequence[bytes | memoryview], content: OpenChunk
-    ) -> None:
+    def _write_chunk(self, head: Bytes, parts: Sequence[Bytes], content: OpenChunk) -> None:
         """Write a chunk and the index of its messages.
 
         Args:
@@ -206,7 +205,7 @@ class McapWriter:
         """
         start, size = self._at, sum(map(len, parts))
         prefix = PREFIX.pack(Opcode.CHUNK, len(head) + _SIZE.size + size)
-        self._put(prefix + head + _SIZE.pack(size), *parts)
+        self._put(prefix, head, _SIZE.pack(size), *parts)
         index_start, offsets = self._at, b""
         for channel, entries in content.index.items():
             offsets += _INDEX_OFFSET.pack(channel, self._at)
@@ -216,7 +215,7 @@ class McapWriter:
         self._stream.flush()
         first, last, unpacked, _, length = CHUNK.unpack_from(head)
         body = _CHUNK_INDEX.pack(first, last, start, index_start - start, len(offsets)) + offsets
-        body += _INDEX_SIZE.pack(self._at - index_start, length) + head[CHUNK.size :]
+        body += _INDEX_SIZE.pack(self._at - index_start, length) + bytes(head[CHUNK.size :])
         body += _SIZE.pack(size) + _SIZE.pack(unpacked)
         self._spool.write(PREFIX.pack(Opcode.CHUNK_INDEX, len(body)) + body)
         self._n_chunks += 1

@@ -20,7 +20,6 @@ from sautereau.robot.drivers.dynamixel import line as table
 from sautereau.robot.drivers.dynamixel.servos import INTERVAL, LEAD, Goals, Servos
 from sautereau.robot.drivers.polling import STOPPING
 from sautereau.robot.drivers.powered_arm import PoweredArm
-from sautereau.robot.drivers.streamed import HostTime, StreamedDriver
 from sautereau.robot.errors import NotReady, RobotError
 from sautereau.trajectory.segments import Counts, Segments
 
@@ -46,7 +45,7 @@ OLDEST = 42
 """Firmware version that has the bus watchdog and profiles by time."""
 
 
-class DynamixelDriver(StreamedDriver[Goals], Servos):
+class DynamixelDriver(Servos):
     """A `Driver` over the serial adapter of a bus."""
 
     WITHOUT_HOST = (
@@ -63,15 +62,10 @@ class DynamixelDriver(StreamedDriver[Goals], Servos):
         lead_intervals=LEAD,
     )
 
-    def set_up(self) -> str:
-        identity = self._identified()
-        if self.stepped:
-            host = HostTime(lambda s: self.line.write_one(1, table.WAIT, round(s * 1e6)))
-            self.polling.clock, self.polling.sleep = host.clock, host.sleep
-        self.set_up_servos()
-        return identity
+    def pass_time(self, seconds: float) -> None:
+        self.line.write_one(1, table.WAIT, round(seconds * 1e6))
 
-    def _identified(self) -> str:
+    def introduce(self) -> str:
         """Return models and firmware of both servos, and refuse others."""
         models, versions, information = (
             self.line.read(item)
@@ -104,12 +98,6 @@ class DynamixelDriver(StreamedDriver[Goals], Servos):
             self.stay()
             self.await_still("the stop", STOPPING)
 
-    def abort(self) -> None:
-        try:
-            self.cancel()
-        finally:
-            super().abort()
-
     def find_home(self, home: Counts) -> None:
         self.check_running("homing")
 
@@ -117,7 +105,6 @@ class DynamixelDriver(StreamedDriver[Goals], Servos):
         raise NotReady("home_levels: absolute encoders have no home switches")
 
     def plan(self, segments: Segments, torque: TorqueTable | None) -> None:
-        """Compute the setpoints of a motion."""
         self._planned = segments, Goals.of(segments, self._settings.sample_period)
 
 

@@ -14,9 +14,10 @@ from sautereau.rig.schema import Rig
 from sautereau.robot.drivers.driver import Clock, Sleep
 from sautereau.robot.drivers.dynamixel import line as table
 from sautereau.robot.drivers.dynamixel.line import DynamixelLine
-from sautereau.robot.drivers.limits import Limits
-from sautereau.robot.drivers.polling import MARGIN, POLL, Polling
+from sautereau.robot.drivers.polling import MARGIN
 from sautereau.robot.drivers.serial_port import Port
+from sautereau.robot.drivers.stream import Rows
+from sautereau.robot.drivers.streamed import StreamedDriver
 from sautereau.robot.errors import MotionFault, RobotError, SettingNotTaken
 from sautereau.trajectory.motion import Floats
 from sautereau.trajectory.segments import Counts, Segments, motion_at, segment_cubics, to_counts
@@ -45,15 +46,11 @@ _ERRORS = {
 
 
 @dataclass(frozen=True)
-class Goals:
+class Goals(Rows):
     """The setpoints of a motion, one row for each interval."""
 
     positions: Counts
     """Counts, where each joint should be at the end of the interval; shape (n, 2)."""
-    planned: Floats
-    """Counts, planned joint positions at its start; shape (n, 2)."""
-    interval: float
-    """s, between two setpoints."""
 
     @classmethod
     def of(cls, segments: Segments, sample_period: float) -> Self:
@@ -64,26 +61,19 @@ class Goals:
         starts = np.arange(-LEAD * INTERVAL, last + _SETTLE * INTERVAL, INTERVAL)
         ends = position[np.clip(starts + INTERVAL, 0, last)]
         planned = position[np.clip(starts, 0, last)]
-        return cls(np.rint(ends).astype(np.int64), planned, INTERVAL * sample_period)
+        return cls(planned, INTERVAL * sample_period, np.rint(ends).astype(np.int64))
 
 
-class Servos:
+class Servos(StreamedDriver[Goals]):
     """Servos 1 and 2; arguments as for `Driver`."""
 
     def __init__(self, rig: Rig, port: Port, clock: Clock, sleep: Sleep):
-        self._rig, self._settings = rig, rig.controller
-        self.limits = Limits(rig.arm)
         self.line = DynamixelLine(port, rig.controller.port, rig.controller.timeout)
-        self.polling = Polling(clock, sleep, "servos' supply", delay=POLL)
+        super().__init__(rig, clock, sleep, self.line, "servos' supply")
         self.offset = CENTRE - to_counts(rig.arm.home_angles, TURN)
         """Position of a servo minus that of its joint, counts; shape (2,)."""
-        self.stepped = False
-        """Whether the servos are a stand-in whose time waits for the host."""
 
-    def close(self) -> None:
-        self.line.close()
-
-    def set_up_servos(self) -> None:
+    def set_up_axes(self) -> None:
         """Switch off, set modes and limits, and verify them.
 
         Raises:
@@ -154,7 +144,7 @@ class Servos:
                 " supply off and on, then connect() and home() again"
             )
 
-    def abort(self) -> None:
+    def switch_off(self) -> None:
         """Switch the torque off, and verify it.
 
         Raises:
@@ -165,12 +155,10 @@ class Servos:
             raise MotionFault(f"Torque Enable(64) is {on[0]} and {on[1]} after it was cleared")
 
     def send_abort(self) -> None:
-        """Send what `abort` sends, unacknowledged."""
         with suppress(RobotError):  # the error that it was not confirmed is raised already
             self.line.say(table.TORQUE_ENABLE, (0, 0))
 
     def positions(self) -> Counts:
-        """Read the encoders: counts, shape (2,)."""
         return self.line.read(table.PRESENT_POSITION) - self.offset
 
     def go(self, target: Counts, speed: float) -> None:
@@ -222,7 +210,6 @@ class Servos:
             self.line.write_one(1, table.HOLD, int(held))
 
     def send(self, rows: Goals, index: int, /) -> tuple[Counts, Floats | None]:
-        """Send a row of setpoints; return the joint positions (counts, shape (2,)), no torques."""
         self.line.say(table.GOAL_POSITION, rows.positions[index] + self.offset)
         return self.positions(), None
 

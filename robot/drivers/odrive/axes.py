@@ -45,7 +45,6 @@ class Axes(Power):
         self._per_ampere = np.ones(2)
 
     def set_up_axes(self) -> None:
-        """Switch off, set limits and watchdog, and verify all of them."""
         line = self.line
         self.abort()
         self._set_limits()
@@ -104,7 +103,7 @@ class Axes(Power):
         Returns:
             Joint positions (counts) and commanded torques at the joints (N m); shape (2,) each.
         """
-        answers = self.line.exchange((*self._commands(rows, index), *_POSITIONS, *_CURRENTS), 4)
+        answers = self.line.ask(*self._commands(rows, index), *_POSITIONS, *_CURRENTS, answers=4)
         currents = [
             self.line.parsed(asked, text, 1)[0]
             for asked, text in zip(_CURRENTS, answers[2:], strict=True)
@@ -112,8 +111,7 @@ class Axes(Power):
         return self._counts(self._turns_from(answers[:2])[0]), np.array(currents) * self._per_ampere
 
     def positions(self) -> Counts:
-        """Read the encoders: counts, shape (2,)."""
-        return self._counts(self._turns_from(self.line.exchange(_POSITIONS, 2))[0])
+        return self._counts(self._turns_from(self.line.ask(*_POSITIONS, answers=2))[0])
 
     def move(self, target: Floats | Counts, speed: float, acceleration: float) -> None:
         """Start a move of both joints; counts, counts per second, counts per second squared."""
@@ -131,13 +129,12 @@ class Axes(Power):
     def start_halt(self) -> None:
         """Start a decelerated stop: a move to where the joints can come to rest."""
         acceleration = self.limits.acceleration
-        turns, rates = self._turns_from(self.line.exchange(_POSITIONS, 2))
+        turns, rates = self._turns_from(self.line.ask(*_POSITIONS, answers=2))
         speeds = rates * self.per_turn
         rest = self._counts(turns) + speeds * np.abs(speeds) / (2 * acceleration)
         self.move(rest, self.limits.speed, acceleration)
 
     def follow(self, at: Counts) -> None:
-        """Let both axes follow setpoints, from the first one on (counts, shape (2,))."""
         self.line.set({f"{name}.controller.config.input_mode": POSITION_FILTER for name in AXES})
         first, second = self._turns(at)
         self.line.confirmed(f"p 0 {first:.7f} 0", f"p 1 {second:.7f} 0")

@@ -20,11 +20,9 @@ from sautereau.rig.capabilities import Capabilities, HomingKind
 from sautereau.robot.controller import TorqueTable
 from sautereau.robot.drivers.odrive.axes import Axes
 from sautereau.robot.drivers.odrive.homing import find_switches, switches_closed
-from sautereau.robot.drivers.odrive.line import OdriveLine
 from sautereau.robot.drivers.odrive.setpoints import INTERVAL, LEAD, Setpoints
 from sautereau.robot.drivers.polling import STOPPING
 from sautereau.robot.drivers.powered_arm import PoweredArm
-from sautereau.robot.drivers.streamed import HostTime, StreamedDriver
 from sautereau.robot.errors import GarbledAnswer, RobotError, UnsafeRequest
 from sautereau.trajectory.segments import Counts, Segments
 
@@ -39,7 +37,7 @@ _FLAWS = {
 """Why earlier versions cannot be used, by `CHANGELOG.md` of odriverobotics/ODrive."""
 
 
-class OdriveDriver(StreamedDriver[Setpoints], Axes):
+class OdriveDriver(Axes):
     """A `Driver` over a serial line; while `home_levels` reads the switches, the motors are off."""
 
     WITHOUT_HOST = (
@@ -56,14 +54,28 @@ class OdriveDriver(StreamedDriver[Setpoints], Axes):
         lead_intervals=LEAD,
     )
 
-    def set_up(self) -> str:
-        identity = _introduced(self.line)
-        if "SIM" in identity and "stepped" in identity:  # it waits for the host
-            wait = self.line.ask
-            host = HostTime(lambda seconds: wait(f"w stand_in.wait {seconds:.9f}"))
-            self.polling.clock, self.polling.sleep = host.clock, host.sleep
-        self.set_up_axes()
-        return identity
+    def introduce(self) -> str:
+        """Return hardware, firmware and serial number of an ODrive, and refuse other devices."""
+        line = self.line
+        lines = line.resynchronise()
+        identity = ", ".join(lines)
+        if not lines[0].startswith("Hardware version: 3."):
+            raise GarbledAnswer(
+                f"port {line.name}: an ODrive 3.x gives its hardware version, this one answers"
+                f" {identity[:60]!r}; correct controller.port in the rig file"
+            )
+        version = lines[1].removeprefix("Firmware version: ")
+        if version != FIRMWARE:
+            why = _FLAWS.get(version, f"this driver knows the properties of {FIRMWARE} only")
+            raise RobotError(
+                f"controller on {line.name}: its firmware is {version[:20]}: {why}; install"
+                f" {FIRMWARE}"
+            )
+        self.stepped = "SIM" in identity and "stepped" in identity
+        return f"ODrive, {identity}"
+
+    def pass_time(self, seconds: float) -> None:
+        self.line.ask(f"w stand_in.wait {seconds:.9f}")
 
     def halt(self) -> None:
         """Send no more setpoints, and decelerate to a standstill."""
@@ -73,12 +85,6 @@ class OdriveDriver(StreamedDriver[Setpoints], Axes):
             self.start_halt()
             self.await_moved("the stop", STOPPING)
 
-    def abort(self) -> None:
-        try:
-            self.cancel()
-        finally:
-            super().abort()
-
     def find_home(self, home: Counts) -> None:
         find_switches(self, home)
 
@@ -86,7 +92,6 @@ class OdriveDriver(StreamedDriver[Setpoints], Axes):
         return [float(not closed) for closed in switches_closed(self)]
 
     def plan(self, segments: Segments, torque: TorqueTable | None) -> None:
-        """Compute the setpoints of a motion."""
         settings = self._settings
         setpoints = Setpoints.of(segments, settings.sample_period)
         faults = self._beyond(setpoints)
@@ -110,24 +115,6 @@ class OdriveDriver(StreamedDriver[Setpoints], Axes):
             for joint in (0, 1)
             if low[joint] < least[joint] or high[joint] > most[joint]
         ]
-
-
-def _introduced(line: OdriveLine) -> str:
-    """Return hardware, firmware and serial number of an ODrive, and refuse other devices."""
-    lines = line.resynchronise()
-    identity = ", ".join(lines)
-    if not lines[0].startswith("Hardware version: 3."):
-        raise GarbledAnswer(
-            f"port {line.name}: an ODrive 3.x gives its hardware version, this one answers"
-            f" {identity[:60]!r}; correct controller.port in the rig file"
-        )
-    version = lines[1].removeprefix("Firmware version: ")
-    if version != FIRMWARE:
-        why = _FLAWS.get(version, f"this driver knows the properties of {FIRMWARE} only")
-        raise RobotError(
-            f"controller on {line.name}: its firmware is {version[:20]}: {why}; install {FIRMWARE}"
-        )
-    return f"ODrive, {identity}"
 
 
 OdriveController = partial(PoweredArm, OdriveDriver)

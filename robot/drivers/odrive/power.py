@@ -10,11 +10,12 @@ from contextlib import suppress
 
 from sautereau.rig.schema import Rig
 from sautereau.robot.drivers.driver import Clock, Sleep
-from sautereau.robot.drivers.limits import Limits
 from sautereau.robot.drivers.odrive.errors import DEVICE, OF_AXIS, error_names
 from sautereau.robot.drivers.odrive.line import OdriveLine
-from sautereau.robot.drivers.polling import POLL, Polling
+from sautereau.robot.drivers.odrive.setpoints import Setpoints
+from sautereau.robot.drivers.polling import POLL
 from sautereau.robot.drivers.serial_port import Port
+from sautereau.robot.drivers.streamed import StreamedDriver
 from sautereau.robot.errors import GarbledAnswer, MotionFault, RobotError, SettingNotTaken
 
 AXES = ("axis0", "axis1")
@@ -34,23 +35,16 @@ the position, so it is never written in motion."""
 _OFF = tuple(f"w {name}.requested_state {IDLE}" for name in AXES)
 
 
-class Power:
+class Power(StreamedDriver[Setpoints]):
     """The power of axes 0 and 1; arguments as for `Driver`."""
 
     def __init__(self, rig: Rig, port: Port, clock: Clock, sleep: Sleep):
-        settings = rig.controller
-        self._rig, self._settings = rig, settings
-        self.limits = Limits(rig.arm)
-        self.line = OdriveLine(port, settings.port, settings.timeout)
-        # The axes take up to 1 ms to start.
-        self.polling = Polling(clock, sleep, "motors' supply", delay=POLL)
-
-    def close(self) -> None:
-        self.line.close()
+        self.line = OdriveLine(port, rig.controller.port, rig.controller.timeout)
+        super().__init__(rig, clock, sleep, self.line, "motors' supply")
 
     def renew(self, _keep_waiting: Callable[[], bool] | None = None, /) -> None:
         """Give both watchdogs a sign of life."""
-        self.line.say("u 0", "u 1")
+        self.line.ask("u 0", "u 1", answers=0)
 
     @property
     def running(self) -> bool:
@@ -62,7 +56,6 @@ class Power:
         return [int(self.line.read(f"{name}.current_state")) for name in AXES]
 
     def check_running(self, what: str) -> None:
-        """Refuse ``what`` where an axis has switched itself off; name its errors."""
         states = self.states()
         if states != [CLOSED_LOOP, CLOSED_LOOP]:
             self.check_errors(what)
@@ -131,10 +124,9 @@ class Power:
             ) from error
 
     def hold(self) -> None:
-        """Let both axes end what they follow, and stay there."""
         self.line.set({f"{name}.controller.config.input_mode": TRAPEZOID for name in AXES})
 
-    def abort(self) -> None:
+    def switch_off(self) -> None:
         """Stop at once, switch the motors off, and verify by reading back.
 
         Raises:
@@ -146,9 +138,8 @@ class Power:
             self._off_and_read_back()
 
     def send_abort(self) -> None:
-        """Send what `abort` sends, unacknowledged."""
         with suppress(RobotError):  # the error that it was not confirmed is raised already
-            self.line.say(*_OFF)
+            self.line.ask(*_OFF, answers=0)
 
     def _off_and_read_back(self) -> None:
         """Switch off, and wait for the idle state of both axes."""

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sautereau.rig.schema import Rig
-from sautereau.robot.controller import Capture, MotionController
+from sautereau.robot.controller import Capture, MotionController, play
 from sautereau.robot.errors import MotionFault, RobotError
 from sautereau.robot.experiment.motion_source import open_motion
 from sautereau.robot.experiment.setup.step import Ask, Found, approach_speed, ask_first, homed
@@ -192,10 +192,7 @@ def play_measured(
     """
     channel = rig.daq.channel("force")
     if channel is None:
-        controller.load(segments)
-        controller.arm()
-        controller.start()
-        controller.wait()
+        play(controller, segments)
         return controller.capture(), None
     capture, volts = play_recorded(rig, controller, segments)
     return capture, volts[channel.name] * channel.scale

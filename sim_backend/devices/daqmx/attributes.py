@@ -87,18 +87,34 @@ def kept(prefix: str, defaults: dict[str, Any]) -> Table:
     return found
 
 
-def call(method: Callable[..., Any]) -> Callable[..., Any]:
-    """Answer a `DaqmxError` the way the real server answers the driver's errors.
+def given(request: Any, name: str, default: Any = None) -> Any:
+    """Return a field of a request; that of an enumeration may be sent as its bare number."""
+    return getattr(request, f"{name}_raw", 0) or getattr(request, name, default)
 
-    A server that is gone answers every call as gRPC does where nobody listens.
+
+def call(method: Callable[..., Any], name: str = "") -> Callable[..., Any]:
+    """Answer a call with the fields that a method returns, None for none, or its message.
+
+    A `DaqmxError` is answered the way the real server answers the driver's errors. A server that
+    is gone answers every call as gRPC does where nobody listens.
+
+    Args:
+        method: Carries out the call; with the arguments of the servicer's methods.
+        name: Of the call in nidaqmx.proto; by default the method's own.
     """
+    response = getattr(pb, f"{name or method.__name__}Response")
+    known = response.DESCRIPTOR.fields_by_name
 
     @wraps(method)
     def answer(self: Any, request: Any, context: grpc.ServicerContext) -> Any:
         if self._gone:
             context.abort(grpc.StatusCode.UNAVAILABLE, _GONE)
         try:
-            return method(self, request, context)
+            found = method(self, request, context)
+            if isinstance(found, response):
+                return found
+            raw = {key: f"{key}_raw" if f"{key}_raw" in known else key for key in found or {}}
+            return response(**{raw[key]: value for key, value in (found or {}).items()})
         except ServerGone:
             self._gone = True
             context.abort(grpc.StatusCode.UNAVAILABLE, _GONE)
@@ -118,7 +134,7 @@ def refuse(fault: DaqmxError, context: grpc.ServicerContext) -> None:
 
 
 def _look_up(table: Table, request: Any) -> Attribute:
-    key = request.attribute_raw or request.attribute
+    key = given(request, "attribute")
     if key not in table:
         raise DaqmxError(-200197, f"Property {key:#x} is not supported by the stand-in.")
     return table[key]
@@ -141,45 +157,32 @@ def calls(
         find: Returns what a request is about: one object, or a list for several channels.
         attributes: Of the subject.
     """
-    found: dict[str, Callable[..., Any]] = {}
 
     def each(self: Any, request: Any) -> list[Any]:
         about = find(self, request)
         return about if isinstance(about, list) else [about]
 
+    def get(self: Any, request: Any, context: Any) -> dict[str, Any]:
+        attribute = _look_up(attributes, request)
+        return {"value": _only([attribute.read(one) for one in each(self, request)])}
+
+    def set_(self: Any, request: Any, context: Any) -> None:
+        attribute = _look_up(attributes, request)
+        if attribute.write is None:
+            raise DaqmxError(-200231, "Specified property cannot be set.")
+        for one in each(self, request):
+            attribute.write(one, given(request, "value"))
+
+    def reset(self: Any, request: Any, context: Any) -> None:
+        attribute = _look_up(attributes, request)
+        if attribute.clear is None:
+            raise DaqmxError(-200236, "Specified property cannot be reset.")
+        for one in each(self, request):
+            attribute.clear(one)
+
+    named = {f"Reset{subject}Attribute": reset}
     for kind in KINDS:
-        for verb in ("Get", "Set"):
-            name = f"{verb}{subject}Attribute{kind}"
-            response = getattr(pb, f"{name}Response", None)
-            if response is None:
-                continue
-            field = "value_raw" if "value_raw" in response.DESCRIPTOR.fields_by_name else "value"
-
-            def get(self, request, context, response=response, field=field):
-                attribute = _look_up(attributes, request)
-                value = _only([attribute.read(one) for one in each(self, request)])
-                return response(**{field: value})
-
-            def set_(self, request, context, response=response):
-                attribute = _look_up(attributes, request)
-                if attribute.write is None:
-                    raise DaqmxError(-200231, "Specified property cannot be set.")
-                value = getattr(request, "value_raw", None) or request.value
-                for one in each(self, request):
-                    attribute.write(one, value)
-                return response()
-
-            found[name] = call(get if verb == "Get" else set_)
-    reset_response = getattr(pb, f"Reset{subject}AttributeResponse", None)
-    if reset_response is not None:
-
-        def reset(self, request, context):
-            attribute = _look_up(attributes, request)
-            if attribute.clear is None:
-                raise DaqmxError(-200236, "Specified property cannot be reset.")
-            for one in each(self, request):
-                attribute.clear(one)
-            return reset_response()
-
-        found[f"Reset{subject}Attribute"] = call(reset)
-    return found
+        named |= {f"Get{subject}Attribute{kind}": get, f"Set{subject}Attribute{kind}": set_}
+    return {
+        name: call(method, name) for name, method in named.items() if hasattr(pb, f"{name}Response")
+    }

@@ -1,12 +1,12 @@
 """The interface between the DAQmx stand-in and a card: its runs, and the driver's errors."""
 
 from dataclasses import dataclass
-from typing import Protocol, runtime_checkable
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sautereau.sim_backend.device_types import IDEAL, DeviceType
+from sautereau.sim_backend.device_types import DeviceType
 from sautereau.sim_backend.devices.daqmx.driver_errors import DaqmxError
 from sautereau.sim_backend.devices.daqmx.names import split_names
 from sautereau.sim_backend.sensors.converter import Converter
@@ -34,6 +34,9 @@ class TaskSetup:
     trigger: str | None
     """Terminal whose edge starts the samples, ``"/Dev1/PFI0"``; None starts at once. Of a
     pre-trigger acquisition: of the edge around which samples are kept."""
+    before: int | None = None
+    """Samples before the edge of a pre-trigger acquisition, for which an earlier edge is ignored;
+    None for another one."""
     start_trigger: str | None = None
     """Terminal of an edge that starts a pre-trigger acquisition; None starts it at once."""
     falling: tuple[bool, bool] = (False, False)
@@ -86,6 +89,16 @@ class Card(Protocol):
         ...
 
     @property
+    def device(self) -> DeviceType:
+        """Its type."""
+        ...
+
+    @property
+    def chassis(self) -> str:
+        """Name of the chassis that holds it; empty where there is none."""
+        ...
+
+    @property
     def terminals(self) -> tuple[str, ...]:
         """Its analog inputs, ``("ai0", "ai1")``; raises `DaqmxError` if it is disconnected."""
         ...
@@ -100,41 +113,9 @@ class Card(Protocol):
         ...
 
 
-@runtime_checkable
-class PreTriggerCard(Card, Protocol):
-    """A DAQ device with a reference trigger, which not all devices have."""
-
-    def start_pretrigger(self, setup: TaskSetup, before: int) -> Run:
-        """Start an acquisition that keeps ``before`` samples before its trigger's edge.
-
-        An edge that comes earlier is ignored.
-        """
-        ...
-
-
-@runtime_checkable
-class DescribedCard(Card, Protocol):
-    """A DAQ device of a certain type; others are ideal."""
-
-    @property
-    def device(self) -> DeviceType:
-        """Its type."""
-        ...
-
-    @property
-    def chassis(self) -> str:
-        """Name of the chassis that holds it; empty where there is none."""
-        ...
-
-
-def device_of(card: Card) -> DeviceType:
-    """Return the type of a card."""
-    return card.device if isinstance(card, DescribedCard) else IDEAL
-
-
 def owner_of(card: Card) -> str:
     """Return the name of the device that has a card's trigger terminals."""
-    return (card.chassis if isinstance(card, DescribedCard) else "") or card.name
+    return card.chassis or card.name
 
 
 def physical_channels(text: str, card: Card) -> list[str]:

@@ -1,110 +1,96 @@
 """The calls that configure timing, triggers and buffer of a task."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
-from nidaqmx._stubs import nidaqmx_pb2 as pb
-
-from sautereau.sim_backend.devices.daqmx.attributes import call, number
+from sautereau.sim_backend.devices.daqmx.attributes import call, given, number
 from sautereau.sim_backend.devices.daqmx.driver_errors import DaqmxError
-from sautereau.sim_backend.devices.daqmx.task import CardTask
+from sautereau.sim_backend.devices.daqmx.task import TaskSettings
 from sautereau.sim_backend.devices.daqmx.triggers import (
     ANALOG_EDGE,
     ANALOG_WINDOW,
     DIGITAL_EDGE,
     RISING,
+    Trigger,
 )
 
+_START, _REFERENCE = "Start", "Ref"
+_TRIGGERS: dict[str, tuple[int, str, Mapping[str, str]]] = {
+    "DigEdge": (DIGITAL_EDGE, "trigger_edge", {}),
+    "AnlgEdge": (ANALOG_EDGE, "trigger_slope", {"ANLG_EDGE_{}_TRIG_LVL": "trigger_level"}),
+    "AnlgWindow": (
+        ANALOG_WINDOW,
+        "",
+        {
+            "ANLG_WIN_{}_TRIG_TOP": "window_top",
+            "ANLG_WIN_{}_TRIG_BTM": "window_bottom",
+            "ANLG_WIN_{}_TRIG_WHEN": "trigger_when",
+        },
+    ),
+}
+"""By the word in the calls' names: the type of trigger, the field of its edge, empty for none, and
+the fields that are only kept, by property."""
 
-def _keep_window(task: CardTask, word: str, request: Any) -> None:
-    for name, value in (
-        ("TOP", request.window_top),
-        ("BTM", request.window_bottom),
-        ("WHEN", request.trigger_when_raw or request.trigger_when),
-    ):
-        task.stored[number("TRIGGER", f"ANLG_WIN_{word}_TRIG_{name}")] = value
+
+def _trigger(task: TaskSettings, which: str) -> Trigger:
+    return task.reference if which == _REFERENCE else task.start_trigger
 
 
-class Configuring:
-    """The part of the servicer that configures."""
+def _configure_trigger(kind: str, which: str) -> Callable[..., None]:
+    number_of_kind, edge, kept = _TRIGGERS[kind]
 
-    _task: Callable[[Any], CardTask]
-
-    @call
-    def CfgSampClkTiming(self, request, context):  # noqa: N802
-        self._task(request).set_clock(
-            request.source,
-            request.rate,
-            request.active_edge_raw or request.active_edge,
-            request.sample_mode_raw or request.sample_mode,
-            request.samps_per_chan,
+    def configure(self: Any, request: Any, context: Any) -> None:
+        task = self._task(request)
+        task.set_trigger(
+            _trigger(task, which),
+            number_of_kind,
+            request.trigger_source,
+            given(request, edge) if edge else RISING,
+            request.pretrigger_samples if which == _REFERENCE else None,
         )
-        return pb.CfgSampClkTimingResponse()
+        for name, field in kept.items():
+            task.stored[number("TRIGGER", name.format(which.upper()))] = given(request, field)
 
-    @call
-    def CfgDigEdgeStartTrig(self, request, context):  # noqa: N802
+    return configure
+
+
+def _disable_trigger(which: str) -> Callable[..., None]:
+    def disable(self: Any, request: Any, context: Any) -> None:
         task = self._task(request)
-        edge = request.trigger_edge_raw or request.trigger_edge
-        task.set_trigger(task.start_trigger, DIGITAL_EDGE, request.trigger_source, edge)
-        return pb.CfgDigEdgeStartTrigResponse()
+        task.remove_trigger(_trigger(task, which))
 
-    @call
-    def CfgDigEdgeRefTrig(self, request, context):  # noqa: N802
-        task = self._task(request)
-        edge = request.trigger_edge_raw or request.trigger_edge
-        source, before = request.trigger_source, request.pretrigger_samples
-        task.set_trigger(task.reference, DIGITAL_EDGE, source, edge, before)
-        return pb.CfgDigEdgeRefTrigResponse()
+    return disable
 
-    @call
-    def CfgAnlgEdgeStartTrig(self, request, context):  # noqa: N802
-        task = self._task(request)
-        slope = request.trigger_slope_raw or request.trigger_slope
-        task.set_trigger(task.start_trigger, ANALOG_EDGE, request.trigger_source, slope)
-        task.stored[number("TRIGGER", "ANLG_EDGE_START_TRIG_LVL")] = request.trigger_level
-        return pb.CfgAnlgEdgeStartTrigResponse()
 
-    @call
-    def CfgAnlgEdgeRefTrig(self, request, context):  # noqa: N802
-        task = self._task(request)
-        slope = request.trigger_slope_raw or request.trigger_slope
-        source, before = request.trigger_source, request.pretrigger_samples
-        task.set_trigger(task.reference, ANALOG_EDGE, source, slope, before)
-        task.stored[number("TRIGGER", "ANLG_EDGE_REF_TRIG_LVL")] = request.trigger_level
-        return pb.CfgAnlgEdgeRefTrigResponse()
+def _configure_clock(self: Any, request: Any, context: Any) -> None:
+    self._task(request).set_clock(
+        request.source,
+        request.rate,
+        given(request, "active_edge"),
+        given(request, "sample_mode"),
+        request.samps_per_chan,
+    )
 
-    @call
-    def CfgAnlgWindowStartTrig(self, request, context):  # noqa: N802
-        task = self._task(request)
-        task.set_trigger(task.start_trigger, ANALOG_WINDOW, request.trigger_source, RISING)
-        _keep_window(task, "START", request)
-        return pb.CfgAnlgWindowStartTrigResponse()
 
-    @call
-    def CfgAnlgWindowRefTrig(self, request, context):  # noqa: N802
-        task = self._task(request)
-        source, before = request.trigger_source, request.pretrigger_samples
-        task.set_trigger(task.reference, ANALOG_WINDOW, source, RISING, before)
-        _keep_window(task, "REF", request)
-        return pb.CfgAnlgWindowRefTrigResponse()
+def _refuse_logging(self: Any, request: Any, context: Any) -> None:
+    raise DaqmxError(-201312, "The stand-in logs no TDMS files: record with the client.")
 
-    @call
-    def DisableStartTrig(self, request, context):  # noqa: N802
-        task = self._task(request)
-        task.remove_trigger(task.start_trigger)
-        return pb.DisableStartTrigResponse()
 
-    @call
-    def DisableRefTrig(self, request, context):  # noqa: N802
-        task = self._task(request)
-        task.remove_trigger(task.reference)
-        return pb.DisableRefTrigResponse()
-
-    @call
-    def CfgInputBuffer(self, request, context):  # noqa: N802
-        self._task(request).set_buffer(request.num_samps_per_chan)
-        return pb.CfgInputBufferResponse()
-
-    @call
-    def ConfigureLogging(self, request, context):  # noqa: N802
-        raise DaqmxError(-201312, "The stand-in logs no TDMS files: record with the client.")
+CONFIGURING = {
+    name: call(method, name)
+    for name, method in {
+        "CfgSampClkTiming": _configure_clock,
+        "CfgInputBuffer": lambda self, request, _: self._task(request).set_buffer(
+            request.num_samps_per_chan
+        ),
+        "ConfigureLogging": _refuse_logging,
+        "DisableStartTrig": _disable_trigger(_START),
+        "DisableRefTrig": _disable_trigger(_REFERENCE),
+        **{
+            f"Cfg{kind}{which}Trig": _configure_trigger(kind, which)
+            for kind in _TRIGGERS
+            for which in (_START, _REFERENCE)
+        },
+    }.items()
+}
+"""By the call of nidaqmx.proto."""

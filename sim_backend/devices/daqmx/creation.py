@@ -5,10 +5,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from nidaqmx._stubs import nidaqmx_pb2 as pb
-
 from sautereau.sim_backend.device_types import DeviceType
-from sautereau.sim_backend.devices.daqmx.attributes import call, number
+from sautereau.sim_backend.devices.daqmx.attributes import call, given, number
 from sautereau.sim_backend.devices.daqmx.driver_errors import DaqmxError
 from sautereau.sim_backend.devices.daqmx.inputs import INTERNAL, invalid
 
@@ -83,17 +81,13 @@ SENSORS = {
 """By the call of nidaqmx.proto."""
 
 
-def _of(request: Any, name: str, default: Any = None) -> Any:
-    return getattr(request, f"{name}_raw", 0) or getattr(request, name, default)
-
-
 def _sensitivity(request: Any, unit: float) -> float:
     """Return volts per unit of the channel."""
     if hasattr(request, "mic_sensitivity"):
         return request.mic_sensitivity * _MICROPHONE * unit
     if not hasattr(request, "sensitivity"):
         return 1.0
-    kind = _of(request, "sensitivity_units")
+    kind = given(request, "sensitivity_units")
     if kind not in _SENSITIVITIES:
         raise invalid("the sensitivity's units", kind, f"one of {list(_SENSITIVITIES)}")
     return request.sensitivity * _SENSITIVITIES[kind] * unit
@@ -110,7 +104,7 @@ def _limits(request: Any) -> tuple[float, float]:
 def _excitation(request: Any, device: DeviceType) -> dict[str, Any]:
     """Return the properties of an excitation, if the device can supply it."""
     for kind in ("current", "voltage"):
-        source = _of(request, f"{kind}_excit_source")
+        source = given(request, f"{kind}_excit_source")
         if source is None:
             continue
         value = getattr(request, f"{kind}_excit_val")
@@ -126,10 +120,8 @@ def _excitation(request: Any, device: DeviceType) -> dict[str, Any]:
 
 
 def _creator(name: str, sensor: Sensor) -> Callable[..., Any]:
-    response = getattr(pb, f"{name}Response")
-
-    def create(self: Any, request: Any, context: Any) -> Any:
-        units = _of(request, "units")
+    def create(self: Any, request: Any, context: Any) -> None:
+        units = given(request, "units")
         if units == CUSTOM_SCALE or units not in _UNITS:
             raise DaqmxError(-200077, "The stand-in has no custom scales, and no other units.")
         volts_per_unit = _sensitivity(request, _UNITS[units])
@@ -138,12 +130,12 @@ def _creator(name: str, sensor: Sensor) -> Callable[..., Any]:
         task = self._task(request)
         kept = {sensor.units: units, **_excitation(request, task.device)}
         if sensor.sensitivity:
-            given = getattr(request, "mic_sensitivity", None) or request.sensitivity
-            kept[sensor.sensitivity] = given
+            microphone = getattr(request, "mic_sensitivity", None)
+            kept[sensor.sensitivity] = microphone or request.sensitivity
         if sensor.sensitivity_units:
-            kept[sensor.sensitivity_units] = _of(request, "sensitivity_units")
+            kept[sensor.sensitivity_units] = given(request, "sensitivity_units")
         if sensor.measurement == _VOLTAGE_WITH_EXCITATION:
-            kept["AI_BRIDGE_CFG"] = _of(request, "bridge_config")
+            kept["AI_BRIDGE_CFG"] = given(request, "bridge_config")
             kept["AI_EXCIT_USE_FOR_SCALING"] = request.use_excit_for_scaling
         low, high = _limits(request)
         added = task.add(
@@ -151,15 +143,14 @@ def _creator(name: str, sensor: Sensor) -> Callable[..., Any]:
             request.name_to_assign_to_channel,
             low=low,
             high=high,
-            configuration=_of(request, "terminal_config"),
+            configuration=given(request, "terminal_config"),
             measurement=sensor.measurement,
             volts_per_unit=volts_per_unit,
         )
         for channel in added:
             channel.stored.update((number("CHANNEL", name), kept[name]) for name in kept)
-        return response()
 
-    return call(create)
+    return call(create, name)
 
 
 CREATORS = {name: _creator(name, sensor) for name, sensor in SENSORS.items()}

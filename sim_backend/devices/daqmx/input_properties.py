@@ -6,7 +6,7 @@ from sautereau.sim_backend.device_types import AC, DC, IDEAL
 from sautereau.sim_backend.devices.daqmx.attributes import Attribute, kept, number, table
 from sautereau.sim_backend.devices.daqmx.driver_errors import DaqmxError
 from sautereau.sim_backend.devices.daqmx.inputs import INTERNAL, NO_EXCITATION, Input, invalid
-from sautereau.sim_backend.devices.daqmx.task import CardTask
+from sautereau.sim_backend.devices.daqmx.progress import CardTask
 
 _ANALOG_INPUT = 10100
 _SECONDS, _PERIODS = 10364, 10286

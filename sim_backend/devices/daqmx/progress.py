@@ -1,56 +1,34 @@
-"""The run of a task, and how far it was read."""
+"""A DAQmx task of the stand-in: its run, and how far it was read."""
 
 import math
 import time
 from collections.abc import Callable
 from contextlib import AbstractContextManager
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sautereau.sim_backend.devices.daqmx.card import ENDLESS, Card, PreTriggerCard, Run, TaskSetup
+from sautereau.sim_backend.devices.daqmx.card import ENDLESS
 from sautereau.sim_backend.devices.daqmx.driver_errors import DaqmxError
+from sautereau.sim_backend.devices.daqmx.task import (
+    CONTINUOUS,
+    CURRENT,
+    MOST_RECENT,
+    REFERENCE,
+    TaskSettings,
+)
 
 ON_DEMAND_RATE = 1000.0
 """Hz, at which reads of a task without a sample clock are timed."""
 _SLICE = 0.1
 """s, after which a waiting read checks whether its client is still there."""
-FIRST, CURRENT, REFERENCE, FIRST_BEFORE, MOST_RECENT = REFERENCES = tuple(range(10424, 10429))
-"""What a read is relative to."""
-_CONTINUOUS = 10123
 
 
-class Configured(Protocol):
-    """A task's settings, as its run needs them; `CardTask` says what they are."""
+class CardTask(TaskSettings):
+    """A task on a card: its settings, and what it has acquired and read."""
 
-    card: Card
-    mode: int
-    n_samples: int
-    before: int
-    offset: int
-
-    @property
-    def rate(self) -> float | None: ...
-    @property
-    def length(self) -> int: ...
-    @property
-    def buffer_size(self) -> int: ...
-    @property
-    def relative(self) -> int: ...
-    @property
-    def keeps_before(self) -> bool: ...
-    def setup(self, rate: float, n_samples: int) -> TaskSetup: ...
-    def verify(self) -> None: ...
-    def must_be_idle(self) -> None: ...
-
-
-class Progress:
-    """What a task has acquired and read."""
-
-    def __init__(self, task: Configured):
-        self._task = task
-        self.run: Run | None = None
+    def __post_init__(self) -> None:
+        super().__post_init__()
         self.started = 0.0
         """s since 1970, when the last run was started."""
         self.position = 0
@@ -60,11 +38,10 @@ class Progress:
 
     def start(self) -> None:
         """Arm the card; without a sample clock nothing happens until a read."""
-        task = self._task
-        task.must_be_idle()
-        task.verify()
-        if task.rate is not None:
-            self._launch(task.rate, task.length)
+        self.must_be_idle()
+        self.verify()
+        if self.rate is not None:
+            self._launch(self.rate, self.length)
 
     def stop(self) -> None:
         """End the run, if any."""
@@ -76,7 +53,7 @@ class Progress:
     def done(self) -> bool:
         """Whether the acquisition is complete, or none is running."""
         run = self.run
-        return run is None or run.wait_for(0, 0.0) >= self._task.length
+        return run is None or run.wait_for(0, 0.0) >= self.length
 
     def wait(self, n: int, timeout: float, alive: Callable[[], bool]) -> int:
         """Return the number of samples after waiting for ``n``; ``timeout`` in s, -1 for ever."""
@@ -102,18 +79,17 @@ class Progress:
         Of a finite acquisition with fewer left than ``n``, those are all. A task that is not
         running is started, ``holding`` the card meanwhile.
         """
-        task = self._task
         if n < 0:
             n = self.remaining()
         if implicit := self.run is None:
-            task.verify()
+            self.verify()
             with holding:
-                if task.rate is None:
+                if self.rate is None:
                     self._launch(ON_DEMAND_RATE, n)
                 else:
                     self.start()
         self._move()
-        length = n if task.rate is None else task.length
+        length = n if self.rate is None else self.length
         try:
             if self.position >= length and n:
                 raise DaqmxError(
@@ -134,16 +110,15 @@ class Progress:
             self.position += count
             return volts, count == n
         finally:
-            if implicit and (task.rate is None or self.position == length):
+            if implicit and (self.rate is None or self.position == length):
                 self.stop()
 
     def _move(self) -> None:
         """Go to where a read starts."""
-        task = self._task
-        if task.relative == CURRENT and not task.offset:
+        if self.relative == CURRENT and not self.offset:
             return
-        starts = {CURRENT: self.position, REFERENCE: task.before, MOST_RECENT: self._there()}
-        start = starts.get(task.relative, 0) + task.offset
+        starts = {CURRENT: self.position, REFERENCE: self.before, MOST_RECENT: self._there()}
+        start = starts.get(self.relative, 0) + self.offset
         if start < self._oldest:
             raise DaqmxError(-200277, f"Sample {start} is before the first one that is kept.")
         self.position = start
@@ -153,24 +128,22 @@ class Progress:
 
     def _must_fit(self, acquired: int) -> None:
         """Refuse to read samples that later ones have overwritten."""
-        task = self._task
         unread = acquired - self.position
-        endless = task.rate is not None and task.mode == _CONTINUOUS
-        if endless and task.card.paced and unread > task.buffer_size:
+        endless = self.rate is not None and self.mode == CONTINUOUS
+        if endless and self.card.paced and unread > self.buffer_size:
             raise DaqmxError(
                 -200279,
                 "The application is not able to keep up with the hardware acquisition.\n"
-                f"{unread} samples are unread, and the buffer holds {task.buffer_size}.",
+                f"{unread} samples are unread, and the buffer holds {self.buffer_size}.",
             )
 
     def remaining(self) -> int:
         """Return the samples of each channel that a read of all would return."""
-        task = self._task
-        if task.rate is None:
+        if self.rate is None:
             return 1
-        if task.mode == _CONTINUOUS:
+        if self.mode == CONTINUOUS:
             return self.available()
-        return task.n_samples - (0 if self.run is None else self.position)
+        return self.n_samples - (0 if self.run is None else self.position)
 
     def available(self) -> int:
         """Return the samples of each channel acquired and not yet read."""
@@ -181,12 +154,8 @@ class Progress:
         return self.position if self.run is None else self.run.acquired
 
     def _launch(self, rate: float, n_samples: int) -> None:
-        task = self._task
         self._oldest = 0
-        setup = task.setup(rate, n_samples)
+        setup = self.setup(rate, n_samples)
         self.started = time.time()
         self.position = 0
-        if task.keeps_before and isinstance(task.card, PreTriggerCard):
-            self.run = task.card.start_pretrigger(setup, task.before)
-        else:
-            self.run = task.card.start(setup)
+        self.run = self.card.start(setup)

@@ -3,15 +3,9 @@
 from dataclasses import dataclass
 from typing import Any
 
-from sautereau.sim_backend.device_types import C_SERIES, USB_DAQ
+from sautereau.sim_backend.device_types import C_SERIES, IDEAL, USB_DAQ
 from sautereau.sim_backend.devices.daqmx.attributes import Attribute, table
-from sautereau.sim_backend.devices.daqmx.card import (
-    Card,
-    DescribedCard,
-    PreTriggerCard,
-    device_of,
-    owner_of,
-)
+from sautereau.sim_backend.devices.daqmx.card import Card, owner_of
 from sautereau.sim_backend.devices.daqmx.driver_errors import DaqmxError
 from sautereau.sim_backend.devices.daqmx.task import CONTINUOUS, FINITE
 from sautereau.sim_backend.devices.daqmx.triggers import terminals
@@ -32,29 +26,27 @@ def _inputs(card: Card) -> str:
 
 
 def _chassis(card: Card) -> str:
-    if not isinstance(card, DescribedCard) or not card.chassis:
+    if not card.chassis:
         raise DaqmxError(-200197, "The device is in no chassis.")
     return card.chassis
 
 
 def _measurements(card: Card) -> list[int]:
-    return [_VOLTAGE, *(_IEPE if device_of(card).excitations else [])]
+    return [_VOLTAGE, *(_IEPE if card.device.excitations else [])]
 
 
 def _bus(card: Card) -> int:
     buses = {C_SERIES: _BUS_COMPACT_DAQ, USB_DAQ: _BUS_USB}
-    known = isinstance(card, DescribedCard)
-    return buses.get(device_of(card).category, _BUS_PCI if known else _BUS_UNKNOWN)
+    return buses.get(card.device.category, _BUS_UNKNOWN if card.device is IDEAL else _BUS_PCI)
 
 
 def _couplings(card: Card) -> int:
     bits = {10045: _AC_BIT, 10050: _DC_BIT}
-    return sum(bits[coupling] for coupling in device_of(card).couplings)
+    return sum(bits[coupling] for coupling in card.device.couplings)
 
 
 def _usage(card: Card) -> int:
-    has = isinstance(card, PreTriggerCard) and device_of(card).reference_trigger
-    return _START | (_REFERENCE if has else 0)
+    return _START | (_REFERENCE if card.device.reference_trigger else 0)
 
 
 SYSTEM = table(
@@ -84,8 +76,8 @@ _OF_CARD = table(
     "DEVICE",
     {
         "IS_SIMULATED": True,
-        "PRODUCT_TYPE": lambda card: device_of(card).product,
-        "PRODUCT_CATEGORY": lambda card: device_of(card).category,
+        "PRODUCT_TYPE": lambda card: card.device.product,
+        "PRODUCT_CATEGORY": lambda card: card.device.category,
         "PRODUCT_NUM": 0,
         "SERIAL_NUM": SERIAL_NUMBER,
         "BUS_TYPE": _bus,
@@ -93,7 +85,7 @@ _OF_CARD = table(
         "COMPACT_DAQ_SLOT_NUM": lambda card: 1 if _chassis(card) else 0,
         "TERMINALS": lambda card: ", ".join(f"/{owner_of(card)}/{t}" for t in terminals(card)),
         "DIG_TRIG_SUPPORTED": True,
-        "ANLG_TRIG_SUPPORTED": lambda card: bool(device_of(card).analog_triggers),
+        "ANLG_TRIG_SUPPORTED": lambda card: bool(card.device.analog_triggers),
         "TIME_TRIG_SUPPORTED": False,
         "TEDS_HWTEDS_SUPPORTED": False,
         "NUM_TIME_TRIGS": 0,
@@ -102,15 +94,15 @@ _OF_CARD = table(
         "AI_PHYSICAL_CHANS": _inputs,
         "AI_SUPPORTED_MEAS_TYPES": _measurements,
         "AI_SAMP_MODES": [FINITE, CONTINUOUS],
-        "AI_SIMULTANEOUS_SAMPLING_SUPPORTED": lambda card: device_of(card).simultaneous,
-        "AI_MAX_SINGLE_CHAN_RATE": lambda card: device_of(card).fastest,
-        "AI_MAX_MULTI_CHAN_RATE": lambda card: device_of(card).fastest_many,
-        "AI_MIN_RATE": lambda card: device_of(card).slowest,
+        "AI_SIMULTANEOUS_SAMPLING_SUPPORTED": lambda card: card.device.simultaneous,
+        "AI_MAX_SINGLE_CHAN_RATE": lambda card: card.device.fastest,
+        "AI_MAX_MULTI_CHAN_RATE": lambda card: card.device.fastest_many,
+        "AI_MIN_RATE": lambda card: card.device.slowest,
         "AI_NUM_SAMP_TIMING_ENGINES": 1,
         "AI_VOLTAGE_RNGS": lambda card: [
-            volts for high in device_of(card).ranges for volts in (-high, high)
+            volts for high in card.device.ranges for volts in (-high, high)
         ],
-        "AI_CURRENT_INT_EXCIT_DISCRETE_VALS": lambda card: list(device_of(card).excitations),
+        "AI_CURRENT_INT_EXCIT_DISCRETE_VALS": lambda card: list(card.device.excitations),
         "AI_VOLTAGE_INT_EXCIT_DISCRETE_VALS": [],
         "AI_COUPLINGS": _couplings,
         **dict.fromkeys(_ABSENT, ""),
@@ -158,7 +150,7 @@ PHYSICAL_CHANNEL = table(
     {
         "PHYSICAL_CHAN_AI_SUPPORTED_MEAS_TYPES": _measurements,
         "PHYSICAL_CHAN_AI_TERM_CFGS": lambda card: sum(
-            _CONFIGURATION_BITS[one] for one in device_of(card).configurations
+            _CONFIGURATION_BITS[one] for one in card.device.configurations
         ),
         "PHYSICAL_CHAN_AI_INPUT_SRCS": "_external_channel",
     },
@@ -172,6 +164,6 @@ TASK = table(
         "DEVICES": lambda task: task.card.name if task.channels else "",
         "NUM_CHANS": lambda task: len(task.channels),
         "NUM_DEVICES": lambda task: 1 if task.channels else 0,
-        "COMPLETE": lambda task: task.progress.done,
+        "COMPLETE": lambda task: task.done,
     },
 )

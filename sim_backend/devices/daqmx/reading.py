@@ -9,10 +9,10 @@ import numpy as np
 from nidaqmx._stubs import nidaqmx_pb2 as pb
 from numpy.typing import NDArray
 
-from sautereau.sim_backend.devices.daqmx.attributes import call
+from sautereau.sim_backend.devices.daqmx.attributes import call, given
 from sautereau.sim_backend.devices.daqmx.driver_errors import DaqmxError
 from sautereau.sim_backend.devices.daqmx.inputs import invalid
-from sautereau.sim_backend.devices.daqmx.task import CardTask
+from sautereau.sim_backend.devices.daqmx.progress import CardTask
 
 MOST_SAMPLES = 8_000_000
 """Samples of all channels that one read may return: what a message may hold."""
@@ -26,7 +26,7 @@ _SINCE_1904 = 2_082_844_800
 def _requested(task: CardTask, request: Any) -> int:
     """Return how many samples of each channel are read."""
     n = request.num_samps_per_chan
-    n = task.progress.remaining() if n < 0 else n
+    n = task.remaining() if n < 0 else n
     if n * len(task.channels) > MOST_SAMPLES:
         raise DaqmxError(
             -50352, f"Memory for {n} samples of {len(task.channels)} channels was refused."
@@ -52,7 +52,7 @@ class Reading:
         self, task: CardTask, n: int, timeout: float, context: grpc.ServicerContext
     ) -> tuple[NDArray[np.float64], bool]:
         try:
-            return task.progress.read(n, timeout, context.is_active, self._holding(task))
+            return task.read(n, timeout, context.is_active, self._holding(task))
         except DaqmxError as error:
             error.samples_read = 0
             raise
@@ -60,7 +60,7 @@ class Reading:
     def _samples(self, request: Any, context: Any, convert: Callable[..., Any]) -> dict[str, Any]:
         """Return the fields of an answer; ``convert`` is given a channel and its volts."""
         task = self._task(request)
-        fill = request.fill_mode_raw or request.fill_mode
+        fill = given(request, "fill_mode")
         if fill not in (_BY_CHANNEL, _BY_SCAN):
             raise invalid("fill mode", fill, f"{_BY_CHANNEL}, {_BY_SCAN}")
         n = _requested(task, request)
@@ -81,8 +81,7 @@ class Reading:
 
     @call
     def ReadAnalogF64(self, request, context):  # noqa: N802
-        fields = self._samples(request, context, lambda channel, volts: channel.scaled(volts))
-        return pb.ReadAnalogF64Response(**fields)
+        return self._samples(request, context, lambda channel, volts: channel.scaled(volts))
 
     @call
     def ReadAnalogScalarF64(self, request, context):  # noqa: N802
@@ -93,7 +92,7 @@ class Reading:
         if not complete:
             raise DaqmxError(NOT_YET_AVAILABLE, "The sample has not yet been acquired.")
         (channel,) = task.channels.values()
-        return pb.ReadAnalogScalarF64Response(value=channel.scaled(volts[0])[0])
+        return {"value": channel.scaled(volts[0])[0]}
 
     @call
     def ReadRaw(self, request, context):  # noqa: N802
@@ -109,21 +108,21 @@ class Reading:
             ]
         )
         # Raw samples are in the order of acquisition: scan by scan.
-        return pb.ReadRawResponse(
-            status=0 if complete else NOT_YET_AVAILABLE,
-            read_array=counts.T.astype(f"<i{size}").tobytes(),
-            samps_read=volts.shape[1],
-            num_bytes_per_samp=size,
-        )
+        return {
+            "status": 0 if complete else NOT_YET_AVAILABLE,
+            "read_array": counts.T.astype(f"<i{size}").tobytes(),
+            "samps_read": volts.shape[1],
+            "num_bytes_per_samp": size,
+        }
 
     @call
     def ReadAnalogWaveforms(self, request, context):  # noqa: N802
         task = self._task(request)
         n = _requested(task, request)
         volts, complete = self._read(task, n, request.timeout, context)
-        mode = request.waveform_attribute_mode_raw or request.waveform_attribute_mode
+        mode = given(request, "waveform_attribute_mode")
         interval = 0.0 if task.rate is None or not mode & _WITH_TIMING else 1 / task.rate
-        first = task.progress.started + (task.progress.position - volts.shape[1]) * interval
+        first = task.started + (task.position - volts.shape[1]) * interval
         response = pb.ReadAnalogWaveformsResponse(
             status=0 if complete else NOT_YET_AVAILABLE, samps_per_chan_read=volts.shape[1]
         )
@@ -139,9 +138,6 @@ class Reading:
 
 
 def _binary(bits: int, signed: bool) -> Callable[..., Any]:
-    name = f"ReadBinary{'I' if signed else 'U'}{bits}"
-    response = getattr(pb, f"{name}Response")
-
     def convert(channel: Any, volts: NDArray[np.float64]) -> NDArray[np.int64]:
         counts = channel.counts(volts)
         return counts if signed else counts % 2**bits
@@ -150,9 +146,9 @@ def _binary(bits: int, signed: bool) -> Callable[..., Any]:
         task = self._task(request)
         if task.device.raw_bits > bits:
             raise DaqmxError(-200452, f"Its counts have {task.device.raw_bits} bits, not {bits}.")
-        return response(**self._samples(request, context, convert))
+        return self._samples(request, context, convert)
 
-    return call(read)
+    return call(read, f"ReadBinary{'I' if signed else 'U'}{bits}")
 
 
 for _bits in (16, 32):

@@ -5,8 +5,8 @@ from typing import Any
 from sautereau.sim_backend.devices.daqmx.attributes import Attribute, kept, table
 from sautereau.sim_backend.devices.daqmx.driver_errors import DaqmxError
 from sautereau.sim_backend.devices.daqmx.inputs import invalid
-from sautereau.sim_backend.devices.daqmx.progress import REFERENCES
-from sautereau.sim_backend.devices.daqmx.task import CardTask
+from sautereau.sim_backend.devices.daqmx.progress import CardTask
+from sautereau.sim_backend.devices.daqmx.task import REFERENCES
 
 
 def _read_from(task: CardTask, relative: int) -> None:
@@ -61,10 +61,10 @@ READ = {
                 lambda task: ", ".join(task.channels), _read_channels, lambda task: None
             ),
             "NUM_CHANS": lambda task: len(task.channels),
-            "AVAIL_SAMP_PER_CHAN": lambda task: task.progress.available(),
+            "AVAIL_SAMP_PER_CHAN": lambda task: task.available(),
             "RAW_DATA_WIDTH": lambda task: task.device.raw_bits // 8,
-            "CURR_READ_POS": lambda task: task.progress.position,
-            "TOTAL_SAMP_PER_CHAN_ACQUIRED": lambda task: task.progress.acquired(),
+            "CURR_READ_POS": lambda task: task.position,
+            "TOTAL_SAMP_PER_CHAN_ACQUIRED": lambda task: task.acquired(),
             **_NO_FAULTS,
         },
     ),
@@ -87,7 +87,7 @@ READ = {
         },
     ),
 }
-READ[0x31E8] = Attribute(lambda task: task.progress.remaining())  # asked for by `Task.read`
+READ[0x31E8] = Attribute(lambda task: task.remaining())  # asked for by `Task.read`
 BUFFER = table(
     "BUFFER",
     {

@@ -12,16 +12,16 @@ from contextlib import contextmanager
 from typing import Any
 
 import grpc
-from nidaqmx._stubs import nidaqmx_pb2 as pb
 from nidaqmx._stubs import nidaqmx_pb2_grpc
 from session_pb2 import Session
 
-from sautereau.sim_backend.devices.daqmx.attributes import Table, call, calls
+from sautereau.sim_backend.devices.daqmx.attributes import Table, call, calls, given
 from sautereau.sim_backend.devices.daqmx.card import Card, owner_of, physical_channels
-from sautereau.sim_backend.devices.daqmx.configuring import Configuring
+from sautereau.sim_backend.devices.daqmx.configuring import CONFIGURING
 from sautereau.sim_backend.devices.daqmx.creation import CREATORS
-from sautereau.sim_backend.devices.daqmx.driver_errors import DaqmxError
+from sautereau.sim_backend.devices.daqmx.driver_errors import DaqmxError, error_text
 from sautereau.sim_backend.devices.daqmx.input_properties import CHANNEL, Seat
+from sautereau.sim_backend.devices.daqmx.progress import CardTask
 from sautereau.sim_backend.devices.daqmx.properties import (
     DEVICE,
     PHYSICAL_CHANNEL,
@@ -31,10 +31,8 @@ from sautereau.sim_backend.devices.daqmx.properties import (
 )
 from sautereau.sim_backend.devices.daqmx.reading import Reading
 from sautereau.sim_backend.devices.daqmx.reading_properties import BUFFER, READ
-from sautereau.sim_backend.devices.daqmx.task import CardTask
 from sautereau.sim_backend.devices.daqmx.task_events import Events
 from sautereau.sim_backend.devices.daqmx.timing_properties import TIMING, TRIGGER
-from sautereau.sim_backend.devices.daqmx.utilities import Utilities
 
 _INITIALIZE, _ATTACH = 1, 2
 _START, _STOP, _VERIFY, _COMMIT, _RESERVE, _UNRESERVE, _ABORT = range(7)
@@ -43,10 +41,10 @@ _WORKERS = 32
 """Calls that are answered at the same time; further ones are refused at once."""
 
 
-class Servicer(Configuring, Reading, Events, Utilities, nidaqmx_pb2_grpc.NiDAQmxServicer):
+class Servicer(Reading, Events, nidaqmx_pb2_grpc.NiDAQmxServicer):
     """The complete stand-in; each method is the call of nidaqmx.proto of that name.
 
-    Calls about properties are added from the tables of properties.
+    Calls about properties, and those that configure, are added from their tables.
     """
 
     def __init__(self, card: Card):
@@ -62,7 +60,7 @@ class Servicer(Configuring, Reading, Events, Utilities, nidaqmx_pb2_grpc.NiDAQmx
         self._closing.set()
         with self._lock:
             for task in self._tasks.values():
-                task.progress.stop()
+                task.stop()
 
     # What a request is about
 
@@ -109,7 +107,7 @@ class Servicer(Configuring, Reading, Events, Utilities, nidaqmx_pb2_grpc.NiDAQmx
             if not exists:
                 self._count += 1
                 self._tasks[name] = CardTask(self._card, name)
-        return pb.CreateTaskResponse(task=Session(name=name), new_session_initialized=not exists)
+        return {"task": Session(name=name), "new_session_initialized": not exists}
 
     # Running it
 
@@ -118,7 +116,7 @@ class Servicer(Configuring, Reading, Events, Utilities, nidaqmx_pb2_grpc.NiDAQmx
         """Hold the card for a task, which no other may have reserved."""
         with self._lock:
             for other in self._tasks.values():
-                if other is not task and (other.reserved or other.progress.run is not None):
+                if other is not task and (other.reserved or other.run is not None):
                     raise DaqmxError(-50103, f"The resource is reserved by task {other.name}.")
             yield
 
@@ -126,31 +124,28 @@ class Servicer(Configuring, Reading, Events, Utilities, nidaqmx_pb2_grpc.NiDAQmx
     def StartTask(self, request, context):  # noqa: N802
         task = self._task(request)
         with self._holding(task):
-            task.progress.start()
-        return pb.StartTaskResponse()
+            task.start()
 
     @call
     def StopTask(self, request, context):  # noqa: N802
-        self._task(request).progress.stop()
-        return pb.StopTaskResponse()
+        self._task(request).stop()
 
     @call
     def ClearTask(self, request, context):  # noqa: N802
         task = self._task(request)
         with self._lock:
             self._tasks.pop(task.name, None)
-        task.progress.stop()
-        return pb.ClearTaskResponse()
+        task.stop()
 
     @call
     def TaskControl(self, request, context):  # noqa: N802
         task = self._task(request)
-        action = request.action_raw or request.action
+        action = given(request, "action")
         if action == _START:
             with self._holding(task):
-                task.progress.start()
+                task.start()
         elif action in (_STOP, _UNRESERVE, _ABORT):
-            task.progress.stop()
+            task.stop()
             task.reserved = task.reserved and action == _STOP
         elif action == _VERIFY:
             task.verify()
@@ -160,22 +155,50 @@ class Servicer(Configuring, Reading, Events, Utilities, nidaqmx_pb2_grpc.NiDAQmx
                 task.reserved = True
         else:
             raise DaqmxError(-200077, f"Task action {action} does not exist.")
-        return pb.TaskControlResponse()
 
     @call
     def IsTaskDone(self, request, context):  # noqa: N802
-        return pb.IsTaskDoneResponse(is_task_done=self._task(request).progress.done)
+        return {"is_task_done": self._task(request).done}
 
     @call
     def WaitUntilTaskDone(self, request, context):  # noqa: N802
         task = self._task(request)
-        if task.progress.run is not None:
-            there = task.progress.wait(task.length, request.time_to_wait, context.is_active)
+        if task.run is not None:
+            there = task.wait(task.length, request.time_to_wait, context.is_active)
             if there < task.length:
                 raise DaqmxError(
                     -200560, "Wait Until Done did not indicate that the task was done in time."
                 )
-        return pb.WaitUntilTaskDoneResponse()
+
+    # Errors, and the device itself
+
+    @call
+    def GetErrorString(self, request, context):  # noqa: N802
+        return {"error_string": error_text(request.error_code)}
+
+    @call
+    def GetNthTaskDevice(self, request, context):  # noqa: N802
+        task = self._task(request)
+        if request.index != 1 or not task.channels:
+            raise DaqmxError(-200077, f"The task has no device number {request.index}.")
+        return {"buffer": task.card.name}
+
+    @call
+    def ResetDevice(self, request, context):  # noqa: N802
+        self._device(request)
+        with self._lock:
+            for task in self._tasks.values():
+                task.stop()
+                task.reserved = False
+
+    @call
+    def SelfTestDevice(self, request, context):  # noqa: N802
+        self._device(request)
+
+    @call
+    def DeviceSupportsCal(self, request, context):  # noqa: N802
+        self._device(request)
+        return {"cal_supported": False}
 
 
 def _no_device_context(self: Servicer, request: Any, context: Any) -> Any:
@@ -198,11 +221,11 @@ PROPERTIES: dict[str, tuple[Callable[[Any, Any], Any], Table]] = {
 for _subject, (_find, _table) in PROPERTIES.items():
     for _name, _method in calls(_subject, _find, _table).items():
         setattr(Servicer, _name, _method)
-for _name, _method in CREATORS.items():
+for _name, _method in {**CREATORS, **CONFIGURING}.items():
     setattr(Servicer, _name, _method)
 for _name in dir(nidaqmx_pb2_grpc.NiDAQmxServicer):
     if "TimingAttributeEx" in _name:
-        setattr(Servicer, _name, call(_no_device_context))
+        setattr(Servicer, _name, call(_no_device_context, _name))
 
 
 class DaqmxServer:

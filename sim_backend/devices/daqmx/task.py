@@ -1,4 +1,4 @@
-"""One DAQmx task of the stand-in: its settings, verified before it runs."""
+"""The settings of a DAQmx task of the stand-in, verified before it runs."""
 
 from dataclasses import dataclass, field
 from typing import Any
@@ -7,15 +7,13 @@ from sautereau.sim_backend.device_types import IDEAL
 from sautereau.sim_backend.devices.daqmx.card import (
     ENDLESS,
     Card,
-    PreTriggerCard,
+    Run,
     TaskSetup,
-    device_of,
     physical_channels,
 )
 from sautereau.sim_backend.devices.daqmx.driver_errors import DaqmxError
 from sautereau.sim_backend.devices.daqmx.inputs import Input, invalid
 from sautereau.sim_backend.devices.daqmx.names import split_names
-from sautereau.sim_backend.devices.daqmx.progress import CURRENT, FIRST_BEFORE, Progress
 from sautereau.sim_backend.devices.daqmx.triggers import (
     DIGITAL_EDGE,
     FALLING,
@@ -28,6 +26,8 @@ from sautereau.sim_backend.devices.daqmx.unsupported import refuse_unsupported
 from sautereau.sim_backend.sensors.converter import Converter
 
 FINITE, CONTINUOUS = 10178, 10123
+FIRST, CURRENT, REFERENCE, FIRST_BEFORE, MOST_RECENT = REFERENCES = tuple(range(10424, 10429))
+"""What a read is relative to."""
 LEAST = 2
 """Smallest number of samples, of an acquisition and before or after a reference trigger."""
 _BUFFERS = ((100.0, 1_000), (10e3, 10_000), (1e6, 100_000))
@@ -35,8 +35,8 @@ _BUFFERS = ((100.0, 1_000), (10e3, 10_000), (1e6, 100_000))
 
 
 @dataclass
-class CardTask:
-    """A task on a card: channels, timing and triggers, and the progress of its run."""
+class TaskSettings:
+    """A task's channels, timing and triggers."""
 
     card: Card
     name: str
@@ -66,10 +66,11 @@ class CardTask:
     """Registered events, by kind: a token that ends when it is unregistered."""
     stored: dict[int, Any] = field(default_factory=dict)
     """Properties that are kept as they were set."""
+    run: Run | None = None
+    """None while it does not run."""
 
-    def __post_init__(self):
-        self.progress = Progress(self)
-        self.device = device_of(self.card)
+    def __post_init__(self) -> None:
+        self.device = self.card.device
 
     def add(self, physical: str, name: str, **settings: Any) -> list[Input]:
         """Add channels, `Input` by its ``settings``; the device's limits are verified later."""
@@ -199,7 +200,7 @@ class CardTask:
     def _verify_reference(self) -> None:
         if not self.keeps_before:
             return
-        if not (isinstance(self.card, PreTriggerCard) and self.device.reference_trigger):
+        if not self.device.reference_trigger:
             raise DaqmxError(-200452, "This device has no reference trigger.")
         if self.mode != FINITE:
             raise DaqmxError(-200358, "A reference trigger needs a finite acquisition.")
@@ -223,6 +224,7 @@ class CardTask:
             rate,
             n_samples,
             edges[1] if both else edges[0],
+            before=self.before if both else None,
             start_trigger=edges[0] if both else None,
             falling=(slopes[both], slopes[0]),
             lags=tuple(self.lag(n, rate) for n in range(len(self.channels))),
@@ -243,7 +245,7 @@ class CardTask:
 
     def must_be_idle(self) -> None:
         """Refuse a change while it runs."""
-        if self.progress.run is not None:
+        if self.run is not None:
             raise DaqmxError(
                 -200479, f"Specified operation cannot be performed while {self.name} is running."
             )

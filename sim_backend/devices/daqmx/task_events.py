@@ -8,10 +8,11 @@ from typing import Any
 import grpc
 from nidaqmx._stubs import nidaqmx_pb2 as pb
 
-from sautereau.sim_backend.devices.daqmx.attributes import call, refuse
+from sautereau.sim_backend.devices.daqmx.attributes import call, given, refuse
 from sautereau.sim_backend.devices.daqmx.card import Run, ServerGone
 from sautereau.sim_backend.devices.daqmx.driver_errors import DaqmxError
-from sautereau.sim_backend.devices.daqmx.task import FINITE, CardTask
+from sautereau.sim_backend.devices.daqmx.progress import CardTask
+from sautereau.sim_backend.devices.daqmx.task import FINITE
 
 _WAIT = 0.05
 """s, after which a stream checks whether its client and its task are still there."""
@@ -44,7 +45,7 @@ class Registration:
 
 def _register(task: CardTask, kind: str, taken: int) -> Registration:
     """Register an event; ``taken`` is the error where it is registered already."""
-    if task.progress.run is not None:
+    if task.run is not None:
         raise DaqmxError(-200960, f"The event {kind} cannot be registered while the task runs.")
     registration = Registration(kind)
     if task.events.setdefault(kind, registration) is not registration:
@@ -62,7 +63,7 @@ class Events:
     @_stream
     def RegisterEveryNSamplesEvent(self, request, context):  # noqa: N802
         task = self._task(request)
-        kind = request.every_n_samples_event_type_raw or request.every_n_samples_event_type
+        kind = given(request, "every_n_samples_event_type")
         n = request.n_samples
         if kind != _ACQUIRED:
             raise DaqmxError(-200980, "An input task has no samples to transfer.")
@@ -103,12 +104,10 @@ class Events:
     @call
     def UnregisterEveryNSamplesEvent(self, request, context):  # noqa: N802
         self._task(request).events.pop(EVERY_N, None)
-        return pb.UnregisterEveryNSamplesEventResponse()
 
     @call
     def UnregisterDoneEvent(self, request, context):  # noqa: N802
         self._task(request).events.pop(DONE, None)
-        return pb.UnregisterDoneEventResponse()
 
     def _runs(
         self, task: CardTask, registration: Registration, context: grpc.ServicerContext
@@ -121,7 +120,7 @@ class Events:
         last = None
         try:
             while self._listens(task, registration, context):
-                run = task.progress.run
+                run = task.run
                 if run is None or run is last:
                     self._closing.wait(_WAIT)
                 else:
@@ -140,7 +139,7 @@ class Events:
     def _waits(
         self, task: CardTask, run: Run, registration: Registration, context: grpc.ServicerContext
     ) -> bool:
-        return task.progress.run is run and self._listens(task, registration, context)
+        return task.run is run and self._listens(task, registration, context)
 
     def _may_run(self, task: CardTask, position: int) -> bool:
-        return task.card.paced or task.mode == FINITE or task.progress.position >= position
+        return task.card.paced or task.mode == FINITE or task.position >= position

@@ -4,7 +4,8 @@ from collections.abc import Callable
 
 from sautereau.sim_backend.devices.daqmx.attributes import Attribute, Table, kept, number, table
 from sautereau.sim_backend.devices.daqmx.driver_errors import DaqmxError
-from sautereau.sim_backend.devices.daqmx.task import CONTINUOUS, LEAST, CardTask
+from sautereau.sim_backend.devices.daqmx.progress import CardTask
+from sautereau.sim_backend.devices.daqmx.task import CONTINUOUS, LEAST
 from sautereau.sim_backend.devices.daqmx.triggers import NONE, RISING, Trigger, terminal
 
 _SAMPLE_CLOCK, _ON_DEMAND = 10388, 10390

@@ -3,7 +3,7 @@
 import re
 from dataclasses import dataclass
 
-from sautereau.sim_backend.devices.daqmx.card import Card, device_of, owner_of
+from sautereau.sim_backend.devices.daqmx.card import Card, owner_of
 from sautereau.sim_backend.devices.daqmx.driver_errors import DaqmxError
 from sautereau.sim_backend.devices.daqmx.inputs import invalid
 
@@ -45,7 +45,7 @@ class Trigger:
 
 def terminal(name: str, card: Card) -> str:
     """Return the complete name of a terminal, ``/Dev1/PFI0``, of the device or its chassis."""
-    device, owner = device_of(card), owner_of(card)
+    device, owner = card.device, owner_of(card)
     route = re.fullmatch(r"(?:/(\w+)/)?(A?PFI)(\d+)", name, re.IGNORECASE)
     if route:
         known = (route[1] or owner).lower() == owner.lower()
@@ -61,5 +61,5 @@ def terminal(name: str, card: Card) -> str:
 
 def terminals(card: Card) -> list[str]:
     """Return the trigger terminals without the device."""
-    device = device_of(card)
+    device = card.device
     return [*(f"PFI{n}" for n in range(device.triggers)), *device.analog_triggers]

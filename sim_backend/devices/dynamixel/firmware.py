@@ -10,9 +10,9 @@ from collections.abc import Callable
 from sautereau.rig.schema import Rig
 from sautereau.sim_backend.devices.dynamixel.packets import BROADCAST, Packet, Receiver, status
 from sautereau.sim_backend.devices.dynamixel.servo import ACCESS, CENTRE, TURN, Servo
-from sautereau.sim_backend.devices.emulators import OnOutput, Plant, along
+from sautereau.sim_backend.devices.emulators import OnOutput, Plant
+from sautereau.sim_backend.devices.streamed import StreamedController
 from sautereau.sim_backend.errors import SceneError
-from sautereau.trajectory.motion import Floats
 
 _INSTRUCTION, _CRC = 2, 3  # error numbers
 WAIT, HOLD = 1000, 1004
@@ -33,18 +33,18 @@ def emulate(rig: Rig, plant: Plant, _on_output: OnOutput, paced: bool) -> "Servo
     return Servos(plant, rig.controller.sample_period, stepped=not paced)
 
 
-class Servos:
-    """The bus as the host sees it. It is not thread-safe; see `GalilFirmware`."""
+class Servos(StreamedController[Servo]):
+    """The bus as the host sees it; arguments as for `StreamedController`."""
 
     def __init__(self, plant: Plant, period: float, *, stepped: bool):
-        self._plant, self._period, self._stepped = plant, period, stepped
+        super().__init__(plant, period, stepped=stepped)
         raw, home = plant.encoder_counts(), plant.home_counts()
         information = b"SIM" + (b"s" if stepped else b"p")
-        self.servos = [
+        self.axes = [
             Servo(axis + 1, home[axis] - CENTRE, raw[axis], information) for axis in (0, 1)
         ]
         self._receiver = Receiver()
-        self._granted, self._holding = 0, False
+        self._holding = False
         self._instructions: dict[int, Callable[[list[Servo], Packet], bytes]] = {
             0x01: self._ping,
             0x02: self._read,
@@ -55,62 +55,21 @@ class Servos:
         }
 
     @property
-    def motors_on(self) -> tuple[bool, bool]:
-        """Whether each servo is powered."""
-        first, second = self.servos
-        return first.on, second.on
-
-    @property
-    def moving(self) -> bool:
-        """Whether time must advance, for a profile or because the host waits."""
-        if self.held:
-            return False
-        return self._granted > 0 or any(servo.moving for servo in self.servos)
-
-    @property
-    def watching(self) -> bool:
-        """Whether a watchdog runs while its motor is on."""
-        return any(servo.watched for servo in self.servos)
-
-    @property
-    def held(self) -> bool:
-        """Whether time waits for the host, which streams positions."""
-        return self._holding and not self._granted
-
-    @property
-    def phase(self) -> float:
-        """Fraction of the sample that has passed when an output changes: there is no output."""
-        return 0.0
-
-    def outgoing(self) -> dict[str, bytes]:
-        """Return what the servos have sent by themselves: nothing."""
-        return {}
-
-    def tick(self) -> None:
-        """Do one controller sample."""
-        counts = not self._stepped or (self._holding and self._granted > 0)
-        self._granted = max(0, self._granted - 1)
-        for servo, raw in zip(self.servos, self._plant.encoder_counts(), strict=True):
-            servo.raw = raw
-            if counts:  # else the host is infinitely slow, but alive
-                servo.watch(self._period)
-            servo.step(self._period)
-
-    def reference(self, fractions: Floats) -> tuple[Floats, Floats]:
-        """Return the reference within the sample last ticked; see `Emulator`."""
-        return along((servo.cubic for servo in self.servos), fractions)
+    def streaming(self) -> bool:
+        """Whether the motion is the host's, position by position."""
+        return self._holding
 
     def receive(self, data: bytes) -> bytes:
         """Take bytes from the host; return what the servos send back."""
         return b"".join(map(self._carry_out, self._receiver.feed(data)))
 
     def _carry_out(self, packet: Packet) -> bytes:
-        for servo, raw in zip(self.servos, self._plant.encoder_counts(), strict=True):
+        for servo, raw in zip(self.axes, self.plant.encoder_counts(), strict=True):
             servo.raw = raw
-        meant = [servo for servo in self.servos if packet.servo in (servo.number, BROADCAST)]
+        meant = [servo for servo in self.axes if packet.servo in (servo.number, BROADCAST)]
         if not packet.intact:
             return b"".join(status(servo.number, _CRC | servo.alert) for servo in meant)
-        for servo in self.servos:
+        for servo in self.axes:
             servo.hear()
         known = self._instructions.get(packet.instruction)
         if known is None:
@@ -137,10 +96,9 @@ class Servos:
 
     def _written(self, servo: Servo, address: int, data: bytes) -> int:
         value = int.from_bytes(data, "little")
-        if self._stepped and servo.number == 1 and address == WAIT and value <= 60_000_000:
-            self._granted += max(1, round(value * 1e-6 / self._period))
+        if servo.number == 1 and address == WAIT and self.grant(value * 1e-6):
             return 0
-        if self._stepped and servo.number == 1 and address == HOLD:
+        if self.stepped and servo.number == 1 and address == HOLD:
             self._holding = bool(value)
             return 0
         return servo.write(address, data) if data else ACCESS
@@ -152,13 +110,13 @@ class Servos:
 
     def _sync_read(self, meant: list[Servo], packet: Packet) -> bytes:
         address, length = _pair(packet.parameters)
-        by_number = {servo.number: servo for servo in self.servos}
+        by_number = {servo.number: servo for servo in self.axes}
         named = [by_number[n] for n in packet.parameters[4:] if n in by_number]
         return b"".join(_answer(servo, servo.read(address, length)) for servo in named)
 
     def _sync_write(self, meant: list[Servo], packet: Packet) -> bytes:
         address, length = _pair(packet.parameters)
-        by_number = {servo.number: servo for servo in self.servos}
+        by_number = {servo.number: servo for servo in self.axes}
         rest = packet.parameters[4:]
         for start in range(0, len(rest), length + 1):
             servo, data = by_number.get(rest[start]), rest[start + 1 : start + 1 + length]

@@ -159,14 +159,21 @@ class Servo:
         ram = {n: item.default for n, item in ITEMS.items() if item.address >= EEPROM_END}
         self._values |= ram
 
-    def watch(self, period: float) -> None:
+    def sample(self, raw: int, home: int, period: float, *, watching: bool) -> None:
+        """Do one sample of the bench; see `StreamedAxis`."""
+        self.raw = raw
+        if watching:
+            self._watch(period)
+        self._step(period)
+
+    def _watch(self, period: float) -> None:
         """Advance the watchdog by a sample [s]; where it runs out, the servo stops there."""
         self._silent += period
         if self.watched and self._silent > self._values["bus_watchdog"] * _WATCHDOG:
             self._values["bus_watchdog"] = -1
             self._goal, self._duration = self._at, 0.0
 
-    def step(self, period: float) -> None:
+    def _step(self, period: float) -> None:
         """Advance the profile by a sample [s]."""
         if not self.on:
             self.cubic = (float(self.raw), 0.0, 0.0, 0.0)

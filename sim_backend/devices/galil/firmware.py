@@ -7,11 +7,11 @@ only clock of the firmware is `GalilFirmware.tick`.
 
 from sautereau.rig.schema import Rig
 from sautereau.sim_backend.controller_part import ControllerUnit
-from sautereau.sim_backend.devices.emulators import OnOutput, Plant, along
+from sautereau.sim_backend.devices.emulators import SERIAL, OnOutput, Plant, along
 from sautereau.sim_backend.devices.galil.commands.table import execute
 from sautereau.sim_backend.devices.galil.faults import CommandError
 from sautereau.sim_backend.devices.galil.machine import Machine
-from sautereau.sim_backend.devices.galil.ports import SERIAL, Download, Port, answer_line
+from sautereau.sim_backend.devices.galil.ports import Download, Port, answer_line
 from sautereau.sim_backend.devices.galil.uart import Uart
 from sautereau.trajectory.motion import Floats
 

@@ -1,6 +1,7 @@
 """How the controller writes numbers."""
 
 import re
+from collections.abc import Sequence
 
 from sautereau.sim_backend.devices.galil.faults import CommandError
 
@@ -24,9 +25,9 @@ def write_number(value: float, decimals: int = 4) -> str:
     return text if float(text) or not text.startswith("-") else " " + text[1:]
 
 
-def write_list(values: list[float], decimals: int = 0) -> str:
-    """Write the answer of a command that reports one number per axis."""
-    return ",".join(write_number(value, decimals) for value in values)
+def write_list(values: Sequence[float], decimals: int = 0) -> str | None:
+    """Write the answer of a command that reports one number per axis; None for no numbers."""
+    return ",".join(write_number(value, decimals) for value in values) or None
 
 
 def write_in(value: float, places: int, decimals: int, *, zeros: bool) -> str:

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 
 from sautereau.sim_backend.controller_part import ControllerUnit
-from sautereau.sim_backend.devices.emulators import OnOutput, Plant
+from sautereau.sim_backend.devices.emulators import SERIAL, OnOutput, Plant
 from sautereau.sim_backend.devices.galil.arrays import Arrays, Capture
 from sautereau.sim_backend.devices.galil.axis import AXES, Axis
 from sautereau.sim_backend.devices.galil.faults import CommandError
@@ -11,7 +11,7 @@ from sautereau.sim_backend.devices.galil.formats import write_line
 from sautereau.sim_backend.devices.galil.memory import Memory, Parameters
 from sautereau.sim_backend.devices.galil.motion import SAMPLES_PER_SECOND
 from sautereau.sim_backend.devices.galil.outputs import Outputs
-from sautereau.sim_backend.devices.galil.ports import HANDLES, SERIAL, Ports
+from sautereau.sim_backend.devices.galil.ports import HANDLES, Ports
 from sautereau.sim_backend.devices.galil.program import Limits, Program
 from sautereau.sim_backend.devices.galil.safety import Safety
 from sautereau.sim_backend.devices.galil.tasks import Tasks

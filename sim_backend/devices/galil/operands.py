@@ -5,11 +5,12 @@ import math
 import struct
 from collections.abc import Callable
 
+from sautereau.sim_backend.devices.emulators import SERIAL
 from sautereau.sim_backend.devices.galil.axis import AXES
 from sautereau.sim_backend.devices.galil.faults import CommandError
 from sautereau.sim_backend.devices.galil.machine import INPUTS, Machine
 from sautereau.sim_backend.devices.galil.memory import OUTPUTS
-from sautereau.sim_backend.devices.galil.ports import HANDLES, SERIAL
+from sautereau.sim_backend.devices.galil.ports import HANDLES
 from sautereau.sim_backend.devices.galil.tasks import THREADS
 
 

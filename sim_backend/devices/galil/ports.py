@@ -7,12 +7,11 @@ one is answered with ``?``, and the rest of its line is ignored.
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
+from sautereau.sim_backend.devices.emulators import SERIAL
 from sautereau.sim_backend.devices.galil.faults import CommandError
 from sautereau.sim_backend.devices.galil.formats import write_line
 from sautereau.sim_backend.devices.galil.program import split_commands
 
-SERIAL = "S"
-"""The main serial port; `CF` calls it so."""
 HANDLES = "ABCDEFGH"
 """Ethernet handles."""
 

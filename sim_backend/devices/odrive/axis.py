@@ -165,7 +165,16 @@ class OdriveAxis:
         self._since = 0.0
         self.pressed &= bool(self.settings["min_endstop.config.enabled"])
 
-    def look(self, raw: int, home: int, period: float) -> None:
+    def sample(self, raw: int, home: int, period: float, *, watching: bool) -> None:
+        """Do one sample of the bench; see `StreamedAxis`."""
+        self._look(raw, home, period)
+        if watching:
+            self._watch_over(period)
+        else:
+            self.feed()
+        self._step(period)
+
+    def _look(self, raw: int, home: int, period: float) -> None:
         """Read encoder and endstop at the start of a sample."""
         self.home = home
         self.velocity = (raw - self.raw) / self.per_turn / period
@@ -191,7 +200,7 @@ class OdriveAxis:
         debounce = self.settings["min_endstop.config.debounce_ms"] * 1e-3
         return bool(self.settings["min_endstop.config.enabled"]) and self._since < debounce
 
-    def watch(self, period: float) -> None:
+    def _watch_over(self, period: float) -> None:
         """Advance the watchdog by a sample [s]; when it expires the axis becomes idle."""
         if not self.settings["config.enable_watchdog"]:
             return
@@ -200,7 +209,7 @@ class OdriveAxis:
             self.error |= WATCHDOG_EXPIRED
             self.state = State.IDLE
 
-    def step(self, period: float) -> None:
+    def _step(self, period: float) -> None:
         """Advance the setpoint by a sample [s]."""
         if self.state == State.HOMING:
             self._home()

@@ -14,6 +14,7 @@ One property is the stand-in's own: `stand_in.wait` advances simulated time (doc
 import functools
 import operator
 from collections.abc import Callable
+from typing import Any
 
 from sautereau.rig.schema import Rig
 from sautereau.sim_backend.devices.emulators import AMPLIFIER_VOLTS, OnOutput, Plant
@@ -40,13 +41,10 @@ def emulate(rig: Rig, plant: Plant, _on_output: OnOutput, paced: bool) -> "Odriv
 
 
 class OdriveFirmware(Machine):
-    """A controller as its serial line shows it.
+    """A controller as its serial line shows it; arguments as for `Machine`."""
 
-    It is not thread-safe; see `GalilFirmware`.
-    """
-
-    def __post_init__(self):
-        super().__post_init__()
+    def __init__(self, plant: Plant, **given: Any):
+        super().__init__(plant, **given)
         self._line = bytearray()
         self._commands: dict[str, Callable[[str], list[str]]] = {
             "p": _for_axis(self._position, 2),
@@ -131,10 +129,7 @@ class OdriveFirmware(Machine):
 
     def _wait(self, seconds: float | None) -> list[str]:
         """Advance time; the answer makes the host wait until that is done."""
-        if seconds is None or not self.stepped or not 0 <= seconds <= 60:
-            return ["not implemented"]
-        self._granted += max(1, round(seconds / self.period))
-        return [f"waiting {seconds:.6f}"]
+        return [f"waiting {seconds:.6f}" if self.grant(seconds) else "not implemented"]
 
 
 def _for_axis(command: Callable[..., list[str]], least: int) -> Callable[[str], list[str]]:

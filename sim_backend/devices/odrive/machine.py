@@ -1,8 +1,6 @@
-"""The state of the emulated ODrive: its update in every sample, and its properties by name."""
+"""The state of the emulated ODrive, and its properties by name."""
 
-from dataclasses import KW_ONLY, dataclass
-
-from sautereau.sim_backend.devices.emulators import Plant, along
+from sautereau.sim_backend.devices.emulators import Plant
 from sautereau.sim_backend.devices.odrive.axis import (
     MOTOR_FAILED,
     SYSTEM_LEVEL,
@@ -10,92 +8,45 @@ from sautereau.sim_backend.devices.odrive.axis import (
     State,
 )
 from sautereau.sim_backend.devices.odrive.properties import AXIS, FLOAT, ROOT, Property
-from sautereau.trajectory.motion import Floats
+from sautereau.sim_backend.devices.streamed import StreamedController
 
 _SUPPLY = 24.0  # V
 
 
-@dataclass(eq=False)
-class Machine:
-    """A controller at power-up: motors off."""
+class Machine(StreamedController[OdriveAxis]):
+    """A controller at power-up: motors off.
 
-    plant: Plant
-    """Motors and encoders."""
-    _: KW_ONLY
-    per_turn: tuple[float, float]
-    """Encoder counts per turn of each motor."""
-    period: float
-    """s, of one sample of the bench."""
-    stepped: bool
-    """Whether time waits for the host while it streams positions."""
-    torque_per_volt: tuple[float, float]
-    """N m/V of each motor, for the plant's commands [V]."""
+    Args:
+        plant: Motors and encoders.
+        per_turn: Encoder counts per turn of each motor.
+        period: s, of one sample of the bench.
+        stepped: Whether time waits for the host while it streams positions.
+        torque_per_volt: N m/V of each motor, for the plant's commands [V].
+    """
 
-    def __post_init__(self):
-        encoders, switches = self.plant.encoder_counts(), self.plant.home_counts()
+    def __init__(
+        self,
+        plant: Plant,
+        *,
+        per_turn: tuple[float, float],
+        period: float,
+        stepped: bool,
+        torque_per_volt: tuple[float, float],
+    ):
+        super().__init__(plant, period, stepped=stepped)
+        encoders, switches = plant.encoder_counts(), plant.home_counts()
         self.axes = [
             OdriveAxis(number, *values)
-            for number, values in enumerate(zip(self.per_turn, encoders, switches, strict=True))
+            for number, values in enumerate(zip(per_turn, encoders, switches, strict=True))
         ]
         self.error = 0
         """Error bits of the device."""
-        self._granted = 0
+        self._torque_per_volt = torque_per_volt
 
     @property
-    def motors_on(self) -> tuple[bool, bool]:
-        """Whether each axis is powered."""
-        first, second = self.axes
-        return first.on, second.on
-
-    @property
-    def watching(self) -> bool:
-        """Whether a watchdog runs while its motor is on."""
-        return any(axis.watched for axis in self.axes)
-
-    @property
-    def _streaming(self) -> bool:
+    def streaming(self) -> bool:
         """Whether the motion is the host's, position by position."""
         return any(axis.following for axis in self.axes)
-
-    @property
-    def held(self) -> bool:
-        """Whether time waits for the host, which streams setpoints."""
-        return self.stepped and self._streaming and not self._granted
-
-    @property
-    def phase(self) -> float:
-        """Fraction of the sample that has passed when an output changes: there is no output."""
-        return 0.0
-
-    def outgoing(self) -> dict[str, bytes]:
-        """Return what the controller has sent by itself: nothing."""
-        return {}
-
-    @property
-    def moving(self) -> bool:
-        """Whether time must advance, because a setpoint changes or the host waits."""
-        if self.held:
-            return False
-        return self._granted > 0 or any(axis.moving for axis in self.axes)
-
-    def tick(self) -> None:
-        """Do one sample of the bench."""
-        streamed = self._granted > 0 and self._streaming
-        self._granted = max(0, self._granted - 1)
-        plant = self.plant
-        for axis, raw, home in zip(
-            self.axes, plant.encoder_counts(), plant.home_counts(), strict=True
-        ):
-            axis.look(raw, home, self.period)
-            if streamed or not self.stepped:
-                axis.watch(self.period)
-            else:  # the host is infinitely slow, but alive
-                axis.feed()
-            axis.step(self.period)
-
-    def reference(self, fractions: Floats) -> tuple[Floats, Floats]:
-        """Return the reference within the sample last ticked; see `Emulator`."""
-        return along((axis.cubic for axis in self.axes), fractions)
 
     def trip(self, error: int) -> None:
         """Switch both motors off for an error of the device, such as too low a supply."""
@@ -126,7 +77,7 @@ class Machine:
             "requested_state": 0,  # it is consumed at once
         }
         if rest == current:
-            torque = self.plant.torque_volts()[index] * self.torque_per_volt[index]
+            torque = self.plant.torque_volts()[index] * self._torque_per_volt[index]
             return declared.show(torque / axis.settings["motor.config.torque_constant"])
         return declared.show(computed.get(rest, axis.settings[rest]))
 

@@ -44,9 +44,11 @@ def define(machine: Machine, call: Call) -> str | None:
     """DM: define arrays of zeros, ``X[100],Y[100]``."""
     if call.text == QUERY:
         return write_number(machine.arrays.free, 0)
-    sizes = {name: _size(machine, size) for name, size in _array_names(call.text).items()}
-    if machine.capture.running:
-        raise CommandError(80)
+    sizes = {
+        name: whole(evaluate(size, machine), -(2**31), 2**31)
+        for name, size in _array_names(call.text).items()
+    }
+    _check_free(machine)
     machine.arrays.define(sizes)
     return None
 
@@ -57,13 +59,10 @@ def remove(machine: Machine, call: Call) -> str | None:
         return write_number(machine.arrays.unused, 0)
     names = split_arguments(call.text)
     variables = [name for name in names if "[" not in name]
-    arrays = (
-        _array_names(",".join(name for name in names if "[" in name))
-        if (len(variables) < len(names))
-        else {}
-    )
-    if machine.capture.running and arrays:
-        raise CommandError(80)
+    bracketed = ",".join(name for name in names if "[" in name)
+    arrays = _array_names(bracketed) if bracketed else {}
+    if arrays:
+        _check_free(machine)
     for name in variables:
         if name != "*":
             variable(machine, name)
@@ -85,21 +84,23 @@ def remove(machine: Machine, call: Call) -> str | None:
 def record_into(machine: Machine, call: Call) -> None:
     """RA: choose the arrays into which to record."""
     arrays = [_transferred(machine, name) for name in _array_names(call.text)]
-    if machine.capture.running:
-        raise CommandError(80)
-    if len(arrays) > SOURCES:
-        raise CommandError(4)
+    _check_free(machine, len(arrays))
     machine.capture.arrays = arrays
 
 
 def record_data(machine: Machine, call: Call) -> None:
     """RD: choose the quantities to record into them."""
     sources = [_source(machine, part) for part in split_arguments(call.text)]
+    _check_free(machine, len(sources))
+    machine.capture.sources = sources
+
+
+def _check_free(machine: Machine, recorded: int = 0) -> None:
+    """Refuse a command while a capture runs, or to record so much at once."""
     if machine.capture.running:
         raise CommandError(80)
-    if len(sources) > SOURCES:
+    if recorded > SOURCES:
         raise CommandError(4)
-    machine.capture.sources = sources
 
 
 def _source(machine: Machine, text: str) -> Callable[[], float]:
@@ -146,8 +147,7 @@ def download(machine: Machine, call: Call) -> None:
     array, *rest = split_arguments(call.text)
     (name,) = _array_names(array)
     values = _transferred(machine, name)
-    if machine.capture.running:
-        raise CommandError(80)
+    _check_free(machine)
     first, last = _piece(machine, rest, values)
 
     def store(text: str) -> None:
@@ -177,10 +177,6 @@ def _transferred(machine: Machine, name: str) -> list[float]:
     if len(name) > TRANSFER_NAME:
         raise CommandError(57)
     return values
-
-
-def _size(machine: Machine, text: str) -> int:
-    return whole(evaluate(text, machine), -(2**31), 2**31)
 
 
 def _array_names(args: str) -> dict[str, str]:

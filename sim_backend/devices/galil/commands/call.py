@@ -46,6 +46,16 @@ class Call:
         """Letters of the command."""
         return self.entry.code
 
+    @property
+    def given(self) -> list[tuple[int, float]]:
+        """The numbers that are set, by axis."""
+        return [(index, value) for index, value in self.values.items() if value is not None]
+
+    @property
+    def asked(self) -> list[int]:
+        """The axes of which a number is asked."""
+        return [index for index, value in self.values.items() if value is None]
+
     def number(self, index: int = 0) -> float:
         """Return an argument or its default.
 
@@ -82,13 +92,13 @@ def parse_call(machine: Machine, entry: Entry, text: str, thread: Thread | None)
         _check_rest(machine, entry, call.axes)
     elif entry.form == "values":
         values = parse_list(text, machine)
-        call.query = None in values.values()
-        _check_rest(machine, entry, [axis for axis, value in values.items() if value is not None])
+        call.values = values
+        call.query = bool(call.asked)
+        _check_rest(machine, entry, [axis for axis, _ in call.given])
         scale = (1000 / machine.config["TM"][0]) ** _SCALED.get(entry.code, 0)
-        for axis, value in values.items():
-            if value is not None and entry.code in _UNSIGNED:
-                value = abs(value)
-            call.values[axis] = None if value is None else entry.arguments[0].accept(value, scale)
+        for axis, value in call.given:
+            value = abs(value) if entry.code in _UNSIGNED else value
+            values[axis] = entry.arguments[0].accept(value, scale)
     else:
         if entry.form == "none" and text:
             raise CommandError(4)
@@ -116,10 +126,6 @@ def _parse_numbers(machine: Machine, call: Call) -> None:
     if len(parts) > len(arguments):
         raise CommandError(4)
     for part, argument in zip(parts, arguments, strict=False):
-        if part == QUERY:
-            call.query = True
-            call.numbers.append(None)
-        elif part:
-            call.numbers.append(argument.accept(evaluate(part, machine)))
-        else:
-            call.numbers.append(None)
+        call.query |= part == QUERY
+        omitted = part in ("", QUERY)
+        call.numbers.append(None if omitted else argument.accept(evaluate(part, machine)))

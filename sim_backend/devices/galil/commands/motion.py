@@ -35,14 +35,10 @@ def servo_here(machine: Machine, call: Call) -> None:
 
 def aim(machine: Machine, call: Call) -> str | None:
     """PA, PR and JG: choose the next motion and its target."""
-    for index, value in call.values.items():
-        axis = machine.axes[index]
-        if value is not None and axis.profile is not None and not axis.jogging:
-            raise CommandError(13)
-    for index, value in call.values.items():
-        if value is None:
-            continue
-        axis = machine.axes[index]
+    axes = [machine.axes[index] for index, _ in call.given]
+    if any(axis.profile is not None and not axis.jogging for axis in axes):
+        raise CommandError(13)
+    for axis, (_, value) in zip(axes, call.given, strict=True):
         axis.mode = call.code
         if call.code == "PR":
             axis.distance = int(value)
@@ -54,24 +50,19 @@ def aim(machine: Machine, call: Call) -> str | None:
             axis.settings["SP"] = abs(value)
             if axis.jogging:
                 axis.begin_jog()
-    asked = [index for index, value in call.values.items() if value is None]
-    operand = AXIS_OPERANDS[call.code]
-    return write_list([operand(machine, index) for index in asked]) if asked else None
+    return write_list([AXIS_OPERANDS[call.code](machine, index) for index in call.asked])
 
 
 def increment(machine: Machine, call: Call) -> str | None:
     """IP: move on by some counts, from rest as PR and BG do."""
-    asked: list[float] = []
-    for index, value in call.values.items():
+    for index, value in call.given:
         axis = machine.axes[index]
-        if value is None:
-            asked.append(machine.position(index))
-        elif axis.profile is not None:
+        if axis.profile is not None:
             axis.increment(int(value))
         else:
             _check_begin(machine, index, value)
             axis.begin_move(int(value))
-    return write_list(asked) if asked else None
+    return write_list([machine.position(index) for index in call.asked])
 
 
 def search(machine: Machine, call: Call) -> None:

@@ -1,9 +1,10 @@
 """Commands about ports: echo, unsolicited messages, handles."""
 
+from sautereau.sim_backend.devices.emulators import SERIAL
 from sautereau.sim_backend.devices.galil.commands.call import Call
 from sautereau.sim_backend.devices.galil.faults import CommandError
 from sautereau.sim_backend.devices.galil.machine import Machine
-from sautereau.sim_backend.devices.galil.ports import HANDLES, SERIAL
+from sautereau.sim_backend.devices.galil.ports import HANDLES
 
 
 def echo(machine: Machine, call: Call) -> str | None:

@@ -14,14 +14,10 @@ GAIN_LIMITS = {"D3040": 7.0, "D3240": 5.0, "D3540": 5.0, "D3547": 5.0, "D3640": 
 
 def setting(machine: Machine, call: Call) -> str | None:
     """Set or report a number stored for every axis."""
-    answers = []
-    for index, value in call.values.items():
-        settings = machine.axes[index].settings
-        if value is None:
-            answers.append(settings[call.code])
-        else:
-            settings[call.code] = value
-    return write_list(answers, call.entry.arguments[0].decimals) if answers else None
+    for index, value in call.given:
+        machine.axes[index].settings[call.code] = value
+    answers = [machine.axes[index].settings[call.code] for index in call.asked]
+    return write_list(answers, call.entry.arguments[0].decimals)
 
 
 def largest_torque(machine: Machine, index: int) -> float:
@@ -36,9 +32,8 @@ def largest_torque(machine: Machine, index: int) -> float:
 
 def gain(machine: Machine, call: Call) -> str | None:
     """AG and MT: only with the motor off; the largest gain lowers TL."""
-    for index, value in call.values.items():
-        if value is not None and machine.axes[index].motor_on:
-            raise CommandError(135)
+    if any(machine.axes[index].motor_on for index, _ in call.given):
+        raise CommandError(135)
     answer = setting(machine, call)
     for index, axis in enumerate(machine.axes):
         axis.settings["TL"] = min(axis.settings["TL"], largest_torque(machine, index))
@@ -48,8 +43,8 @@ def gain(machine: Machine, call: Call) -> str | None:
 
 def torque_limit(machine: Machine, call: Call) -> str | None:
     """TL and OF: pass the voltages to the amplifiers."""
-    for index, value in call.values.items():
-        if call.code == "TL" and value is not None and value > largest_torque(machine, index):
+    for index, value in call.given:
+        if call.code == "TL" and value > largest_torque(machine, index):
             raise CommandError(6)
     answer = setting(machine, call)
     machine.drive()
@@ -58,9 +53,8 @@ def torque_limit(machine: Machine, call: Call) -> str | None:
 
 def encoder_torque(machine: Machine, call: Call) -> str | None:
     """OV: at most TL."""
-    for index, value in call.values.items():
-        if value is not None and value > machine.axes[index].settings["TL"]:
-            raise CommandError(6)
+    if any(value > machine.axes[index].settings["TL"] for index, value in call.given):
+        raise CommandError(6)
     return setting(machine, call)
 
 
@@ -74,20 +68,16 @@ def brake(machine: Machine, call: Call) -> str | None:
 def define_position(machine: Machine, call: Call) -> str | None:
     """DP: redefine the positions of encoder and reference; nothing moves."""
     counts = machine.plant.encoder_counts()
-    for index, value in call.values.items():
-        if value is not None:
-            machine.axes[index].define(int(value), counts[index])
-    asked = [index for index, value in call.values.items() if value is None]
-    return write_list([machine.position(index) for index in asked]) if asked else None
+    for index, value in call.given:
+        machine.axes[index].define(int(value), counts[index])
+    return write_list([machine.position(index) for index in call.asked])
 
 
 def define_auxiliary(machine: Machine, call: Call) -> str | None:
     """DE: redefine the position of the auxiliary encoder."""
-    for index, value in call.values.items():
-        if value is not None:
-            machine.axes[index].auxiliary = int(value)
-    asked = [index for index, value in call.values.items() if value is None]
-    return write_list([machine.axes[index].auxiliary for index in asked]) if asked else None
+    for index, value in call.given:
+        machine.axes[index].auxiliary = int(value)
+    return write_list([machine.axes[index].auxiliary for index in call.asked])
 
 
 def brushless(machine: Machine, call: Call) -> None:
