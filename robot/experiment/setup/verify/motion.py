@@ -5,6 +5,7 @@ import time
 import numpy as np
 
 from sautereau.robot.drivers.galil.dmc import CLEAR_SEGMENTS
+from sautereau.robot.drivers.galil.homing import approach
 from sautereau.robot.drivers.galil.program import PRESS, PUSHES, RATE
 from sautereau.robot.errors import CommandRefused
 from sautereau.robot.experiment.setup.verify.workbench import VerifyStep, Workbench
@@ -86,7 +87,7 @@ def homing(bench: Workbench) -> None:
     """Find home, then cross its edges again and again."""
     with bench.controller.powered():
         bench.controller.home()
-        places = np.array([bench.driver.homing.approach() for _ in range(_HOMINGS)])
+        places = np.array([approach(bench.driver) for _ in range(_HOMINGS)])
     spread = np.ptp(places, axis=0)
     tolerance = bench.rig.controller.home_tolerance
     bench.expect(
@@ -163,13 +164,11 @@ def following_error(bench: Workbench) -> None:
 
 def _await_program(bench: Workbench) -> None:
     """Wait until the motion and the program that plays it have ended."""
-    deadline = time.monotonic() + _LONGEST
-    while bench.line.read(f"_XQ{PRESS}")[0] >= 0:
-        bench.expect(
-            time.monotonic() < deadline,
-            f"a motion of a quarter of a second has not ended after {_LONGEST} s",
-            "check that the arm moves freely",
-        )
+    bench.expect(
+        bench.until(lambda: bench.line.read(f"_XQ{PRESS}")[0] < 0, _LONGEST),
+        f"a motion of a quarter of a second has not ended after {_LONGEST} s",
+        "check that the arm moves freely",
+    )
 
 
 def _reset(bench: Workbench) -> None:
@@ -230,11 +229,7 @@ def _off_after(bench: Workbench, *commands: str) -> bool:
     """Return whether both motors go off within 3 s after commands."""
     for command in commands:
         bench.line.ask(command)
-    deadline = time.monotonic() + 3
-    while bench.line.read("_MOA", "_MOB") != [1, 1]:
-        if time.monotonic() > deadline:
-            return False
-    return True
+    return bench.until(lambda: bench.line.read("_MOA", "_MOB") == [1, 1], 3)
 
 
 def _wait(bench: Workbench, duration: float) -> None:
