@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from sautereau.robot.drivers.galil.line import LONGEST_LINE
+from sautereau.robot.drivers.galil.dmc import LONGEST_LINE
 from sautereau.robot.drivers.galil.program import FAULT, PRESS, PUSHES, RATE, WATCH
 from sautereau.robot.errors import CommandRefused
 from sautereau.robot.experiment.setup.verify.workbench import VerifyStep, Workbench
