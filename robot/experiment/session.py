@@ -17,7 +17,7 @@ from sautereau.rig.schema import Rig
 from sautereau.robot.controller import Capture, MotionController, TorqueTable, play
 from sautereau.robot.errors import RobotError
 from sautereau.robot.experiment.drawing import draw
-from sautereau.robot.experiment.monitor import Fault, Made, Samples, Stage, Watch
+from sautereau.robot.experiment.monitor import Fault, Made, Samples, Stage, Watch, logged
 from sautereau.robot.experiment.motion_source import open_motion
 from sautereau.trajectory.motion import Floats
 from sautereau.trajectory.press import Trajectory
@@ -87,6 +87,7 @@ def make_presses(
     Raises:
         SautereauError: Of any kind; the arm has been stopped and switched off.
     """
+    watch = logged(watch)
     made: list[Path] = []
     with _faults_watched(watch), controller:
         watch(Stage("motors off", "idle"))

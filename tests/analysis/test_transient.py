@@ -15,6 +15,7 @@ from sautereau.analysis.phases import Phases, find_phases
 from sautereau.analysis.summary.transient import transient_lines, transient_summary
 from sautereau.analysis.transient import Source, attribute, combine, examine
 from sautereau.analysis.transient.held_string import free_frequencies, held_frequencies
+from sautereau.commands.output import FileOutput
 from sautereau.commands.transient import transient
 from sautereau.rig.load import load_rig
 from sautereau.sim_backend.scene import load_scene
@@ -123,7 +124,7 @@ def test_known_modes_are_checked_together():
 
 def test_recordings_of_a_session_are_examined(write_session, tmp_path, capsys):
     files = write_session(tmp_path, 2)
-    assert transient(files, plot=tmp_path / "transient.png", json=True) == 0
+    assert transient(files, plot=tmp_path / "transient.png", output=FileOutput(json=True)) == 0
     answer = json.loads(capsys.readouterr().out)
     assert answer["schema"] == 1
     assert len(answer["presses"]) == len(files) == 2
