@@ -16,7 +16,7 @@ from pydantic import BaseModel, Field, FiniteFloat, JsonValue, ValidationError
 from sautereau.daq.file.container.durable import PART
 from sautereau.daq.file.reading import read_recording, read_session
 from sautereau.rig.compared import comparable
-from sautereau.rig.disk import read_limited, write_durably
+from sautereau.rig.disk import make_folder, read_limited, write_durably
 from sautereau.rig.faults import fault_list, validation_faults
 from sautereau.rig.load import current_document
 from sautereau.rig.renamed import current_key
@@ -143,7 +143,7 @@ class SessionFolder:
     def start(self) -> None:
         """Write the manifest of a new session."""
         if not self.resumed:
-            self.path.mkdir(parents=True, exist_ok=True)
+            make_folder(self.path)
             write_manifest(self.path, self._manifest)
             self.resumed = True
 

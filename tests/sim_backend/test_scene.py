@@ -23,11 +23,19 @@ def rig():
 
 
 def test_shipped_scenes_load():
-    assert packaged_scenes() == ["free-key", "ideal", "paper", "pluck", "return", "two-choirs"]
+    assert packaged_scenes() == [
+        "free-key",
+        "ideal",
+        "paper",
+        "pluck",
+        "return",
+        "transient",
+        "two-choirs",
+    ]
     for name in packaged_scenes():
         scene = load_scene(name)
         assert len(scene.description) > 20
-        assert scene.step == pytest.approx(1e-4)
+        assert scene.step in (pytest.approx(1e-4), pytest.approx(5e-5))
         assert scene.engine == "rigid"
         assert scene.truth == {}
     ideal, paper = load_scene("ideal"), load_scene()

@@ -9,6 +9,7 @@ by itself has the most significant bit of every byte set (CW 1), which separates
 import re
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
+from math import isfinite
 
 from sautereau.robot.drivers.galil.dmc import pack, pieces
 from sautereau.robot.drivers.galil.fair_lock import FairLock
@@ -92,7 +93,7 @@ class Line(Wire):
             values = [float(word) for word in text.replace(",", " ").split()]
         except ValueError:
             values = []
-        if len(values) != count:
+        if len(values) != count or not all(map(isfinite, values)):
             raise GarbledAnswer(
                 f"controller on {self.name} answered {command!r} with {_short(text)}, where"
                 f" {count} numbers were expected; check the baud rate and the firmware's revision"
