@@ -38,6 +38,7 @@ from sautereau.analysis.identify.problem import (
 from sautereau.analysis.identify.residuals import InverseDynamics
 from sautereau.analysis.loading.press import Press
 from sautereau.analysis.phases import Phases
+from sautereau.rig.progress import tracked
 from sautereau.rig.schema import Rig
 from sautereau.trajectory.motion import Floats
 
@@ -112,7 +113,8 @@ def fit(
     noise = _white(dynamics, before, levelled)
     residual_before = rms([f - w.trend(f) for f, w in zip(before, noise, strict=True)])
     found = [
-        descend(_problem(dynamics, start, noise), start, robust) for start in _starts(free, starts)
+        descend(_problem(dynamics, start, noise), start, robust)
+        for start in tracked(_starts(free, starts))
     ]
     _, values = min(found, key=lambda pair: pair[0])
     factor = 1.0
