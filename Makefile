@@ -7,7 +7,7 @@ CONSTRAINTS ?= /dev/null
 # Links to the folders under their import names, for tools that read source text.
 LINKS := build/checked
 
-.PHONY: press test test-all fuzz faults lint layers bench docs gallery clean links lock audit sbom dist
+.PHONY: press test test-all fuzz kills faults lint layers bench docs gallery clean links lock audit sbom dist
 
 $(VENV)/installed: pyproject.toml
 	$(PYTHON) -m venv $(VENV)
@@ -35,6 +35,9 @@ test-all: $(VENV)/peers lint
 
 fuzz: $(VENV)/installed  ## an hour of hostile input to every format and protocol, counted
 	$(BIN)/python -m tests.fuzz --seconds 3600
+
+kills: $(VENV)/installed  ## kill every command that writes at random moments, and cut its power
+	$(BIN)/python -m tests.kills
 
 faults: $(VENV)/installed  ## inject every fault, and write docs/faults.md
 	SAUTEREAU_FAULTS=docs/faults.md $(BIN)/python -m pytest -q -m "slow or not slow" \

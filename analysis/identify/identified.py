@@ -43,6 +43,8 @@ UNDETERMINED = 1e-7
 IDENTIFIABLE = 0.025
 """Dimensionless, standard uncertainty over the scale of a parameter below which it is identifiable:
 its 95 % interval is at most 5 % of the scale either way."""
+SIGNIFICANT = 3.0
+"""Standard uncertainties from the rig's value from which a hidden friction is a result."""
 LEAST_WEIGHT = 0.1
 """Dimensionless, smallest weight of a parameter that a combination lists."""
 
@@ -167,21 +169,19 @@ def identify(
 def evaluate(made: Fit) -> Identified:
     """Return the result of a fit with its uncertainties."""
     found, values, good = made.problem, made.values, quality(made)
-    suggested = suggestions(made, good.scale)
-    doubts = (
-        *_hidden_by_fit(suggested),
-        *doubtful_modes(found.free, values, found.dynamics.presses),
-    )
-    good = replace(good, reasons=(*good.reasons, *doubts))
-    dynamics, point = found.dynamics, values / found.scales
-    excess = made.excess * good.repetition
-    shown = [k for k, p in enumerate(found.free) if not p.hidden]
+    point, excess = values / found.scales, made.excess * good.repetition
     data = found.jacobian(point, found.data)
     prior = found.prior_jacobian(point)
     covariance, known = _covariance(np.vstack([data / np.sqrt(excess), prior]))
-    alone, seen = _covariance(np.vstack([data / np.sqrt(excess), prior[found.nuisances]]))
     stds = np.where(known, np.sqrt(np.diag(covariance)), np.inf)
+    made = _with_found_friction(made, stds * found.scales)
+    found, dynamics = made.problem, made.problem.dynamics
+    suggested = suggestions(made, good.scale)
+    doubts = (*_hidden_by_fit(suggested), *doubtful_modes(found.free, values, dynamics.presses))
+    good = replace(good, reasons=(*good.reasons, *doubts))
+    alone, seen = _covariance(np.vstack([data / np.sqrt(excess), prior[found.nuisances]]))
     seen &= np.sqrt(np.diag(alone)) < IDENTIFIABLE
+    shown = [k for k, p in enumerate(found.free) if not p.hidden]
     free = [found.free[k] for k in shown]
     estimates = [
         _estimate(
@@ -218,6 +218,18 @@ def evaluate(made: Fit) -> Identified:
         suggested=() if good.fits else suggested,
         warnings=_warnings(estimates, dynamics),
     )
+
+
+def _with_found_friction(made: Fit, stds: Floats) -> Fit:
+    """Return the fit with the plectrum's friction as a result, where it is not that of the rig."""
+    dynamics = made.problem.dynamics
+    free = tuple(
+        replace(p, hidden=p.hidden and (p.name != FRICTION or abs(v - p.start) < SIGNIFICANT * std))
+        for p, v, std in zip(dynamics.free, made.values.tolist(), stds.tolist(), strict=True)
+    )
+    if free == dynamics.free:
+        return made
+    return replace(made, problem=replace(made.problem, dynamics=dynamics.with_free(free)))
 
 
 def _modes(found: Problem, values: Floats, stds: Floats) -> tuple[FittedMode, ...]:

@@ -21,6 +21,7 @@ FOOT, MODE = "offset.foot", "offset.mode"
 """m/N, compliance of the cloth under the jack; and beginning of the names of elastic modes."""
 RELEASE = "offset.release"
 """Relative error of the static string's height of release; hidden."""
+OVERLAP = "plectrum.overlap"
 FRICTION, FINGERTIP = "plectrum.friction", "arm.fingertip_friction"
 CLEARANCE = "jack.string_clearance"
 TIME_RANGE = 1e-3
@@ -36,7 +37,7 @@ ENDS = {
 NAMES = (
     MODULUS,
     STIFFNESS,
-    "plectrum.overlap",
+    OVERLAP,
     FRICTION,
     "key.inertia",
     "key.pivot_coulomb_friction",
@@ -51,6 +52,8 @@ NAMES = (
 )
 """Names of all parameters; `offset.force` has one value for each press, and is always fitted where
 the force is AC-coupled."""
+DIFFERENCE, FRICTION_DIFFERENCE = 1e-3, 0.02
+"""Steps of numerical derivatives over the scale: the effect of friction starts with its square."""
 _SPREAD = re.compile(r"(.+?)\s*(?:\+-|\+/-|±)\s*(.+)")
 _RANGE = re.compile(r"(.+?)\s+to\s+(.+)")
 
@@ -88,11 +91,17 @@ class Parameter:
     std: float | None = None
     """Its standard uncertainty."""
     hidden: bool = False
-    """Whether it represents an error of the measurement and is not reported."""
+    """Whether it is fitted for the sake of the others, and not reported as a result."""
 
     def scale(self, value: float) -> float:
         """Return the scale of changes of the parameter near a value."""
-        return max(abs(value), (self.high - self.low) / FACTOR)
+        width = self.high - self.low
+        return width if self.name == FRICTION else max(abs(value), width / FACTOR)
+
+    @property
+    def difference(self) -> float:
+        """Step of numerical derivatives over the scale."""
+        return FRICTION_DIFFERENCE if self.name == FRICTION else DIFFERENCE
 
 
 def parameters(
@@ -244,7 +253,7 @@ def _around(rig: Rig, name: str, value: float) -> tuple[float, float]:
         low, high = rig.assumed[MODULUS]
         return low * ratio, high * ratio
     low, high = sorted((value / FACTOR, value * FACTOR))
-    if name == "plectrum.overlap":
+    if name == OVERLAP:
         high = min(high, 0.9 * rig.plectrum.length)
     return low, high
 

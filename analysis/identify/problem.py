@@ -6,7 +6,7 @@ Excluded instants are not in the covariance.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,8 +17,6 @@ from sautereau.analysis.identify.residuals import InverseDynamics
 from sautereau.analysis.phases.signals import SOLVE
 from sautereau.trajectory.motion import Floats
 
-DIFFERENCE = 1e-3
-"""Step of the numerical derivatives over the scale of the parameter."""
 AT_BOUND = 1e-6
 """Fraction of the range of a parameter within which it counts as at a bound."""
 TOLERANCE = 1e-6
@@ -96,6 +94,11 @@ def whitening(
     return Whitening(scale, factor, trends, plain @ np.linalg.inv(mixing))
 
 
+def white(dynamics: InverseDynamics, spread: float, levelled: bool) -> tuple[Whitening, ...]:
+    """Return whitenings for independent residuals of a standard deviation [N]."""
+    return tuple(whitening(p.used, np.ones(1), levelled, spread, p.step) for p in dynamics.presses)
+
+
 def _solved(factor: Floats, values: Floats) -> Floats:
     """Return the solution for a banded lower factor by forward substitution."""
     return np.asarray(SOLVE(factor, values, uplo="L")[0], float)
@@ -159,6 +162,23 @@ class Problem:
         white = [w(f) for w, f in zip(self.whitenings, forces, strict=True)]
         return np.concatenate([*white, rises / self.rise_factor])
 
+    def by_another(
+        self, data: Floats, dynamics: InverseDynamics, values: Floats, step: float
+    ) -> Floats | None:
+        """Return the derivative of `data` by a number that is not a parameter; None without one.
+
+        Args:
+            data: Without the step.
+            dynamics: With the step of the number.
+            values: SI, of its parameters.
+            step: Of the number.
+        """
+        moved = replace(self, dynamics=dynamics, scales=np.ones(len(values)))
+        try:
+            return (moved.data(values) - data) / step
+        except ModelError:
+            return None
+
     @property
     def _expected(self) -> list[int]:
         """Indices of the parameters that have a prior with a mean."""
@@ -201,9 +221,9 @@ class Problem:
         """Return the derivatives by the scaled parameters, central except at bounds."""
         low, high = self.bounds
         columns = []
-        for k in range(len(point)):
+        for k, parameter in enumerate(self.free):
             ends = []
-            for end in (point[k] - DIFFERENCE, point[k] + DIFFERENCE):
+            for end in (point[k] - parameter.difference, point[k] + parameter.difference):
                 moved = point.copy()
                 moved[k] = min(max(end, low[k]), high[k])
                 ends.append(moved)

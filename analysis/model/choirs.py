@@ -85,13 +85,12 @@ def key_of(rig: Rig, choir: Choir) -> Key:
     return rig.key.model_copy(update={"jack_arm": choir.jack_arm})
 
 
-def choir_pluck(choir: Choir, level: str = "elastica", *, rollover: bool = False) -> Pluck:
+def choir_pluck(choir: Choir, level: str = "elastica") -> Pluck:
     """Return the pluck of a choir's plectrum and spring string.
 
     Args:
         choir: The choir.
         level: Of the plectrum.
-        rollover: Include the wire's roll over the tip's edge.
 
     Raises:
         ModelError: The level has no solution for this choir.
@@ -100,12 +99,10 @@ def choir_pluck(choir: Choir, level: str = "elastica", *, rollover: bool = False
         string_map(choir.plectrum, choir.string, level),
         choir.string.static_stiffness,
         choir.plectrum.overlap,
-        rollover=rollover,
-        diameter=choir.string.diameter,
     )
 
 
-def hold(rig: Rig, level: str, *, rollover: bool = False) -> list[PlacedPluck]:
+def hold(rig: Rig, level: str) -> list[PlacedPluck]:
     """Solve every choir's pluck.
 
     Raises:
@@ -115,7 +112,7 @@ def hold(rig: Rig, level: str, *, rollover: bool = False) -> list[PlacedPluck]:
     for number, choir in enumerate(choirs(rig)):
         at = f"more_choirs[{number - 1}]." if number else ""
         try:
-            pluck = choir_pluck(choir, level, rollover=rollover)
+            pluck = choir_pluck(choir, level)
         except ModelError as error:
             faults.append(f"{at}{error}")
             continue

@@ -81,34 +81,27 @@ def expectation(prediction: Prediction) -> Expectation:
     )
 
 
-def rig_pluck(rig: Rig, level: str = "elastica", *, rollover: bool = False) -> Pluck:
+def rig_pluck(rig: Rig, level: str = "elastica") -> Pluck:
     """Return the pluck of the rig's first choir.
 
     Raises:
         ModelError: The level has no solution for this rig.
     """
-    return choir_pluck(choirs(rig)[0], level, rollover=rollover)
+    return choir_pluck(choirs(rig)[0], level)
 
 
-def predict(
-    rig: Rig,
-    level: str = "elastica",
-    *,
-    rollover: bool = False,
-    speed: JackSpeed | None = None,
-) -> Prediction:
+def predict(rig: Rig, level: str = "elastica", *, speed: JackSpeed | None = None) -> Prediction:
     """Predict the press of a rig: deflection and force while the jack rises.
 
     Args:
         rig: The bench; all its choirs are plucked.
         level: Of the plectra.
-        rollover: Include the wires' roll over the tips' edges.
         speed: Of the first jack; None for the constant `press.jack_speed`.
 
     Raises:
         ModelError: The level has no solution for this rig, or the press ends before release.
     """
-    held = hold(rig, level, rollover=rollover)
+    held = hold(rig, level)
     speed = speed or JackSpeed.constant(rig.press.jack_speed)
     # The plucks' own points are instants of the time base, release with the string still held.
     plucks = [at for h in held for at in (_rises(rig, h), [h.release * (1 + 1e-12)])]

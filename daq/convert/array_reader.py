@@ -1,7 +1,8 @@
 """Reads a MATLAB or HDF5 file and writes its arrays of numbers as npz on standard output.
 
 A program of its own, because the compiled readers end or block their process on some damaged
-files. The first array holds the names of the others and their units as JSON.
+files. The first array holds, as JSON, the names of the others, what the file says of them (unit;
+rate in Hz and start in s) and the document of an export by sautereau.
 
 python array_reader.py mat|hdf5 FILE MOST_VALUES
 """
@@ -16,21 +17,22 @@ import numpy as np
 
 MOST_DEPTH = 20
 """Limit of structures within each other."""
-UNIT_ATTRIBUTES = ("unit", "units")
+UNIT_ATTRIBUTES = ("units", "unit")
+DOCUMENT = "sautereau"
 
-Found = tuple[dict[str, np.ndarray], dict[str, str]]
-"""Arrays, and units where the file has them."""
+Found = tuple[dict[str, np.ndarray], dict[str, dict[str, str | float]], str | None]
+"""Arrays; what the file says of each: `unit`, `rate`, `start`; the document of an export."""
 
 
 def main() -> None:
     """Read the file; a fault is one line on standard error, and status 1."""
     kind, path, most = sys.argv[1:]
     try:
-        arrays, units = (read_mat if kind == "mat" else read_hdf5)(path, int(most))
+        arrays, about, document = (read_mat if kind == "mat" else read_hdf5)(path, int(most))
     except Exception as error:  # noqa: BLE001 (the readers raise many kinds)
         sys.exit(f"{type(error).__name__}: {error}")
     file = io.BytesIO()
-    np.savez(file, np.array(json.dumps([list(arrays), units])), *arrays.values())
+    np.savez(file, np.array(json.dumps([list(arrays), about, document])), *arrays.values())
     sys.stdout.buffer.write(file.getbuffer())
 
 
@@ -41,7 +43,7 @@ def read_mat(path: str, most: int) -> Found:
     refuse(sum(float(np.prod(shape, dtype=float)) for _, shape, _ in whosmat(path)), most)
     variables = loadmat(path, simplify_cells=True)
     named = {name: value for name, value in variables.items() if not name.startswith("__")}
-    return dict(flat(named, "", MOST_DEPTH)), {}
+    return dict(flat(named, "", MOST_DEPTH)), {}, None
 
 
 def flat(values: Mapping[str, Any], prefix: str, depth: int) -> Iterator[tuple[str, np.ndarray]]:
@@ -54,7 +56,10 @@ def flat(values: Mapping[str, Any], prefix: str, depth: int) -> Iterator[tuple[s
 
 
 def read_hdf5(path: str, most: int) -> Found:
-    """Return the datasets of an HDF5 file, by their paths."""
+    """Return the datasets of an HDF5 file, by their paths.
+
+    Where they are laid out as in Neurodata Without Borders, they are scaled.
+    """
     import h5py
 
     datasets: dict[str, Any] = {}
@@ -66,18 +71,30 @@ def read_hdf5(path: str, most: int) -> Found:
     with h5py.File(path) as file:
         file.visititems(visit)
         refuse(sum(float(item.size) for item in datasets.values()), most)
-        texts = {
-            name: item.attrs[key]
-            for name, item in datasets.items()
-            for key in UNIT_ATTRIBUTES
-            if key in item.attrs
-        }
-        units = {
-            name: text.decode() if isinstance(text, bytes) else text
-            for name, text in texts.items()
-            if isinstance(text, str | bytes)
-        }
-        return {name: item[()] for name, item in datasets.items()}, units
+        document = file.get(DOCUMENT)
+        text = str(document.asstr()[()]) if isinstance(document, h5py.Dataset) else None
+        about = {name: _about(item) for name, item in datasets.items()}
+        return {name: _scaled(item) for name, item in datasets.items()}, about, text
+
+
+def _about(item: Any) -> dict[str, str | float]:
+    """Return unit, rate and start of a dataset, as far as the file gives them."""
+    found: dict[str, str | float] = {}
+    for key in UNIT_ATTRIBUTES:
+        unit = item.attrs.get(key)
+        unit = unit.decode() if isinstance(unit, bytes) else unit
+        if isinstance(unit, str):
+            found["unit"] = unit
+    start = item.parent.get("starting_time")
+    if start is not None and np.isfinite(rate := float(start.attrs.get("rate", np.nan))):
+        found |= {"rate": rate, "start": float(start[()])}
+    return found
+
+
+def _scaled(item: Any) -> np.ndarray:
+    """Return the values of a dataset, in its unit if the file says how."""
+    scale, offset = (float(item.attrs.get(*one)) for one in (("conversion", 1), ("offset", 0)))
+    return item[()] if (scale, offset) == (1, 0) else item[()] * scale + offset
 
 
 def refuse(values: float, most: int) -> None:

@@ -2,10 +2,11 @@
 
 import hashlib
 import json
-from collections.abc import Sequence
+import math
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 
@@ -21,6 +22,8 @@ from sautereau.daq.file.recorded import (
     session_from_metadata,
 )
 from sautereau.daq.signals.quality_flags import find_quality_flags
+from sautereau.rig.acquisition import Channel
+from sautereau.rig.disk import read_limited
 from sautereau.rig.errors import RigError
 from sautereau.rig.faults import fault_list
 from sautereau.rig.load import rig_from_json, rig_json
@@ -30,8 +33,17 @@ SIMULATED = "simulated"
 """Column that an export of a simulated recording has, so that the table alone shows it."""
 FORMAT = "sautereau export 1"
 """Name and version of the document's format."""
-PARQUET_KEY = b"sautereau"
+DOCUMENT_KEY = "sautereau"
+"""Name of the document in an HDF5 or TDMS file."""
+PARQUET_KEY = DOCUMENT_KEY.encode()
 """Key of the document in the metadata of a Parquet file's schema."""
+SIDECAR = ".json"
+"""Appended to the name of a file that has its document beside it."""
+MOST_DOCUMENT = 200_000_000
+"""Limit of the size of an export's metadata file, byte."""
+
+Parts = dict[str, Callable[[BinaryIO], object]]
+"""What an export writes: a function for each file, by what is appended to the file's name."""
 
 
 @dataclass(frozen=True)
@@ -42,6 +54,8 @@ class Document:
     session: SessionInfo
     t0_ns: int
     """Date of the trigger, ns since 1970."""
+    t0_std: float | None
+    """Its standard uncertainty, s; None if it is unknown."""
     rate: float
     """Sampling rate, Hz."""
     first_sample: int
@@ -67,6 +81,16 @@ def digest(volts: Sequence[Signal]) -> str:
     return hashed.hexdigest()
 
 
+def volts_name(channel: str) -> str:
+    """Return the name of the column of a channel's raw volts."""
+    return f"{channel} [V]"
+
+
+def full_scale(channel: Channel) -> float:
+    """Return what the value 1 in an exported WAV file is, V: a power of two."""
+    return 2.0 ** math.ceil(math.log2(channel.range))
+
+
 def document_text(recorded: Recorded, columns: dict[str, dict[str, str]]) -> str:
     """Return the document of a recording.
 
@@ -87,7 +111,9 @@ def document_text(recorded: Recorded, columns: dict[str, dict[str, str]]) -> str
             "format": FORMAT,
             "source": {"name": recorded.path.name, "sha256": sha256(recorded.path)},
             "columns": columns,
+            "full_scale": {c.name: full_scale(c) for c in recorded.rig.daq.channels},
             "t0_ns": recorded.t0_ns,
+            "t0_std": recorded.t0_std,
             "rate": rate,
             "first_sample": recorded.first_sample,
             "samples_sha256": digest([volts[c.name] for c in recorded.rig.daq.channels]),
@@ -120,6 +146,7 @@ def read_document(text: str | bytes) -> Document:
             rig=rig_from_json(json.dumps(values["rig"])),
             session=session_from_metadata(values["session"]),
             t0_ns=int(values["t0_ns"]),
+            t0_std=values.get("t0_std"),
             rate=float(values["rate"]),
             first_sample=int(values["first_sample"]),
             samples_sha256=str(values["samples_sha256"]),
@@ -137,9 +164,27 @@ def read_document(text: str | bytes) -> Document:
     return document
 
 
+def read_sidecar(path: Path) -> Document | None:
+    """Return the document in ``NAME.json`` beside a file, if there is one.
+
+    Raises:
+        RecordingError: It cannot be read.
+    """
+    sidecar = path.with_name(path.name + SIDECAR)
+    if not sidecar.is_file():
+        return None
+    try:
+        return read_document(read_limited(sidecar, MOST_DOCUMENT))
+    except OSError as error:
+        raise RecordingError(f"its metadata {sidecar}: {error.strerror}; use a copy") from error
+
+
 def _faults(document: Document) -> list[str]:
     """Return the values of a document that are beyond what a recording can hold."""
     faults = time_faults(document.t0_ns, document.rate, document.first_sample)
+    std = document.t0_std
+    if std is not None and not (isinstance(std, int | float) and 0 <= std < math.inf):
+        faults.append(f"t0_std: {std!r} is not a finite number from 0 s up")
     if len(document.events) >= MOST_EVENTS:  # the import adds one
         faults.append(
             f"events: {len(document.events)} are not below the limit MOST_EVENTS = {MOST_EVENTS}"

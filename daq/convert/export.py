@@ -1,43 +1,38 @@
-"""Export of a recording as a table for other programs: Parquet or CSV."""
+"""Export of a recording for other programs."""
 
 from collections.abc import Callable
-from math import ceil
 from pathlib import Path
-from typing import TYPE_CHECKING, BinaryIO, Literal
+from typing import BinaryIO, Literal
 
-import numpy as np
-
-from sautereau.daq.convert.document import PARQUET_KEY, SIMULATED, document_text
+from sautereau.daq.convert.columns import columns_of
+from sautereau.daq.convert.document import SIDECAR, document_text
+from sautereau.daq.convert.to_tables import to_csv, to_parquet
+from sautereau.daq.convert.to_waveforms import to_hdf5, to_tdms, to_wav
 from sautereau.daq.errors import RecordingError
 from sautereau.daq.file.container.durable import DurableFile
 from sautereau.daq.file.reading import read_recording
-from sautereau.daq.file.recorded import Recorded
-from sautereau.daq.signals.calibration import correct, undelayed
 from sautereau.rig.faults import fault_list
 
-if TYPE_CHECKING:
-    import pyarrow as pa
-
-Format = Literal["parquet", "csv"]
-TIME = "time [s]"
-"""Name of the column of times after the trigger."""
-
+Format = Literal["parquet", "csv", "h5", "wav", "tdms"]
+"""Formats, by their file extensions."""
+WRITERS = {"parquet": to_parquet, "csv": to_csv, "h5": to_hdf5, "wav": to_wav, "tdms": to_tdms}
+"""Given the recording, its columns and its document, returns the parts of a file."""
 
 ENDING = ".exporting.part"
 """Appended to the name of an exported file until it is complete."""
 
 
 def export(path: str | Path, to: Format, out: Path, *, raw: bool = False) -> list[Path]:
-    """Write a recording as a table: a time, and of each channel the volts and the SI values.
+    """Write a recording: of each channel the raw volts and the SI values.
 
     The name of a column ends with its unit: ``velocity [V]`` holds the raw volts, bit for bit,
     and ``velocity [m/s]`` the measured quantity at the row's time: calibrated, AC coupling
-    inverted, sensor delay compensated. It is empty in the last rows, which the sensor measured
-    after the end of the recording. Neither offset nor drift is removed. If the stand-in made
-    the recording, there is a column ``simulated``.
+    inverted, sensor delay compensated. It has no values in the last rows, which the sensor
+    measured after the end of the recording. Neither offset nor drift is removed. If the stand-in
+    made the recording, a table has a column ``simulated``.
 
-    Parquet holds everything else in its schema's metadata; ``NAME.csv`` is a plain table for
-    spreadsheets, with ``NAME.csv.json`` next to it. Nothing is overwritten.
+    Everything else in the recording is one document in JSON: in the file, or beside a CSV or WAV
+    file as ``NAME.csv.json``. No existing file is overwritten, except inside `disk.replacing`.
 
     Args:
         path: Recording to read.
@@ -52,22 +47,10 @@ def export(path: str | Path, to: Format, out: Path, *, raw: bool = False) -> lis
         RecordingError: The recording cannot be read, or the file cannot be written.
     """
     recorded = read_recording(path)
-    table, columns = _table(recorded, raw)
-    document = document_text(recorded, columns)
-    if to == "parquet":
-        import pyarrow.parquet as pq
-
-        table = table.replace_schema_metadata({PARQUET_KEY: document.encode()})
-        return _write({out: lambda stream: pq.write_table(table, stream, compression="zstd")})
-    from pyarrow import csv
-
-    options = csv.WriteOptions(quoting_style="needed")
-    return _write(
-        {
-            out: lambda stream: csv.write_csv(table, stream, options),
-            description_of(out): lambda stream: stream.write(document.encode()),
-        }
-    )
+    columns = list(columns_of(recorded, raw))
+    document = document_text(recorded, {column.name: column.about for column in columns})
+    parts = WRITERS[to](recorded, columns, document)
+    return _write({out.with_name(out.name + end): write for end, write in parts.items()})
 
 
 def targets(files: list[Path], to: Format, out: Path | None) -> list[tuple[Path, Path]]:
@@ -101,41 +84,9 @@ def targets(files: list[Path], to: Format, out: Path | None) -> list[tuple[Path,
     return pairs
 
 
-def description_of(table: Path) -> Path:
-    """Return the file with the description of an exported CSV file."""
-    return table.with_name(table.name + ".json")
-
-
-def _table(recorded: Recorded, raw: bool) -> "tuple[pa.Table, dict[str, dict[str, str]]]":
-    """Return the table, and unit and meaning of its columns."""
-    import pyarrow as pa
-
-    n, rate = recorded.n_samples, recorded.rate
-    arrays = {TIME: pa.array(recorded.time)}
-    columns = {TIME: {"unit": "s", "what": "time after the trigger"}}
-    for channel in recorded.rig.daq.channels:
-        volts = recorded.volts[channel.name]
-        name = f"{channel.name} [V]"
-        arrays[name] = pa.array(volts)
-        columns[name] = {"unit": "V", "what": "raw volts", "channel": channel.name}
-        if raw:
-            continue
-        early = min(n, ceil(max(0.0, -channel.lag) * rate - 1e-9))
-        values = undelayed(correct(volts, channel, rate), channel.lag * rate + early)[: n - early]
-        name = f"{channel.name} [{channel.unit}]"
-        before, after = (pa.nulls(m, pa.float64()) for m in (early, n - early - len(values)))
-        arrays[name] = pa.concat_arrays([before, pa.array(values), after])
-        columns[name] = {
-            "unit": channel.unit,
-            "what": f"scaled by {channel.scale!r} {channel.unit}/V, AC coupling of"
-            f" {channel.high_pass!r} Hz inverted, delay of {channel.lag!r} s compensated",
-            "channel": channel.name,
-        }
-    if recorded.simulated:
-        arrays[SIMULATED] = pa.array(np.ones(n, dtype=bool))
-        columns[SIMULATED] = {"unit": "", "what": "the stand-in made these samples"}
-    fields = [pa.field(name, arrays[name].type, metadata=about) for name, about in columns.items()]
-    return pa.table(list(arrays.values()), schema=pa.schema(fields)), columns
+def files_of(to: Format, out: Path) -> list[Path]:
+    """Return the files that the export to `out` writes."""
+    return [out, out.with_name(out.name + SIDECAR)] if to in ("csv", "wav") else [out]
 
 
 def _write(files: dict[Path, Callable[[BinaryIO], object]]) -> list[Path]:

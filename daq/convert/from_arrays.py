@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from sautereau.daq.convert import array_reader
+from sautereau.daq.convert.document import Document, read_document, volts_name
 from sautereau.daq.convert.formats import Columns, ImportSource, refuse_rows
 from sautereau.daq.errors import RecordingError
 
@@ -41,11 +42,14 @@ def open_mat(path: Path) -> ImportSource:
         head = file.read(HDF5_AT[-1] + len(HDF5_SIGNATURE))
     if any(head[at:].startswith(HDF5_SIGNATURE) for at in HDF5_AT):
         return open_hdf5(path)
-    return _source("MATLAB", *_read("mat", path))
+    return _source("MATLAB", *_read("mat", path)[:2])
 
 
 def open_hdf5(path: Path) -> ImportSource:
     """Open an HDF5 file; a dataset is called ``group/dataset``, its attribute ``unit`` is its unit.
+
+    ``conversion`` and ``offset``, and ``starting_time`` beside it with a ``rate``, are those of
+    Neurodata Without Borders.
 
     Raises:
         RecordingError: h5py is not installed, or the file is damaged or not HDF5.
@@ -54,7 +58,12 @@ def open_hdf5(path: Path) -> ImportSource:
         raise RecordingError(
             "it is HDF5, which needs h5py; install it: pip install 'sautereau[hdf5]'"
         )
-    return _source("HDF5", *_read("hdf5", path))
+    arrays, about, text = _read("hdf5", path)
+    document = None if text is None else read_document(text)
+    if document is not None:
+        raw = {volts_name(c.name): f"acquisition/{c.name}/data" for c in document.rig.daq.channels}
+        arrays = {name: arrays[at] for name, at in raw.items() if at in arrays}
+    return _source("HDF5", arrays, about, document)
 
 
 def open_npz(path: Path) -> ImportSource:
@@ -77,16 +86,16 @@ def open_npz(path: Path) -> ImportSource:
     return _source("npz", found, {})
 
 
-def _read(kind: str, path: Path) -> tuple[dict[str, Array], dict[str, str]]:
-    """Return the arrays of a file and their units, read in a process of its own."""
+def _read(kind: str, path: Path) -> array_reader.Found:
+    """Return what a file holds, read in a process of its own."""
     command = [sys.executable, array_reader.__file__, kind, str(path), str(MOST_VALUES)]
     fault = "its reader has ended"
     try:
         run = subprocess.run(command, capture_output=True, check=True, timeout=LONGEST)
         with np.load(io.BytesIO(run.stdout), allow_pickle=False) as arrays:
             head, *found = (arrays[name] for name in arrays.files)
-        names, units = json.loads(str(head))
-        return dict(zip(names, found, strict=True)), units
+        names, about, document = json.loads(str(head))
+        return dict(zip(names, found, strict=True)), about, document
     except subprocess.CalledProcessError as error:
         fault = error.stderr.decode(errors="replace").strip() or fault
     except subprocess.TimeoutExpired:
@@ -94,10 +103,15 @@ def _read(kind: str, path: Path) -> tuple[dict[str, Array], dict[str, str]]:
     raise RecordingError(f"it is damaged, not a {kind} file, or too large: {fault}; use a copy")
 
 
-def _source(kind: str, arrays: Mapping[str, Array], units: Mapping[str, str]) -> ImportSource:
+def _source(
+    kind: str,
+    arrays: Mapping[str, Array],
+    about: Mapping[str, Mapping[str, Any]],
+    document: Document | None = None,
+) -> ImportSource:
     """Return the columns of arrays: each vector, and of a matrix those along its longer axis."""
     columns: dict[str, Array] = {}
-    given: dict[str, str] = {}
+    given: dict[str, Mapping[str, Any]] = {}
     for name, array in arrays.items():
         table = np.squeeze(array)
         if array.dtype.kind not in "fiu" or not 1 <= table.ndim <= 2:
@@ -110,13 +124,23 @@ def _source(kind: str, arrays: Mapping[str, Array], units: Mapping[str, str]) ->
         else:
             continue
         columns |= found
-        if name in units:
-            given |= dict.fromkeys(found, units[name])
-    if not columns:
+        given |= dict.fromkeys(found, about.get(name, {}))
+    if document is None and not columns:
         raise RecordingError("it holds no vector of real numbers; save one for each channel")
 
     def read(names: list[str]) -> Columns:
         refuse_rows(max((len(columns[name]) for name in names), default=0))
         return {name: columns[name].astype(np.float64) for name in names}
 
-    return ImportSource(kind, tuple(columns), read, units=given)
+    def of(key: str) -> dict[str, Any]:
+        return {name: said[key] for name, said in given.items() if key in said}
+
+    return ImportSource(
+        kind,
+        tuple(columns),
+        read,
+        units=of("unit"),
+        rates={name: rate for name, rate in of("rate").items() if rate > 0},
+        starts=of("start"),
+        document=document,
+    )

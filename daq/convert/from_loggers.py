@@ -1,5 +1,6 @@
 """Import of TDMS files of LabVIEW, and of WAV files of a vibrometer's digital output."""
 
+import itertools
 import struct
 import warnings
 from collections.abc import Mapping
@@ -8,6 +9,13 @@ from typing import Any
 
 import numpy as np
 
+from sautereau.daq.convert.document import (
+    DOCUMENT_KEY,
+    full_scale,
+    read_document,
+    read_sidecar,
+    volts_name,
+)
 from sautereau.daq.convert.formats import Columns, ImportSource, refuse_rows
 from sautereau.daq.errors import RecordingError
 from sautereau.rig.extras import require
@@ -44,6 +52,7 @@ def open_tdms(path: Path) -> ImportSource:
         if values.get(key)
     }
     steps = _numbers(properties, "wf_increment")
+    document = file_metadata.properties.get(DOCUMENT_KEY)
     dates = {str(v["wf_start_time"]) for v in properties.values() if v.get("wf_start_time")}
 
     def read(names: list[str]) -> Columns:
@@ -70,6 +79,7 @@ def open_tdms(path: Path) -> ImportSource:
         rates={name: float(f"{1 / step:.12g}") for name, step in steps.items() if step > 0},
         starts=_numbers(properties, "wf_start_offset"),
         started=f"{min(dates)}+00:00" if dates else None,
+        document=read_document(document) if isinstance(document, str) else None,
     )
 
 
@@ -86,8 +96,8 @@ def _numbers(properties: Mapping[str, Mapping[str, Any]], key: str) -> dict[str,
 def open_wav(path: Path) -> ImportSource:
     """Open a WAV file; its channels are called 1, 2 and so on, in fractions of full scale.
 
-    Integers of b bits are divided by 2^(b - 1), which is exact; those of 8 bits are unsigned,
-    and 128 is subtracted first.
+    Of an export, with its metadata beside it, they are volts. Integers of b bits are divided by
+    2^(b - 1), which is exact; those of 8 bits are unsigned, and 128 is subtracted first.
 
     Raises:
         RecordingError: It is damaged, or not a WAV file.
@@ -110,13 +120,23 @@ def open_wav(path: Path) -> ImportSource:
             f"it is damaged, or not a WAV file: {type(error).__name__}: {error}; use a copy of it"
         ) from error
     samples = samples.reshape(len(samples), -1)
-    names = tuple(str(i + 1) for i in range(samples.shape[1]))
+    names, scales = tuple(str(i + 1) for i in range(samples.shape[1])), itertools.repeat(1.0)
+    document = read_sidecar(path)
+    if document is not None:
+        channels = document.rig.daq.channels
+        names = tuple(volts_name(channel.name) for channel in channels)
+        scales = [full_scale(channel) for channel in channels]
+        if samples.shape[1] != len(channels):
+            raise RecordingError(
+                f"it has {samples.shape[1]} channels, and its metadata {len(channels)}; use a copy"
+            )
+    columns = dict(zip(names, zip(samples.T, scales, strict=False), strict=True))
 
     def read(requested: list[str]) -> Columns:
-        return {name: _fractions(samples[:, int(name) - 1]) for name in requested}
+        return {name: _fractions(columns[name][0]) * columns[name][1] for name in requested}
 
     rates = dict.fromkeys(names, float(rate))
-    return ImportSource("WAV", names, read, rates=rates, full_scale=True)
+    return ImportSource("WAV", names, read, rates=rates, full_scale=True, document=document)
 
 
 def _check_chunks(path: Path) -> None:

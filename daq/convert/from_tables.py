@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from sautereau.daq.convert.document import PARQUET_KEY, Document, read_document
+from sautereau.daq.convert.document import PARQUET_KEY, read_document, read_sidecar
 from sautereau.daq.convert.formats import (
     Columns,
     ImportSource,
@@ -17,13 +17,10 @@ from sautereau.daq.convert.formats import (
 )
 from sautereau.daq.convert.layout import Layout, find_layout
 from sautereau.daq.errors import RecordingError
-from sautereau.rig.disk import read_limited
 
 if TYPE_CHECKING:
     import pyarrow as pa
 
-MOST_DOCUMENT = 200_000_000
-"""Limit of the size of an export's metadata file, byte."""
 LAST_LINE = "its last line has no line end, so its last number may be cut off"
 
 
@@ -36,7 +33,7 @@ def open_csv(path: Path) -> ImportSource:
     Raises:
         RecordingError: The file has no rows or is not text, or its metadata file cannot be read.
     """
-    document = _document(path)
+    document = read_sidecar(path)
     refuse_size(path.stat().st_size)
     layout = find_layout(path)
 
@@ -138,17 +135,6 @@ def _ends_a_line(path: Path) -> bool:
     with path.open("rb") as file:
         file.seek(-1, io.SEEK_END)
         return file.read(1) in b"\r\n"
-
-
-def _document(path: Path) -> Document | None:
-    """Return the metadata in ``NAME.csv.json``, if that file exists."""
-    sidecar = path.with_name(path.name + ".json")
-    if not sidecar.is_file():
-        return None
-    try:
-        return read_document(read_limited(sidecar, MOST_DOCUMENT))
-    except OSError as error:
-        raise RecordingError(f"its metadata {sidecar}: {error.strerror}; use a copy") from error
 
 
 def open_parquet(path: Path) -> ImportSource:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from sautereau.daq.convert.document import Document, digest, sha256
+from sautereau.daq.convert.document import Document, digest, sha256, volts_name
 from sautereau.daq.convert.formats import ImportSource, open_source, refuse_missing
 from sautereau.daq.convert.options import ImportOptions, refuse_options
 from sautereau.daq.convert.plausible import doubts
@@ -109,7 +109,10 @@ def _restore(
             f"it was recorded on the rig {document.rig.name!r} with other values than those of"
             " --rig; remove --rig: the export holds its own"
         )
-    columns = source.read([f"{channel.name} [V]" for channel in document.rig.daq.channels])
+    names = [volts_name(channel.name) for channel in document.rig.daq.channels]
+    if missing := [name for name in names if name not in source.names]:
+        raise RecordingError(f"it lacks the columns {', '.join(missing)}; use a copy of it")
+    columns = source.read(names)
     if digest(list(columns.values())) != document.samples_sha256:
         raise RecordingError(
             "its volts differ from those that sautereau exported; use a copy of it, or import it"
@@ -118,7 +121,8 @@ def _restore(
     session = replace(document.session, notes=_joined(document.session.notes, notes, origin))
     volts, first = np.stack(list(columns.values())), document.first_sample
     rig, rate = document.rig, document.rate
-    with _recording(out, rig, session, volts, first, rate, document.t0_ns) as recording:
+    t0 = document.t0_ns, document.t0_std
+    with _recording(out, rig, session, volts, first, rate, *t0) as recording:
         if document.plan is not None:
             plan = document.plan
             recording.write_plan(plan.t, plan.q1, plan.q2, plan.jack_rise)
@@ -194,7 +198,14 @@ def _import(
 
 @contextmanager
 def _recording(
-    out: Path, rig: Rig, session: SessionInfo, volts: Signal, first: int, rate: float, t0_ns: int
+    out: Path,
+    rig: Rig,
+    session: SessionInfo,
+    volts: Signal,
+    first: int,
+    rate: float,
+    t0_ns: int,
+    t0_std: float | None = None,
 ) -> Iterator[Recording]:
     """Open a recording whose trigger has the date ``t0_ns``, with its volts; no fault leaves it."""
     ends = (first, first + volts.shape[1])
@@ -211,6 +222,7 @@ def _recording(
         session=session,
         rate=rate,
         t0_ns=t0_ns,
+        t0_std=t0_std,
         monotonic=lambda: 0.0,
         ending=ENDING,
     )

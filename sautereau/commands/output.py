@@ -114,23 +114,17 @@ class FileOutput(Output):
 
     @contextmanager
     def creating(self, *paths: Path | None) -> Iterator[None]:
-        """Refuse existing files, or with `force` replace them by those that are made inside.
+        """Refuse existing files, or with `force` let the new ones inside replace them.
 
-        Until then an old file has another name, which it loses if no new one is made.
+        An old file is there until the new one takes its name.
 
         Raises:
             SautereauError: Lists the files that exist.
         """
-        there = self.refuse(*paths)
-        kept = {path: path.rename(path.with_name(f".{path.name}.replaced")) for path in there}
-        try:
+        from sautereau.rig.disk import replacing
+
+        with replacing(self.refuse(*paths)):
             yield
-        finally:
-            for path, old in kept.items():
-                if _is_file(path):
-                    old.unlink()
-                else:
-                    old.rename(path)
 
     def refuse(self, *paths: Path | None) -> list[Path]:
         """Refuse existing files unless `force` is given; then return them.

@@ -57,30 +57,30 @@ def export(
     files: common.Files,
     /,
     *,
-    to: Literal["parquet", "csv"],
+    to: Literal["parquet", "csv", "h5", "wav", "tdms"],
     out: Path | None = None,
     raw: bool = False,
     output: FileOutput = FileOutput(),
 ) -> int:
-    """Export recordings to Parquet or CSV.
+    """Export recordings to Parquet, CSV, HDF5, WAV or TDMS.
 
     Parameters
     ----------
     to
-        Format. The metadata of a CSV file are in NAME.csv.json beside it.
+        Format. The metadata of a CSV or WAV file are beside it, in NAME.csv.json.
     out
         File to write, or existing folder for several. Default: beside each recording.
     raw
         Write raw volts only, without values in SI units.
     """
-    from sautereau.daq.convert.export import description_of, targets
     from sautereau.daq.convert.export import export as export_recording
+    from sautereau.daq.convert.export import files_of, targets
     from sautereau.entrance.session import open
     from sautereau.rig.progress import tracked
 
     written: list[Path] = []
     pairs = targets([press.path for press in open(files)], to, out)
-    made = [path for _, file in pairs for path in (file, *([description_of(file)] * (to == "csv")))]
+    made = [path for _, file in pairs for path in files_of(to, file)]
     with output.creating(*made), output.progress("exporting"):
         for file, target in tracked(pairs):
             written += export_recording(file, to, target, raw=raw)

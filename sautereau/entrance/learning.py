@@ -11,6 +11,7 @@ from sautereau.daq.file.reading import read_session
 from sautereau.entrance.devices import Connected, Devices
 from sautereau.entrance.session import Session
 from sautereau.entrance.shown import Shown
+from sautereau.rig.disk import may_replace
 from sautereau.robot.drivers.registry import motion_controller
 from sautereau.robot.errors import RobotError
 from sautereau.robot.experiment.feedforward import force_of
@@ -62,7 +63,7 @@ class Learning:
         self._bench, self._out = bench, out
         self._nominal = bench.rig.values
         self._file = out / LEARNED
-        if self._file.exists():
+        if self._file.exists() and not may_replace(self._file):
             raise RobotError(f"learning: {self._file} already exists; give another folder")
         self._pushed = digest(feed_forward) if feed_forward else ""
         measured = force_of(feed_forward) if feed_forward else None

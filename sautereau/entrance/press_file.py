@@ -8,6 +8,8 @@ from sautereau.analysis.loading.press import Press
 from sautereau.analysis.phases import Phases
 from sautereau.analysis.session.analysed import AnalysedPress, analyse_file
 from sautereau.analysis.summary.press import HEADER, press_line, press_summary
+from sautereau.daq.convert.to_xarray import to_xarray
+from sautereau.daq.file.reading import read_recording
 from sautereau.daq.file.recorded import SessionInfo
 from sautereau.entrance.rig import Rig
 from sautereau.entrance.shown import Shown, shown
@@ -69,6 +71,10 @@ class PressFile(Shown):
     def to_frame(self) -> "pd.DataFrame":
         """Return the samples."""
         return self.data
+
+    def to_xarray(self) -> Any:
+        """Return samples in SI units, encoders and plan as an xarray Dataset; see `to_xarray`."""
+        return to_xarray(read_recording(self.path))
 
     def plot(self) -> "Figure":
         """Return a figure of force and speed with contact and release."""

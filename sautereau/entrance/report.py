@@ -12,7 +12,7 @@ from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.report.build import About, Again, build_report
 from sautereau.analysis.report.contents import PressRecord, gather
 from sautereau.analysis.report.fits import PATTERN, read_fit
-from sautereau.rig.disk import write_durably
+from sautereau.rig.disk import make_folder, write_durably
 from sautereau.robot.experiment.session_folder import MANIFEST, Manifest, read_manifest
 from sautereau.sim_backend.scene import current_scene, load_scene, packaged_scenes
 
@@ -37,7 +37,7 @@ def write_report(
     contents = gather(recordings, level)
     name = folder.resolve().name if folder else f"of {len(recordings)} recordings"
     page = build_report(contents, _about(name, folder, contents.presses, list(warnings)))
-    out.parent.mkdir(parents=True, exist_ok=True)
+    make_folder(out.parent)
     write_durably(out, page)
     simulated = any(record.press.simulated for record in contents.presses)
     return Report(out, len(contents.presses), simulated, dict(contents.unread))

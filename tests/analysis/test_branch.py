@@ -1,4 +1,4 @@
-"""Folds of the pluck, early release there, and the wire that rolls over the tip's edge."""
+"""Folds of the pluck, and early release there."""
 
 import math
 
@@ -134,36 +134,3 @@ def test_a_string_that_would_be_held_again_is_refused():
     soft = with_(youngs_modulus=8.2e9, thickness=0.105e-3, friction=0.05)
     with pytest.raises(ModelError, match=r"jumps along the plectrum at a jack height of .* mm"):
         solve_pluck(Elastica(soft), 573.8, 4.204e-3)
-
-
-def test_a_wire_without_thickness_does_not_roll():
-    elastica = Elastica(PLECTRUM)
-    bare = solve_pluck(elastica, STIFFNESS, PLECTRUM.overlap)
-    for diameter in (0.0, 1e-12, RIG.string.diameter):
-        rolled = solve_pluck(
-            elastica, STIFFNESS, PLECTRUM.overlap, rollover=True, diameter=diameter
-        )
-        assert rolled.release_height == bare.release_height
-        assert not rolled.rolls
-
-
-def test_a_wire_rolls_where_the_string_is_displaced_by_less_than_its_radius(pluck):
-    """A wire pulled onto an edge from F / K below is stable if its radius is more than that."""
-    elastica, threshold = Elastica(PLECTRUM), 2 * pluck.force[-1] / STIFFNESS
-    heights = []
-    for factor in (0.99, 1.01, 1.1, 2.0):
-        found = solve_pluck(
-            elastica, STIFFNESS, PLECTRUM.overlap, rollover=True, diameter=factor * threshold
-        )
-        assert found.rolls == (factor > 1)
-        assert np.all(np.diff(found.height) > 0)
-        heights.append(found.release_height)
-    assert heights[0] == pluck.release_height
-    assert np.all(np.diff(heights) > 0)
-    # The wire's centre has moved about the edge by the radius that turns with the normal.
-    turn = -np.arctan(found.drag)
-    radius = threshold
-    bend = elastica.bend(found.position, found.force)
-    out = radius * (np.sin(found.angle + turn) - np.sin(found.angle))
-    rest = PLECTRUM.length - PLECTRUM.overlap
-    np.testing.assert_allclose(bend.x + out - rest, found.shift, atol=1e-12 * PLECTRUM.length)

@@ -7,11 +7,8 @@ reaches mu F; from there it slides to the tip, where it is released. Where the c
 equilibria folds and h no longer rises, the string slides off the plectrum and is released early.
 
 The string's centre is on the plectrum's mid-line or, by `StringCentre`, above it on the surface.
-With `rollover` its wire of radius r turns about the tip's edge once it has reached the tip, and the
-contact's normal turns with it, until the jack can rise no further. The force then departs from
-the plectrum's normal; its normal part bends the plectrum, its part along the plectrum counts as
-friction. A wire on an edge is stable only if the string is displaced by less than the radius, so
-most plucks have no such phase.
+The wire does not roll over the tip's edge: there it is stable only if the string is displaced by
+less than its radius, as in hardly any pluck.
 """
 
 import math
@@ -26,7 +23,6 @@ from sautereau.analysis.model.plectrum.base import Floats, PlectrumMap
 from sautereau.analysis.model.pluck.equilibria import Curve, Equilibria
 from sautereau.analysis.model.pluck.loaded import plectra_of
 from sautereau.analysis.model.pluck.paths import Status, lasts, solve_paths
-from sautereau.analysis.model.pluck.rollover import roll
 
 POINTS = 201
 """Points of a stretch of the pluck."""
@@ -41,11 +37,9 @@ class Pluck(Curve):
     """Pluck from contact to release, at increasing height; arrays of shape (n,)."""
 
     stretches: tuple[int, ...] = (0,)
-    """Indices of the points at which the string starts to stick, slide or roll."""
+    """Indices of the points at which the string starts to stick or slide."""
     released_at_fold: bool = False
     """Whether the pluck ends at a fold of the equilibrium curve instead of at the tip."""
-    rolls: bool = False
-    """Whether the wire turned about the tip's edge before it was released."""
 
     @property
     def vertical_force(self) -> Floats:
@@ -68,7 +62,7 @@ class Pluck(Curve):
 
         Dimensionless; infinite if the pluck ends at a fold.
         """
-        if self.released_at_fold or self.rolls:
+        if self.released_at_fold:
             return math.inf, math.inf
         # Backward differences of order 4 on points that are even in the load.
         last = np.array([3, -16, 36, -48, 25]) / 12
@@ -92,32 +86,23 @@ class Pluck(Curve):
         parts = [slice(a, b) for a, b in zip(self.stretches, ends, strict=True)]
         force = self.vertical_force
         # At a fold the slope of the force is infinite, where a smooth spline would oscillate.
-        spline = PchipInterpolator if self.released_at_fold or self.rolls else CubicSpline
+        spline = PchipInterpolator if self.released_at_fold else CubicSpline
         return [spline(self.height[part], force[part]) for part in parts]
 
 
-def solve_pluck(
-    plectrum: PlectrumMap,
-    stiffness: float,
-    overlap: float,
-    *,
-    rollover: bool = False,
-    diameter: float = 0.0,
-) -> Pluck:
+def solve_pluck(plectrum: PlectrumMap, stiffness: float, overlap: float) -> Pluck:
     """Follow the string along the plectrum from first contact to its release.
 
     Args:
         plectrum: The plectrum's map, with its friction.
         stiffness: N/m, of the string at the plucking point, K of the paper's equation 2.
         overlap: m, from the string at rest to the tip, along the undeformed mid-line.
-        rollover: Include the wire's roll over the tip's edge.
-        diameter: m, of the wire, for `rollover`.
 
     Raises:
         ModelError: The overlap or the string's stiffness is out of range, or the string is
             not released within the range of the level.
     """
-    _check(plectrum, stiffness, overlap, diameter)
+    _check(plectrum, stiffness, overlap)
     equilibria = Equilibria(plectra_of(plectrum), np.array([stiffness]), np.array([overlap]))
     paths = solve_paths(equilibria, POINTS)
     status = Status(paths.status[0])
@@ -148,13 +133,10 @@ def solve_pluck(
         # A fold at the very start of a stretch leaves nothing of it but rounding.
         curves = [curve for curve in curves if np.all(np.diff(curve.height) > 0)]
         return _joined(curves, released_at_fold=True)
-    if rollover and diameter > 0:
-        rolled = roll(plectrum, stiffness, overlap, diameter / 2, float(curves[-1].force[-1]))
-        return _joined([*curves, rolled], rolls=len(rolled.height) > 1)
     return _joined(curves)
 
 
-def _check(plectrum: PlectrumMap, stiffness: float, overlap: float, diameter: float) -> None:
+def _check(plectrum: PlectrumMap, stiffness: float, overlap: float) -> None:
     faults = []
     low, high = STIFFNESS_RANGE
     if not low <= stiffness <= high:
@@ -167,15 +149,11 @@ def _check(plectrum: PlectrumMap, stiffness: float, overlap: float, diameter: fl
             f"plectrum.overlap: {overlap * 1e3:.6g} mm must lie between 0 and {OVERLAP_MAX:.6g} of"
             f" the plectrum's length of {plectrum.length * 1e3:.6g} mm; change it"
         )
-    if not 0 <= diameter < math.inf:
-        faults.append(
-            f"string.diameter: {diameter * 1e3:.6g} mm must be finite and at least 0; change it"
-        )
     if faults:
         raise ModelError("\n".join(faults))
 
 
-def _joined(curves: list[Curve], released_at_fold: bool = False, rolls: bool = False) -> Pluck:
+def _joined(curves: list[Curve], released_at_fold: bool = False) -> Pluck:
     """Return one pluck of stretches, each of which starts where the last one ends."""
     curves = [curve for curve in curves if len(curve.height) > 1]
     if not curves:
@@ -192,5 +170,4 @@ def _joined(curves: list[Curve], released_at_fold: bool = False, rolls: bool = F
         **vars(joined),
         stretches=tuple(starts.tolist()),
         released_at_fold=released_at_fold,
-        rolls=rolls,
     )
