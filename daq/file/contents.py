@@ -55,7 +55,7 @@ from sautereau.rig.load import rig_from_json
 from sautereau.rig.schema import Rig
 from sautereau.rig.units import shown
 
-VIEWED = ("/preview", "/motion", "/scene")
+VIEWED = ("/preview", "/motion", "/scene", "/transforms")
 """Starts of topics for viewers, whose messages are counted and not read."""
 LEAST_RECORDS = 200_000
 """Records of chunks that any file may hold; those of previews count as one where they are alike."""
