@@ -6,13 +6,13 @@ Excluded instants are not in the covariance.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sautereau.analysis.errors import ModelError
-from sautereau.analysis.identify.parameters import Parameter
+from sautereau.analysis.identify.parameters import DIFFERENCE, Parameter
 from sautereau.analysis.identify.residuals import InverseDynamics
 from sautereau.analysis.phases.signals import SOLVE
 from sautereau.trajectory.motion import Floats
@@ -94,6 +94,11 @@ def whitening(
     return Whitening(scale, factor, trends, plain @ np.linalg.inv(mixing))
 
 
+def white(dynamics: InverseDynamics, spread: float, levelled: bool) -> tuple[Whitening, ...]:
+    """Return whitenings for independent residuals of a standard deviation [N]."""
+    return tuple(whitening(p.used, np.ones(1), levelled, spread, p.step) for p in dynamics.presses)
+
+
 def _solved(factor: Floats, values: Floats) -> Floats:
     """Return the solution for a banded lower factor by forward substitution."""
     return np.asarray(SOLVE(factor, values, uplo="L")[0], float)
@@ -157,6 +162,23 @@ class Problem:
         white = [w(f) for w, f in zip(self.whitenings, forces, strict=True)]
         return np.concatenate([*white, rises / self.rise_factor])
 
+    def by_another(
+        self, data: Floats, dynamics: InverseDynamics, values: Floats, step: float
+    ) -> Floats | None:
+        """Return the derivative of `data` by a number that is not a parameter; None without one.
+
+        Args:
+            data: Without the step.
+            dynamics: With the step of the number.
+            values: SI, of its parameters.
+            step: Of the number.
+        """
+        moved = replace(self, dynamics=dynamics, scales=np.ones(len(values)))
+        try:
+            return (moved.data(values) - data) / step
+        except ModelError:
+            return None
+
     @property
     def _expected(self) -> list[int]:
         """Indices of the parameters that have a prior with a mean."""
@@ -209,6 +231,17 @@ class Problem:
             columns.append((residuals(ends[1]) - residuals(ends[0])) / width)
         return np.stack(columns, axis=1)
 
+    def slopes(self, point: Floats) -> Floats:
+        """Return the derivatives of `all`, one-sided: less exact, in half the time."""
+        low, high = self.bounds
+        steps = np.where(point + DIFFERENCE <= high, DIFFERENCE, -DIFFERENCE)
+        at, columns = self.all(point), []
+        for k, end in enumerate(np.clip(point + steps, low, high).tolist()):
+            moved = point.copy()
+            moved[k] = end
+            columns.append((self.all(moved) - at) / (end - point[k]))
+        return np.stack(columns, axis=1)
+
 
 def descend(
     found: Problem, values: Floats, robust: bool = False, fixed: int | None = None
@@ -238,7 +271,7 @@ def descend(
     result = least_squares(
         lambda part: found.all(complete(part)),
         start[moving],
-        jac=lambda part: found.jacobian(complete(part), found.all)[:, moving],  # pyright: ignore[reportArgumentType]
+        jac=lambda part: found.slopes(complete(part))[:, moving],  # pyright: ignore[reportArgumentType]
         bounds=(low[moving], high[moving]),
         loss="soft_l1" if robust else "linear",
         xtol=TOLERANCE,

@@ -1,8 +1,10 @@
 """The messages and metadata of a recording, collected while its records are read."""
 
+import math
 import struct
 from collections import Counter
 from collections.abc import Iterable, Iterator
+from contextlib import suppress
 
 from google.protobuf.message import DecodeError
 from mcap.exceptions import McapError
@@ -23,7 +25,7 @@ from sautereau.daq.file.container.records import (
     texts_within,
 )
 from sautereau.daq.file.descriptors import FIELDS, LOG
-from sautereau.daq.file.integrity import IndexedChunk
+from sautereau.daq.file.integrity import FOREIGN, IndexedChunk
 from sautereau.daq.file.limits import (
     FARTHEST_SAMPLE,
     MOST_EVENTS,
@@ -53,13 +55,12 @@ from sautereau.rig.load import rig_from_json
 from sautereau.rig.schema import Rig
 from sautereau.rig.units import shown
 
-VIEWED = ("/preview", "/motion", "/scene")
+VIEWED = ("/preview", "/motion", "/scene", "/transforms")
 """Starts of topics for viewers, whose messages are counted and not read."""
 LEAST_RECORDS = 200_000
 """Records of chunks that any file may hold; those of previews count as one where they are alike."""
 SMALLEST_RECORD = 16
 """Byte of a file for each of the records that it may hold beyond those."""
-FOREIGN = "another program has changed it: use the file as sautereau wrote it"
 
 
 class Contents:
@@ -156,6 +157,17 @@ class Contents:
             return whole_number(end["stop_sample"], FARTHEST_SAMPLE)
         except (KeyError, ValueError) as error:
             raise RecordingError(f"its metadata `end` are {shown(end)}; {FOREIGN}") from error
+
+    @property
+    def t0_std(self) -> float | None:
+        """Standard uncertainty of the date of the trigger, s; None if it is unknown."""
+        text = self.metadata.get("end", {}).get("t0_std")
+        if text is None:
+            return None
+        with suppress(ValueError):
+            if 0 <= (std := float(text)) < math.inf:
+                return std
+        raise RecordingError(f"its metadata `end` have t0_std = {shown(text)}; {FOREIGN}")
 
     @property
     def recovered(self) -> bool:

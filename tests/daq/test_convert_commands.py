@@ -8,6 +8,7 @@ import pytest
 from sautereau.commands.app import app
 from sautereau.daq.errors import RecordingError
 from sautereau.daq.file.reading import read_recording
+from sautereau.rig.errors import SautereauError
 
 
 def run(*words):
@@ -39,9 +40,17 @@ def test_there_and_back(tmp_path, recordings, to, capsys):
 def test_beside_the_recording_and_never_twice(tmp_path, recordings, capsys):
     assert run("export", recordings[0], "--to", "parquet") == 0
     assert capsys.readouterr().out == f"{tmp_path / 'press-1.parquet'}\n"
-    with pytest.raises(RecordingError, match="never overwritten"):
+    with pytest.raises(SautereauError, match="already exists"):
         run("export", *recordings, "--to", "parquet")
     assert not (tmp_path / "press-2.parquet").exists()
+
+
+def test_the_rig_as_urdf(tmp_path, recordings, capsys):
+    assert run("export", recordings[0], "--to", "urdf") == 0
+    assert capsys.readouterr().out == f"{tmp_path / 'press-1.urdf'}\n"
+    assert (tmp_path / "press-1.urdf").read_text().startswith('<?xml version="1.0"?>\n<robot')
+    with pytest.raises(SautereauError, match="already exists"):
+        run("export", recordings[0], "--to", "urdf")
 
 
 def test_a_table_of_another_program(tmp_path, capsys):

@@ -9,10 +9,12 @@ import serial
 from sautereau.rig.load import load_rig, with_values
 from sautereau.sim_backend.bench import Bench, StandIn
 from sautereau.sim_backend.controller_part import ControllerUnit
+from sautereau.sim_backend.devices.emulators import EMULATORS, emulator_of
 from sautereau.sim_backend.devices.galil.firmware import GalilFirmware
 from sautereau.sim_backend.errors import SceneError
 from sautereau.sim_backend.fault_tables import Faults
 from sautereau.sim_backend.scene import parse_scene
+from tests.presses import MUTE_TEXT
 from tests.sim_backend.scenes import MUTE, scene_of
 
 HELLO = b'DL\r#A\rWT 4\rMG "hello"\rEN\r\\\r'
@@ -167,14 +169,7 @@ def test_echo_at_power_up(bench, unit, echoes):
     assert firmware.receive(b"TP\r") == (b"TP\r" if echoes else b"") + b" 0, 0\r\n:"
 
 
-SCENE = """
-finger = "ideal"
-plectrum = "none"
-string = "none"
-step = "1 ms"
-friction = false
-felt = false
-[controller]
+SCENE = f"""{MUTE_TEXT}[controller]
 model = "DMC4123"
 firmware = "1.3b-FAST"
 burned_program = "#AUTO\\nEN"
@@ -195,6 +190,12 @@ def test_a_scene_describes_the_controller():
     odrive = with_values(load_rig(), {"controller.kind": "odrive"})
     with pytest.raises(SceneError, match="takes no such table"):
         StandIn(odrive, quiet(ETHERNET))
+
+
+def test_an_emulator_of_another_package_gets_the_scenes_table_if_it_takes_it(monkeypatch):
+    monkeypatch.setattr(EMULATORS, "get", lambda kind: lambda rig, unit=None: (rig, unit))
+    assert emulator_of("toy", unit="table")("rig") == ("rig", "table")
+    assert emulator_of("toy")("rig") == ("rig", None)
 
 
 def test_real_time_pacing_carries_characters_at_the_line_s_rate():
