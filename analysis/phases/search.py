@@ -128,7 +128,9 @@ class _Search:
                 starts.append(self._earlier[: len(found) + 1])
             if not starts:
                 break
-            trials = sorted((self._fit.refined(start) for start in starts), key=lambda t: t[2])
+            trials: list[tuple[Floats, Solved, float]] = []
+            trials.extend(self._fit.refined(start) for start in starts)
+            trials.sort(key=lambda refined: refined[2])
             made = (self._judged(*self._fit.in_order(*trial[:2]), found, left) for trial in trials)
             best = next(filter(None, made), None)
             if best is None:
