@@ -3,7 +3,6 @@
 import copy
 import json
 import logging
-import re
 import tomllib
 from collections.abc import Mapping, Sequence
 from functools import lru_cache
@@ -13,7 +12,6 @@ from typing import Any
 
 from pydantic import BaseModel, ValidationError
 
-from sautereau.rig.csv_files import read_gesture
 from sautereau.rig.errors import RigError
 from sautereau.rig.faults import (
     at_line,
@@ -25,13 +23,13 @@ from sautereau.rig.faults import (
     unit_of,
     validation_faults,
 )
+from sautereau.rig.files import read_files
+from sautereau.rig.origins import assumed_ranges, split_origins
 from sautereau.rig.packaged import named_text
 from sautereau.rig.renamed import RENAMED_KEYS, current_key, rename_keys
 from sautereau.rig.schema import Rig
-from sautereau.rig.units import format_quantity, parse_quantity, shown
+from sautereau.rig.units import format_quantity
 
-_ORIGIN = ("assumed", "source")
-_ORIGINS = {"assumed", "sources"}
 _LOG = logging.getLogger(__name__)
 
 
@@ -83,9 +81,9 @@ def parse_rig(
     for old in rename_keys(document):
         name = RENAMED_KEYS[old].rpartition(".")[2]
         _LOG.warning("%s: %s", origin, at_line(line_of(text, old), f"rename {old} to {name}"))
-    values, assumed, sources, faults = _split_origins(document)
-    faults += _read_files(values, folder or Path())
-    ranges, range_faults = _ranges(assumed, values)
+    values, assumed, sources, faults = split_origins(document)
+    faults += read_files(values, folder or Path())
+    ranges, range_faults = assumed_ranges(assumed, values)
     faults = [
         at_line(line_of(text, key), f"{key}: {fault}") for key, fault in faults + range_faults
     ]
@@ -175,35 +173,6 @@ def rig_from_json(text: str) -> Rig:
         ) from error
 
 
-def _read_files(values: dict[str, Any], folder: Path) -> list[tuple[str, str]]:
-    """Replace the names of files by their contents; return the faults in them."""
-    faults: list[tuple[str, str]] = []
-    press = values.get("press")
-    gesture = press.get("gesture") if isinstance(press, dict) else None
-    if isinstance(press, dict) and isinstance(gesture, dict) and set(gesture) == {"file"}:
-        try:
-            press["gesture"] = read_gesture(folder / str(gesture["file"]))
-        except RigError as error:
-            del press["gesture"]
-            faults.append(("press.gesture", str(error)))
-    choirs = values.get("more_choirs")
-    holders = [("", values)]
-    if isinstance(choirs, list):
-        holders += [(f"more_choirs.{i}.", c) for i, c in enumerate(choirs) if isinstance(c, dict)]
-    for prefix, holder in holders:
-        plectrum = holder.get("plectrum")
-        outline = plectrum.get("outline") if isinstance(plectrum, dict) else None
-        if isinstance(plectrum, dict) and isinstance(outline, dict) and "file" in outline:
-            from sautereau.rig.outline import read_outline  # imports numpy; few rigs need it
-
-            try:
-                plectrum["outline"] = read_outline(outline, folder)
-            except RigError as error:
-                del plectrum["outline"]
-                faults.append((f"{prefix}plectrum.outline", str(error)))
-    return faults
-
-
 def read_toml(text: str, origin: str, error_type: type[Exception]) -> dict[str, Any]:
     """Parse TOML; ``error_type`` is raised with the line of the fault."""
     try:
@@ -212,81 +181,6 @@ def read_toml(text: str, origin: str, error_type: type[Exception]) -> dict[str, 
         raise error_type(f"{origin}: not valid TOML: {error}; correct that line") from error
     except (ValueError, RecursionError) as error:  # numbers too long, arrays too deep
         raise error_type(f"{origin}: not valid TOML: {error}; shorten it") from error
-
-
-def _split_origins(document: dict[str, Any]):
-    """Split a document into values, (value, assumed range) and sources by dotted key, faults."""
-    assumed: dict[str, tuple[Any, Any]] = {}
-    sources: dict[str, str] = {}
-    faults: list[tuple[str, str]] = []
-
-    def walk(node: Any, path: tuple[str, ...]) -> Any:
-        if isinstance(node, list):
-            return [walk(value, (*path, str(i))) for i, value in enumerate(node)]
-        if not isinstance(node, dict):
-            return node
-        if not path or "value" not in node:
-            return {key: walk(value, (*path, key)) for key, value in node.items()}
-        key = ".".join(path)
-        for unknown in sorted(set(node) - {"value", *_ORIGIN}):
-            known = near_miss(unknown, ["value", *_ORIGIN]).replace("the top level", "a quantity")
-            faults.append((f"{key}.{unknown}", f"unknown key{known}"))
-        if "assumed" in node:
-            assumed[key] = (node["value"], node["assumed"])
-        if "source" in node:
-            sources[key] = node["source"]
-            if not isinstance(node["source"], str):
-                faults.append((f"{key}.source", f"{shown(node['source'])} is refused: give a text"))
-        return node["value"]
-
-    values = walk(document, ())
-    for name in _ORIGINS & set(values):
-        del values[name]
-        faults.append((name, "unknown key; write it into the table of each quantity"))
-    if "daq_only" in values:
-        faults.append(("daq_only", "unknown key; a recording of a rig with [daq] alone has it"))
-    return values, assumed, sources, faults
-
-
-def _ranges(assumed: dict[str, tuple[Any, Any]], values: dict[str, Any]):
-    """Return the assumed ranges [SI] by dotted key, and the faults in them."""
-    known = set(model_keys(Rig))
-    ranges: dict[str, tuple[float, float]] = {}
-    faults: list[tuple[str, str]] = []
-    for key, (value, pair) in assumed.items():
-        if re.sub(r"\.\d+(?=\.|$)", "", key) not in known:
-            continue  # the unknown key is reported elsewhere
-        try:
-            ranges[key] = _range(unit_of(Rig, key.split("."), values), value, pair)
-        except ValueError as error:
-            faults.append((key, str(error)))
-    return ranges, faults
-
-
-def _range(unit: str | None, value: Any, pair: Any) -> tuple[float, float]:
-    if unit is None or isinstance(value, list):
-        raise ValueError("only a single quantity with a unit has an assumed range; remove assumed")
-    if not isinstance(pair, list) or len(pair) != 2 or not all(isinstance(p, str) for p in pair):
-        raise ValueError(
-            f"assumed range {shown(pair)} is refused: give the smallest and the largest quantity"
-            f" in {unit}"
-        )
-    try:
-        low, high = (parse_quantity(end, unit) for end in pair)
-    except ValueError as error:
-        raise ValueError(f"assumed range: {error}; give a quantity in {unit}") from error
-    if not low <= high:
-        raise ValueError(f"assumed range {shown(pair)} is empty; give the smallest value first")
-    try:
-        inside = low <= parse_quantity(value, unit) <= high
-    except (ValueError, TypeError):  # the fault of the value itself is reported elsewhere
-        return low, high
-    if not inside:
-        raise ValueError(
-            f"{value!r} is outside its assumed range {pair[0]!r} to {pair[1]!r};"
-            " change the value or widen the range"
-        )
-    return low, high
 
 
 def current_document(document: dict[str, Any]) -> dict[str, Any]:

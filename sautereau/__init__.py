@@ -23,12 +23,12 @@ if TYPE_CHECKING:
     from sautereau.entrance.fit import Fit as Fit
     from sautereau.entrance.plan import Plan as Plan
     from sautereau.entrance.prediction import Prediction as Prediction
+    from sautereau.entrance.press_file import PressFile as PressFile
     from sautereau.entrance.rig import Rig as Rig
-    from sautereau.entrance.session import PressFile as PressFile
     from sautereau.entrance.session import Session as Session
     from sautereau.entrance.session import open as open
-    from sautereau.entrance.session import watch as watch
     from sautereau.entrance.sweep import Sweep as Sweep
+    from sautereau.entrance.watching import watch as watch
     from sautereau.robot.experiment.steps import ask as ask
     from sautereau.robot.experiment.steps import press as press
     from sautereau.robot.experiment.steps import repeat_until as repeat_until
@@ -43,8 +43,10 @@ _NAMES = {
     "entrance.plan": ("Plan",),
     "entrance.prediction": ("Prediction",),
     "entrance.rig": ("Rig",),
-    "entrance.session": ("PressFile", "Session", "open", "watch"),
+    "entrance.press_file": ("PressFile",),
+    "entrance.session": ("Session", "open"),
     "entrance.sweep": ("Sweep",),
+    "entrance.watching": ("watch",),
     "robot.experiment.steps": ("ask", "press", "repeat_until", "scan"),
 }
 """Names of the entrance by their modules."""

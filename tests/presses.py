@@ -8,6 +8,15 @@ from sautereau.trajectory.press import plan_press
 
 QUICK = {"controller.timeout": "20 s", "arm.approach_speed": "5 rad/s"}
 """Values of a rig: a timeout for a busy machine, and a short way to the key."""
+MUTE_TEXT = """
+finger = "ideal"
+plectrum = "none"
+string = "none"
+friction = false
+felt = false
+step = "1 ms"
+"""
+"""A scene file: a key without strings, for sessions that need no pluck."""
 
 
 def mute_scene(finger="ideal", *, faults=None, **changes):

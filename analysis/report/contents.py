@@ -1,10 +1,9 @@
 """Contents of a report: every press of a session, analysed, and decimated for the plots."""
 
 import hashlib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.loading.press import Press
@@ -16,6 +15,7 @@ from sautereau.analysis.session.conditions import Condition, SessionAnalysis, an
 from sautereau.daq.file.reading import read_recording
 from sautereau.daq.file.recorded import Event, Recorded
 from sautereau.rig.errors import SautereauError
+from sautereau.rig.progress import tracked
 from sautereau.trajectory.motion import Floats
 
 POINTS = 50_000
@@ -91,13 +91,12 @@ class Contents:
         return self.analysis.conditions
 
 
-def gather(paths: Sequence[Path], level: str, step: Callable[[], Any] = lambda: None) -> Contents:
+def gather(paths: Sequence[Path], level: str) -> Contents:
     """Read and analyse the recordings of a session.
 
     Args:
         paths: Recordings, in the order in which they were made.
         level: Level of the plectrum's bending model.
-        step: Called after each recording.
 
     Raises:
         AnalysisError: None of them can be read.
@@ -109,7 +108,7 @@ def gather(paths: Sequence[Path], level: str, step: Callable[[], Any] = lambda: 
     unread: dict[Path, str] = {}
     shown: SlowMotion | None = None
     reason = ""
-    for number, path in enumerate(paths, 1):
+    for number, path in enumerate(tracked(paths), 1):
         try:
             recorded = read_recording(path)
             analysed = analyse_recording(recorded)
@@ -122,7 +121,6 @@ def gather(paths: Sequence[Path], level: str, step: Callable[[], Any] = lambda: 
                     reason = str(error)
         except SautereauError as error:
             unread[path] = str(error)
-        step()
     if not records:
         first = next(iter(unread.values()), "there is none; give the folder of a session")
         raise AnalysisError(f"report: no recording of {len(paths)} can be read: {first}")

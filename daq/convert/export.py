@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import BinaryIO, Literal
 
 from sautereau.daq.convert.columns import columns_of
-from sautereau.daq.convert.document import document_text
+from sautereau.daq.convert.document import SIDECAR, document_text
 from sautereau.daq.convert.to_tables import to_csv, to_parquet
 from sautereau.daq.convert.to_waveforms import to_hdf5, to_tdms, to_wav
 from sautereau.daq.errors import RecordingError
@@ -32,7 +32,7 @@ def export(path: str | Path, to: Format, out: Path, *, raw: bool = False) -> lis
     made the recording, a table has a column ``simulated``.
 
     Everything else in the recording is one document in JSON: in the file, or beside a CSV or WAV
-    file as ``NAME.csv.json``. Nothing is overwritten.
+    file as ``NAME.csv.json``. No existing file is overwritten, except inside `disk.replacing`.
 
     Args:
         path: Recording to read.
@@ -54,7 +54,7 @@ def export(path: str | Path, to: Format, out: Path, *, raw: bool = False) -> lis
 
 
 def targets(files: list[Path], to: Format, out: Path | None) -> list[tuple[Path, Path]]:
-    """Return each recording with the file to write, none of which exists yet.
+    """Return each recording with the file to write.
 
     Args:
         files: Recordings.
@@ -62,7 +62,7 @@ def targets(files: list[Path], to: Format, out: Path | None) -> list[tuple[Path,
         out: File, or existing folder; None for the folder of each recording.
 
     Raises:
-        RecordingError: Several recordings would go into one file, or a file exists already.
+        RecordingError: Several recordings would go into one file.
     """
     if out is not None and not out.is_dir() and len(files) > 1:
         raise RecordingError(
@@ -75,14 +75,18 @@ def targets(files: list[Path], to: Format, out: Path | None) -> list[tuple[Path,
         pairs.append((file, out / name if out and out.is_dir() else out or file.with_name(name)))
     made = [target for _, target in pairs]
     faults = [
-        f"{target}: {'it exists and is never overwritten' if target.exists() else 'given twice'};"
-        " move it away or give another --out"
+        f"{target}: given twice; export one of them with another --out"
         for target in dict.fromkeys(made)
-        if target.exists() or made.count(target) > 1
+        if made.count(target) > 1
     ]
     if faults:
         raise RecordingError(fault_list("export", faults))
     return pairs
+
+
+def files_of(to: Format, out: Path) -> list[Path]:
+    """Return the files that the export to `out` writes."""
+    return [out, out.with_name(out.name + SIDECAR)] if to in ("csv", "wav") else [out]
 
 
 def _write(files: dict[Path, Callable[[BinaryIO], object]]) -> list[Path]:

@@ -18,6 +18,7 @@ from sautereau.daq.convert.document import (
 )
 from sautereau.daq.convert.formats import Columns, ImportSource, refuse_rows
 from sautereau.daq.errors import RecordingError
+from sautereau.rig.extras import require
 
 UNIT_PROPERTIES = ("unit_string", "NI_UnitDescription")
 
@@ -29,7 +30,9 @@ def open_tdms(path: Path) -> ImportSource:
 
     Raises:
         RecordingError: It is damaged, or not a TDMS file.
+        MissingExtraError: npTDMS is not installed.
     """
+    require("tdms", f"{path}: TDMS", "nptdms")
     from nptdms import TdmsFile
 
     try:

@@ -42,22 +42,25 @@ class Recovery:
     """Missing samples."""
 
 
+def recovered_path(path: Path) -> Path:
+    """Return the name of a recovered file: without `.part`, or `name-recovered.mcap`."""
+    if path.suffix == PART:
+        return path.with_suffix("")
+    return path.with_name(f"{path.stem}-recovered.mcap")
+
+
 def recover(path: str | Path, out: str | Path | None = None) -> Recovery:
     """Write every chunk of a recording whose checksum matches into a new recording.
 
     Args:
         path: The damaged file; it is only read.
-        out: The new file, which must not exist. Default: the name without `.part`, or
-            `name-recovered.mcap`.
+        out: The new file, which must not exist. Default: `recovered_path`.
 
     Raises:
         RecordingError: The file needs no recovery, or nothing of it can be recovered.
     """
     path = Path(path)
-    if out is None:
-        recovered = path.with_name(f"{path.stem}-recovered.mcap")
-        out = path.with_suffix("") if path.suffix == PART else recovered
-    out = Path(out)
+    out = recovered_path(path) if out is None else Path(out)
     with opened(path, damaged=True) as file:
         if not hold(file):
             raise RecordingError("another process is writing it; wait until that session has ended")
@@ -110,7 +113,7 @@ def _write(writer: McapWriter, file: BufferedReader, found: Survey, name: str, d
     if end is None and found.damage is None:
         end = found.runs.last()
     if end is not None:
-        writer.add_metadata("end", {"stop_sample": str(end)})
+        writer.add_metadata("end", metadata.get("end", {}) | {"stop_sample": str(end)})
     missing = json.dumps([gap.document() for gap in found.gaps])
     writer.add_metadata("recovered", {"from": name, "damage": damage, "missing": missing})
     writer.finish()

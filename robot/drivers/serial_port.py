@@ -1,6 +1,7 @@
 """Open a port of a controller, or list the ports of this machine and how to fix it."""
 
 import errno
+import logging
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Protocol
@@ -8,6 +9,7 @@ from typing import Protocol
 from sautereau.robot.drivers.ethernet import TCP, EthernetPort
 from sautereau.robot.errors import LineLost, PortUnavailable, SilentController
 
+_LOG = logging.getLogger(__name__)
 SCHEMES = ("socket", "rfc2217", "loop")
 """Of pyserial's URLs: ports behind a network, and one that only echoes."""
 
@@ -35,8 +37,39 @@ class Port(Protocol):
         """Release the port."""
 
 
+class _LoggedPort:
+    """An open port that logs what is sent and received; the name is that in the log."""
+
+    def __init__(self, port: Port, name: str):
+        self._port, self._name = port, name
+
+    @property
+    def in_waiting(self) -> int:
+        return self._port.in_waiting
+
+    def read(self, size: int, /) -> bytes | None:
+        data = self._port.read(size)
+        if data:
+            _LOG.debug("%s received %r", self._name, data)
+        return data
+
+    def write(self, data: bytes, /) -> int | None:
+        _LOG.debug("%s sent %r", self._name, data)
+        return self._port.write(data)
+
+    def reset_input_buffer(self) -> None:
+        _LOG.debug("%s discards what has come in", self._name)
+        self._port.reset_input_buffer()
+
+    def close(self) -> None:
+        _LOG.debug("%s closes", self._name)
+        self._port.close()
+
+
 def open_port(name: str, baud_rate: int, timeout: float) -> Port:
     """Open a serial device, or a port on the network, for exclusive use.
+
+    All traffic is logged where `debug` is logged when the port is opened.
 
     Args:
         name: Device, `tcp://host:port`, or a pyserial URL of `SCHEMES`; others of its URLs
@@ -47,22 +80,27 @@ def open_port(name: str, baud_rate: int, timeout: float) -> Port:
     Raises:
         PortUnavailable: Names the port, the reason, how to fix it and the ports of this machine.
     """
-    import serial
-
     try:
-        if name.startswith(TCP):
-            return EthernetPort(name, timeout)
-        scheme, separator, _ = name.partition("://")
-        if separator and scheme not in SCHEMES:
-            raise ValueError(f"{scheme}:// is not one of tcp, {', '.join(SCHEMES)}")
-        return serial.serial_for_url(
-            name, baudrate=baud_rate, timeout=timeout, write_timeout=timeout, exclusive=True
-        )
+        port = _opened(name, baud_rate, timeout)
     except (OSError, ValueError) as error:  # SerialException is an OSError
         raise PortUnavailable(
             f"port {name}: cannot be opened: {error}; {_fix(error)}; ports of this"
             f" machine: {', '.join(machine_ports()) or 'none'}"
         ) from error
+    return _LoggedPort(port, name) if _LOG.isEnabledFor(logging.DEBUG) else port
+
+
+def _opened(name: str, baud_rate: int, timeout: float) -> Port:
+    import serial
+
+    if name.startswith(TCP):
+        return EthernetPort(name, timeout)
+    scheme, separator, _ = name.partition("://")
+    if separator and scheme not in SCHEMES:
+        raise ValueError(f"{scheme}:// is not one of tcp, {', '.join(SCHEMES)}")
+    return serial.serial_for_url(
+        name, baudrate=baud_rate, timeout=timeout, write_timeout=timeout, exclusive=True
+    )
 
 
 def port_errors() -> tuple[type[Exception], ...]:

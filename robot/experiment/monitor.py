@@ -1,5 +1,6 @@
 """The events of a running session, passed to live views without waiting for them."""
 
+import logging
 import threading
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -10,6 +11,7 @@ from typing import Protocol
 from sautereau.daq.file.recorded import Block
 from sautereau.rig.acquisition import Channel
 
+_LOG = logging.getLogger(__name__)
 PERIOD = 0.1
 """s, between two updates of the views."""
 DEPTH = 512
@@ -60,6 +62,20 @@ class Fault:
 Seen = Stage | Samples | Made | Fault
 Watch = Callable[[Seen], None]
 """Called with each event; must not wait, and an error of it ends the session."""
+
+
+def logged(watch: Watch) -> Watch:
+    """Return a function that logs the steps of a session, and passes each event on."""
+
+    def seen(one: Seen) -> None:
+        if isinstance(one, Stage):
+            press = f"press {one.press}: " if one.press is not None else ""
+            _LOG.info("%sarm %s, acquisition %s", press, one.arm, one.daq)
+        elif isinstance(one, Made):
+            _LOG.info("press %d recorded: %s", one.press, one.path)
+        watch(one)
+
+    return seen
 
 
 class View(Protocol):

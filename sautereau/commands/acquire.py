@@ -7,6 +7,8 @@ from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 from sautereau.commands import common
+from sautereau.commands.output import FileOutput
+from sautereau.commands.signals import on_signals
 
 if TYPE_CHECKING:
     from sautereau.daq.source.source import InputSettings, SourceSettings
@@ -16,12 +18,12 @@ def acquire(
     rig: common.RigName = "paper",
     *,
     out: common.OutFile | None = None,
-    duration: str | None = None,
+    duration: common.Time | None = None,
     triggered: bool = False,
     dry_run: bool = False,
     notes: str = "",
     simulation: common.Simulation = common.Simulation(),
-    json: common.Json = False,
+    output: FileOutput = FileOutput(),
 ) -> int:
     """Record all channels without the robot, until a given time or Ctrl-C.
 
@@ -30,7 +32,7 @@ def acquire(
     rig
         Path of a rig file, which may have [daq] alone, or name of a packaged rig.
     out
-        File of the recording, which must not exist yet.
+        File of the recording.
     duration
         Duration of the recording, such as "60 s". Default: until Ctrl-C.
     triggered
@@ -40,40 +42,32 @@ def acquire(
     notes
         Operator's notes, saved in the recording.
     """
-    from sautereau.daq.errors import DaqError
     from sautereau.daq.file.reading import read_session
     from sautereau.daq.source.continuous import record
     from sautereau.daq.source.source import open_source
     from sautereau.rig.load import load_rig_to_acquire
-    from sautereau.rig.units import parse_quantity
 
-    try:
-        seconds = None if duration is None else parse_quantity(duration, "s")
-    except ValueError as error:
-        return common.fail(json, f"--duration: {error}; write it like --duration '60 s'", 2)
     if out is None and not dry_run:
-        return common.fail(json, "Missing option: --out FILE, or --dry-run", 2)
-    if out is not None and not dry_run and out.exists():
-        raise DaqError(f"--out: {out} already exists; give another file")
+        return output.fail("Missing option: --out FILE, or --dry-run", 2)
     served = common.bench(load_rig_to_acquire(rig), simulation, moves=False)
     with _asked_to_stop() as asked, served.connected() as bench:
         if dry_run or out is None:
             with open_source(bench.rig.daq, None, triggered=triggered) as acquisition:
                 settings = acquisition.settings()
-            return common.answer(json, asdict(settings), _lines(settings))
-        common.say(not json, f"rig {bench.rig.name} on {bench.where}; Ctrl-C ends the recording")
-        with common.fraction_bar() as show:
+            return output.answer(asdict(settings), _lines(settings))
+        output.say(f"rig {bench.rig.name} on {bench.where}; Ctrl-C ends the recording")
+        with output.progress("recording", shown=duration is not None) as show:
             rate = bench.rig.daq.sample_rate
             n = record(
                 bench.rig,
                 out,
-                seconds,
+                duration,
                 triggered=triggered,
                 scene=bench.scene,
                 seed=bench.seed,
                 notes=notes,
                 keep_going=lambda: not asked(),
-                on_block=lambda n_read: show(n_read / rate / seconds) if seconds else None,
+                on_block=lambda n_read: show(n_read / rate / duration) if duration else None,
             )
     result: dict[str, Any] = {
         "recording": str(out),
@@ -84,9 +78,7 @@ def acquire(
         "seed": bench.seed,
     }
     count = len(bench.rig.daq.channels)
-    return common.answer(
-        json, result, [f"recording:  {out}, {n} samples of each of {count} channels"]
-    )
+    return output.answer(result, [f"recording:  {out}, {n} samples of each of {count} channels"])
 
 
 def _lines(settings: "SourceSettings") -> list[str]:
@@ -133,5 +125,5 @@ def _asked_to_stop() -> Iterator[Callable[[], bool]]:
         if len(asked) > 1:
             raise KeyboardInterrupt(signal.Signals(number).name)
 
-    with common.on_signals(("SIGINT", "SIGTERM", "SIGHUP"), ask):
+    with on_signals(("SIGINT", "SIGTERM", "SIGHUP"), ask):
         yield lambda: bool(asked)

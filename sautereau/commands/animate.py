@@ -1,21 +1,9 @@
 """A press as a film in slow motion, and as a sound."""
 
-from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
-
-from cyclopts import Parameter, Token
 
 from sautereau.commands import common
-
-
-def _seconds(_: object, tokens: Sequence[Token]) -> float:
-    from sautereau.rig.units import parse_quantity
-
-    return parse_quantity(tokens[0].value, "s")
-
-
-Time = Annotated[float, Parameter(converter=_seconds)]
+from sautereau.commands.output import FileOutput
 
 
 def animate(
@@ -24,9 +12,9 @@ def animate(
     *,
     out: common.OutFile,
     slow: float = 20.0,
-    since: Time | None = None,
-    until: Time | None = None,
-    json: common.Json = False,
+    since: common.Time | None = None,
+    until: common.Time | None = None,
+    output: FileOutput = FileOutput(),
 ) -> int:
     """Show a recorded press in slow motion: arm, key, jack, plectrum and string.
 
@@ -41,7 +29,7 @@ def animate(
     since
         Start, after the trigger: "70 ms". Default: just before the jack rises.
     until
-        End, after the trigger. Default: end of the recording.
+        End, after the trigger: "80 ms". Default: end of the recording.
     """
     from sautereau.analysis.figures import movie
     from sautereau.analysis.loading.press import press_of
@@ -54,7 +42,7 @@ def animate(
     phases = find_phases(press)
     start, stop = shown_stretch(press, phases, since, until)
     scene = replay(press, phases, movie.frame_times(start, stop, slow), recorded.arm)
-    with common.fraction_bar() as show:
+    with output.progress("drawing frames") as show:
         movie.animate(out, scene, show)
     plucked = sum(motion.plucks for motion in scene.choirs)
     result = {
@@ -76,7 +64,7 @@ def animate(
         " by the model from the measured contact and release",
         *result["warnings"],
     ]
-    return common.answer(json, result, lines)
+    return output.answer(result, lines)
 
 
 def listen(
@@ -84,10 +72,10 @@ def listen(
     *,
     out: common.OutFile,
     level: common.Level = "elastica",
-    duration: Time = 4.0,
-    held: Time | None = None,
+    duration: common.Time = 4.0,
+    held: common.Time | None = None,
     quality: float = 1500.0,
-    json: common.Json = False,
+    output: FileOutput = FileOutput(),
 ) -> int:
     """Compute the string's force on the bridge in a press, and write it as a WAV file.
 
@@ -106,7 +94,8 @@ def listen(
     from sautereau.analysis.press.sound import LEVEL, SAMPLE_RATE, sound_of, write_sound
 
     bench = common.load_rig(rig)
-    sound = sound_of(bench, level, duration=duration, held=held, quality=quality)
+    with output.progress("computing the sound"):
+        sound = sound_of(bench, level, duration=duration, held=held, quality=quality)
     write_sound(out, sound)
     result = {
         "path": str(out),
@@ -129,4 +118,4 @@ def listen(
             for i, (release, modes, decay) in enumerate(heard, 1)
         ),
     ]
-    return common.answer(json, result, lines)
+    return output.answer(result, lines)

@@ -36,6 +36,8 @@ from sautereau.commands import (
     transient,
     watch,
 )
+from sautereau.commands.output import fail
+from sautereau.commands.signals import ignore_signals
 
 app = App(
     name="sautereau",
@@ -73,7 +75,7 @@ for command in (
     simulate.trade,
     setup.doctor,
 ):
-    app.command(command)
+    app.command(common.run(command))
 app.register_install_completion_command()
 
 
@@ -88,23 +90,23 @@ def main() -> None:
         status = app(print_error=False, exit_on_error=False)
     except CycloptsError as error:
         command = " ".join(["sautereau", *(error.command_chain or ())])
-        status = common.fail(as_json, f"{_usage_fault(error)}\nSee: {command} --help", 2)
+        status = fail(as_json, f"{_usage_fault(error)}\nSee: {command} --help", 2)
     except BrokenPipeError:
         sys.stderr.close()  # the reader of the output has ended: no message would be read
         status = 1
     except KeyboardInterrupt as error:
-        common.ignore_signals()
+        ignore_signals()
         given = str(error)
         number = signal.Signals[given] if given in signal.Signals.__members__ else signal.SIGINT
         message = _with_notes("interrupted", *_interrupts(error))
-        status = common.fail(as_json, message, 128 + number)
+        status = fail(as_json, message, 128 + number)
     except Exception as error:
         from sautereau.rig.errors import SautereauError
 
         if isinstance(error, SautereauError | OSError):
-            status = common.fail(as_json, _with_notes(str(error), error))
+            status = fail(as_json, _with_notes(str(error), error))
         elif as_json:
-            status = common.fail(True, f"bug: {error!r}", traceback=traceback.format_exc())
+            status = fail(True, f"bug: {error!r}", traceback=traceback.format_exc())
         else:
             raise
     sys.exit(status)

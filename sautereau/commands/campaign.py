@@ -7,6 +7,7 @@ from cyclopts import Parameter
 
 from sautereau.analysis.summary.text import SOME_SIMULATED
 from sautereau.commands import common
+from sautereau.commands.output import FileOutput, Output
 
 SHOWN = 20
 """Faulty recordings that the text lists; JSON lists all."""
@@ -16,13 +17,13 @@ def campaign(
     folder: Path,
     /,
     *,
-    out: common.OutFile,
+    out: Annotated[Path, "FILE"],
     processes: Annotated[
         int | None,
         Parameter(help="Number of processes. Default: one per core, fewer for few recordings."),
     ] = None,
     cluster: Annotated[str | None, Parameter(help="Address of a Dask scheduler.")] = None,
-    json: common.Json = False,
+    output: Output = Output(),
 ) -> int:
     """Write one table of the features of all recordings in a folder.
 
@@ -34,16 +35,14 @@ def campaign(
     folder
         Folder of recordings; its subfolders are searched, too.
     out
-        Parquet file of the table.
+        Parquet file of the table, which is continued if it exists.
     """
     from sautereau.analysis.campaign.run import run_campaign
 
     if processes is not None and cluster is not None:
-        return common.fail(
-            json, "--processes and --cluster exclude each other; give one of them", 2
-        )
+        return output.fail("--processes and --cluster exclude each other; give one of them", 2)
     where = processes if cluster is None else cluster
-    with common.signals_stop(), common.fraction_bar() as show:
+    with output.progress("reading recordings") as show:
         made = run_campaign(folder, out, where, on_read=lambda done, total: show(done / total))
     found = made.campaign
     presses, faults = len(found.table), found.faults
@@ -66,7 +65,7 @@ def campaign(
     lines += [f"omitted: {f.source.path}: {f.text}" for f in faults[:SHOWN]]
     if len(faults) > SHOWN:
         lines.append(f"omitted: {len(faults) - SHOWN} more; --json lists all")
-    return common.answer(json, result, lines)
+    return output.answer(result, lines)
 
 
 def touch(
@@ -75,7 +74,7 @@ def touch(
     *,
     labels: Path | None = None,
     plot: common.Picture = None,
-    json: common.Json = False,
+    output: FileOutput = FileOutput(),
 ) -> int:
     """Show how the force at the key depends on the plectrum's shape, and what musicians feel.
 
@@ -104,4 +103,4 @@ def touch(
         from sautereau.analysis.figures.touch import touch_figure
 
         touch_figure(found).savefig(plot, dpi=120)
-    return common.answer(json, result, lines, plot)
+    return output.answer(result, lines, plot)

@@ -1,17 +1,18 @@
-"""Shared by the commands: parameters, answers and errors, and the bench that they run on."""
+"""Shared by the commands: their parameters, and the bench and recordings that they name."""
 
-import signal
-import sys
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+import inspect
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from itertools import count
+from functools import wraps
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, get_args
 
-from cyclopts import Parameter
+from cyclopts import Parameter, Token
 
 from sautereau.analysis.model.plectrum.levels import levels_help
+from sautereau.commands.log import logged
+from sautereau.commands.output import FileOutput, Output
+from sautereau.commands.signals import signals_stop
 
 if TYPE_CHECKING:
     from sautereau.entrance.bench import Bench
@@ -20,15 +21,20 @@ if TYPE_CHECKING:
     from sautereau.sim_backend.scene import Scene
 
 OutFile = Annotated[Path, "FILE"]
+"""A file that a command writes: `run` refuses an existing one."""
 OutFolder = Annotated[Path, "FOLDER"]
-"""The text names the value in the message for a missing option."""
-Json = Annotated[bool, Parameter(help="Print one JSON object, in SI units.")]
+"""The texts name the value in the message for a missing option."""
+Files = Annotated[list[Path], Parameter(help="Recordings, folders of sessions, or patterns.")]
+Number = Parameter(name=["-n", "--number"])
+Notes = Annotated[str, Parameter(help="Operator's notes, saved in every recording.")]
+FeedForward = Annotated[
+    Path | None,
+    Parameter(help="Recording of an earlier press, for torques against its measured force."),
+]
 RigName = Annotated[str, Parameter(help="Path of a rig file, or name of a packaged one.")]
 Level = Annotated[str, Parameter(help=levels_help())]
 PICTURES = (".png", ".svg", ".pdf", ".jpg", ".webp", ".eps")
 """File extensions of the plots that can be written."""
-SCHEMA = 1
-"""Version of the JSON that commands print; raised when a key changes its name or meaning."""
 
 
 def _check_plot_path(_: object, path: Path | None) -> None:
@@ -45,6 +51,17 @@ def _check_plot_path(_: object, path: Path | None) -> None:
         raise ValueError(f"Plot {path}: {'; '.join(faults)}.")
 
 
+def _seconds(_: object, tokens: Sequence[Token]) -> float:
+    from sautereau.rig.units import parse_quantity
+
+    return parse_quantity(tokens[0].value, "s")
+
+
+def _check_duration(_: object, value: float | None) -> None:
+    if value is not None and not value >= 0:
+        raise ValueError("A duration is 0 s or longer.")
+
+
 def _check_seed(_: object, value: int | None) -> None:
     if value is not None and not 0 <= value < 2**63:
         raise ValueError("A seed is an integer from 0 to 2**63 - 1.")
@@ -54,7 +71,24 @@ Picture = Annotated[
     Path | None,
     Parameter(help="Save the plot here (.png, .svg, .pdf).", validator=_check_plot_path),
 ]
+Time = Annotated[float, "QUANTITY", Parameter(converter=_seconds)]
+"""A time with its unit, in s."""
+Duration = Annotated[Time, Parameter(validator=_check_duration)]
 Seed = Annotated[int | None, Parameter(validator=_check_seed)]
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class Recorded:
+    """What becomes of the presses of a session."""
+
+    out: OutFolder
+    """Folder for the recordings; nothing in it is overwritten."""
+    notes: Notes = ""
+    view: bool = False
+    """Show arm, acquisition, force and speed in the terminal during the session."""
+    live: bool = False
+    """Serve them to Foxglove on this machine."""
 
 
 @Parameter(name="*")
@@ -106,157 +140,41 @@ def bench(rig: "str | Rig", simulation: Simulation, *, moves: bool = True) -> "B
     return benches.bench(rig) if moves else benches.Bench(Own(rig))
 
 
-def opened(what: "list[Path]", *, samples: bool = False) -> "Session":
+def opened(what: list[Path], output: Output, *, samples: bool = False) -> "Session":
     """Open recordings, and read all of them.
 
     Args:
         what: Recordings, folders of sessions, or patterns.
+        output: Shows the progress.
         samples: Whether to keep all samples.
     """
     from sautereau.entrance.session import open
 
-    session = open(what)
-    with bar(len(session)) as step:
-        return session.read(step, samples=samples)
+    with output.progress("reading recordings"):
+        return open(what).read(samples=samples)
 
 
-@contextmanager
-def signals_stop() -> Iterator[None]:
-    """Raise KeyboardInterrupt on SIGTERM and on a closed terminal, as on Ctrl-C.
+def run(command: Callable[..., int]) -> Callable[..., int]:
+    """Return a command that signals stop, that logs, and that refuses existing files.
 
-    After one they still do, so that none of them ends the command before its message.
+    The files are its arguments of the types `OutFile` and `Picture`.
     """
+    signature = inspect.signature(command)
+    files = [name for name, one in signature.parameters.items() if _is_new_file(one.annotation)]
 
-    def interrupt(number: int, _frame: object) -> None:
-        raise KeyboardInterrupt(signal.Signals(number).name)
+    @wraps(command)
+    def started(*args: Any, **kwargs: Any) -> int:
+        given = signature.bind(*args, **kwargs)
+        given.apply_defaults()
+        output: Output = given.arguments["output"]
+        with signals_stop(), logged(output):
+            if not isinstance(output, FileOutput):
+                return command(*args, **kwargs)
+            with output.creating(*(given.arguments[name] for name in files)):
+                return command(*args, **kwargs)
 
-    before = _handle(("SIGTERM", "SIGHUP"), interrupt)
-    interrupted = False
-    try:
-        yield
-    except KeyboardInterrupt:
-        interrupted = True
-        raise
-    finally:
-        if not interrupted:
-            _restore(before)
-
-
-@contextmanager
-def on_signals(names: tuple[str, ...], handle: Callable[[int, Any], None]) -> Iterator[None]:
-    """Handle these signals, as far as the system has them, inside the context."""
-    before = _handle(names, handle)
-    try:
-        yield
-    finally:
-        _restore(before)
+    return started
 
 
-def ignore_signals() -> None:
-    """Ignore further interrupts: the command is about to end with its message."""
-    _handle(("SIGINT", "SIGTERM", "SIGHUP"), signal.SIG_IGN)
-
-
-def _handle(names: tuple[str, ...], handle: Any) -> dict[str, Any]:
-    known = [name for name in names if hasattr(signal, name)]
-    return {name: signal.signal(getattr(signal, name), handle) for name in known}
-
-
-def _restore(before: dict[str, Any]) -> None:
-    for name, handler in before.items():
-        signal.signal(getattr(signal, name), handler)
-
-
-@contextmanager
-def bar(total: int) -> Iterator[Callable[[], None]]:
-    """Yield a function that advances a progress bar by one step of several; see `fraction_bar`."""
-    steps = count(1)
-    with fraction_bar(shown=total > 1) as show:
-        yield lambda: show(next(steps) / total)
-
-
-@contextmanager
-def fraction_bar(shown: bool = True) -> Iterator[Callable[[float], None]]:
-    """Yield a function that sets a progress bar to a fraction; without a terminal, no bar."""
-    if not (shown and sys.stderr.isatty()):
-        yield lambda fraction: None
-        return
-    from rich.console import Console
-    from rich.progress import Progress
-
-    with Progress(console=Console(stderr=True), transient=True) as progress:
-        task = progress.add_task("", total=1.0)
-        yield lambda fraction: progress.update(task, completed=fraction)
-
-
-def json_text(result: dict[str, Any]) -> str:
-    import json
-
-    return json.dumps(result, indent=2, default=str, allow_nan=False)
-
-
-def answer(
-    as_json: bool, result: dict[str, Any], lines: list[str], picture: Path | None = None
-) -> int:
-    """Print the result of a command, and its plot's path: as JSON with its schema, or as lines.
-
-    Returns:
-        The exit status, 0.
-    """
-    if picture:
-        result, lines = result | {"picture": str(picture)}, [*lines, f"picture: {picture}"]
-    text = json_text({"schema": SCHEMA} | result) if as_json else "\n".join(lines)
-    sys.stdout.write(printable(text) + "\n")
-    return 0
-
-
-def say(as_text: bool, line: str) -> None:
-    """Print a line while a command runs, unless its answer is JSON."""
-    if as_text:
-        sys.stdout.write(printable(line) + "\n")
-        sys.stdout.flush()
-
-
-def warn(as_text: bool, *warnings: str) -> None:
-    """Print warnings on standard error, unless the answer is JSON, which holds them."""
-    if as_text:
-        sys.stderr.writelines(f"warning: {printable(warning)}\n" for warning in warnings)
-
-
-_CONTROL = {
-    code: f"\\x{code:02x}" for code in (*range(0x20), *range(0x7F, 0xA0)) if chr(code) not in "\n\t"
-} | {code: f"\\u{code:04x}" for code in (*range(0x202A, 0x202F), *range(0x2066, 0x206A))}
-
-
-def printable(text: str) -> str:
-    """Return a text with its control characters made visible.
-
-    Notes, names and file names come from files: an escape sequence in them must not reach the
-    terminal, nor a mark that changes the direction of writing.
-    """
-    return text.translate(_CONTROL)
-
-
-def write(path: Path, text: str) -> None:
-    from sautereau.rig.disk import write_durably
-
-    path.parent.mkdir(parents=True, exist_ok=True)
-    write_durably(path, text + "\n")
-
-
-def fail(as_json: bool, message: str, status: int = 1, **more: str) -> int:
-    """Report an error on standard error, as text or as one JSON object.
-
-    Args:
-        as_json: Whether `--json` was given.
-        message: The error and how to fix it.
-        status: Exit status: 1, or 2 for wrong usage.
-        more: Further keys of the JSON object.
-
-    Returns:
-        The status.
-    """
-    error = {"message": message, "status": status, **more}
-    text = json_text({"schema": SCHEMA, "error": error}) if as_json else f"sautereau: {message}"
-    sys.stderr.write(printable(text) + "\n")
-    return status
+def _is_new_file(annotation: Any) -> bool:
+    return annotation in (OutFile, Picture) or OutFile in get_args(annotation)

@@ -7,22 +7,21 @@ from cyclopts import Parameter
 
 from sautereau.analysis.summary.text import SOME_SIMULATED
 from sautereau.commands import common
+from sautereau.commands.output import FileOutput
 
 
 def phases(
-    files: list[Path],
+    files: common.Files,
     /,
     *,
     at: list[str] | None = None,
     plot: common.Picture = None,
-    json: common.Json = False,
+    output: FileOutput = FileOutput(),
 ) -> int:
     """Find contact and release of every string in recorded presses, with uncertainties.
 
     Parameters
     ----------
-    files
-        Recordings, folders of sessions, or patterns.
     at
         Contact and release of a pluck set by hand, "52.1 ms +- 0.3 ms to 72.05 ms +- 0.05 ms";
         repeat it for several; "none" for a press without a pluck. They are stored beside the one
@@ -40,23 +39,23 @@ def phases(
                 " none; give one file"
             )
         write_by_hand(files[0], [] if at == ["none"] else at)
-    session = common.opened(files)
+    session = common.opened(files, output)
     warnings = [f"{p.path}: {warning}" for p in session for warning in p.analysed.warnings]
     lines = [HEADER, *(press_line(p.analysed.press, p.phases) for p in session), *warnings]
     if plot:
         session.plot().savefig(plot, dpi=120)
-    return common.answer(json, {"files": [p.document for p in session]}, lines, plot)
+    return output.answer({"files": [p.document for p in session]}, lines, plot)
 
 
 def compare(
-    files: list[Path],
+    files: common.Files,
     /,
     *,
     against: Annotated[list[Path] | None, Parameter(consume_multiple=True)] = None,
     rig: str | None = None,
     level: common.Level = "elastica",
     plot: common.Picture = None,
-    json: common.Json = False,
+    output: FileOutput = FileOutput(),
 ) -> int:
     """Compare recorded presses with the model, and with those of another set.
 
@@ -64,8 +63,6 @@ def compare(
 
     Parameters
     ----------
-    files
-        Recordings, folders of sessions, or patterns.
     against
         Another set of recordings: its features are subtracted from those of the first, with
         95 % intervals.
@@ -76,19 +73,21 @@ def compare(
     from sautereau.analysis.errors import AnalysisError
 
     bench = common.load_rig(rig) if rig else None
-    other = common.opened(against) if against else None
-    found = common.opened(files).compare(other, rig=bench, level=level)
+    other = common.opened(against, output) if against else None
+    session = common.opened(files, output)
+    with output.progress("predicting"):
+        found = session.compare(other, rig=bench, level=level)
     conditions = found.found.conditions
     if not (other or any(condition.comparison for condition in conditions)):
         raise AnalysisError("\n".join(w for condition in conditions for w in condition.warnings))
     lines = [*([SOME_SIMULATED] * found.found.simulated), *found.lines()]
     if plot:
         found.plot().savefig(plot, dpi=120)
-    return common.answer(json, found.document, lines, plot)
+    return output.answer(found.document, lines, plot)
 
 
 def identify(
-    files: list[Path],
+    files: common.Files,
     /,
     *,
     free: Annotated[str, "NAMES"],
@@ -97,17 +96,17 @@ def identify(
     starts: int = 3,
     robust: bool = False,
     profile: bool = False,
-    verbose: Annotated[bool, Parameter(name=["-v", "--verbose"])] = False,
-    out: common.OutFile | None = None,
+    out: Path | None = None,
     plot: common.Picture = None,
-    json: common.Json = False,
+    output: FileOutput = FileOutput(),
 ) -> int:
     """Fit unknown values of the rig to recorded presses, and report which are identifiable.
 
+    The recordings are of one instrument. With --verbose, the text lists what each fixed number of
+    the rig does to the results.
+
     Parameters
     ----------
-    files
-        Recordings of one instrument, folders of sessions, or patterns.
     free
         Parameters to fit, separated by commas: plectrum.overlap,key.inertia.
     prior
@@ -120,23 +119,26 @@ def identify(
         Weight large residuals linearly instead of quadratically.
     profile
         Compute 95 % intervals by profile likelihood, too; this takes longer.
-    verbose
-        List what each fixed number of the rig does to the results.
     out
-        Rig file for the identifiable values of a model that fits. Other values of an existing
-        file stay; a new file is written from the recordings' rig.
+        Rig file for the identifiable values of a model that fits: a new one, written from the
+        recordings' rig, or with --force an existing one, whose other values stay.
     """
+    from sautereau.rig.progress import tracked
+
     names = [name.strip() for name in free.split(",") if name.strip()]
-    session = common.opened(files, samples=True)
-    fit = session.identify(names, prior or (), level=level, starts=starts, robust=robust)
-    profiles = [fit.profile(e.name) for e in fit.found.estimates] if profile else []
-    result, lines = fit.document(profiles), fit.lines(profiles, every=verbose)
+    output.refuse(out)
+    session = common.opened(files, output, samples=True)
+    with output.progress("fitting"):
+        fit = session.identify(names, prior or (), level=level, starts=starts, robust=robust)
+    profiles = []
+    if profile:
+        with output.progress("profile likelihood"):
+            profiles = [fit.profile(e.name) for e in tracked(fit.found.estimates)]
+    result, lines = fit.document(profiles), fit.lines(profiles, every=output.verbose)
     if plot:
         fit.plot().savefig(plot, dpi=120)
-        result["picture"] = str(plot)
-        lines.append(f"picture: {plot}")
     if out:
         fit.write(out)
         result |= {"rig": str(out), "written": fit.values}
         lines.append(f"rig:     {out}, with {', '.join(fit.values) or 'nothing new'}")
-    return common.answer(json, result, lines)
+    return output.answer(result, lines, plot)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter
 
 from sautereau.commands import common
+from sautereau.commands.output import FileOutput
 from sautereau.daq.convert.options import ImportOptions
 
 if TYPE_CHECKING:
@@ -26,12 +27,12 @@ def import_(
     /,
     *,
     rig: str | None = None,
-    out: common.OutFile,
+    out: Annotated[Path, "FILE"],
     notes: str = "",
     profile: Path | None = None,
-    save_profile: Path | None = None,
+    save_profile: common.OutFile | None = None,
     unstated: Annotated[Unstated, Parameter(name="*")] = Unstated(),
-    json: common.Json = False,
+    output: FileOutput = FileOutput(),
 ) -> int:
     """Import files of other programs as recordings.
 
@@ -43,7 +44,7 @@ def import_(
     rig
         Path of a rig file, or name of a packaged one: it holds the sensors' calibrations.
     out
-        Recording to write, or existing folder for several; nothing is overwritten.
+        Recording to write, or existing folder for several.
     notes
         Operator's notes, saved in the recording.
     profile
@@ -55,6 +56,7 @@ def import_(
     from sautereau.daq.convert.profile import load_profile
     from sautereau.daq.convert.profile import save_profile as write_profile
     from sautereau.daq.errors import RecordingError
+    from sautereau.rig.progress import tracked
 
     options: ImportOptions = unstated
     if profile is not None:
@@ -63,22 +65,23 @@ def import_(
     bench = None if rig is None else common.load_rig(rig)
     done: list[Imported] = []
     faults: list[str] = []
-    with common.bar(len(files)) as step:
-        for file, target in targets(files, out):
+    pairs = targets(files, out)
+    made = (target for _, target in pairs)
+    with output.creating(*made), output.progress("importing"):
+        for file, target in tracked(pairs):
             try:
                 done.append(import_file(file, target, rig=bench, options=options, notes=notes))
             except RecordingError as error:
                 if len(files) == 1:
                     raise
                 faults.append(str(error))
-            step()
     if save_profile is not None and not faults:
         write_profile(save_profile, options, rig)
     lines = [line for imported in done for line in _lines(imported)]
     lines += [f"not imported: {fault}" for fault in faults]
     found = [asdict(imported) for imported in done]
     several = {"imports": found, "faults": faults}
-    common.answer(json, found[0] if len(files) == 1 else several, lines)
+    output.answer(found[0] if len(files) == 1 else several, lines)
     return 1 if faults else 0
 
 

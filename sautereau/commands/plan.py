@@ -2,11 +2,10 @@
 
 from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated, Any
-
-from cyclopts import Parameter
+from typing import Any
 
 from sautereau.commands import common
+from sautereau.commands.output import FileOutput, json_text
 
 
 def plan(
@@ -15,10 +14,11 @@ def plan(
     out: common.OutFile | None = None,
     plot: common.Picture = None,
     bench: common.Picture = None,
-    verbose: Annotated[bool, Parameter(name=["-v", "--verbose"])] = False,
-    json: common.Json = False,
+    output: FileOutput = FileOutput(),
 ) -> int:
     """Plan one press and check it.
+
+    The text has the five tightest checks, with --verbose all of them.
 
     Parameters
     ----------
@@ -26,8 +26,6 @@ def plan(
         File for the controller's segments, as JSON; written only if every check passes.
     bench
         Save a drawing of the bench to scale here (.png, .svg, .pdf).
-    verbose
-        Print all checks instead of the five tightest.
     """
     from sautereau.analysis.summary.plan import plan_lines, plan_summary
     from sautereau.entrance.rig import Rig
@@ -36,11 +34,11 @@ def plan(
     made = Rig(rig).plan()
     nominal, draft, warnings = made.rig, made.trajectory, made.warnings
     result = plan_summary(draft, warnings)
-    lines = plan_lines(nominal, draft, warnings, all_checks=verbose)
+    lines = plan_lines(nominal, draft, warnings, all_checks=output.verbose)
     if out and made.feasible:
         period = nominal.controller.sample_period
         document = segments_document(draft.segments, period, draft.home, draft.hover)
-        common.write(out, common.json_text(document))
+        _write(out, json_text(document))
         lines.append(f"segments: {out}")
     if plot:
         made.plot().savefig(plot, dpi=110)
@@ -50,11 +48,18 @@ def plan(
 
         bench_figure(nominal, draft).savefig(bench, dpi=120)
         lines.append(f"bench: {bench}")
-    common.answer(json, result, lines)
+    output.answer(result, lines)
     if not made.feasible:
         faults = (f"{c}; {c.how_to_fix}" for c in draft.checks if not c.holds)
-        return common.fail(json, "\n  ".join(["the press is not feasible:", *faults]))
+        return output.fail("\n  ".join(["the press is not feasible:", *faults]))
     return 0
+
+
+def _write(path: Path, text: str) -> None:
+    from sautereau.rig.disk import make_folder, write_durably
+
+    make_folder(path.parent)
+    write_durably(path, text + "\n")
 
 
 def mount(
@@ -63,7 +68,7 @@ def mount(
     plot: common.Picture = None,
     touches: Path | None = None,
     trust_homing: bool = False,
-    json: common.Json = False,
+    output: FileOutput = FileOutput(),
 ) -> int:
     """Find where to clamp the robot, or from touches where it is clamped.
 
@@ -92,14 +97,16 @@ def mount(
         located = locate_base(bench, np.array(read.joints), np.array(read.points), offsets=offsets)
         result["located"] = located_summary(located)
         lines += located_lines(located)
-    found = find_mount(bench)
+    with output.progress("finding places"):
+        found = find_mount(bench)
     result |= asdict(found)
     lines += mount_lines(bench, found)
     if plot:
         from sautereau.analysis.figures.mount import mount_figure
 
-        mount_figure(bench, mount_map(bench), found).savefig(plot, dpi=120)
-    return common.answer(json, result, lines, plot)
+        with output.progress("drawing the map"):
+            mount_figure(bench, mount_map(bench), found).savefig(plot, dpi=120)
+    return output.answer(result, lines, plot)
 
 
 def predict(
@@ -107,12 +114,14 @@ def predict(
     *,
     level: common.Level = "elastica",
     plot: common.Picture = None,
-    json: common.Json = False,
+    output: FileOutput = FileOutput(),
 ) -> int:
     """Predict a press by the model alone; the plot shows all plectrum models."""
     from sautereau.entrance.rig import Rig
 
-    found = Rig(rig).predict(level=level)
+    with output.progress("predicting"):
+        found = Rig(rig).predict(level=level)
     if plot:
-        found.plot().savefig(plot, dpi=120)
-    return common.answer(json, found.scalars, str(found).splitlines(), plot)
+        with output.progress("predicting by all plectrum models"):
+            found.plot().savefig(plot, dpi=120)
+    return output.answer(found.scalars, str(found).splitlines(), plot)

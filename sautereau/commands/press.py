@@ -4,39 +4,30 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
-
-from cyclopts import Parameter
+from typing import TYPE_CHECKING, Annotated, Any
 
 from sautereau.commands import common
+from sautereau.commands.output import Output
+from sautereau.commands.signals import on_signals
 
 if TYPE_CHECKING:
-    from sautereau.entrance.pressing import Pressing
+    from sautereau.entrance.bench import Bench
+    from sautereau.entrance.pressing import Settings
     from sautereau.robot.experiment.control import Control
-
-
-def _is_time(_: object, text: str) -> None:
-    from sautereau.rig.units import parse_quantity
-
-    if parse_quantity(text, "s") < 0:
-        raise ValueError(f"The rest must be 0 s or longer, not {text!r}.")
 
 
 def press(
     rig: common.RigName = "paper",
     *,
-    n: Annotated[int, Parameter(name=["-n", "--number"])] = 1,
+    n: Annotated[int, common.Number] = 1,
     table: Path | None = None,
     warm_up: int = 0,
-    rest: Annotated[str, Parameter(validator=_is_time)] = "0 s",
+    rest: common.Duration = 0.0,
     learned: Path | None = None,
-    feed_forward: Path | None = None,
-    out: common.OutFolder,
-    notes: str = "",
-    view: bool = False,
-    live: bool = False,
+    feed_forward: common.FeedForward = None,
+    recorded: common.Recorded,
     simulation: common.Simulation = common.Simulation(),
-    json: common.Json = False,
+    output: Output = Output(),
 ) -> int:
     r"""Press the key n times, record each press, and compare them with the model.
 
@@ -57,30 +48,12 @@ def press(
         Time between presses: "2 s".
     learned
         Correction of the trajectory, written by `sautereau learn`.
-    feed_forward
-        Recording of an earlier press, for feed-forward torques against its measured force.
-    out
-        Folder for the recordings; nothing in it is overwritten.
-    notes
-        Operator's notes, saved in every recording.
-    view
-        Show arm, acquisition, force and speed in the terminal during the session.
-    live
-        Serve them to Foxglove on this machine.
     """
-    from sautereau.entrance.pressing import Pressing, Table
+    from sautereau.entrance.pressing import Settings, Table
 
-    pressing = Pressing(
-        common.bench(rig, simulation),
-        Table(table, n) if table else n,
-        out,
-        warm_up=warm_up,
-        rest=rest,
-        notes=notes,
-        learned=learned,
-        feed_forward=feed_forward,
-    )
-    return _run(pressing, json, view=view, live=live)
+    settings = Settings(warm_up, rest, recorded.notes, learned, feed_forward)
+    what = Table(table, n) if table else n
+    return _run(common.bench(rig, simulation), what, settings, recorded, output)
 
 
 def replay(
@@ -88,13 +61,10 @@ def replay(
     /,
     rig: common.RigName = "paper",
     *,
-    n: Annotated[int, Parameter(name=["-n", "--number"])] = 1,
-    out: common.OutFolder,
-    notes: str = "",
-    view: bool = False,
-    live: bool = False,
+    n: Annotated[int, common.Number] = 1,
+    recorded: common.Recorded,
     simulation: common.Simulation = common.Simulation(),
-    json: common.Json = False,
+    output: Output = Output(),
 ) -> int:
     """Press again what was pressed in a recording, n times, and record it.
 
@@ -107,32 +77,26 @@ def replay(
         Recording of the press.
     n
         Number of presses.
-    out
-        Folder for the recordings; nothing in it is overwritten.
-    notes
-        Operator's notes, saved in every recording.
-    view
-        Show arm, acquisition, force and speed in the terminal during the session.
-    live
-        Serve them to Foxglove on this machine.
     """
-    from sautereau.entrance.pressing import Pressing, Replay
+    from sautereau.entrance.pressing import Replay, Settings
 
-    bench = common.bench(rig, simulation)
-    pressing = Pressing(bench, Replay(recording, n), out, notes=notes)
-    return _run(pressing, json, view=view, live=live)
+    what, settings = Replay(recording, n), Settings(notes=recorded.notes)
+    return _run(common.bench(rig, simulation), what, settings, recorded, output)
 
 
-def _run(pressing: "Pressing", as_json: bool, *, view: bool, live: bool) -> int:
+def _run(
+    bench: "Bench", what: Any, settings: "Settings", recorded: common.Recorded, output: Output
+) -> int:
     """Run a session, and print every press of it and its analysis."""
     from sautereau.commands.session import SessionReport
+    from sautereau.entrance.pressing import Pressing
 
-    common.warn(not as_json, *pressing.planner.warnings)
-    report = SessionReport(pressing, as_json, view=view, live=live)
-    with common.signals_stop():
-        with _pausing(pressing.bench.control):
-            pressing.run(report)
-        report.end()
+    pressing = Pressing(bench, what, recorded.out, settings)
+    output.warn(*pressing.planner.warnings)
+    report = SessionReport(pressing, output, view=recorded.view, live=recorded.live)
+    with _pausing(bench.control):
+        pressing.run(report)
+    report.end()
     return 0
 
 
@@ -147,5 +111,5 @@ def _pausing(control: "Control") -> Iterator[None]:
             control.pause()
             sys.stderr.write("pausing after this press; the same key continues, Ctrl-C ends\n")
 
-    with common.on_signals(("SIGQUIT", "SIGBREAK"), toggle):
+    with on_signals(("SIGQUIT", "SIGBREAK"), toggle):
         yield

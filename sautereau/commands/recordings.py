@@ -5,9 +5,10 @@ from pathlib import Path
 from typing import Literal
 
 from sautereau.commands import common
+from sautereau.commands.output import FileOutput, Output
 
 
-def info(file: Path, /, *, json: common.Json = False) -> int:
+def info(file: Path, /, *, output: Output = Output()) -> int:
     """Describe a recording, complete or damaged.
 
     Parameters
@@ -24,10 +25,12 @@ def info(file: Path, /, *, json: common.Json = False) -> int:
             lines += [f"{name}:", *(f"  {key}: {item}" for key, item in value.items())]
         else:
             lines.append(f"{name}: {value}")
-    return common.answer(json, dict(found), lines)
+    return output.answer(dict(found), lines)
 
 
-def recover(file: Path, /, *, out: common.OutFile | None = None, json: common.Json = False) -> int:
+def recover(
+    file: Path, /, *, out: common.OutFile | None = None, output: FileOutput = FileOutput()
+) -> int:
     """Write a valid recording with everything that is readable in a damaged one.
 
     The damaged file is not changed. No sample is invented: missing samples are reported.
@@ -37,50 +40,50 @@ def recover(file: Path, /, *, out: common.OutFile | None = None, json: common.Js
     file
         Damaged recording: truncated, or with changed bytes.
     out
-        New recording, which must not exist yet. Default: the name without .part, or
-        NAME-recovered.mcap.
+        New recording. Default: the name without .part, or NAME-recovered.mcap.
     """
-    from sautereau.daq.file.recovery import recover
+    from sautereau.daq.file.recovery import recover, recovered_path
 
-    found = recover(file, out)
+    with output.creating(None if out else recovered_path(file)):
+        found = recover(file, out)
     lines = [f"{found.path}: recovered from {file}; {found.damage}"]
     lines += [f"{name}: {count} samples" for name, count in found.samples.items()]
     lines += [str(gap) for gap in found.gaps] or ["nothing is missing"]
     result = {key: value for key, value in asdict(found).items() if key != "gaps"}
-    return common.answer(json, result | {"missing": [gap.document() for gap in found.gaps]}, lines)
+    return output.answer(result | {"missing": [gap.document() for gap in found.gaps]}, lines)
 
 
 def export(
-    files: list[Path],
+    files: common.Files,
     /,
     *,
     to: Literal["parquet", "csv", "h5", "wav", "tdms"],
     out: Path | None = None,
     raw: bool = False,
-    json: common.Json = False,
+    output: FileOutput = FileOutput(),
 ) -> int:
     """Export recordings to Parquet, CSV, HDF5, WAV or TDMS.
 
     Parameters
     ----------
-    files
-        Recordings.
     to
         Format. The metadata of a CSV or WAV file are beside it, in NAME.csv.json.
     out
-        File to write, or folder for several. Default: beside each recording. Nothing is
-        overwritten.
+        File to write, or existing folder for several. Default: beside each recording.
     raw
         Write raw volts only, without values in SI units.
     """
     from sautereau.daq.convert.export import export as export_recording
-    from sautereau.daq.convert.export import targets
+    from sautereau.daq.convert.export import files_of, targets
+    from sautereau.entrance.session import open
+    from sautereau.rig.progress import tracked
 
     written: list[Path] = []
-    with common.bar(len(files)) as step:
-        for file, target in targets(files, to, out):
+    pairs = targets([press.path for press in open(files)], to, out)
+    made = [path for _, file in pairs for path in files_of(to, file)]
+    with output.creating(*made), output.progress("exporting"):
+        for file, target in tracked(pairs):
             written += export_recording(file, to, target, raw=raw)
-            step()
-    return common.answer(
-        json, {"files": [str(path) for path in written]}, [str(path) for path in written]
+    return output.answer(
+        {"files": [str(path) for path in written]}, [str(path) for path in written]
     )

@@ -7,12 +7,13 @@ from typing import Any
 
 from sautereau.analysis.figures.comparison import PICTURED
 from sautereau.analysis.summary.press import HEADER, press_line
-from sautereau.commands import common
 from sautereau.commands.live.watching import watching
+from sautereau.commands.output import Output
 from sautereau.entrance.comparison import Comparison
 from sautereau.entrance.devices import Connected
+from sautereau.entrance.press_file import PressFile
 from sautereau.entrance.pressing import Observer, Pressing
-from sautereau.entrance.session import PressFile, Session
+from sautereau.entrance.session import Session
 from sautereau.robot.experiment.monitor import Watch
 from sautereau.robot.experiment.run import Place
 from sautereau.robot.experiment.session_folder import SessionFolder
@@ -21,8 +22,8 @@ from sautereau.robot.experiment.session_folder import SessionFolder
 class SessionReport(Observer):
     """Prints every press of a session when it is recorded, and a summary at the end."""
 
-    def __init__(self, pressing: Pressing, as_json: bool, *, view: bool, live: bool):
-        self._pressing, self._json = pressing, as_json
+    def __init__(self, pressing: Pressing, output: Output, *, view: bool, live: bool):
+        self._pressing, self._output = pressing, output
         self._view, self._live = view, live
         self._show: Callable[[float], None] = lambda fraction: None
         self._warnings = pressing.planner.warnings
@@ -35,33 +36,33 @@ class SessionReport(Observer):
         total = self._pressing.plan.total
         if folder.resumed:
             of = "" if total is None else f" of {total}"
-            self._say(
+            self._output.say(
                 f"session {folder.session}: {len(folder.done)}{of} presses are in {folder.path}"
             )
         for path in folder.left_behind:
-            self._say(f"not changed: {path}, of an interrupted press")
+            self._output.say(f"not changed: {path}, of an interrupted press")
         for path in folder.incomplete:
             text = f"{path} is not a complete press; it is kept, and the press is made again"
             self._warnings.append(text)
-            common.warn(not self._json, text)
+            self._output.warn(text)
         if folder.others:
-            self._say(f"not changed: {folder.others} recordings of other sessions")
+            self._output.say(f"not changed: {folder.others} recordings of other sessions")
 
     def on(self, bench: Connected) -> None:
         """Print the bench of the next presses."""
         self._reached = bench.reached
         if not self._headed:
-            self._say(f"rig {bench.rig.name} on {bench.where}")
+            self._output.say(f"rig {bench.rig.name} on {bench.where}")
             if bench.reached:
-                self._say(bench.reached)
-            self._say(HEADER)
+                self._output.say(bench.reached)
+            self._output.say(HEADER)
             self._headed = True
 
     def pressed(self, place: Place, path: Path) -> None:
         """Analyse a press, and print its results."""
         press = self._presses[place.number] = PressFile(path)
         analysed = press.analysed
-        self._say(press_line(analysed.press, analysed.phases) + "  warm-up" * place.warm_up)
+        self._output.say(press_line(analysed.press, analysed.phases) + "  warm-up" * place.warm_up)
         if total := self._pressing.plan.total:
             self._show(len(self._pressing.folder.done) / total)
 
@@ -71,7 +72,7 @@ class SessionReport(Observer):
         where = self._pressing.bench.where
         bar = not self._view and (self._pressing.plan.total or 0) > 1
         with (
-            common.fraction_bar(bar) as self._show,
+            self._output.progress("pressing", shown=bar) as self._show,
             watching(where, in_terminal=self._view, to_foxglove=self._live) as watch,
         ):
             yield watch
@@ -81,8 +82,8 @@ class SessionReport(Observer):
         folder, run = self._pressing.folder, self._pressing.result
         numbers = sorted(folder.done)
         session = Session(self._presses.get(n) or PressFile(folder.done[n]) for n in numbers)
-        with common.bar(len(session)) as step:
-            session.read(step)
+        with self._output.progress("reading recordings"):
+            session.read()
         total, to_set = self._pressing.plan.total, run.to_set
         left = None if total is None else total - len(numbers)
         result: dict[str, Any] = {
@@ -114,10 +115,7 @@ class SessionReport(Observer):
             needed = f"set {values} on the instrument" if to_set else f"answer: {run.unanswered}"
             presses = "presses are" if left is None else f"{left} press{'es' * (left > 1)}"
             lines.append(f"{presses} left: {needed}, then run the same command again")
-        common.answer(self._json, result, lines)
-
-    def _say(self, line: str) -> None:
-        common.say(not self._json, line)
+        self._output.answer(result, lines)
 
 
 def _pictures(compared: Comparison, folder: Path) -> list[Path]:

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from sautereau.commands import common
+from sautereau.commands.output import FileOutput, Output
 
 if TYPE_CHECKING:
     from sautereau.rig.edit import Edit, TomlValue
@@ -21,24 +22,21 @@ StepName = Literal[
 ]
 
 
-def init(file: Path = Path("my-rig.toml"), /, *, json: common.Json = False) -> int:
+def init(
+    file: common.OutFile = Path("my-rig.toml"), /, *, output: FileOutput = FileOutput()
+) -> int:
     """Write a new rig file that explains every key: its meaning, unit and limits.
 
     Parameters
     ----------
     file
-        New file, which must not exist yet.
+        New file.
     """
     from sautereau.rig.disk import write_durably
-    from sautereau.rig.errors import RigError
     from sautereau.rig.text import commented_rig
 
-    try:
-        write_durably(file, commented_rig(), new=True)
-    except FileExistsError as error:
-        raise RigError(f"rig file {file} already exists; give another name") from error
-    return common.answer(
-        json,
+    write_durably(file, commented_rig(), new=True)
+    return output.answer(
         {"path": str(file)},
         [
             f"rig file: {file}, with the numbers of the packaged rig `paper`",
@@ -47,7 +45,7 @@ def init(file: Path = Path("my-rig.toml"), /, *, json: common.Json = False) -> i
     )
 
 
-def doctor(rig: common.RigName = "paper", *, json: common.Json = False) -> int:
+def doctor(rig: common.RigName = "paper", *, output: Output = Output()) -> int:
     """Show what is installed, connected and missing, and how to fix it."""
     from sautereau.doctor import examine
 
@@ -57,7 +55,7 @@ def doctor(rig: common.RigName = "paper", *, json: common.Json = False) -> int:
         lines.append(f"{'ok     ' if finding.ok else 'MISSING'} {finding.name}: {finding.detail}")
         if not finding.ok:
             lines.append(f"        fix: {finding.how_to_fix}")
-    return common.answer(json, {"checks": [asdict(finding) for finding in found]}, lines)
+    return output.answer({"checks": [asdict(finding) for finding in found]}, lines)
 
 
 def setup(
@@ -68,7 +66,7 @@ def setup(
     save: bool = False,
     recording: list[Path] | None = None,
     simulation: common.Simulation = common.Simulation(),
-    json: common.Json = False,
+    output: Output = Output(),
 ) -> int:
     """Set up the bench: find the controller, home, check, touch the key, dry run.
 
@@ -92,50 +90,48 @@ def setup(
     from sautereau.robot.experiment.setup.steps import make_steps
 
     if not yes and not recording and not sys.stdin.isatty():
-        return common.fail(
-            json, "setup asks before motions: run it on a terminal, or give --yes", 2
-        )
+        return output.fail("setup asks before motions: run it on a terminal, or give --yes", 2)
     if save and not Path(rig).is_file():
-        return common.fail(json, f"--save: {rig} is not a file; write one with `sautereau init`", 2)
+        return output.fail(f"--save: {rig} is not a file; write one with `sautereau init`", 2)
     if recording:
-        return _tapped(step, rig, recording, save, yes, json)
+        return _tapped(step, rig, recording, save, yes, output)
     served = common.bench(rig, simulation)
     if yes and not simulation.requested and step in ("all", "verify"):
-        return common.fail(json, "setup verify needs an operator: give it without --yes", 2)
+        return output.fail("setup verify needs an operator: give it without --yes", 2)
     values: dict[str, TomlValue] = {}
     steps: dict[str, Any] = {}
     nominal = served.rig.values
     if simulation.requested:
         nominal = with_values(nominal, {"controller.timeout": _TIMEOUT})
-    with common.signals_stop(), served.connected(nominal) as bench:
+    with served.connected(nominal) as bench:
         simulated = bool(bench.scene)
         for name, found in make_steps(bench.rig, _Operator(yes), None if step == "all" else step):
             of_bench = dict(found.values)
             if simulated:  # the port is the stand-in's
                 of_bench = {k: v for k, v in of_bench.items() if not k.startswith("controller.")}
             values |= of_bench
-            steps[name] = _shown(name, found, as_text=not json)
-    return _closed(rig, steps, values, simulated, save, yes, json)
+            steps[name] = _shown(name, found, output)
+    return _closed(rig, steps, values, simulated, save, yes, output)
 
 
 def _tapped(
-    step: str, rig: str, recordings: list[Path], save: bool, agreed: bool, json: bool
+    step: str, rig: str, recordings: list[Path], save: bool, agreed: bool, output: Output
 ) -> int:
     """Find the modes of a key in recordings of taps."""
     if step != "tap":
-        return common.fail(json, f"--recording: only the step tap reads recordings, not {step}", 2)
+        return output.fail(f"--recording: only the step tap reads recordings, not {step}", 2)
     from sautereau.robot.experiment.setup.tap import modes_of_recordings
 
     found = modes_of_recordings(recordings)
-    steps = {"tap": _shown("tap", found, as_text=not json)}
-    return _closed(rig, steps, dict(found.values), False, save, agreed, json)
+    steps = {"tap": _shown("tap", found, output)}
+    return _closed(rig, steps, dict(found.values), False, save, agreed, output)
 
 
-def _shown(name: str, found: "Found", *, as_text: bool) -> dict[str, Any]:
+def _shown(name: str, found: "Found", output: Output) -> dict[str, Any]:
     """Print the results of a step, and return them for the JSON."""
     for line in found.lines:
-        common.say(as_text, line)
-    common.warn(as_text, *(f"{name}: {warning}" for warning in found.warnings))
+        output.say(line)
+    output.warn(*(f"{name}: {warning}" for warning in found.warnings))
     return {
         "lines": list(found.lines),
         "values": dict(found.values),
@@ -151,14 +147,14 @@ def _closed(
     simulated: bool,
     save: bool,
     agreed: bool,
-    json: bool,
+    output: Output,
 ) -> int:
     """Write the values into the rig file if the operator agrees, and answer."""
     from sautereau.rig.edit import edit_rig
 
     source = f"sautereau setup, {date.today().isoformat()}"
     edit = edit_rig(rig, values, source) if values and Path(rig).is_file() else None
-    saved = edit is not None and _save(edit, save, agreed, as_text=not json)
+    saved = edit is not None and _save(edit, save, agreed, output)
     result = {
         "steps": steps,
         "values": values,
@@ -166,7 +162,7 @@ def _closed(
         "saved": saved,
         "simulated": simulated,
     }
-    return common.answer(json, result, _closing(rig, values, saved))
+    return output.answer(result, _closing(rig, values, saved))
 
 
 class _Operator:
@@ -219,11 +215,11 @@ def _asked(question: str) -> str:
     return sys.stdin.readline().strip()
 
 
-def _save(edit: "Edit", save: bool, agreed: bool, *, as_text: bool) -> bool:
+def _save(edit: "Edit", save: bool, agreed: bool, output: Output) -> bool:
     """Show the difference, and write it if the operator agrees."""
     if not edit.difference:
         return False
-    common.say(as_text, edit.difference)
+    output.say(edit.difference)
     if not save and (agreed or _asked(f"Write this into {edit.path}? [y/N] ").lower() != "y"):
         return False
     edit.save()

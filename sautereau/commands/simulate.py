@@ -4,6 +4,7 @@ import sys
 from contextlib import suppress
 
 from sautereau.commands import common
+from sautereau.commands.output import FileOutput, Output
 
 
 def stand_in(
@@ -13,7 +14,7 @@ def stand_in(
     rig: common.RigName = "paper",
     seed: common.Seed = 0,
     fast: bool = False,
-    json: common.Json = False,
+    output: Output = Output(),
 ) -> int:
     """Serve the simulated bench to any client until it is interrupted.
 
@@ -31,7 +32,6 @@ def stand_in(
 
     bench = common.load_rig(rig)
     with (
-        common.signals_stop(),
         StandIn(bench, load_scene(scene), seed or 0, paced=not fast) as served,
         suppress(KeyboardInterrupt),
     ):
@@ -42,7 +42,7 @@ def stand_in(
             f"serial port:  {served.serial_port}",
             f"DAQ address:  {served.daq_address}",
         ]
-        common.answer(json, result, lines)
+        output.answer(result, lines)
         sys.stdout.flush()
         served.serve_forever()
     return 0
@@ -55,7 +55,7 @@ def trade(
     fresh: bool = False,
     stability: bool = False,
     plot: common.Picture = None,
-    json: common.Json = False,
+    output: FileOutput = FileOutput(),
 ) -> int:
     """Measure speed and accuracy of the stand-in's solvers on this machine.
 
@@ -75,16 +75,14 @@ def trade(
 
     bench = common.load_rig(rig)
     if stability:
-        with common.signals_stop(), common.fraction_bar() as progress:
+        with output.progress("mapping the stability") as progress:
             found = stability_map.run_stability(bench, progress=progress)
-        common.answer(
-            json, stability_map.stability_document(found), stability_map.stability_text(found)
-        )
+        output.answer(stability_map.stability_document(found), stability_map.stability_text(found))
         if stability_map.with_verdict(found, "failed"):
-            return common.fail(json, "an engine diverged without an error; see the table")
+            return output.fail("an engine diverged without an error; see the table")
         return 0
-    with common.signals_stop(), common.fraction_bar() as progress:
+    with output.progress("measuring speed and accuracy") as progress:
         measured = run_trade(bench, load_scene(scene), fresh=fresh, progress=progress)
     if plot:
         results.trade_figure(measured).savefig(plot, dpi=120)
-    return common.answer(json, results.trade_document(measured), results.trade_text(measured), plot)
+    return output.answer(results.trade_document(measured), results.trade_text(measured), plot)

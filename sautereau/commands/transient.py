@@ -1,28 +1,26 @@
 """The transient phase: damped modes and their sources."""
 
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from sautereau.commands import common
+from sautereau.commands.output import FileOutput
 
 if TYPE_CHECKING:
     from sautereau.analysis.transient import Source
 
 
 def transient(
-    files: list[Path],
+    files: common.Files,
     /,
     *,
     known: list[str] | None = None,
     plot: common.Picture = None,
-    json: common.Json = False,
+    output: FileOutput = FileOutput(),
 ) -> int:
-    """Find damped modes in presses, and attribute each to string, key, finger or transducer.
+    """Find damped modes in presses of one rig, each of string, key, finger or transducer.
 
     Parameters
     ----------
-    files
-        Recordings of one rig.
     known
         Frequency of a mode that was measured otherwise, "key=350 Hz", "finger=..." or
         "transducer=..."; repeat it for several.
@@ -30,18 +28,20 @@ def transient(
     from sautereau.analysis.alike import check_alike
     from sautereau.analysis.summary.transient import transient_lines, transient_summary
     from sautereau.analysis.transient import attribute, combine, examine
+    from sautereau.rig.progress import tracked
 
     measured = _known(known or [])
-    session = common.opened(files, samples=True)
+    session = common.opened(files, output, samples=True)
     rig = check_alike({str(each.press.path): each.press.rig for each in session})
-    examined = [examine(p.press, p.phases, n) for n, p in enumerate(session)]
+    with output.progress("finding modes"):
+        examined = [examine(p.press, p.phases, n) for n, p in enumerate(tracked(session))]
     found = attribute(combine(examined), rig, measured)
     if plot:
         from sautereau.analysis.figures.transient import transient_figure
 
         transient_figure(examined, found).savefig(plot, dpi=120)
     lines = transient_lines(examined, found)
-    return common.answer(json, transient_summary(examined, found), lines, plot)
+    return output.answer(transient_summary(examined, found), lines, plot)
 
 
 def _known(texts: list[str]) -> "dict[Source, list[float]]":

@@ -5,7 +5,8 @@ from pathlib import Path
 from typing import Any
 
 from sautereau.entrance.devices import Devices
-from sautereau.entrance.pressing import Observer, Pressing, Replay
+from sautereau.entrance.learning import Learned, Learning
+from sautereau.entrance.pressing import Observer, Pressing, Replay, Settings
 from sautereau.entrance.rig import Rig
 from sautereau.entrance.session import Session
 from sautereau.rig import schema
@@ -79,16 +80,8 @@ class Bench(Devices):
                 session.
             SautereauError: Of any kind; the arm has been stopped and switched off.
         """
-        pressing = Pressing(
-            self,
-            what,
-            out,
-            warm_up=warm_up,
-            rest=rest,
-            notes=notes,
-            learned=learned,
-            feed_forward=feed_forward,
-        )
+        settings = Settings(warm_up, rest, notes, learned, feed_forward)
+        pressing = Pressing(self, what, out, settings)
         pressing.run(_Watched(watch))
         pressing.check_ended()
         return pressing.session
@@ -100,6 +93,30 @@ class Bench(Devices):
             RobotError: The motion cannot be pressed on this bench; see `press` for the others.
         """
         return self.press(Replay(Path(recording), n), out=out)
+
+    def learn(
+        self,
+        n: int = 6,
+        *,
+        out: str | Path,
+        notes: str = "",
+        feed_forward: str | Path | None = None,
+    ) -> Learned:
+        """Press up to n times, correcting the trajectory from the measured speed of the jack.
+
+        Args:
+            n: Maximum number of presses; learning stops when the error no longer improves.
+            out: Folder of the recordings, and of the correction, learned.json.
+            notes: The operator's, saved in every recording.
+            feed_forward: Recording of an earlier press, for torques against its measured force.
+
+        Raises:
+            RobotError: The folder holds a correction, or the start of a motion is not known well
+                enough.
+            SautereauError: Of any kind; the arm has been stopped and switched off.
+        """
+        pushed = None if feed_forward is None else Path(feed_forward)
+        return Learning(self, n, Path(out), notes, pushed).run()
 
 
 def stand_in(

@@ -7,7 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from sautereau.entrance.devices import Connected, Devices, fresh_seed
-from sautereau.entrance.session import PressFile, Session
+from sautereau.entrance.press_file import PressFile
+from sautereau.entrance.session import Session
 from sautereau.rig import schema
 from sautereau.rig.units import parse_quantity
 from sautereau.robot.errors import RobotError
@@ -40,6 +41,17 @@ class Replay:
     repeats: int = 1
 
 
+@dataclass(frozen=True)
+class Settings:
+    """How a session presses; see `sautereau.entrance.bench.Bench.press`."""
+
+    warm_up: int = 0
+    rest: str | float = 0.0
+    notes: str = ""
+    learned: str | Path | None = None
+    feed_forward: str | Path | None = None
+
+
 class Observer:
     """Observes a session while it runs; each method may be replaced."""
 
@@ -65,22 +77,19 @@ class Pressing:
         bench: Devices,
         what: Any,
         out: str | Path,
-        *,
-        warm_up: int = 0,
-        rest: str | float = 0.0,
-        notes: str = "",
-        learned: str | Path | None = None,
-        feed_forward: str | Path | None = None,
+        settings: Settings = Settings(),
     ):
         self.bench, self._out = bench, Path(out)
         nominal = bench.rig.values
-        rows = rows_of(what, nominal, notes)
-        self.planner = Planner(*(Path(path) if path else None for path in (learned, feed_forward)))
+        rows = rows_of(what, nominal, settings.notes)
+        rest = settings.rest
+        files = settings.learned, settings.feed_forward
+        self.planner = Planner(*(Path(path) if path else None for path in files))
         self._steps = plan_of(what) if rows is None else of_rows(rows)
         self.plan = Plan(
             nominal,
             rows,
-            warm_up,
+            settings.warm_up,
             parse_quantity(rest, "s") if isinstance(rest, str) else rest,
             bench.scene.model_dump_json() if bench.scene else "",
             self.planner.files,
@@ -121,7 +130,8 @@ class Pressing:
     @property
     def session(self) -> Session:
         """The recordings, in the order of the plan."""
-        return Session([self.folder.done[number] for number in sorted(self.folder.done)])
+        done = self.folder.done
+        return Session([done[number] for number in sorted(done)], folder=self._out)
 
     def check_ended(self) -> None:
         """Refuse a session that needs an operator.

@@ -9,7 +9,8 @@ import numpy as np
 from sautereau.analysis.model.batch import DERIVED, PredictionBatch, predict_many
 from sautereau.analysis.model.pluck.paths import Status
 from sautereau.entrance.shown import Shown, shown
-from sautereau.rig.errors import RigError, SautereauError
+from sautereau.rig.errors import RigError
+from sautereau.rig.extras import require
 from sautereau.rig.faults import unit_of
 from sautereau.rig.named import full_key
 from sautereau.rig.quantities import QUANTITIES
@@ -58,15 +59,11 @@ class Sweep(Shown):
         """Return an xarray Dataset with one dimension for each value.
 
         Raises:
-            SautereauError: xarray is not installed.
+            MissingExtraError: xarray is not installed.
         """
-        try:
-            import xarray as xr  # pyright: ignore[reportMissingImports]
-        except ImportError as error:
-            raise SautereauError(
-                "to_xarray: xarray is not installed; install it with"
-                " `python -m pip install 'sautereau[xarray]'`, or use to_frame()"
-            ) from error
+        require("xarray", "to_xarray", "xarray")
+        import xarray as xr  # pyright: ignore[reportMissingImports]
+
         data = xr.Dataset.from_dataframe(self.to_frame())
         for name, unit in self.to_frame().attrs["units"].items():
             data[name].attrs["units"] = unit

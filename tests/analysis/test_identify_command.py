@@ -69,8 +69,9 @@ def test_a_rig_file_keeps_its_comments_and_profiles_are_reported(recordings, tmp
     rig.write_text("# of my own\n" + paper)
     free = "plectrum.overlap,key.inertia"
     status, out = run(
-        capsys, "identify", recordings[0], "--free", free, "--out", rig, "--starts", 1, "--profile"
-    )
+        capsys, "identify", recordings[0], "--free", free, "--out", rig, "--force", "--starts", 1,
+        "--profile",
+    )  # fmt: skip
     assert status == 0
     assert "key.inertia: 95 % by profile likelihood," in out
     assert "all parameters are identifiable from these recordings" in out

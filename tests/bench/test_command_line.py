@@ -219,7 +219,7 @@ def test_interrupts_and_bugs_are_json_under_json(monkeypatch, capsys, error, mes
         raise error
 
     monkeypatch.setattr("sautereau.commands.app.app", fail)
-    monkeypatch.setattr("sautereau.commands.common.ignore_signals", lambda: None)
+    monkeypatch.setattr("sautereau.commands.app.ignore_signals", lambda: None)
     monkeypatch.setattr(sys, "argv", ["sautereau", "press", "--json"])
     with pytest.raises(SystemExit, match=str(status)):
         main()
@@ -330,7 +330,7 @@ def test_learn_answers_the_keys_of_the_contract_and_its_correction_is_used(
     assert len(result["recordings"]) == 3
     assert result["simulated"] is True
     assert Path(result["learned"]).name == "learned.json"
-    refused(sautereau("learn", rig, "--sim", "--out", "out"), "learned.json", "--out")
+    refused(sautereau("learn", rig, "--sim", "--out", "out"), "learned.json", "--force")
 
     command = ("press", rig, "--sim", "--learned", "out/learned.json", "--out", "again", "--json")
     done = sautereau(*command)

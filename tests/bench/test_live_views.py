@@ -20,6 +20,7 @@ from sautereau.commands.live.watching import watching
 from sautereau.daq.file.descriptors import schema_data
 from sautereau.daq.file.recorded import Block
 from sautereau.daq.file.survey import LAYOUT
+from sautereau.rig.extras import MissingExtraError
 from sautereau.rig.load import load_rig
 from sautereau.robot.experiment.monitor import Fault, Made, Samples, Stage
 from tests.daq.declared import declared_class
@@ -180,7 +181,7 @@ def test_a_port_that_is_taken_is_no_hindrance(foxglove):
 
 def test_without_the_package_it_says_what_to_install(foxglove, monkeypatch):
     monkeypatch.setitem(sys.modules, "foxglove", None)
-    with pytest.raises(LiveError, match=r"pip install 'sautereau\[live\]'"):
+    with pytest.raises(MissingExtraError, match=r"pip install 'sautereau\[live\]'"):
         foxglove("rig")
 
 

@@ -9,6 +9,7 @@ import pytest
 
 from sautereau.analysis.report.build import About, build_report
 from sautereau.analysis.report.contents import gather
+from sautereau.commands.output import FileOutput
 from sautereau.commands.report import report
 from sautereau.rig.load import with_values
 from sautereau.robot.experiment.plan import Plan
@@ -55,7 +56,7 @@ def session(write_session, tmp_path_factory):
     folder = SessionFolder(path, Plan(rig, (Row(rig, PRESSES),)), None, 0)
     folder.start()
     write_session(path, PRESSES, session=folder.session)
-    assert report(path, json=True) == 0
+    assert report(path, output=FileOutput(json=True, force=True)) == 0
     return path
 
 

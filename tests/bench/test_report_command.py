@@ -10,8 +10,10 @@ import pytest
 
 from sautereau.analysis.errors import AnalysisError
 from sautereau.commands.app import app
+from sautereau.commands.output import FileOutput
 from sautereau.commands.report import report
 from sautereau.daq.file.reading import read_recording
+from sautereau.rig.extras import MissingExtraError
 from sautereau.robot.errors import RobotError
 from sautereau.robot.experiment.plan import Plan
 from sautereau.robot.experiment.plan_table import Row
@@ -32,7 +34,7 @@ def started(write_session, tmp_path):
 
 def page_of(path, capsys, **options):
     capsys.readouterr()
-    assert report(path, json=True, **options) == 0
+    assert report(path, output=FileOutput(json=True, force=True), **options) == 0
     result = json.loads(capsys.readouterr().out)
     return result, unescape(Path(result["path"]).read_text(encoding="utf-8"))
 
@@ -104,7 +106,7 @@ def test_a_page_is_overwritten(write_session, tmp_path, capsys):
 def test_missing_packages_are_named(write_session, tmp_path, monkeypatch):
     write_session(tmp_path, 1)
     monkeypatch.setitem(sys.modules, "plotly", None)
-    with pytest.raises(AnalysisError, match="`python -m pip install plotly`"):
+    with pytest.raises(MissingExtraError, match=r"plotly; .*pip install 'sautereau\[report\]'"):
         report(tmp_path)
 
 

@@ -7,25 +7,28 @@ import signal
 import threading
 import time
 from importlib import resources
-from pathlib import Path
 
 import pytest
+from cyclopts import CycloptsError
 
 from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.loading.press import load_press
 from sautereau.commands.acquire import acquire
+from sautereau.commands.app import app
 from sautereau.commands.common import Simulation
+from sautereau.commands.output import FileOutput
 from sautereau.daq.errors import DaqError
 from sautereau.daq.file.reading import read_recording
 from sautereau.daq.source.continuous import record
-from sautereau.rig.errors import RigError
+from sautereau.rig.errors import RigError, SautereauError
 from sautereau.rig.load import load_rig
 
 IDEAL = Simulation(scene="ideal", seed=3)
+JSON = FileOutput(json=True)
 
 
 def test_a_dry_run_starts_nothing(capsys):
-    assert acquire(dry_run=True, simulation=IDEAL, json=True) == 0
+    assert acquire(dry_run=True, simulation=IDEAL, output=JSON) == 0
     found = json.loads(capsys.readouterr().out)
     assert found["simulated"] is True
     assert found["trigger"] == ""
@@ -39,14 +42,14 @@ def test_a_dry_run_starts_nothing(capsys):
 
 def test_a_recording_of_a_given_duration(tmp_path, capsys):
     path = tmp_path / "a.mcap"
-    assert acquire(duration="0.51 s", out=path, simulation=IDEAL, json=True) == 0
+    assert acquire(duration=0.51, out=path, simulation=IDEAL, output=JSON) == 0
     found = json.loads(capsys.readouterr().out)
     assert (found["n_samples"], found["stopped"], found["seed"]) == (26_112, False, 3)
     recording = read_recording(path)
     assert len(recording.volts["velocity"]) == 26_112
     assert recording.session.simulated
-    with pytest.raises(DaqError, match="already exists"):
-        acquire(out=path, simulation=IDEAL)
+    with pytest.raises(SautereauError, match="already exists"):
+        app(["acquire", "--sim", "--out", str(path)], exit_on_error=False)
 
 
 def test_a_rig_file_with_daq_alone_is_recorded_and_not_analysed(tmp_path):
@@ -54,7 +57,7 @@ def test_a_rig_file_with_daq_alone_is_recorded_and_not_analysed(tmp_path):
     daq = paper[paper.index("[daq]") :]
     (tmp_path / "card.toml").write_text(daq, encoding="utf-8")
     path = tmp_path / "a.mcap"
-    assert acquire(str(tmp_path / "card.toml"), duration="0.2 s", out=path, simulation=IDEAL) == 0
+    assert acquire(str(tmp_path / "card.toml"), duration=0.2, out=path, simulation=IDEAL) == 0
     rig = read_recording(path).rig
     assert (rig.name, rig.daq_only) == ("card", True)
     assert rig.daq.channels[0].sensor == load_rig().daq.channels[0].sensor
@@ -78,7 +81,7 @@ def test_an_interrupted_recording_is_complete(tmp_path, capsys):
         os.kill(os.getpid(), signal.SIGINT)
 
     threading.Thread(target=interrupt, daemon=True).start()
-    assert acquire(out=path, simulation=IDEAL, json=True) == 0
+    assert acquire(out=path, simulation=IDEAL, output=JSON) == 0
     found = json.loads(capsys.readouterr().out)
     assert found["stopped"] is True
     recording = read_recording(path)
@@ -87,16 +90,11 @@ def test_an_interrupted_recording_is_complete(tmp_path, capsys):
     assert not part.exists()
 
 
-@pytest.mark.parametrize(
-    ("values", "what"),
-    [
-        ({"duration": "10", "out": Path("a.mcap")}, "has no unit"),
-        ({}, "--dry-run"),
-    ],
-)
-def test_wrong_usage_ends_with_two(capsys, values, what):
-    assert acquire(**values, simulation=IDEAL) == 2
-    assert what in capsys.readouterr().err
+def test_wrong_usage_ends_with_two(capsys):
+    assert acquire(simulation=IDEAL) == 2
+    assert "--dry-run" in capsys.readouterr().err
+    with pytest.raises(CycloptsError, match="has no unit"):
+        app(["acquire", "--sim", "--duration", "10"], exit_on_error=False, print_error=False)
 
 
 @pytest.mark.parametrize("seconds", [0.0, -1.0, math.inf, math.nan])

@@ -8,6 +8,7 @@ import pytest
 from sautereau.commands.app import app
 from sautereau.daq.errors import RecordingError
 from sautereau.daq.file.reading import read_recording
+from sautereau.rig.errors import SautereauError
 
 
 def run(*words):
@@ -39,7 +40,7 @@ def test_there_and_back(tmp_path, recordings, to, capsys):
 def test_beside_the_recording_and_never_twice(tmp_path, recordings, capsys):
     assert run("export", recordings[0], "--to", "parquet") == 0
     assert capsys.readouterr().out == f"{tmp_path / 'press-1.parquet'}\n"
-    with pytest.raises(RecordingError, match="never overwritten"):
+    with pytest.raises(SautereauError, match="already exists"):
         run("export", *recordings, "--to", "parquet")
     assert not (tmp_path / "press-2.parquet").exists()
 

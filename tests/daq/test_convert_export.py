@@ -129,10 +129,9 @@ def test_targets(tmp_path):
         targets(files, "csv", tmp_path / "x.csv")
 
 
-def test_targets_that_are_taken_are_all_named(tmp_path):
-    (tmp_path / "a.csv").touch()
-    files = [tmp_path / "a.mcap", tmp_path / "b.mcap", tmp_path / "b.mcap"]
+def test_targets_that_are_given_twice_are_all_named(tmp_path):
+    files = [tmp_path / f"{name}.mcap" for name in "aabb"]
     with pytest.raises(RecordingError) as caught:
         targets(files, "csv", None)
-    assert "a.csv: it exists" in str(caught.value)
+    assert "a.csv: given twice" in str(caught.value)
     assert "b.csv: given twice" in str(caught.value)

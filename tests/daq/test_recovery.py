@@ -11,6 +11,7 @@ from mcap.reader import make_reader
 from mcap.stream_reader import StreamReader
 
 from sautereau.commands import recordings
+from sautereau.commands.output import FileOutput
 from sautereau.daq.errors import RecordingError
 from sautereau.daq.file.reading import read_parts, read_recording
 from sautereau.daq.file.recording import Block, Recording
@@ -229,7 +230,7 @@ def test_nothing_is_overwritten(make, tmp_path):
 def test_the_command(make, capsys):
     path = make()
     corrupt(path, chunks(path)[1][0])
-    assert recordings.info(path, json=True) == 0
+    assert recordings.info(path, output=FileOutput(json=True)) == 0
     result = json.loads(capsys.readouterr().out)
     assert f"`sautereau recover {path}`" in result["damage"]
     missing = [
@@ -244,7 +245,7 @@ def test_the_command(make, capsys):
     ]
     assert result["missing"] == missing
     out = path.with_name("repaired.mcap")
-    assert recordings.recover(path, out=out, json=True) == 0
+    assert recordings.recover(path, out=out, output=FileOutput(json=True)) == 0
     result = json.loads(capsys.readouterr().out)
     assert result["missing"] == missing
     assert result["path"] == str(out)

@@ -12,7 +12,7 @@ from benchmarks.simulated import acquired
 from sautereau.analysis.loading.press import load_press
 from sautereau.analysis.phases import find_phases
 from sautereau.analysis.summary.press import press_summary
-from sautereau.commands.common import json_text
+from sautereau.commands.output import json_text
 from sautereau.daq.convert.export import export
 from sautereau.daq.convert.importing import import_file
 from sautereau.daq.convert.options import ImportOptions

@@ -16,7 +16,7 @@ from sautereau.analysis.campaign.touch import find_touch
 from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.summary.judged import judged_summary
 from sautereau.analysis.summary.touch import touch_summary
-from sautereau.commands.common import json_text
+from sautereau.commands.output import json_text
 from tests.fuzz import mutate
 
 PRESSES = 24

@@ -5,7 +5,7 @@ import sys
 
 import pytest
 
-from sautereau.commands.common import printable
+from sautereau.commands.output import printable
 from sautereau.robot.errors import RobotError
 from sautereau.robot.experiment.folder_lock import LOCK, only_session
 from sautereau.robot.experiment.plan import MOST_PRESSES, Plan

@@ -9,6 +9,7 @@ import pytest
 
 from benchmarks.independent import ONE_FACTOR
 from sautereau.commands.common import Simulation
+from sautereau.commands.output import Output
 from sautereau.commands.setup import setup
 from sautereau.daq.file.recorded import Block, SessionInfo
 from sautereau.daq.file.recording import Recording
@@ -16,20 +17,13 @@ from sautereau.daq.signals.calibration import to_volts
 from sautereau.rig.load import load_rig, with_values
 from sautereau.robot.errors import RobotError
 from sautereau.robot.experiment.setup.step import Declined
+from tests.presses import MUTE_TEXT
 from tests.taps import RATE, tapped
 
 SESSION = SessionInfo(1, "2026-01-01T00:00:00Z", simulated=True, controller="", daq="")
 TEXT = resources.files("sautereau.rig").joinpath("paper.toml").read_text(encoding="utf-8")
-BARE = """
-description = "a key without strings, for a base that is 3.4 mm lower than in the rig"
-finger = "ideal"
-plectrum = "none"
-string = "none"
-friction = false
-felt = false
-step = "1 ms"
-truth = { "arm.base_z" = "170.72 mm" }
-"""
+BARE = f'{MUTE_TEXT}truth = {{ "arm.base_z" = "170.72 mm" }}\n'
+"""The base is 3.4 mm lower than in the rig."""
 
 
 @pytest.fixture
@@ -43,7 +37,12 @@ def bench(tmp_path):
 
 def test_what_was_found_is_written_on_save(bench, capsys):
     file, simulation = bench
-    assert setup("touch", str(file), yes=True, save=True, simulation=simulation, json=True) == 0
+    assert (
+        setup(
+            "touch", str(file), yes=True, save=True, simulation=simulation, output=Output(json=True)
+        )
+        == 0
+    )
     result = json.loads(capsys.readouterr().out)
     assert result["saved"]
     assert result["simulated"]
@@ -83,7 +82,7 @@ def test_missing_hardware_is_named(bench):
 @pytest.mark.slow
 def test_all_steps_in_their_order(bench, capsys):
     file, simulation = bench
-    assert setup("all", str(file), yes=True, simulation=simulation, json=True) == 0
+    assert setup("all", str(file), yes=True, simulation=simulation, output=Output(json=True)) == 0
     steps = json.loads(capsys.readouterr().out)["steps"]
     assert list(steps) == [
         "port", "controller", "home", "encoders", "contact", "touch", "tap", "dry-run",
@@ -101,7 +100,7 @@ def test_modes_from_recorded_taps_are_written_into_the_rig(tmp_path, capsys):
     volts = [to_volts(signal, c) for signal, c in zip(late, rig.daq.channels, strict=True)]
     with Recording(taps, rig, session=SESSION) as recording:
         recording.write_block(Block(0, np.stack(volts)))
-    assert setup("tap", str(file), save=True, recording=[taps], json=True) == 0
+    assert setup("tap", str(file), save=True, recording=[taps], output=Output(json=True)) == 0
     assert json.loads(capsys.readouterr().out)["saved"]
     modes = load_rig(file).key.modes
     assert 1 <= len(modes) <= 3

@@ -1,5 +1,6 @@
 """The steps of the set-up in order; each can be run alone."""
 
+import logging
 from collections.abc import Callable, Iterator
 
 from sautereau.rig.load import with_values
@@ -14,6 +15,7 @@ from sautereau.robot.experiment.setup.tap import tap_key
 from sautereau.robot.experiment.setup.touch import locate_by_touch
 from sautereau.robot.experiment.setup.verify.run import verify
 
+_LOG = logging.getLogger(__name__)
 STEPS: dict[str, Callable[[Rig, Ask], Found]] = {
     "port": find_port,
     "controller": identify,
@@ -42,6 +44,7 @@ def make_steps(rig: Rig, ask: Ask, step: str | None = None) -> Iterator[tuple[st
     if step is not None and step not in STEPS:
         raise RobotError(f"setup: there is no step {step!r}; the steps are {', '.join(STEPS)}")
     for name in STEPS if step is None else (step,):
+        _LOG.info("setup step %s", name)
         found = STEPS[name](rig, ask)
         yield name, found
         rig = with_values(rig, found.values)

@@ -11,6 +11,7 @@ from sautereau.daq.file.preview import Decimator
 from sautereau.daq.file.recorded import Event
 from sautereau.daq.file.schemas import encode_log, encode_rows
 from sautereau.daq.file.survey import LAYOUT
+from sautereau.rig.extras import require
 from sautereau.robot.experiment.monitor import Made, Samples, Seen, Stage
 
 LOOPBACK = "127.0.0.1"
@@ -25,17 +26,14 @@ class FoxgloveView:
     a context manager.
 
     Raises:
-        LiveError: The package is not installed, or no port is free.
+        MissingExtraError: The package is not installed.
+        LiveError: No port is free.
     """
 
     def __init__(self, title: str, port: int = PORT):
-        try:
-            import foxglove
-        except ModuleNotFoundError as error:
-            raise LiveError(
-                "--live: the package foxglove-sdk is not installed; install it with"
-                " `python -m pip install 'sautereau[live]'`, or press without --live"
-            ) from error
+        require("live", "--live", "foxglove")
+        import foxglove
+
         self._foxglove: Any = foxglove
         self._title, self._port = title, port
         self._context = foxglove.Context()

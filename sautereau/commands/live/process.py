@@ -11,6 +11,7 @@ from multiprocessing import get_context
 from multiprocessing.connection import Connection
 
 from sautereau.commands.live import LiveError
+from sautereau.rig.extras import MissingExtraError
 from sautereau.robot.experiment.monitor import Seen, View
 
 START_TIMEOUT = 30.0
@@ -94,7 +95,7 @@ def _run(pipe: Connection, title: str, in_terminal: bool, to_foxglove: bool) -> 
                 from sautereau.commands.live.terminal import TerminalView
 
                 views.append(stack.enter_context(TerminalView(title)))
-        except LiveError as error:
+        except (LiveError, MissingExtraError) as error:
             pipe.send((False, (str(error),)))
             return
         pipe.send((True, tuple(instructions)))

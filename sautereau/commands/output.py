@@ -1,0 +1,185 @@
+"""What a command prints and where: its answer, warnings and errors, progress, and its log."""
+
+import logging
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any
+
+from cyclopts import Group, Parameter
+
+SCHEMA = 1
+"""Version of the JSON that commands print; raised when a key changes its name or meaning."""
+ESTIMATED_OVER = 600.0
+"""s, over which the speed is averaged that gives the time left."""
+_GENERAL = Group("General options", sort_key=100)
+_LOG = logging.getLogger(__name__)
+
+
+@Parameter(name="*", group=_GENERAL)
+@dataclass(frozen=True)
+class Output:
+    """How a command prints."""
+
+    json: bool = False
+    """Print one JSON object, in SI units."""
+    verbose: Annotated[bool, Parameter(name=["-v", "--verbose"])] = False
+    """Show every step, and all details of the result."""
+    quiet: Annotated[bool, Parameter(name=["-q", "--quiet"])] = False
+    """Print errors only, and with --json the result."""
+    log: Annotated[Path | None, "FILE"] = None
+    """Append everything to this file, with dates: steps, warnings, errors, and what is sent to the
+    controller and received from it."""
+
+    def answer(self, result: dict[str, Any], lines: list[str], picture: Path | None = None) -> int:
+        """Print the result of a command, and its plot's path: as JSON with its schema, or as lines.
+
+        Returns:
+            The exit status, 0.
+        """
+        if picture:
+            result, lines = result | {"picture": str(picture)}, [*lines, f"picture: {picture}"]
+        if self.json:
+            lines = [json_text({"schema": SCHEMA} | result)]
+        if self.json or not self.quiet:
+            sys.stdout.write(printable("\n".join(lines)) + "\n")
+        return 0
+
+    def say(self, line: str) -> None:
+        """Print a line while a command runs, unless its answer is JSON."""
+        if not (self.json or self.quiet):
+            sys.stdout.write(printable(line) + "\n")
+            sys.stdout.flush()
+
+    def warn(self, *warnings: str) -> None:
+        """Log warnings, which are shown unless the answer is JSON, which holds them."""
+        for warning in warnings:
+            _LOG.log(logging.INFO if self.json else logging.WARNING, "%s", warning)
+
+    def fail(self, message: str, status: int = 1) -> int:
+        """Report an error; see `fail`."""
+        _LOG.error("%s", message)
+        return fail(self.json, message, status)
+
+    @contextmanager
+    def progress(self, label: str, *, shown: bool = True) -> Iterator[Callable[[float], None]]:
+        """Show a progress bar with the time left, on a terminal only.
+
+        It shows what computations inside report (`sautereau.rig.progress`).
+
+        Args:
+            label: What is being done.
+            shown: Whether to show the bar.
+
+        Yields:
+            A function that sets the bar to a fraction.
+        """
+        _LOG.info("%s", label)
+        if not shown or self.quiet or not sys.stderr.isatty():
+            yield lambda fraction: None
+            return
+        from rich.console import Console
+        from rich.progress import BarColumn, Progress, TaskProgressColumn, TimeRemainingColumn
+
+        from sautereau.rig.progress import progress_to
+
+        with Progress(
+            "{task.description}",
+            BarColumn(),
+            TaskProgressColumn(),
+            TimeRemainingColumn(),
+            console=Console(stderr=True),
+            transient=True,
+            redirect_stdout=sys.stdout.isatty(),
+            speed_estimate_period=ESTIMATED_OVER,
+        ) as bar:
+            task = bar.add_task(label, total=1.0)
+
+            def show(fraction: float) -> None:
+                bar.update(task, completed=fraction)
+
+            with progress_to(show):
+                yield show
+
+
+@Parameter(name="*", group=_GENERAL)
+@dataclass(frozen=True)
+class FileOutput(Output):
+    """How a command prints, and whether it replaces files."""
+
+    force: bool = False
+    """Replace existing files. Without it they are refused before anything is done."""
+
+    @contextmanager
+    def creating(self, *paths: Path | None) -> Iterator[None]:
+        """Refuse existing files, or with `force` let the new ones inside replace them.
+
+        An old file is there until the new one takes its name.
+
+        Raises:
+            SautereauError: Lists the files that exist.
+        """
+        from sautereau.rig.disk import replacing
+
+        with replacing(self.refuse(*paths)):
+            yield
+
+    def refuse(self, *paths: Path | None) -> list[Path]:
+        """Refuse existing files unless `force` is given; then return them.
+
+        Raises:
+            SautereauError: Lists the files that exist.
+        """
+        from sautereau.rig.errors import SautereauError
+        from sautereau.rig.faults import fault_list
+
+        there = [path for path in dict.fromkeys(paths) if path and _is_file(path)]
+        if there and not self.force:
+            what = [f"{path} already exists; give another name, or --force" for path in there]
+            raise SautereauError(fault_list("output", what))
+        return there
+
+
+def _is_file(path: Path) -> bool:
+    return path.is_file() or path.is_symlink()
+
+
+def json_text(result: dict[str, Any]) -> str:
+    """Return an object as JSON; NaN is refused."""
+    import json
+
+    return json.dumps(result, indent=2, default=str, allow_nan=False)
+
+
+_CONTROL = {
+    code: f"\\x{code:02x}" for code in (*range(0x20), *range(0x7F, 0xA0)) if chr(code) not in "\n\t"
+} | {code: f"\\u{code:04x}" for code in (*range(0x202A, 0x202F), *range(0x2066, 0x206A))}
+
+
+def printable(text: str) -> str:
+    """Return a text with its control characters made visible.
+
+    Notes, names and file names come from files: an escape sequence in them must not reach the
+    terminal, nor a mark that changes the direction of writing.
+    """
+    return text.translate(_CONTROL)
+
+
+def fail(as_json: bool, message: str, status: int = 1, **more: str) -> int:
+    """Report an error on standard error, as text or as one JSON object.
+
+    Args:
+        as_json: Whether `--json` was given.
+        message: The error and how to fix it.
+        status: Exit status: 1, or 2 for wrong usage.
+        more: Further keys of the JSON object.
+
+    Returns:
+        The status.
+    """
+    error = {"message": message, "status": status, **more}
+    text = json_text({"schema": SCHEMA, "error": error}) if as_json else f"sautereau: {message}"
+    sys.stderr.write(printable(text) + "\n")
+    return status

@@ -1,0 +1,62 @@
+"""Recordings that paths, patterns and tables name."""
+
+from glob import glob
+from pathlib import Path
+
+from sautereau.analysis.errors import AnalysisError
+from sautereau.daq.errors import RecordingError
+from sautereau.daq.file.container.durable import PART
+from sautereau.daq.file.reading import read_session
+from sautereau.robot.experiment.session_folder import read_manifest
+
+
+def recordings_of(what: str | Path, folder: str | Path | None) -> tuple[list[Path], list[str]]:
+    """Return the recordings that a path names, and warnings; see `sautereau.open`.
+
+    Raises:
+        AnalysisError: There is no recording.
+    """
+    path, warnings = Path(what), []
+    if path.is_dir():
+        found, warnings = recordings_in(path)
+    elif path.suffix == ".parquet":
+        from sautereau.analysis.campaign.table import read_campaign
+
+        home = path.parent if folder is None else Path(folder)
+        found = [home / source.path for source in read_campaign(path).sources]
+    elif path.exists():
+        found = [path]
+    else:
+        found = [Path(name) for name in sorted(glob(str(what)))]  # noqa: PTH207 (absolute patterns)
+    missing = [str(one) for one in found if not one.is_file()]
+    if missing or not found:
+        raise AnalysisError(
+            f"{what}: {f'there is no {missing[0]}' if missing else 'it holds no recording'};"
+            " give recordings (NAME.mcap), the folder of a session, or a campaign's table with"
+            " the folder of its recordings"
+        )
+    return found, warnings
+
+
+def recordings_in(folder: Path) -> tuple[list[Path], list[str]]:
+    """Return the recordings of the session in a folder, and warnings about the others.
+
+    Without a manifest, all recordings of the folder are of one session.
+    """
+    manifest = read_manifest(folder)
+    found = sorted(folder.glob("*.mcap"))
+    warnings = [
+        f"{path.name} is of an interrupted press; `sautereau recover` makes it readable"
+        for path in sorted(folder.glob(f"*.mcap{PART}"))
+    ]
+    own = []
+    for path in found:
+        try:
+            if manifest is not None and read_session(path).session != manifest.session:
+                continue
+        except RecordingError:
+            pass  # it stays in the list, so that its fault is reported
+        own.append(path)
+    if len(own) < len(found):
+        warnings.append(f"{len(found) - len(own)} recordings in the folder are of other sessions")
+    return own, warnings

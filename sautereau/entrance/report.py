@@ -1,0 +1,125 @@
+"""The report of a session: one HTML page."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+from shlex import quote
+
+from pydantic_core import from_json
+
+from sautereau.analysis.errors import AnalysisError
+from sautereau.analysis.report.build import About, Again, build_report
+from sautereau.analysis.report.contents import PressRecord, gather
+from sautereau.analysis.report.fits import PATTERN, read_fit
+from sautereau.rig.disk import make_folder, write_durably
+from sautereau.robot.experiment.session_folder import MANIFEST, Manifest, read_manifest
+from sautereau.sim_backend.scene import current_scene, load_scene, packaged_scenes
+
+
+@dataclass(frozen=True)
+class Report:
+    """A page that was written."""
+
+    path: Path
+    presses: int
+    """On the page."""
+    simulated: bool
+    """Whether the stand-in made any of them."""
+    left_out: dict[Path, str]
+    """Recordings that could not be read, and why."""
+
+
+def write_report(
+    out: Path, recordings: Sequence[Path], folder: Path | None, warnings: Sequence[str], level: str
+) -> Report:
+    """Write the report of recordings; see `sautereau.entrance.session.Session.report`."""
+    contents = gather(recordings, level)
+    name = folder.resolve().name if folder else f"of {len(recordings)} recordings"
+    page = build_report(contents, _about(name, folder, contents.presses, list(warnings)))
+    make_folder(out.parent)
+    write_durably(out, page)
+    simulated = any(record.press.simulated for record in contents.presses)
+    return Report(out, len(contents.presses), simulated, dict(contents.unread))
+
+
+def _about(
+    name: str, folder: Path | None, presses: tuple[PressRecord, ...], warnings: list[str]
+) -> About:
+    """Return facts on the session from its folder, if it has one."""
+    manifest = read_manifest(folder) if folder else None
+    fits = []
+    for path in sorted(folder.glob(PATTERN)) if folder else ():
+        try:
+            fits.append(read_fit(path))
+        except AnalysisError as error:
+            warnings.append(str(error))
+    warnings += [f"{fit.name}: {warning}" for fit in fits for warning in fit.warnings]
+    again = None
+    if manifest is not None:
+        try:
+            left, again = _left(manifest, presses), _again(manifest, presses)
+            warnings += left
+        except (KeyError, TypeError, ValueError) as error:
+            warnings.append(
+                f"{MANIFEST}: its plan cannot be read ({type(error).__name__}: {error}); this page"
+                " therefore does not show how to repeat the session"
+            )
+    commands = (
+        f"report {quote(name)}",
+        *(f"{c} {quote(name)}/*.mcap" for c in ("phases", "compare")),
+    )
+    return About(
+        name=name,
+        version=version("sautereau"),
+        commands=tuple(f"sautereau {command}" for command in commands if folder),
+        warnings=tuple(warnings),
+        again=again,
+        scene=presses[0].session.scene,
+        fits=tuple(fits),
+    )
+
+
+def _left(manifest: Manifest, presses: tuple[PressRecord, ...]) -> list[str]:
+    """Return a warning if planned presses are missing."""
+    planned = sum(int(row["repeats"]) for row in manifest.plan["presses"])
+    counted = sum(not record.session.warm_up for record in presses)
+    if counted >= planned:
+        return []
+    return [
+        f"{counted} of {planned} planned presses are on this page; run the same"
+        " `sautereau press` again to continue the session"
+    ]
+
+
+def _again(manifest: Manifest, presses: tuple[PressRecord, ...]) -> Again:
+    """Return the command that repeats the session, with the rig file of this page."""
+    rows = manifest.plan["presses"]
+    words = ["sautereau press rig.toml"]
+    words.append(f"-n {rows[0]['repeats']}" if len(rows) == 1 else "--table table.csv")
+    if manifest.plan["warm_up"]:
+        words.append(f"--warm-up {manifest.plan['warm_up']}")
+    if manifest.plan["rest"]:
+        words.append(f"--rest '{manifest.plan['rest']} s'")
+    needs = ["the rig below as rig.toml"]
+    if len(rows) > 1:
+        needs.append("the conditions above as table.csv")
+    for kind, digest in manifest.plan.get("files", {}).items():
+        needs.append(f"the file of {kind} with SHA-256 {digest}")
+        words.append(f"--{kind.replace('_', '-')} FILE")
+    scene = presses[0].session.scene
+    if scene:
+        name = _packaged(scene)
+        words.append(f"--scene {name or 'scene.toml'} --seed {manifest.seed}")
+        if not name:
+            needs.append("the scene below as scene.toml, each number with its SI unit")
+    return Again(
+        f"To repeat this session, with {', '.join(needs)}:", " ".join([*words, "--out AGAIN"])
+    )
+
+
+def _packaged(scene: str) -> str:
+    """Return the name of the packaged scene with this text; empty for none."""
+    document = current_scene(from_json(scene))
+    dumped = {name: load_scene(name).model_dump(mode="json") for name in packaged_scenes()}
+    return next((name for name, packaged in dumped.items() if packaged == document), "")

@@ -1,0 +1,119 @@
+"""What commands print and write besides their results: logs, progress, files that exist."""
+
+import json
+import os
+import re
+import sys
+from datetime import datetime
+from inspect import signature
+
+import pytest
+
+from sautereau.commands.app import app
+from sautereau.commands.output import FileOutput, Output
+from sautereau.rig.errors import SautereauError
+from sautereau.rig.progress import progress_to, tracked
+
+COMMANDS = [name for name in app if not name.startswith("-")]
+WRITES = {
+    "init": "my-rig.toml", "plan": "--plot p.png --out p.json", "mount": "--plot p.png",
+    "acquire": "--sim --out a.mcap", "learn": "--sim --out s", "phases": "s --plot p.png",
+    "predict": "--plot p.png", "compare": "s --plot p.png", "transient": "s --plot p.png",
+    "identify": "s --free key.inertia --out r.toml", "animate": "s/press-0001.mcap --out p.gif",
+    "listen": "--out a.wav", "touch": "c.parquet --plot p.png", "report": "s",
+    "recover": "s/press-0001.mcap", "export": "s/press-0001.mcap --to csv",
+    "import": "a.csv --rig paper --out a.mcap", "trade": "--plot p.png",
+}  # fmt: skip
+"""Options with which each command writes files."""
+WRITTEN = {
+    "my-rig.toml", "p.png", "p.json", "p.gif", "a.mcap", "a.wav", "r.toml", "s/learned.json",
+    "s/report.html", "s/press-0001-recovered.mcap", "s/press-0001.csv.json",
+}  # fmt: skip
+
+
+def test_every_command_has_the_general_options():
+    for name in COMMANDS:
+        command = app[name].default_command
+        output = signature(command).parameters["output"].default
+        assert isinstance(output, FileOutput) == (name in WRITES), name
+        assert isinstance(output, Output)
+
+
+@pytest.mark.parametrize("command", WRITES)
+def test_existing_files_are_refused_alike(tmp_path, monkeypatch, command):
+    """Before anything is done: none of the inputs exists."""
+    monkeypatch.chdir(tmp_path)
+    for name in WRITTEN:
+        path = tmp_path / name
+        path.parent.mkdir(exist_ok=True)
+        path.write_text("precious")
+    with pytest.raises(SautereauError, match="already exists; give another name, or --force"):
+        app([command, *WRITES[command].split()], exit_on_error=False, print_error=False)
+    assert {p.read_text() for p in tmp_path.rglob("*") if p.is_file()} == {"precious"}
+
+
+def test_force_replaces_a_file_only_by_a_complete_one(sautereau, rig_file, tmp_path):
+    plan = tmp_path / "plan.json"
+    plan.write_text("precious")
+    rig = rig_file(dip='"7 mm"')
+    assert sautereau("plan", rig, "--out", "plan.json", "--force").returncode == 1  # not feasible
+    assert plan.read_text() == "precious"
+    assert sautereau("init", rig, "--force").returncode == 0
+    assert sautereau("plan", rig, "--out", "plan.json", "--force").returncode == 0
+    assert json.loads(plan.read_text())["steps"]
+    assert {path.name for path in tmp_path.iterdir()} == {"plan.json", "rig.toml"}
+
+
+def test_the_log_holds_steps_commands_to_the_controller_and_errors(sautereau, bare, rig_file):
+    log, rig = bare.parent / "press.log", rig_file()
+    press = ("press", rig, "--scene", bare, "--out", "out", "--log", log)
+    quiet = sautereau(*press, "--quiet")
+    assert (quiet.returncode, quiet.stdout, quiet.stderr) == (0, "", "")
+    first = log.read_text(encoding="utf-8")
+    dated = re.match(r"(\S+ \S+)Z INFO sautereau: sautereau \S+: press ", first)
+    assert dated
+    datetime.fromisoformat(dated[1])
+    assert re.search(r"INFO .*monitor: press 1: arm armed, acquisition armed", first)
+    assert re.search(r"DEBUG .*serial_port: \S+ sent b'.*\\r'", first)
+    assert re.search(r"DEBUG .*serial_port: \S+ received b'.*:'", first)
+    shown = sautereau(*press, "--json", "--verbose")
+    assert "reading recordings" in shown.stderr
+    failed = sautereau("plan", "none", "--log", log)
+    assert failed.stderr.count("\n") == 1
+    text = log.read_text(encoding="utf-8")
+    assert text.startswith(first)
+    assert "RigError: " in text.splitlines()[-1] + text
+    assert "cannot be written" in sautereau("plan", "--log", "no/folder/log").stderr
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="pseudo-terminals are POSIX's")
+def test_progress_has_a_label_and_an_estimate_on_a_terminal_only(monkeypatch, capfd):
+    """Lines of results stay on standard output, also while a bar is shown."""
+    master, slave = os.openpty()
+    with os.fdopen(master, "rb") as terminal, os.fdopen(slave, "w") as stderr:
+        monkeypatch.setattr(sys, "stderr", stderr)
+        monkeypatch.setenv("TERM", "xterm")
+        with Output().progress("counting"):
+            for number in tracked(range(4)):
+                Output().say(f"result {number}")
+        with Output(quiet=True).progress("nothing") as show:
+            show(1.0)
+        stderr.write("end")
+        stderr.flush()
+        shown = ""
+        while not shown.endswith("end"):
+            shown += os.read(terminal.fileno(), 1 << 16).decode()
+    assert "counting" in shown
+    assert "nothing" not in shown
+    assert re.search(r"\d:\d\d:\d\d", shown)
+    assert capfd.readouterr().out == "".join(f"result {number}\n" for number in range(4))
+
+
+def test_progress_of_parts_is_part_of_the_progress():
+    shown = []
+    with progress_to(shown.append):
+        for _ in tracked(range(2)):
+            for _ in tracked("ab"):
+                pass
+    assert shown == [0.25, 0.5, 0.5, 0.75, 1.0, 1.0]
+    assert list(tracked("ab")) == ["a", "b"]
