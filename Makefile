@@ -27,6 +27,7 @@ links:
 press: $(VENV)/installed  ## three presses on the stand-in, compared with the model
 	$(BIN)/sautereau press --sim -n 3 --out $(OUT)/press
 
+test: export PYTHONDONTWRITEBYTECODE =  # dozens of processes import the same modules
 test: lint
 	$(BIN)/python -m pytest -q -n auto --dist worksteal
 

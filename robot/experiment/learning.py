@@ -98,8 +98,8 @@ class IterativeLearning:
         return self._learner.best
 
     def presses_on(self, rig: Rig) -> Iterator[Item]:
-        """Yield the presses, on the bench with the addresses of its devices."""
-        for number in range(1, self._presses + 1):
+        """Yield the presses that are left, on the bench with the addresses of its devices."""
+        for number in range(len(self.errors) + 1, self._presses + 1):
             if self._trajectory is None:
                 return
             torques = None
