@@ -7,12 +7,12 @@ CONSTRAINTS ?= /dev/null
 # Links to the folders under their import names, for tools that read source text.
 LINKS := build/checked
 
-.PHONY: press test test-all fuzz faults lint layers bench docs gallery clean links lock audit sbom dist
+.PHONY: press test test-all fuzz kills faults lint layers bench docs gallery clean links lock audit sbom dist
 
 $(VENV)/installed: pyproject.toml
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --upgrade "pip>=25.1"
-	$(BIN)/python -m pip install --quiet --constraint $(CONSTRAINTS) --editable . --group dev
+	$(BIN)/python -m pip install --quiet --constraint $(CONSTRAINTS) --editable ".[all]" --group dev
 	touch $@
 
 $(VENV)/peers: $(VENV)/installed
@@ -27,6 +27,7 @@ links:
 press: $(VENV)/installed  ## three presses on the stand-in, compared with the model
 	$(BIN)/sautereau press --sim -n 3 --out $(OUT)/press
 
+test: export PYTHONDONTWRITEBYTECODE =  # dozens of processes import the same modules
 test: lint
 	$(BIN)/python -m pytest -q -n auto --dist worksteal
 
@@ -35,6 +36,9 @@ test-all: $(VENV)/peers lint
 
 fuzz: $(VENV)/installed  ## an hour of hostile input to every format and protocol, counted
 	$(BIN)/python -m tests.fuzz --seconds 3600
+
+kills: $(VENV)/installed  ## kill every command that writes at random moments, and cut its power
+	$(BIN)/python -m tests.kills
 
 faults: $(VENV)/installed  ## inject every fault, and write docs/faults.md
 	SAUTEREAU_FAULTS=docs/faults.md $(BIN)/python -m pytest -q -m "slow or not slow" \

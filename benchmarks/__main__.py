@@ -22,6 +22,7 @@ ALL = (
     "trade",
     "recording",
     "acquisition",
+    "load",
     "learning",
     "phases",
     "independent_phases",

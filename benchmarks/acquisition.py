@@ -3,6 +3,8 @@
 The card runs in its own process and in real time, so that a slow client loses samples.
 """
 
+import math
+import statistics
 import subprocess
 import sys
 import tempfile
@@ -54,21 +56,31 @@ class PacedRun:
         """Do nothing: nothing runs between two calls."""
 
 
-class PacedCard:
-    """A card with sixteen inputs in real time."""
+class FreeRun(PacedRun):
+    """Samples as soon as they are requested."""
 
-    name, chassis, device, paced = "Dev1", "", IDEAL, True
+    def wait_for(self, n: int, timeout: float) -> int:
+        return min(self._end, n)
+
+
+class Card:
+    """A card with sixteen inputs, in real time or not."""
+
+    name, chassis, device = "Dev1", "", IDEAL
     terminals = tuple(f"ai{n}" for n in range(CHANNELS))
 
+    def __init__(self, paced: bool):
+        self.paced = paced
+
     def start(self, setup: TaskSetup) -> PacedRun:
-        return PacedRun(setup)
+        return (PacedRun if self.paced else FreeRun)(setup)
 
 
 def run() -> list[Figure]:
     """Return the client's CPU load, and the time to connect and close for a press."""
-    with _served() as address:
+    with served() as address:
         rig = _rig(address)
-        return [*_continuous(rig), _overhead(rig.daq)]
+        return [*_continuous(rig), _dated(rig), _overhead(rig.daq)]
 
 
 def _continuous(rig: Rig) -> list[Figure]:
@@ -99,6 +111,22 @@ def _continuous(rig: Rig) -> list[Figure]:
         Figure(f"{what} reading", read * 100, "%", "limit", 40.0),
         Figure(f"{what} reading and recording", recorded * 100, "%", "limit", 40.0),
     ]
+
+
+def _dated(rig: Rig) -> Figure:
+    """Date the start of a recording by its samples; the card starts them between two calls."""
+    from sautereau.daq.file.reading import read_recording
+    from sautereau.daq.source.continuous import record
+
+    with tempfile.TemporaryDirectory() as folder:
+        stds: list[float] = []
+        for number in range(5):
+            path = Path(folder) / f"{number}.mcap"
+            record(rig, path, 0.5)
+            stds.append(read_recording(path).t0_std or math.inf)
+    return Figure(
+        "date of the first sample, uncertainty", statistics.median(stds) * 1e3, "ms", "limit", 1.0
+    )
 
 
 def _overhead(daq: Daq) -> Figure:
@@ -136,17 +164,16 @@ def _rig(address: str) -> Rig:
 
 
 @contextmanager
-def _served() -> Iterator[str]:
-    """Serve the card from another process, so that its CPU time is not counted."""
+def served(pace: str = "paced") -> Iterator[str]:
+    """Serve the card, "paced" or "free", from another process, whose CPU time is not counted."""
     with subprocess.Popen(
-        [sys.executable, "-m", "benchmarks.acquisition"],
+        [sys.executable, "-m", "benchmarks.acquisition", pace],
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         text=True,
     ) as process:
-        assert process.stdout is not None
         try:
-            yield process.stdout.readline().strip()
+            yield process.stdout.readline().strip() if process.stdout else ""
         finally:
             process.terminate()
 
@@ -154,7 +181,7 @@ def _served() -> Iterator[str]:
 def _serve() -> None:
     from sautereau.sim_backend.devices.daqmx.server import DaqmxServer
 
-    with DaqmxServer(PacedCard()) as server:
+    with DaqmxServer(Card(sys.argv[1:] == ["paced"])) as server:
         sys.stdout.write(f"{server.address}\n")
         sys.stdout.flush()
         sys.stdin.read()

@@ -4,9 +4,15 @@ import errno
 import os
 import secrets
 import stat
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager, suppress
+from contextvars import ContextVar
 from pathlib import Path
 from typing import BinaryIO
 
+_REPLACED: ContextVar[frozenset[Path]] = ContextVar("_REPLACED", default=frozenset())
+NEW = ".new"
+"""File extension of what is being written."""
 TEXT_LIMIT = 8_000_000
 """Largest size of a file of text that is read: rig, scene, table, manifest; bytes."""
 
@@ -16,24 +22,26 @@ def write_durably(path: Path, data: str | bytes, *, new: bool = False) -> None:
 
     The data go to a file with a random name beside it, are flushed to the disk, and get their
     name at the end. A symbolic link at that name is replaced, not followed. A text keeps its line
-    ends; an existing file's permissions are kept.
+    ends; an existing file's permissions are kept. What a killed process has left beside it is
+    removed.
 
     Args:
         path: File to write.
         data: Complete content.
-        new: Whether to refuse an existing file.
+        new: Whether to refuse an existing file, unless it may be replaced (`replacing`).
 
     Raises:
         OSError: It cannot be written, or exists already; then nothing has changed.
     """
     content = data.encode("utf-8") if isinstance(data, str) else data
-    beside = path.with_name(f".{path.name}.{secrets.token_hex(4)}.new")
+    beside = path.with_name(f".{path.name}.{secrets.token_hex(4)}{NEW}")
     try:
         with beside.open("xb") as file:
+            hold(file)
             file.write(content)
             file.flush()
             os.fsync(file.fileno())
-        if new:
+        if new and not may_replace(path):
             os.link(beside, path)  # unlike a rename, this fails if the file exists
             beside.unlink()
         else:
@@ -43,7 +51,32 @@ def write_durably(path: Path, data: str | bytes, *, new: bool = False) -> None:
     except BaseException:
         beside.unlink(missing_ok=True)
         raise
+    _remove_left(path)
     sync_folder(path.parent)
+
+
+@contextmanager
+def replacing(paths: Iterable[Path]) -> Iterator[None]:
+    """Let new files take the names of these existing ones, in one step each, inside the context."""
+    token = _REPLACED.set(frozenset(path.absolute() for path in paths))
+    try:
+        yield
+    finally:
+        _REPLACED.reset(token)
+
+
+def may_replace(path: Path) -> bool:
+    """Return whether a new file may take the name of an existing one."""
+    return path.absolute() in _REPLACED.get()
+
+
+def _remove_left(path: Path) -> None:
+    """Remove the files beside a file that nobody writes any more."""
+    for name in os.listdir(path.parent):  # noqa: PTH208 (there may be thousands of others)
+        if name.startswith(f".{path.name}.") and name.endswith(NEW):
+            with suppress(OSError), path.with_name(name).open("rb") as file:
+                if hold(file):
+                    path.with_name(name).unlink()
 
 
 def hold(file: BinaryIO) -> bool:
@@ -75,6 +108,18 @@ def sync_folder(folder: Path) -> None:
         os.fsync(entry)
     finally:
         os.close(entry)
+
+
+def make_folder(folder: Path) -> None:
+    """Make a folder and those above it that are missing; their names are flushed to the disk.
+
+    Raises:
+        OSError: It cannot be made.
+    """
+    missing = [path for path in (folder, *folder.parents) if not path.exists()]
+    folder.mkdir(parents=True, exist_ok=True)
+    for path in reversed(missing):
+        sync_folder(path.parent)
 
 
 def read_limited(path: Path, most: int = TEXT_LIMIT) -> bytes:

@@ -10,6 +10,7 @@ python forked.py start SOCKET FILE WORDS    the same; the command's process id g
 WORDS may also be `-c PROGRAM`, as of Python itself.
 """
 
+import io
 import json
 import os
 import signal
@@ -25,9 +26,13 @@ from pathlib import Path
 from typing import Any
 
 SLOW = (
-    "matplotlib.backends.backend_agg", "matplotlib.figure", "nidaqmx", "pandas", "pyarrow.parquet",
-    "pymunk", "scipy.integrate", "scipy.interpolate", "scipy.ndimage", "scipy.optimize",
-    "scipy.signal", "scipy.stats",
+    "PIL.GifImagePlugin", "PIL.JpegImagePlugin", "PIL.PpmImagePlugin", "contourpy", "filelock",
+    "grpc._channel", "grpc._server", "matplotlib.backends.backend_agg", "matplotlib.figure",
+    "nidaqmx._grpc_interpreter", "nidaqmx.stream_readers", "pandas", "plotly.graph_objs._layout",
+    "plotly.graph_objs._scatter", "plotly.io", "pyarrow.dataset", "pyarrow.pandas_compat",
+    "pyarrow.parquet", "pydantic.dataclasses", "pymunk", "scipy.integrate", "scipy.interpolate",
+    "scipy.io.wavfile", "scipy.ndimage", "scipy.optimize", "scipy.signal", "scipy.stats", "serial",
+    "tzlocal",
 )  # fmt: skip
 ROOT = Path(__file__).parents[1]
 
@@ -109,6 +114,7 @@ def serve(path: str) -> None:
     from sautereau.rig.load import load_rig
 
     load_rig()
+    _draw()
     listener = socket.socket(socket.AF_UNIX)
     listener.bind(path)
     listener.listen()
@@ -124,6 +130,15 @@ def serve(path: str) -> None:
         running += 1
         while running and os.waitpid(-1, os.WNOHANG)[0]:
             running -= 1
+
+
+def _draw() -> None:
+    """Draw a picture, which loads the fonts."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(1, 1), layout="constrained")
+    figure.subplots().set_title("x")
+    figure.savefig(io.BytesIO(), format="png")
 
 
 def _command(client: socket.socket) -> None:

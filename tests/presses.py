@@ -16,7 +16,7 @@ friction = false
 felt = false
 step = "1 ms"
 """
-"""A scene's file, of a key without strings."""
+"""A scene file: a key without strings, for sessions that need no pluck."""
 
 
 def mute_scene(finger="ideal", *, faults=None, **changes):

@@ -7,8 +7,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from sautereau.analysis.campaign.labels import TOUCH, touch_in
 from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.press.features import UNITS as FEATURE_UNITS
@@ -66,6 +64,8 @@ ALWAYS = (
 )  # fmt: skip
 """Columns of which every press has a value."""
 POSITIVE = ALWAYS[8:]
+LARGEST = 1e30
+"""Limit of a column's numbers, in its SI unit, so that no product of some overflows."""
 
 
 @dataclass(frozen=True)
@@ -193,8 +193,9 @@ def column_faults(table: "pa.Table") -> list[str]:
             faults.append(f"{name}: {column_type}, not {kind}")
         elif pa.types.is_float64(column_type):
             numbers = column.drop_null().to_numpy()
-            if not np.isfinite(numbers).all() or (name in POSITIVE and (numbers <= 0).any()):
-                faults.append(f"{name}: not finite numbers{' above 0' * (name in POSITIVE)}")
+            least = 1 / LARGEST if name in POSITIVE else -LARGEST
+            if not ((least <= numbers) & (numbers <= LARGEST)).all():
+                faults.append(f"{name}: not numbers from {least:g} to {LARGEST:g}")
     return faults
 
 

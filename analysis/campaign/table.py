@@ -4,28 +4,35 @@ Nothing can be appended to a Parquet file, because it ends in its index. As the 
 rewritten to a temporary file, which replaces the table once it is on the disk.
 """
 
+import io
 import json
-import os
 import re
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from functools import cached_property
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 
 from sautereau.analysis.campaign.labels import LEVELS, TOUCH
-from sautereau.analysis.campaign.row import Fault, Row, Source, column_faults, place_of, unit_of
+from sautereau.analysis.campaign.row import (
+    KINDS,
+    Fault,
+    Row,
+    Source,
+    column_faults,
+    place_of,
+    unit_of,
+)
 from sautereau.analysis.errors import AnalysisError
-from sautereau.rig.disk import sync_folder
+from sautereau.rig.disk import make_folder, write_durably
 from sautereau.rig.faults import fault_list
 
 KEY = b"sautereau"
 """Key of the file's metadata."""
-PART = ".part"
-"""Added to the name of a file while it is written."""
 MOST_ROWS = 1_000_000
 """Limit of a table's presses."""
 MOST_BYTES = 2**29
@@ -61,6 +68,9 @@ class Campaign:
     def data(self) -> pd.DataFrame:
         """The table as a pandas DataFrame, with NaN or None for null; `TOUCH` is ordered."""
         data = self.table.to_pandas()
+        for field in self.table.schema:
+            if pa.types.is_null(field.type) and field.name not in KINDS:
+                data[field.name] = np.nan
         if TOUCH in data:
             data[TOUCH] = data[TOUCH].astype(pd.CategoricalDtype(LEVELS, ordered=True))
         return data
@@ -104,14 +114,10 @@ class Campaign:
         }
         fields = [f.with_metadata({"unit": unit_of(f.name)}) for f in self.table.schema]
         schema = pa.schema(fields, metadata={KEY: json.dumps(metadata)})
-        part = self.path.with_name(self.path.name + PART)
-        self.path.parent.mkdir(parents=True, exist_ok=True)
-        with part.open("wb") as file:
-            pq.write_table(self.table.cast(schema), file, compression="zstd")
-            file.flush()
-            os.fsync(file.fileno())
-        part.replace(self.path)
-        sync_folder(self.path.parent)
+        file = io.BytesIO()
+        pq.write_table(self.table.cast(schema), file, compression="zstd")
+        make_folder(self.path.parent)
+        write_durably(self.path, file.getvalue())
 
 
 def empty_campaign(path: Path, made_by: str) -> Campaign:
@@ -174,10 +180,9 @@ def read_campaign(path: str | Path) -> Campaign:
     table = table.replace_schema_metadata(None)
     if schema == 1:
         table = table.rename_columns([_present_name(name) for name in table.column_names])
-    found = Campaign(path, table, faults, made_by, schema)
     if wrong := column_faults(table):
         raise AnalysisError(f"{fault_list(f'campaign {path}', wrong)}\n{fix}")
-    return found
+    return Campaign(path, table, faults, made_by, schema)
 
 
 def _present_name(column: str) -> str:

@@ -69,7 +69,7 @@ def open_csv(path: Path) -> ImportSource:
         started=next(iter(layout.dates.values()), None),
         document=document,
         where=where,
-        cut="" if layout.rows is not None or _ends_a_line(path) else LAST_LINE,
+        cut="" if _ends_a_line(path) else LAST_LINE,
     )
 
 

@@ -7,6 +7,7 @@ from contextlib import contextmanager, suppress
 from datetime import datetime
 from pathlib import Path
 
+from sautereau.rig.disk import make_folder
 from sautereau.robot.errors import RobotError
 
 LOCK = ".session.lock"
@@ -27,7 +28,7 @@ def only_session(folder: Path) -> Iterator[None]:
 
     created = not folder.exists()
     try:
-        folder.mkdir(parents=True, exist_ok=True)
+        make_folder(folder)
         lock = FileLock(folder / LOCK, timeout=0, is_singleton=False)
         lock.acquire()
     except Timeout as error:

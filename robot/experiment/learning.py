@@ -15,10 +15,10 @@ from sautereau.rig.faults import fault_list, validation_faults
 from sautereau.rig.load import current_document, rig_document
 from sautereau.rig.schema import Rig
 from sautereau.robot.errors import RobotError
+from sautereau.robot.experiment.differences import differences
 from sautereau.robot.experiment.feedforward import torque_table
 from sautereau.robot.experiment.plan import RigDocument
 from sautereau.robot.experiment.session import Item
-from sautereau.robot.experiment.session_folder import differences
 from sautereau.trajectory.errors import TrajectoryError
 from sautereau.trajectory.expected import Expectation
 from sautereau.trajectory.learning import CUTOFF, Correction, Learner
@@ -98,8 +98,8 @@ class IterativeLearning:
         return self._learner.best
 
     def presses_on(self, rig: Rig) -> Iterator[Item]:
-        """Yield the presses, on the bench with the addresses of its devices."""
-        for number in range(1, self._presses + 1):
+        """Yield the presses that are left, on the bench with the addresses of its devices."""
+        for number in range(len(self.errors) + 1, self._presses + 1):
             if self._trajectory is None:
                 return
             torques = None

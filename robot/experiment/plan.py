@@ -19,6 +19,8 @@ from sautereau.robot.experiment.plan_table import Row
 
 MOST_PRESSES = 100_000
 """Largest number of presses of a session: a day of them at full speed."""
+LEARNING = "from these presses"
+"""In the place of a file's SHA-256: the correction of a session that learns it."""
 
 
 @dataclass(frozen=True)

@@ -13,6 +13,7 @@ import numpy as np
 
 from sautereau.daq.file.recorded import Joints
 from sautereau.daq.file.recording import Recording, SessionInfo
+from sautereau.rig.disk import make_folder
 from sautereau.rig.schema import Rig
 from sautereau.robot.controller import Capture, MotionController, TorqueTable, play
 from sautereau.robot.errors import RobotError
@@ -230,7 +231,7 @@ def _joints(capture: Capture, start: float, rig: Rig) -> Joints:
 def _free_number(out: Path) -> int:
     """Return the first free press number of a folder, which is created if it is missing."""
     try:
-        out.mkdir(parents=True, exist_ok=True)
+        make_folder(out)
         names = [path.name for path in out.iterdir()]
     except OSError as error:
         raise RobotError(

@@ -23,6 +23,8 @@ def learn(
 ) -> int:
     """Press up to n times, correcting the trajectory from the measured speed of the jack.
 
+    To continue after an interruption, run the same command again.
+
     Parameters
     ----------
     n

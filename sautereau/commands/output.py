@@ -95,10 +95,10 @@ class Output:
             redirect_stdout=sys.stdout.isatty(),
             speed_estimate_period=ESTIMATED_OVER,
         ) as bar:
-            task = bar.add_task(label, total=1.0)
+            task = bar.add_task(label, total=None)  # a pulse, until a fraction is known
 
             def show(fraction: float) -> None:
-                bar.update(task, completed=fraction)
+                bar.update(task, completed=fraction, total=1.0)
 
             with progress_to(show):
                 yield show
@@ -114,23 +114,17 @@ class FileOutput(Output):
 
     @contextmanager
     def creating(self, *paths: Path | None) -> Iterator[None]:
-        """Refuse existing files, or with `force` replace them by those that are made inside.
+        """Refuse existing files, or with `force` let the new ones inside replace them.
 
-        Until then an old file has another name, which it loses if no new one is made.
+        An old file is there until the new one takes its name.
 
         Raises:
             SautereauError: Lists the files that exist.
         """
-        there = self.refuse(*paths)
-        kept = {path: path.rename(path.with_name(f".{path.name}.replaced")) for path in there}
-        try:
+        from sautereau.rig.disk import replacing
+
+        with replacing(self.refuse(*paths)):
             yield
-        finally:
-            for path, old in kept.items():
-                if _is_file(path):
-                    old.unlink()
-                else:
-                    old.rename(path)
 
     def refuse(self, *paths: Path | None) -> list[Path]:
         """Refuse existing files unless `force` is given; then return them.
@@ -139,12 +133,11 @@ class FileOutput(Output):
             SautereauError: Lists the files that exist.
         """
         from sautereau.rig.errors import SautereauError
-        from sautereau.rig.faults import fault_list
 
         there = [path for path in dict.fromkeys(paths) if path and _is_file(path)]
         if there and not self.force:
-            what = [f"{path} already exists; give another name, or --force" for path in there]
-            raise SautereauError(fault_list("output", what))
+            what = (f"{path} already exists; give another name, or --force" for path in there)
+            raise SautereauError("\n".join(what))
         return there
 
 

@@ -56,9 +56,9 @@ def plan(
 
 
 def _write(path: Path, text: str) -> None:
-    from sautereau.rig.disk import write_durably
+    from sautereau.rig.disk import make_folder, write_durably
 
-    path.parent.mkdir(parents=True, exist_ok=True)
+    make_folder(path.parent)
     write_durably(path, text + "\n")
 
 

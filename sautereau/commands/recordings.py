@@ -54,20 +54,18 @@ def recover(
 
 
 def export(
-    files: list[Path],
+    files: common.Files,
     /,
     *,
-    to: Literal["parquet", "csv", "h5", "wav", "tdms"],
+    to: Literal["parquet", "csv", "h5", "wav", "tdms", "urdf"],
     out: Path | None = None,
     raw: bool = False,
     output: FileOutput = FileOutput(),
 ) -> int:
-    """Export recordings to Parquet, CSV, HDF5, WAV or TDMS.
+    """Export recordings to Parquet, CSV, HDF5, WAV or TDMS, or their rig to URDF.
 
     Parameters
     ----------
-    files
-        Recordings.
     to
         Format. The metadata of a CSV or WAV file are beside it, in NAME.csv.json.
     out
@@ -77,14 +75,35 @@ def export(
     """
     from sautereau.daq.convert.export import export as export_recording
     from sautereau.daq.convert.export import files_of, targets
+    from sautereau.entrance.session import open
     from sautereau.rig.progress import tracked
 
     written: list[Path] = []
-    pairs = targets(files, to, out)
+    pairs = targets([press.path for press in open(files)], to, out)
     made = [path for _, file in pairs for path in files_of(to, file)]
     with output.creating(*made), output.progress("exporting"):
         for file, target in tracked(pairs):
-            written += export_recording(file, to, target, raw=raw)
+            if to == "urdf":
+                written.append(_export_rig(file, target))
+            else:
+                written += export_recording(file, to, target, raw=raw)
     return output.answer(
         {"files": [str(path) for path in written]}, [str(path) for path in written]
     )
+
+
+def _export_rig(file: Path, target: Path) -> Path:
+    """Write the URDF of a recording's rig."""
+    from sautereau.daq.errors import RecordingError
+    from sautereau.daq.file.reading import read_recording
+    from sautereau.rig.disk import write_durably
+    from sautereau.trajectory.urdf import rig_urdf
+
+    try:
+        write_durably(target, rig_urdf(read_recording(file).rig), new=True)
+    except OSError as error:
+        raise RecordingError(
+            f"export of {file} to {target}: {error.strerror}; nothing is overwritten: give"
+            " another --out"
+        ) from error
+    return target

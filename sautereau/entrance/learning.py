@@ -1,6 +1,5 @@
 """Learning: the trajectory corrected from the measured speed of the jack, press after press."""
 
-import uuid
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -8,16 +7,21 @@ from typing import TYPE_CHECKING, Any
 
 from sautereau.analysis.model.predict import expected_of
 from sautereau.daq.file.reading import read_session
-from sautereau.entrance.devices import Connected, Devices
+from sautereau.entrance.devices import Connected, Devices, fresh_seed
 from sautereau.entrance.session import Session
 from sautereau.entrance.shown import Shown
+from sautereau.rig.disk import may_replace
 from sautereau.robot.drivers.registry import motion_controller
 from sautereau.robot.errors import RobotError
 from sautereau.robot.experiment.feedforward import force_of
 from sautereau.robot.experiment.folder_lock import only_session
 from sautereau.robot.experiment.learning import IterativeLearning, write_learned
-from sautereau.robot.experiment.plan import digest
+from sautereau.robot.experiment.plan import LEARNING, Plan, digest
+from sautereau.robot.experiment.plan_table import Row
+from sautereau.robot.experiment.run import seed_from
 from sautereau.robot.experiment.session import Item, Origin, make_presses
+from sautereau.robot.experiment.session_folder import SessionFolder
+from sautereau.sim_backend.scene import current_scene
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -56,16 +60,23 @@ class Learned(Shown):
 
 
 class Learning:
-    """Learning that is about to start; see `sautereau.entrance.bench.Bench.learn`."""
+    """Learning, new or continued; see `sautereau.entrance.bench.Bench.learn`."""
 
     def __init__(self, bench: Devices, n: int, out: Path, notes: str, feed_forward: Path | None):
         self._bench, self._out = bench, out
         self._nominal = bench.rig.values
         self._file = out / LEARNED
-        if self._file.exists():
+        if self._file.exists() and not may_replace(self._file):
             raise RobotError(f"learning: {self._file} already exists; give another folder")
         self._pushed = digest(feed_forward) if feed_forward else ""
         measured = force_of(feed_forward) if feed_forward else None
+        files = {"learned": LEARNING}
+        self._plan = Plan(
+            self._nominal,
+            (Row(self._nominal, n, notes=notes),),
+            scene=bench.scene.model_dump_json() if bench.scene else "",
+            files=files | ({"feed_forward": self._pushed} if feed_forward else {}),
+        )
         expected, doubts = expected_of(self._nominal)
         self._made = IterativeLearning(self._nominal, expected, n, measured=measured, notes=notes)
         self.warnings = (*doubts, *self._made.warnings)
@@ -75,36 +86,62 @@ class Learning:
         on: Callable[[Connected], Any] = lambda bench: None,
         on_press: Callable[[Path, float], Any] = lambda path, error: None,
     ) -> Learned:
-        """Make the presses.
+        """Make the presses that are not yet in the folder.
 
         Args:
             on: Called with the devices before the first press.
             on_press: Called with each recording and its RMS speed error.
         """
-        made, nominal = self._made, self._nominal
-        with only_session(self._out), self._bench.connected() as bench:
-            on(bench)
-
-            def done(item: Item, path: Path) -> None:
-                bench.keep_truth(path)
-                made.update(item, path)
-                on_press(path, made.errors[-1])
-
-            recordings = make_presses(
-                motion_controller(bench.rig),
-                self._out,
-                made.presses_on(bench.rig),
-                Origin(uuid.uuid4().hex, bench.scene, bench.seed),
-                on_press=done,
-            )
+        made, bench = self._made, self._bench
+        fresh = None if bench.scene is None else fresh_seed()
+        with only_session(self._out):
+            folder = SessionFolder(self._out, self._plan, bench.seed, fresh, current_scene)
+            if self._resumed(folder, on_press):
+                self._press(folder, on, on_press)
+        recordings = [folder.done[number] for number in sorted(folder.done)]
         if made.best is not None:
-            write_learned(self._file, nominal, made.best, made.errors, self._pushed)
+            write_learned(self._file, self._nominal, made.best, made.errors, self._pushed)
         return Learned(
             Session(recordings, folder=self._out),
             tuple(made.errors),
             made.stopped,
             self._file if made.best is not None else None,
             any(read_session(path).simulated for path in recordings),
-            bench.seed,
+            folder.seed,
             self.warnings,
         )
+
+    def _resumed(self, folder: SessionFolder, on_press: Callable[[Path, float], Any]) -> bool:
+        """Learn from the presses in the folder; return whether one is left to make."""
+        for item in self._made.presses_on(self._nominal):
+            path = folder.done.get(item.number or 0)
+            if path is None:
+                return True
+            self._made.update(item, path)
+            on_press(path, self._made.errors[-1])
+        return False
+
+    def _press(
+        self,
+        folder: SessionFolder,
+        on: Callable[[Connected], Any],
+        on_press: Callable[[Path, float], Any],
+    ) -> None:
+        made, first = self._made, len(self._made.errors) + 1
+        with self._bench.connected(seed=seed_from(folder.seed, first)) as bench:
+            on(bench)
+
+            def done(item: Item, path: Path) -> None:
+                bench.keep_truth(path)
+                folder.done[item.number or 0] = path
+                made.update(item, path)
+                on_press(path, made.errors[-1])
+
+            make_presses(
+                motion_controller(bench.rig),
+                self._out,
+                made.presses_on(bench.rig),
+                Origin(folder.session, bench.scene, bench.seed),
+                on_ready=folder.start,
+                on_press=done,
+            )

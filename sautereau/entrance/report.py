@@ -12,7 +12,8 @@ from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.report.build import About, Again, build_report
 from sautereau.analysis.report.contents import PressRecord, gather
 from sautereau.analysis.report.fits import PATTERN, read_fit
-from sautereau.rig.disk import write_durably
+from sautereau.rig.disk import make_folder, write_durably
+from sautereau.robot.experiment.plan import LEARNING
 from sautereau.robot.experiment.session_folder import MANIFEST, Manifest, read_manifest
 from sautereau.sim_backend.scene import current_scene, load_scene, packaged_scenes
 
@@ -37,7 +38,7 @@ def write_report(
     contents = gather(recordings, level)
     name = folder.resolve().name if folder else f"of {len(recordings)} recordings"
     page = build_report(contents, _about(name, folder, contents.presses, list(warnings)))
-    out.parent.mkdir(parents=True, exist_ok=True)
+    make_folder(out.parent)
     write_durably(out, page)
     simulated = any(record.press.simulated for record in contents.presses)
     return Report(out, len(contents.presses), simulated, dict(contents.unread))
@@ -94,8 +95,10 @@ def _left(manifest: Manifest, presses: tuple[PressRecord, ...]) -> list[str]:
 
 def _again(manifest: Manifest, presses: tuple[PressRecord, ...]) -> Again:
     """Return the command that repeats the session, with the rig file of this page."""
-    rows = manifest.plan["presses"]
-    words = ["sautereau press rig.toml"]
+    rows, files = manifest.plan["presses"], dict(manifest.plan.get("files", {}))
+    if learning := files.get("learned") == LEARNING:
+        del files["learned"]
+    words = [f"sautereau {'learn' if learning else 'press'} rig.toml"]
     words.append(f"-n {rows[0]['repeats']}" if len(rows) == 1 else "--table table.csv")
     if manifest.plan["warm_up"]:
         words.append(f"--warm-up {manifest.plan['warm_up']}")
@@ -104,7 +107,7 @@ def _again(manifest: Manifest, presses: tuple[PressRecord, ...]) -> Again:
     needs = ["the rig below as rig.toml"]
     if len(rows) > 1:
         needs.append("the conditions above as table.csv")
-    for kind, digest in manifest.plan.get("files", {}).items():
+    for kind, digest in files.items():
         needs.append(f"the file of {kind} with SHA-256 {digest}")
         words.append(f"--{kind.replace('_', '-')} FILE")
     scene = presses[0].session.scene

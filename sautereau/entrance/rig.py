@@ -118,12 +118,12 @@ class Rig(Shown):
         Raises:
             RigError: The file exists, or cannot be written.
         """
-        from sautereau.rig.disk import write_durably
+        from sautereau.rig.disk import make_folder, write_durably
         from sautereau.rig.text import rig_text
 
         path = Path(path)
         try:
-            path.parent.mkdir(parents=True, exist_ok=True)
+            make_folder(path.parent)
             write_durably(path, rig_text(self.values), new=True)
         except OSError as error:
             raise RigError(

@@ -15,7 +15,7 @@ from sautereau.analysis.campaign import run as campaign_run
 from sautereau.analysis.campaign import table as table_module
 from sautereau.analysis.campaign.row import UNITS, plectrum_id, unit_of
 from sautereau.analysis.campaign.run import run_campaign
-from sautereau.analysis.campaign.table import PART, SCHEMA, empty_campaign, read_campaign
+from sautereau.analysis.campaign.table import SCHEMA, empty_campaign, read_campaign
 from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.loading.press import load_press
 from sautereau.analysis.phases import find_phases
@@ -169,14 +169,15 @@ def test_a_killed_campaign_is_continued_and_leaves_no_process(
     with command_server.start("-c", KILLED, campaign_folder, out, **pipe) as killed:
         killed.communicate(timeout=60)
     assert len(read_campaign(out).table) == 4
-    out.with_name(out.name + PART).write_bytes(b"of an interrupted write")
+    left = out.with_name(f".{out.name}.00.new")
+    left.write_bytes(b"of an interrupted write")
     monkeypatch.setattr(campaign_run, "BATCH", 1)
     progress = []
     found = run_campaign(campaign_folder, out, on_read=lambda *done: progress.append(done))
     assert found.kept == 4
     assert found.campaign.table.equals(complete.table)
     assert progress == [(done, GOOD - 4) for done in range(1, GOOD - 3)]
-    assert not out.with_name(out.name + PART).exists()
+    assert not left.exists()
 
 
 def test_other_files_are_refused_and_unchanged(campaign_folder, tmp_path):

@@ -31,7 +31,8 @@ def address():
         yield address
 
 
-def test_sweeps_of_model_and_stand_in_are_the_same_everywhere(address):
+@pytest.mark.parametrize("where", [2, pytest.param("the cluster", marks=pytest.mark.slow)])
+def test_sweeps_of_model_and_stand_in_are_the_same_everywhere(request, where):
     rig, scene = load_rig(), load_scene("ideal")
     fields = {partial(predict_many, rig): "pluck_duration", partial(sweep, rig, scene): "release"}
     pieces = [{"plectrum.overlap": piece} for piece in np.array_split(OVERLAPS, 2)]
@@ -47,9 +48,9 @@ def test_sweeps_of_model_and_stand_in_are_the_same_everywhere(address):
         at_once = np.ravel(getattr(function({"plectrum.overlap": OVERLAPS}), name))
         joined = np.concatenate(here[2 * i : 2 * i + 2])
         np.testing.assert_allclose(joined, at_once, rtol=1e-9)
-    for where in (2, address):
-        for one, other in zip(results(where), here, strict=True):
-            assert np.array_equal(one, other)
+    there = results(request.getfixturevalue("address") if where == "the cluster" else where)
+    for one, other in zip(there, here, strict=True):
+        assert np.array_equal(one, other)
 
 
 @pytest.mark.parametrize("where", [1, 2, "the cluster"])

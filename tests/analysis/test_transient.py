@@ -1,6 +1,7 @@
 """Sources of oscillations against presses whose truth is known."""
 
 import json
+from functools import cache
 
 import numpy as np
 import pytest
@@ -33,9 +34,25 @@ def pressed():
     return {n: (loaded[n], made[n], true_phases(made[n], loaded[n])) for n in names}
 
 
-def found_in(pressed, name):
-    loaded, made, phases = pressed[name]
-    return attribute(combine([examine(loaded, phases)]), loaded.rig), made
+@pytest.fixture(scope="module")
+def examined(pressed):
+    """What a press shows, by its factor and the number that it is given; each examined once."""
+
+    @cache
+    def of_press(name, number=0):
+        loaded, _, phases = pressed[name]
+        return examine(loaded, phases, number)
+
+    return of_press
+
+
+@pytest.fixture
+def found_in(pressed, examined):
+    def found(name):
+        loaded, made, _ = pressed[name]
+        return attribute(combine([examined(name)]), loaded.rig), made
+
+    return found
 
 
 def of(source, found):
@@ -43,8 +60,8 @@ def of(source, found):
 
 
 @pytest.mark.parametrize("name", ["all stiff", "key bends at 350 Hz"])
-def test_what_is_decided_is_right(pressed, name):
-    found, made = found_in(pressed, name)
+def test_what_is_decided_is_right(found_in, name):
+    found, made = found_in(name)
     decided = [each for each in found if each.source]
     assert decided
     assert all(truth_of(each.oscillation, made) in (each.source, None) for each in decided)
@@ -53,8 +70,8 @@ def test_what_is_decided_is_right(pressed, name):
         assert (each.source is None) == bool(each.deciding)
 
 
-def test_the_string_is_found_while_it_is_held(pressed):
-    found, _ = found_in(pressed, "all stiff")
+def test_the_string_is_found_while_it_is_held(found_in):
+    found, _ = found_in("all stiff")
     partials = of(Source.STRING, found)
     assert len(partials) >= 2
     for partial, expected in zip(partials, HELD, strict=False):
@@ -62,21 +79,21 @@ def test_the_string_is_found_while_it_is_held(pressed):
         assert {o.phase for o in partial.observed} == {"held"}
 
 
-def test_a_string_without_inertia_has_no_mode(pressed):
-    found, _ = found_in(pressed, "quasi-static string")
+def test_a_string_without_inertia_has_no_mode(found_in):
+    found, _ = found_in("quasi-static string")
     assert of(Source.STRING, found) == []
     assert len(of(Source.FINGER, found)) == 1
 
 
-def test_a_bending_key_is_attributed(pressed):
-    found, _ = found_in(pressed, "key bends at 350 Hz")
+def test_a_bending_key_is_attributed(found_in):
+    found, _ = found_in("key bends at 350 Hz")
     key = of(Source.KEY, found)
     assert any(o.frequency == pytest.approx(762, rel=0.02) for o in key)
 
 
-def test_a_measured_mode_decides(pressed):
-    loaded, _, phases = pressed["key bends at 350 Hz"]
-    oscillations = combine([examine(loaded, phases)])
+def test_a_measured_mode_decides(pressed, examined):
+    loaded, _, _ = pressed["key bends at 350 Hz"]
+    oscillations = combine([examined("key bends at 350 Hz")])
     low = min(oscillations, key=lambda o: o.frequency)
     (alone,), (known,) = (
         attribute([low], loaded.rig, {Source.KEY: modes} if modes else None)
@@ -86,23 +103,21 @@ def test_a_measured_mode_decides(pressed):
     assert known.source is Source.KEY
 
 
-def test_presses_are_combined(pressed):
-    loaded, _, phases = pressed["all stiff"]
-    once, twice = (combine([examine(loaded, phases, k) for k in range(n)]) for n in (1, 2))
+def test_presses_are_combined(examined):
+    once, twice = (combine([examined("all stiff", k) for k in range(n)]) for n in (1, 2))
     assert [o.frequency for o in once] == pytest.approx([o.frequency for o in twice])
     for one, both in zip(once, twice, strict=True):
         assert both.presses == 2
         assert both.frequency_std < one.frequency_std
 
 
-def test_results_are_complete(pressed):
-    loaded, _, phases = pressed["all stiff"]
-    examined = [examine(loaded, phases)]
-    found = attribute(combine(examined), loaded.rig)
-    text = json.dumps(transient_summary(examined, found), allow_nan=False)
+def test_results_are_complete(examined, found_in):
+    presses = [examined("all stiff")]
+    found, _ = found_in("all stiff")
+    text = json.dumps(transient_summary(presses, found), allow_nan=False)
     assert json.loads(text)["oscillations"][0]["source"] == "string"
-    assert any("string (" in line for line in transient_lines(examined, found))
-    figure = transient_figure(examined, found)
+    assert any("string (" in line for line in transient_lines(presses, found))
+    figure = transient_figure(presses, found)
     assert len(figure.axes) == 8
 
 

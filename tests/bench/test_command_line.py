@@ -332,6 +332,16 @@ def test_learn_answers_the_keys_of_the_contract_and_its_correction_is_used(
     assert Path(result["learned"]).name == "learned.json"
     refused(sautereau("learn", rig, "--sim", "--out", "out"), "learned.json", "--force")
 
+    made = result["rms_speed_error"]
+    (tmp_path / "out" / "press-0003.mcap").unlink()
+    command = ("learn", rig, "--sim", "-n", 3, "--seed", 3, "--out", "out", "--json", "--force")
+    continued = json.loads(sautereau(*command).stdout)
+    assert continued["rms_speed_error"][:2] == made[:2]
+    assert [Path(path).name for path in continued["recordings"]] == [
+        f"press-000{number}.mcap" for number in (1, 2, 3)
+    ]
+    assert continued["rms_speed_error"][2] < 0.01
+
     command = ("press", rig, "--sim", "--learned", "out/learned.json", "--out", "again", "--json")
     done = sautereau(*command)
     assert done.returncode == 0, done.stderr

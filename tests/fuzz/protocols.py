@@ -20,31 +20,14 @@ from sautereau.sim_backend.devices.emulators import EMULATORS
 from tests.cards import Card
 from tests.fuzz import mutate
 from tests.fuzz.run import Wrong
+from tests.still import Still
 
 RIG = load_rig()
 TRANSCRIPTS = Path(__file__).parents[1] / "sim_backend" / "galil_transcripts"
 
 
-class Still:
-    """Motors and encoders of an arm at rest."""
-
-    def encoder_counts(self):
-        return 0, 0
-
-    def home_counts(self):
-        return 1500, -700
-
-    def torque_volts(self):
-        return 0.0, 0.0
-
-    def index(self, axis):
-        return None
-
-    def active(self, switch, axis):
-        return False
-
-    def amplifier_fault(self, axis):
-        return False
+class Unmoved(Still):
+    """An arm at rest that refuses commands without sense."""
 
     def drive(self, offsets, limits):
         if not np.isfinite([*offsets, *limits]).all():
@@ -74,7 +57,7 @@ class Emulator:
         self._name, self._lines, self._alive = name, lines, alive
 
     def case(self, dice: random.Random) -> str:
-        firmware = EMULATORS.get(self._name)(RIG, Still(), lambda *change: None, False)
+        firmware = EMULATORS.get(self._name)(RIG, Unmoved(), lambda *change: None, False)
         lines = [dice.choice(self._lines) for _ in range(dice.randrange(1, 40))]
         text = "\r".join(lines) + "\r"
         if dice.random() < 0.8:
@@ -158,7 +141,7 @@ class Driver:
         self._name, self._controller = name, controller
 
     def case(self, dice: random.Random) -> str:
-        firmware = EMULATORS.get(self._name)(RIG, Still(), lambda *change: None, False)
+        firmware = EMULATORS.get(self._name)(RIG, Unmoved(), lambda *change: None, False)
         port, clock = Port(firmware, dice, dice.choice((0.0, 0.01, 0.1, 1.0))), Clock()
         driver = self._controller(RIG, open_port=port.open, clock=clock, sleep=clock.sleep)
         outcome = "refused"

@@ -40,6 +40,17 @@ def test_pipes_devices_and_large_files_are_not_read(tmp_path):
         read_limited(tmp_path / "/dev/zero")
 
 
+def test_what_a_killed_process_left_is_removed_and_what_is_being_written_is_not(tmp_path):
+    path = tmp_path / "file.txt"
+    (tmp_path / ".file.txt.00.new").touch()
+    (tmp_path / ".other.txt.00.new").touch()
+    with (tmp_path / ".file.txt.11.new").open("wb") as other:
+        assert hold(other)
+        write_durably(path, "a")
+    left = sorted(found.name for found in tmp_path.iterdir())
+    assert left == [".file.txt.11.new", ".other.txt.00.new", "file.txt"]
+
+
 def test_a_file_in_use_is_held_once(tmp_path):
     with (tmp_path / "file").open("wb") as first, (tmp_path / "file").open("rb") as second:
         assert hold(first)

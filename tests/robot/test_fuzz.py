@@ -9,6 +9,7 @@ from sautereau.robot.drivers.galil.driver import GalilController
 from sautereau.robot.drivers.galil.line import Line
 from sautereau.robot.errors import RobotError
 from sautereau.sim_backend.devices.galil.firmware import GalilFirmware
+from tests.still import Still
 
 MEGABYTE = 1 << 20
 WORDS = [
@@ -20,34 +21,6 @@ WORDS = [
     *("BP", "(", ")", "[", "]", "=", "<", ">", "<>", "&", "|", "+", "-", "*", "/", "%", "@ABS["),
     *("@OUT[", "_TPA", "_XQ0", "_PVA", "0", "1", "-1", "255", "4711", "1e9", "x", " "),
 ]
-
-
-class Still:
-    """Encoders of an arm at rest."""
-
-    def __init__(self):
-        self.driven = None
-
-    def encoder_counts(self):
-        return 0, 0
-
-    def home_counts(self):
-        return 1500, -700
-
-    def torque_volts(self):
-        return 0.0, 0.0
-
-    def index(self, axis):
-        return None
-
-    def active(self, switch, axis):
-        return False
-
-    def amplifier_fault(self, axis):
-        return False
-
-    def drive(self, offsets, limits):
-        self.driven = offsets, limits
 
 
 class Noise:

@@ -19,7 +19,7 @@ from sautereau.sim_backend.devices.daqmx.server import DaqmxServer
 from sautereau.sim_backend.devices.galil.firmware import GalilFirmware
 from sautereau.sim_backend.devices.serial_port import MOST_UNREAD, PtyPort, SocketPort
 from tests.cards import Card
-from tests.fuzz.protocols import Still
+from tests.fuzz.protocols import Unmoved
 
 CONNECTIONS = 1000
 
@@ -169,5 +169,5 @@ def test_twelve_endless_reads_leave_a_worker_for_the_others(card):
 
 @pytest.mark.parametrize("form", ["F999999999.4", "Z1.99999999", "$-999999999"])
 def test_a_format_of_very_many_digits_is_refused_at_once(form):
-    firmware = GalilFirmware(Still(), on_output=lambda number, level: None)
+    firmware = GalilFirmware(Unmoved(), on_output=lambda number, level: None)
     assert firmware.receive(f"EO 0\rMG 1{{{form}}}\r".encode()).endswith(b"?")

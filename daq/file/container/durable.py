@@ -10,7 +10,7 @@ from typing import BinaryIO
 
 from sautereau.daq.errors import RecordingError
 from sautereau.daq.file.container.writer import McapWriter
-from sautereau.rig.disk import hold, sync_folder
+from sautereau.rig.disk import hold, may_replace, sync_folder
 
 PART = ".part"
 """Appended to the name of a recording until it is complete."""
@@ -46,7 +46,7 @@ class DurableFile:
         if ending != PART:
             self.part_path.unlink(missing_ok=True)
         for taken in (self.path, self.part_path):
-            if os.path.lexists(taken):
+            if os.path.lexists(taken) and not may_replace(taken):
                 raise RecordingError(
                     f"recording {taken}: it exists and is never overwritten; move it away or"
                     " give another name"
@@ -57,6 +57,7 @@ class DurableFile:
             )
         with self.writing():
             self.stream: BinaryIO = self.part_path.open("xb")
+            self._named = False
             hold(self.stream)
 
     @contextmanager
@@ -78,10 +79,13 @@ class DurableFile:
             ) from error
 
     def sync(self) -> None:
-        """Flush everything written so far to the disk."""
+        """Flush everything written so far to the disk, and the first time the file's name."""
         with self.writing():
             self.stream.flush()
             os.fsync(self.stream.fileno())
+            if not self._named:
+                sync_folder(self.path.parent)
+            self._named = True
 
     def close(self) -> None:
         """Flush everything to the disk and close the unfinished file."""
@@ -98,13 +102,13 @@ class DurableFile:
 
     def publish(self) -> None:
         """Rename a closed file to its final name."""
-        if os.path.lexists(self.path):
+        if os.path.lexists(self.path) and not may_replace(self.path):
             raise RecordingError(
                 f"recording {self.path}: another program created it meanwhile, and it is not"
                 f" overwritten; this recording is in {self.part_path}: rename that file"
             )
         with self.writing():
-            self.part_path.rename(self.path)
+            self.part_path.replace(self.path)
             sync_folder(self.path.parent)
 
 

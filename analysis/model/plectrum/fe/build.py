@@ -13,6 +13,7 @@ from sautereau.analysis.model.plectrum.fe.cache import (
 from sautereau.analysis.model.plectrum.fe.load import patch_at, section_at
 from sautereau.analysis.model.plectrum.fe.profile import Profile, plectrum_grid
 from sautereau.analysis.model.plectrum.fe.solve import Body, rate, solve_loads
+from sautereau.rig.progress import tracked
 
 ACCURACY = 2e-4
 """Dimensionless; largest accepted error of the series between their nodes, relative to rotation,
@@ -71,7 +72,7 @@ def build(
     positions, error = 0, np.inf
     for positions, loads in _SIZES:
         s, f = _nodes(positions, nearest, 1.0), _nodes(loads, 0.0, solver.limit * MARGIN)
-        values = np.stack([solver.contact(place, f) / f for place in s], 1)
+        values = np.stack([solver.contact(place, f) / f for place in tracked([*s])], 1)
         table = DisplacementSeries(_series(values), nearest, solver.load, solver.limit)
         error = _error(table, solver)
         if error <= ACCURACY:

@@ -1,0 +1,114 @@
+"""Long runs: memory, open files, threads and time per press at their start and at their end.
+
+A session on the stand-in in this process, an acquisition from a card in another, which does not
+wait for real time, and a campaign of copies. Linux only: it reads /proc.
+"""
+
+import itertools
+import os
+import tempfile
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+from benchmarks.acquisition import served
+from benchmarks.campaign import write_presses
+from benchmarks.figures import Figure, check
+from benchmarks.recording import memory
+from sautereau.analysis.campaign.run import run_campaign
+from sautereau.daq.source.continuous import record
+from sautereau.rig.load import load_rig, with_values
+from sautereau.robot.drivers.galil.driver import GalilController
+from sautereau.robot.experiment.session import Item, make_presses
+from sautereau.sim_backend.bench import StandIn
+from sautereau.sim_backend.scene import load_scene
+from sautereau.trajectory.press import plan_press
+
+PRESSES = 1000
+HOURS, RATE = 8.0, 250
+"""Of the acquisition, in the card's time; Hz: ten reads per second, the fewest allowed."""
+RECORDINGS = 10_000
+WARM = 0.1
+"""Dimensionless fraction of a run after which its start is measured."""
+GROWTH, SLOWER = 30.0, 1.3
+"""Limits: MiB by which the memory grows; dimensionless, by which a press takes longer."""
+BARE = {"plectrum": "none", "string": "none", "friction": False, "felt": False, "step": 1e-3}
+
+
+@dataclass(frozen=True)
+class Use:
+    """What this process uses."""
+
+    done: int
+    memory: float
+    """MiB."""
+    files: int
+    threads: int
+    time: float
+    """s."""
+
+
+class Watch:
+    """Notes what a run uses after each step."""
+
+    def __init__(self) -> None:
+        self._uses: list[Use] = []
+
+    def __call__(self, done: int) -> None:
+        folder = Path("/proc/self")
+        files, threads = (len(os.listdir(folder / name)) for name in ("fd", "task"))  # noqa: PTH208
+        self._uses.append(Use(done, memory("VmRSS"), files, threads, time.perf_counter()))
+
+    def figures(self, what: str, total: int, unit: str) -> list[Figure]:
+        """Compare the tenth after the start with the last tenth."""
+        uses, n = self._uses, len(self._uses)
+        last = uses[-1]
+        check(last.done == total, f"{what}: {last.done} of {total} are done")
+        warm, near = uses[int(WARM * n)], uses[-1 - int(WARM * n)]
+        second = uses[int(2 * WARM * n)]
+        paces = [(b.time - a.time) / (b.done - a.done) for a, b in ((warm, second), (near, last))]
+        return [
+            Figure(f"{what}: memory grows by", last.memory - warm.memory, "MiB", "limit", GROWTH),
+            Figure(f"{what}: open files at the end", last.files, "", "limit", warm.files),
+            Figure(f"{what}: threads at the end", last.threads, "", "limit", warm.threads),
+            Figure(
+                f"{what}: {unit} at the end", paces[1] * 1e3, "ms", "limit", SLOWER * paces[0] * 1e3
+            ),
+        ]
+
+
+def run() -> list[Figure]:
+    """Return what long runs use at their end, limited by their start."""
+    with tempfile.TemporaryDirectory() as name:
+        return [*_session(Path(name)), *_acquisition(Path(name)), *_campaign(Path(name))]
+
+
+def _session(folder: Path) -> list[Figure]:
+    watch, made = Watch(), itertools.count(1)
+    rig = with_values(load_rig(), {"controller.timeout": "20 s", "arm.approach_speed": "5 rad/s"})
+    scene = load_scene("ideal").model_copy(update=BARE)
+    with StandIn(rig, scene) as stand_in:
+        rig, out = stand_in.rig, folder / "session"
+        items = [Item(rig, plan_press(rig))] * PRESSES
+        make_presses(GalilController(rig), out, items, on_press=lambda *_: watch(next(made)))
+    return watch.figures(f"session of {PRESSES} presses", PRESSES, "a press")
+
+
+def _acquisition(folder: Path) -> list[Figure]:
+    watch = Watch()
+    with served("free") as address:
+        changes = {"address": address, "sample_rate": float(RATE), "block": RATE // 10}
+        daq = load_rig().daq.model_copy(update=changes)
+        rig = load_rig().model_copy(update={"daq": daq})
+        n = record(rig, folder / "long.mcap", HOURS * 3600, on_block=watch)
+    return watch.figures(f"acquisition of {HOURS:g} h at {RATE} Hz", n, "an instant")
+
+
+def _campaign(folder: Path) -> list[Figure]:
+    watch = Watch()
+    made = write_presses(folder / "recordings", 2, 2, 5)
+    for number in range(len(made), RECORDINGS):
+        path = made[number % len(made)]
+        path.with_name(f"{path.stem}-{number}.mcap").hardlink_to(path)
+    run_campaign(folder / "recordings", folder / "table.parquet", 1, on_read=lambda n, _: watch(n))
+    return watch.figures(f"campaign of {RECORDINGS} recordings", RECORDINGS, "a recording")

@@ -1,0 +1,138 @@
+"""The commands that are killed: what each works on, and how its result is judged."""
+
+import json
+import re
+import shutil
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from sautereau.analysis.campaign.table import read_campaign
+from sautereau.daq.file.reading import read_recording, read_session
+from sautereau.rig.load import load_rig, with_values
+from sautereau.rig.text import rig_text
+from tests.forked import CommandServer
+from tests.presses import MUTE_TEXT, QUICK
+
+PRESSES, RECORDINGS = 4, 300
+LEFT_OVER = re.compile(r"\.new$|ing\.part$|\.parquet\.part$")
+"""Names of files that only exist while something is written."""
+
+
+class Lost(Exception):  # noqa: N818
+    """Something announced is lost, or the result is not that of an undisturbed run."""
+
+
+@dataclass(frozen=True)
+class Command:
+    """A command that runs in a folder beside `inputs`."""
+
+    words: str
+    check: Callable[[Path, Path], None]
+    """Compares a folder with that of an undisturbed run; raises Lost."""
+    prepare: tuple[str, ...] = ()
+    """Files and folders of `inputs` that are copied into its folder."""
+
+
+def make_inputs(server: CommandServer, folder: Path) -> None:
+    """Make what the commands work on."""
+    text = rig_text(with_values(load_rig(), QUICK))
+    (folder / "rig.toml").write_text(text, encoding="utf-8")
+    (folder / "bare.toml").write_text(MUTE_TEXT, encoding="utf-8")
+
+    def run(words: str) -> None:
+        done = server.run(*words.split(), folder=folder)
+        if done.returncode:
+            raise RuntimeError(f"sautereau {words}: {done.stderr}")
+
+    run("press rig.toml --scene ideal --seed 1 -n 2 --out session")
+    run("export session/press-0001.mcap session/press-0002.mcap --to csv --out .")
+    many = folder / "recordings"
+    many.mkdir()
+    for number in range(RECORDINGS):
+        (many / f"{number:04}.mcap").hardlink_to(folder / "session" / "press-0001.mcap")
+    whole = (folder / "session" / "press-0002.mcap").read_bytes()
+    (folder / "cut-off.mcap.part").write_bytes(whole[: 2 * len(whole) // 3])
+    for path in (folder / "session").glob("*.png"):
+        path.unlink()
+
+
+def presses_once(folder: Path, n: int | None) -> None:
+    """Check that a session has every press once, complete."""
+    found: Counter[int | None] = Counter()
+    for path in sorted((folder / "out").glob("*.mcap")):
+        if not read_recording(path).complete:
+            raise Lost(f"{path.name} is not complete")
+        found[read_session(path).item] += 1
+    if found != Counter(range(1, (n or len(found)) + 1)):
+        raise Lost(f"the presses in the folder are {dict(found)}")
+
+
+def _pressed(folder: Path, reference: Path) -> None:
+    presses_once(folder, PRESSES)
+
+
+def _learned(folder: Path, reference: Path) -> None:
+    presses_once(folder, None)
+    if not json.loads((folder / "out" / "learned.json").read_bytes())["rise"]:
+        raise Lost("learned.json is empty")
+
+
+def _same(folder: Path, reference: Path) -> None:
+    """Compare all files with those of the undisturbed run."""
+    for path in reference.rglob("*"):
+        name = path.relative_to(reference)
+        if path.is_file() and (
+            not (folder / name).is_file() or (folder / name).read_bytes() != path.read_bytes()
+        ):
+            raise Lost(f"{name} is missing, or differs from that of an undisturbed run")
+
+
+def _campaign(folder: Path, reference: Path) -> None:
+    found, expected = (read_campaign(f / "table.parquet") for f in (folder, reference))
+    if found.faults or not found.table.equals(expected.table):
+        raise Lost("the table differs from that of an undisturbed run")
+
+
+def _report(folder: Path, reference: Path) -> None:
+    page, expected = (
+        (f / "session" / "report.html").read_text("utf-8") for f in (folder, reference)
+    )
+    if abs(len(page) - len(expected)) > 100 or not page.rstrip().endswith("</html>"):
+        raise Lost(f"the page has {len(page)} characters, not about {len(expected)}")
+
+
+_CSV = "press-0001.csv", "press-0001.csv.json", "press-0002.csv", "press-0002.csv.json"
+COMMANDS = {
+    "press": Command(
+        f"press ../inputs/rig.toml --scene ../inputs/bare.toml -n {PRESSES} --out out", _pressed
+    ),
+    "learn": Command("learn ../inputs/rig.toml --sim --seed 1 -n 3 --out out --force", _learned),
+    "campaign": Command(
+        "campaign ../inputs/recordings --out table.parquet --processes 1", _campaign
+    ),
+    "export": Command(
+        "export session/press-0001.mcap session/press-0002.mcap --to csv --force",
+        _same,
+        ("session",),
+    ),
+    "identify": Command(
+        "identify ../inputs/session --free plectrum.overlap --starts 1 --out fitted.toml --force",
+        _same,
+    ),
+    "import": Command("import press-0001.csv press-0002.csv --out . --force", _same, _CSV),
+    "report": Command("report session --force", _report, ("session",)),
+    "recover": Command("recover cut-off.mcap.part --force", _same, ("cut-off.mcap.part",)),
+}
+
+
+def fresh(command: Command, inputs: Path, folder: Path) -> None:
+    """Make the folder in which a command runs."""
+    folder.mkdir()
+    for name in command.prepare:
+        source = inputs / name
+        if source.is_dir():
+            shutil.copytree(source, folder / name)
+        else:
+            shutil.copy2(source, folder / name)
