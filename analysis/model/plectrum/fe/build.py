@@ -1,6 +1,7 @@
 """Compute the map of one plectrum shape by finite elements."""
 
 import numpy as np
+from numpy.polynomial import chebyshev
 
 from sautereau.analysis.errors import ModelError
 from sautereau.analysis.model.plectrum.base import Floats
@@ -85,17 +86,15 @@ def build(
 
 def _nodes(count: int, low: float, high: float) -> Floats:
     """Return Chebyshev's nodes between two ends, increasing."""
-    angles = np.pi * (np.arange(count) + 0.5) / count
-    return (low + high) / 2 - (high - low) / 2 * np.cos(angles)
+    return (low + high) / 2 + (high - low) / 2 * chebyshev.chebpts1(count)
 
 
 def _series(values: Floats) -> Floats:
     """Return the Chebyshev series through values at `_nodes`, shape (fields, m, n)."""
     for axis in (1, 2):
         count = values.shape[axis]
-        angles = np.pi * (np.arange(count) + 0.5) / count
-        transform = 2 / count * np.cos(np.outer(np.arange(count), np.pi - angles))
-        transform[0] /= 2
+        basis = chebyshev.chebvander(chebyshev.chebpts1(count), count - 1)
+        transform = np.linalg.inv(basis)
         values = np.moveaxis(np.tensordot(transform, values, (1, axis)), 0, axis)
     return values
 
