@@ -1,4 +1,10 @@
-"""A push on key, jack and string in MuJoCo, with the force law of the stand-in."""
+"""A push on key, jack and string in MuJoCo, with the force law of the stand-in.
+
+MuJoCo's Euler steps change the velocities first, by the forces at the positions, and then move by
+them. With half of the forces in the first step they are leap-frog steps, of the second order; the
+contact and the release are located within a step, on a parabola, and the step after the release
+takes back what the string's force has given too much.
+"""
 
 import time
 
@@ -16,8 +22,10 @@ from sautereau.sim_backend.scene import Scene
 _XML = """
 <mujoco>
   <compiler inertiafromgeom="false" boundmass="0" boundinertia="0"/>
-  <option timestep="{step}" integrator="{integrator}" gravity="0 0 -{gravity}"
-          iterations="100" tolerance="1e-12"/>
+  <option timestep="{step}" integrator="Euler" gravity="0 0 -{gravity}"
+          iterations="100" tolerance="1e-12">
+    <flag eulerdamp="disable"/>
+  </option>
   <worldbody>
     <body name="key">
       <joint name="key" type="hinge" axis="0 -1 0" limited="true" range="0 1" margin="0"
@@ -38,36 +46,37 @@ _XML = """
 """The jack follows the key by the series of its rise; in this scene it never loses contact."""
 
 
-def observe_in_mujoco(
-    rig: Rig, scene: Scene, step: float, integrator: str
-) -> tuple[float, Observation]:
+def observe_in_mujoco(rig: Rig, scene: Scene, step: float) -> tuple[float, Observation]:
     """Run a scene's push in MuJoCo, the string's force applied to the jack at every step.
 
     Args:
         rig: Rig.
         scene: Scene with a push, a spring string and no contact with the felt.
         step: s.
-        integrator: Name of an integrator of MuJoCo.
 
     Returns:
-        The time of its steps, s, and the observation.
+        The time to build and to run it, s, and the observation.
     """
     assert scene.push is not None
-    model = _model(rig, scene, step, integrator)
+    clock = time.perf_counter()
+    model = _model(rig, scene, step)
     data = mujoco.MjData(model)
     law = _Law(rig, scene.plectrum)
-    moment = scene.push.force * rig.key.press_arm
+    moment = rig.key.gravity_moment + scene.push.force * rig.key.press_arm
     steps = round(scene.push.duration / step)
     rows = np.empty((steps, 4))
-    clock = time.perf_counter()
+    _scale_forces(model, 0.5)
+    data.qfrc_applied[0], rise, speed, correction = moment / 2, 0.0, 0.0, 0.0
     for i in range(steps):
-        before = data.qpos[1]
-        force = law.force(before)
-        data.qfrc_applied[0] = rig.key.gravity_moment + moment
-        data.qfrc_applied[1] = -force
+        force = law.force(rise)
+        data.qfrc_applied[1] = -force - correction
         mujoco.mj_step(model, data)
-        rows[i] = data.qpos[0], data.qvel[0], data.qpos[1], force
-        law.note(before, data.qpos[1], i * step, step)
+        if i == 0:
+            _scale_forces(model, 2.0)
+            data.qfrc_applied[0] = moment
+        before, rise, was, speed = rise, data.qpos[1], speed, data.qvel[1]
+        rows[i] = data.qpos[0], data.qvel[0], rise, force
+        correction = law.note(before, rise, (speed - was) * step / 2, i * step, step)
     seconds = time.perf_counter() - clock
     _nothing_was_reset(data, steps * step)
     angle, speed, rise, string = rows.T
@@ -76,7 +85,13 @@ def observe_in_mujoco(
     return seconds, Observation(motions, law.events)
 
 
-def _model(rig: Rig, scene: Scene, step: float, integrator: str) -> mujoco.MjModel:
+def _scale_forces(model: mujoco.MjModel, factor: float) -> None:
+    """Multiply weights and dry friction."""
+    model.opt.gravity *= factor
+    model.dof_frictionloss *= factor
+
+
+def _model(rig: Rig, scene: Scene, step: float) -> mujoco.MjModel:
     key, jack = rig.key, rig.jack
     # b tan a + hb (1 / cos a - 1) to the fourth order; the fifth is 1e-8 m at the key's end.
     arm, height = key.jack_arm, key.jack_surface_height
@@ -84,7 +99,6 @@ def _model(rig: Rig, scene: Scene, step: float, integrator: str) -> mujoco.MjMod
     return mujoco.MjModel.from_xml_string(
         _XML.format(
             step=step,
-            integrator=integrator,
             gravity=GRAVITY,
             inertia=key.inertia,
             viscous=key.pivot_viscous_friction if scene.friction else 0.0,
@@ -121,15 +135,30 @@ class _Law:
         low = int(cell)
         return self.cells[low] + (cell - low) * (self.cells[low + 1] - self.cells[low])
 
-    def note(self, before: float, after: float, start: float, step: float) -> None:
-        """Append the events of a step, interpolated linearly."""
+    def note(self, before: float, after: float, bend: float, start: float, step: float) -> float:
+        """Append the events of a step; return the force [N] that the next step lacks.
+
+        Args:
+            before: m, rise at the start.
+            after: m, at the end.
+            bend: m, by which half the acceleration moves the jack in a step.
+            start: s.
+            step: s.
+        """
+        lacking = 0.0
         for height, events, force in (
             (self.clearance, self.events.contacts, 0.0),
             (self.clearance + self.release, self.events.releases, self.cells[-1]),
         ):
             if before <= height < after and not events:
+                held = self.force(before)
                 part = (height - before) / (after - before)
+                for _ in range(3):  # of before + (after - before) part + bend part (part - 1)
+                    part = (height - before - bend * part * (part - 1)) / (after - before)
                 events.append(StringEvent(start + part * step, 0, force))
+                if events is self.events.releases:
+                    lacking = part * (held + force) / 2 - held / 2
+        return lacking
 
 
 def _nothing_was_reset(data: mujoco.MjData, duration: float) -> None:

@@ -21,10 +21,8 @@ STEPS = 10
 FINER = (1, 2, 4, 8, 10, 16, 32, 64)
 PRESSES = 4096
 """Number of presses of a sweep."""
-INTEGRATORS = {"implicitfast": 100.0, "RK4": 10.0}
-"""us, largest error of an event in MuJoCo with steps of `MUJOCO_STEP`."""
-MUJOCO_STEP = 1e-4
-"""s."""
+MUJOCO = {1: 10.0, STEPS: 2.0}
+"""us, largest error of an event in MuJoCo with a number of steps per controller sample."""
 
 
 def run() -> list[Figure]:
@@ -116,24 +114,36 @@ def _mujoco(rig: Rig, scene: Scene) -> list[Figure]:
         return []
     from benchmarks.mujoco_peer import observe_in_mujoco
 
-    way = stepped(rig, scene, STEPS, engine="rigid")
-    true = reference(rig, scene)
+    true, drive = reference(rig, scene), drive_of(rig, scene)
+    simulated = drive.samples * rig.controller.sample_period
     figures = []
-    for integrator, limit in INTEGRATORS.items():
-        ours, speed, theirs, runs = 0.0, [], [], []
-        for _ in range(RUNS):  # in turn, so that both run under the same load
-            seconds, seen = observe_in_mujoco(rig, scene, MUJOCO_STEP, integrator)
-            runs.append(seen)
+    for steps, limit in MUJOCO.items():
+        step = rig.controller.sample_period / steps
+        name = f"MuJoCo, {step * 1e6:.0f} us"
+        theirs, seen = [], None
+        speed: dict[str, list[float]] = {"rigid": [], "exact": []}
+        ours: dict[str, float] = {}
+        for _ in range(RUNS):  # in turn, so that all run under the same load
+            seconds, seen = observe_in_mujoco(rig, scene, step)
             theirs.append(scene.push.duration / seconds)
-            ours, factor = _measured(rig, way)
-            speed.append(factor)
-        found = errors(runs[0], true)
-        check(found.time < limit * 1e-6, f"MuJoCo {integrator}: {found.time * 1e6:.3g} us off")
-        name = f"MuJoCo {integrator}, {MUJOCO_STEP * 1e6:.0f} us"
-        figures += [
-            Figure(f"{name}: error of an event", found.time * 1e6, "us", "rigid", ours * 1e6),
-            Figure(f"{name}: times real time", np.median(theirs), "1", "rigid", np.median(speed)),
-        ]
+            for engine in speed:
+                way = stepped(rig, scene, steps, engine=engine)
+                found, built, ran = timed(rig, way, drive)
+                ours[engine] = errors(found, true).time
+                speed[engine].append(simulated / (built + ran))
+        off = errors(seen, true).time
+        check(off < limit * 1e-6, f"{name}: {off * 1e6:.3g} us off")
+        for engine, factors in speed.items():
+            figures += [
+                Figure(f"{name}: error of an event", off * 1e6, "us", engine, ours[engine] * 1e6),
+                Figure(
+                    f"{name}: times real time, world included",
+                    float(np.median(theirs)),
+                    "1",
+                    engine,
+                    float(np.median(factors)),
+                ),
+            ]
     return figures
 
 
